@@ -14,6 +14,7 @@ from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     above_force_floor,
     believed_standoff,
+    declares_force_only,
     evidence_at,
     force_floor,
     hip_steps,
@@ -111,10 +112,12 @@ def across_allowed(base: Recording, scene: Scene) -> float:
 def _haunts(base: Recording, scene: Scene) -> Finding | None:
     """Return a failure where a hand in free space feels a force, of a renderer that gives a contact point elsewhere.
 
+    Or of one that declares that it gives none.
+
     Its IHIP is the HIP, so that no solid is between them, and the HIP is outside, both for three ticks either way: past
     a corner the HIP may be outside long before the contact ends, and the force may come late.
     """
-    if "force" not in base.channels or not base.apart.any():
+    if "force" not in base.channels or not (base.apart.any() or declares_force_only(base)):
         return None
     pushed = above_force_floor(base, scene) & ~base.apart
     if not pushed.any():

@@ -143,8 +143,7 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
     bending = np.zeros(now.size)
     if "spring" not in base.meta:
         bending = scene.mass * _bending(base, scene, velocity, now)
-    # Of a coarser force than that nothing could be told, not even where it is largest.
-    coarse = min(float(base.meta.get("force_resolution", 0.0)), 0.5 * TELLS * float(size.max()))
+    coarse = _coarse(base, size)
     apart = 4.0 * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
     beside = bending + coarse + scene.stiffness * apart
     with np.errstate(divide="ignore"):
@@ -155,6 +154,14 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
     ratio = np.where(begins, explained, shares[0])
     measured = Measured(now, ratio, low, high, allowed, most, depth, np.sum(along * sinking[now], axis=1), begins)
     return measured.rows(depth > 0.0)
+
+
+def _coarse(base: Recording, sizes: Array) -> float:
+    """Return how coarse the force is by what is declared, N.
+
+    Of a coarser one than a twentieth of the largest of `sizes` (n,), N, nothing could be told even there.
+    """
+    return min(float(base.meta.get("force_resolution", 0.0)), 0.5 * TELLS * float(sizes.max()))
 
 
 def _pressing(base: Recording, scene: Scene) -> BoolArray:
@@ -229,17 +236,18 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
     A tool that lags behind is farther away, and makes a larger force of it: only one that is too soft is seen, unless
     it is declared that there is no tool.
     """
-    ticks = np.flatnonzero(above_force_floor(base, scene))
-    depth = np.maximum(-scene.model.boundary.signed_distance(base.hip), 0.0)
+    depth, no_tool = np.maximum(-scene.model.boundary.signed_distance(base.hip), 0.0), declares_force_only(base)
+    # Who has no tool calls for a force wherever the hand is inside, and not only where there is one.
+    ticks = np.flatnonzero(above_force_floor(base, scene) | (no_tool & (depth > 0.0)))
     late = np.array([depth[np.maximum(ticks - lag, 0)] for lag in range(LAG_TICKS + 1)])
     size = np.linalg.norm(base.force[ticks], axis=1)
     shares = np.divide(size, scene.stiffness * late, out=np.full(late.shape, np.inf), where=late > 0.0)
     speed = np.linalg.norm(_velocity(base)[ticks], axis=1)
     with np.errstate(divide="ignore"):
-        allowed = (scene.damping * speed / scene.stiffness + rounding(scene) + standoff(base, scene)) / late[0]
+        beside = (scene.damping * speed + _coarse(base, size)) / scene.stiffness
+        allowed = (beside + rounding(scene) + standoff(base, scene)) / late[0]
     high = shares.max(axis=0)
     rate = backward_difference(depth[:, np.newaxis], base.time)[ticks, 0]
-    no_tool = declares_force_only(base)
     low, begins = shares.min(axis=0) if no_tool else np.minimum(high, 1.0), np.zeros(ticks.size, dtype=bool)
     measured = Measured(ticks, shares[0], low, high, allowed, allowed, late[0], rate, begins)
     note = "no IHIP was given: measured against the depth of the HIP under the model"
@@ -408,7 +416,9 @@ def _quiet(base: Recording, scene: Scene, measured: Measured, off: BoolArray) ->
     silent = ~above_force_floor(base, scene)[measured.ticks]
     if not (silent & off).any():
         return None
-    depths = np.linalg.norm(base.hip - base.ihip, axis=1)[measured.ticks] if "ihip" in base.channels else measured.depth
+    depths = measured.depth
+    if "ihip" in base.channels and base.apart.any():
+        depths = np.linalg.norm(base.hip - base.ihip, axis=1)[measured.ticks]
     depth = float(depths[silent].max())
     if depth <= float(depths[~silent].min(initial=np.inf)):
         gives = f"{scene.stiffness * depth:.3g} N"
@@ -521,8 +531,9 @@ CHECK = Check(
         "not told apart, or the range of the stiffness that is declared, beyond what is allowed at the largest speed "
         "within a lag. A silent tick is judged at the least depth within a lag, of HIP and IHIP or of HIP and model. "
         "A force without an IHIP is held against the depth under the model, which an honest tool's distance is never "
-        "less than: too soft fails, the rest is not decided. A failure says what the deviation is: a kick where the "
-        "contact begins or ends, a dead band, a stretch of time without a force, single ticks (spikes), or what "
+        "less than: too soft fails, the rest is not decided, unless it is declared that there is no tool: then each "
+        "tick inside is judged. A failure says what the deviation is: a kick where the contact begins "
+        "or ends, a dead band, a stretch of time without a force, single ticks (spikes), or what "
         "explains at least half of its variance: the direction, the depth, the place or the time."
     ),
     judge=judge,

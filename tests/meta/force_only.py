@@ -64,3 +64,45 @@ class Dodging(Field):
         depth = max(0.0, -float(at.distance[0]))
         ihip = at.foot[0] + 5e-3 * at.normal[0] if depth else hip
         return Response(ihip, self.stiffness * (ihip - hip))
+
+
+class Afar(Field):
+    """Pushes from 20 mm off the surface on. Wrong."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        at = self.boundary.closest_point(hip[np.newaxis])
+        depth = max(0.0, 0.02 - float(at.distance[0]))
+        return Response(hip, self.force(depth, at.normal[0]))
+
+
+class DeadBand(Field):
+    """Gives no force below 0.05 N, and says so. Honest."""
+
+    declares = Declaration(force_only=True, force_resolution=0.05)
+
+    def force(self, depth: float, normal: np.ndarray) -> np.ndarray:
+        force = super().force(depth, normal)
+        return force if np.linalg.norm(force) > 0.05 else np.zeros_like(force)
+
+
+class Late(Field):
+    """Gives its force three ticks late. Honest."""
+
+    def reset(self, hip: np.ndarray) -> None:
+        self.queue = [np.zeros_like(hip)] * 3
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        self.queue.append(super().step(hip, velocity, dt).force)
+        return Response(hip, self.queue.pop(0))
+
+
+class Interrupted(Field):
+    """Is silent for every second stretch of 300 ticks, however deep the hand is. Wrong."""
+
+    def reset(self, hip: np.ndarray) -> None:
+        self.ticks = 0
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        self.ticks += 1
+        response = super().step(hip, velocity, dt)
+        return Response(hip, np.zeros_like(hip)) if self.ticks // 300 % 2 else response
