@@ -17,7 +17,6 @@ MOST = 5_000_000
 """Triangles of the largest mesh that is taken: beyond it the tables take more than a gigabyte."""
 SUSPECTS = 4096
 """Pairs of triangles that are looked at together for whether they cross."""
-LARGEST_INTEGER = 2**31 - 1
 
 ON_EDGE = 1e-6
 """How far from an edge a vertex still lies on it, as a share of coordinates: ten roundings of the single precision of
