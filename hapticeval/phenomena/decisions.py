@@ -1,7 +1,7 @@
 """What decides a verdict: every constant of the checks, with its derivation, or the word *chosen*.
 
-Each says what changes when it is doubled. `docs/decisions.md` is written of this module. Constants of effects stand
-beside their checks, in `phenomena/effects`.
+Each says what changes when it is doubled. `docs/decisions.md` is written of this module. Constants of the checks of
+effects come last.
 """
 
 from __future__ import annotations
@@ -314,3 +314,151 @@ What stays behind shows where the hand leaves, for there the depth goes to 0."""
 STRETCHED = 2.0
 """HIP steps up to which a step of the nearest point is no jump: *chosen*; it has 1 / (1 - kappa d) of them. Beyond, the
 hand passes the medial axis, or comes close, and a god-object is right to stay where it was. Doubled, more is judged."""
+
+# effects: friction_break_away, friction_sticking
+
+STICKS = 0.6
+"""Share of the kinetic cone within which no friction slides, however it goes from sliding to sticking. *Chosen*, the
+share at which a scene's tool sticks again unless it says another. Doubled, a tool that slides, rightly, on the kinetic
+cone counts as held, and creeps."""
+
+CREEP = 1e-7
+"""How fast a tool that sticks may creep, m/s: 1 um in 10 s, the resolution of a good encoder. *Chosen*: a friction that
+needs a speed to have a force creeps a thousand times as fast. Doubled, 2 um in 10 s pass."""
+
+STICKING_TIME = 1.0
+"""Seconds that a tool must be held for, to tell a creep from the bending of a soft contact. *Chosen*: doubled, tools
+that are held for one to two seconds are undecided."""
+
+# effects: friction_cone
+
+CONE_ROUNDING = 1e-12
+"""Share of the cone by which rounding may leave it beside that of the coordinates: some four thousand roundings of a
+double. *Chosen*; doubled, twice as much is granted."""
+
+# effects: friction_energy
+
+STEEPER_THAN_SPRING = 1.001
+"""Stiffness, in the scene's, from which on a law is steeper across the surface than its spring. *Chosen*, a thousandth
+above what rounding makes of the spring itself. Doubled, a law of up to twice the stiffness is granted nothing for
+being held, and may fail for it."""
+
+# effects: friction_sliding
+
+SLIDING_TICKS = 10
+"""Ticks of sliding without which nothing is shown. *Chosen*: doubled, a tool that slides in 10 to 19 is undecided."""
+
+SLIDING_ROUNDING = 1e-9
+"""Share of mu_k F_n that rounding of normals and roots may make. *Chosen*, far above that of a double: doubled, twice
+as much is granted."""
+
+# effects: friction_work, friction_force
+
+LAP_WORK = 1e-3
+"""Share of the work by which a lap may be off: a tenth of a per cent. *Chosen*: doubled, a friction that takes two
+thousandths too much passes."""
+
+BRISTLE_PARTS = 8
+"""Parts of a tick over which the bristles' speed is taken to go straight from one sample to the next. *Chosen*: held in
+the middle of a part it is off by the square of its length. Doubled, the law is known four times as well, and what the
+sampling leaves open, which is its difference from whole ticks, stays."""
+
+SLIP_WORK = 1e-9
+"""Work, J, of a lap under which nothing slips: a micronewton over a millimetre. *Chosen*: doubled, laps in which the
+friction takes 1 to 2 nJ are not judged."""
+
+# effects: relief, friction_force
+
+BETWEEN_TICKS = 0.5
+"""Share of the widest second difference by which a value between two ticks may be off the straight way between them:
+an eighth for a parabola, and where a contact begins between them a quarter of the change of slope, half of which at
+least is in one second difference. Derived; doubled, twice as much is granted for a lag between ticks."""
+
+WHOLE_LAG = 1e-6
+"""Ticks by which a lag may be found off a whole number: `least_misfit` is done at 2e-9, and rounding has its share.
+*Chosen* between: doubled, nothing changes but for a lag that is by one to two millionths no whole one."""
+
+# effects: shading
+
+OTHER_WEIGHTS = 2.0
+"""Vertex normals of other weights turn along a facet by all that its two edges turn, ours by half of that. Derived;
+doubled, a force that leaps by four times what ours turns in a tick passes."""
+
+# effects: texture
+
+STEADY = 0.01
+"""Share by which speed and force may differ within a stretch: less than a tenth of a decibel in texture models.
+*Chosen*: doubled, less than a fifth, and a hand that is half as steady is judged."""
+
+WHOLE_SAMPLE = 0.01
+"""Ticks by which a sample of the texture may be off a whole number of them. *Chosen*: a hundred samples later one is
+missed. Doubled, recordings are judged in which that is after fifty."""
+
+TEXTURE_SETTLES = 0.25
+"""Seconds that vibrations have to settle: sixteen time constants of a low-pass at 10 Hz. *Chosen*: doubled, steady
+stretches and rests of up to half a second are not judged, and of a hand at rest less is allowed."""
+
+SLOWEST_LOW_PASS = 10.0
+"""Slowest low-pass (Hz) of the speed that is granted: *chosen*, half of the texture's own 20 Hz. Doubled, nothing
+changes where filters ring for longer than that, as those of the suite do."""
+
+WELCH_WINDOW = 256
+"""Samples of a window of Welch's estimate; half of them are shared with the next. *Chosen*, 4 Hz at 1 kHz: doubled, the
+spectrum is known twice as finely, and of a stretch of 10 s to .85 dB rather than .63."""
+
+CLEAR_DECIBELS = 1.0
+"""Decibels that a check has to tell apart: a stretch so short that chance makes as much decides nothing. *Chosen*:
+doubled, 1.2 s at 1 kHz decide, where it takes 4.1 s."""
+
+POWER_PARTS = 8
+"""Parts of a stretch whose power is compared, each at least a window long. *Chosen*: doubled, chance makes 1.4 times as
+much of a part and more, and stretches of 2 to 4 s at 1 kHz are undecided."""
+
+APART_DECIBELS = 3.0
+"""Decibels by which stretches are to differ, to tell whether the amplitude follows speed and force. *Chosen*, half of
+the power: doubled, stretches of three quarters less are asked for."""
+
+SHORTEST_STRETCH = 1.5
+"""Seconds of a stretch, settled, from which its power is compared with that of others. *Chosen*: doubled, those of 1.5
+to 3 s are left out."""
+
+CHANCE = 1e-3
+"""Probability with which a right texture exceeds a bound by chance. *Chosen*: doubled, one run in five hundred fails a
+right one."""
+
+# effects: texture_work
+
+LOOP_KNOWN = 1e-3
+"""Share of the work that crosses in a lap up to which what is open of it may stay so. *Chosen*: doubled, a lap passes
+that may give the hand two thousandths of that."""
+
+# effects: transient
+
+IMPULSE_CLOSE = 1e-9
+"""Share by which an impulse, and a force at its cap, may be off. *Chosen*, far above rounding, and what a vibration
+still has to give after 21 decay times. Doubled, twice as much is granted."""
+
+IMPULSE_DECAYS = 21.0
+"""Decay times after which a vibration has given its impulse but for `IMPULSE_CLOSE` of it: e^-21 = 7.6e-10. Derived;
+doubled, contacts of 21 to 42 decay times are not judged."""
+
+LATE_START = 1
+"""Ticks after the one in which a contact begins, in which what it starts may begin: a renderer may find it in a tick
+and answer in the next, and the first sample of a sinusoid is zero. Derived; doubled, a start two ticks late passes."""
+
+# effects: vibration
+
+SURE = 0.99
+"""Probability with which the true number lies within what a fit leaves open. *Chosen*: with a chance twice as large of
+being beyond, 98 per cent, a tenth less is open, and twice as many right ones fail."""
+
+WIDTHS = 2.5758293035489004
+"""Standard deviations to either side that hold the share `SURE` of a normal distribution. Derived; doubled, twice as
+much is open, and chance goes beyond it once in four million."""
+
+SENSOR_NOISE = 1e-3
+"""Least noise of a force, as a share of its peak: what a sensor leaves. *Chosen*: doubled, twice as much is open of a
+vibration that is fitted exactly."""
+
+FIT_SAMPLES = 8
+"""Fewer samples are no fit of four numbers. *Chosen*, two for each: doubled, vibrations of 8 to 15 are undecided."""

@@ -17,8 +17,7 @@ HEAD = """# What decides a verdict
 
 A check compares what it measures with a bound, and the bound is made of the sampling, of what the renderer declares,
 and of the constants on this page. Each has its derivation, or the word *chosen*, and what changes when it is doubled.
-The checks of effects keep theirs beside them, in `hapticeval/phenomena/effects`. `hapticeval explain CHECK` prints the
-bound of a check.
+Those of the checks of effects come last. `hapticeval explain CHECK` prints the bound of a check.
 
 The page is written of `hapticeval/phenomena/decisions.py`, which the checks import.
 """
@@ -52,10 +51,15 @@ def test_each_says_whence_it_is_and_what_doubling_changes(name, said):
 
 
 def test_each_is_used_by_a_check():
-    text = "\n".join(file.read_text() for file in CHECKS.glob("*.py"))
+    read = "\n".join(file.read_text() for file in CHECKS.rglob("*.py"))
     for names, _, _ in TABLE:
         for name in names.split(", "):
-            assert text.count(name) > 1, f"{name} decides nothing"
+            assert read.count(name) > 1, f"{name} decides nothing"
+
+
+def test_no_name_has_two_meanings():
+    names = [name for names, _, _ in TABLE for name in names.split(", ")]
+    assert len(set(names)) == len(names)
 
 
 def test_the_page_is_the_table():
@@ -66,11 +70,12 @@ def test_the_page_is_the_table():
 
 
 def test_no_check_keeps_a_number_of_its_own():
-    """Whatever decides stands in the table; these shape what is shown, mark, or are facts of a double."""
+    """Whatever decides stands in the table; these shape what is shown, mark, or are facts of a double or a unit."""
     shown = {"closed_form.MOMENTS", "crossings.SAMPLES", "crossings.RESTS", "numerical_stability.EPS"}
+    shown |= {"friction_load.DOUBLE", "transient.DOUBLE", "texture.DECIBELS"}
     kept = {
         f"{file.stem}.{name}"
-        for file in CHECKS.glob("*.py")
+        for file in CHECKS.rglob("*.py")
         if file.stem != "decisions"
         for names, value, _ in constants(file)
         for name in names.split(", ")

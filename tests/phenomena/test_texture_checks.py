@@ -15,7 +15,8 @@ from hapticeval.documents import convert
 from hapticeval.effects.line_spectra import coefficients_of, line_spectrum
 from hapticeval.effects.stochastic_texture import StochasticTexture
 from hapticeval.effects.texture import Filter, Texture, as_document, autocovariance
-from hapticeval.phenomena.effects.texture import WINDOW, _spread, spectrum_bound, welch_of
+from hapticeval.phenomena.decisions import WELCH_WINDOW
+from hapticeval.phenomena.effects.texture import _spread, spectrum_bound, welch_of
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.runner.judging import judge
@@ -53,11 +54,11 @@ def test_bounds_are_what_chance_makes():
     """Over 200 runs of 10 s of a resonance: the spectrum's rms error and the power's variance are as derived."""
     at = resonance(120.0).filters[0]
     rng = np.random.default_rng(5)
-    covariance = autocovariance(at, WINDOW)
+    covariance = autocovariance(at, WELCH_WINDOW)
     asked, errors, powers = welch_of(covariance), [], []
     for _ in range(200):
         vibration = lfilter([1.0], [1.0, *coefficients_of(at.ar)], rng.standard_normal(10_500))[500:]
-        _, power = welch(vibration, 1.0, nperseg=WINDOW)
+        _, power = welch(vibration, 1.0, nperseg=WELCH_WINDOW)
         errors.append(np.sqrt(np.mean((10 * np.log10(power / asked)[2:-1]) ** 2)))
         powers.append(np.mean(vibration[:1250] ** 2))
     bound = spectrum_bound(10_000)

@@ -8,8 +8,8 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.decisions import STICKS
 from hapticeval.phenomena.effects.friction_load import Load, load_of, precision, unjudged
-from hapticeval.phenomena.effects.friction_sticking import HELD
 from hapticeval.phenomena.sampling import LAG_TICKS, TELLS, evidence_at, hip_steps
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -24,7 +24,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if reason is not None:
         return reason
     load = load_of(base, scene)
-    slips = _slips(base, load, scene, min(HELD, friction.stick) * friction.mu_k)
+    slips = _slips(base, load, scene, min(STICKS, friction.stick) * friction.mu_k)
     share = np.divide(load.size, friction.mu_s * load.normal, where=load.normal > 0.0, out=np.zeros(len(base)))
     # In the tick before, of a channel that is late too, the hand was a step less far, or two where that is between two.
     feet = np.diff(scene.model.boundary.closest_point(base.hip).foot, axis=0)

@@ -6,13 +6,11 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.decisions import CONE_ROUNDING
 from hapticeval.phenomena.effects.friction_load import load_of, unjudged
 from hapticeval.phenomena.sampling import TELLS, evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.scene import Scene
-
-CLOSE = 1e-12
-"""Share of the cone by which rounding may leave it beside that of the coordinates."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -31,7 +29,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the tool is hardly pulled along the surface: less than a tenth of what the friction holds")
     return compared(
         Metric(CHECK.metric, share, ""),
-        1.0 + CLOSE,
+        1.0 + CONE_ROUNDING,
         {**evidence_at(base, worst), "normal_N": float(load.normal[worst]), "tangential_N": float(load.size[worst])},
         passes=f"the force stays in the cone of mu_s = {friction.mu_s:g}, and fills it to {share:.4g}",
         fails=(

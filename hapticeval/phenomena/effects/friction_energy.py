@@ -6,14 +6,12 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.decisions import STEEPER_THAN_SPRING
 from hapticeval.phenomena.effects.friction_load import judged_late, load_of, unjudged, viscous
 from hapticeval.phenomena.sampling import evidence_at, touching
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
-
-STEEPER = 1.001
-"""Stiffness, in the scene's, from which on a law is steeper across the surface than its spring."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -35,7 +33,7 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     # held gives no more than its change times the way.
     across = np.max([np.abs(np.sum(moved * each, axis=1)) for each in (load.normals[:-1], load.normals[1:])], axis=0)
     change = np.abs(np.diff(load.normal))
-    steep = np.where(change > STEEPER * scene.stiffness * across, change * across, 0.0)
+    steep = np.where(change > STEEPER_THAN_SPRING * scene.stiffness * across, change * across, 0.0)
     before = np.concatenate([[0.0], length[:-1]])
     strength = np.linalg.norm(base.force[:-1], axis=1)
     allowed = 0.5 * scene.stiffness * length**2 + steep + damping / base.dt * length * before

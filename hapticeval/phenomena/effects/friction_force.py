@@ -10,9 +10,10 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.decisions import BRISTLE_PARTS, WHOLE_LAG
 from hapticeval.phenomena.effects.friction_load import Load, load_of, unjudged, viscous
-from hapticeval.phenomena.effects.friction_work import FINER, bristles
-from hapticeval.phenomena.effects.relief import WHOLE, beside_straight
+from hapticeval.phenomena.effects.friction_work import bristles
+from hapticeval.phenomena.effects.relief import beside_straight
 from hapticeval.phenomena.lag import at_rows, believed
 from hapticeval.phenomena.sampling import LAG_TICKS, TELLS, evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -40,7 +41,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # What the queue of a late renderer begins with is not of the law.
     judged = load.pressed & (np.arange(len(base)) >= LAG_TICKS)
     law = _law(base, load, scene)
-    straight = law(0.0, FINER)
+    straight = law(0.0, BRISTLE_PARTS)
     strength = np.linalg.norm(straight, axis=1)
     rounding = load.other - viscous(scene) * np.linalg.norm(load.velocity, axis=1)
     doubt = rounding + np.linalg.norm(law(0.0, 1) - straight, axis=1)
@@ -54,11 +55,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             float(doubt[judged].mean()),
         )
 
-    lag = min(late(1), late(FINER), key=lambda each: each[1])[0]
+    lag = min(late(1), late(BRISTLE_PARTS), key=lambda each: each[1])[0]
     if lag:
-        held, straight = law(lag, 1), law(lag, FINER)
+        held, straight = law(lag, 1), law(lag, BRISTLE_PARTS)
         doubt = rounding + np.linalg.norm(held - straight, axis=1)
-        if abs(lag - round(lag)) > WHOLE:
+        if abs(lag - round(lag)) > WHOLE_LAG:
             doubt += beside_straight(straight)
     # The speed of a tick may be taken as held since the last, or as going there straight.
     off = np.linalg.norm(tangential + straight, axis=1)

@@ -6,15 +6,13 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.decisions import SLIDING_ROUNDING, SLIDING_TICKS
 from hapticeval.phenomena.effects.friction_load import HAND, judged_late, load_of, precision, unjudged
 from hapticeval.phenomena.sampling import TELLS, evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
-
-ENOUGH = 10
-"""Ticks of sliding without which nothing is shown."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -37,13 +35,13 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         off = np.linalg.norm(load.tangential + asked[:, np.newaxis] * step / length[:, np.newaxis], axis=1) / asked
         turned = twist * lag + (bend * lag) ** 2
-        allowed = load.other / asked + turned + place / length + CLOSE
+        allowed = load.other / asked + turned + place / length + SLIDING_ROUNDING
     slides = load.pressed & np.roll(load.pressed, 1) & (length > place) & (asked > 0.0) & (allowed <= TELLS)
     slides[0] = False
     for corner in scene.model.boundary.corners:
         slides &= np.linalg.norm(base.ihip - corner.position, axis=1) > length + place
     ticks = np.flatnonzero(slides)
-    if ticks.size < ENOUGH:
+    if ticks.size < SLIDING_TICKS:
         return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
     worst = int(ticks[np.argmax((off - allowed)[ticks])])
     against = -float(np.sum(load.tangential[worst] * step[worst])) / float(length[worst])
@@ -74,9 +72,6 @@ def _curvature(shape: Array) -> tuple[Array, Array]:
     apart = 2.0 * np.sum(shape**2, axis=(1, 2)) - np.trace(shape, axis1=1, axis2=2) ** 2
     return largest, 0.5 * np.sqrt(np.maximum(apart, 0.0))
 
-
-CLOSE = 1e-9
-"""Share of mu_k F_n that rounding of normals and roots may make."""
 
 CHECK = Check(
     id="friction-sliding",

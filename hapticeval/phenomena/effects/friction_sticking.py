@@ -6,19 +6,11 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.decisions import CREEP, STICKING_TIME, STICKS
 from hapticeval.phenomena.effects.friction_load import load_of, unjudged
 from hapticeval.phenomena.sampling import TELLS, evidence_at, listed
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.scene import Scene
-
-HELD = 0.6
-"""Share of the kinetic cone within which no friction slides, however it goes from sliding to sticking."""
-
-CREEP = 1e-7
-"""How fast a tool that sticks may creep, m/s: 1 um in 10 s."""
-
-LONG = 1.0
-"""Seconds that a tool must be held for, to tell a creep from the bending of a soft contact."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -29,16 +21,18 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return reason
     load = load_of(base, scene)
     pulled = load.size / np.where(load.normal > 0.0, friction.mu_k * load.normal, np.inf)
-    held = load.pressed & (load.normal > 0.0) & (pulled <= HELD)
+    held = load.pressed & (load.normal > 0.0) & (pulled <= STICKS)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(int)))
     found = []
     for first, stop in zip(edges[::2], edges[1::2], strict=True):
         seconds = float(base.time[stop - 1] - base.time[first])
-        if seconds >= LONG and float(np.median(pulled[first:stop])) >= TELLS:
+        if seconds >= STICKING_TIME and float(np.median(pulled[first:stop])) >= TELLS:
             away = np.linalg.norm(base.ihip[first:stop] - base.ihip[first], axis=1)
             found.append((float(away.max()) / seconds, first, stop, float(away.max()), seconds))
     if not found:
-        return undecided(f"the tool is nowhere held for {LONG:g} s by a tenth to {HELD:g} of what the friction holds")
+        return undecided(
+            f"the tool is nowhere held for {STICKING_TIME:g} s by a tenth to {STICKS:g} of what the friction holds"
+        )
     worst, first, stop, away, seconds = max(found)
     share = float(np.median(pulled[first:stop]))
     what = (

@@ -10,6 +10,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.decisions import BRISTLE_PARTS, LAP_WORK, SLIP_WORK
 from hapticeval.phenomena.effects.friction_load import HAND, Load, judged_late, load_of, unjudged, viscous
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import evidence_at
@@ -20,15 +21,6 @@ from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from hapticeval.effects.lugre import LuGre
-
-CLOSE = 1e-3
-"""Share of the work by which a lap may be off: a tenth of a per cent."""
-
-FINER = 8
-"""Parts of a tick over which the bristles' speed is taken to go straight from one sample to the next."""
-
-LEAST = 1e-9
-"""Work, J, of a lap under which nothing slips: a micronewton over a millimetre."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -63,8 +55,8 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     for start, stop in spans:
         law = float(taken[start:stop].sum())
         work = float(given[start:stop].sum() - (stored[stop] - stored[start]))
-        if law >= LEAST:
-            allowed = CLOSE + abs(float(unknown[start:stop].sum())) / law
+        if law >= SLIP_WORK:
+            allowed = LAP_WORK + abs(float(unknown[start:stop].sum())) / law
             found.append((abs(work - law) / law, allowed, work, law, start, stop))
     if not found:
         return undecided("the tool does not slip in any closed lap")
@@ -105,7 +97,7 @@ def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Arr
         taken += 0.5 * scene.stiffness * np.sum(slip * (slip - moved), axis=1)
     taken += 0.5 * viscous(scene) * np.sum((load.velocity[1:] + load.velocity[:-1]) * moved, axis=1)
     if lugre is not None:
-        held, straight = (bristles(lugre, load, base.dt, parts) for parts in (1, FINER))
+        held, straight = (bristles(lugre, load, base.dt, parts) for parts in (1, BRISTLE_PARTS))
         work = [0.5 * np.sum((each[1:] + each[:-1]) * moved, axis=1) for each in (held, straight)]
         taken += work[1]
         unknown += work[1] - work[0]

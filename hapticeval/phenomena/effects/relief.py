@@ -9,6 +9,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
+from hapticeval.phenomena.decisions import BETWEEN_TICKS, WHOLE_LAG
 from hapticeval.phenomena.effects.texture_work import BUMP, HEIGHT
 from hapticeval.phenomena.lag import at_rows, believed, rests
 from hapticeval.phenomena.sampling import (
@@ -29,14 +30,6 @@ from hapticeval.types import Array, IntArray
 
 if TYPE_CHECKING:
     from hapticeval.effects.height_map import Relief
-
-BETWEEN = 0.5
-"""Share of the widest second difference by which a value between two ticks may be off the straight way between them:
-an eighth for a parabola, and where a contact begins between them a quarter of the change of slope, half of which at
-least is in one second difference."""
-
-WHOLE = 1e-6
-"""Ticks by which a lag may be found off a whole number: `least_misfit` is done at 2e-9, and rounding has its share."""
 
 
 class Felt(NamedTuple):
@@ -216,7 +209,7 @@ def _law(
 def beside_straight(values: Array) -> Array:
     """Return how far (n,) values (n, N) between two ticks may be off the straight way."""
     aside = np.pad(np.linalg.norm(np.diff(values, 2, axis=0), axis=1), LAG_TICKS + 1, mode="edge")
-    return np.asarray(BETWEEN * np.lib.stride_tricks.sliding_window_view(aside, 2 * LAG_TICKS + 1).max(axis=1))
+    return np.asarray(BETWEEN_TICKS * np.lib.stride_tricks.sliding_window_view(aside, 2 * LAG_TICKS + 1).max(axis=1))
 
 
 def _compared(
@@ -238,7 +231,7 @@ def _compared(
     earlier = believed(lambda lag: misfit(-lag), exact)
     lag = later[0] if later[1] <= earlier[1] else -earlier[0]
     right, bare, moves = law(lag)
-    if abs(lag - round(lag)) > WHOLE:  # what is between two ticks may be the HIP, or the answer
+    if abs(lag - round(lag)) > WHOLE_LAG:  # what is between two ticks may be the HIP, or the answer
         doubt = doubt + beside_straight(base.hip)[rows]
         late = beside_straight(right)
     else:

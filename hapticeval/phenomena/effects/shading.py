@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
+from hapticeval.phenomena.decisions import OTHER_WEIGHTS
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
@@ -23,9 +24,6 @@ from hapticeval.types import Array, BoolArray
 
 SHADING = "shading"
 """The kind of effect that these checks are of."""
-
-OTHER_WEIGHTS = 2.0
-"""Vertex normals of other weights turn along a facet by all that its two edges turn, ours by half of that."""
 
 
 class Shaded(NamedTuple):

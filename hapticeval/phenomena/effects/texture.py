@@ -8,6 +8,18 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.decisions import (
+    APART_DECIBELS,
+    CHANCE,
+    CLEAR_DECIBELS,
+    POWER_PARTS,
+    SHORTEST_STRETCH,
+    SLOWEST_LOW_PASS,
+    STEADY,
+    TEXTURE_SETTLES,
+    WELCH_WINDOW,
+    WHOLE_SAMPLE,
+)
 from hapticeval.phenomena.sampling import TELLS, above_force_floor, evidence_at, hip_steps
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
@@ -16,34 +28,6 @@ from hapticeval.types import Array, BoolArray
 
 TEXTURE = "stochastic-texture"
 """The kind of effect that these checks are of."""
-
-STEADY = 0.01
-"""Share by which speed and force may differ within a stretch: less than a tenth of a decibel in texture models."""
-
-SETTLES = 0.25
-"""Seconds that the vibrations of a stretch have to settle: twelve time constants of a low-pass at 10 Hz."""
-
-SLOWEST = 10.0
-"""Slowest low-pass (Hz) of the speed that is granted: *chosen*, half of the texture's own 20 Hz. Twice of it changes
-nothing where filters ring for longer than that, as those of the suite do."""
-
-WINDOW = 256
-"""Samples of a window of Welch's estimate; half of them are shared with the next."""
-
-CLEAR = 1.0
-"""Decibels that a check has to tell apart: a stretch so short that chance makes as much decides nothing."""
-
-PARTS = 8
-"""Parts of a stretch whose power is compared."""
-
-APART = 3.0
-"""Decibels by which stretches are to differ, to tell whether the amplitude follows speed and force."""
-
-SHORTEST = 1.5
-"""Seconds of a stretch, settled, from which its power is compared with that of others."""
-
-CHANCE = 1e-3
-"""Probability with which a right texture exceeds a bound by chance."""
 
 DECIBELS = 10.0 / math.log(10.0)
 
@@ -69,7 +53,7 @@ def stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
         message = f"the scene calls for {' and '.join(others)} too, which answer vibrations: texture is judged alone"
         return Finding(Outcome.NOT_APPLICABLE, message)
     every = 1.0 / (effect.model.rate * base.dt)
-    if abs(every - round(every)) > STEADY:
+    if abs(every - round(every)) > WHOLE_SAMPLE:
         return undecided(f"the recording has {every:.4g} ticks a sample of the texture: no whole number")
     plain = runs.without(TEXTURE)
     normal = scene.model.boundary.closest_point(plain.ihip).normal
@@ -81,7 +65,7 @@ def stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     if effect.direction != "along":
         way = normal if effect.direction == "normal" else np.cross(way, normal)
     shaken = np.sum((base.force - plain.force) * way, axis=1) / effect.mass
-    settles = math.ceil(SETTLES / base.dt)
+    settles = math.ceil(TEXTURE_SETTLES / base.dt)
     pressed = above_force_floor(plain, scene)
     found = []
     for first, last in _steady(speed, press, pressed & (speed > 0.0)):
@@ -90,7 +74,7 @@ def stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
             means = float(speed[first + 1 : last].mean()), float(press[first + 1 : last].mean())
             found.append(Stretch(first + settles, *means, shaken[rows]))
     if not found:
-        message = f"the hand never slides for {SETTLES:g} s at a steady speed and force: nothing to be measured"
+        message = f"the hand never slides for {TEXTURE_SETTLES:g} s at a steady speed and force: nothing to be measured"
         return undecided(message)
     return sorted(found, key=lambda each: -each.vibration.size)
 
@@ -148,8 +132,8 @@ def welch_of(covariance: Array) -> Array:
     """
     from scipy.signal import get_window
 
-    window = get_window("hann", WINDOW)
-    lags = covariance[:WINDOW] * np.correlate(window, window, "full")[WINDOW - 1 :] / (window @ window)
+    window = get_window("hann", WELCH_WINDOW)
+    lags = covariance[:WELCH_WINDOW] * np.correlate(window, window, "full")[WELCH_WINDOW - 1 :] / (window @ window)
     both = np.concatenate([lags, [0.0], lags[:0:-1]])
     return np.asarray(2.0 * np.fft.rfft(both).real[::2])
 
@@ -165,9 +149,9 @@ def spectrum_bound(count: int) -> float:
     from scipy.special import polygamma
     from scipy.stats import chi2
 
-    windows = max((count - WINDOW // 2) // (WINDOW // 2), 1)
+    windows = max((count - WELCH_WINDOW // 2) // (WELCH_WINDOW // 2), 1)
     share = (1.0 + 2.0 * (1.0 - 1.0 / windows) / 36.0) / windows
-    freedom = (WINDOW // 2 - 2) / (1.0 + 2.0 * (4.0 / 9.0) ** 2 + 2.0 * (1.0 / 36.0) ** 2)
+    freedom = (WELCH_WINDOW // 2 - 2) / (1.0 + 2.0 * (4.0 / 9.0) ** 2 + 2.0 * (1.0 / 36.0) ** 2)
     deviation = DECIBELS * math.sqrt(float(polygamma(1, 1.0 / share)))
     return deviation * math.sqrt(float(chi2.ppf(1.0 - CHANCE, freedom)) / freedom)
 
@@ -180,17 +164,17 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
     if isinstance(found, Finding):
         return found
     longest = found[0]
-    covariance = _asked(scene, longest, WINDOW)
+    covariance = _asked(scene, longest, WELCH_WINDOW)
     if not covariance[0] > 0.0:
         return undecided("the texture is at rest at the speed and force of the longest steady stretch")
     count = longest.vibration.size
     bound = spectrum_bound(count)
-    if bound > CLEAR or count < 2 * WINDOW:
+    if bound > CLEAR_DECIBELS or count < 2 * WELCH_WINDOW:
         return undecided(
             f"the longest steady stretch has {count} samples: by chance its spectrum is off by {bound:.3g} dB, and "
-            f"{CLEAR:g} dB is to be told"
+            f"{CLEAR_DECIBELS:g} dB is to be told"
         )
-    frequency, power = welch(longest.vibration, 1.0, nperseg=WINDOW)
+    frequency, power = welch(longest.vibration, 1.0, nperseg=WELCH_WINDOW)
     with np.errstate(divide="ignore"):
         error = DECIBELS * np.log(power / welch_of(covariance))[2:-1]
     error = np.maximum(error, -1e3)
@@ -230,16 +214,16 @@ def judge_stationary(runs: Runs, scene: Scene) -> Finding:
     if isinstance(found, Finding):
         return found
     longest = found[0]
-    size = longest.vibration.size // PARTS
-    covariance = _asked(scene, longest, WINDOW)
-    if size < WINDOW or not covariance[0] > 0.0:
+    size = longest.vibration.size // POWER_PARTS
+    covariance = _asked(scene, longest, WELCH_WINDOW)
+    if size < WELCH_WINDOW or not covariance[0] > 0.0:
         message = f"the longest steady stretch has {longest.vibration.size} samples: its parts are too short to compare"
         return undecided(message)
-    power = np.mean(longest.vibration[: PARTS * size].reshape(PARTS, size) ** 2, axis=1)
+    power = np.mean(longest.vibration[: POWER_PARTS * size].reshape(POWER_PARTS, size) ** 2, axis=1)
     if not power.mean() > 0.0:
         return undecided("the longest steady stretch has no vibrations")
     share = 1.0 / _spread(covariance, size)
-    tail = 0.5 * CHANCE / PARTS
+    tail = 0.5 * CHANCE / POWER_PARTS
     bound = max(abs(DECIBELS * math.log(float(gamma.ppf(p, share)) / share)) for p in (tail, 1.0 - tail))
     with np.errstate(divide="ignore"):
         off = np.maximum(DECIBELS * np.log(power / power.mean()), -1e3)
@@ -263,14 +247,15 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
     found = stretches(runs, scene)
     if isinstance(found, Finding):
         return found
-    least = SHORTEST * _rate(scene)
-    asked = [(each, _asked(scene, each, WINDOW)) for each in found if each.vibration.size >= least]
+    least = SHORTEST_STRETCH * _rate(scene)
+    asked = [(each, _asked(scene, each, WELCH_WINDOW)) for each in found if each.vibration.size >= least]
     asked = [(each, covariance) for each, covariance in asked if covariance[0] > 0.0]
     level = np.array([DECIBELS * math.log(float(covariance[0])) for _, covariance in asked])
-    if level.size < 2 or np.ptp(level) < APART:
+    if level.size < 2 or np.ptp(level) < APART_DECIBELS:
         return undecided(
-            f"{level.size} steady stretches of {SHORTEST:g} s whose rms should differ by "
-            f"{float(np.ptp(level)) if level.size else 0.0:.2g} dB: {APART:g} dB show if it follows speed and force"
+            f"{level.size} steady stretches of {SHORTEST_STRETCH:g} s whose rms should differ by "
+            f"{float(np.ptp(level)) if level.size else 0.0:.2g} dB: {APART_DECIBELS:g} dB show if it follows speed and "
+            "force"
         )
     with np.errstate(divide="ignore"):
         power = np.array([np.mean(each.vibration**2) for each, _ in asked])
@@ -318,12 +303,12 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     added = np.linalg.norm(base.force - plain.force, axis=1)
     largest = float(np.max(np.abs(base.hip)))
     still = np.concatenate([[False], hip_steps(base) <= 4.0 * np.finfo(float).eps * largest])
-    settles = math.ceil(SETTLES / base.dt)
+    settles = math.ceil(TEXTURE_SETTLES / base.dt)
     rows = np.arange(len(base))
     since = rows - np.maximum.accumulate(np.where(still & above_force_floor(plain, scene), -1, rows))
     rested = np.flatnonzero(since > settles)
     if not rested.size:
-        return undecided(f"the hand nowhere rests on the surface for longer than {SETTLES:g} s")
+        return undecided(f"the hand nowhere rests on the surface for longer than {TEXTURE_SETTLES:g} s")
     tick = int(rested[np.argmax(added[rested])])
     normal = scene.model.boundary.closest_point(plain.ihip[tick : tick + 1]).normal[0]
     if effect.model.between(0.0, float(plain.force[tick] @ normal)).variance > 0.0:
@@ -333,10 +318,12 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
 
     radius = max(float(np.max(np.abs(np.roots([1.0, *coefficients_of(one.ar)])))) for one in effect.model.filters)
     # The root of a speed that is low-passed, and a filter that rings: one after the other they fall as (1 + c t) e^-ct.
-    fades = SETTLES * min(math.pi * SLOWEST, -math.log(radius) * effect.model.rate)
+    fades = TEXTURE_SETTLES * min(math.pi * SLOWEST_LOW_PASS, -math.log(radius) * effect.model.rate)
     left = (1.0 + fades) * math.exp(-fades)
     if left > TELLS:
-        return undecided(f"the texture's own filters still ring with {left:.2g} of it {SETTLES:g} s after a stop")
+        return undecided(
+            f"the texture's own filters still ring with {left:.2g} of it {TEXTURE_SETTLES:g} s after a stop"
+        )
     size = max(float(np.linalg.norm(each.force[tick])) for each in (base, plain))
     allowed = left * most + 4.0 * SINGLE * (size + scene.stiffness * largest)
     return compared(

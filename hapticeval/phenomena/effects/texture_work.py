@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import FINER_RATES
+from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN
 from hapticeval.phenomena.passivity import Sampled, laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at
 from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
@@ -16,9 +16,6 @@ from hapticeval.scene import Scene
 
 HEIGHT, BUMP = "height-map", "bump-map"
 """The kinds of effects that this check is of."""
-
-KNOWN = 1e-3
-"""Share of the work that crosses in a lap up to which what is open of it may stay so."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -48,7 +45,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         )
         allowed = np.abs(work - before) + error + 4.0 * SINGLE * (scene.stiffness * largest * path + effort)
         gains = work > allowed
-        if gains.any() or np.all(allowed <= KNOWN * crossed):
+        if gains.any() or np.all(allowed <= LOOP_KNOWN * crossed):
             break
     else:
         return undecided("refinement does not settle the work of a lap")

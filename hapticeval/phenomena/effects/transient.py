@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.effects.vibration import NOISE, SURE, fit
+from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, SENSOR_NOISE, SURE
+from hapticeval.phenomena.effects.vibration import fit
 from hapticeval.phenomena.sampling import TELLS, evidence_at, force_floor, touching
 from hapticeval.phenomena.sampling import rounding as rounding_of
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
@@ -21,15 +22,6 @@ from hapticeval.types import Array
 IMPULSE, RINGING, RECORDED = "contact-impulse", "contact-transient", "recorded-impulse"
 KINDS = (IMPULSE, RINGING, RECORDED)
 """The kinds of effects that these checks are of."""
-
-CLOSE = 1e-9
-"""Share by which an impulse may be off: e^-21, of what a vibration still has to give after 21 decay times."""
-
-TAIL = 21.0
-"""Decay times after which a vibration has given its impulse but for `CLOSE` of it."""
-
-LATE = 1
-"""Ticks after the one in which a contact begins, in which what it starts may begin."""
 
 DOUBLE = 2.0**-52
 """Spacing of double-precision numbers around 1."""
@@ -69,7 +61,7 @@ def impulse_of(effect: Any, scene: Scene, place: Array, normal: Array, speed: fl
     elif effect.kind == RINGING:
         omega = 2.0 * math.pi * effect.frequency
         given = effect.amplitude * speed * omega / (effect.decay**2 + omega**2)
-        effort, lasts = effect.amplitude * speed / effect.decay, TAIL / effect.decay
+        effort, lasts = effect.amplitude * speed / effect.decay, IMPULSE_DECAYS / effect.decay
     else:
         given = math.fsum(effect.pulse) * effect.step
         effort, lasts = math.fsum(map(abs, effect.pulse)) * effect.step, (len(effect.pulse) + 1) * effect.step
@@ -100,7 +92,7 @@ def contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> li
         across = float(np.linalg.norm((added[rows] - along[:, np.newaxis] * normal).sum(axis=0))) * dt
         given = float(np.sum(along)) * dt
         # One that answers a tick late may know speed and place of that tick.
-        may = range(begin, min(begin + LATE + 1, end))
+        may = range(begin, min(begin + LATE_START + 1, end))
         speeds = [max(-float(velocity[tick] @ normal), 0.0) for tick in may]
         totals = [
             (*impulse_of(effect, scene, base.hip[tick], normal, speed), speed)
@@ -108,7 +100,7 @@ def contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> li
         ]
         expected, needs, speed = min(totals, key=lambda each: abs(each[0] - given))
         if speeds[0] > 0.0:
-            found.append(Struck(begin, end, along, across, speed, expected, needs + LATE * dt, rounding[rows]))
+            found.append(Struck(begin, end, along, across, speed, expected, needs + LATE_START * dt, rounding[rows]))
     return found
 
 
@@ -152,7 +144,7 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
         )
         metric = Metric("ticks from a contact to a force without one", float(off), "ticks")
         return compared(metric, 0.0, evidence_at(base, tick), passes="", fails=message)
-    if all(each.end - each.begin <= LATE for each in found):
+    if all(each.end - each.begin <= LATE_START for each in found):
         return undecided("no contact lasts longer than what it starts may be late")
     late = [each.end - each.begin if each.late is None else each.late for each in found]
     worst = int(np.argmax(late))
@@ -160,7 +152,7 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
     contact = f"the contact that begins at t = {base.time[begin]:.4g} s (tick {begin}) starts"
     return compared(
         Metric(ONSET.metric, float(late[worst]), "ticks"),
-        float(LATE),
+        float(LATE_START),
         {**evidence_at(base, begin), "contacts": len(found)},
         passes=f"{len(found)} contacts start a {effect.kind} each, {late[worst]} ticks after they begin at the latest",
         fails=f"{contact} no {effect.kind}" if found[worst].late is None else f"{contact} it {late[worst]} ticks late",
@@ -173,7 +165,7 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
     every = contacts(base, plain, scene, effect)
     if not every:
         return undecided(NONE)
-    found = [each for each in every if (each.end - each.begin) * dt >= each.needs * (1.0 - CLOSE)]
+    found = [each for each in every if (each.end - each.begin) * dt >= each.needs * (1.0 - IMPULSE_CLOSE)]
     if not found:
         longest = max(every, key=lambda each: each.end - each.begin)
         return undecided(
@@ -183,7 +175,7 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
     given = np.array([float(np.sum(each.added)) * dt for each in found])
     expected, across = np.array([each.expected for each in found]), np.array([each.across for each in found])
     off = np.maximum(np.abs(given - expected), across)
-    allowed = np.array([CLOSE * abs(each.expected) + float(np.sum(each.rounding)) * dt for each in found])
+    allowed = np.array([IMPULSE_CLOSE * abs(each.expected) + float(np.sum(each.rounding)) * dt for each in found])
     peak = max(float(np.max(np.abs(each.added))) for each in found)
     worst = int(np.argmax(off - allowed))
     if allowed[worst] > TELLS * abs(expected[worst]):
@@ -197,7 +189,7 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
         "peak_N": peak,
         "contacts": len(found),
     }
-    if peak > effect.cap * (1.0 + CLOSE) + float(max(np.max(every.rounding) for every in found)):
+    if peak > effect.cap * (1.0 + IMPULSE_CLOSE) + float(max(np.max(every.rounding) for every in found)):
         message = f"the {effect.kind} reaches {peak:.4g} N, and its cap is {effect.cap:.4g} N"
         metric = Metric("force that is added", peak, "N")
         return compared(metric, effect.cap, evidence, passes="", fails=message)
@@ -226,12 +218,12 @@ def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> 
         return undecided(NONE)
     if not math.isinf(effect.cap):
         peak = max(float(np.max(np.abs(each.added))) for each in found)
-        if peak >= effect.cap * (1.0 - CLOSE):
+        if peak >= effect.cap * (1.0 - IMPULSE_CLOSE):
             return undecided(f"the cap of {effect.cap:.4g} N holds the vibration back: it is no decaying sinusoid")
     longest = max(found, key=lambda each: each.end - each.begin)
     if longest.late is None:
         return undecided("no force is added that could ring")
-    wave = longest.added[longest.late :][: math.ceil(TAIL / effect.decay / base.dt)]
+    wave = longest.added[longest.late :][: math.ceil(IMPULSE_DECAYS / effect.decay / base.dt)]
     fitted = fit(wave, base.dt, effect.decay, effect.frequency)
     if fitted is None:
         return undecided("the contact is too short for a decaying sinusoid to be fitted to it")
@@ -338,9 +330,9 @@ VIBRATION = Check(
     + (
         f"The half width of the fit's {SURE:.0%} confidence interval: with J the derivative of the model by a, b, B "
         "and w at the ticks, the covariance is s^2 (J'J)^-1, s being the residual's, and no less than "
-        f"{NOISE:.1%} of the peak: what a sensor leaves. Means over ticks of a decaying sinusoid, and samples of it, "
-        "are decaying sinusoids of the same B and f, so that either way of taking them is judged alike, and a late "
-        "start is a phase. The worse of the two is shown. A fit that leaves a tenth open decides nothing."
+        f"{SENSOR_NOISE:.1%} of the peak: what a sensor leaves. Means over ticks of a decaying sinusoid, and samples "
+        "of it, are decaying sinusoids of the same B and f, so that either way of taking them is judged alike, and a "
+        "late start is a phase. The worse of the two is shown. A fit that leaves a tenth open decides nothing."
     ),
     judge=partial(judge_each, judge_vibration, (RINGING,)),
 )

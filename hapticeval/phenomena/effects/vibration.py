@@ -7,19 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.phenomena.decisions import FIT_SAMPLES, SENSOR_NOISE, WIDTHS
 from hapticeval.types import Array
-
-SURE = 0.99
-"""Probability with which the true numbers lie within what a fit leaves open."""
-
-WIDTHS = 2.5758293035489004
-"""Standard deviations to either side that hold this share of a normal distribution."""
-
-NOISE = 1e-3
-"""Least noise of a force, as a share of its peak: what a sensor leaves."""
-
-FEWEST = 8
-"""Fewer samples are no fit of four numbers."""
 
 
 class Vibration(NamedTuple):
@@ -41,7 +30,7 @@ def fit(values: Array, dt: float, decay: float, frequency: float) -> Vibration |
     from scipy.optimize import least_squares
 
     peak = float(np.max(np.abs(values), initial=0.0))
-    if values.size < FEWEST or peak == 0.0:
+    if values.size < FIT_SAMPLES or peak == 0.0:
         return None
     time, scaled = dt * np.arange(values.size), values / peak
 
@@ -75,7 +64,7 @@ def fit(values: Array, dt: float, decay: float, frequency: float) -> Vibration |
     size = np.linalg.norm(steep, axis=0)
     if not np.all(size > 0.0):
         return None
-    spread = max(residual, NOISE) * np.sqrt(np.diag(np.linalg.pinv((steep / size).T @ (steep / size)))) / size
+    spread = max(residual, SENSOR_NOISE) * np.sqrt(np.diag(np.linalg.pinv((steep / size).T @ (steep / size)))) / size
     turn = 2.0 * math.pi
     return Vibration(
         float(best.x[2]),
