@@ -6,10 +6,8 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
-from hapticeval.phenomena.decisions import NOTABLE
+from hapticeval.phenomena.decisions import LAG_TICKS, NOTABLE, TELLS
 from hapticeval.phenomena.sampling import (
-    LAG_TICKS,
-    TELLS,
     evidence_at,
     farthest_standoff,
     hip_step,

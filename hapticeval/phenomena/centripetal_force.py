@@ -9,11 +9,8 @@ import numpy as np
 from hapticeval.closed_forms import Gains, transversal
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
-from hapticeval.phenomena.decisions import SPEEDS, STANDARD_ERRORS
+from hapticeval.phenomena.decisions import HOLD_TICKS, LAG_TICKS, SPEEDS, STANDARD_ERRORS, TELLS
 from hapticeval.phenomena.sampling import (
-    HOLD_TICKS,
-    LAG_TICKS,
-    TELLS,
     above_force_floor,
     evidence_at,
     force_depth,

@@ -7,7 +7,7 @@ import numpy as np
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
-from hapticeval.phenomena.decisions import FORM_COARSE as COARSE
+from hapticeval.phenomena.decisions import FORM_COARSE
 from hapticeval.phenomena.refinement import extrapolated
 from hapticeval.phenomena.sampling import evidence_at, listed, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion
@@ -56,7 +56,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         ],
     }
     metric = Metric(CHECK.metric, float(apart[tick]), "m")
-    if not bound <= COARSE * way:
+    if not bound <= FORM_COARSE * way:
         message = f"refinement does not settle the run: it is known to {mm(bound)} only"
         return undecided(message, metric, bound, evidence)
     return compared(

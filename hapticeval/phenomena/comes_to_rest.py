@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import COMES_HOME, SETTLING
-from hapticeval.phenomena.numerical_stability import DIGITS
+from hapticeval.phenomena.decisions import COMES_HOME, DIGITS, SETTLING
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.quantity import number

@@ -6,12 +6,8 @@ import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, apart
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
-from hapticeval.phenomena.decisions import COARSEST_GRAIN as COARSEST
-from hapticeval.phenomena.decisions import FINEST_GRAIN as FINEST
-from hapticeval.phenomena.decisions import FLIGHTS
-from hapticeval.phenomena.decisions import TOOL_GRAIN as FINE
+from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, FLIGHTS, LAG_TICKS, TOOL_GRAIN
 from hapticeval.phenomena.sampling import (
-    LAG_TICKS,
     above_force_floor,
     believed_standoff,
     declares_force_only,
@@ -50,7 +46,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if lacks_ihip(base, scene):
         return without_ihip(base)
     steps, size = hip_steps(base), scene.model.size
-    grain = float(np.clip(FINE * steps.max(initial=0.0), FINEST * size, COARSEST * size))
+    grain = float(np.clip(TOOL_GRAIN * steps.max(initial=0.0), FINEST_GRAIN * size, COARSEST_GRAIN * size))
     across = across_allowed(base, scene)
     # How far the HIP has moved in the last three ticks: (n,), m.
     along = np.concatenate([[0.0], np.cumsum(steps)])

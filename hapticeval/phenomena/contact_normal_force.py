@@ -12,11 +12,9 @@ from hapticeval.devices.device import heaviest_mass
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import STATIC_SHARE
+from hapticeval.phenomena.decisions import LAG_TICKS, STATIC_SHARE, TELLS
 from hapticeval.phenomena.lag import at_rows, least_misfit, rests
 from hapticeval.phenomena.sampling import (
-    LAG_TICKS,
-    TELLS,
     above_force_floor,
     believed_standoff,
     evidence_at,

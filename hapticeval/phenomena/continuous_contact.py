@@ -17,13 +17,14 @@ from hapticeval.phenomena.decisions import (
     COARSENINGS,
     CONFIRMS,
     HALF_RATE,
+    LAG_TICKS,
     MINI,
+    POWER_LAW,
     REFINEMENTS,
     SHRINKS,
     STAYS,
     STILL,
 )
-from hapticeval.phenomena.decisions import POWER_LAW as TENTH
 from hapticeval.phenomena.jumps import (
     Left,
     aitken,
@@ -37,7 +38,6 @@ from hapticeval.phenomena.jumps import (
     worst_step,
 )
 from hapticeval.phenomena.sampling import (
-    LAG_TICKS,
     as_sensed,
     believed_standoff,
     evidence_at,
@@ -321,7 +321,7 @@ def _limit(jumps: list[float]) -> float:
     """
     halvings = np.arange(len(jumps))
     logs = np.log2(jumps)
-    if float(np.std(logs - np.polyval(np.polyfit(halvings, logs, 1), halvings))) < TENTH:
+    if float(np.std(logs - np.polyval(np.polyfit(halvings, logs, 1), halvings))) < POWER_LAW:
         return 0.0
     return aitken(*jumps[-3:])
 

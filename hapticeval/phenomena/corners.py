@@ -9,10 +9,9 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
-from hapticeval.phenomena.crossings import NEAR, Crossing, angle_between, find_crossings
-from hapticeval.phenomena.decisions import HELD
+from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
+from hapticeval.phenomena.decisions import HELD, LAG_TICKS, NEAR
 from hapticeval.phenomena.sampling import (
-    LAG_TICKS,
     above_force_floor,
     evidence_at,
     force_depth,

@@ -13,8 +13,8 @@ from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import EDGE, FACE, PSEUDO, VERTEX
 from hapticeval.geometry.mesh_tool import FREE
-from hapticeval.phenomena.decisions import NEAR as NEAR
-from hapticeval.phenomena.sampling import LAG_TICKS, hip_steps, lacks_ihip, position_tolerance, resolution, rounding
+from hapticeval.phenomena.decisions import LAG_TICKS, NEAR
+from hapticeval.phenomena.sampling import hip_steps, lacks_ihip, position_tolerance, resolution, rounding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray

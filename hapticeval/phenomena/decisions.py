@@ -242,7 +242,7 @@ SAME = 1e-12
 some four thousand roundings of a double, those of an iteration that ends at rounding. *Chosen*; doubled, twice as
 much rounding is granted."""
 
-SIMULATED = 1e-9
+SAME_SIMULATED = 1e-9
 """The same for a renderer that answers a stimulus whole: its tool has a motion of its own, with events at instants that
 it has to find, and in a corner ever more of them, until rounding ends them. *Chosen*; doubled, twice as much is
 granted."""

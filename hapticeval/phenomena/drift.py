@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.nudges import STEEP
-from hapticeval.phenomena.numerical_stability import DIGITS, EPS
+from hapticeval.phenomena.decisions import DIGITS, STEEP
+from hapticeval.phenomena.numerical_stability import EPS
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided

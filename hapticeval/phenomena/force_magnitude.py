@@ -10,12 +10,9 @@ import numpy as np
 
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import HALF, MANY, SOME, SPIKES
-from hapticeval.phenomena.decisions import UNDECLARED as UNDECLARED
+from hapticeval.phenomena.decisions import HALF, LAG_TICKS, MANY, SOME, SPIKES, TELLS, UNDECLARED
 from hapticeval.phenomena.lag import at_rows, find_lag
 from hapticeval.phenomena.sampling import (
-    LAG_TICKS,
-    TELLS,
     above_force_floor,
     as_sensed,
     declares_force_only,

@@ -12,12 +12,21 @@ import numpy as np
 
 from hapticeval.compiled import borrowing, for_kernels
 from hapticeval.phenomena.check import Closer
-from hapticeval.phenomena.decisions import AFTER, AROUND, BEFORE, BELOW, FLAT, SMOOTH, STEEPEST
-from hapticeval.phenomena.decisions import COARSER_THAN_DOUBLE as COARSE
-from hapticeval.phenomena.decisions import FEW_PARTS as FEW
-from hapticeval.phenomena.decisions import MANY_PARTS as MANY
-from hapticeval.phenomena.decisions import ROWS_OF_A_LOOK as ROWS
-from hapticeval.phenomena.sampling import LAG_TICKS, hip_steps, lingering, rounding, touching
+from hapticeval.phenomena.decisions import (
+    AFTER,
+    AROUND,
+    BEFORE,
+    BELOW,
+    COARSER_THAN_DOUBLE,
+    FEW_PARTS,
+    FLAT,
+    LAG_TICKS,
+    MANY_PARTS,
+    ROWS_OF_A_LOOK,
+    SMOOTH,
+    STEEPEST,
+)
+from hapticeval.phenomena.sampling import hip_steps, lingering, rounding, touching
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -176,7 +185,7 @@ def _left(
     steep = None
     # A jump may be rounded over less than that: beyond it, a place is judged by all of its scales.
     beyond = depth > 0 and before[-1].hip_step < 2.0 * rounded
-    for first, last in _parts(steps, bounds, ROWS // (FEW if depth < 2 else MANY)):
+    for first, last in _parts(steps, bounds, ROWS_OF_A_LOOK // (FEW_PARTS if depth < 2 else MANY_PARTS)):
         worst = first + int(np.argmax((steps - bounds)[first : last + 1]))
         scales = (*before, _scale(recording, scene, steps, worst, before))
         factor = _factor(depth, scales[-1].hip_step, rounded)
@@ -186,7 +195,7 @@ def _left(
             seen = Seen(Left.STAYS if depth else Left.UNRESOLVED, tick_of(worst), scales[-1].jump, 0.0, scales)
         elif (
             sum(scale.hip_step < rounded for scale in scales) == BELOW
-            or scales[-1].hip_step / factor < COARSE * rounded
+            or scales[-1].hip_step / factor < COARSER_THAN_DOUBLE * rounded
         ):
             seen = _judge(scales, tick_of(worst), float(bounds[worst]), rounded)
         else:
@@ -218,9 +227,9 @@ def _parent_tick(tick_of: Callable[[int], int], begin: int, factor: int, row: in
 def _factor(depth: int, hip_step: float, rounded: float) -> int:
     """Sub-steps of a step in the next look; no look passes by the finest steps that single precision resolves."""
     if depth < 2:
-        return FEW
+        return FEW_PARTS
     room = hip_step / rounded
-    return MANY if room < 2.0 or room > MANY else 2 ** int(math.log2(room))
+    return MANY_PARTS if room < 2.0 or room > MANY_PARTS else 2 ** int(math.log2(room))
 
 
 def _parts(steps: Array, bounds: Array, longest: int) -> Iterator[tuple[int, int]]:

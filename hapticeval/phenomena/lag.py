@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import COARSE_STEPS, HALVINGS, MOST_ROWS
-from hapticeval.phenomena.sampling import LAG_TICKS, TELLS, above_force_floor, rounding, touching
+from hapticeval.phenomena.decisions import COARSE_STEPS, HALVINGS, LAG_TICKS, MOST_ROWS, TELLS
+from hapticeval.phenomena.sampling import above_force_floor, rounding, touching
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray

@@ -13,17 +13,9 @@ import numpy as np
 
 from hapticeval.geometry.motion import mirroring
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import SAME, SIMULATED
-from hapticeval.phenomena.nudges import AMPLIFIED, ROUNDINGS, STEEP, answered, answers_apart, steepness
-from hapticeval.phenomena.sampling import (
-    LAG_TICKS,
-    believed_standoff,
-    evidence_at,
-    hip_step,
-    mm,
-    resolution,
-    rounding,
-)
+from hapticeval.phenomena.decisions import AMPLIFIED, LAG_TICKS, ROUNDINGS, SAME, SAME_SIMULATED, STEEP
+from hapticeval.phenomena.nudges import answered, answers_apart, steepness
+from hapticeval.phenomena.sampling import believed_standoff, evidence_at, hip_step, mm, resolution, rounding
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
 from hapticeval.recordings.channels import ANSWERED
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -107,7 +99,7 @@ def _compared(
         allowed += STEEP * steepness(runs, hand + declared, scene)
         if among is not None:
             exempt = among(runs, scene)
-    allowed += 0.0 if runs.subdivided is not None else (SIMULATED - SAME) * scene.model.size
+    allowed += 0.0 if runs.subdivided is not None else (SAME_SIMULATED - SAME) * scene.model.size
     return _finding(check, base, scene, off, allowed, exempt, how)
 
 

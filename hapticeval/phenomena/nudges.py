@@ -8,9 +8,6 @@ import numpy as np
 
 from hapticeval.geometry.motion import scaling
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.decisions import AMPLIFIED as AMPLIFIED
-from hapticeval.phenomena.decisions import ROUNDINGS as ROUNDINGS
-from hapticeval.phenomena.decisions import STEEP as STEEP
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray

@@ -8,8 +8,8 @@ import numpy as np
 
 from hapticeval.geometry.motion import Motion, rigid, scaling
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import DIGITS as DIGITS
-from hapticeval.phenomena.nudges import AMPLIFIED, ROUNDINGS, STEEP, answered, answers_apart, steepness
+from hapticeval.phenomena.decisions import AMPLIFIED, DIGITS, ROUNDINGS, STEEP
+from hapticeval.phenomena.nudges import answered, answers_apart, steepness
 from hapticeval.phenomena.sampling import (
     believed_standoff,
     evidence_at,

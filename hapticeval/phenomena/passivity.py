@@ -9,12 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import CLOSED, RIGID
-from hapticeval.phenomena.decisions import FINER_RATES as FINEST
-from hapticeval.phenomena.force_magnitude import UNDECLARED, most_beside
+from hapticeval.phenomena.decisions import CLOSED, FINER_RATES, LAG_TICKS, RIGID, SETTLES, TELLS, UNDECLARED
+from hapticeval.phenomena.force_magnitude import most_beside
 from hapticeval.phenomena.lag import find_lag, rests
-from hapticeval.phenomena.refinement import SETTLES
-from hapticeval.phenomena.sampling import LAG_TICKS, TELLS, evidence_at, lacks_ihip, mm, touching
+from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.recordings.integrity.force_sign import balance
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -311,7 +309,7 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) ->
             "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known"
         )
     whole = Sampled(base, 1, scene)
-    for finest in FINEST:
+    for finest in FINER_RATES:
         gains = _gains(base, whole, refine, scene, round_trips, finest)
         telling = [gain for gain in gains if gain.telling]
         if any(gain.excess > 0.0 for gain in telling) or len(telling) == len(gains):

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.decisions import SETTLES as SETTLES
+from hapticeval.phenomena.decisions import SETTLES
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 

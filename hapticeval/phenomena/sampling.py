@@ -6,10 +6,7 @@ import weakref
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import COARSEST, FARTHEST, FORCE_DEPTH
-from hapticeval.phenomena.decisions import HOLD_TICKS as HOLD_TICKS
-from hapticeval.phenomena.decisions import LAG_TICKS as LAG_TICKS
-from hapticeval.phenomena.decisions import TELLS as TELLS
+from hapticeval.phenomena.decisions import COARSEST, FARTHEST, FORCE_DEPTH, LAG_TICKS
 from hapticeval.quantity import number
 from hapticeval.recordings.recording import SINGLE, Recording, runs_of
 from hapticeval.scene import Scene

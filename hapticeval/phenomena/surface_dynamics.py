@@ -10,10 +10,10 @@ import numpy as np
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import FORCE_SENSOR, FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
-from hapticeval.phenomena.decisions import GONE as GONE
+from hapticeval.phenomena.decisions import GONE, SLIDES, TELLS
 from hapticeval.phenomena.refinement import richardson_two_level
-from hapticeval.phenomena.sampling import TELLS, evidence_at, mm
-from hapticeval.phenomena.surface_motion import SLIDES, SurfaceMotion
+from hapticeval.phenomena.sampling import evidence_at, mm
+from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -21,7 +21,7 @@ from hapticeval.types import Array
 
 SPEED_GIVEN = "a hand led along a given path has the speed that it is given"
 TOO_MUCH = "what the sampling may do to the speed is too much to decide"
-STILL = "the tool does not slide"
+DOES_NOT_SLIDE = "the tool does not slide"
 
 
 def judge_output_invariance(runs: Runs, scene: Scene) -> Finding:
@@ -33,7 +33,7 @@ def judge_output_invariance(runs: Runs, scene: Scene) -> Finding:
     if motion.pushed.any():
         return undecided("the operator pushes: what follows is the answer to that")
     if motion.footless is not None or not motion.slides:
-        return undecided(motion.footless or STILL)
+        return undecided(motion.footless or DOES_NOT_SLIDE)
     remains = richardson_two_level(runs, lambda recording: SurfaceMotion(recording, scene).distance)
     distance = np.abs(remains.values)
     tick = int(np.argmax(distance))
@@ -68,7 +68,7 @@ def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
         return undecided("the operator pushes, which changes the speed too")
     start = float(motion.foot_speed[0])
     if start * (base.time[-1] - base.time[0]) <= SLIDES * scene.model.size:
-        return undecided(STILL)
+        return undecided(DOES_NOT_SLIDE)
     remains = richardson_two_level(runs, lambda recording: _speed_deviation(recording, scene))
     last = min(int(np.flatnonzero(distance > GONE * farthest)[-1]), len(remains.values) - 1)
     deviation = np.abs(remains.values[: last + 1])
@@ -107,7 +107,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
     base = runs.base
     motion = SurfaceMotion(base, scene)
     if motion.footless is not None or not motion.slides:
-        return undecided(motion.footless or STILL)
+        return undecided(motion.footless or DOES_NOT_SLIDE)
     sensed = isinstance(scene.robot, PointMass) or scene.effect(FORCE_SENSOR) is not None
     if motion.pushed.any() and not sensed:
         return undecided(

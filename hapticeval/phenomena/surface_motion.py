@@ -9,9 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
-from hapticeval.phenomena.decisions import FOCAL
-from hapticeval.phenomena.decisions import SLIDES as SLIDES
-from hapticeval.phenomena.sampling import HOLD_TICKS
+from hapticeval.phenomena.decisions import FOCAL, HOLD_TICKS, SLIDES
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray

@@ -10,18 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.contact_kept import across_allowed
-from hapticeval.phenomena.decisions import ASIDE, STRETCHED
+from hapticeval.phenomena.decisions import ASIDE, LAG_TICKS, STRETCHED
 from hapticeval.phenomena.jumps import recent_steps
-from hapticeval.phenomena.sampling import (
-    LAG_TICKS,
-    evidence_at,
-    hip_steps,
-    lingering,
-    mm,
-    resolution,
-    rounding,
-    touching,
-)
+from hapticeval.phenomena.sampling import evidence_at, hip_steps, lingering, mm, resolution, rounding, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.recording import Recording, runs_of

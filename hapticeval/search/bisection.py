@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.phenomena.sampling import LAG_TICKS
+from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.renderer import Renderer
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.work import seed_all

@@ -26,7 +26,8 @@ from hapticeval.errors import (
     renderer_errors,
 )
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.phenomena.sampling import LAG_TICKS, farthest_standoff, mm
+from hapticeval.phenomena.decisions import LAG_TICKS
+from hapticeval.phenomena.sampling import farthest_standoff, mm
 from hapticeval.quantity import duration
 from hapticeval.recordings.recording import SINGLE, backward_difference
 from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of

@@ -15,11 +15,9 @@ from test_forces import ROUND, collision, orbit
 
 from hapticeval.phenomena.centripetal_force import _answer
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.decisions import COMES_HOME
+from hapticeval.phenomena.decisions import COMES_HOME, GONE, HOLD_TICKS, SLIDES, TELLS
 from hapticeval.phenomena.regions import Region, region_of
-from hapticeval.phenomena.sampling import HOLD_TICKS, TELLS
-from hapticeval.phenomena.surface_dynamics import GONE
-from hapticeval.phenomena.surface_motion import SLIDES, SurfaceMotion
+from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.scene import Scene
 
 

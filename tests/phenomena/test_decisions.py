@@ -51,15 +51,43 @@ def test_each_says_whence_it_is_and_what_doubling_changes(name, said):
 
 
 def test_each_is_used_by_a_check():
-    read = "\n".join(file.read_text() for file in CHECKS.rglob("*.py"))
+    read = {
+        node.id
+        for file in CHECKS.rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)
+    }
     for names, _, _ in TABLE:
         for name in names.split(", "):
-            assert read.count(name) > 1, f"{name} decides nothing"
+            assert name in read, f"{name} decides nothing"
 
 
 def test_no_name_has_two_meanings():
-    names = [name for names, _, _ in TABLE for name in names.split(", ")]
-    assert len(set(names)) == len(names)
+    tabled = [name for names, _, _ in TABLE for name in names.split(", ")]
+    others = {
+        f"{file.stem}.{name}"
+        for file in CHECKS.rglob("*.py")
+        if file.stem != "decisions"
+        for names, _, _ in constants(file)
+        for name in names.split(", ")
+        if name in tabled
+    }
+    assert others == set()
+    assert len(set(tabled)) == len(tabled)
+
+
+def test_each_is_imported_from_the_table_and_under_its_own_name():
+    names = {name for names, _, _ in TABLE for name in names.split(", ")}
+    elsewhere = [
+        f"{file.relative_to(ROOT)}: {alias.name}"
+        for folder in (ROOT / "hapticeval", ROOT / "tests")
+        for file in folder.rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("hapticeval.phenomena")
+        for alias in node.names
+        if alias.name in names and (node.module != decisions.__name__ or alias.asname)
+    ]
+    assert elsewhere == []
 
 
 def test_the_page_is_the_table():

@@ -8,9 +8,9 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import STICKS
+from hapticeval.phenomena.decisions import LAG_TICKS, STICKS, TELLS
 from hapticeval.phenomena.effects.friction_load import Load, load_of, precision, unjudged
-from hapticeval.phenomena.sampling import LAG_TICKS, TELLS, evidence_at, hip_steps
+from hapticeval.phenomena.sampling import evidence_at, hip_steps
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene

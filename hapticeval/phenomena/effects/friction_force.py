@@ -10,12 +10,12 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import BRISTLE_PARTS, WHOLE_LAG
+from hapticeval.phenomena.decisions import BRISTLE_PARTS, LAG_TICKS, TELLS, WHOLE_LAG
 from hapticeval.phenomena.effects.friction_load import Load, load_of, unjudged, viscous
 from hapticeval.phenomena.effects.friction_work import bristles
 from hapticeval.phenomena.effects.relief import beside_straight
 from hapticeval.phenomena.lag import at_rows, believed
-from hapticeval.phenomena.sampling import LAG_TICKS, TELLS, evidence_at
+from hapticeval.phenomena.sampling import evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene

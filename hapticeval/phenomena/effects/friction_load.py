@@ -9,7 +9,8 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import without_ihip
-from hapticeval.phenomena.sampling import LAG_TICKS, above_force_floor, lacks_ihip
+from hapticeval.phenomena.decisions import LAG_TICKS
+from hapticeval.phenomena.sampling import above_force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Outcome, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene

@@ -6,9 +6,9 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import SLIDING_ROUNDING, SLIDING_TICKS
+from hapticeval.phenomena.decisions import SLIDING_ROUNDING, SLIDING_TICKS, TELLS
 from hapticeval.phenomena.effects.friction_load import HAND, judged_late, load_of, precision, unjudged
-from hapticeval.phenomena.sampling import TELLS, evidence_at
+from hapticeval.phenomena.sampling import evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene

@@ -6,9 +6,9 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import CREEP, STICKING_TIME, STICKS
+from hapticeval.phenomena.decisions import CREEP, STICKING_TIME, STICKS, TELLS
 from hapticeval.phenomena.effects.friction_load import load_of, unjudged
-from hapticeval.phenomena.sampling import TELLS, evidence_at, listed
+from hapticeval.phenomena.sampling import evidence_at, listed
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.scene import Scene
 

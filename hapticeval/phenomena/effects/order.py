@@ -6,16 +6,17 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
+from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.effects.shading import SHADING
 from hapticeval.phenomena.effects.texture import TEXTURE
 from hapticeval.phenomena.effects.texture_work import BUMP
-from hapticeval.phenomena.sampling import LAG_TICKS, above_force_floor, evidence_at, force_floor, lacks_ihip
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
-BEFORE = (SHADING, BUMP)
+BEFORE_FRICTION = (SHADING, BUMP)
 """Effects that take their turn before friction and leave the IHIP on the surface."""
 
 
@@ -24,8 +25,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     assert runs.without is not None
     base = runs.base
     others = scene.on_answers_beside(FRICTION)
-    if len(others) != 1 or others[0] not in (*BEFORE, TEXTURE):
-        message = f"it is asked of friction and one of {', '.join((*BEFORE, TEXTURE))}, not of {others or 'it alone'}"
+    if len(others) != 1 or others[0] not in (*BEFORE_FRICTION, TEXTURE):
+        one = ", ".join((*BEFORE_FRICTION, TEXTURE))
+        message = f"it is asked of friction and one of {one}, not of {others or 'it alone'}"
         return Finding(Outcome.NOT_APPLICABLE, message)
     if lacks_ihip(base, scene):
         return without_ihip(base)

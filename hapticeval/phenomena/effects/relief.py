@@ -9,12 +9,10 @@ import numpy as np
 
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
-from hapticeval.phenomena.decisions import BETWEEN_TICKS, WHOLE_LAG
+from hapticeval.phenomena.decisions import BETWEEN_TICKS, LAG_TICKS, TELLS, WHOLE_LAG
 from hapticeval.phenomena.effects.texture_work import BUMP, HEIGHT
 from hapticeval.phenomena.lag import at_rows, believed, rests
 from hapticeval.phenomena.sampling import (
-    LAG_TICKS,
-    TELLS,
     above_force_floor,
     believed_standoff,
     evidence_at,

@@ -7,16 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
-from hapticeval.phenomena.decisions import OTHER_WEIGHTS
+from hapticeval.phenomena.decisions import LAG_TICKS, OTHER_WEIGHTS, TELLS
 from hapticeval.phenomena.passivity import laps
-from hapticeval.phenomena.sampling import (
-    LAG_TICKS,
-    TELLS,
-    above_force_floor,
-    evidence_at,
-    force_floor,
-    lacks_ihip,
-)
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene

@@ -16,11 +16,12 @@ from hapticeval.phenomena.decisions import (
     SHORTEST_STRETCH,
     SLOWEST_LOW_PASS,
     STEADY,
+    TELLS,
     TEXTURE_SETTLES,
     WELCH_WINDOW,
     WHOLE_SAMPLE,
 )
-from hapticeval.phenomena.sampling import TELLS, above_force_floor, evidence_at, hip_steps
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, SENSOR_NOISE, SURE
+from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, SENSOR_NOISE, SURE, TELLS
 from hapticeval.phenomena.effects.vibration import fit
-from hapticeval.phenomena.sampling import TELLS, evidence_at, force_floor, touching
+from hapticeval.phenomena.sampling import evidence_at, force_floor, touching
 from hapticeval.phenomena.sampling import rounding as rounding_of
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference

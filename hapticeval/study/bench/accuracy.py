@@ -22,7 +22,8 @@ from hapticeval.geometry.facets import triangulated
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.model import Model
 from hapticeval.knob import Knob, Settings
-from hapticeval.phenomena.sampling import LAG_TICKS, force_floor
+from hapticeval.phenomena.decisions import LAG_TICKS
+from hapticeval.phenomena.sampling import force_floor
 from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play, reset_checked, step_checked
