@@ -1,4 +1,4 @@
-"""What mkdocs makes of other files: the README, ARCHITECTURE.md, a page of every check from its own data, and pictures.
+"""What mkdocs makes of other files: the README, ARCHITECTURE.md, a list of every check, and pictures.
 
 Pictures are not kept in the repository: `make docs` runs the pages first, and takes what their commands draw.
 """
@@ -11,8 +11,11 @@ from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 import hapticeval
+from hapticeval.phenomena.check import Check
+from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.registry import CHECKS
 
 ROOT = Path(__file__).parents[1]
@@ -47,32 +50,42 @@ def linked(readme: str) -> str:
     return readme
 
 
-def on_page_markdown(markdown: str, **_: object) -> str:
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     """Turn links to the README into links to the first page; other files of the repository are named without one."""
+    if page.file.src_uri.startswith("checks/"):
+        return with_facts(markdown, CHECKS[Path(page.file.src_uri).stem])
     return SOURCE.sub(r"\1", markdown.replace("](../README.md", "](index.md"))
 
 
 def checks() -> Iterator[str]:
-    """Yield a page: each check with its question, formula, bound, and the part of the thesis that it is from."""
+    """Yield the page that lists every check with its question."""
     yield "# Every check"
-    yield "\nAs `hapticeval explain CHECK` prints it. A metric up to the bound passes."
-    yield "The pictures show a renderer that passes, and below it one that was broken to fail, in the same case."
+    yield "\nA metric up to the bound passes. Each page has the bound with its derivation, what the check does not see,"
+    yield "and common causes of a fail. `hapticeval explain CHECK` prints the short of it.\n"
+    yield "| check | level | what it asks |\n|---|---|---|"
     for name, check in CHECKS.items():
-        yield f"\n## {name}\n\n{check.asks}\n"
-        rows = {
-            "phenomenon": check.phenomenon,
-            "formula": check.formula,
-            "metric": f"{check.metric} ({check.unit})" if check.unit else check.metric,
-            "bound": check.bound,
-            "level": check.level.value,
-            "source": check.citation,
-            "reads": ", ".join(check.channels),
-        }
-        yield from (f"**{title}** {escaped(text)}\n" for title, text in rows.items() if text)
-        for word in ("passes", "fails"):
-            drawn = f"pictures/check-{name}-{word}.svg"
-            if (PAGES / "checks.py" / drawn).exists():
-                yield f"![A renderer that {word} {name}.]({drawn})\n"
+        yield f"| [{name}](checks/{name}.md) | {check.level.value} | {escaped(read_page(check).question)} |"
+
+
+def with_facts(markdown: str, check: Check) -> str:
+    """Return the page of a check with its pictures, formula and what else stands in the code, below its question."""
+    facts = {
+        "formula": f"`{check.formula}`",
+        "metric": escaped(f"{check.metric} ({check.unit})" if check.unit else check.metric),
+        "level": check.level.value,
+        "reads": ", ".join(check.channels),
+        "also runs": escaped("; ".join(check.siblings.values())),
+        "source": escaped(check.citation),
+    }
+    lines = [f"**{title}** {text}\n" for title, text in facts.items() if text]
+    drawn = {word: f"pictures/check-{check.id}-{word}.svg" for word in ("passes", "fails")}
+    lines += [
+        f"![A renderer that {word} {check.id}.](../{picture})\n"
+        for word, picture in drawn.items()
+        if (PAGES / "checks.py" / picture).exists()
+    ]
+    before, heading, after = markdown.partition("## Bound")
+    return before + "\n".join(lines) + "\n" + heading + after
 
 
 def reference() -> Iterator[str]:

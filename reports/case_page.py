@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.files import replacing
 from hapticeval.geometry.model import Model
+from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
@@ -24,7 +25,7 @@ from hapticeval.reports.case_data import Packer, Track, fineness, packed_runs, p
 from hapticeval.reports.case_figure import Look, Panel, Place, look, panels, panels_svg, plane_svg, swatches
 from hapticeval.reports.case_model import packed_model
 from hapticeval.reports.places import ASSETS as ASSET_FOLDER
-from hapticeval.reports.places import INDEX, ROOT, anchor, case_file
+from hapticeval.reports.places import CHECK_PAGES, INDEX, ROOT, anchor, case_file
 from hapticeval.reports.plane import refusal_svg
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.svg import classed, sheet
@@ -116,7 +117,7 @@ def write_case_page(
     is the reason why there is none. `order` lists all renderers of the report, so that each looks the same on every
     page. It needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be written.
     """
-    section = case_section(case, entries, recordings, verdicts=verdicts, order=order)
+    section = case_section(case, entries, recordings, verdicts=verdicts, order=order, check_pages=ROOT + CHECK_PAGES)
     _write_page(folder / case_file(*case), section.text, entries[0], around or Around(), ROOT)
     return section.styles
 
@@ -182,10 +183,12 @@ def case_section(
     prefix: str = "c",
     within: Sequence[str] = (),
     note: str = "",
+    check_pages: str = "",
 ) -> Section:
     """Return what a page shows of a case; on a page of several, `prefix` and the names `within` tell ids apart.
 
-    A `note` stands beside the scene. Everything that comes from results is escaped.
+    A `note` stands beside the scene. Checks link to where `check_pages` tells of them, if it is given.
+    Everything that comes from results is escaped.
     """
     from hapticeval.phenomena.registry import CHECKS
 
@@ -208,6 +211,7 @@ def case_section(
         if entry.refusal is not None and entry.refusal.position is not None
     }
     places = _places(given, {each.name for each in found})
+    questions = {v.check: read_page(CHECKS[v.check]).question for v in given if v.check in CHECKS}
     figures: dict[str, str] = {}
     data = ""
     label = "/".join(case)
@@ -235,7 +239,8 @@ def case_section(
     figures = dict(zip(figures, elements, strict=True))
     text = environment().get_template("case_section.html.j2").render(
         suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems, model=model,
-        checks=_by_check(given), known=CHECKS, figures=figures, data=data, charts=charts,
+        checks=_by_check(given), questions=questions, check_pages=check_pages,
+        figures=figures, data=data, charts=charts,
         time_of=time_of, place=partial(anchor, *within), numbers={name: k for k, name in enumerate(names)}, note=note,
         scene_words=scene_words, robot_words=robot_words, ended_words=ended_words, figures_cited=figures_cited,
         places={(each.renderer, each.time): each.number for each in places},

@@ -7,11 +7,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.bench_figure import TITLES, bench_plots
 from hapticeval.reports.canvas import page_element
+from hapticeval.reports.check_pages import link_to
 from hapticeval.reports.effects_figure import EffectPlot, cost_svg
 from hapticeval.reports.grid import (
     Grid,
@@ -32,6 +34,9 @@ from hapticeval.reports.templates import environment
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, SuiteEntry, VerdictEntry
 from hapticeval.study.bench.document import BenchResults
 from hapticeval.study.effects.document import EffectsDocument
+
+if TYPE_CHECKING:
+    from hapticeval.phenomena.check import Check
 
 MOST = 6
 """Failures that are shown with their figure."""
@@ -79,6 +84,13 @@ class Counterexample(NamedTuple):
     picture: Path | None
 
 
+def judged_checks(results: ResultsDocument) -> dict[str, Check]:
+    """Return the checks that gave verdicts by id, in the results' order; without those not installed."""
+    from hapticeval.phenomena.registry import CHECKS
+
+    return {name: CHECKS[name] for name in dict.fromkeys(v.check for v in results.verdicts) if name in CHECKS}
+
+
 def render_index(
     results: ResultsDocument,
     drawings: Mapping[RunKey, Drawing] | None = None,
@@ -98,7 +110,6 @@ def render_index(
     figures' SVG is put in as it is.
     """
     from hapticeval.closed_forms import CLOSED_FORMS
-    from hapticeval.phenomena.registry import CHECKS
 
     given = worst(results, MOST)
     first = {verdict.key: verdict for verdict in reversed(given)}  # of several failures of a run, one has the figure
@@ -112,7 +123,7 @@ def render_index(
     drawn = [*(each.svg for _, each in shown), *(svg for _, svg in plots), *(each.svg for each in effects)]
     elements, styles = classed([*drawn, *pictures, costs_svg])
     taken = iter(elements)
-    known = {name: CHECKS[name] for name in dict.fromkeys(v.check for v in results.verdicts) if name in CHECKS}
+    known = judged_checks(results)
     recorded = {run.renderer for run in results.runs if run.is_recorded}
     names, hard = hard_cases(results)
     replays = [run for run in results.runs if run.replay]
@@ -166,7 +177,8 @@ def render_index(
         aside={(run.suite, run.case) for run in results.runs if not run.judged},
         page=page,
         to=to,
-        checks=list(known.values()),
+        checks=[(check, read_page(check)) for check in known.values()],
+        about=None if single else link_to,
         command={name: getattr(results.command, name) for name in results.command.__struct_fields__},
         bench=bench,
         bench_plots=[(title, next(taken)) for title, _ in plots],

@@ -10,8 +10,9 @@ FOLDER = "report"
 """The folder of the pages, beside results.json."""
 
 INDEX = "index.html"
+CHECK_PAGES = "checks.html"
 ASSETS = "assets"
-"""The first page, and the folder of what all pages share, below `FOLDER`."""
+"""The first page, the page of what checks ask, and the folder of what all pages share, below `FOLDER`."""
 
 ROOT = "../../"
 """From the page of a case to `FOLDER`."""

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.recordings.recording import Recording
+from hapticeval.reports.check_pages import render_check_pages
 from hapticeval.reports.effects_figure import effect_plots, recorded
 from hapticeval.reports.exports import write_tables
 from hapticeval.reports.grid import worst
-from hapticeval.reports.index import MOST, Counterexample, Drawing, Single, render_index
+from hapticeval.reports.index import MOST, Counterexample, Drawing, Single, judged_checks, render_index
 from hapticeval.reports.junit import junit
-from hapticeval.reports.places import FOLDER, INDEX, ROOT, case_file
+from hapticeval.reports.places import CHECK_PAGES, FOLDER, INDEX, ROOT, case_file
 from hapticeval.reports.run_figure import figure_svg, marks_of
 from hapticeval.reports.svg import sheet
 from hapticeval.reports.table import markdown
@@ -173,6 +174,7 @@ def write_reports(
         else:
             write_assets(pages, styles)
             _write(pages / INDEX, text)
+            _write(pages / CHECK_PAGES, render_check_pages(judged_checks(results).values(), INDEX))
     for name, each in written.items():
         _write(directory / name, each)
     tables = write_tables(directory, results)

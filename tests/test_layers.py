@@ -178,7 +178,13 @@ def test_the_command_line_may_import_reports_when_it_writes_them() -> None:
 def test_every_folder_of_the_package_is_installed() -> None:
     listed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
     folders = {file.parent.relative_to(ROOT) for file in (ROOT / "hapticeval").rglob("*.py")}
-    portions = {"hapticeval.examples", "hapticeval.renderers", "hapticeval.reports", "hapticeval.suites"}
+    portions = {
+        "hapticeval.check_pages",
+        "hapticeval.examples",
+        "hapticeval.renderers",
+        "hapticeval.reports",
+        "hapticeval.suites",
+    }
     assert {".".join(folder.parts) for folder in folders} | portions == set(listed)
 
 

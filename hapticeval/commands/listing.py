@@ -63,11 +63,12 @@ def _cases_of(file: str) -> Sequence[tuple[Heading, bool]]:
 
 def checks() -> Rows:
     """The checks that are installed, each with what it asks; a broken one says why."""
+    from hapticeval.phenomena.pages import read_page
     from hapticeval.phenomena.registry import CHECKS
 
     for name in CHECKS:
         try:
-            yield name, CHECKS[name].asks
+            yield name, read_page(CHECKS[name]).question
         except HapticevalError as error:
             yield name, f"broken: {error.why}"
 
@@ -140,17 +141,20 @@ def listed(what: str, named: Sequence[str] = ()) -> str:
 
 
 def explained(name: str) -> Rows:
-    """All that a check says of itself. Raises `UnknownNameError` for an id that is none."""
+    """Yield what is asked first of a check; its page has the rest. Raises `UnknownNameError` for an id that is none."""
+    from hapticeval.phenomena.pages import page_file, read_page
     from hapticeval.phenomena.registry import CHECKS
 
     if name not in CHECKS:
         raise UnknownNameError("check", name, CHECKS)
     check = CHECKS[name]
-    yield check.id, check.asks
-    yield "phenomenon", check.phenomenon
+    page = read_page(check)
+    yield check.id, page.question
     yield "formula", check.formula
     yield "metric", f"{check.metric} ({check.unit or 'a ratio, without a unit'})"
-    yield "bound", check.bound
+    yield "bound", page.bound
+    if page.first_cause:
+        yield "if it fails", page.first_cause
     yield "level", check.level.value
     yield "reads", ", ".join([*check.channels, *(f"{channel} where it was recorded" for channel in check.reads_also)])
     yield "also runs", "; ".join(check.siblings.values()) or "none"
@@ -163,6 +167,8 @@ def explained(name: str) -> Rows:
     if check.not_with:
         yield "not with", "an effect of the surface: " + ", ".join(check.not_with)
     yield "source", check.citation
+    if not check.page:
+        yield "more", f"{page_file(check)}: the bound's derivation, what it does not see, causes of a fail"
 
 
 def _first_sentence(factory: object) -> str:

@@ -146,7 +146,6 @@ def _ratio(first: Array, second: Array) -> float | None:
 MEMORYLESS = Check(
     id="memoryless",
     phenomenon="none of the six: a property of the projection",
-    asks="Is the IHIP a function of the current HIP only, so that it can be looked up in a table?",
     formula="IHIP(HIP) is the same on every path that leads to the HIP; compare (4.2) with (4.3)",
     citation="thesis 5.1, 6.2; Table 6.3 'suitable for LUT'",
     channels=("hip", "ihip"),
@@ -158,11 +157,6 @@ MEMORYLESS = Check(
     not_with=(FRICTION,),
     metric="distance between the IHIPs of one HIP",
     unit="m",
-    bound=(
-        "3 HIP steps + standoff, between the closest two of the IHIPs that either path has in the HIP's own row and "
-        "in the three after it: a proxy may lag by three ticks. The last three rows of a path, whose answers may come "
-        "after its end, are not compared."
-    ),
     judge=judge_memoryless,
     level=Level.INFO,
 )
@@ -170,7 +164,6 @@ MEMORYLESS = Check(
 RESET_CLEARS = Check(
     id="reset-clears",
     phenomenon="none of the six: a property of the renderer's `reset`",
-    asks="Does the same way give the same answers again after a reset?",
     formula="(ihip, force) of the second run = (ihip, force) of the first, row by row",
     citation="the renderer protocol: reset(hip) starts a run",
     channels=("hip", "force"),
@@ -183,12 +176,5 @@ RESET_CLEARS = Check(
     },
     metric="force, or IHIP, after a reset less that before",
     unit="N",
-    bound=(
-        "Nothing: the same arithmetic on the same numbers gives the same bits. A renderer whose answers scatter, as "
-        "one with noise in it or with threads, declares by how much (`Declaration`), and is held to that: of the IHIP "
-        "a fiftieth of the model is believed, and of the force a tenth of the largest. In a closed loop the rows "
-        "count in which the hand is where it was in the first run. The finding names the first tick that differs, the "
-        "largest difference, and the second run's force as a share of the first's."
-    ),
     judge=judge_reset_clears,
 )

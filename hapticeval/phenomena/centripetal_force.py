@@ -233,7 +233,6 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
 CHECK = Check(
     id="centripetal-force",
     phenomenon="Centripetal Force",
-    asks="Sliding over a curved surface: is the centripetal force given, or does it cost position error?",
     formula="F_cen = m kappa v^2 (3.8); error = a kappa v^2 m / K_p + b F_o.n / K_p + c, and a = 0 where it is given",
     citation="thesis 3.2.3, (3.8); 6.3.3; Table 6.3 'accounts for centripetal acceleration'",
     channels=("hip", "force", "velocity"),
@@ -243,17 +242,5 @@ CHECK = Check(
     needs_loop=True,
     metric="share of the centripetal force that position error has to supply",
     unit="",
-    bound=(
-        "Cost and push count as the assigned dynamics answer to them, from when the start has died out to a "
-        "hundredth, and while the surface bears a force, on one that only pushes without the first of it and the three "
-        "ticks after, when a tool that is struck flies yet; what rings at sqrt(K_p / m), as a spring without damper "
-        "does, is neither's. 1.5 kappa v T: while a force is held for a tick T the normal turns by kappa v T, half of "
-        "it on average, and one tick more may pass between sample and force. The verdict "
-        "is inconclusive within two standard errors of the bound. On a bilateral constraint the force at the start, "
-        "where the error is zero, must supply m kappa v^2 to the same share, within the three ticks that a proxy may "
-        "lag, beside the share that the operator's push changes by along a normal that turns so far. A bound above "
-        "0.1 is inconclusive, and so is a run of which more than a tenth has the tool off a bilateral constraint "
-        "without any force."
-    ),
     judge=judge,
 )

@@ -151,6 +151,9 @@ class Check:
     `not_with` are kinds that make another surface than it is about. `judge` returns a finding whose metric has the
     check's `unit`, or one of its own.
 
+    What it asks, allows and why stands on its page, see `hapticeval.phenomena.pages`. A check of another package brings
+    its own as `page`, in Markdown.
+
     `needs_loop` marks a check of how hand and force act on each other: a hand led along a recorded path does not show
     it, so that an undecided verdict stops no gate. `holds` marks what is asked of a closed loop that is set up for
     it, as Problem 7.1 does of one on a bilateral constraint: of other runs it is not asked unless a case names it.
@@ -158,13 +161,11 @@ class Check:
 
     id: str
     phenomenon: str
-    asks: str
     formula: str
     citation: str
     channels: tuple[str, ...]
     metric: str
     unit: str
-    bound: str
     judge: Callable[[Runs, Scene], Finding]
     reads_also: tuple[str, ...] = ()
     siblings: Mapping[Sibling, str] = field(default_factory=dict)
@@ -175,6 +176,7 @@ class Check:
     needs_loop: bool = False
     holds: bool = False
     level: Level = Level.MUST
+    page: str = ""
 
     @property
     def needs_closed_form(self) -> bool:

@@ -71,7 +71,6 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 CHECK = Check(
     id="closed-form",
     phenomenon="Closed form of the closed loop",
-    asks="Sampled ever faster, does the run tend to the closed-form motion that is in print for this renderer?",
     formula="Tables 6.1 and 6.2, (7.28), (7.38); on other curves n'' = kappa (1 + n kappa) s'^2 + ...",
     citation="thesis (6.19) to (6.21), (6.24) to (6.27), (7.28), (7.38)",
     channels=("hip", "velocity"),
@@ -92,11 +91,5 @@ CHECK = Check(
     not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="distance between the extrapolated run and the closed form",
     unit="m",
-    bound=(
-        "A law that is sampled and held moves as in continuous time but for errors in whole powers of the tick. "
-        "Richardson's extrapolation from T, T/2, T/4 and T/8 removes the first three; its last correction is the "
-        "error of the value before, and so larger than what is left, and is the tolerance, with 1e-10 of the way "
-        "travelled for rounding. A tolerance above a thousandth of the way is inconclusive."
-    ),
     judge=judge,
 )

@@ -63,7 +63,6 @@ def _speed(value: float) -> str:
 CHECK = Check(
     id="comes-to-rest",
     phenomenon="none of the six: stability of the sampled loop",
-    asks="Does the tool come to rest where the operator keeps still?",
     formula="y'(t) -> 0 for a push and a hand's place that stay the same",
     citation="thesis 2.6, (2.40), 8.2.4",
     channels=("hip", "velocity"),
@@ -72,13 +71,5 @@ CHECK = Check(
     needs_loop=True,
     metric="largest speed in the last half",
     unit="m/s",
-    bound=(
-        "Of the time since the operator keeps still, the last half is compared with the quarter before it, as in "
-        "`constraint-stability`: sqrt(1/2) of the largest speed there lies between what falls as 1 / t and what stays. "
-        "Nothing is asked for below 1e-9 of the model's size a second. A tool that was ever farther off the surface "
-        "than at the start and the model's size together fails. A contact comes to rest if a damper in hand, device or "
-        "law takes what holding the force for a tick gives: by (2.40) b > K T / 2 + |B| is enough for a spring K of a "
-        "single stiffness, against any passive hand; a law whose force is no gradient may give more."
-    ),
     judge=judge,
 )

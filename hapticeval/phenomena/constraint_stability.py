@@ -76,7 +76,6 @@ def _how(late: Array, before: float, after: float) -> str:
 CHECK = Check(
     id="constraint-stability",
     phenomenon="Stability of the constraint",
-    asks="Does a tool that is off the surface come back to it when nobody pushes?",
     formula="h(x(t)) -> S (7.1 a): n(t) -> 0",
     citation="thesis 7.1, Problem 7.1 (a); 6.3.2, 6.3.3, Tables 6.1 and 6.2",
     channels=("hip", "velocity"),
@@ -88,15 +87,5 @@ CHECK = Check(
     holds=True,
     metric="largest distance from the surface in the last half",
     unit="m",
-    bound=(
-        "Of the time after the last push, the last half is compared with the quarter before it. While time doubles, "
-        "what stays has the ratio 1, what falls as 1 / t has 1/2 (PP+D on a circle, the slowest of Table 6.2 that "
-        "comes to it), and what falls exponentially less; between the first two lies sqrt(1/2), so that what falls as "
-        "1 / sqrt(t) or more slowly counts as staying. Nothing is asked for below what a held force leaves in that "
-        "time, 1.5 ticks of change of m kappa v^2 over K_p with the overshoot of the assigned dynamics, and below "
-        "what the position sensors are wrong by. Where even the assigned dynamics n'' = -(K_p / m) n - (K_d / m) n' "
-        "would not fall so far in the time that there is, the verdict is inconclusive. A run that ends because the "
-        "robot or the law leaves its domain fails."
-    ),
     judge=judge,
 )

@@ -235,7 +235,6 @@ def _barred(
 CHECK = Check(
     id="contact-kept",
     phenomenon="Continuous Contact Point",
-    asks="Is a hand that is led into the model met, and the contact kept until the tool's way to the hand is open?",
     formula="no contact at t only if a rigid tool, from the last IHIP, gets to HIP(t) outside of the solid",
     citation="thesis 3.2, 3.2.1; 4.1.2 (pop-through)",
     channels=("hip", "ihip"),
@@ -243,18 +242,5 @@ CHECK = Check(
     not_for={Situation.BILATERAL: "a surface that holds the tool from both sides is never left"},
     metric="how far the hand gets past the surface without contact",
     unit="m",
-    bound=(
-        "The way of the HIP over the last 3 ticks + standoff + rounding + the step of the rigid tool. Where the "
-        "renderer gives no contact a rigid tool goes on from its last IHIP, or from the hand in free space: straight "
-        "to the HIP, and where the solid bars that way, along the surface downhill in distance, until it rests or its "
-        "way is open. At rest it is held, and its distance from the HIP is how far a hand without contact has got: "
-        "into the solid, or beyond a plate, however thin. The renderer's surface may lie off the model by the "
-        "declared standoff (up to a fiftieth of the size), or, where it declares a resolution only, by that; its "
-        "edges by as much and the resolution along the surface: contact may end where the way is open from so far "
-        "beside. Rounding is that of single precision, and the last digit of a log. The rigid tool moves in steps of "
-        "an eighth of the largest HIP step, between 1e-6 and 1e-4 of the model's size. In free space the IHIP is the "
-        "HIP, within the same bound; for three ticks after a contact a late one may be where that has ended. Where "
-        "HIP and IHIP are one and outside for three ticks either way, no force is above the floor."
-    ),
     judge=judge,
 )

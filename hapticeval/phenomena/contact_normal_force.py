@@ -307,7 +307,6 @@ def _motors_hold(recording: Recording, scene: Scene, rows: slice) -> bool:
 CHECK = Check(
     id="contact-normal-force",
     phenomenon="Contact Normal Force",
-    asks="Is the force along the surface's normal, and at rest equal to the operator's push along it?",
     formula="F_n = -(n_e . F_o) n_e (3.3), with n_e = n_c (3.4); at a corner n_e lies between the faces' normals",
     citation="thesis 3.2.1, (3.3), (3.4), Figures 3.3 to 3.5; (6.1)",
     channels=("hip", "force"),
@@ -315,19 +314,5 @@ CHECK = Check(
     not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="angle of the force outside the true normals; at rest, the difference in newtons",
     unit="deg",
-    bound=(
-        "The true normals are those of the model around the IHIP, within 3 IHIP steps (the largest within three ticks "
-        "of the row: IHIP and force may each be that late; of a rigid tool at least its speed times the tick) + "
-        "standoff + declared resolution (up to a sixteenth of the outline: the true surface has a facet's direction "
-        "somewhere along it). Across a corner every direction between the faces' normals is one; in space they fill a "
-        "cone, as wide as that distance times the largest curvature. A spring from a late IHIP is judged from the HIP "
-        "that the IHIP answers: by one lag of up to three ticks for the whole run, with which its IHIPs lie best, and "
-        "an eighth of the HIP's second difference between ticks. Beyond, rounding: 1e-6 rad + 4 * 2^-23 * model size / "
-        "least depth of these ticks, asin(resolution / depth) (of up to a HIP step), and half a step of "
-        "every component of a log. At rest the mean force over a window W may differ by 2 m v_max / W, the momentum "
-        "that the window cannot account for, with the largest mass that a robot shows; in a simulated closed loop "
-        "Newton's law makes the two equal, so that this half tests recordings of real devices. "
-        "Forces below the floor, K_p * 5e-6 of the model's size, are not judged."
-    ),
     judge=judge,
 )

@@ -379,7 +379,6 @@ def _judge_fixed(base: Recording, scene: Scene) -> Finding:
 CHECK = Check(
     id="continuous-contact",
     phenomenon="Continuous Contact Point",
-    asks="Does the IHIP trace a continuous path while the contact lasts, or does it pop through?",
     formula="J(h) = max |IHIP(t + h) - IHIP(t)| in contact; J at h, h/2, h/4, ... tends to 0",
     citation="thesis 3.2, Figure 3.2; pop-through: 4.1.2, 4.1.3, 6.1.3",
     channels=("hip", "ihip"),
@@ -395,30 +394,5 @@ CHECK = Check(
     not_with=(FRICTION,),
     metric="IHIP jump that refinement leaves",
     unit="m",
-    bound=(
-        "1.5 HIP steps + standoff: as far as a proxy that is three ticks late may move at twice the rate. The HIP "
-        "step is the largest within three ticks, and older ones fade by e^(-1/3) a tick. Each longer IHIP step is "
-        "looked at in finer HIP steps, from where the hand has rested until the proxy has caught up. The declared "
-        "standoff counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size. A step that a "
-        "tool takes which slides on the edges or triangles that the renderer was given is within the bound. An IHIP in "
-        "contact fails, too, farther off than standoff, rounding and half a HIP step, the chord between two contact "
-        "points; for the first and last three ticks of a contact, and of a rigid tool, than three HIP steps. It stands "
-        "aside of the HIP's nearest surface point by ten depths at the most, besides three ticks of twice the HIP step "
-        "and what is declared, from where the hand comes in to where that point jumps. Finer steps count only where "
-        "they lead, in contact, by "
-        "where the longer ones went: a jump that finer sampling does not have, or that it lets go at, depends on the "
-        "sampling rate, and fails. Where steps stay above the bound, the exponent decides by which they shrink with "
-        "the HIP's: 0 for a jump, 1 for a Lipschitz map, alpha / 180 degrees for a conformal map at a tip of alpha. "
-        "From 1/6 on it is continuous; below, steep, which decides nothing, unless it becomes smooth: over less HIP "
-        "travel than coordinates in single precision resolve that is a jump, over more it is continuous. What moves "
-        "while the hand rests is a jump. A jump has to show at 2 and 4 times the rate too. One of up to 1.5 of the "
-        "renderer's declared edges or cells is a mini pop-through "
-        "(4.1.2), a longer one a major. A run without places to look at, in closed loop, is refined as a whole: bound "
-        "3 HIP steps of the finest run + standoff, a slope of log2 J below 0.15 for a jump, and above it the limit of "
-        "J, if its fall is no power law (Aitken). Steps that leave the contact are none: whether the tool is let go is "
-        "contact-kept's question. One recording alone is the weaker test: with the bound widened by "
-        "what projecting on a convex surface stretches, a longer step is a jump where leaving samples out around it "
-        "leaves it as it is, else undecided."
-    ),
     judge=judge,
 )

@@ -173,7 +173,6 @@ def worst(findings: Sequence[Finding]) -> Finding | None:
 BROKEN_CONTACT = Check(
     id="broken-contact",
     phenomenon="Broken Contact",
-    asks="Sliding over a convex corner or edge: does the force keep its direction up to it and vanish there at once?",
     formula="F = |F| n_pre for (HIP - corner) . t_pre < 0, then F = 0",
     citation="thesis 3.2.1, Figure 3.4; Figures 6.10, 6.11",
     channels=("hip", "force"),
@@ -185,24 +184,12 @@ BROKEN_CONTACT = Check(
     not_with=(FRICTION,),
     metric="distance from the corner at which n_pre is lost or force remains",
     unit="m",
-    bound=(
-        "3 HIP steps + standoff: a sampled renderer learns of the corner at the next sample, may lag by three, and "
-        "cannot know the corner better than its own surface does. A force within 5 per cent of the corner's turn, "
-        "and where the hand keeps to a depth of at least half the usual size on the first face, counts as kept, and"
-        " so does none where the hand is no deeper than the force floor, as it may rest; past the corner every force "
-        "counts until the first zero, and every one along n_pre thereafter. The first three ticks after a touch are "
-        "that of a strike. It counts from where the tool is on that face: its IHIP, or without one its force, is that "
-        "face's. Asked of each way under one face past a corner and out of the model; without one it is not "
-        "applicable. On a solid the distance is square to the edge over which a rigid tool that follows the hand "
-        "leaves the face; over a vertex, to the edge that the hand's foot passes."
-    ),
     judge=judge_broken_contact,
 )
 
 ABRUPT_SWITCH = Check(
     id="abrupt-switch",
     phenomenon="Abrupt Switch",
-    asks="Sliding into a concave corner or edge: does the force turn from one face's normal to the other's at one HIP?",
     formula="travel of the HIP while n_e turns from n_pre to n_post, in penetration depths; 0 for rigid contact",
     citation="thesis 3.2.1, Figure 3.5; Figures 6.6, 6.7, 6.9",
     channels=("hip", "ihip", "force"),
@@ -213,15 +200,5 @@ ABRUPT_SWITCH = Check(
     not_with=(FRICTION,),
     metric="HIP travel of the switch in penetration depths",
     unit="depths",
-    bound=(
-        "(3 HIP steps + standoff) / depth: between two samples the turn cannot be seen, and a corner is known no "
-        "better than the renderer's own surface. Resting on the corner while the HIP goes round it turns the force "
-        "over an arc as long as the corner's turn (rad) times the depth, whatever the depth. The switch lasts from "
-        "where the force first leaves n_pre, by more than 5 per cent of the turn, to where it is within 5 per cent of "
-        "n_post for good; turns to and fro while the HIP keeps to within that bound of one place count as one. Asked "
-        "of each way along one face into a corner and out along the next; without one it is not applicable. On a solid "
-        "a rigid tool that follows the hand shows the faces: one that rises from the other, by an edge or by a corner "
-        "of several; what leads that tool along an edge on which it rests is no travel."
-    ),
     judge=judge_abrupt_switch,
 )

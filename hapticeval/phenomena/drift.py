@@ -52,16 +52,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 CHECK = Check(
     id="drift",
     phenomenon="none of the six: what rounding adds up to in all of them",
-    asks="Lap after lap over the same points, do the answers stay the same?",
     formula="(ihip, force)(lap k) = (ihip, force)(lap 2) for every k > 2",
     citation="a rigid contact does not age; 3.1",
     channels=("hip", "ihip", "force"),
     metric="change of the answers in later laps, as a share of the model's size",
     unit="1",
-    bound=(
-        "1e-9 of the model's size, and ten times what the HIP of a tick differs by from that of the second lap, for "
-        "times are rounded. Forces count as lengths, by the stiffness. The first lap may load what a renderer keeps."
-    ),
     judge=judge,
     level=Level.SHOULD,
 )

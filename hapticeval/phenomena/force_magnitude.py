@@ -503,36 +503,12 @@ def _median(ratio: Array, where: BoolArray) -> float:
 CHECK = Check(
     id="force-magnitude",
     phenomenon="none of the six: the regulation scheme's stiffness, (4.6) and (6.1)",
-    asks="Is the force as large as the scene's stiffness asks for at that depth, in all directions and at all times?",
     formula="K = -F.e / e^2 with e = HIP - IHIP; along the normal, K = F^2 / (-F.e); K = K_p at every tick in contact",
     citation="thesis 4.2, (4.8), (5.21), (6.1)",
     channels=("hip", "ihip", "force"),
     reads_also=("velocity", "measured_hip", "measured_velocity"),
     metric="apparent stiffness less the scene's, as a share of it",
     unit="",
-    bound=(
-        "Of a linear spring the force is K_p times the depth exactly, so that nothing is allowed but what is known to "
-        "come on top, as a share of K_p times the depth d: a damper's K_d v, with v the speed along the direction in "
-        "which the depth is measured, of the hand or of the error, whichever is larger; m kappa v^2 of the way along "
-        "the surface (3.8), by HIP or IHIP, for a renderer that declares no spring, whose depth is "
-        "known to the declared standoff; the resolution of the force that is declared, up to a twentieth of the "
-        "largest; single precision, 4 * 2^-23 (size of the coordinates / d + 1). "
-        "Of HIPs and IHIPs up to three ticks apart, or both as late, any may belong to a force, and those of the lag "
-        "between ticks that the run shows: K_p has to lie within what they span. Where a lag reaches to before or "
-        "behind the contact the force is at most what the largest depth within the lag explains. Ticks where more "
-        "than a tenth is allowed are not judged to that.\n"
-        "The level is must for who declares along what the force is a spring (`Declaration`). Another is measured "
-        "along the error or across the surface, as it fits better, and this bound is should: a law that knows the "
-        "curvature is no fault, but is not the scene's K_p either. It is a must for everybody, in a scene without "
-        "effects of the surface, not to be off by a factor of two: at every tick K_p times 0.55 to 1.8, for a tenth is "
-        "not told apart, or the range of the stiffness that is declared, beyond what is allowed at the largest speed "
-        "within a lag. A silent tick is judged at the least depth within a lag, of HIP and IHIP or of HIP and model. "
-        "A force without an IHIP is held against the depth under the model, which an honest tool's distance is never "
-        "less than: too soft fails, the rest is not decided, unless it is declared that there is no tool: then each "
-        "tick inside is judged. A failure says what the deviation is: a kick where the contact begins "
-        "or ends, a dead band, a stretch of time without a force, single ticks (spikes), or what "
-        "explains at least half of its variance: the direction, the depth, the place or the time."
-    ),
     judge=judge,
     level=Level.SHOULD,
 )

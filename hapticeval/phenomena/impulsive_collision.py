@@ -118,7 +118,6 @@ def _operator_until_met(recording: Recording, impulses: Array, struck: int) -> t
 CHECK = Check(
     id="impulsive-collision",
     phenomenon="Impulsive Collision Force",
-    asks="Does a first contact cancel or reverse the tool's momentum along the normal at once?",
     formula="p_post - p_pre = -(1 + c_r) m (v . n_e) n_e  (3.5), and (3.6) with the sign and factor of (3.5)",
     citation="thesis 3.2.2, (3.5)-(3.7)",
     channels=("hip", "ihip", "force", "velocity"),
@@ -127,16 +126,5 @@ CHECK = Check(
     needs_loop=True,
     metric="share of the impulse of (3.5) missing after four ticks",
     unit="",
-    bound=(
-        "The largest m kappa v_t^2 in the window, times its length, or m v_t times the turn of the normal, as over "
-        "facets, and the operator's impulse times that turn, / (m v_n) + 1e-6: while it slides on, the tool turns "
-        "with the surface. The window is four ticks: a sampled renderer meets the contact at the first sample after "
-        "it, its force acts until the next, and it may lag by three. The operator's push over the window is taken out "
-        "of the momentum's change. What it gives or takes before a rigid tool is met, up to a tick of the push before, "
-        "counts in (3.5), and decides nothing where that is half of the momentum; a tool that stays in contact may "
-        "have the push answered. A spring needs a quarter period, pi/2 sqrt(m / K_p). Not applicable where the tool "
-        "starts in contact, and where it meets a surface turned by more than 5.7 degrees within the window, as in a "
-        "valley: it then collides twice."
-    ),
     judge=judge,
 )

@@ -169,18 +169,9 @@ def _ticks_late(base: Recording, fine: Recording, scene: Scene) -> int | None:
 
 NONE = "none of the six: a relation that every rigid contact keeps to"
 OFF = "change of the answer beside what is explained, as a share of the model's size"
-EXPLAINED = (
-    "1e-12 of the model's size, 1e-9 for a renderer that answers a stimulus whole, beside what is explained: the "
-    "declared resolution and standoff, four roundings of the largest coordinate, what a damper makes of these, and "
-    "ten times the change of the answer where the hand is off by those along axes and diagonals, as beside a "
-    "discontinuity, where either answer is right. Forces count by the stiffness, as lengths; of a renderer that "
-    "answers a stimulus whole by m / dt^2."
-)
-
 MIRROR = Check(
     id="mirror-image",
     phenomenon=NONE,
-    asks="Does the mirror image of a path, on that of the model, give the mirror image of the answers?",
     formula="IHIP(M HIP; M scene) = M IHIP(HIP; scene), and F likewise, for the mirror M: y to -y",
     citation="a rigid, frictionless contact has no left and no right; 3.1",
     channels=("hip", "ihip", "force"),
@@ -188,7 +179,6 @@ MIRROR = Check(
     needs={Sibling.MOVED: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
     metric=OFF,
     unit="1",
-    bound=f"{EXPLAINED} The mirror changes no digit of a coordinate.",
     judge=judge_mirror,
     level=Level.SHOULD,
 )
@@ -196,7 +186,6 @@ MIRROR = Check(
 ORDER = Check(
     id="vertex-order",
     phenomenon=NONE,
-    asks="Do the answers stay the same when the model's vertices are listed in another order?",
     formula="IHIP(HIP; p_k, ..., p_n, p_1, ..., p_k-1) = IHIP(HIP; p_1, ..., p_n), and F likewise",
     citation="a surface is a set of points; 3.1",
     channels=("hip", "ihip", "force"),
@@ -208,7 +197,6 @@ ORDER = Check(
     needs={Sibling.REORDERED: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
     metric=OFF,
     unit="1",
-    bound=f"{EXPLAINED} Not applicable to a curve of one piece, and to surfaces of a formula.",
     judge=judge_order,
     level=Level.SHOULD,
 )
@@ -216,7 +204,6 @@ ORDER = Check(
 SUBDIVISION = Check(
     id="time-subdivision",
     phenomenon=NONE,
-    asks="Do the answers stay the same when the hand takes each of its steps in two of half the time?",
     formula="IHIP and F of HIP k of n = those of HIP 2 k of 2 n, with dt / 2",
     citation="a rigid contact answers the hand's way and velocity, and knows no ticks; 3.1, 3.8",
     channels=("hip", "ihip", "force"),
@@ -231,12 +218,6 @@ SUBDIVISION = Check(
     },
     metric=OFF,
     unit="1",
-    bound=(
-        f"{EXPLAINED} The hand has the same velocity at the HIPs that are compared. Exempt are HIPs where a hand that "
-        "is off by half a step gets an answer that is off by more than ten times that: steps of half the length cross "
-        "a discontinuity elsewhere. An answer that comes late by as many ticks in both runs fails as well, and the "
-        "finding says so. Not applicable with effects, which may change with time by themselves."
-    ),
     judge=judge_subdivision,
     level=Level.SHOULD,
 )
@@ -244,7 +225,6 @@ SUBDIVISION = Check(
 IN_TURNS = Check(
     id="two-at-once",
     phenomenon="none of the six: a property of the renderer's state",
-    asks="Do the answers stay the same while another renderer of the same factory answers in between?",
     formula="(ihip, force) of the run = (ihip, force) of the same run, eight ticks by turns with another renderer",
     citation="the renderer protocol: factory(scene) makes a renderer",
     channels=("hip", "ihip", "force"),
@@ -255,10 +235,6 @@ IN_TURNS = Check(
     needs={Sibling.IN_TURNS: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
     metric=OFF,
     unit="1",
-    bound=(
-        "1e-12 of the model's size, beside the rounding of coordinates in single precision by which run() may differ "
-        "from step(), what damper and stiffness make of that, and the declared scatter"
-    ),
     judge=judge_in_turns,
 )
 

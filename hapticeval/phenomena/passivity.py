@@ -443,7 +443,6 @@ def _judge_fixed(base: Recording) -> Finding:
 CHECK = Check(
     id="passivity",
     phenomenon="none of the six: a rigid, frictionless surface gives the hand no energy (3.2, 3.5)",
-    asks="Does the hand get back no more work than it has put in?",
     formula="W = sum of F . dx <= 0 since free space, and over each closed lap after the first, as h -> 0",
     citation="thesis 2.6.1, 3.2",
     channels=("hip", "force"),
@@ -452,31 +451,5 @@ CHECK = Check(
     needs_loop=True,
     metric="work that the hand gets back beyond what it put in",
     unit="J",
-    bound=(
-        "What the extrapolation leaves open; and at the scene's own rate what holding a late spring explains. A "
-        "passive renderer has W <= S(start) - S(end) with S >= 0 what it stores: in free space S = 0, so that W <= 0 "
-        "at every later row, and after a lap over the same points S is what it was a lap before, once a renderer "
-        "with a memory has had a lap to load it; the settled lap after the first that gives least is judged. W has "
-        "three shares. Hold: the sum with the force held for a tick less the trapezoid, over a spring K (K/2) sum of "
-        "|dx|^2. Lag: what else vanishes with the tick, L K sum of |dx|^2 for L ticks. Law: the limit of the "
-        "trapezoid, extrapolated linearly from h/2 and h/4, in which nothing may be left. Left open are the last "
-        "correction of that (as in `refinement`), the trapezoid's own error (1/2) sum of |(F[i-1] - 2 F[i] + F[i+1]) "
-        ". dx| of the finest run, single precision, and the whole of a gain that shrinks by less than a quarter with "
-        "a halving of the tick, as a late proxy's does in a sharp turn. A way on which that is more than a tenth of "
-        "what crossed, and a thousandth of force times way, decides nothing where the hand seems to have got "
-        "something; with such a way left the check does not pass. At the scene's own rate all that the hand gets is "
-        "at most (1/2 + L) sum of (K |dx|^2 + |dG| |dx|), with L the one lag that force and position show, up to 3, "
-        "K as stiff as `force-magnitude` measures and its must lets it be, and G what a damper and the curvature may "
-        "add; not asked in a scene with effects, nor of a stiffness that is declared to vary. One recording alone is "
-        "judged by the trapezoid at the best of 0 to 3 ticks of lag, with a tenth of what crossed left open: the "
-        "weaker test. Level info where the scene calls for what is active by nature: delayed motors, or a damper on "
-        "a filtered velocity.\n"
-        "Conservative: the nearest point with pp, transversal or the square root's spring, F = -grad U with U = K "
-        "d^2/2, and homothetic and combescure with gradient. Dissipative: the constraint, whose tool moves only to "
-        "where it is nearer to the hand; pp-v, which takes K_d |v|^2, and pp-pd, which takes K_d (n.v)^2. Active: the "
-        "maps, for p(x) is no gradient and W is the integral of curl F over the loop; pp-d under a convex surface, "
-        "where K_d v_t^2 |n| kappa / (1 - |n| kappa) is given to the hand; pp-pd-c and set stabilisation off the "
-        "surface, whose curvature force does m kappa v_t^2 of work a metre of depth."
-    ),
     judge=judge,
 )

@@ -45,6 +45,7 @@ from hapticeval.phenomena.effects import (
     texture_work,
     transient,
 )
+from hapticeval.phenomena.pages import read_page
 
 GROUP = "hapticeval.checks"
 
@@ -126,6 +127,7 @@ def _loaded(entry: EntryPoint) -> Check:
         why = described(error)
     else:
         if isinstance(check, Check) and check.id == entry.name:
+            read_page(check)  # one that cannot say what it asks is refused before it judges
             return check
         why = f"it is the check '{check.id}'" if isinstance(check, Check) else f"it is a {type(check).__name__}"
     package = "" if entry.dist is None else f" of the package {entry.dist.name}"

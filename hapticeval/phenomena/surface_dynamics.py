@@ -200,7 +200,6 @@ FINER = {Sibling.REFINE: "the same experiment at 2 and 4 times the sampling rate
 OUTPUT_INVARIANCE = Check(
     id="output-invariance",
     phenomenon="Output invariance of the constraint",
-    asks="Does a tool that starts on the surface, moving along it, stay on the surface?",
     formula="n(0) = n'(0) = 0 => n(t) = 0 (7.1 b)",
     citation="thesis 7.1, Problem 7.1 (b); 7.3.2, Figure 7.3",
     channels=("hip", "velocity"),
@@ -213,23 +212,12 @@ OUTPUT_INVARIANCE = Check(
     holds=True,
     metric="distance from the surface that refinement leaves",
     unit="m",
-    bound=(
-        "A held force is late by half a tick on average, which costs a distance of first order in the tick T or "
-        "smaller. 2 n(T/4) - n(T/2) is free of that first order, and is wrong by less than d' = n(T/4) - n(T/2) or, "
-        "where two orders cancel in that, by a third of 2 d' - d, d = n(T/2) - n(T): the larger of |d'| and half of "
-        "|2 d' - d| is the bound. Where halving the tick does not shrink the change by a quarter at least, as with an "
-        "encoder or with friction, or no finer run can be had, n itself must stay within what a held force leaves: "
-        "1.5 ticks of change of the centripetal force over K_p, with the overshoot of the assigned dynamics. To both "
-        "comes what the position sensors are wrong by, and 1e-10 of the model for rounding. A bound above a tenth of "
-        "m kappa v^2 / K_p, what a renderer without the centripetal force pays, is inconclusive."
-    ),
     judge=judge_output_invariance,
 )
 
 DECOUPLING = Check(
     id="decoupling",
     phenomenon="Decoupling of across and along",
-    asks="Is the speed along the surface kept while the tool moves across it?",
     formula="p' = (I + n W)^-1 P_T y'; |p'(t)| = |p'(0)| exp(-b_d t / m) while n moves",
     citation="thesis 6.3.3, 7.3.2, (7.38)",
     channels=("hip", "velocity", "force"),
@@ -240,21 +228,12 @@ DECOUPLING = Check(
     not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="change of the foot's speed while the tool moves across",
     unit="",
-    bound=(
-        "Judged from the start until the distance stays below a twentieth of its largest. The foot's speed is arc "
-        "length a second, so that moving across has no share in it by itself; a law that leaves out 2 kappa n' s' "
-        "changes it by 2 kappa n. 2 q(T/4) - q(T/2) of the relative change q removes the first order of sampling, and "
-        "the bound is what that leaves at the most, as for output-invariance. Where halving the tick does not settle "
-        "it, the impulse that 1.5 ticks of the force's change along the surface may have given, over m |p'(0)|. A "
-        "bound above a tenth is inconclusive."
-    ),
     judge=judge_decoupling,
 )
 
 TANGENTIAL_DYNAMICS = Check(
     id="tangential-dynamics",
     phenomenon="Tangential dynamics",
-    asks="Along the surface, does the tool move as assigned: freely, or with the surface's viscosity?",
     formula=(
         "P_T(y'' - a) = 0 on S (7.1 c): Dp'/dt = -(b_d / m) p' (7.18), plus P_T F_o / m where F_o is sensed (8.9), "
         "else (I + n W)^-1 of that"
@@ -268,16 +247,6 @@ TANGENTIAL_DYNAMICS = Check(
     not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="speed along the surface that the assigned dynamics do not explain, of the top speed",
     unit="",
-    bound=(
-        "The foot's velocity, in bases carried along the surface without turning, changes at the covariant "
-        "acceleration's rate; what it has changed since the start less the assigned acceleration's integral must "
-        "vanish at all times. That is an integral, so that no noise is amplified. 2 q(T/4) - q(T/2) removes the first "
-        "order of sampling, and the bound is what that leaves at the most, as for output-invariance. Where halving "
-        "the tick does not settle it, the impulse that 1.5 ticks of the force's change along the surface may have "
-        "given. A bound above a tenth is inconclusive; so is a hand that pushes a robot without a force sensor, for "
-        "the assigned dynamics do not say what it should feel. The apparent viscosity is the least-squares one of the "
-        "whole run."
-    ),
     judge=judge_tangential_dynamics,
 )
 

@@ -13,6 +13,7 @@ import pytest
 from hapticeval import __version__
 from hapticeval.cli import main
 from hapticeval.commands import judging
+from hapticeval.phenomena.pages import page_file, read_page
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.runner.folder import prepared
 from hapticeval.runner.results import FILE, read_results
@@ -230,14 +231,15 @@ def test_the_help_of_a_command_has_an_example_and_its_exit_codes(capsys, command
 
 
 @pytest.mark.parametrize("name", CHECKS)
-def test_explain_prints_all_that_a_check_says(capsys, monkeypatch, name):
+def test_explain_prints_what_is_asked_first_and_where_the_rest_is(capsys, monkeypatch, name):
     monkeypatch.setenv("COLUMNS", "80")
     assert main(["explain", name]) == 0
     out = capsys.readouterr().out
-    check = CHECKS[name]
-    texts = (check.asks, check.formula, check.citation, check.bound, check.metric, *check.siblings.values())
-    assert all(words(text) in words(out) for text in (*texts, *check.channels))
-    assert max(map(len, out.splitlines())) <= 80
+    check, page = CHECKS[name], read_page(CHECKS[name])
+    texts = (page.question, check.formula, page.bound, page.first_cause, check.citation, check.metric)
+    assert all(words(text) in words(out) for text in (*texts, *check.siblings.values(), *check.channels))
+    assert len(out.split("\nbound ", 1)[1].split("\nif it fails", 1)[0].splitlines()) <= 7
+    assert words(str(page_file(check))).replace(" ", "") in words(out).replace(" ", "")
 
 
 @pytest.mark.parametrize("arguments", [["list", "checks"], ["--version"]])

@@ -26,8 +26,9 @@ def judge(runs, scene):
     return compared(Metric("largest force", strongest, "N"), 0.5, {}, passes="weak", fails="too strong")
 
 CHECK = Check(
-    id="toy-strength", phenomenon="none", asks="Is it weak?", formula="|F| <= 0.5 N", citation="a toy",
-    channels=("force",), metric="largest force", unit="N", bound="half a newton", judge=judge,
+    id="toy-strength", phenomenon="none", formula="|F| <= 0.5 N", citation="a toy",
+    channels=("force",), metric="largest force", unit="N", judge=judge,
+    page="# toy-strength\\n\\nIs it weak?\\n\\n## Bound\\n\\nhalf a newton\\n",
 )
 OTHER = 3
 """
@@ -114,7 +115,6 @@ ROWS = np.zeros((3, 2))
 NEEDY = Check(
     id="needy",
     phenomenon="",
-    asks="",
     formula="",
     citation="",
     channels=("hip", "force"),
@@ -123,7 +123,6 @@ NEEDY = Check(
     not_for={Situation.NO_CONVEX_CORNER: "no corner", Situation.BILATERAL: "held"},
     metric="",
     unit="",
-    bound="",
     judge=lambda runs, scene: compared(Metric("", 0.0, ""), 0.0, {}, passes="judged", fails=""),
 )
 
@@ -155,7 +154,7 @@ def test_the_data_of_our_checks_is_of_one_piece(name):
     check = OWN[name]
     assert set(check.needs) <= set(check.siblings)
     assert not set(check.channels) & set(check.reads_also)
-    for each in ("phenomenon", "asks", "formula", "citation", "metric", "bound"):
+    for each in ("phenomenon", "formula", "citation", "metric"):
         assert getattr(check, each)
     assert check.needs_closed_form == (name == "closed-form")
     lacking = check(Runs(recording()), Scene(model=star()))

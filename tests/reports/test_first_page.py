@@ -113,7 +113,7 @@ def test_the_first_page_tells_what_ran_and_what_was_found(pages):
 
 
 def test_each_case_has_a_page_with_a_place_for_each_verdict_and_every_link_leads_somewhere(pages, results):
-    assert set(pages) == {"index.html", *(case_file(run.suite, run.case) for run in results.runs)}
+    assert set(pages) == {"index.html", "checks.html", *(case_file(run.suite, run.case) for run in results.runs)}
     for each in results.verdicts:
         page = pages[case_file(each.suite, each.case)]
         assert anchor(each.renderer, each.check) in page.ids

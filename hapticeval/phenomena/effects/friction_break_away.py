@@ -94,21 +94,12 @@ def _widest(values: Array) -> Array:
 CHECK = Check(
     id="friction-break-away",
     phenomenon="none of the six: static friction, thesis 4.3.3",
-    asks="Is a tool that sticks held until the force along the surface reaches mu_s times that across it?",
     formula="|F_t| >= mu_s F_n - 2 K |dx| - mu_s |dF_n| in the tick before a tool that sticks begins to slide",
     citation="thesis (4.18), (4.19), Figure 4.9",
     channels=("hip", "ihip", "force"),
     reads_also=("velocity",),
     metric="what the force along the surface lacks of mu_s F_n when the tool begins to slide, as a share of it",
     unit="",
-    bound=(
-        "A tool slides when mu_s F_n is exceeded where the hand is now (4.18). In the tick before the hand was a step "
-        "dx less far, or its nearest point on the surface, and for a lag between ticks two, so that 2 K |dx| may be "
-        "lacking; mu_s times what the press changes in a tick; and what the scene's dampers may give. The largest "
-        "share within three ticks counts, for force and IHIP may be late. A tool has stuck when it rested for five "
-        "ticks, and was pulled by less than 0.6 mu_k F_n (or the scene's `stick`). At corners, and where more is open "
-        "than a tenth, or half of what mu_k lacks of mu_s, nothing is judged."
-    ),
     judge=judge,
     effects=(FRICTION,),
 )

@@ -43,20 +43,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 CHECK = Check(
     id="friction-cone",
     phenomenon="none of the six: static friction, thesis 4.3.3",
-    asks="Is the force along the surface never more than the friction can hold?",
     formula="|F_t| <= mu_s F_n at every tick, with F_n = n.F at the IHIP and F_t = F - F_n n",
     citation="thesis (4.17)-(4.19), Figure 4.9",
     channels=("hip", "ihip", "force"),
     reads_also=("velocity",),
     metric="force along the surface as a share of mu_s times that across it",
     unit="",
-    bound=(
-        "One, and 1e-12 of it. Friction is a cone, whatever the hand does. Of the force along the surface is taken off "
-        "what the scene's dampers may give, (K_d + b) |v_t|, and 8 roundings of K times the largest coordinate, of "
-        "double numbers, or of single ones where every IHIP is one. Ticks with a force above the floor count. At a "
-        "corner F_t is what is beyond the fan of the normals that meet there. A tool that is pulled along by less than "
-        "a tenth of the cone throughout shows nothing."
-    ),
     judge=judge,
     effects=(FRICTION,),
 )

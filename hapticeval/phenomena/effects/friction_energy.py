@@ -62,22 +62,12 @@ def _judge(base: Recording, scene: Scene) -> Finding:
 CHECK = Check(
     id="friction-energy",
     phenomenon="none of the six: friction takes energy, and gives none",
-    asks="Does the hand get no more than holding the force of a spring for a tick gives?",
     formula="sum of F . dx <= K sum of |dx|^2 / 2 since free space, at every tick",
     citation="thesis 2.6.1, 4.3.3",
     channels=("hip", "ihip", "force"),
     reads_also=("velocity",),
     metric="work that the hand has got since free space",
     unit="J",
-    bound=(
-        "With the tool at s a spring stores S = K |s - HIP|^2 / 2, and a force that is held over dx gives exactly "
-        "S(before) - S(after) + K |dx|^2 / 2. A tool that moves towards the hand takes energy out, and in free space "
-        "S = 0: so the sum is at most K sum of |dx|^2 / 2, at any sampling rate and with no fitting. To that come "
-        "single precision of force times way; the scene's dampers, held, (K_d + b) / dt sum of |dx[i]| |dx[i-1]|; and"
-        " across the surface |dF_n| |dx_n| in ticks where the law is steeper there than K, by a thousandth or more. "
-        "The row that is furthest beyond counts. A force that is up to three ticks late is held against the HIP of "
-        "then."
-    ),
     judge=judge,
     effects=(FRICTION, VISCOUS_FRICTION),
 )

@@ -94,7 +94,6 @@ def _law(base: Recording, load: Load, scene: Scene) -> Callable[[float, int], Ar
 CHECK = Check(
     id="friction-force",
     phenomenon="none of the six: friction, thesis 4.3.3",
-    asks="Is the force along the surface that of viscous or LuGre friction, in every tick?",
     formula="F_t = -b v_t, or -(sigma0 z + sigma1 z' + sigma2 v) with z' = v - sigma0 |v| z / g(v)",
     citation="thesis 4.3.3; Canudas de Wit et al. 1995",
     channels=("hip", "ihip", "force"),
@@ -102,13 +101,6 @@ CHECK = Check(
     siblings={Sibling.WITHOUT: "the same path in the scene without the friction"},
     metric="force along the surface off that of the law",
     unit="N",
-    bound=(
-        "The law for the recorded velocity and normal force, less what the renderer has along the surface on the same "
-        "path without friction. Bristles bend exactly for a speed that is held; allowed is what the law differs by "
-        "where the speed goes straight from tick to tick, in eighths of a tick, and rounding. One lag a run of up to "
-        "three ticks is granted, and for one between ticks half of the law's widest second difference beside it. Work "
-        "over laps does not show sigma1: what it adds after a turn it takes back."
-    ),
     judge=judge,
     effects=(VISCOUS_FRICTION, LUGRE),
     not_with=(FRICTION,),

@@ -76,21 +76,12 @@ def _curvature(shape: Array) -> tuple[Array, Array]:
 CHECK = Check(
     id="friction-sliding",
     phenomenon="none of the six: kinetic friction, thesis 4.3.3",
-    asks="Does a tool that slides feel mu_k times the normal force, against its motion?",
     formula="F_t = -mu_k F_n ds/|ds| at every tick in which the IHIP moves by ds along the surface",
     citation="thesis (4.20), Figure 4.9",
     channels=("hip", "ihip", "force"),
     reads_also=("velocity",),
     metric="what F_t is off mu_k F_n against the motion, as a share of it",
     unit="",
-    bound=(
-        "After a slide the hand is at the edge of the kinetic cone (4.20), pulled back along the way. On a surface in"
-        " space the normal at the tool turns aside from that way by half the difference of the principal curvatures "
-        "times the lag L = |ds| + (F_t + F_n) / K, and in second order by (W L)^2. Beside that 1e-9, 8 roundings of "
-        "the largest coordinate over |ds|, and what the scene's dampers may give. Ticks where that is more than a "
-        "tenth, and those in which the tool passes a corner, are not judged. Force or IHIP may be up to three "
-        "ticks late."
-    ),
     judge=judge,
     effects=(FRICTION,),
 )

@@ -56,19 +56,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 CHECK = Check(
     id="friction-sticking",
     phenomenon="none of the six: static friction, thesis 4.3.3",
-    asks="Does a tool that sticks stay where it is?",
     formula="|ihip(t) - ihip(t0)| <= 1 um in 10 s while |F_t| <= 0.6 mu_k F_n",
     citation="thesis (4.18), (4.19)",
     channels=("hip", "ihip", "force"),
     reads_also=("velocity",),
     metric="how fast the IHIP creeps while it is held",
     unit="m/s",
-    bound=(
-        "1 um in 10 s, which is the resolution of a good encoder, and a thousandth of what a friction that needs a "
-        "speed to have a force makes: F_t = mu F_n tanh(v / v_0) creeps at 0.6 v_0 or more at 0.6 of the limit, with "
-        "v_0 above mu F_n dt / (2 m), which its explicit step needs. Stretches count that last a second or longer, "
-        "with a force along the surface of a tenth to 0.6 of the kinetic cone: within that a tool sticks by any rule."
-    ),
     judge=judge,
     effects=(FRICTION,),
 )

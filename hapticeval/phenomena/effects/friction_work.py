@@ -151,24 +151,12 @@ def bristles(law: LuGre, load: Load, dt: float, parts: int) -> Array:
 CHECK = Check(
     id="friction-work",
     phenomenon="none of the six: friction, thesis 4.3.3",
-    asks="Does the hand put as much work into a closed lap as the friction takes?",
     formula="-sum of F . dx = sum of mu_k F_n |ds| + K ds.(ds - dx) / 2 over a lap; b v_t . dx; or that of LuGre's F_t",
     citation="thesis (4.20)",
     channels=("hip", "ihip", "force"),
     reads_also=("velocity",),
     metric="work of the hand less that of the friction's law, as a share of it",
     unit="",
-    bound=(
-        "A tenth of a per cent. Over a lap on the same points a frictionless renderer takes nothing, and what the "
-        "spring stores is the same but for K^-1 F^2 / 2 of a tool that lags otherwise. Dry friction takes mu_k F_n "
-        "over each slip ds of the IHIP, and in a jump that begins at mu_s the spring's fall, K ds.(ds - dx) / 2, with"
-        " trapezoids on both sides: exact for a spring from IHIP to HIP, at any sampling rate. Where the law across "
-        "the surface is another, its difference from that spring, K (ihip - hip) - F, times ds comes off. On a plane,"
-        " pressed to d and led A cos, that is 4 mu K d (A - mu d) a cycle for mu_s = mu_k. Viscous friction takes b "
-        "v_t . dx. LuGre's law is solved for the recorded velocity and normal force, in eighths of a tick, exactly "
-        "for a speed that is held; what that differs by from whole ticks is allowed. The lap after the first that is "
-        "furthest off counts. Answers up to three ticks late, both or one of them, are held against the HIP of then."
-    ),
     judge=judge,
     effects=(FRICTION, VISCOUS_FRICTION, LUGRE),
 )

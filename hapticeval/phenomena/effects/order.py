@@ -88,7 +88,6 @@ def _vibrated(base: Recording, plain: Recording, scene: Scene) -> tuple[Array, A
 CHECK = Check(
     id="effects-order",
     phenomenon="none of the six: effects of the surface, thesis 4.3",
-    asks="Does friction work on a shaded or turned normal, and a texture's vibration on what friction has made?",
     formula="F = F without friction + K (s - p); F - F without texture along the texture's direction, and s the same",
     citation="thesis 4.3",
     channels=("hip", "ihip", "force"),
@@ -99,12 +98,5 @@ CHECK = Check(
     effects=(FRICTION,),
     metric="force off what the later effect makes of the earlier one's answer",
     unit="N",
-    bound=(
-        "Effects act in the catalogue's order: shading and bump map, then friction, then vibrations. Friction adds "
-        "K (s - p) to the force without it, p being the IHIP without it and s that with it; a bump map that comes last "
-        "turns what friction adds too, and at s. Vibrations along the normal that come before friction load its cone, "
-        "and show along the surface. Single precision of the force and of K times the coordinates is allowed, and the "
-        "force floor. Force and IHIP may be three ticks apart, the same throughout."
-    ),
     judge=judge,
 )

@@ -250,7 +250,6 @@ def _compared(
 CHECK = Check(
     id="texture-relief",
     phenomenon="none of the six: height and bump maps, thesis 4.3.2",
-    asks="Are force and IHIP in every tick those that the relief makes of the path?",
     formula="F = K (d + h)(n - (I - d W)^-1 grad h), IHIP = foot + h n; a bump map: F_n along unit(n - grad h)",
     citation="thesis 4.3.2, (4.16)",
     channels=("hip", "ihip", "force"),
@@ -258,13 +257,5 @@ CHECK = Check(
     effects=(HEIGHT, BUMP),
     metric="force off that of the relief",
     unit="N",
-    bound=(
-        "The law at the HIP of one lag a run and channel, up to three ticks. Allowed is what the law changes by over "
-        "the places that the HIP may be at: single precision of its coordinates, declared standoff and resolution, and "
-        "the way since the IHIP last moved, with K (1 + h'^2 + (d + h)(h'' + kappa)) for a force; for a lag between "
-        "ticks half of the widest second difference of HIP and law within three ticks. What the renderer's own force "
-        "on that path has beside the spring K d n is kept. Ticks at which a tenth of the relief's largest share is "
-        "open are not judged."
-    ),
     judge=judge,
 )

@@ -200,16 +200,9 @@ WITHOUT = {Sibling.WITHOUT: "the same path in the scene without shading"}
 NEEDS = {
     Sibling.WITHOUT: undecided("the force without shading is not known: the hand is not led along a path that we give")
 }
-HELD_AGAINST = (
-    "Held against the force that the renderer gives on the same path in the scene without shading, turned as the "
-    "normal is turned: at a vertex the unit normal halfway between its facets', unless the edge turns by more than the "
-    "scene's crease; along a facet unit(sum of a_i n_i) at the IHIP. Not asked in a scene with other effects of the "
-    "surface. "
-)
 DIRECTION = Check(
     id="shading-direction",
     phenomenon="none of the six: force shading, thesis 4.3.1",
-    asks="Does the force turn from facet to facet without a jump?",
     formula="angle(F[i], F[i+1]) <= 2 max over i +- 3 of angle(n_e[j], n_e[j+1]), n_e = unit(sum of a_i n_i)",
     citation="thesis (4.15)",
     channels=("hip", "ihip", "force"),
@@ -218,20 +211,11 @@ DIRECTION = Check(
     effects=(SHADING,),
     metric="turn of the force from a tick to the next",
     unit="rad",
-    bound=HELD_AGAINST
-    + (
-        "Between two ticks that turns by less than 2 tan(w / 2) / L of the IHIP's way, with w what the normals at both "
-        "ends of a facet of length L differ by, and by as much as the IHIP leaps. Allowed is twice the largest such "
-        "turn within three ticks, the lag that is granted: vertex normals of other weights turn along a facet by all "
-        "that its two edges turn, ours by half of that. Single precision comes on top, 4 * 2^-23 of the force and of K "
-        "times the coordinates. It is inconclusive where an unshaded force would not turn by more than that either."
-    ),
     judge=judge_direction,
 )
 MAGNITUDE = Check(
     id="shading-magnitude",
     phenomenon="none of the six: force shading, thesis 4.3.1",
-    asks="Is the shaded force as large as the force without shading?",
     formula="|F| = |F without shading| at every tick: |n_e| = 1",
     citation="thesis (4.15), renormalised",
     channels=("hip", "ihip", "force"),
@@ -240,18 +224,11 @@ MAGNITUDE = Check(
     effects=(SHADING,),
     metric="force less that without shading, as a share of it",
     unit="",
-    bound=HELD_AGAINST
-    + (
-        "A turn changes no length, so that nothing is allowed but single precision, 4 * 2^-23 of the force and of K "
-        "times the coordinates. (4.15) as it is printed, without renormalising, is cos(pi/n) in the middle of a facet "
-        "of an n-gon: 7.6 % soft for n = 8 and .31 % for n = 40. Ticks at which rounding is a tenth are not judged."
-    ),
     judge=judge_magnitude,
 )
 WORK = Check(
     id="shading-work",
     phenomenon="none of the six: what force shading gives to the hand, thesis 4.3.1",
-    asks="How much energy does shading give the hand round this loop, and is it as much as that of unit normals?",
     formula="W = sum of F.dx once round = K (d2 - d1)(L/2) tan(theta/2) - K/2 (d2^2 - d1^2)(1 - cos theta), by path",
     citation="thesis 4.3.1, (4.15)",
     channels=("hip", "ihip", "force"),
@@ -260,14 +237,6 @@ WORK = Check(
     effects=(SHADING,),
     metric="work once round a loop less that of interpolated unit normals",
     unit="J",
-    bound=HELD_AGAINST
-    + (
-        "Shading is not passive: from the middle of a facet of length L to its end at depth d1, down to d2 and back, "
-        "the hand gets or gives the formula's work, theta being half of what the edge turns (n-gon: pi/n). The check "
-        "sums both forces by the trapezoid over each closed lap after the first, so that its error cancels; single "
-        "precision of the force times the way is allowed. A pass says what shading gives or takes there, and that it "
-        "is what unit normals make of it."
-    ),
     judge=judge_work,
 )
 CHECKS = (DIRECTION, MAGNITUDE, WORK)

@@ -358,60 +358,29 @@ SHARED = {
 }
 SPECTRUM = Check(
     id="texture-spectrum",
-    asks="Do the vibrations have the spectrum that the texture has at that speed and force?",
     formula="rms over bins of 10 lg(P / E P) with P of Welch's method, windows of 256 samples",
     metric="rms error of the spectrum",
-    bound=MADE
-    + (
-        "E P is the texture's spectrum as the window smears it: the transform of its covariance times the window's own "
-        "correlation. The bound is the 99.9 % quantile of the error of a right texture: a bin's power over K windows "
-        "that overlap by half has the variance 1.06 / K of its mean squared, and 126 bins, of which neighbours "
-        "correlate by 4/9, the freedom of 90: .63 dB for 10 s at 1 kHz, where 1 dB too much throughout is 1.12 dB. "
-        "Inconclusive where chance makes 1 dB: under 4 s of steady speed and force."
-    ),
     judge=judge_spectrum,
     **SHARED,  # type: ignore[arg-type]
 )
 STATIONARY = Check(
     id="texture-stationary",
-    asks="Do the vibrations stay as strong as they are while speed and force do?",
     formula="max over eighths i of |10 lg(P_i / mean P)|, P the mean square",
     metric="power of an eighth against the mean",
-    bound=MADE
-    + (
-        "The mean square of m samples with covariance r has the variance 2 / m sum of (r_k / r_0)^2 of its mean "
-        "squared, and nearly a gamma distribution: the bound is its quantile that one of eight exceeds on either side "
-        "in one run of a thousand."
-    ),
     judge=judge_stationary,
     **SHARED,  # type: ignore[arg-type]
 )
 AMPLITUDE = Check(
     id="texture-amplitude",
-    asks="Do the vibrations grow with speed and force as those of the texture do?",
     formula="max over stretches j of |e_j - mean e|, e_j = 10 lg(P_j / r_0 of the texture at v_j and F_j)",
     metric="power of a stretch against the others",
-    bound=MADE
-    + (
-        "A level that is off throughout is the spectrum's; here stretches of 1.5 s or more are compared with each "
-        "other. The bound is the quantile that one of them exceeds in one run of a thousand, by the variance of their "
-        "mean squares. Inconclusive unless the texture makes 3 dB of difference between them."
-    ),
     judge=judge_amplitude,
     **SHARED,  # type: ignore[arg-type]
 )
 REST = Check(
     id="texture-rest",
-    asks="Does the texture leave a hand in peace that rests?",
     formula="|F - F without the texture| <= (1 + c t) e^(-c t) max of it while the hand moves, at t = .25 s",
     metric="vibration of a hand that rests",
-    bound=(
-        "What is left a quarter of a second after the hand has stopped. A low-pass of 10 Hz, the slowest that is "
-        "granted, has e^(-2 pi 10 t) of the speed, to which the variance is proportional, and the vibration the root "
-        "of it; and the filters then ring with r^n, r being the largest radius of their poles: in series at most "
-        "(1 + c t) e^(-c t), with c the slower of both rates. Single precision of the force and of K times the "
-        "coordinates comes on top. Undecided where that is a tenth, or the texture shakes a hand at rest."
-    ),
     judge=judge_rest,
     **(SHARED | {"unit": "N"}),  # type: ignore[arg-type]
 )

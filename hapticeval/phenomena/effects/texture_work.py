@@ -77,7 +77,6 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 CHECK = Check(
     id="texture-work",
     phenomenon="none of the six: what a relief of the surface gives to the hand, thesis 4.3.2",
-    asks="Does a lap along the relief, and in and out of it, give the hand no work?",
     formula="W = sum of F.dx over a closed lap <= 0 as h -> 0; of a potential U = K (d + h)^2 / 2 it is 0",
     citation="thesis 4.3.2, (4.16)",
     channels=("hip", "force"),
@@ -86,16 +85,5 @@ CHECK = Check(
     effects=(HEIGHT, BUMP),
     metric="work that the hand gets in a lap",
     unit="J",
-    bound=(
-        "The lap after the first, in contact throughout, in which the hand gains most; the work is the trapezoid's at "
-        "four times the base rate, and at more while that does not decide. Allowed is what is open: the last change "
-        "with the rate, which is all of what a late renderer seems to give; the trapezoid's error, (1/2) sum of "
-        "|(F[i-1] - 2 F[i] + F[i+1]) . dx|; and single precision. It passes where that is at most a thousandth of "
-        "what crosses. A relief along which only the normal is turned, as (4.16) has it, is no potential: between "
-        "depths d1 and d2, a quarter of a wave long, K (d2 - d1)(wavelength / 2 pi) atan a - K/2 (d2^2 - d1^2)"
-        "(1 - cos atan a) with a = 2 pi amplitude / wavelength, .0106 mJ for 20 um every .5 mm. What that gives is "
-        "shown, at level info, for it is what is in print. Without 1 / (1 - kappa d) a height map on a circle of 20 mm "
-        "gives .004 mJ."
-    ),
     judge=judge,
 )

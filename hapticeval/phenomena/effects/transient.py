@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, SENSOR_NOISE, SURE, TELLS
+from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, TELLS
 from hapticeval.phenomena.effects.vibration import fit
 from hapticeval.phenomena.sampling import evidence_at, force_floor, touching
 from hapticeval.phenomena.sampling import rounding as rounding_of
@@ -262,14 +262,9 @@ NEEDS = {
         "the force without the effect is not known: the hand is not led along a path that we give"
     )
 }
-ADDED = (
-    "What is added is the force less that which the renderer gives on the same path in the scene without the effect; a "
-    "contact begins in the first tick in which that renderer touches. "
-)
 ONSET = Check(
     id="transient-onset",
     phenomenon="none of the six: what a contact starts, thesis 3.2.2 and 4.3.4",
-    asks="Does each contact start its impulse or vibration at once, and nothing without a contact?",
     formula="first tick with a force added - first tick of contact <= 1, and none added in free space",
     citation="thesis 4.3.4",
     channels=("hip", "ihip", "force"),
@@ -279,17 +274,11 @@ ONSET = Check(
     effects=KINDS,
     metric="ticks from the contact to the force that it adds",
     unit="ticks",
-    bound=ADDED
-    + (
-        "One tick: a renderer may find the contact in a tick and answer it in the next, and the first sample of a "
-        "sinusoid taken at the tick is zero. In free space what is added stays below the force floor."
-    ),
     judge=partial(judge_each, judge_onset, KINDS),
 )
 TOTAL = Check(
     id="transient-impulse",
     phenomenon="none of the six: what a contact starts, thesis 3.2.2 and 4.3.4",
-    asks="Is each contact given the impulse that its effect has, along the normal and once?",
     formula=(
         "sum of F dt = (1 + c_r) v / (n' J M^-1 J' n), or L v w / (B^2 + w^2) over 21/B s, or that of the pulse; "
         "|F| <= cap"
@@ -302,21 +291,11 @@ TOTAL = Check(
     effects=KINDS,
     metric="impulse less the effect's",
     unit="N s",
-    bound=ADDED
-    + (
-        "1e-9 of the impulse: after 21 decay times a vibration still has e^-21 = 7.6e-10 of it to give, and a held "
-        "force whose ticks are means has the integral of what it stands for exactly. Samples taken at the ticks have "
-        "not: at 1 kHz 3.4 % are lost of 100 Hz and 31.6 % of 300 Hz with B = 90 1/s. Rounding of both forces comes on "
-        "top, four spacings of double numbers, or of single ones where every force is one. What is added along the "
-        "surface counts as well. With a cap no tick exceeds it, and contacts are judged that last so much longer as "
-        "the cap makes it. A contact that gets its impulse twice has twice as much. Shorter contacts are not judged."
-    ),
     judge=partial(judge_each, judge_impulse, KINDS),
 )
 VIBRATION = Check(
     id="transient-vibration",
     phenomenon="none of the six: how a struck surface rings, thesis 4.3.4",
-    asks="Does a contact ring with the frequency and the decay of its material?",
     formula="F = L v e^(-Bt) sin(2 pi f t + p): B and f of the least squares fit, with 99 % confidence",
     citation="thesis 4.3.4",
     channels=("hip", "ihip", "force"),
@@ -326,14 +305,6 @@ VIBRATION = Check(
     effects=(RINGING,),
     metric="frequency or decay less the scene's, as a share of it",
     unit="",
-    bound=ADDED
-    + (
-        f"The half width of the fit's {SURE:.0%} confidence interval: with J the derivative of the model by a, b, B "
-        "and w at the ticks, the covariance is s^2 (J'J)^-1, s being the residual's, and no less than "
-        f"{SENSOR_NOISE:.1%} of the peak: what a sensor leaves. Means over ticks of a decaying sinusoid, and samples "
-        "of it, are decaying sinusoids of the same B and f, so that either way of taking them is judged alike, and a "
-        "late start is a phase. The worse of the two is shown. A fit that leaves a tenth open decides nothing."
-    ),
     judge=partial(judge_each, judge_vibration, (RINGING,)),
 )
 CHECKS = (ONSET, TOTAL, VIBRATION)

@@ -1,0 +1,1 @@
+"""The page of each check, in Markdown: `hapticeval explain` and the report read them."""

@@ -1,0 +1,87 @@
+"""Every check has its page, in plain sentences, and what is printed of it is what stands there."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from statistics import mean
+
+import pytest
+
+from hapticeval.errors import InputError
+from hapticeval.phenomena.pages import parse_page, read_page
+from hapticeval.phenomena.registry import OWN
+
+FOLDER = Path(__file__).parents[2] / "docs" / "checks"
+HEADINGS = ["Bound", "What it does not see", "When it fails"]
+TOY = "# toy\n\nIs it *weak*,\nas `toys` are?\n\n## Bound\n\nHalf a [newton](x.md).\n\nNo more.\n\n- derivation\n"
+
+
+def sentences(text: str) -> list[list[str]]:
+    """Split a page into sentences and items, as lists of words; a formula or a name in back quotes is a word."""
+    plain = re.sub(r"^#.*$", "", re.sub(r"`[^`]*`", "x", text), flags=re.MULTILINE)
+    parts = re.split(r"(?<=[.?:!;])\s|\n[-\d]|\n\n", plain)
+    return [words for part in parts if (words := part.split())]
+
+
+def test_every_check_has_a_page_and_every_page_a_check() -> None:
+    assert {file.stem for file in FOLDER.glob("*.md")} == set(OWN)
+
+
+@pytest.mark.parametrize("check", OWN)
+def test_a_page_has_the_parts_that_a_reader_looks_for(check: str) -> None:
+    text = (FOLDER / f"{check}.md").read_text(encoding="utf-8")
+    page = read_page(OWN[check])
+    assert text.startswith(f"# {check}\n\n{page.question[:10]}")
+    assert re.findall(r"^## (.+)$", text, re.MULTILINE) == HEADINGS
+    assert page.question.endswith("?")
+    assert page.first_cause
+    assert page.text == text
+
+
+@pytest.mark.parametrize("check", OWN)
+def test_the_bound_is_said_in_a_few_lines_and_every_sentence_is_short(check: str) -> None:
+    page = read_page(OWN[check])
+    assert len(page.bound.split()) <= 65
+    assert max(map(len, sentences(page.text))) <= 40
+    assert mean(map(len, sentences(page.text))) <= 20
+
+
+@pytest.mark.parametrize("check", OWN)
+def test_a_page_names_checks_and_pages_that_exist(check: str) -> None:
+    text = (FOLDER / f"{check}.md").read_text(encoding="utf-8")
+    assert all((FOLDER / link).is_file() for link in re.findall(r"\]\(([^)]+\.md)\)", text))
+    prefixes = ("shading-", "texture-", "friction-", "transient-", "contact-normal", "broken-", "abrupt-")
+    named = set(re.findall(r"`([a-z]+(?:-[a-z]+)+)`", text))
+    assert {name for name in named if name.startswith(prefixes)} <= set(OWN)
+
+
+def test_a_page_is_read_as_plain_text() -> None:
+    page = parse_page(TOY + "\n## When it fails\n\n1. **Heavy.** Take `less`.\n2. Other.\n")
+    assert page.question == "Is it weak, as toys are?"
+    assert page.bound == "Half a newton. No more."
+    assert page.first_cause == "Heavy. Take less."
+
+
+def test_a_page_may_list_no_causes() -> None:
+    assert parse_page(TOY).first_cause == ""
+
+
+@pytest.mark.parametrize(
+    "text", ["", "# toy\n", "# toy\n\nIs it weak?\n", "## Bound\n\nHalf.\n", TOY.replace("## B", "## b")]
+)
+def test_a_page_without_a_question_or_a_bound_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="begins with its question"):
+        parse_page(text)
+
+
+def test_a_check_without_a_page_is_refused_by_name() -> None:
+    check = replace(OWN["drift"], id="no-such-check")
+    with pytest.raises(InputError, match="'no-such-check' has no page") as refusal:
+        read_page(check)
+    assert "page=" in str(refusal.value.todo)
+
+
+def test_a_check_of_another_package_brings_its_page() -> None:
+    assert read_page(replace(OWN["drift"], id="toy", page=TOY)).question == "Is it weak, as toys are?"
