@@ -13,7 +13,7 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import LAG_TICKS, STATIC_SHARE, TELLS
-from hapticeval.phenomena.lag import at_rows, least_misfit, rests
+from hapticeval.phenomena.lag import at_rows, find_lag, rests
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     believed_standoff,
@@ -185,24 +185,14 @@ def _answered(recording: Recording, strong: IntArray, lag: float) -> Array:
 def _lag(
     recording: Recording, scene: Scene, strong: IntArray, off: Callable[[Array], Array], rounded: Array
 ) -> float | None:
-    """Return the one lag of the IHIP, ticks, that its positions show where forces ask for one; None where none does.
+    """Return the one lag of the run's IHIPs, ticks, where forces ask for one; None where none does.
 
-    It is the one with which the ways from these IHIPs to the HIPs that they answer come nearest to the normals, whole
-    or between ticks. A tangential force beside an IHIP that is not late has none, and one that a latency explains which
-    changes from tick to tick is not explained by one.
+    A tangential force beside an IHIP that is not late asks for none.
     """
     depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
     asks = np.flatnonzero((_deviation(recording, scene, strong, off, None) > rounded) & (depth > force_depth(scene)))
     present = _angles(recording.ihip[strong] - recording.hip[strong], scene, off)
-    if not np.any(present[asks] > rounded[asks]):
-        return None
-
-    def excess(lag: float) -> float:
-        errors = recording.ihip[strong] - _answered(recording, strong, lag)
-        beyond = _angles(errors, scene, off) - rounded - _between(recording, strong, lag)
-        return float(np.max(beyond[asks]))
-
-    return least_misfit(excess)
+    return find_lag(recording, scene).ihip if np.any(present[asks] > rounded[asks]) else None
 
 
 def _between(recording: Recording, strong: IntArray, lag: float | None) -> Array:

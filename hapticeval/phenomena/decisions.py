@@ -44,8 +44,8 @@ COARSE_STEPS = 4 * LAG_TICKS
 misfit falls towards its lag over a whole tick, since the hand's way is straight from row to row."""
 
 HALVINGS = 40
-"""Times that the bracket of half a tick is narrowed by the golden section: to 2e-9 of a tick, where `float` ends.
-Derived; doubled, nothing changes."""
+"""Times that the bracket of half a tick is narrowed by the golden section: to 2e-9 of a tick, a thousandth
+of what any bound can tell. *Chosen*; doubled, no lag changes by more than that."""
 
 MOST_ROWS = 4096
 """Rows, spread over all, in which a lag is looked for: *chosen*, for time. With twice as many it is the same number."""
@@ -166,6 +166,11 @@ stiffness would be a warning only."""
 UNDECLARED = ((1.0 + TELLS) / FACTOR, FACTOR * (1.0 - TELLS))
 """Shares of the scene's stiffness within which it is not off by `FACTOR`: a tenth is not told apart, so that one who is
 off by just that much fails. Derived; it doubles with that."""
+
+WIDE_RANGE = 16.0
+"""A declared stiffness whose largest is so many times its least leaves next to nothing of the size to be asked for, and
+a message says so; nor does it say what holding the force may give at the scene's own rate. *Chosen*: the square of what
+is a factor of four. Doubled, a range from 0.2 to 6 counts as one that says something."""
 
 SPIKES = 0.1
 """Ticks that are off are spikes up to this share of all: more of them are what the renderer does as a rule. *Chosen*,
@@ -448,13 +453,10 @@ and answer in the next, and the first sample of a sinusoid is zero. Derived; dou
 
 # effects: vibration
 
-SURE = 0.99
-"""Probability with which the true number lies within what a fit leaves open. *Chosen*: with a chance twice as large of
-being beyond, 98 per cent, a tenth less is open, and twice as many right ones fail."""
-
 WIDTHS = 2.5758293035489004
-"""Standard deviations to either side that hold the share `SURE` of a normal distribution. Derived; doubled, twice as
-much is open, and chance goes beyond it once in four million."""
+"""Standard deviations to either side that hold 99 per cent of a normal distribution: the true number lies within what a
+fit leaves open with that probability. *Chosen*: doubled, twice as much is open, and chance goes beyond it once in four
+million."""
 
 SENSOR_NOISE = 1e-3
 """Least noise of a force, as a share of its peak: what a sensor leaves. *Chosen*: doubled, twice as much is open of a

@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import HALF, LAG_TICKS, MANY, SOME, SPIKES, TELLS, UNDECLARED
+from hapticeval.phenomena.decisions import HALF, LAG_TICKS, MANY, SOME, SPIKES, TELLS, UNDECLARED, WIDE_RANGE
 from hapticeval.phenomena.lag import at_rows, find_lag
 from hapticeval.phenomena.sampling import (
     above_force_floor,
@@ -71,7 +71,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     declared = base.meta.get("spring")
     if lacks_ihip(base, scene):
         return _without_ihip(base, scene)
-    level = Level.MUST if declared is not None and _promised(base) is None else Level.SHOULD
+    level = Level.MUST if declared is not None and declared_range(base) is None else Level.SHOULD
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
     if not depths[above_force_floor(base, scene)].any():
         message = "a rigid contact: its force comes without a depth, and has no stiffness that could be measured"
@@ -79,17 +79,28 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     springs = tuple(Spring) if declared is None else (Spring(declared),)
     measured = [_measure(base, scene, spring) for spring in springs]
     # One who does not declare a law is measured by the one that fits better.
-    return _finding(base, scene, min(measured, key=lambda stiffness: _misfit(stiffness, base)), level)
+    finding = _finding(base, scene, min(measured, key=lambda stiffness: _misfit(stiffness, base)), level)
+    if not declares_wide_range(base):
+        return finding
+    least, largest = declared_range(base) or (1.0, 1.0)
+    declares = f"it declares a stiffness from {least:.3g} to {largest:.3g} of the scene's, which asks next to nothing"
+    return replace(finding, message=f"{finding.message}; {declares}")
 
 
-def _promised(base: Recording) -> tuple[float, float] | None:
+def declared_range(base: Recording) -> tuple[float, float] | None:
     """Return the least and largest stiffness that the renderer declares, as shares of the scene's; None without."""
     least = base.meta.get("stiffness_least")
     return None if least is None else (float(least), float(base.meta.get("stiffness_largest", np.inf)))
 
 
+def declares_wide_range(base: Recording) -> bool:
+    """Return whether the declared stiffness varies by so much that it says next to nothing of the force's size."""
+    least, largest = declared_range(base) or (1.0, 1.0)
+    return largest > WIDE_RANGE * least
+
+
 def _misfit(measured: Measured, base: Recording) -> tuple[float, bool, float, float]:
-    coarse = float(measured.beyond(_promised(base) or UNDECLARED, measured.most).max(initial=0.0))
+    coarse = float(measured.beyond(declared_range(base) or UNDECLARED, measured.most).max(initial=0.0))
     clear = measured.rows(measured.allowed <= TELLS)
     off = clear.excess > 0.0
     fine = float(off.mean()) if off.size else 0.0, float(clear.excess.max(initial=0.0))
@@ -257,7 +268,7 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
 
 def _finding(base: Recording, scene: Scene, measured: Measured, level: Level) -> Finding:
     """Judge by the must first, over all samples, and then to what is allowed where that is little."""
-    shares = _promised(base) or UNDECLARED
+    shares = declared_range(base) or UNDECLARED
     beyond = measured.beyond(shares, measured.most)
     if any(effect.stage is Stage.ANSWER for effect in scene.effects):
         level = Level.SHOULD  # what is called for beside the spring changes the force by a law of its own

@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.decisions import CLOSED, FINER_RATES, LAG_TICKS, RIGID, SETTLES, TELLS, UNDECLARED
-from hapticeval.phenomena.force_magnitude import most_beside
+from hapticeval.phenomena.force_magnitude import declared_range, declares_wide_range, most_beside
 from hapticeval.phenomena.lag import find_lag, rests
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
@@ -230,18 +230,24 @@ def explained(base: Recording, scene: Scene, lag: float) -> Array:
     Let F = -K (x - p) with an IHIP p that is nowhere led against the hand, dp . dx >= 0, as no nearest point is. Held
     for a tick, F . dx is the work of its law and at most (K/2) |dx|^2 more, for at s of the way it has changed by
     (F(s) - F) . dx >= -K s |dx|^2. Each tick of lag adds K |dx|^2. A force G beside it adds (1/2 + lag) |dG| |dx|: that
-    of a damper, and of what the curvature asks for, is as large as it may be at most.
+    of a damper, and of what the curvature asks for, is as large as it may be at most. A stiffness that is declared to
+    vary changes the force by |dK| |x - p| as well, with K within its range.
     """
     error, moved = base.hip - base.ihip, np.linalg.norm(np.diff(base.hip, axis=0), axis=1)
     touches = touching(base, scene)
     # As stiff as `force-magnitude` lets it be.
     push, square = -np.sum(base.force * error, axis=1), scene.stiffness * np.sum(error**2, axis=1)
-    share = np.clip(np.divide(push, square, out=np.ones_like(push), where=square > 0.0), 1.0, UNDECLARED[1])
+    declared = declared_range(base)
+    least, largest = declared or (1.0, UNDECLARED[1])
+    share = np.clip(np.divide(push, square, out=np.ones_like(push), where=square > 0.0), least, largest)
     beside = base.force + (scene.stiffness * share)[:, np.newaxis] * error
     most = most_beside(base, scene)
     size = np.linalg.norm(beside, axis=1)
     beside *= np.divide(np.minimum(size, most), size, out=np.zeros_like(size), where=size > 0.0)[:, np.newaxis]
     changed = np.linalg.norm(np.diff(beside, axis=0), axis=1)
+    if declared is not None:
+        depth = np.linalg.norm(error, axis=1)
+        changed += scene.stiffness * np.abs(np.diff(share)) * np.maximum(depth[1:], depth[:-1])
     steps = np.where(touches[1:] | touches[:-1], moved, 0.0)
     stiffness = scene.stiffness * np.maximum(share[1:], share[:-1])
     # The lag reaches back: to the longest of the steps, and the largest change, that it may be made of.
@@ -262,9 +268,9 @@ def _at_own_rate(
 ) -> AtOwnRate | None:
     """Return over what rows the hand gets most beyond what is explained; None where nothing says what is.
 
-    A scene's effects have laws of their own, and a stiffness that varies may have any slope.
+    A scene's effects have laws of their own, and a stiffness that varies by much may have any slope.
     """
-    if scene.effects or "stiffness_least" in base.meta or "ihip" not in base.channels:
+    if scene.effects or declares_wide_range(base) or "ihip" not in base.channels:
         return None
     lag = force_lag(base, scene)
     work, may = sampled.held, explained(base, scene, lag) + _rounding(base, sampled, scene)

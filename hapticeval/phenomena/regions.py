@@ -6,7 +6,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from hapticeval.phenomena.sampling import position_tolerance
+from hapticeval.phenomena.decisions import LAG_TICKS
+from hapticeval.phenomena.sampling import believed_standoff, hip_step
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 
@@ -28,7 +29,8 @@ def region_of(recording: Recording, scene: Scene, tick: int) -> Region:
     As near as a contact point can be placed at all, three HIP steps and the standoff, counts as there; corners are
     those of a model in the plane. The nearest point jumps where it moves farther than that since the tick before.
     """
-    boundary, near = scene.model.boundary, position_tolerance(recording, scene)
+    boundary = scene.model.boundary
+    near = LAG_TICKS * hip_step(recording, scene) + believed_standoff(recording, scene)
     frame = boundary.closest_point(recording.hip[max(tick - 1, 0) : tick + 1])
     if frame.distance[-1] > near:
         return Region.FREE

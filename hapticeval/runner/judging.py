@@ -346,11 +346,7 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     """
     ended = runs.base.meta.get("ended")
     try:
-        finding = CHECKS[check](runs, scene)
-        tick = finding.evidence.get("tick")
-        if finding.outcome is Outcome.FAIL and isinstance(tick, int) and tick < len(runs.base):
-            evidence = {**finding.evidence, "region": region_of(runs.base, scene, tick).value}
-            finding = replace(finding, evidence=evidence)
+        finding = _with_region(CHECKS[check](runs, scene), runs.base, scene)
     except RefusalError as refusal:
         return Finding(Outcome.NOT_APPLICABLE, f"this check cannot be asked here: {refusal.what}, and {refusal.why}")
     except MissingChannelError as lacks:
@@ -369,6 +365,14 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
         return finding
     evidence = {**finding.evidence, "ended": dict(ended)}
     return replace(finding, outcome=Outcome.INCONCLUSIVE, message=_end_of(ended), evidence=evidence)
+
+
+def _with_region(finding: Finding, base: Recording, scene: Scene) -> Finding:
+    """Add to the evidence of a failure in what region of the model it is, where that can be told."""
+    tick = finding.evidence.get("tick")
+    if finding.outcome is not Outcome.FAIL or not isinstance(tick, int) or tick >= len(base):
+        return finding
+    return replace(finding, evidence={**finding.evidence, "region": region_of(base, scene, tick).value})
 
 
 def _end_of(ended: Mapping[str, Any]) -> str:

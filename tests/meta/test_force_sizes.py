@@ -103,6 +103,21 @@ def test_a_range_that_is_declared_is_held():
     assert verdict(narrower, CASES["slide"]).level is Level.MUST
 
 
+@pytest.mark.parametrize(("shares", "outcome"), [((0.5, 1.5), FAIL), ((1e-6, np.inf), PASS)])
+def test_a_kick_of_a_thrown_tool_is_not_declared_away_by_a_range_that_says_something(shares, outcome):
+    """A range that says next to nothing is named as such by `force-magnitude`, which then can only warn."""
+
+    def declaring(scene):
+        renderer = force_sizes.faulty("hard-kick")(scene)
+        renderer.declares = Declaration(stiffness_range=shares)
+        return renderer
+
+    thrown = THESIS["plane-impact"]
+    assert verdict(declaring, thrown, "passivity").outcome is outcome
+    said = verdict(declaring, thrown).finding.message
+    assert ("of the scene's, which asks next to nothing" in said) == (outcome is PASS), said
+
+
 def test_what_the_gradient_declares_is_between_its_softest_and_its_stiffest():
     """Of `homothetic` it is H^2 / h^2: 478 to 1,582 N/m on the Cassinian, as docs/continuous-and-passive.md has it."""
     said = abilities_of(resolve("homothetic")(LOOPS.build_scene())).declares

@@ -158,7 +158,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # A proxy that moves in every second tick only answers the HIP of the tick before while it rests.
     resting = rests(base.ihip) * np.concatenate([[0.0], hip_steps(base)])
     doubt = place + believed_standoff(base, scene) + resolution(base, scene) + resting[rows]
-    judged = [_compared(felt, base, rows, doubt, name, scene) for name in ("force", "ihip")]
+    judged = [
+        _compared(felt, base, rows, doubt, name, scene, turns_answers=relief.kind == BUMP) for name in ("force", "ihip")
+    ]
     if relief.kind == BUMP and judged[1] is None:
         judged = judged[:1]  # the IHIP stays where it is
     if None in judged:
@@ -211,7 +213,14 @@ def beside_straight(values: Array) -> Array:
 
 
 def _compared(
-    felt: Callable[[float], Felt], base: Recording, rows: IntArray, doubt: Array, channel: str, scene: Scene
+    felt: Callable[[float], Felt],
+    base: Recording,
+    rows: IntArray,
+    doubt: Array,
+    channel: str,
+    scene: Scene,
+    *,
+    turns_answers: bool,
 ) -> Off | None:
     """Compare a channel with the law at the one lag that it has; None where the relief is hidden by what is open."""
     recorded = base.channels[channel][rows]
@@ -225,9 +234,10 @@ def _compared(
         return float(np.linalg.norm(recorded - law(lag)[0], axis=1).mean())
 
     exact = float(np.min(doubt)) * (scene.stiffness if channel == "force" else 1.0)
-    later = believed(misfit, exact)
-    earlier = believed(lambda lag: misfit(-lag), exact)
-    lag = later[0] if later[1] <= earlier[1] else -earlier[0]
+    lag, late_misfit = believed(misfit, exact)
+    if turns_answers:  # an IHIP may be recorded later than the force that is made of it
+        early, early_misfit = believed(lambda lag: misfit(-lag), exact)
+        lag = lag if late_misfit <= early_misfit else -early
     right, bare, moves = law(lag)
     if abs(lag - round(lag)) > WHOLE_LAG:  # what is between two ticks may be the HIP, or the answer
         doubt = doubt + beside_straight(base.hip)[rows]

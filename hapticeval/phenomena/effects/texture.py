@@ -230,7 +230,7 @@ def judge_stationary(runs: Runs, scene: Scene) -> Finding:
         off = np.maximum(DECIBELS * np.log(power / power.mean()), -1e3)
     worst = int(np.argmax(np.abs(off)))
     evidence = _told(scene, longest, runs.base) | {"parts_dB": [float(each) for each in off]}
-    part = f"the {('first', 'second', 'third', 'fourth', 'fifth', 'sixth', 'seventh', 'last')[worst]} eighth"
+    part = f"part {worst + 1} of {POWER_PARTS}"
     return compared(
         Metric(STATIONARY.metric, abs(float(off[worst])), "dB"),
         bound,

@@ -25,7 +25,7 @@ def fit(values: Array, dt: float, decay: float, frequency: float) -> Vibration |
     """Fit e^(-Bt)(a cos wt + b sin wt) to `values` (n,), taken every `dt` s; None for too few.
 
     By least squares, from Prony's estimate and from the given numbers: the better of both. What is open is the half
-    width of the interval that holds the true number with probability `SURE`, by the covariance s^2 (J'J)^-1.
+    width of the interval that holds the true number with 99 per cent, by the covariance s^2 (J'J)^-1.
     """
     from scipy.optimize import least_squares
 
