@@ -1,10 +1,10 @@
-"""Recorded verdicts of a suite: outcome and metric of every check of every case, a column a renderer.
+"""Recorded verdicts of a suite: outcome, metric and bound of every check of every case, a column a renderer.
 
 They stand in `SUITE_verdicts.csv` beside this file. Where a change means to change one of them, write all anew with
 
     HAPTICEVAL_PUBLISH=1 .venv/bin/pytest -m '' tests/suites/test_golden.py tests/suites/test_thesis.py -k recorded
 
-and look at the difference.
+and look at the difference. A cell that says the same stays as it is, to the digit.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import csv
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -42,20 +43,67 @@ def publishing() -> bool:
     return bool(os.environ.get("HAPTICEVAL_PUBLISH"))
 
 
-def cell(verdict: Verdict) -> str:
-    metric = verdict.finding.metric
-    number = "" if metric is None else f"{metric.value:.4g} {metric.unit}"
-    return f"{verdict.outcome.value} {number}".strip()
+class Cell(NamedTuple):
+    """What is recorded of a verdict; numbers in the metric's unit, None where the check gives none."""
+
+    outcome: str
+    value: float | None
+    bound: float | None
+    unit: str
+
+    @classmethod
+    def of_verdict(cls, verdict: Verdict) -> Cell:
+        finding = verdict.finding
+        metric = finding.metric
+        return cls(
+            verdict.outcome.value,
+            None if metric is None else float(f"{metric.value:.4g}"),
+            None if metric is None or finding.bound is None else float(f"{finding.bound:.4g}"),
+            "" if metric is None else metric.unit,
+        )
+
+    @classmethod
+    def read(cls, text: str) -> Cell:
+        outcome, _, numbers = text.partition(" ")
+        measured, _, bound = numbers.partition(" of ")
+        value, _, unit = measured.partition(" ")
+        return cls(outcome, float(value) if value else None, float(bound) if bound else None, unit)
+
+    @property
+    def text(self) -> str:
+        words = [self.outcome]
+        if self.value is not None:
+            words += [f"{self.value:.4g}", self.unit]
+        if self.bound is not None:
+            words += ["of", f"{self.bound:.4g}"]
+        return " ".join(word for word in words if word)
+
+    def agrees(self, other: Cell) -> bool:
+        """Whether another cell says the same, as closely as two machines do."""
+        slack = CLOSE * abs(self.bound or 0.0)
+        return (
+            (self.outcome, self.unit) == (other.outcome, other.unit)
+            and _close(self.value, other.value, slack)
+            and _close(self.bound, other.bound, 0.0)
+        )
+
+
+def _close(one: float | None, other: float | None, slack: float) -> bool:
+    if one is None or other is None:
+        return one is other
+    return one == pytest.approx(other, rel=CLOSE, abs=slack)
 
 
 def publish(suite: Suite, renderers: Sequence[str], name: str, verdicts: Sequence[Verdict]) -> None:
-    """Replace one renderer's column, and leave out what the suite has no more."""
+    """Replace what changed in one renderer's column, and leave out what the suite has no more."""
     before = recorded(suite.name)
     table = {(case.name, check): {} for case in suite.cases for check in case.checks}
     for place, row in table.items():
-        row.update({each: text for each, text in before.get(place, {}).items() if each in renderers})
+        row.update({column: text for column, text in before.get(place, {}).items() if column in renderers})
     for verdict in verdicts:
-        table[verdict.case, verdict.check][name] = cell(verdict)
+        row, cell = table[verdict.case, verdict.check], Cell.of_verdict(verdict)
+        if name not in row or not cell.agrees(Cell.read(row[name])):
+            row[name] = cell.text
     with table_of(suite.name).open("w", newline="") as file:
         writer = csv.DictWriter(file, ["case", "check", *renderers], lineterminator="\n")
         writer.writeheader()
@@ -69,10 +117,6 @@ def compare(suite: Suite, renderers: Sequence[str], name: str, verdicts: Sequenc
     table = recorded(suite.name)
     assert {(verdict.case, verdict.check) for verdict in verdicts} == set(table)
     for verdict in verdicts:
-        outcome, *number = table[verdict.case, verdict.check][name].split()
-        assert verdict.outcome == outcome, (verdict.case, verdict.check, verdict.finding.message)
-        metric = verdict.finding.metric
-        assert (metric is None) == (not number)
-        if metric is not None:
-            near = pytest.approx(float(number[0]), rel=CLOSE, abs=CLOSE * (verdict.finding.bound or 0.0))
-            assert metric.value == near, (verdict.case, verdict.check)
+        place = verdict.case, verdict.check
+        cell, text = Cell.of_verdict(verdict), table[place][name]
+        assert cell.agrees(Cell.read(text)), (place, f"recorded: {text}", f"now: {cell.text}", verdict.finding.message)

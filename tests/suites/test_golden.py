@@ -38,3 +38,9 @@ def test_every_verdict_is_the_recorded_one(suite, name):
 def test_each_suite_has_its_table_and_no_other_is_there():
     names = {file.name.removesuffix("_verdicts.csv") for file in golden.table_of("").parent.glob("*_verdicts.csv")}
     assert names == set(find_suites())
+
+
+def test_a_cell_reads_as_it_was_written():
+    cells = [text for row in golden.recorded("thesis").values() for text in row.values()]
+    assert [golden.Cell.read(text).text for text in cells] == cells
+    assert sum(golden.Cell.read(text).bound is not None for text in cells) > len(cells) // 2
