@@ -20,6 +20,9 @@ WORKFLOW = Path(".github", "workflows", "hapticeval.yml")
 CI = """\
 name: hapticeval
 on: [push, pull_request]
+env:
+  # Where pip finds hapticeval: its repository, or the path or address of a wheel.
+  HAPTICEVAL: "hapticeval @ git+https://github.com/OWNER/hapticeval@v0.1.0"
 jobs:
   judge:
     runs-on: ubuntu-latest
@@ -27,7 +30,7 @@ jobs:
       - uses: actions/checkout@v4
       - uses: actions/setup-python@v5
         with: {{ python-version: "3.12" }}
-      - run: pip install ./hapticeval pytest   # ./hapticeval: a checkout of its repository
+      - run: pip install "$HAPTICEVAL" pytest
 {build}      - run: pytest
       - run: hapticeval doctor -r {renderer}
       # Without the selection it is judged by the whole suite: begin with what must hold, and add to it.
