@@ -26,8 +26,8 @@ ASK = """axe.run(document, {preload: false}).then(found => JSON.stringify(
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    with Chromium(tmp_path_factory.mktemp("profile")) as chromium:
+def browser():
+    with Chromium() as chromium:
         yield chromium
 
 
@@ -61,38 +61,38 @@ def opened(browser, report):
 @pytest.mark.parametrize("width", [1440, 390])
 @pytest.mark.parametrize("name", ["first", "single"])
 def test_it_has_no_fault_for_people_who_do_not_see_or_point_well(opened, name, width, dark):
-    page = opened(name, width=width, dark=dark)
-    page.run(AXE.read_text(encoding="utf-8") + ";0")
-    assert json.loads(page.run(ASK)) == []
+    browser = opened(name, width=width, dark=dark)
+    browser.run(AXE.read_text(encoding="utf-8") + ";0")
+    assert json.loads(browser.run(ASK)) == []
 
 
 @pytest.mark.parametrize("width", [1440, 390])
 def test_nothing_reaches_beyond_the_window(opened, width):
-    page = opened("first", width=width)
-    assert page.run("document.documentElement.scrollWidth") == width
-    assert page.run(
+    browser = opened("first", width=width)
+    assert browser.run("document.documentElement.scrollWidth") == width
+    assert browser.run(
         "[...document.querySelectorAll('#phenomena .tile')].every(tile => tile.scrollWidth <= tile.clientWidth + 1)"
     )
 
 
 def test_on_a_phone_the_whole_grid_is_in_sight(opened):
-    page = opened("first", width=390, height=844)
+    browser = opened("first", width=390, height=844)
     tiles = "[...document.querySelectorAll('#phenomena .tile')]"
-    boxes = json.loads(page.run(f"JSON.stringify({tiles}.map(tile => tile.getBoundingClientRect()))"))
+    boxes = json.loads(browser.run(f"JSON.stringify({tiles}.map(tile => tile.getBoundingClientRect()))"))
     assert boxes
     assert all(box["right"] <= 390 and box["width"] >= 24 and box["height"] >= 24 for box in boxes)
 
 
 def test_rows_are_left_out_on_demand(opened):
-    page = opened("first")
+    browser = opened("first")
     shown = "[...document.querySelectorAll('#cases tbody tr')].filter(row => row.offsetParent).length"
-    assert page.run(shown) == 2
-    page.run("document.querySelector('.suite').open = true")
-    page.run("for (const row of document.querySelectorAll('#cases tbody tr')) row.className = ''")
-    page.click("#show-grave")
-    assert page.run(shown) == 0
-    page.click("input[name=show]")
-    assert page.run(shown) == 2
+    assert browser.run(shown) == 2
+    browser.run("document.querySelector('.suite').open = true")
+    browser.run("for (const row of document.querySelectorAll('#cases tbody tr')) row.className = ''")
+    browser.page.click("#show-grave")
+    assert browser.run(shown) == 0
+    browser.page.click("input[name=show]")
+    assert browser.run(shown) == 2
 
 
 EYES = ("none", "protanopia", "deuteranopia", "tritanopia", "achromatopsia")
@@ -101,22 +101,22 @@ EYES = ("none", "protanopia", "deuteranopia", "tritanopia", "achromatopsia")
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_a_failure_stands_out_for_colour_blind_eyes(opened, dark):
     """The ground of a tile that failed differs in lightness from that of every state that needs no attention."""
-    page = opened("first", dark=dark)
+    browser = opened("first", dark=dark)
     for eyes in EYES:
-        page.call("Emulation.setEmulatedVisionDeficiency", type=eyes)
+        browser.call("Emulation.setEmulatedVisionDeficiency", type=eyes)
         grounds = {}
         for state in ("fail", "pass", "known", "not-judged"):
             found = f"const e = document.querySelector('.legend .state.{state}'); if (!e) return null;"
             place = "const b = e.getBoundingClientRect(); return [b.x + scrollX, b.y + scrollY];"
-            if (box := page.run(f"(() => {{ {found} {place} }})()")) is not None:
+            if (box := browser.run(f"(() => {{ {found} {place} }})()")) is not None:
                 clip = {"x": box[0] + 3, "y": box[1] + 3, "width": 2, "height": 2, "scale": 1}
-                grounds[state] = ground(page.call("Page.captureScreenshot", format="png", clip=clip)["data"])
+                grounds[state] = ground(browser.call("Page.captureScreenshot", format="png", clip=clip)["data"])
         assert {"fail", "known"} <= set(grounds)
         fail = grounds.pop("fail")
         for state, other in grounds.items():
             low, high = sorted((fail, other))
             assert (high + 0.05) / (low + 0.05) > 2.0, (eyes, state)
-    page.call("Emulation.setEmulatedVisionDeficiency", type="none")
+    browser.call("Emulation.setEmulatedVisionDeficiency", type="none")
 
 
 def ground(png):
@@ -128,7 +128,7 @@ def ground(png):
 
 @pytest.mark.parametrize("name", ["first", "single"])
 def test_it_prints(opened, tmp_path, name):
-    opened(name).pdf(tmp_path / "page.pdf")
+    opened(name).page.pdf(path=tmp_path / "page.pdf", print_background=True)
     content = (tmp_path / "page.pdf").read_bytes()
     count = len(re.findall(rb"/Type\s*/Page\b", content))
     assert 2 <= count <= 20
@@ -136,16 +136,16 @@ def test_it_prints(opened, tmp_path, name):
 
 @pytest.mark.parametrize("name", ["first", "single"])
 def test_a_tile_leads_to_its_verdict(opened, name):
-    page = opened(name)
-    href = page.run("document.querySelector('#phenomena .tile').getAttribute('href')")
-    page.click("#phenomena .tile")
+    browser = opened(name)
+    href = browser.run("document.querySelector('#phenomena .tile').getAttribute('href')")
+    browser.page.click("#phenomena .tile")
     place = json.dumps(href.partition("#")[2])
-    page.until(f"document.readyState === 'complete' && document.getElementById({place}) !== null")
-    assert page.run("decodeURIComponent(location.hash.slice(1))") == href.partition("#")[2]
+    browser.until(f"document.readyState === 'complete' && document.getElementById({place}) !== null")
+    assert browser.run("decodeURIComponent(location.hash.slice(1))") == href.partition("#")[2]
 
 
 def test_in_one_file_a_case_moves_once_it_is_in_sight(opened):
-    page = opened("single")
-    assert page.run("document.querySelectorAll('.one-case').length") == 2
-    page.run("[...document.querySelectorAll('.one-case')].at(-1).scrollIntoView()")
-    page.until("[...document.querySelectorAll('.one-case')].at(-1).querySelector('.track input') !== null")
+    browser = opened("single")
+    assert browser.run("document.querySelectorAll('.one-case').length") == 2
+    browser.run("[...document.querySelectorAll('.one-case')].at(-1).scrollIntoView()")
+    browser.until("[...document.querySelectorAll('.one-case')].at(-1).querySelector('.track input') !== null")
