@@ -153,15 +153,15 @@ def march(boundary: Boundary, start: Array, end: Array, grain: float) -> Array |
     length = apart(start, end)
     if length == 0.0:
         return None
-    at = 0.0
-    while at < length:
-        along = np.minimum(at + grain * np.arange(AHEAD + 1), length)
-        points = start + along[:, np.newaxis] * ((end - start) / length)
+    covered = 0.0
+    while covered < length:
+        lengths = np.minimum(covered + grain * np.arange(AHEAD + 1), length)
+        points = start + lengths[:, np.newaxis] * ((end - start) / length)
         frame = boundary.closest_point(points)
         inside = np.flatnonzero(frame.distance[1:] < -1e-6 * grain)
         if inside.size:
             return np.asarray(frame.foot[inside[0]])
-        at = float(along[-1]) + max(float(frame.distance[-1]), 0.0)
+        covered = float(lengths[-1]) + max(float(frame.distance[-1]), 0.0)
     return None
 
 
@@ -210,19 +210,19 @@ class InSpace:
         Along a path of length s the normal turns by at most the largest |W| on the way times s.
         """
         frame = self.closest_point(points)
-        basis = np.linalg.svd(frame.normal[:, np.newaxis, :])[2][:, 1:, :]
+        tangents = np.linalg.svd(frame.normal[:, np.newaxis, :])[2][:, 1:, :]
         steps = [np.zeros_like(frame.foot)]
         for angle in np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False):
-            steps.append(reach[:, np.newaxis] * (np.cos(angle) * basis[:, 0] + np.sin(angle) * basis[:, 1]))
+            steps.append(reach[:, np.newaxis] * (np.cos(angle) * tangents[:, 0] + np.sin(angle) * tangents[:, 1]))
         shapes = [self.closest_point(frame.foot + step).shape for step in steps]
-        half = reach * np.max([np.abs(np.linalg.eigvalsh(shape)).max(axis=1) for shape in shapes], axis=0)
+        half_angle = reach * np.max([np.abs(np.linalg.eigvalsh(shape)).max(axis=1) for shape in shapes], axis=0)
 
-        def beyond(directions: Array) -> Array:
+        def angle_outside(directions: Array) -> Array:
             across = np.linalg.norm(np.cross(frame.normal, directions), axis=1)
             angle = np.arctan2(across, np.sum(frame.normal * directions, axis=1))
-            return np.asarray(np.maximum(0.0, angle - half))
+            return np.asarray(np.maximum(0.0, angle - half_angle))
 
-        return beyond
+        return angle_outside
 
     def points(self, n: int) -> Array:
         """See `Boundary.points`: those of a sphere round the bounds, projected."""
@@ -235,8 +235,8 @@ class InSpace:
         along = np.zeros(3)
         along[int(np.argmin(np.abs(begin.normal[0])))] = 1.0
         along -= (along @ begin.normal[0]) * begin.normal[0]
-        found = self.closest_point(begin.foot + lengths[:, np.newaxis] * along / np.linalg.norm(along))
-        return found._replace(distance=np.zeros_like(found.distance))
+        ends = self.closest_point(begin.foot + lengths[:, np.newaxis] * along / np.linalg.norm(along))
+        return ends._replace(distance=np.zeros_like(ends.distance))
 
     def around(self, point: Array, reach: float) -> Array:
         """See `Boundary.around`."""
@@ -249,22 +249,22 @@ class InSpace:
         """See `Boundary.descend`: by the part of the error along the surface, halved where that leads uphill."""
         share = 1.0
         frame = self.closest_point(start[np.newaxis])
-        far = apart(goal, frame.foot[0])
+        distance = apart(goal, frame.foot[0])
         for _ in range(SLIDES):
             foot, normal = frame.foot[0], frame.normal[0]
             error = goal - foot
             error = error - (error @ normal) * normal
-            size = float(np.linalg.norm(error))
-            bend = float(np.abs(np.linalg.eigvalsh(frame.shape[0])).max())
-            length = share * min(size, BEND / bend if bend > 0.0 else math.inf)
+            error_length = float(np.linalg.norm(error))
+            largest_curvature = float(np.abs(np.linalg.eigvalsh(frame.shape[0])).max())
+            length = share * min(error_length, BEND / largest_curvature if largest_curvature > 0.0 else math.inf)
             if length <= 1e-3 * step:
                 break
-            following = self.closest_point((foot + length / size * error)[np.newaxis])
-            nearer = apart(goal, following.foot[0])
-            if nearer >= far:
+            next_frame = self.closest_point((foot + length / error_length * error)[np.newaxis])
+            next_distance = apart(goal, next_frame.foot[0])
+            if next_distance >= distance:
                 share *= 0.5
                 continue
-            frame, far = following, nearer
+            frame, distance = next_frame, next_distance
         return np.asarray(frame.foot[0])
 
 

@@ -208,13 +208,13 @@ def mesh(
         raise InputError(
             "a mesh is either a file, or vertices and triangles", todo="give file and unit, or vertices and triangles"
         )
-    given: dict[str, Any] = {"name": name} if unit is None else {"unit": unit, "name": name}
+    parameters: dict[str, Any] = {"name": name} if unit is None else {"unit": unit, "name": name}
     if file is None:
         corners = checked_corners(vertices)
         rows = checked_triangles(triangles, len(corners))
-        given |= {"vertices": corners.tolist(), "triangles": rows.tolist()}
-        made = Mesh(name, corners if unit is None else metres(unit) * corners, rows)
-        return Model(name, MappingProxyType(given), made)
+        parameters |= {"vertices": corners.tolist(), "triangles": rows.tolist()}
+        surface = Mesh(name, corners if unit is None else metres(unit) * corners, rows)
+        return Model(name, MappingProxyType(parameters), surface)
     if unit is None:
         raise InputError(
             f"the mesh file {file} has no unit", why="the format has none", todo="give unit: m, mm, cm or in"
@@ -222,8 +222,8 @@ def mesh(
     factor = metres(unit)
     with at(str(file)):
         corners, rows = read_mesh(Path(file))
-        made = Mesh(name, factor * corners, rows)
-    return Model(name, MappingProxyType({"file": str(file), **given}), made)
+        surface = Mesh(name, factor * corners, rows)
+    return Model(name, MappingProxyType({"file": str(file), **parameters}), surface)
 
 
 def cube(size: float = 0.1) -> Model:
@@ -334,12 +334,12 @@ def make_model(kind: str, **parameters: Any) -> Model:
         raise UnknownNameError("model", kind, MODELS)
     maker = MODELS[kind]
     known = inspect.signature(maker).parameters
-    for given in parameters:
-        if given not in known:
-            raise UnknownNameError(f"parameter of model '{kind}'", given, known)
-    for needed, parameter in known.items():
-        if parameter.default is inspect.Parameter.empty and needed not in parameters:
-            raise InputError(f"model '{kind}' lacks the parameter '{needed}'", todo=f"give {needed}")
+    for name in parameters:
+        if name not in known:
+            raise UnknownNameError(f"parameter of model '{kind}'", name, known)
+    for name_needed, parameter in known.items():
+        if parameter.default is inspect.Parameter.empty and name_needed not in parameters:
+            raise InputError(f"model '{kind}' lacks the parameter '{name_needed}'", todo=f"give {name_needed}")
     return maker(**parameters)
 
 
@@ -355,10 +355,10 @@ def _polygonal(title: str, vertices: Array, /, **parameters: Any) -> Model:
     return _model(Curve(title, pieces.closed_polyline(vertices), True), **parameters)
 
 
-def _count(what: str, value: object, least: int, most: int) -> int:
+def _count(what: str, value: object, smallest: int, largest: int) -> int:
     number = checked_number(what, value)
-    if number != int(number) or not least <= number <= most:
-        raise InputError(f"{what} = {value!r}", why=f"it must be a whole number between {least} and {most}")
+    if number != int(number) or not smallest <= number <= largest:
+        raise InputError(f"{what} = {value!r}", why=f"it must be a whole number between {smallest} and {largest}")
     return int(number)
 
 

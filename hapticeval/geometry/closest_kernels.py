@@ -28,10 +28,12 @@ def closest_in_python(boundary: Boundary) -> Callable[[object, Array, Array], fl
     """Return what a boundary answers from Python in the form of `CLOSEST`; the data is not used. No arc length."""
 
     def closest(_data: object, point: Array, frame: Array) -> float:
-        found = boundary.closest_point(point[np.newaxis])
-        rows = np.vstack([found.foot, found.normal, *found.shape, np.full_like(found.foot, np.nan)])
+        closest_point = boundary.closest_point(point[np.newaxis])
+        rows = np.vstack(
+            [closest_point.foot, closest_point.normal, *closest_point.shape, np.full_like(closest_point.foot, np.nan)]
+        )
         frame[:] = rows[: frame.shape[0]]
-        return float(found.distance[0])
+        return float(closest_point.distance[0])
 
     return closest
 

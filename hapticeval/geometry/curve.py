@@ -128,8 +128,8 @@ class Curve:
         if not self._smooth:
             return np.asarray(u - start)
         turns = np.floor((u - start) / (end - start))
-        rest = np.clip(u - turns * (end - start), start, end)
-        lengths = curve_kernels.arc_lengths(self._rows[0], self._panels, np.ravel(rest)).reshape(u.shape)
+        within_turn = np.clip(u - turns * (end - start), start, end)
+        lengths = curve_kernels.arc_lengths(self._rows[0], self._panels, np.ravel(within_turn)).reshape(u.shape)
         return np.asarray(turns * self.length + lengths)
 
     def parameter(self, s: ArrayLike) -> Array:
@@ -137,10 +137,10 @@ class Curve:
         s = np.asarray(s, dtype=np.float64)
         if not self.closed:
             return s
-        rest = np.mod(s, self.length)
+        within_turn = np.mod(s, self.length)
         if not self._smooth:
-            return np.asarray(self.pieces[0, U0] + rest)
-        return curve_kernels.parameters_at(self._rows[0], self._panels, np.ravel(rest)).reshape(s.shape)
+            return np.asarray(self.pieces[0, U0] + within_turn)
+        return curve_kernels.parameters_at(self._rows[0], self._panels, np.ravel(within_turn)).reshape(s.shape)
 
     @cached_property
     def corners(self) -> tuple[Corner, ...]:
@@ -198,19 +198,19 @@ class Curve:
     def descend(self, start: Array, goal: Array, *, step: float) -> Array:
         """See `Boundary.descend`: in steps, on in the direction in which the first of them leads downhill."""
         s = float(self.arc_length(self.nearest(start[np.newaxis]))[0])
-        found = self.position(self.parameter(s + step * np.array([-1.0, 0.0, 1.0])))
-        back, here, on = np.linalg.norm(found - goal, axis=1)
-        if here <= min(back, on):
-            return np.asarray(found[1])
-        way = step if on <= back else -step
-        gone, count = 0, AHEAD
-        while gone * step < self.length:
-            found = self.position(self.parameter(s + way * np.arange(gone, gone + count + 1)))
-            uphill = np.flatnonzero(np.diff(np.linalg.norm(found - goal, axis=1)) >= 0.0)
+        points = self.position(self.parameter(s + step * np.array([-1.0, 0.0, 1.0])))
+        behind_distance, start_distance, ahead_distance = np.linalg.norm(points - goal, axis=1)
+        if start_distance <= min(behind_distance, ahead_distance):
+            return np.asarray(points[1])
+        signed_step = step if ahead_distance <= behind_distance else -step
+        first_step, count = 0, AHEAD
+        while first_step * step < self.length:
+            points = self.position(self.parameter(s + signed_step * np.arange(first_step, first_step + count + 1)))
+            uphill = np.flatnonzero(np.diff(np.linalg.norm(points - goal, axis=1)) >= 0.0)
             if uphill.size:
-                return np.asarray(found[uphill[0]])
-            gone, count = gone + count, MARCH
-        return np.asarray(found[-1])
+                return np.asarray(points[uphill[0]])
+            first_step, count = first_step + count, MARCH
+        return np.asarray(points[-1])
 
     @cached_property
     def bounds(self) -> tuple[float, ...]:

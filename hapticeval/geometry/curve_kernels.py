@@ -48,10 +48,10 @@ def speed_integral(piece: Array, start: float, end: float) -> float:
 @compiled
 def arc_panels(piece: Array, count: int) -> Array:
     """Cut a smooth piece until the 16-point rule is exact to rounding: rows (u, s), from `count` panels."""
-    whole = 0.0
+    total_length = 0.0
     step = (piece[U1] - piece[U0]) / count
     for i in range(count):
-        whole += speed_integral(piece, piece[U0] + i * step, piece[U0] + (i + 1) * step)
+        total_length += speed_integral(piece, piece[U0] + i * step, piece[U0] + (i + 1) * step)
     out = np.empty((MAX_PANELS + 1, 2))
     out[0, 0], out[0, 1] = piece[U0], 0.0
     rows = 1
@@ -68,12 +68,12 @@ def arc_panels(piece: Array, count: int) -> Array:
             _, _, ax, ay, _, _ = evaluate(piece, start)
             _, _, bx, by, _, _ = evaluate(piece, end)
             # the nodes are rounded to 5e-16 rad, which the change of speed makes an error of the length
-            rounding = 4e-16 * whole + 4e-16 * halves + 1e-15 * abs(math.hypot(bx, by) - math.hypot(ax, ay))
+            rounding = 4e-16 * total_length + 4e-16 * halves + 1e-15 * abs(math.hypot(bx, by) - math.hypot(ax, ay))
             fine = abs(whole_panel - halves) <= rounding
             if fine or depth > 48 or rows > MAX_PANELS - 64:
-                value = halves - carry
-                total = out[rows - 1, 1] + value
-                carry = (total - out[rows - 1, 1]) - value
+                increment = halves - carry
+                total = out[rows - 1, 1] + increment
+                carry = (total - out[rows - 1, 1]) - increment
                 out[rows, 0], out[rows, 1] = end, total
                 rows += 1
                 depth -= 1
@@ -104,21 +104,21 @@ def parameters_at(piece: Array, panels: Array, lengths: Array) -> Array:
         s = lengths[i]
         k = min(max(np.searchsorted(panels[:, 1], s, "right") - 1, 0), panels.shape[0] - 2)
         low, high = panels[k, 0], panels[k + 1, 0]
-        close = max(1e-9 * (high - low), 2e-16 * (1.0 + abs(high)))
+        tolerance = max(1e-9 * (high - low), 2e-16 * (1.0 + abs(high)))
         u = low + (high - low) * (s - panels[k, 1]) / (panels[k + 1, 1] - panels[k, 1])
         for _ in range(60):
-            miss = panels[k, 1] + speed_integral(piece, panels[k, 0], u) - s
-            if miss > 0.0:
+            excess = panels[k, 1] + speed_integral(piece, panels[k, 0], u) - s
+            if excess > 0.0:
                 high = u
             else:
                 low = u
             _, _, dx, dy, _, _ = evaluate(piece, u)
-            step = miss / math.hypot(dx, dy)
-            following = u - step
-            if not (low <= following <= high):
-                following = 0.5 * (low + high)
-            last, u = u, following
-            if abs(u - last) <= close:
+            step = excess / math.hypot(dx, dy)
+            next_u = u - step
+            if not (low <= next_u <= high):
+                next_u = 0.5 * (low + high)
+            last, u = u, next_u
+            if abs(u - last) <= tolerance:
                 break
         out[i] = u
     return out
@@ -143,21 +143,23 @@ def _descend(piece: Array, low: float, high: float, u: float, x: float, y: float
     """
     last_u, last_bend = u, 0.0
     for _ in range(100):
-        slope, bend, square = _slope(piece, u, x, y)
+        slope, bend, distance_squared = _slope(piece, u, x, y)
         if slope > 0.0:
             high = u
         else:
             low = u
-        following = u - slope / bend if bend > 0.0 else low - 1.0
-        if not (low <= following <= high):
-            following = 0.5 * (low + high)
-        step, rounding = abs(following - u), 2e-16 * (1.0 + abs(u))
-        far = abs(u - last_u)
-        left = abs(bend - last_bend) * step * step
-        if step <= rounding or (last_bend > 0.0 and bend > 0.0 and step < far and left <= bend * far * rounding):
+        next_u = u - slope / bend if bend > 0.0 else low - 1.0
+        if not (low <= next_u <= high):
+            next_u = 0.5 * (low + high)
+        step, rounding = abs(next_u - u), 2e-16 * (1.0 + abs(u))
+        last_step = abs(u - last_u)
+        error_left = abs(bend - last_bend) * step * step
+        if step <= rounding or (
+            last_bend > 0.0 and bend > 0.0 and step < last_step and error_left <= bend * last_step * rounding
+        ):
             # the last step still takes this off the square
-            return following, max(square - slope * slope / bend, 0.0) if bend > 0.0 else square
-        last_u, last_bend, u = u, bend, following
+            return next_u, max(distance_squared - slope * slope / bend, 0.0) if bend > 0.0 else distance_squared
+        last_u, last_bend, u = u, bend, next_u
     return u, _slope(piece, u, x, y)[2]
 
 
@@ -241,26 +243,26 @@ def nearest_smooth(piece: Array, samples: Array, x: float, y: float) -> float:
     count = samples.shape[0] - 1
     best, nearest = np.inf, 0
     for i in range(0, count, BLOCK):
-        square = _square(samples, i, x, y)
-        if square < best:
-            best, nearest = square, i
+        candidate_squared = _square(samples, i, x, y)
+        if candidate_squared < best:
+            best, nearest = candidate_squared, i
     best, best_u = math.sqrt(best), float(samples[nearest, 0])
-    last = _square(samples, 0, x, y)
+    block_end_squared = _square(samples, 0, x, y)
     for start in range(0, count, BLOCK):
         end = min(start + BLOCK, count)
-        first, last = last, _square(samples, end, x, y)
-        if _out_of_reach(first, last, samples[end, 1] - samples[start, 1], best):
+        block_start_squared, block_end_squared = block_end_squared, _square(samples, end, x, y)
+        if _out_of_reach(block_start_squared, block_end_squared, samples[end, 1] - samples[start, 1], best):
             continue
-        here = first
+        distance_squared = block_start_squared
         for i in range(start, end):
-            before, here = here, _square(samples, i + 1, x, y)
-            if here < best * best:
-                best, best_u = math.sqrt(here), samples[i + 1, 0]
-            if _out_of_reach(before, here, samples[i + 1, 1] - samples[i, 1], best):
+            previous_squared, distance_squared = distance_squared, _square(samples, i + 1, x, y)
+            if distance_squared < best * best:
+                best, best_u = math.sqrt(distance_squared), samples[i + 1, 0]
+            if _out_of_reach(previous_squared, distance_squared, samples[i + 1, 1] - samples[i, 1], best):
                 continue
-            u, square = _lowest(piece, samples[i], samples[i + 1], x, y)
-            if square < best * best:
-                best, best_u = math.sqrt(square), u
+            u, candidate_squared = _lowest(piece, samples[i], samples[i + 1], x, y)
+            if candidate_squared < best * best:
+                best, best_u = math.sqrt(candidate_squared), u
     return best_u
 
 
@@ -324,30 +326,30 @@ def foot(
     count = pieces.shape[0]
     if samples.shape[0] > 0:
         u = nearest_smooth(pieces[0], samples, x, y)
-        there = evaluate(pieces[0], u)
-        ex, ey = x - there[0], y - there[1]
-        return 0, u, math.hypot(ex, ey), -1.0 if ex * there[3] - ey * there[2] < 0.0 else 1.0, there
+        values = evaluate(pieces[0], u)
+        ex, ey = x - values[0], y - values[1]
+        return 0, u, math.hypot(ex, ey), -1.0 if ex * values[3] - ey * values[2] < 0.0 else 1.0, values
     u, distance, k, inner = 0.0, np.inf, 0, False
     for i in range(count):
-        at, far = _nearest_on_piece(pieces[i], x, y)
+        at, piece_distance = _nearest_on_piece(pieces[i], x, y)
         # Beside a joint the foot is nearer than the joint by less than rounding: it is the one within its piece.
-        within, size = pieces[i, U0] < at < pieces[i, U1], abs(x) + abs(y) + far
+        within, size = pieces[i, U0] < at < pieces[i, U1], abs(x) + abs(y) + piece_distance
         if pieces[i, 0] == ARC:
             size += abs(pieces[i, A]) + abs(pieces[i, B]) + pieces[i, C]
         tie = TIE * size
-        if far < distance + (tie if within and not inner else -tie if inner and not within else 0.0):
-            u, distance, k, inner = at, far, i, within
+        if piece_distance < distance + (tie if within and not inner else -tie if inner and not within else 0.0):
+            u, distance, k, inner = at, piece_distance, i, within
     turn = 0.0
     if pieces[0, 0] != UNBOUNDED and (u == pieces[k, U0] or u == pieces[k, U1]):
         if u == pieces[k, U1]:
             k = (k + 1) % count
             u = pieces[k, U0]
         turn = joint_turn(pieces, k)
-    there = evaluate(pieces[k], u)
-    side = -1.0 if (x - there[0]) * there[3] - (y - there[1]) * there[2] < 0.0 else 1.0
+    values = evaluate(pieces[k], u)
+    side = -1.0 if (x - values[0]) * values[3] - (y - values[1]) * values[2] < 0.0 else 1.0
     if abs(turn) > STRAIGHT:
         side = 1.0 if turn > 0.0 else -1.0
-    return k, u, distance, side, there
+    return k, u, distance, side, values
 
 
 @compiled
@@ -364,8 +366,8 @@ def located(
     """(u, distance, side) of one point, by the tree of the edges of a curve of straight pieces, else by `project`."""
     if tree.shape[0] == 0:
         return project(pieces, samples, x, y)
-    edge, along, distance2 = nearest_kernel(vertices, tree, x, y)
-    distance = math.sqrt(distance2)
+    edge, along, distance_squared = nearest_kernel(vertices, tree, x, y)
+    distance = math.sqrt(distance_squared)
     side = -1.0 if distance > 0.0 and side_kernel(vertices, edge, along, x, y) < 0.0 else 1.0
     return pieces[edge, U0] + along * (pieces[edge, U1] - pieces[edge, U0]), distance, side
 
@@ -417,11 +419,11 @@ def framed(pieces: Array, us: Array, distances: Array) -> ClosestPoint:
 def frames(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> ClosestPoint:
     """The `ClosestPoint` of points (n, 2). Raises as `check_finite` does."""
     check_finite(points)
-    us, far = np.empty(points.shape[0]), np.empty(points.shape[0])
+    us, signed = np.empty(points.shape[0]), np.empty(points.shape[0])
     for i in range(points.shape[0]):
         us[i], distance, side = located(pieces, samples, vertices, tree, points[i, 0], points[i, 1])
-        far[i] = distance * side
-    return framed(pieces, us, far)
+        signed[i] = distance * side
+    return framed(pieces, us, signed)
 
 
 @compiled

@@ -53,8 +53,8 @@ class Facets(NamedTuple):
         """
         if isinstance(self.boundary, Mesh):
             return self.boundary.triangles
-        here = np.arange(len(self.boundary.vertices))
-        return np.column_stack([here, np.roll(here, -1)])
+        starts = np.arange(len(self.boundary.vertices))
+        return np.column_stack([starts, np.roll(starts, -1)])
 
 
 def facets_of(model: Model, max_error: float) -> Facets:
@@ -83,14 +83,14 @@ def facets_of(model: Model, max_error: float) -> Facets:
     )
 
 
-def _fine_enough(made: Callable[[float], Facets], max_error: float, name: str) -> Facets:
+def _fine_enough(facets_at: Callable[[float], Facets], max_error: float, name: str) -> Facets:
     """Return the first facets that are fine enough, each finer than the last by what its error asks for.
 
     The error of facets with their corners on a smooth surface goes with the square of their size.
     """
     finer = 1.0
     while True:
-        facets = made(finer)
+        facets = facets_at(finer)
         if facets.chord_error <= max_error:
             return facets
         count = len(facets.cells)
@@ -107,11 +107,11 @@ def _fine_enough(made: Callable[[float], Facets], max_error: float, name: str) -
 def _polygons(model: Model, curve: Curve) -> Callable[[float], Facets]:
     """Return what makes polygons with 40 corners and finer, see `Model.polygon`."""
 
-    def made(finer: float) -> Facets:
+    def polygon_facets(finer: float) -> Facets:
         polygon = model.polygon(math.ceil(min(40.0 * finer, MOST[2])))
         return Facets(polygon, polygon.standoff_from(curve))
 
-    return made
+    return polygon_facets
 
 
 def _half_plane(curve: Curve) -> Polygon:
@@ -124,11 +124,11 @@ def _half_plane(curve: Curve) -> Polygon:
 def _meshes(surface: Surface) -> Callable[[float], Facets]:
     """Return what makes meshes, see `triangulated`."""
 
-    def made(finer: float) -> Facets:
+    def mesh_facets(finer: float) -> Facets:
         mesh = Mesh(surface.name, *triangulated(surface, finer))
         return Facets(mesh, _apart(mesh, surface))
 
-    return made
+    return mesh_facets
 
 
 def triangulated(surface: Surface, finer: float) -> Triangles:
@@ -156,8 +156,10 @@ def _torus(major: float, minor: float, finer: float) -> Triangles:
     out = major + minor * np.cos(angle)
     points = np.stack([out * np.cos(turn), out * np.sin(turn), minor * np.sin(angle)], axis=-1)
     number = around * u + v
-    on, up, both = (np.roll(number, shift, (0, 1)) for shift in ((-1, 0), (0, -1), (-1, -1)))
-    rows = np.concatenate([np.stack([number, on, both], axis=-1), np.stack([number, both, up], axis=-1)])
+    next_about, next_around, both = (np.roll(number, shift, (0, 1)) for shift in ((-1, 0), (0, -1), (-1, -1)))
+    rows = np.concatenate(
+        [np.stack([number, next_about, both], axis=-1), np.stack([number, both, next_around], axis=-1)]
+    )
     return points.reshape(-1, 3), rows.reshape(-1, 3)
 
 
@@ -174,7 +176,7 @@ def _apart(mesh: Mesh, surface: Surface) -> float:
     corners = mesh.vertices[mesh.triangles]
     largest = 0.0
     for begin in range(0, len(corners), BATCH):
-        a, b, c = (each[:, np.newaxis] for each in corners[begin : begin + BATCH].transpose(1, 0, 2))
+        a, b, c = (corner[:, np.newaxis] for corner in corners[begin : begin + BATCH].transpose(1, 0, 2))
         points = (a + u * (b - a) + v * (c - a)).reshape(-1, 3)
         largest = max(largest, float(np.abs(surface.signed_distance(points)).max()))
     return largest * (1.0 + 2.0 / ORDER**2)

@@ -40,9 +40,9 @@ def cassinian_root(lobes: float, above: float, u: float) -> tuple[float, float, 
     turn = lobes * u
     high = 134217729.0 * u
     high -= high - u
-    lost = (lobes * high - turn) + lobes * (u - high)
+    product_error = (lobes * high - turn) + lobes * (u - high)
     sin_n, cos_n = math.sin(turn), math.cos(turn)
-    sin_n, cos_n = sin_n + lost * cos_n, cos_n - lost * sin_n
+    sin_n, cos_n = sin_n + product_error * cos_n, cos_n - product_error * sin_n
     root = math.sqrt(above + cos_n * cos_n)
     return sin_n, cos_n, root, cos_n + root if cos_n > 0.0 else above / (root - cos_n)
 
@@ -97,19 +97,23 @@ def curvature_rate(piece: Array, u: float) -> float:
     if kind == ELLIPSE:
         cos, sin = math.cos(u), math.sin(u)
         long, short = piece[A], piece[B]
-        speed2 = (long * sin) ** 2 + (short * cos) ** 2
-        return float(-3.0 * long * short * (long * long - short * short) * sin * cos / (speed2 * speed2 * speed2))
+        speed_squared = (long * sin) ** 2 + (short * cos) ** 2
+        speed_to_sixth = speed_squared * speed_squared * speed_squared
+        return float(-3.0 * long * short * (long * long - short * short) * sin * cos / speed_to_sixth)
     if kind == CASSINIAN:
         lobes, ratio = piece[B], piece[C]
         sin_n, cos_n, root, lift = cassinian_root(lobes, piece[D], u)
-        root2 = root * root
+        root_squared = root * root
         radius = piece[A] * (lift / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
         # with g, g', g'' as in `evaluate` and h^2 = 1 + g^2: κ = (h^2 - g') / (radius h^3), ds/du = radius h
         g = -sin_n / root
-        g1 = -lobes * ratio * cos_n / (root2 * root)
-        g2 = lobes * lobes * ratio * sin_n * (root2 - 3.0 * cos_n * cos_n) / (root2 * root2 * root)
-        h2 = 1.0 + g * g
-        return float((2.0 * g * g1 - g2 - (h2 - g1) * g * (1.0 + 3.0 * g1 / h2)) / (radius * radius * h2 * h2))
+        g1 = -lobes * ratio * cos_n / (root_squared * root)
+        g2 = lobes * lobes * ratio * sin_n * (root_squared - 3.0 * cos_n * cos_n) / (root_squared * root_squared * root)
+        h_squared = 1.0 + g * g
+        return float(
+            (2.0 * g * g1 - g2 - (h_squared - g1) * g * (1.0 + 3.0 * g1 / h_squared))
+            / (radius * radius * h_squared * h_squared)
+        )
     return 0.0
 
 

@@ -42,11 +42,11 @@ class LevelSet:
         if count == 0:
             return self
         largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
-        whole = ndimage.binary_fill_holes(parts == largest)
-        if np.array_equal(whole, inside):
+        solid = ndimage.binary_fill_holes(parts == largest)
+        if np.array_equal(solid, inside):
             return self
         distance = np.maximum(np.abs(self.values), 1e-9 * self.cell)
-        return LevelSet(self.x, self.y, np.where(whole == inside, self.values, np.where(whole, -distance, distance)))
+        return LevelSet(self.x, self.y, np.where(solid == inside, self.values, np.where(solid, -distance, distance)))
 
     def contour(self) -> Polygon:
         """Return the zero set as a polygon.
@@ -84,9 +84,9 @@ def sampled(boundary: Boundary, shape: tuple[int, int]) -> LevelSet:
 
     Raises `InputError` for a grid too small to have an inside of at least one cell.
     """
-    least = 2 * MARGIN + 2
-    if len(shape) != 2 or min(shape) < least:
-        raise InputError(f"a level set of {shape} nodes", why=f"it needs at least {least} each way")
+    fewest = 2 * MARGIN + 2
+    if len(shape) != 2 or min(shape) < fewest:
+        raise InputError(f"a level set of {shape} nodes", why=f"it needs at least {fewest} each way")
     xmin, ymin, xmax, ymax = boundary.bounds
     x, y = _nodes(xmin, xmax, shape[0]), _nodes(ymin, ymax, shape[1])
     points = np.column_stack([array.ravel() for array in np.meshgrid(x, y)])

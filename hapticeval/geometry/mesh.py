@@ -119,10 +119,10 @@ class Mesh(InSpace):
         """See `Boundary.normal_cone`: the cone that the normals of all triangles in reach span."""
         starts, normals = kernels.fans(*self.tables, for_kernels(points), for_kernels(reach))
 
-        def beyond(directions: Array) -> Array:
+        def angle_outside(directions: Array) -> Array:
             return kernels.beyond_cones(starts, normals, for_kernels(directions))
 
-        return beyond
+        return angle_outside
 
     def descend(self, start: Array, goal: Array, *, step: float) -> Array:  # noqa: ARG002 - the protocol's
         """See `Boundary.descend`: exact, over faces and along edges."""
@@ -140,19 +140,19 @@ class Mesh(InSpace):
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
-        here, beside = np.repeat(np.arange(len(self.triangles)), 3), self.neighbours.ravel()
-        flat = np.sum((self.normals[here] - self.normals[beside]) ** 2, axis=1) <= kernels.FLAT
-        joined = coo_array((flat[flat], (here[flat], beside[flat])), shape=(len(self.triangles),) * 2)
+        faces, neighbours = np.repeat(np.arange(len(self.triangles)), 3), self.neighbours.ravel()
+        flat = np.sum((self.normals[faces] - self.normals[neighbours]) ** 2, axis=1) <= kernels.FLAT
+        joined = coo_array((flat[flat], (faces[flat], neighbours[flat])), shape=(len(self.triangles),) * 2)
         return np.asarray(connected_components(joined, directed=False)[1], dtype=np.int64)
 
     @cached_property
     def concave(self) -> bool:
         """Whether faces meet at an edge from which the solid goes on to both sides of each: a concave edge."""
-        here, i = np.divmod(np.arange(3 * len(self.triangles)), 3)
-        beside = self.neighbours[here, i]
-        start, end = self.vertices[self.triangles[here, i]], self.vertices[self.triangles[here, (i + 1) % 3]]
-        turned = np.sum(np.cross(self.normals[here], self.normals[beside]) * (end - start), axis=1)
-        return bool(np.any((turned < 0.0) & (self.facets[here] != self.facets[beside])))
+        face, edge = np.divmod(np.arange(3 * len(self.triangles)), 3)
+        neighbour = self.neighbours[face, edge]
+        start, end = self.vertices[self.triangles[face, edge]], self.vertices[self.triangles[face, (edge + 1) % 3]]
+        turned = np.sum(np.cross(self.normals[face], self.normals[neighbour]) * (end - start), axis=1)
+        return bool(np.any((turned < 0.0) & (self.facets[face] != self.facets[neighbour])))
 
     def points(self, n: int) -> Array:
         """See `Boundary.points`: as many to equal areas."""
@@ -170,11 +170,13 @@ class Mesh(InSpace):
         `eye` (3,) is the direction from which the mesh is seen from afar.
         """
         triangles, normals, neighbours = self.triangles, self.normals, self.neighbours
-        first, last, beside = (np.concatenate(each.T) for each in (triangles, np.roll(triangles, -1, 1), neighbours))
-        here = np.tile(np.arange(len(triangles)), 3)
-        sharp = (here < beside) & (np.sum(normals[here] * normals[beside], axis=1) < math.cos(angle))
-        seen = sharp & (np.maximum(normals[here] @ eye, normals[beside] @ eye) > 0.0)
-        return np.stack([self.vertices[first[seen]], self.vertices[last[seen]]], axis=1)
+        first, last, neighbour = (
+            np.concatenate(table.T) for table in (triangles, np.roll(triangles, -1, 1), neighbours)
+        )
+        face = np.tile(np.arange(len(triangles)), 3)
+        sharp = (face < neighbour) & (np.sum(normals[face] * normals[neighbour], axis=1) < math.cos(angle))
+        visible = sharp & (np.maximum(normals[face] @ eye, normals[neighbour] @ eye) > 0.0)
+        return np.stack([self.vertices[first[visible]], self.vertices[last[visible]]], axis=1)
 
 
 def _triple(point: Array) -> Triple:

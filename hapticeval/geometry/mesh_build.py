@@ -51,8 +51,8 @@ def _difference(a: float, b: float) -> tuple[float, float]:
 def _minor(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float], d: tuple[float, float]) -> float:
     """Return a b - c d of numbers in two parts, to rounding even where the products nearly cancel."""
     first, second = a[0] * b[0], c[0] * d[0]
-    lost = _lost(a[0], b[0], first) - _lost(c[0], d[0], second)
-    return (first - second) + (lost + (a[0] * b[1] + a[1] * b[0] - c[0] * d[1] - c[1] * d[0]))
+    product_error = _lost(a[0], b[0], first) - _lost(c[0], d[0], second)
+    return (first - second) + (product_error + (a[0] * b[1] + a[1] * b[0] - c[0] * d[1] - c[1] * d[0]))
 
 
 @inner
@@ -120,18 +120,18 @@ def join(count: int, triangles: IntArray) -> tuple[IntArray, int, int, int]:
 def component(across: IntArray) -> int:
     """Return a triangle that no way over edges joins to triangle 0, or -1."""
     t = across.shape[0]
-    seen, queue = np.zeros(t, np.bool_), np.empty(t, np.int32)
-    seen[0], queue[0] = True, 0
+    reached, queue = np.zeros(t, np.bool_), np.empty(t, np.int32)
+    reached[0], queue[0] = True, 0
     count, done = 1, 0
     while done < count:
         for i in range(3):
-            beside = across[queue[done], i]
-            if not seen[beside]:
-                seen[beside], queue[count] = True, beside
+            neighbour = across[queue[done], i]
+            if not reached[neighbour]:
+                reached[neighbour], queue[count] = True, neighbour
                 count += 1
         done += 1
     for k in range(t):
-        if not seen[k]:
+        if not reached[k]:
             return k
     return -1
 
@@ -195,12 +195,12 @@ def ordered(vertices: Array, triangles: IntArray) -> IntArray:
         for j in range(level):
             low, high = j * n // level, (j + 1) * n // level
             longest, axis = -1.0, 0
-            for each in range(3):
-                least, most = middles[low, each], middles[low, each]
+            for candidate in range(3):
+                lowest, highest = middles[low, candidate], middles[low, candidate]
                 for k in range(low, high):
-                    least, most = min(least, middles[k, each]), max(most, middles[k, each])
-                if most - least > longest:
-                    longest, axis = most - least, each
+                    lowest, highest = min(lowest, middles[k, candidate]), max(highest, middles[k, candidate])
+                if highest - lowest > longest:
+                    longest, axis = highest - lowest, candidate
             _halve(middles, order, low, high, (2 * j + 1) * n // (2 * level), axis)
         level *= 2
     return order
@@ -225,22 +225,22 @@ def tables(positions: Array, triangles: IntArray, across: IntArray, order: IntAr
         rank[order[k]] = k
     used = 0
     for k in range(n):
-        given = order[k]
+        triangle = order[k]
         for i in range(3):
-            vertex = triangles[given, i]
+            vertex = triangles[triangle, i]
             if row_of[vertex] < 0:
                 row_of[vertex] = used
                 for axis in range(3):
                     vertices[used, axis] = positions[vertex, axis]
                 used += 1
-            faces[k, CORNER + i], faces[k, ACROSS + i] = row_of[vertex], rank[across[given, i]]
+            faces[k, CORNER + i], faces[k, ACROSS + i] = row_of[vertex], rank[across[triangle, i]]
         a, b, c = at(vertices, faces[k, 0]), at(vertices, faces[k, 1]), at(vertices, faces[k, 2])
         normal = area_normal(a, b, c)
         area = math.sqrt(dot(normal, normal))
         edges = (_minus(b, a), _minus(c, b), _minus(a, c))
-        lengths2 = (dot(edges[0], edges[0]), dot(edges[1], edges[1]), dot(edges[2], edges[2]))
-        if not area > THINNEST * max(lengths2):
-            return faces, vertices, FLAT_TRIANGLE, given
+        lengths_squared = (dot(edges[0], edges[0]), dot(edges[1], edges[1]), dot(edges[2], edges[2]))
+        if not area > THINNEST * max(lengths_squared):
+            return faces, vertices, FLAT_TRIANGLE, triangle
         for axis in range(3):
             faces[k, NORMAL + axis] = normal[axis] / area
         for i in range(3):
@@ -275,12 +275,12 @@ def boxes(faces: Array, vertices: Array) -> Array:
                 tree[i, axis] = min(tree[2 * i, axis], tree[2 * i + 1, axis])
                 tree[i, 3 + axis] = max(tree[2 * i, 3 + axis], tree[2 * i + 1, 3 + axis])
                 continue
-            least, most = math.inf, -math.inf
+            lowest, highest = math.inf, -math.inf
             for k in range((i - m) * n // m, (i - m + 1) * n // m):
                 for corner in range(3):
-                    here = vertices[int(faces[k, CORNER + corner]), axis]
-                    least, most = min(least, here), max(most, here)
-            tree[i, axis], tree[i, 3 + axis] = least, most
+                    coordinate = vertices[int(faces[k, CORNER + corner]), axis]
+                    lowest, highest = min(lowest, coordinate), max(highest, coordinate)
+            tree[i, axis], tree[i, 3 + axis] = lowest, highest
     slack = 0.0
     for axis in range(3):
         slack = max(slack, abs(tree[1, axis]), abs(tree[1, 3 + axis]), tree[1, 3 + axis] - tree[1, axis])
@@ -311,15 +311,16 @@ def _lay_disc(faces: Array, vertices: Array, tree: Array, i: int, slack: float) 
     if size < FLATNESS * (end - begin):
         return
     mean, middle = (mean[0] / size, mean[1] / size, mean[2] / size), middle_of(tree, i)
-    wide2, high = 0.0, 0.0
+    radius_squared, half_thickness = 0.0, 0.0
     for k in range(begin, end):
         for corner in range(3):
             q = _minus(at(vertices, faces[k, CORNER + corner]), middle)
             aside = _cross(mean, q)
-            wide2, high = max(wide2, dot(aside, aside)), max(high, abs(dot(mean, q)))
+            radius_squared = max(radius_squared, dot(aside, aside))
+            half_thickness = max(half_thickness, abs(dot(mean, q)))
     for axis in range(3):
         tree[i, DISC + axis] = mean[axis]
-    tree[i, DISC + 3], tree[i, DISC + 4] = math.sqrt(wide2) + slack, high + slack
+    tree[i, DISC + 3], tree[i, DISC + 4] = math.sqrt(radius_squared) + slack, half_thickness + slack
 
 
 @inner
@@ -387,14 +388,14 @@ def _clear(faces: Array, vertices: Array, j: int, k: int, first: Array, second: 
 
 
 @compiled
-def suspects(faces: Array, vertices: Array, tree: Array, begin: int, most: int) -> tuple[IntArray, int]:
+def suspects(faces: Array, vertices: Array, tree: Array, begin: int, most_pairs: int) -> tuple[IntArray, int]:
     """Return pairs (up to `most`, 2) of triangles that may cross or touch, and where to go on.
 
     The first of each is triangle `begin` or a later one. Pairs that are not returned are separated by a
     plane, by more than rounding.
     """
     n, m = faces.shape[0], tree.shape[0] // 2
-    pairs, count = np.empty((most, 2), np.int64), 0
+    pairs, count = np.empty((most_pairs, 2), np.int64), 0
     stack, first, second = np.empty(DEPTH, np.int64), np.empty((3, 3)), np.empty((3, 3))
     for j in range(begin, n):
         a, b, c = at(vertices, faces[j, 0]), at(vertices, faces[j, 1]), at(vertices, faces[j, 2])
@@ -421,7 +422,7 @@ def suspects(faces: Array, vertices: Array, tree: Array, begin: int, most: int) 
             for k in range(max((i - m) * n // m, j + 1), (i - m + 1) * n // m):
                 if _clear(faces, vertices, j, k, first, second):
                     continue
-                if count == most:
+                if count == most_pairs:
                     return (pairs[:before], j) if before > 0 else (pairs, j + 1)
                 pairs[count, 0], pairs[count, 1] = j, k
                 count += 1

@@ -85,11 +85,11 @@ def checked_triangles(triangles: object, count: int) -> IntArray:
     that comes twice, and fewer than four triangles or more than `MOST`.
     """
     try:
-        given = np.array(triangles)
-        array = given.astype(np.int64)
+        numbers = np.array(triangles)
+        array = numbers.astype(np.int64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError("the triangles are not rows of three whole numbers", why=str(error)) from error
-    if array.ndim != 2 or array.shape[1] != 3 or given.dtype.kind not in "iuf" or not np.array_equal(given, array):
+    if array.ndim != 2 or array.shape[1] != 3 or numbers.dtype.kind not in "iuf" or not np.array_equal(numbers, array):
         raise InputError(
             f"the triangles have the shape {array.shape}" if array.ndim != 2 or array.shape[1] != 3
             else "the triangles are not whole numbers",

@@ -59,15 +59,15 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
     if not content.strip():
         raise InputError(f"the mesh file {file} is empty", todo="export it again")
     content = _as_text(content) if file.suffix.lower() in TEXT else content
-    cut = _stl_fault(content) if file.suffix.lower() == ".stl" else ""
-    if cut:
-        raise InputError(damaged, why=cut, todo="export it again, or copy it again")
+    fault = _stl_fault(content) if file.suffix.lower() == ".stl" else ""
+    if fault:
+        raise InputError(damaged, why=fault, todo="export it again, or copy it again")
     try:
         with np.errstate(all="ignore"):
-            made: Any = trimesh.load(
+            loaded: Any = trimesh.load(
                 io.BytesIO(content), file_type=file.suffix[1:].lower(), process=False, force="mesh", skip_materials=True
             )
-        vertices, triangles = np.asarray(made.vertices, dtype=np.float64), np.asarray(made.faces, dtype=np.int64)
+        vertices, triangles = np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces, dtype=np.int64)
     except MemoryError as error:
         raise InputError(damaged, why="its header announces more than memory holds") from error
     except Exception as error:  # a parser may raise anything on bytes of anyone

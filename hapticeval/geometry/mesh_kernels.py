@@ -79,18 +79,18 @@ def normal_of(faces: Array, k: int) -> Triple:
 @inner
 def _on_segment(ap: Triple, bp: Triple, ab: Triple) -> tuple[float, float]:
     """Return the squared distance of a point from a segment, and where on it, in [0, 1], the closest point lies."""
-    along, length2 = dot(ap, ab), dot(ab, ab)
+    along, length_squared = dot(ap, ab), dot(ab, ab)
     if along <= 0.0:
         return dot(ap, ap), 0.0
-    if along >= length2:
+    if along >= length_squared:
         return dot(bp, bp), 1.0
-    share = along / length2
+    share = along / length_squared
     q = plus(ap, -share, ab)
     return dot(q, q), share
 
 
 @inner
-def on_triangle(faces: Array, vertices: Array, k: int, p: Triple, beyond2: float) -> tuple[float, int, float]:
+def on_triangle(faces: Array, vertices: Array, k: int, p: Triple, limit_squared: float) -> tuple[float, int, float]:
     """Return the squared distance of p from triangle k, the feature that is closest, and where on that edge.
 
     Infinity where its plane is farther away than `beyond2`, squared. Whether p lies over the triangle is decided by its
@@ -100,32 +100,32 @@ def on_triangle(faces: Array, vertices: Array, k: int, p: Triple, beyond2: float
     a, n = at(vertices, faces[k, CORNER]), normal_of(faces, k)
     ap = _minus(p, a)
     height = dot(n, ap)
-    best2 = height * height
-    if best2 > beyond2:
+    best_squared = height * height
+    if best_squared > limit_squared:
         return math.inf, FACE, 0.0
     b, c = at(vertices, faces[k, CORNER + 1]), at(vertices, faces[k, CORNER + 2])
     ab, bc, ca = _minus(b, a), _minus(c, b), _minus(a, c)
     bp, cp = _minus(p, b), _minus(p, c)
     first, second, third = dot(_cross(n, ab), ap), dot(_cross(n, bc), bp), dot(_cross(n, ca), cp)
     if first >= 0.0 and second >= 0.0 and third >= 0.0:
-        return best2, FACE, 0.0
-    best2, feature, share = math.inf, FACE, 0.0
+        return best_squared, FACE, 0.0
+    best_squared, feature, share = math.inf, FACE, 0.0
     if first < 0.0:
-        best2, share = _on_segment(ap, bp, ab)
+        best_squared, share = _on_segment(ap, bp, ab)
         feature = EDGE
     if second < 0.0:
-        far2, along = _on_segment(bp, cp, bc)
-        if far2 < best2:
-            best2, feature, share = far2, EDGE + 1, along
+        edge_squared, along = _on_segment(bp, cp, bc)
+        if edge_squared < best_squared:
+            best_squared, feature, share = edge_squared, EDGE + 1, along
     if third < 0.0:
-        far2, along = _on_segment(cp, ap, ca)
-        if far2 < best2:
-            best2, feature, share = far2, EDGE + 2, along
+        edge_squared, along = _on_segment(cp, ap, ca)
+        if edge_squared < best_squared:
+            best_squared, feature, share = edge_squared, EDGE + 2, along
     if share == 0.0:
-        return best2, feature - EDGE + VERTEX, 0.0
+        return best_squared, feature - EDGE + VERTEX, 0.0
     if share == 1.0:
-        return best2, VERTEX + (feature - EDGE + 1) % 3, 0.0
-    return best2, feature, share
+        return best_squared, VERTEX + (feature - EDGE + 1) % 3, 0.0
+    return best_squared, feature, share
 
 
 @inner
@@ -138,16 +138,16 @@ def middle_of(tree: Array, i: int) -> Triple:
 def _to_disc2(tree: Array, i: int, p: Triple) -> float:
     q, n = _minus(p, middle_of(tree, i)), (tree[i, DISC], tree[i, DISC + 1], tree[i, DISC + 2])
     aside = _cross(n, q)
-    high = max(abs(dot(n, q)) - tree[i, DISC + 4], 0.0)
-    wide = max(math.sqrt(dot(aside, aside)) - tree[i, DISC + 3], 0.0)
-    return float(high * high + wide * wide)
+    height_excess = max(abs(dot(n, q)) - tree[i, DISC + 4], 0.0)
+    aside_excess = max(math.sqrt(dot(aside, aside)) - tree[i, DISC + 3], 0.0)
+    return float(height_excess * height_excess + aside_excess * aside_excess)
 
 
 @inner
 def _to_run2(tree: Array, i: int, p: Triple, limit: float) -> float:
     """Return a lower bound of the squared distance of p from run i; beyond `limit` any that is."""
-    far2 = _to_box2(tree, i, p)
-    return far2 if far2 > limit else max(far2, _to_disc2(tree, i, p))
+    box_squared = _to_box2(tree, i, p)
+    return box_squared if box_squared > limit else max(box_squared, _to_disc2(tree, i, p))
 
 
 @inner
@@ -167,33 +167,33 @@ def nearest(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -
     """
     n, m = faces.shape[0], tree.shape[0] // 2
     best = start
-    best2, feature, share = on_triangle(faces, vertices, best, p, math.inf)
+    best_squared, feature, share = on_triangle(faces, vertices, best, p, math.inf)
     stack = np.empty((DEPTH, 2))
     i, top = 1, 0
     while True:
         while 0 < i < m:
-            near, far = 2 * i, 2 * i + 1
-            limit = best2 * CAUTION
-            near2, far2 = _to_run2(tree, near, p, limit), _to_run2(tree, far, p, limit)
-            if far2 < near2:
-                near, far, near2, far2 = far, near, far2, near2
-            if far2 <= limit:
-                stack[top, 0], stack[top, 1] = far, far2
+            near_child, far_child = 2 * i, 2 * i + 1
+            limit = best_squared * CAUTION
+            near_squared, far_squared = _to_run2(tree, near_child, p, limit), _to_run2(tree, far_child, p, limit)
+            if far_squared < near_squared:
+                near_child, far_child, near_squared, far_squared = far_child, near_child, far_squared, near_squared
+            if far_squared <= limit:
+                stack[top, 0], stack[top, 1] = far_child, far_squared
                 top += 1
-            i = near if near2 <= limit else 0
+            i = near_child if near_squared <= limit else 0
         if i > 0:
             j = i - m
             for k in range(j * n // m, (j + 1) * n // m):
-                far2, other, along = on_triangle(faces, vertices, k, p, best2)
-                if far2 < best2 or (far2 == best2 and k < best):
-                    best2, best, feature, share = far2, k, other, along
+                squared, other, along = on_triangle(faces, vertices, k, p, best_squared)
+                if squared < best_squared or (squared == best_squared and k < best):
+                    best_squared, best, feature, share = squared, k, other, along
         i = 0
         while top > 0 and i == 0:
             top -= 1
-            if stack[top, 1] <= best2 * CAUTION:
+            if stack[top, 1] <= best_squared * CAUTION:
                 i = int(stack[top, 0])
         if i == 0:
-            return best, feature, share, best2
+            return best, feature, share, best_squared
 
 
 @compiled
@@ -204,7 +204,7 @@ def place(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> 
     mesh. On an edge or a vertex the normal is the direction between p and the foot, or where these coincide the
     pseudonormal.
     """
-    k, feature, share, far2 = nearest(faces, vertices, tree, p, start)
+    k, feature, share, distance_squared = nearest(faces, vertices, tree, p, start)
     n, a = normal_of(faces, k), at(vertices, faces[k, CORNER])
     if feature == FACE:
         height = dot(n, _minus(p, a))
@@ -219,7 +219,7 @@ def place(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> 
         foot = at(vertices, faces[k, CORNER + feature - VERTEX])
         q = _minus(p, foot)
     side, normal = facing(faces, vertices, k, feature, foot, q)
-    return k, foot, normal, side * math.sqrt(far2)
+    return k, foot, normal, side * math.sqrt(distance_squared)
 
 
 @compiled
@@ -257,12 +257,12 @@ def frames(faces: Array, vertices: Array, tree: Array, points: Array) -> Closest
     """Return the `ClosestPoint` of points (n, 3): faces and edges have no shape. Raises as `check_finite` does."""
     check_finite(points)
     n, k = points.shape[0], 0
-    feet, normals, far, shapes = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.zeros((n, 3, 3))
+    feet, normals, signed, shapes = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.zeros((n, 3, 3))
     for row in range(n):
-        k, foot, normal, far[row] = place(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
+        k, foot, normal, signed[row] = place(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
         for i in range(3):
             feet[row, i], normals[row, i] = foot[i], normal[i]
-    return ClosestPoint(feet, normals, far, shapes)
+    return ClosestPoint(feet, normals, signed, shapes)
 
 
 @compiled
@@ -295,15 +295,15 @@ def _turn(x1: float, y1: float, x2: float, y2: float) -> tuple[float, int]:
     all numbers: so a line and the same line backwards always have opposite signs. 0 if the points are one.
     """
     first, second = x1 * y2, x2 * y1
-    value = first - second
-    if value == 0.0:
-        value = _lost(x1, y2, first) - _lost(x2, y1, second)
-    sign = value
+    area = first - second
+    if area == 0.0:
+        area = _lost(x1, y2, first) - _lost(x2, y1, second)
+    sign = area
     if sign == 0.0:
         sign = y1 - y2
         if sign == 0.0:
             sign = x2 - x1
-    return value, 1 if sign > 0.0 else -1 if sign < 0.0 else 0
+    return area, 1 if sign > 0.0 else -1 if sign < 0.0 else 0
 
 
 @inner
@@ -324,7 +324,7 @@ def _apart(tree: Array, i: int, middle: Triple, half: Triple, pad: float) -> boo
 
 @compiled
 def crossing(
-    faces: Array, vertices: Array, tree: Array, start: Triple, way: Triple, low: float, high: float
+    faces: Array, vertices: Array, tree: Array, start: Triple, direction: Triple, low: float, high: float
 ) -> tuple[int, float]:
     """Return the first triangle through which the line start + s way goes for s in [low, high], and s.
 
@@ -334,18 +334,18 @@ def crossing(
     """
     n, m = faces.shape[0], tree.shape[0] // 2
     kz = 0
-    if abs(way[1]) > abs(way[kz]):
+    if abs(direction[1]) > abs(direction[kz]):
         kz = 1
-    if abs(way[2]) > abs(way[kz]):
+    if abs(direction[2]) > abs(direction[kz]):
         kz = 2
     kx, ky = (kz + 1) % 3, (kz + 2) % 3
-    if way[kz] < 0.0:
+    if direction[kz] < 0.0:
         kx, ky = ky, kx
-    sx, sy, sz = way[kx] / way[kz], way[ky] / way[kz], 1.0 / way[kz]
+    sx, sy, sz = direction[kx] / direction[kz], direction[ky] / direction[kz], 1.0 / direction[kz]
     reach = 0.0
     for i in range(3):
         reach = max(reach, abs(tree[1, i] - start[i]), abs(tree[1, 3 + i] - start[i]))
-        reach = max(reach, 0.5 * abs(start[i]), abs(way[i]) * max(abs(low), abs(high)))
+        reach = max(reach, 0.5 * abs(start[i]), abs(direction[i]) * max(abs(low), abs(high)))
     pad = 1e-14 * reach
     best, first = -1, high
     stack = np.empty(DEPTH, np.int64)
@@ -354,17 +354,15 @@ def crossing(
     while top > 0:
         top -= 1
         i = stack[top]
-        middle, half = plus(start, 0.5 * (low + first), way), _scaled(0.5 * (first - low), way)
+        middle, half = plus(start, 0.5 * (low + first), direction), _scaled(0.5 * (first - low), direction)
         if _apart(tree, i, middle, half, pad):
             continue
         if i < m:
             ahead = 0.0
             for axis in range(3):
-                here, there = (
-                    tree[2 * i, axis] + tree[2 * i, 3 + axis],
-                    tree[2 * i + 1, axis] + tree[2 * i + 1, 3 + axis],
-                )
-                ahead += way[axis] * (there - here)
+                first_sum = tree[2 * i, axis] + tree[2 * i, 3 + axis]
+                second_sum = tree[2 * i + 1, axis] + tree[2 * i + 1, 3 + axis]
+                ahead += direction[axis] * (second_sum - first_sum)
             stack[top], stack[top + 1] = (2 * i + 1, 2 * i) if ahead > 0.0 else (2 * i, 2 * i + 1)
             top += 2
             continue
@@ -402,8 +400,8 @@ def entered(
     what only grazes an edge or a face is passed. Between two of its crossings with the mesh, which may be several in
     one vertex, it is inside as a whole or not at all.
     """
-    way = _minus(end, start)
-    length = math.sqrt(dot(way, way))
+    direction = _minus(end, start)
+    length = math.sqrt(dot(direction, direction))
     k, foot, _, depth = place(faces, vertices, tree, start, k)
     if length == 0.0 or depth > length + touch:
         return False, k, foot, 0.0
@@ -412,13 +410,15 @@ def entered(
     begin, low, near = 0.0, -touch / length, touch / length
     outside = depth > touch
     while True:
-        hit, s = crossing(faces, vertices, tree, start, way, low, 1.0)
+        hit, s = crossing(faces, vertices, tree, start, direction, low, 1.0)
         for quarter in (2, 1, 3, 4):
             if outside or (quarter == 4 and hit >= 0):
                 break
-            _, _, _, depth = place(faces, vertices, tree, plus(start, begin + 0.25 * quarter * (s - begin), way), k)
+            _, _, _, depth = place(
+                faces, vertices, tree, plus(start, begin + 0.25 * quarter * (s - begin), direction), k
+            )
             if depth < -touch:
-                k, foot, _, _ = place(faces, vertices, tree, plus(start, begin, way), k)
+                k, foot, _, _ = place(faces, vertices, tree, plus(start, begin, direction), k)
                 return True, k, foot, begin
         if hit < 0:
             return False, k, foot, 0.0
@@ -446,12 +446,12 @@ def fans(faces: Array, vertices: Array, tree: Array, points: Array, reach: Array
     As (n + 1,) starts and all normals (total, 3), one after the other, each direction once.
     """
     n = points.shape[0]
-    seen, queue = np.full(faces.shape[0], -1), np.empty(faces.shape[0], np.int64)
+    visited_for, queue = np.full(faces.shape[0], -1), np.empty(faces.shape[0], np.int64)
     starts, normals, k, total = np.zeros(n + 1, np.int64), np.empty((4 * n + 16, 3)), 0, 0
     for row in range(n):
         k, foot, _, _ = place(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
         near = reach[row] + NEAR * (abs(foot[0]) + abs(foot[1]) + abs(foot[2]))
-        queue[0], seen[k] = k, row
+        queue[0], visited_for[k] = k, row
         count, done = 1, 0
         while done < count:
             face = queue[done]
@@ -469,9 +469,12 @@ def fans(faces: Array, vertices: Array, tree: Array, points: Array, reach: Array
                 normals[total, 0], normals[total, 1], normals[total, 2] = new
                 total += 1
             for i in range(3):
-                beside = int(faces[face, ACROSS + i])
-                if seen[beside] != row and on_triangle(faces, vertices, beside, foot, math.inf)[0] <= near * near:
-                    queue[count], seen[beside] = beside, row
+                neighbour = int(faces[face, ACROSS + i])
+                if (
+                    visited_for[neighbour] != row
+                    and on_triangle(faces, vertices, neighbour, foot, math.inf)[0] <= near * near
+                ):
+                    queue[count], visited_for[neighbour] = neighbour, row
                     count += 1
         starts[row + 1] = total
     return starts, normals[:total].copy()
@@ -485,37 +488,38 @@ def onto_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
     whose cone comes closest: no more than three carry a vector in space. The rest shrinks with each round.
     """
     limit = 1e-15 * math.sqrt(dot(d, d))
-    held = np.zeros((3, 3))
+    carriers = np.zeros((3, 3))
     count, best = 0, (0.0, 0.0, 0.0)
     for _ in range(4 * (last - first) + 8):
-        rest = _minus(d, best)
-        most, chosen = limit, -1
+        residual = _minus(d, best)
+        steepest, chosen = limit, -1
         for k in range(first, last):
-            along = normals[k, 0] * rest[0] + normals[k, 1] * rest[1] + normals[k, 2] * rest[2]
-            if along > most:
-                most, chosen = along, k
+            along = normals[k, 0] * residual[0] + normals[k, 1] * residual[1] + normals[k, 2] * residual[2]
+            if along > steepest:
+                steepest, chosen = along, k
         if chosen < 0:
             break
         new = (normals[chosen, 0], normals[chosen, 1], normals[chosen, 2])
-        old2 = dot(rest, rest)
+        residual_squared = dot(residual, residual)
         along = max(dot(new, d), 0.0)
-        closest, kept, which = _scaled(along, new), 1, 0
-        rest = _minus(d, closest)
-        least2 = dot(rest, rest)
+        closest, count_kept, which = _scaled(along, new), 1, 0
+        residual = _minus(d, closest)
+        least_squared = dot(residual, residual)
         for other in range(count):
-            side = (held[other, 0], held[other, 1], held[other, 2])
+            side = (carriers[other, 0], carriers[other, 1], carriers[other, 2])
             across = _cross(new, side)
-            size2 = dot(across, across)
-            if size2 <= 1e-30:
+            across_squared = dot(across, across)
+            if across_squared <= 1e-30:
                 continue
-            flat = plus(d, -dot(across, d) / size2, across)
+            flat = plus(d, -dot(across, d) / across_squared, across)
             if dot(_cross(flat, side), across) < 0.0 or dot(_cross(new, flat), across) < 0.0:
                 continue
-            rest = _minus(d, flat)
-            if dot(rest, rest) < least2:
-                least2, closest, kept, which = dot(rest, rest), flat, 2, other
+            residual = _minus(d, flat)
+            if dot(residual, residual) < least_squared:
+                least_squared, closest, count_kept, which = dot(residual, residual), flat, 2, other
         if count == 2:
-            one, two = (held[0, 0], held[0, 1], held[0, 2]), (held[1, 0], held[1, 1], held[1, 2])
+            one = (carriers[0, 0], carriers[0, 1], carriers[0, 2])
+            two = (carriers[1, 0], carriers[1, 1], carriers[1, 2])
             volume = dot(new, _cross(one, two))
             sense = 1.0 if volume > 0.0 else -1.0
             shares = (
@@ -525,14 +529,14 @@ def onto_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
             )
             if volume != 0.0 and min(shares) >= 0.0:
                 return d
-        if least2 >= old2:
+        if least_squared >= residual_squared:
             break
-        if kept == 2:
+        if count_kept == 2:
             for axis in range(3):
-                held[0, axis] = held[which, axis]
+                carriers[0, axis] = carriers[which, axis]
         for axis in range(3):
-            held[kept - 1, axis] = new[axis]
-        count, best = kept, closest
+            carriers[count_kept - 1, axis] = new[axis]
+        count, best = count_kept, closest
     return best
 
 
@@ -550,9 +554,9 @@ def beyond_cones(starts: IntArray, normals: Array, directions: Array) -> Array:
             off = _cross(inside, d)
             out[row] = math.atan2(math.sqrt(dot(off, off)), dot(inside, d))
             continue
-        most = -math.inf
+        largest_cosine = -math.inf
         for k in range(starts[row], starts[row + 1]):
-            most = max(most, normals[k, 0] * d[0] + normals[k, 1] * d[1] + normals[k, 2] * d[2])
+            largest_cosine = max(largest_cosine, normals[k, 0] * d[0] + normals[k, 1] * d[1] + normals[k, 2] * d[2])
         length = math.sqrt(dot(d, d))
-        out[row] = math.acos(max(most / length, -1.0)) if length > 0.0 else 0.0
+        out[row] = math.acos(max(largest_cosine / length, -1.0)) if length > 0.0 else 0.0
     return out

@@ -46,12 +46,12 @@ def walk(
     line and in a corner: where the faces are those of a convex room that is the closest point of the room to the goal.
     Without `free` the point never leaves the mesh, whichever side the goal is on.
     """
-    last2, stalls = math.inf, 0
+    last_squared, stalls = math.inf, 0
     while stalls < STALLS:
         d = _minus(goal, point)
-        now2 = dot(d, d)
-        stalls = 0 if now2 < last2 else stalls + 1
-        last2 = min(now2, last2)
+        now_squared = dot(d, d)
+        stalls = 0 if now_squared < last_squared else stalls + 1
+        last_squared = min(now_squared, last_squared)
         if feature >= VERTEX:
             opens, k, feature = _at_vertex(faces, vertices, free, k, feature - VERTEX, d)
             if opens:
@@ -92,11 +92,11 @@ def _over_face(faces: Array, vertices: Array, k: int, point: Triple, goal: Tripl
     share, left = 1.0, -1
     for i in range(3):
         inward = _cross(n, _minus(corners[(i + 1) % 3], corners[i]))
-        there = dot(inward, _minus(foot, corners[i]))
-        if there < 0.0:
-            here = max(dot(inward, _minus(point, corners[i])), 0.0)
-            if here / (here - there) < share:
-                share, left = here / (here - there), i
+        height_at_foot = dot(inward, _minus(foot, corners[i]))
+        if height_at_foot < 0.0:
+            height_at_point = max(dot(inward, _minus(point, corners[i])), 0.0)
+            if height_at_point / (height_at_point - height_at_foot) < share:
+                share, left = height_at_point / (height_at_point - height_at_foot), i
     if left < 0:
         return FACE, foot
     a, b = corners[left], corners[(left + 1) % 3]
@@ -119,20 +119,20 @@ def _at_edge(faces: Array, vertices: Array, free: bool, k: int, i: int, d: Tripl
     n, p = normal_of(faces, k), normal_of(faces, j)
     e = _minus(at(vertices, faces[k, CORNER + (i + 1) % 3]), at(vertices, faces[k, CORNER + i]))
     e = _scaled(1.0 / math.sqrt(dot(e, e)), e)
-    over, beside = _cross(n, e), _cross(e, p)
-    convex = dot(beside, n) <= ROUND
-    here, there = dot(n, d), dot(p, d)
-    if free and ((here >= 0.0 and there >= 0.0) or (convex and (here >= 0.0 or there >= 0.0))):
+    inward_here, inward_beyond = _cross(n, e), _cross(e, p)
+    convex = dot(inward_beyond, n) <= ROUND
+    rise_here, rise_beyond = dot(n, d), dot(p, d)
+    if free and ((rise_here >= 0.0 and rise_beyond >= 0.0) or (convex and (rise_here >= 0.0 or rise_beyond >= 0.0))):
         return True, k, EDGE + i
-    least = ROUND * math.sqrt(dot(d, d))
-    back, on = dot(over, d), dot(beside, d)
-    if free and here >= 0.0:
-        back = 0.0
-    if free and there >= 0.0:
-        on = 0.0
-    if max(back, on) <= least:
+    rounding = ROUND * math.sqrt(dot(d, d))
+    gain_here, gain_beyond = dot(inward_here, d), dot(inward_beyond, d)
+    if free and rise_here >= 0.0:
+        gain_here = 0.0
+    if free and rise_beyond >= 0.0:
+        gain_beyond = 0.0
+    if max(gain_here, gain_beyond) <= rounding:
         return False, k, EDGE + i
-    return (False, k, FACE) if back > least else (False, j, FACE)
+    return (False, k, FACE) if gain_here > rounding else (False, j, FACE)
 
 
 @inner
@@ -143,11 +143,11 @@ def _at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int, d: Tri
     closest to it in the fan, as for any point beside the mesh.
     """
     row = faces[k, CORNER + i]
-    apex, size2 = at(vertices, row), dot(d, d)
+    apex, size_squared = at(vertices, row), dot(d, d)
     vertex = int(row)
     mean = (vertices[vertex, PSEUDO], vertices[vertex, PSEUDO + 1], vertices[vertex, PSEUDO + 2])
-    least2, side = size2, dot(mean, d)
-    steepest, best, way = ROUND * ROUND * size2, k, VERTEX + i
+    least_squared, side = size_squared, dot(mean, d)
+    steepest, best, steepest_feature = ROUND * ROUND * size_squared, k, VERTEX + i
     j, h = k, i
     while True:
         n = normal_of(faces, j)
@@ -155,21 +155,21 @@ def _at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int, d: Tri
         q = _minus(at(vertices, faces[j, CORNER + (h + 2) % 3]), apex)
         height, after = dot(n, d), int(faces[j, ACROSS + h])
         if dot(_cross(n, p), d) >= 0.0 and dot(_cross(q, n), d) >= 0.0:
-            if height * height < least2:
-                least2, side = height * height, height
-            gain = size2 - height * height
+            if height * height < least_squared:
+                least_squared, side = height * height, height
+            gain = size_squared - height * height
             if gain > steepest and not (free and height >= 0.0):
-                steepest, best, way = gain, j, FACE
+                steepest, best, steepest_feature = gain, j, FACE
         along = dot(p, d)
         if along > 0.0:
             off = plus(d, -along / dot(p, p), p)
-            far2 = dot(off, off)
-            if far2 < least2:
-                least2, side = far2, dot(plus(n, 1.0, normal_of(faces, after)), off)
+            off_squared = dot(off, off)
+            if off_squared < least_squared:
+                least_squared, side = off_squared, dot(plus(n, 1.0, normal_of(faces, after)), off)
             if along * along / dot(p, p) > steepest:
-                steepest, best, way = along * along / dot(p, p), j, EDGE + h
+                steepest, best, steepest_feature = along * along / dot(p, p), j, EDGE + h
         j = after
         h = 0 if faces[j, CORNER] == row else 1 if faces[j, CORNER + 1] == row else 2
         if j == k:
             break
-    return free and side >= 0.0, best, way
+    return free and side >= 0.0, best, steepest_feature

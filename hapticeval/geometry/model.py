@@ -44,11 +44,11 @@ class Model:
     name: str
     parameters: Mapping[str, Any]
     boundary: Boundary
-    _kept: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
+    _prepared: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __repr__(self) -> str:
-        given = ", ".join(f"{name}={value!r}" for name, value in self.table.items() if name != "kind")
-        return f"make_model({self.table['kind']!r}{', ' * bool(given)}{given})"
+        arguments = ", ".join(f"{name}={value!r}" for name, value in self.table.items() if name != "kind")
+        return f"make_model({self.table['kind']!r}{', ' * bool(arguments)}{arguments})"
 
     @property
     def table(self) -> dict[str, Any]:
@@ -95,18 +95,18 @@ class Model:
         It is kept, so that what a renderer prepares for it is prepared once.
         """
         key = ("moved", motion.matrix.tobytes(), motion.scale, motion.shift.tobytes())
-        if key not in self._kept:
+        if key not in self._prepared:
             move = getattr(self.boundary, "moved", None)
-            self._kept[key] = self._with(None if move is None else move(motion))
-        moved: Model | None = self._kept[key]
+            self._prepared[key] = self._with(None if move is None else move(motion))
+        moved: Model | None = self._prepared[key]
         return moved
 
     def reordered(self) -> Model | None:
         """Return the model with its vertices in another order; None where its boundary does not offer `reordered`."""
-        if "reordered" not in self._kept:
+        if "reordered" not in self._prepared:
             order = getattr(self.boundary, "reordered", None)
-            self._kept["reordered"] = self._with(None if order is None else order())
-        other: Model | None = self._kept["reordered"]
+            self._prepared["reordered"] = self._with(None if order is None else order())
+        other: Model | None = self._prepared["reordered"]
         return other
 
     def _with(self, boundary: Boundary | None) -> Model | None:
@@ -125,11 +125,11 @@ class Model:
         `InputError` for n below 3, and if n vertices are so few that the polygon crosses itself.
         """
         key = ("polygon", n)
-        if key not in self._kept:
+        if key not in self._prepared:
             from hapticeval.geometry.polygon import Polygon
 
-            self._kept[key] = Polygon(self.curve.position(self._steps(n)))
-        polygon: Polygon = self._kept[key]
+            self._prepared[key] = Polygon(self.curve.position(self._steps(n)))
+        polygon: Polygon = self._prepared[key]
         return polygon
 
     def mesh(self, *, max_error: float) -> Facets:
@@ -139,21 +139,21 @@ class Model:
         and what is made of edges or triangles is returned as it is. Raises as `facets_of` does.
         """
         key = ("mesh", max_error)
-        if key not in self._kept:
+        if key not in self._prepared:
             from hapticeval.geometry.facets import facets_of
 
-            self._kept[key] = facets_of(self, max_error)
-        facets: Facets = self._kept[key]
+            self._prepared[key] = facets_of(self, max_error)
+        facets: Facets = self._prepared[key]
         return facets
 
     def level_set(self, shape: tuple[int, int] = (100, 100)) -> LevelSet:
         """Return the signed distance on a grid of `shape` = (nx, ny) nodes that covers the model and a margin."""
         key = ("level set", tuple(shape))
-        if key not in self._kept:
+        if key not in self._prepared:
             from hapticeval.geometry.level_set import sampled
 
-            self._kept[key] = sampled(self.curve, shape)
-        level_set: LevelSet = self._kept[key]
+            self._prepared[key] = sampled(self.curve, shape)
+        level_set: LevelSet = self._prepared[key]
         return level_set
 
     def _steps(self, n: int) -> Array:
@@ -175,10 +175,10 @@ class Model:
         return equal_steps([corner.u for corner in curve.corners] or [start], end - start, n)
 
 
-def equal_steps(cuts: list[float], whole: float, n: int) -> Array:
+def equal_steps(cuts: list[float], length: float, n: int) -> Array:
     """Return about n positions once round a closed way of length `whole`: at every cut, and evenly between."""
     runs = []
-    for first, last in zip(cuts, [*cuts[1:], cuts[0] + whole], strict=True):
-        steps = max(1, round(n * (last - first) / whole))
+    for first, last in zip(cuts, [*cuts[1:], cuts[0] + length], strict=True):
+        steps = max(1, round(n * (last - first) / length))
         runs.append(first + (last - first) * np.arange(steps) / steps)
     return np.concatenate(runs)

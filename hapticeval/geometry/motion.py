@@ -61,9 +61,9 @@ class Motion:
     @property
     def keeps_axes(self) -> bool:
         """Whether it changes no more than the scale and the sign of y."""
-        kept = np.eye(self.shift.size)
-        kept[1, 1] = self.matrix[1, 1]
-        return bool(np.array_equal(self.matrix, kept) and not self.shift.any())
+        mirror_or_identity = np.eye(self.shift.size)
+        mirror_or_identity[1, 1] = self.matrix[1, 1]
+        return bool(np.array_equal(self.matrix, mirror_or_identity) and not self.shift.any())
 
     @property
     def rests(self) -> bool:

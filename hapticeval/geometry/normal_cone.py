@@ -72,11 +72,11 @@ class NormalCone:
         seam = 2.0 * SEAM * self.curve.length if self.curve.corners else 0.0
         first = np.searchsorted(self._s, np.minimum(ends[1], s - seam), side="left")
         last = np.searchsorted(self._s, np.maximum(ends[2], s + seam), side="right")
-        held = last > first
-        windows = np.column_stack([first, last])[held].ravel()
+        has_samples = last > first
+        windows = np.column_stack([first, last])[has_samples].ravel()
         if windows.size:
-            low[held] = np.minimum(low[held], np.minimum.reduceat(self._angle, windows)[::2])
-            high[held] = np.maximum(high[held], np.maximum.reduceat(self._angle, windows)[::2])
+            low[has_samples] = np.minimum(low[has_samples], np.minimum.reduceat(self._angle, windows)[::2])
+            high[has_samples] = np.maximum(high[has_samples], np.maximum.reduceat(self._angle, windows)[::2])
         return low, high
 
     def _angle_at(self, s: Array, u: Array | None = None) -> Array:
@@ -92,11 +92,11 @@ class NormalCone:
         low, high = self.interval(points, reach)
         middle = 0.5 * (low + high)
 
-        def beyond(directions: Array) -> Array:
+        def angle_outside(directions: Array) -> Array:
             angle = middle + wrapped(_angle(directions) - middle)
             return np.maximum(0.0, np.maximum(low - angle, angle - high))
 
-        return beyond
+        return angle_outside
 
 
 def _inflections(curve: Curve, u: Array, tiny: float) -> list[float]:

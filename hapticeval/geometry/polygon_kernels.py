@@ -45,15 +45,15 @@ def build_tree(vertices: Array) -> Array:
             start, end = j * n // level, (j + 1) * n // level
             x, y = vertices[start, 0], vertices[start, 1]
             dx, dy = vertices[end % n, 0] - x, vertices[end % n, 1] - y
-            length2 = dx * dx + dy * dy
-            inverse = 1.0 / length2 if length2 > 0.0 else 0.0
+            length_squared = dx * dx + dy * dy
+            inverse = 1.0 / length_squared if length_squared > 0.0 else 0.0
             farthest, reach = 0.0, abs(x) + abs(y)
             for k in range(start, end + 1):
                 px, py = vertices[k % n, 0] - x, vertices[k % n, 1] - y
                 t = min(max((px * dx + py * dy) * inverse, 0.0), 1.0)
                 farthest = max(farthest, (px - t * dx) ** 2 + (py - t * dy) ** 2)
             # the slack covers the rounding of chord distances, so that pruning never loses the nearest edge
-            radius = math.sqrt(farthest) * (1.0 + 1e-14) + 1e-15 * (reach + math.sqrt(length2))
+            radius = math.sqrt(farthest) * (1.0 + 1e-14) + 1e-15 * (reach + math.sqrt(length_squared))
             tree[i, 0], tree[i, 1], tree[i, 2], tree[i, 3] = x, y, dx, dy
             tree[i, 4], tree[i, 5] = inverse, radius
         first //= 2
@@ -81,7 +81,7 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
     bounds = np.empty(DEPTH)
     nodes[0], bounds[0] = 1, 0.0
     top = 1
-    best2, best = np.inf, np.inf
+    best_squared, best = np.inf, np.inf
     edge, along = 0, 0.0
     while top > 0:
         top -= 1
@@ -90,42 +90,45 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
         if bounds[top] > limit * limit:
             continue
         while i < m:
-            near, far = 2 * i, 2 * i + 1
-            near2, far2 = _chord_distance2(tree, near, x, y), _chord_distance2(tree, far, x, y)
-            if far2 < near2:
-                near, far, near2, far2 = far, near, far2, near2
-            limit = best + tree[far, 5]
-            if far2 <= limit * limit:
-                nodes[top], bounds[top] = far, far2
+            near_child, far_child = 2 * i, 2 * i + 1
+            near_squared, far_squared = (
+                _chord_distance2(tree, near_child, x, y),
+                _chord_distance2(tree, far_child, x, y),
+            )
+            if far_squared < near_squared:
+                near_child, far_child, near_squared, far_squared = far_child, near_child, far_squared, near_squared
+            limit = best + tree[far_child, 5]
+            if far_squared <= limit * limit:
+                nodes[top], bounds[top] = far_child, far_squared
                 top += 1
-            limit = best + tree[near, 5]
-            if near2 > limit * limit:
+            limit = best + tree[near_child, 5]
+            if near_squared > limit * limit:
                 i = -1
                 break
-            i = near
+            i = near_child
         if i < 0:
             continue
         j = i - m
         for k in range(j * n // m, (j + 1) * n // m):
-            following = k + 1 if k + 1 < n else 0
+            next_vertex = k + 1 if k + 1 < n else 0
             ax, ay = vertices[k, 0], vertices[k, 1]
-            dx, dy = vertices[following, 0] - ax, vertices[following, 1] - ay
+            dx, dy = vertices[next_vertex, 0] - ax, vertices[next_vertex, 1] - ay
             px, py = x - ax, y - ay
-            dot, length2 = px * dx + py * dy, dx * dx + dy * dy
+            dot, length_squared = px * dx + py * dy, dx * dx + dy * dy
             if dot <= 0.0:
-                t, distance2 = 0.0, px * px + py * py
-            elif dot >= length2:
-                qx, qy = x - vertices[following, 0], y - vertices[following, 1]
-                t, distance2 = 1.0, qx * qx + qy * qy
+                t, distance_squared = 0.0, px * px + py * py
+            elif dot >= length_squared:
+                qx, qy = x - vertices[next_vertex, 0], y - vertices[next_vertex, 1]
+                t, distance_squared = 1.0, qx * qx + qy * qy
             else:
                 cross = px * dy - py * dx
-                t, distance2 = dot / length2, cross / length2 * cross
-            if distance2 < best2:
-                best2, edge, along = distance2, k, t
-                best = math.sqrt(best2)
+                t, distance_squared = dot / length_squared, cross / length_squared * cross
+            if distance_squared < best_squared:
+                best_squared, edge, along = distance_squared, k, t
+                best = math.sqrt(best_squared)
     if along >= 1.0:
         edge, along = (edge + 1 if edge + 1 < n else 0), 0.0
-    return edge, along, best2
+    return edge, along, best_squared
 
 
 @compiled
@@ -143,8 +146,8 @@ def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) ->
     nearest, and its turn is rounding.
     """
     n = vertices.shape[0]
-    following = edge + 1 if edge + 1 < n else 0
-    ax, ay, bx, by = vertices[edge, 0], vertices[edge, 1], vertices[following, 0], vertices[following, 1]
+    next_vertex = edge + 1 if edge + 1 < n else 0
+    ax, ay, bx, by = vertices[edge, 0], vertices[edge, 1], vertices[next_vertex, 0], vertices[next_vertex, 1]
     if along == 0.0:
         before = edge - 1 if edge > 0 else n - 1
         px, py, qx, qy = ax - vertices[before, 0], ay - vertices[before, 1], bx - ax, by - ay
@@ -161,11 +164,11 @@ def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) ->
 @compiled
 def _vertex_at(vertices: Array, k: int, reach: float, x: float, y: float) -> int:
     """The end of edge k that a point on it coincides with, or -1."""
-    following = k + 1 if k + 1 < vertices.shape[0] else 0
+    next_vertex = k + 1 if k + 1 < vertices.shape[0] else 0
     if math.hypot(x - vertices[k, 0], y - vertices[k, 1]) <= reach:
         return k
-    if math.hypot(x - vertices[following, 0], y - vertices[following, 1]) <= reach:
-        return following
+    if math.hypot(x - vertices[next_vertex, 0], y - vertices[next_vertex, 1]) <= reach:
+        return next_vertex
     return -1
 
 
@@ -225,8 +228,8 @@ def _slides_into(vertices: Array, vertex: int, touch: float, x1: float, y1: floa
 @compiled
 def _share(vertices: Array, k: int, x: float, y: float) -> float:
     """Where along edge k, in [0, 1], a point on it is."""
-    following = k + 1 if k + 1 < vertices.shape[0] else 0
-    dx, dy = vertices[following, 0] - vertices[k, 0], vertices[following, 1] - vertices[k, 1]
+    next_vertex = k + 1 if k + 1 < vertices.shape[0] else 0
+    dx, dy = vertices[next_vertex, 0] - vertices[k, 0], vertices[next_vertex, 1] - vertices[k, 1]
     along = (x - vertices[k, 0]) * dx + (y - vertices[k, 1]) * dy
     return float(min(max(along / (dx * dx + dy * dy), 0.0), 1.0))
 
@@ -247,8 +250,8 @@ def first_crossing_kernel(
     length = math.hypot(sx, sy)
     if length == 0.0:
         return -1, 0.0, 0.0
-    start, _, distance2 = nearest_kernel(vertices, tree, x0, y0)
-    distance = math.sqrt(distance2)
+    start, _, distance_squared = nearest_kernel(vertices, tree, x0, y0)
+    distance = math.sqrt(distance_squared)
     touch = TOUCH * tree[1, 5] + ROUNDING * (abs(tree[1, 0]) + abs(tree[1, 1]))
     if distance > length + touch:
         return -1, 0.0, 0.0
@@ -257,11 +260,11 @@ def first_crossing_kernel(
         vertex = _vertex_at(vertices, start, touch, x0, y0)
         passes = vertex
         if vertex < 0:
-            following = start + 1 if start + 1 < n else 0
-            ax, ay, bx, by = vertices[start, 0], vertices[start, 1], vertices[following, 0], vertices[following, 1]
+            next_vertex = start + 1 if start + 1 < n else 0
+            ax, ay, bx, by = vertices[start, 0], vertices[start, 1], vertices[next_vertex, 0], vertices[next_vertex, 1]
             if _side(ax, ay, bx, by, x1, y1) > 0.0:
                 return start, _share(vertices, start, x0, y0), 0.0
-            for end in (start, following):
+            for end in (start, next_vertex):
                 if _ahead(vertices, end, touch, x0, y0, x1, y1):
                     passes = end
         if passes >= 0:
@@ -296,8 +299,8 @@ def first_crossing_kernel(
             continue
         j = i - m
         for k in range(j * n // m, (j + 1) * n // m):
-            following = k + 1 if k + 1 < n else 0
-            ax, ay, bx, by = vertices[k, 0], vertices[k, 1], vertices[following, 0], vertices[following, 1]
+            next_vertex = k + 1 if k + 1 < n else 0
+            ax, ay, bx, by = vertices[k, 0], vertices[k, 1], vertices[next_vertex, 0], vertices[next_vertex, 1]
             a_side, b_side = _side(x0, y0, x1, y1, ax, ay), _side(x0, y0, x1, y1, bx, by)
             if not (a_side > 0.0 >= b_side):
                 continue
@@ -322,8 +325,8 @@ def first_crossing_kernel(
                             continue
                 best, best_edge, best_t = fraction, edge, t
     if best_edge < 0:
-        edge, along, distance2 = nearest_kernel(vertices, tree, x1, y1)
-        if distance2 > touch * touch and side_kernel(vertices, edge, along, x1, y1) < 0.0:
+        edge, along, distance_squared = nearest_kernel(vertices, tree, x1, y1)
+        if distance_squared > touch * touch and side_kernel(vertices, edge, along, x1, y1) < 0.0:
             return edge, along, 1.0
     return best_edge, best_t, (best if best_edge >= 0 else 0.0)
 
@@ -333,6 +336,6 @@ def signed_distances(vertices: Array, tree: Array, points: Array) -> Array:
     """Signed distances (n,), m, negative inside, of points (n, 2) from the outline."""
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
-        edge, along, distance2 = nearest_kernel(vertices, tree, points[i, 0], points[i, 1])
-        out[i] = side_kernel(vertices, edge, along, points[i, 0], points[i, 1]) * math.sqrt(distance2)
+        edge, along, distance_squared = nearest_kernel(vertices, tree, points[i, 0], points[i, 1])
+        out[i] = side_kernel(vertices, edge, along, points[i, 0], points[i, 1]) * math.sqrt(distance_squared)
     return out

@@ -20,16 +20,18 @@ def prism(outline: Array, length: float) -> Triangles:
     import shapely
 
     n = len(outline)
-    number = {tuple(point): k for k, point in enumerate(outline.tolist())}
+    vertex_of = {tuple(point): k for k, point in enumerate(outline.tolist())}
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(outline)))
     corners = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]
-    cap = np.array([[number[tuple(point)] for point in triangle] for triangle in corners.tolist()])
+    cap = np.array([[vertex_of[tuple(point)] for point in triangle] for triangle in corners.tolist()])
     a, b, c = outline[cap.T]
     clockwise = (b - a)[:, 0] * (c - a)[:, 1] < (b - a)[:, 1] * (c - a)[:, 0]
     cap[clockwise] = cap[clockwise][:, ::-1]
-    here = np.arange(n)
-    on = np.roll(here, -1)
-    sides = np.concatenate([np.column_stack([here, on, on + n]), np.column_stack([here, on + n, here + n])])
+    lower = np.arange(n)
+    next_number = np.roll(lower, -1)
+    sides = np.concatenate(
+        [np.column_stack([lower, next_number, next_number + n]), np.column_stack([lower, next_number + n, lower + n])]
+    )
     low, high = (np.column_stack([outline, np.full(n, z)]) for z in (-0.5 * length, 0.5 * length))
     return np.concatenate([low, high]), np.concatenate([cap[:, ::-1], cap + n, sides])
 
@@ -76,7 +78,7 @@ def icosphere(subdivisions: int, radius: float) -> Triangles:
         new = points[edges // len(points)] + points[edges % len(points)]
         a, b, c = rows.T
         faces = ((a, first, third), (first, b, second), (third, second, c), (first, second, third))
-        rows = np.concatenate([np.column_stack(each) for each in faces])
+        rows = np.concatenate([np.column_stack(face) for face in faces])
         points = np.concatenate([points, new / np.linalg.norm(new, axis=1)[:, np.newaxis]])
     return radius * points, rows
 

@@ -52,7 +52,7 @@ class Surface(InSpace):
         """Return the surface scaled, its own mirror image; None where it is turned or shifted: it is bound to axes."""
         if not motion.keeps_axes:
             return None
-        return Surface(self.name, self.kind, tuple(motion.scale * each for each in self.reals))
+        return Surface(self.name, self.kind, tuple(motion.scale * length for length in self.reals))
 
     @property
     def bounds(self) -> tuple[float, ...]:
@@ -61,7 +61,7 @@ class Surface(InSpace):
         if self.kind == "torus":
             extents = (extents[0] + extents[1], extents[0] + extents[1], extents[1])
         extents = extents * (3 // len(extents))
-        return (*(-each for each in extents), *extents)
+        return (*(-extent for extent in extents), *extents)
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
         """See `Boundary.closest_point`: one compiled call."""

@@ -117,13 +117,13 @@ def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
     medial = g <= NOTHING and inner <= 1.0
     if not medial:
         for _ in range(STEPS):
-            square, slope = 0.0, 0.0
+            norm_squared, slope = 0.0, 0.0
             for i in range(3):
                 if zs[i] > NOTHING:
                     w = rs[i] * zs[i] / (qs[i] + g)
-                    square += w * w
+                    norm_squared += w * w
                     slope += w * w / (qs[i] + g)
-            step = (math.sqrt(square) - 1.0) * square / slope
+            step = (math.sqrt(norm_squared) - 1.0) * norm_squared / slope
             g += step
             if not step > 1e-16 * g:
                 break
@@ -253,15 +253,15 @@ def frames(reals: Array, points: Array) -> ClosestPoint:
     """The `ClosestPoint` of points (n, 3). Raises as `check_finite` does."""
     check_finite(points)
     n = points.shape[0]
-    feet, normals, far, shapes = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty((n, 3, 3))
+    feet, normals, signed, shapes = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty((n, 3, 3))
     for i in range(n):
-        p, normal, far[i] = place(reals, (points[i, 0], points[i, 1], points[i, 2]))
+        p, normal, signed[i] = place(reals, (points[i, 0], points[i, 1], points[i, 2]))
         w = bend(reals, p, normal)
         for k in range(3):
             feet[i, k], normals[i, k] = p[k], normal[k]
             unit = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0)
             shapes[i, k, 0], shapes[i, k, 1], shapes[i, k, 2] = times(w, unit)
-    return ClosestPoint(feet, normals, far, shapes)
+    return ClosestPoint(feet, normals, signed, shapes)
 
 
 @compiled

@@ -236,8 +236,8 @@ def _check_shape(array: Array) -> None:
         )
     count = f"the {array.shape[0]} vertices"
     x, y = (array - array[0]).T
-    far = int(np.argmax(x * x + y * y))
-    if np.max(np.abs(x * y[far] - y * x[far])) <= 1e-14 * (x[far] ** 2 + y[far] ** 2):
+    farthest = int(np.argmax(x * x + y * y))
+    if np.max(np.abs(x * y[farthest] - y * x[farthest])) <= 1e-14 * (x[farthest] ** 2 + y[farthest] ** 2):
         raise InputError(f"{count} lie on one straight line", why="it has zero area and no inside")
     reason = shapely.is_valid_reason(shapely.Polygon(array))
     if reason != "Valid Geometry":

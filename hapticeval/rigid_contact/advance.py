@@ -259,15 +259,15 @@ def settle(run: Run, joint: int, tau: float, wait: float, exits: int) -> None:
     fx, fy = push(load, tau, x, y, 0.0, 0.0)
     forth, back = fx * bx + fy * by, -(fx * ax + fy * ay)
     lifts_post, lifts_pre = fx * by - fy * bx, fx * ay - fy * ax
-    held = load[BILATERAL] != 0.0
+    bilateral = load[BILATERAL] != 0.0
     goes_forth, goes_back = forth > 0.0 or exits == 1, back > 0.0 or exits == -1
     if not goes_forth and not goes_back:
         state[MODE], state[JOINT] = REST, joint
         if not was_rest:
             log_event(run, STOP, tau + wait, 0.0, 0.0)
-    elif goes_forth and (lifts_post <= 0.0 or (held and forth >= back)):
+    elif goes_forth and (lifts_post <= 0.0 or (bilateral and forth >= back)):
         place(run, joint, post[U0], 0.0)
-    elif goes_back and (lifts_pre <= 0.0 or held):
+    elif goes_back and (lifts_pre <= 0.0 or bilateral):
         place(run, before, pre[U1], 0.0)
     else:
         state[MODE] = FLIGHT
@@ -293,7 +293,7 @@ def _locate(what: int, piece: Array, slide: Slide, tau: float, h: float, end: fl
     b = _watched(what, piece, slide, tau, high, end, load)
     if a * b >= 0.0:
         return 0.0
-    positive, kept = a > 0.0, 0
+    positive, side_kept = a > 0.0, 0
     for i in range(120):
         middle = between(low, high, a, b, i)
         if not low < middle < high:
@@ -302,9 +302,9 @@ def _locate(what: int, piece: Array, slide: Slide, tau: float, h: float, end: fl
         if f == 0.0:
             return middle
         if (f > 0.0) == positive:
-            low, a, b, kept = middle, f, b * (0.5 if kept == 1 else 1.0), 1
+            low, a, b, side_kept = middle, f, b * (0.5 if side_kept == 1 else 1.0), 1
         else:
-            high, b, a, kept = middle, f, a * (0.5 if kept == 2 else 1.0), 2
+            high, b, a, side_kept = middle, f, a * (0.5 if side_kept == 2 else 1.0), 2
     return high
 
 
@@ -315,18 +315,18 @@ def _leave(run: Run, tau: float) -> None:
 
 
 @compiled
-def _slide(run: Run, tau: float, rest: float) -> float:
+def _slide(run: Run, tau: float, time_left: float) -> float:
     """One step of sliding, of at most `rest` seconds: how long it took."""
     state, load, sums, terrain = run.state, run.load, run.sums, run.terrain
     index, began, w = int(state[PIECE]), state[U], state[W]
     slide = (began, state[DU], w)
     piece = terrain.pieces[index]
-    held = load[BILATERAL] != 0.0
+    bilateral = load[BILATERAL] != 0.0
     answer, along = hold(piece, began + state[DU], w, tau, load)
-    if not held and answer < 0.0:
+    if not bilateral and answer < 0.0:
         _leave(run, tau)
         return 0.0
-    h = slide_step(terrain.paces[index], w, along, load, rest)
+    h = slide_step(terrain.paces[index], w, along, load, time_left)
     du, w1, jx, jy = slid(piece, slide, tau, h, load)
     moves = 0.5 * (abs(w) + abs(w1)) * h > UNSEEN * (abs(state[X]) + abs(state[Y]))
     if moves and w == 0.0 and abs(along) > 1e-9 * abs(hold(piece, began + du, w1, tau + h, load)[1]):
@@ -341,18 +341,18 @@ def _slide(run: Run, tau: float, rest: float) -> float:
         h = _locate(TURN, piece, slide, tau, h, 0.0, load)
         du, w1, jx, jy = slid(piece, slide, tau, h, load)
         w1 = 0.0
-    way = w + w1
+    direction = w + w1
     crossed = 0
     first, last = piece[U0] - began, piece[U1] - began
-    if piece[KIND] != UNBOUNDED and ((du >= last and way > 0.0) or (du <= first and way < 0.0)):
-        crossed = 1 if way > 0.0 else -1
+    if piece[KIND] != UNBOUNDED and ((du >= last and direction > 0.0) or (du <= first and direction < 0.0)):
+        crossed = 1 if direction > 0.0 else -1
         end = last if crossed == 1 else first
         # What has begun at the end, and got beyond it by less than rounding, stays there for the step.
         if du != end and (state[DU] != end or began + du != began + end):
             h = _locate(END, piece, slide, tau, h, end, load)
             du, w1, jx, jy = slid(piece, slide, tau, h, load)
         du = end
-    if not held and hold(piece, began + du, w1, tau + h, load)[0] < 0.0:
+    if not bilateral and hold(piece, began + du, w1, tau + h, load)[0] < 0.0:
         h = _locate(LIFT, piece, slide, tau, h, 0.0, load)
         du, w1, jx, jy = slid(piece, slide, tau, h, load)
         crossed = 0
@@ -372,16 +372,16 @@ def _slide(run: Run, tau: float, rest: float) -> float:
 
 
 @compiled
-def _pass_joint(run: Run, way: int, tau: float) -> None:
+def _pass_joint(run: Run, direction: int, tau: float) -> None:
     """The tool slides over a joint: on if it is smooth, off if it is convex, against the next face if concave."""
     state, terrain = run.state, run.terrain
     count = terrain.pieces.shape[0]
     index = int(state[PIECE])
-    joint = (index + 1) % count if way > 0 else index
+    joint = (index + 1) % count if direction > 0 else index
     if terrain.joints[joint] == 0.0:
-        following = joint if way > 0 else (joint - 1) % count
-        state[PIECE], state[DU] = following, 0.0
-        state[U] = terrain.pieces[following, U0] if way > 0 else terrain.pieces[following, U1]
+        next_piece = joint if direction > 0 else (joint - 1) % count
+        state[PIECE], state[DU] = next_piece, 0.0
+        state[U] = terrain.pieces[next_piece, U0] if direction > 0 else terrain.pieces[next_piece, U1]
     elif terrain.joints[joint] > 0.0 and run.load[BILATERAL] == 0.0:
         _leave(run, tau)
     else:
@@ -389,10 +389,10 @@ def _pass_joint(run: Run, way: int, tau: float) -> None:
 
 
 @compiled
-def _fly(run: Run, tau: float, rest: float) -> float:
+def _fly(run: Run, tau: float, time_left: float) -> float:
     """One step of free flight, of at most `rest` seconds: how long it took."""
     state, load = run.state, run.load
-    h = min(rest, FLIGHT_STEP)
+    h = min(time_left, FLIGHT_STEP)
     if load[SPRING] > 0.0:
         h = min(h, 0.2 * math.sqrt(load[MASS] / load[SPRING]))
     x, y, vx, vy = state[X], state[Y], state[VX], state[VY]
@@ -408,20 +408,20 @@ def _fly(run: Run, tau: float, rest: float) -> float:
 
 
 @compiled
-def _rest(run: Run, tau: float, rest: float) -> float:
+def _rest(run: Run, tau: float, time_left: float) -> float:
     """Rest in a corner until the force, linear in time, leaves its zone: how long that took."""
     load, sums, joint = run.load, run.sums, int(run.state[JOINT])
     _, _, _, (x, y, ax, ay, bx, by) = _faces(run, joint)
     fx, fy = push(load, tau, x, y, 0.0, 0.0)
     gx, gy = load[G1X], load[G1Y]
-    h, exits = rest, 0
-    for way in (1, -1):
-        tx, ty = (bx, by) if way == 1 else (-ax, -ay)
+    h, exits = time_left, 0
+    for side in (1, -1):
+        tx, ty = (bx, by) if side == 1 else (-ax, -ay)
         now, grows = fx * tx + fy * ty, gx * tx + gy * ty
         if now > 0.0:
-            h, exits = 0.0, way
+            h, exits = 0.0, side
         elif now + grows * h > 0.0:
-            h, exits = -now / grows, way
+            h, exits = -now / grows, side
     jx, jy = h * (fx + 0.5 * h * gx), h * (fy + 0.5 * h * gy)
     sums[0] -= jx
     sums[1] -= jy
@@ -443,12 +443,12 @@ def _begin(run: Run) -> None:
     if u in (piece[U0], piece[U1]) and terrain.joints[joint] > 0.0 and run.load[BILATERAL] == 0.0:
         # On a tip the tool is on the face that it runs along; otherwise the flight decides which one it meets.
         state[MODE] = FLIGHT
-        for way in (1, -1):
-            index = joint if way == 1 else (joint - 1) % count
-            u = terrain.pieces[index, U0] if way == 1 else terrain.pieces[index, U1]
+        for side in (1, -1):
+            index = joint if side == 1 else (joint - 1) % count
+            u = terrain.pieces[index, U0] if side == 1 else terrain.pieces[index, U1]
             _, _, tx, ty, _, _ = surface(terrain.pieces[index], u)
             along = state[VX] * tx + state[VY] * ty
-            if along * way > 0.0 and abs(state[VX] * ty - state[VY] * tx) <= ALIGNED * abs(along):
+            if along * side > 0.0 and abs(state[VX] * ty - state[VY] * tx) <= ALIGNED * abs(along):
                 impact(run, index, u, 0.0)
         return
     impact(run, index, u, 0.0)
@@ -480,14 +480,14 @@ def follow(
             _begin(run)
         tau, length = 0.0, stretches.lasts[i]
         while tau < length and run.tally[0] <= limit:
-            rest = length - tau
+            time_left = length - tau
             if state[MODE] == FLIGHT:
-                h = _fly(run, tau, rest)
+                h = _fly(run, tau, time_left)
             elif state[MODE] == SLIDE:
-                h = _slide(run, tau, rest)
+                h = _slide(run, tau, time_left)
             else:
-                h = _rest(run, tau, rest)
-            if h >= rest:
+                h = _rest(run, tau, time_left)
+            if h >= time_left:
                 break
             tau += h
     out[last, 4:8] = run.sums

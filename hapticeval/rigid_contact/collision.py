@@ -124,13 +124,13 @@ def height(cell: Array, pieces: Array, x: float, y: float) -> tuple[float, float
     eta = dx * cell[EY] - dy * cell[EX]
     span = cell[SPAN]
     piece = pieces[int(cell[PIECE])]
-    beyond = min(xi, 0.0) + max(xi - span, 0.0)
+    overhang = min(xi, 0.0) + max(xi - span, 0.0)
     if piece[KIND] in (LINE, UNBOUNDED):
-        return eta, 0.0, cell[UA] + xi, beyond
+        return eta, 0.0, cell[UA] + xi, overhang
     if xi <= 0.0:
-        return eta - cell[SLOPE_A] * xi, cell[SLOPE_A], cell[UA], beyond
+        return eta - cell[SLOPE_A] * xi, cell[SLOPE_A], cell[UA], overhang
     if xi >= span:
-        return eta - cell[SLOPE_B] * (xi - span), cell[SLOPE_B], cell[UB], beyond
+        return eta - cell[SLOPE_B] * (xi - span), cell[SLOPE_B], cell[UB], overhang
     u = cell[UA] + (cell[UB] - cell[UA]) * xi / span
     shift = math.inf
     bottom, slope = 0.0, 0.0
@@ -146,16 +146,16 @@ def height(cell: Array, pieces: Array, x: float, y: float) -> tuple[float, float
             break
         shift = abs(miss)
         u = min(max(u + miss / run, cell[UA]), cell[UB])
-    return eta - bottom, slope, u, beyond
+    return eta - bottom, slope, u, overhang
 
 
 @compiled
 def _over(cell: Array, pieces: Array, flight: Flight, h: float, load: Array) -> tuple[float, float, float, float]:
     """Height over the cell h seconds into the flight, how fast it grows, u, and how far beyond the ends."""
     x, y, vx, vy = flown(flight[0], flight[1], flight[2], flight[3], flight[4], h, load)
-    f, slope, u, beyond = height(cell, pieces, x, y)
+    f, slope, u, overhang = height(cell, pieces, x, y)
     climb = vx * cell[EY] - vy * cell[EX] - slope * (vx * cell[EX] + vy * cell[EY])
-    return f, climb, u, beyond
+    return f, climb, u, overhang
 
 
 @compiled
@@ -171,7 +171,7 @@ def _crossing(
     """Time, to rounding, at which the height falls through -level, given that it does between low and high."""
     above = _over(cell, pieces, flight, low, load)[0] + level
     below = _over(cell, pieces, flight, high, load)[0] + level
-    kept = 0
+    side_kept = 0
     for i in range(120):
         middle = between(low, high, above, below, i)
         if not low < middle < high:
@@ -180,9 +180,9 @@ def _crossing(
         if f == 0.0:
             return middle
         if f > 0.0:
-            low, above, below, kept = middle, f, below * (0.5 if kept == 1 else 1.0), 1
+            low, above, below, side_kept = middle, f, below * (0.5 if side_kept == 1 else 1.0), 1
         else:
-            high, below, above, kept = middle, f, above * (0.5 if kept == 2 else 1.0), 2
+            high, below, above, side_kept = middle, f, above * (0.5 if side_kept == 2 else 1.0), 2
     return high
 
 
@@ -209,8 +209,8 @@ def _entry(cell: Array, pieces: Array, flight: Flight, h: float, load: Array) ->
             # A flight that began within the skin was on this face: its first crossing of the surface is rounding.
             if f > SKIN:
                 at = _crossing(cell, pieces, flight, start, at, 0.0, load)
-            _, _, u, beyond = _over(cell, pieces, flight, at, load)
-            if -cell[REACH_A] <= beyond <= cell[REACH_B]:
+            _, _, u, overhang = _over(cell, pieces, flight, at, load)
+            if -cell[REACH_A] <= overhang <= cell[REACH_B]:
                 return at, u
         if turn >= h:
             break

@@ -78,7 +78,7 @@ STAGES = np.array(
 @compiled
 def slid(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> tuple[float, float, float, float]:
     """(du, w) after h seconds of sliding by thesis (3.1), and the contact impulse (N s) meanwhile: Butcher's step."""
-    u, gone, w = slide
+    u, grown, w = slide
     rates, out = np.empty((7, 4)), np.empty(4)  # du/dt, dw/dt and the contact force
     for k in range(7):
         du, dw = 0.0, 0.0
@@ -86,7 +86,7 @@ def slid(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> tuple
             du += STAGES[k, i] * rates[i, 0]
             dw += STAGES[k, i] * rates[i, 1]
         pace = w + h * dw / STAGES[k, 6]
-        x, y, tx, ty, speed, bend = surface(piece, u + (gone + h * du / STAGES[k, 6]))
+        x, y, tx, ty, speed, bend = surface(piece, u + (grown + h * du / STAGES[k, 6]))
         fx, fy = push(load, tau + STAGES[k, 7] * h / STAGES[k, 8], x, y, pace * tx, pace * ty)
         answer = -(fx * ty - fy * tx) - load[MASS] * bend * pace * pace
         rates[k, 0], rates[k, 1] = pace / speed, (fx * tx + fy * ty) / load[MASS]
@@ -94,13 +94,13 @@ def slid(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> tuple
     for c in range(4):
         r = rates[:, c]
         out[c] = h * (11.0 * (r[0] + r[6]) + 81.0 * (r[2] + r[3]) - 32.0 * (r[4] + r[5])) / 120.0
-    return gone + out[0], w + out[1], out[2], out[3]
+    return grown + out[0], w + out[1], out[2], out[3]
 
 
 @compiled
-def slide_step(pace: float, w: float, along: float, load: Array, most: float) -> float:
+def slide_step(pace: float, w: float, along: float, load: Array, longest: float) -> float:
     """How long a sliding step may be: `pace` (1/m) is the boundary's, `along` the tangential force (N)."""
-    h = most
+    h = longest
     omega = math.sqrt(load[SPRING] / load[MASS])
     if h * omega > STEP:
         h = STEP / omega

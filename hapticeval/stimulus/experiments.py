@@ -23,8 +23,8 @@ class HandPath(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     file: str | None = None
 
     def __post_init__(self) -> None:
-        given = (self.points is None, self.duration is None, self.file is None)
-        if given not in ((False, False, True), (True, True, False)):
+        absent = (self.points is None, self.duration is None, self.file is None)
+        if absent not in ((False, False, True), (True, True, False)):
             raise ValueError("a hand's path has points and a duration, or a file")
 
     def path(self, folder: FilePath) -> Path:

@@ -55,22 +55,22 @@ def _visit(surface: Boundary, kind: Kind) -> Array:
     """
     places = PLACES[kind](surface)
     lows, highs = np.array(surface.bounds).reshape(2, -1)
-    centre, far = 0.5 * (lows + highs), 2.0 * float(np.max(highs - lows))
+    centre, radius = 0.5 * (lows + highs), 2.0 * float(np.max(highs - lows))
     frame = surface.closest_point(places)
-    outs = frame.foot + 0.25 * far * frame.normal
+    outs = frame.foot + 0.25 * radius * frame.normal
     if kind in LEFT_OUT:
         return np.vstack([outs[:1], places, outs[-1:]])
     turns = _unit(outs - centre)
-    way: list[Array] = []
+    stops: list[Array] = []
     for k, place in enumerate(places):
         turn = turns[k]
         for share in np.linspace(0.25, 1.0, 4):  # steps of at most 45 degrees, which keep clear of the model
             before = turns[k - 1] if k else turn
             middle = before + turn if before @ turn > -0.9 else np.roll(before, 1) * np.resize([1.0, -1.0], lows.size)
             first, last, part = (before, middle, 2.0 * share) if share <= 0.5 else (middle, turn, 2.0 * share - 1.0)
-            way.append(centre + far * _unit((1.0 - part) * _unit(first) + part * _unit(last)))
-        way += [outs[k], place, outs[k], centre + far * turn]
-    return np.array(way)
+            stops.append(centre + radius * _unit((1.0 - part) * _unit(first) + part * _unit(last)))
+        stops += [outs[k], place, outs[k], centre + radius * turn]
+    return np.array(stops)
 
 
 def _unit(vectors: Array) -> Array:
@@ -88,9 +88,9 @@ def _vertices(surface: Boundary) -> Array:
     corners = np.array([corner.position for corner in surface.corners]) if surface.dimension == 2 else None
     if corners is None and isinstance(surface, Mesh):
         corners = surface.vertices
-    found = _feet(surface)[0] if corners is None or not corners.size else corners[:: max(1, len(corners) // COUNT)]
+    vertices = _feet(surface)[0] if corners is None or not corners.size else corners[:: max(1, len(corners) // COUNT)]
     middle = np.array(surface.bounds).reshape(2, -1).mean(axis=0)
-    return np.vstack([found, np.nextafter(found, middle)])
+    return np.vstack([vertices, np.nextafter(vertices, middle)])
 
 
 def _surface(surface: Boundary) -> Array:

@@ -106,8 +106,8 @@ class Moves(Trajectory, frozen=True, kw_only=True, tag="moves"):
 def covered(share: Array) -> Array:
     """Return the share of a move's way that is covered at a `share` of its time: (n,)."""
     near = np.minimum(share, 1.0 - share)  # of the same value as at the other end, and not as rounded
-    way = near**4 * (35.0 - near * (84.0 - near * (70.0 - 20.0 * near)))
-    return np.where(share < 0.5, way, 1.0 - way)
+    near_share = near**4 * (35.0 - near * (84.0 - near * (70.0 - 20.0 * near)))
+    return np.where(share < 0.5, near_share, 1.0 - near_share)
 
 
 def trembling(tremor: Tremor, time: Array) -> Array:

@@ -192,8 +192,8 @@ class Loop(Trajectory, frozen=True, kw_only=True, tag="loop"):
         ahead, across, away = self._plane(start, centre)
         turn = math.atan2(*away[::-1]) + np.linspace(0.0, 2.0 * np.pi, LAP_POINTS, endpoint=False)
         circle = centre + radius * (np.outer(np.cos(turn), ahead) + np.outer(np.sin(turn), across))
-        there = np.vstack([np.tile(circle, (self.laps, 1)), circle[:1]])
-        points = np.vstack([there, there[-2::-1]])
+        laps_forward = np.vstack([np.tile(circle, (self.laps, 1)), circle[:1]])
+        points = np.vstack([laps_forward, laps_forward[-2::-1]])
         time = self.approach + np.arange(len(points)) * (self.lap / LAP_POINTS)
         return Path(np.concatenate([[0.0], time, [time[-1] + self.approach]]), np.vstack([start, points, start]))
 
@@ -218,7 +218,7 @@ class Loop(Trajectory, frozen=True, kw_only=True, tag="loop"):
                 raise InputError(
                     f"a loop with axis {self.axis}", why="it points from the centre to the start, or nowhere"
                 )
-            ahead, across = (each / np.linalg.norm(each) for each in (np.cross(across, axis), across))
+            ahead, across = (vector / np.linalg.norm(vector) for vector in (np.cross(across, axis), across))
         if not np.linalg.norm(away) > self.radius:
             raise InputError(
                 f"a loop from {list(self.start)} m round {list(self.centre)} m with a radius of {self.radius:g} m",

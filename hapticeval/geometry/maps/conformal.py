@@ -158,8 +158,8 @@ def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
     coarse = system_of(curve, counts[0] // 2)
     for n in counts:
         fine = system_of(curve, n)
-        found = balanced(fine, start)
-        best = _measured(curve, correspondence(coarse, found.centre), found)
+        fine_map = balanced(fine, start)
+        best = _measured(curve, correspondence(coarse, fine_map.centre), fine_map)
         if best.error <= TOLERANCE:
             break
         coarse = fine
@@ -176,20 +176,20 @@ def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
     return best
 
 
-def _measured(curve: Curve, coarse: Correspondence, found: Correspondence) -> ConformalMap:
+def _measured(curve: Curve, coarse: Correspondence, fine: Correspondence) -> ConformalMap:
     """The map, with what there is to say of it; `coarse` is on half as many nodes."""
-    angles, lengths = found.angles, found.lengths
-    scale = float(np.max(np.abs(found.z)))
-    parts = (found.z / scale, found.nodes.steps / scale, np.exp(1j * angles[:-1:FINE]))
+    angles, lengths = fine.angles, fine.lengths
+    scale = float(np.max(np.abs(fine.z)))
+    parts = (fine.z / scale, fine.nodes.steps / scale, np.exp(1j * angles[:-1:FINE]))
     disk = kernels.Disk(
         np.ascontiguousarray(np.column_stack([part for values in parts for part in (values.real, values.imag)])),
         angles,
-        found.slopes,
+        fine.slopes,
         for_kernels(curve.pieces),
-        found.nodes.per_piece,
+        fine.nodes.per_piece,
         FINE,
-        float(found.centre[0]),
-        float(found.centre[1]),
+        float(fine.centre[0]),
+        float(fine.centre[1]),
         scale,
     )
     turns = np.concatenate([angles[:-1] - 2.0 * np.pi, angles, angles[1:] + 2.0 * np.pi])
@@ -200,9 +200,9 @@ def _measured(curve: Curve, coarse: Correspondence, found: Correspondence) -> Co
     widest = int(np.argmax(blurs))
     return ConformalMap(
         curve=curve,
-        centre=found.centre,
-        nodes=found.z.size,
-        error=change(coarse, found),
+        centre=fine.centre,
+        nodes=fine.z.size,
+        error=change(coarse, fine),
         crowding=float(np.max(masses) / max(np.min(masses), ROUNDING)),
         blur=float(blurs[widest]),
         blurred_at=curve.position(curve.parameter(lengths[widest])),
@@ -220,15 +220,15 @@ def _start(curve: Curve) -> Array:
     polygon = Polygon(outline - outline[0])
     xmin, ymin, xmax, ymax = curve.bounds
     deepest = polylabel(polygon, 0.05 * min(xmax - xmin, ymax - ymin))
-    found = outline[0] + np.array([[point.x, point.y] for point in (polygon.exterior.centroid, deepest)])
-    depths = -curve.signed_distance(found)
+    candidates = outline[0] + np.array([[point.x, point.y] for point in (polygon.exterior.centroid, deepest)])
+    depths = -curve.signed_distance(candidates)
     if depths[1] <= 0.0:
         raise RefusalError(
             f"the conformal map of '{curve.name}' has no centre to start from",
             why=f"the body is too thin for an outline of {OUTLINE} points",
             todo="simplify the outline, or use the minimum-distance or constraint renderer",
         )
-    return np.asarray(found[0] if depths[0] > DEEP_ENOUGH * depths[1] else found[1])
+    return np.asarray(candidates[0] if depths[0] > DEEP_ENOUGH * depths[1] else candidates[1])
 
 
 def _counts(curve: Curve, nodes: int | None) -> list[int]:
@@ -359,9 +359,9 @@ def balanced(system: System, start: Array) -> Correspondence:
     """
     weights = np.abs(system.nodes.steps) / np.sum(np.abs(system.nodes.steps))
     tiny = SETTLED * system.curve.length
-    found, last = correspondence(system, start), np.inf
+    current, last = correspondence(system, start), np.inf
     for _ in range(STEPS):
-        circle = np.exp(1j * found.angles[:-1:FINE])
+        circle = np.exp(1j * current.angles[:-1:FINE])
         first, second = np.sum(weights * circle), np.sum(weights * circle**2)
         w = (first + np.conj(first) * second) / (1.0 - abs(second) ** 2)
         w *= min(1.0, FARTHEST / max(abs(w), FARTHEST))
@@ -369,15 +369,15 @@ def balanced(system: System, start: Array) -> Correspondence:
             w *= 0.5
         if abs(w) < SLOW and abs(w) >= 0.5 * last:
             break
-        harmonic = np.maximum(found.density, 0.0)
-        seen = harmonic * circle / (circle - w)
-        move = np.sum(seen * found.z) / np.sum(seen) - np.sum(harmonic * found.z) / np.sum(harmonic)
-        while abs(move) > tiny and not system.curve.contains([_moved(found.centre, move)])[0]:
+        harmonic = np.maximum(current.density, 0.0)
+        weighted = harmonic * circle / (circle - w)
+        move = np.sum(weighted * current.z) / np.sum(weighted) - np.sum(harmonic * current.z) / np.sum(harmonic)
+        while abs(move) > tiny and not system.curve.contains([_moved(current.centre, move)])[0]:
             move *= 0.5
         if abs(move) <= tiny:
             break
-        found, last = correspondence(system, _moved(found.centre, move)), abs(w)
-    return found
+        current, last = correspondence(system, _moved(current.centre, move)), abs(w)
+    return current
 
 
 def _moved(point: Array, move: complex) -> Array:
@@ -418,8 +418,8 @@ def change(coarse: Correspondence, fine: Correspondence) -> float:
 
     `fine` has twice the nodes of `coarse`. Arcs that rounding alone may change so are left out.
     """
-    first, whole = coarse.lengths[0], coarse.lengths[-1] - coarse.lengths[0]
-    cuts = np.unique(np.searchsorted(coarse.lengths, first + whole * np.arange(1, ARCS) / ARCS))
+    first, length = coarse.lengths[0], coarse.lengths[-1] - coarse.lengths[0]
+    cuts = np.unique(np.searchsorted(coarse.lengths, first + length * np.arange(1, ARCS) / ARCS))
     shift = FINE // 2 if coarse.nodes.per_piece else 0
     before, after = np.diff(coarse.angles[cuts]), np.diff(fine.angles[2 * cuts + shift])
     changes = np.abs(after - before)

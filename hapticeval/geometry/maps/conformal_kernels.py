@@ -189,19 +189,19 @@ def surface_at(disk: Disk, angle: float) -> float:
         c, d = 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
         low, high = 0.0, 1.0
         for _ in range(60):
-            miss = share * (start + share * (c + share * d)) - goal
-            if miss > 0.0:
+            excess = share * (start + share * (c + share * d)) - goal
+            if excess > 0.0:
                 high = share
             else:
                 low = share
             slope = start + share * (2.0 * c + 3.0 * share * d)
-            following = share - miss / slope if slope > 0.0 else -1.0
-            if not (low <= following <= high):
-                following = 0.5 * (low + high)
-            if abs(following - share) <= 1e-15:
-                share = following
+            next_share = share - excess / slope if slope > 0.0 else -1.0
+            if not (low <= next_share <= high):
+                next_share = 0.5 * (low + high)
+            if abs(next_share - share) <= 1e-15:
+                share = next_share
                 break
-            share = following
+            share = next_share
     return parameter_at(disk.pieces, disk.nodes.shape[0], disk.per_piece, (k + share) / disk.fine)
 
 

@@ -240,25 +240,25 @@ def starts(model: Model, lines: int) -> Array:
 
 def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float, float, Array]]:
     """Run a flow to its end: a record a level."""
-    whole = front.area
+    area_at_start = front.area
     yield front.time, front.length, front.area, front.points.copy()
     roundest, level = front.roundness, 1
     while front.length >= 2.0 * math.pi * LAST_RADIUS * front.h:
         front.update()
         roundest = max(roundest, front.roundness)
-        lost = front.roundness < ROUNDNESS_LOST * roundest
-        done = 1.0 - math.sqrt(max(front.area, 0.0) / whole) >= level / settings.level_count
-        if done or lost:
+        elongated = front.roundness < ROUNDNESS_LOST * roundest
+        level_reached = 1.0 - math.sqrt(max(front.area, 0.0) / area_at_start) >= level / settings.level_count
+        if level_reached or elongated:
             _check_parts(front)
-        if lost:
+        if elongated:
             raise _collapse(front)
-        if done:
+        if level_reached:
             yield front.time, front.length, front.area, front.points.copy()
             level += 1
     _check_parts(front)
     if front.aspect > LAST_ASPECT:
         raise _collapse(front)
-    if math.sqrt(front.area / whole) < 1.0 - (level - 0.5) / settings.level_count:
+    if math.sqrt(front.area / area_at_start) < 1.0 - (level - 0.5) / settings.level_count:
         yield front.time, front.length, front.area, front.points.copy()
 
 

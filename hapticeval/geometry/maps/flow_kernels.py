@@ -53,25 +53,25 @@ def derivatives(values: Array, h: float, j: int, i: int) -> tuple[float, float, 
     """Central differences at a node: gradient (gx, gy), and curvature (5.8) in 1/m, at most 1/h in size."""
     west, east = values[j, i - 1], values[j, i + 1]
     south, north = values[j - 1, i], values[j + 1, i]
-    here = values[j, i]
+    centre = values[j, i]
     gx, gy = (east - west) / (2.0 * h), (north - south) / (2.0 * h)
-    g2 = gx * gx + gy * gy
-    if g2 < 1e-16:
+    gradient_squared = gx * gx + gy * gy
+    if gradient_squared < 1e-16:
         return gx, gy, 0.0
-    gxx = (east - 2.0 * here + west) / (h * h)
-    gyy = (north - 2.0 * here + south) / (h * h)
+    gxx = (east - 2.0 * centre + west) / (h * h)
+    gyy = (north - 2.0 * centre + south) / (h * h)
     gxy = (values[j + 1, i + 1] - values[j + 1, i - 1] - values[j - 1, i + 1] + values[j - 1, i - 1]) / (4.0 * h * h)
-    kappa = (gx * gx * gyy - 2.0 * gx * gy * gxy + gy * gy * gxx) / (g2 * math.sqrt(g2))
+    kappa = (gx * gx * gyy - 2.0 * gx * gy * gxy + gy * gy * gxx) / (gradient_squared * math.sqrt(gradient_squared))
     return gx, gy, min(max(kappa, -1.0 / h), 1.0 / h)
 
 
 @compiled
 def upwind_slope(values: Array, h: float, j: int, i: int) -> float:
     """Godunov's size of the gradient for a front that moves towards smaller values: right at kinks."""
-    here = values[j, i]
+    centre = values[j, i]
     total = 0.0
     for before, after in ((values[j, i - 1], values[j, i + 1]), (values[j - 1, i], values[j + 1, i])):
-        back, ahead = min(here - before, 0.0), max(after - here, 0.0)
+        back, ahead = min(centre - before, 0.0), max(after - centre, 0.0)
         total += back * back + ahead * ahead
     return math.sqrt(total) / h
 
@@ -109,14 +109,14 @@ def advance(values: Array, out: Array, active: IntArray, h: float, kind: int, sc
                 _arc_row(values[j - 1, reach], values[j, reach], values[j + 1, reach], out[j, low:high], h, scale, dt)
             continue
         for i in range(low, high):
-            here = values[j, i]
-            out[j, i] = here
-            if here <= BEHIND * h:
+            gamma = values[j, i]
+            out[j, i] = gamma
+            if gamma <= BEHIND * h:
                 gx, gy, kappa = derivatives(values, h, j, i)
                 slope, steep = math.sqrt(gx * gx + gy * gy), upwind_slope(values, h, j, i)
                 if kind == UNIT or (kind == CAP and kappa <= scale) or slope < KINK * steep:
                     slope = steep
-                out[j, i] = here + dt * velocity(kind, scale, kappa) * slope
+                out[j, i] = gamma + dt * velocity(kind, scale, kappa) * slope
     for i in range(nx):
         out[0, i] = 2.0 * out[1, i] - out[2, i]
         out[ny - 1, i] = 2.0 * out[ny - 2, i] - out[ny - 3, i]
@@ -126,19 +126,19 @@ def advance(values: Array, out: Array, active: IntArray, h: float, kind: int, sc
 
 
 @compiled
-def _arc_row(south: Array, here: Array, north: Array, out: Array, h: float, scale: float, dt: float) -> None:
+def _arc_row(south: Array, middle: Array, north: Array, out: Array, h: float, scale: float, dt: float) -> None:
     """The step of `advance` for ARC on a row, without branches, so that it becomes vector code."""
     behind = BEHIND * h
     half, inverse = 0.5 / h, 1.0 / (h * h)
     for i in range(out.shape[0]):
-        c, w, e, s, n = here[i + 1], here[i], here[i + 2], south[i + 1], north[i + 1]
+        c, w, e, s, n = middle[i + 1], middle[i], middle[i + 2], south[i + 1], north[i + 1]
         gx, gy = (e - w) * half, (n - s) * half
-        g2 = gx * gx + gy * gy
-        slope = math.sqrt(g2)
+        gradient_squared = gx * gx + gy * gy
+        slope = math.sqrt(gradient_squared)
         gxx, gyy = (e - 2.0 * c + w) * inverse, (n - 2.0 * c + s) * inverse
         gxy = (north[i + 2] - north[i] - south[i + 2] + south[i]) * (0.25 * inverse)
-        kappa = (gx * gx * gyy - 2.0 * gx * gy * gxy + gy * gy * gxx) / (g2 * slope + 1e-300)
-        kappa = 0.0 if g2 < 1e-16 else min(max(kappa, -2.0 * half), 2.0 * half)
+        kappa = (gx * gx * gyy - 2.0 * gx * gy * gxy + gy * gy * gxx) / (gradient_squared * slope + 1e-300)
+        kappa = 0.0 if gradient_squared < 1e-16 else min(max(kappa, -2.0 * half), 2.0 * half)
         backx, aheadx, backy, aheady = min(c - w, 0.0), max(e - c, 0.0), min(c - s, 0.0), max(n - c, 0.0)
         steep = math.sqrt((backx * backx + aheadx * aheadx + backy * backy + aheady * aheady) * inverse)
         slope = steep if slope < KINK * steep else slope
@@ -225,9 +225,9 @@ def pull_back(values: Array, h: float, x0: float, y0: float, points: Array) -> N
     """One Newton step of each point (n, 2) onto the zero level, of at most a cell."""
     for k in range(points.shape[0]):
         value, gx, gy, _ = sample(values, h, x0, y0, points[k, 0], points[k, 1])
-        g2 = gx * gx + gy * gy
-        if g2 > 1e-4:
-            step = min(max(value / g2, -h), h)
+        gradient_squared = gx * gx + gy * gy
+        if gradient_squared > 1e-4:
+            step = min(max(value / gradient_squared, -h), h)
             points[k, 0] -= step * gx
             points[k, 1] -= step * gy
 
@@ -252,7 +252,7 @@ def carry(values: Array, h: float, x0: float, y0: float, kind: int, scale: float
 
 
 @compiled
-def keep_apart(points: Array, least: float) -> int:
+def keep_apart(points: Array, least_gap: float) -> int:
     """Slide the points (n, 2) along their closed polyline until each is `least` (m) past the one before.
 
     The points keep their order, and move as little as that takes in the sense of least squares: pools of equal shift
@@ -265,7 +265,7 @@ def keep_apart(points: Array, least: float) -> int:
         for reach in range(1, n // 8):
             before, after = (k - reach) % n, (k + reach) % n
             dx, dy = points[after, 0] - points[before, 0], points[after, 1] - points[before, 1]
-            if math.hypot(dx, dy) > 8.0 * least:
+            if math.hypot(dx, dy) > 8.0 * least_gap:
                 break
         size = math.hypot(dx, dy)
         tangents[k, 0], tangents[k, 1] = dx / size, dy / size
@@ -275,15 +275,15 @@ def keep_apart(points: Array, least: float) -> int:
         size = max(math.hypot(tx, ty), 1e-300)
         dx, dy = points[after, 0] - points[k, 0], points[after, 1] - points[k, 1]
         along = (dx * tx + dy * ty) / size
-        gaps[k] = along if along < 2.0 * least else math.hypot(dx, dy)
-    small, first = int(np.sum(gaps < least)), int(np.argmax(gaps)) + 1
+        gaps[k] = along if along < 2.0 * least_gap else math.hypot(dx, dy)
+    small, first = int(np.sum(gaps < least_gap)), int(np.argmax(gaps)) + 1
     if small == 0:
         return 0
     mean, weight, pools = np.empty(n), np.empty(n), 0
     places, at = np.empty(n), 0.0
     for m in range(n):
         places[m] = at
-        at += gaps[(first + m) % n] - least
+        at += gaps[(first + m) % n] - least_gap
         mean[pools], weight[pools] = places[m], 1.0
         pools += 1
         while pools > 1 and mean[pools - 2] > mean[pools - 1]:

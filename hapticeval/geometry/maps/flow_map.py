@@ -105,11 +105,11 @@ class FlowMap:
     def _beside(self, points: Array, rows: IntArray) -> Array:
         """Angles of points between the curve and the chords of the grid: those of their nearest surface points."""
         u = self.curve.nearest(points)
-        far = np.hypot(*(self.curve.position(u) - points).T) > 0.5 * self.spacing
-        if far.any():
-            x, y = points[np.argmax(far)]
+        too_far = np.hypot(*(self.curve.position(u) - points).T) > 0.5 * self.spacing
+        if too_far.any():
+            x, y = points[np.argmax(too_far)]
             raise InputError(
-                f"row {rows[np.argmax(far)]}: the point ({x:g}, {y:g}) m lies off the map",
+                f"row {rows[np.argmax(too_far)]}: the point ({x:g}, {y:g}) m lies off the map",
                 why="the flow covers the inside of the model",
             )
         us = self.chart.us
@@ -135,16 +135,17 @@ class _Key:
 
 @lru_cache(maxsize=KEPT)
 def _built(key: _Key) -> FlowMap:
-    made = flow(key.model, key.settings)
-    return FlowMap(key.model.curve, made, chart_of(key.model, made))
+    recorded = flow(key.model, key.settings)
+    return FlowMap(key.model.curve, recorded, chart_of(key.model, recorded))
 
 
-def chart_of(model: Model, made: Flow) -> Chart:
+def chart_of(model: Model, recorded: Flow) -> Chart:
     """The checked grid of a model's flow for the compiled lookup. Raises `FoldedGridError`."""
     curve = model.curve
-    points, radii, times = np.ascontiguousarray(made.points), np.sqrt(made.areas / made.areas[0]), made.times
+    points, times = np.ascontiguousarray(recorded.points), recorded.times
+    radii = np.sqrt(recorded.areas / recorded.areas[0])
     start, end = curve.u_range
-    us = np.append(made.u, made.u[0] + end - start)
+    us = np.append(recorded.u, recorded.u[0] + end - start)
     lengths = curve.arc_length(us)
     angles = 2.0 * math.pi * (lengths - lengths[0]) / curve.length
     disk = radii[:, np.newaxis, np.newaxis] * np.stack([np.cos(angles[:-1]), np.sin(angles[:-1])], axis=1)
@@ -153,10 +154,10 @@ def chart_of(model: Model, made: Flow) -> Chart:
     inner = _directions(model, points[-1], centre, times[-1])
     low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
     x0, y0 = low.tolist()
-    across, up = (math.floor(extent / made.cell) + 1 for extent in high - low)
-    heads, cells = fill_buckets(points, x0, y0, made.cell, across, up)
+    across, up = (math.floor(extent / recorded.cell) + 1 for extent in high - low)
+    heads, cells = fill_buckets(points, x0, y0, recorded.cell, across, up)
     middle = (float(centre[0]), float(centre[1]))
-    return Chart(points, disk, angles, us, heads, cells, x0, y0, made.cell, across, up, middle, inner, start, end)
+    return Chart(points, disk, angles, us, heads, cells, x0, y0, recorded.cell, across, up, middle, inner, start, end)
 
 
 def folded_cells(points: Array) -> BoolArray:
@@ -284,10 +285,10 @@ def to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
         best, best_x, best_y, best_cell = -SLACK, 0.0, 0.0, -1
         for entry in range(chart.heads[bucket], chart.heads[bucket + 1]):
             cell = chart.cells[entry]
-            disk_x, disk_y, least = in_cell(chart.points, chart.disk, cell, x, y)
-            if least >= best:
-                best, best_x, best_y, best_cell = least, disk_x, disk_y, cell
-                if least > 0.0:
+            disk_x, disk_y, least_coordinate = in_cell(chart.points, chart.disk, cell, x, y)
+            if least_coordinate >= best:
+                best, best_x, best_y, best_cell = least_coordinate, disk_x, disk_y, cell
+                if least_coordinate > 0.0:
                     break
         if best_cell >= 0:
             return best_cell // n, best_x, best_y
