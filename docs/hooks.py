@@ -27,7 +27,12 @@ SOURCE = re.compile(r"\[([^\]]+)\]\(\.\./[^)]+\)")
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8").replace("](docs/", "](")
+    readme = (
+        (ROOT / "README.md")
+        .read_text(encoding="utf-8")
+        .replace("](docs/checks)", "](checks.md)")
+        .replace("](docs/", "](")
+    )
     pages = {
         "index.md": linked(readme),
         "architecture.md": (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8"),

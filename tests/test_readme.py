@@ -6,10 +6,12 @@ import re
 import runpy
 import shlex
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 from hapticeval.cli import EXIT_CODES, main
 from hapticeval.discovery import resolve
@@ -19,6 +21,9 @@ from hapticeval.runner.results import ResultsDocument, read_results
 ROOT = Path(__file__).parents[1]
 PAGES = {page.stem: page.read_text(encoding="utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]}
 README = PAGES["README"]
+PHENOMENA = {"Continuous Contact Point", "Contact Normal Force", "Broken Contact", "Abrupt Switch",
+             "Impulsive Collision Force", "Centripetal Force"}  # fmt: skip
+"""Thesis 3.2."""
 
 
 def section(title: str, page: str = "README") -> str:
@@ -115,10 +120,12 @@ def test_the_example_tells_both_renderers_apart(
     assert (tmp_path / "judged.png").exists()
 
 
-def test_every_check_is_in_the_table_or_among_the_effects() -> None:
-    effects = PAGES["effects"]
-    for name, check in CHECKS.items():
-        assert f"`{name}`" in (effects if check.effects else section("What is judged")), name
+def test_the_checks_of_the_phenomena_are_in_the_table_and_those_of_effects_on_their_page() -> None:
+    table, effects = section("What is judged"), PAGES["effects"]
+    phenomena = {name for name, check in CHECKS.items() if check.phenomenon in PHENOMENA}
+    assert {CHECKS[name].phenomenon for name in phenomena} == PHENOMENA
+    assert [name for name in phenomena if f"`{name}`" not in table] == []
+    assert [name for name, check in CHECKS.items() if check.effects and f"`{name}`" not in effects] == []
 
 
 def test_the_exit_codes_are_those_of_the_help() -> None:
@@ -137,9 +144,16 @@ def test_the_files_that_it_links_exist(page: str) -> None:
     links = re.findall(r"\]\(([^)#]+)[^)]*\)", re.sub(drawn, "", PAGES[page]))
     links += ["../" * (page != "README") + name for name in named(page)]
     links = [link for link in links if link != "checks.md"]  # which the site generates
-    assert [link for link in links if not link.startswith("https://") and not (folder / link).is_file()] == []
+    assert [link for link in links if not link.startswith("https://") and not (folder / link).exists()] == []
 
 
 def named(page: str) -> list[str]:
     """Return the files of the repository that a page names."""
     return re.findall(r"`((?:suites|examples|hapticeval)/[\w./]+\.\w+)`", PAGES[page])
+
+
+def test_the_citation_names_this_version() -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    citation = YAML(typ="safe").load((ROOT / "CITATION.cff").read_text())
+    assert citation["version"] == version
+    assert f"version = {{{version}}}" in PAGES["bibliography"]
