@@ -19,7 +19,7 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
 from hapticeval.runner.execution import execute
-from hapticeval.runner.folder import prepared
+from hapticeval.runner.folder import prepared_folder
 from hapticeval.runner.known import NONE_KNOWN, Known, read_known
 from hapticeval.runner.known import write_known as write_listed
 from hapticeval.runner.planning import Plan, plan
@@ -32,7 +32,7 @@ from hapticeval.runner.results import (
     read_results,
     write_results,
 )
-from hapticeval.runner.resuming import finished
+from hapticeval.runner.resuming import finished_jobs
 from hapticeval.runner.sharding import Shard
 from hapticeval.runner.work import Work, run_job
 from hapticeval.suite.case import Case
@@ -135,7 +135,7 @@ def merge(folders: Sequence[str | Path], output: str | Path) -> Results:
     """
     from hapticeval.runner.merging import merge_into
 
-    with prepared(Path(output)):
+    with prepared_folder(Path(output)):
         return Results(merge_into([Path(folder) for folder in folders], Path(output)), Path(output))
 
 
@@ -183,12 +183,12 @@ def carry_out(
     scheduler: str | None = None,
 ) -> Results:
     """Carry a plan out: see `run`, and `execute` for `work`."""
-    kept = finished(planned, output) if resume and output is not None else None
+    kept = finished_jobs(planned, output) if resume and output is not None else None
     recordings: dict[RunKey, Recording] = {}
     stopped = False
-    with nullcontext() if output is None else prepared(output):
+    with nullcontext() if output is None else prepared_folder(output):
         for event in execute(
-            planned, output, workers=workers, work=work, timeout=timeout, scheduler=scheduler, kept=kept
+            planned, output, workers=workers, work=work, timeout=timeout, scheduler=scheduler, earlier_jobs=kept
         ):
             if watch is not None:
                 watch(event)
@@ -299,7 +299,7 @@ class Results:
         marks = tuple(marks_of(self.document.verdicts_of.get(run.key, [])).values())
         title = f"{run.renderer} on {run.suite}/{run.case}"
         recording = self.recording(f"{run.suite}/{run.case}", run.renderer)
-        return run_figure(recording, run.made_model(recording), marks=marks, title=title)
+        return run_figure(recording, run.build_model(recording), marks=marks, title=title)
 
     @property
     def file(self) -> Path:

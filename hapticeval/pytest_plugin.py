@@ -397,11 +397,14 @@ def _whole(
 
 def _note(node: pytest.Item, listed: Path | None, verdicts: Iterable[VerdictEntry]) -> None:
     """Leave with a test what the terminal summary says of its list of known failures, also where xdist is between."""
-    from hapticeval.runner.known import outdated
+    from hapticeval.runner.known import describe_outdated
 
     if listed is None:
         return
-    notes = [(str(listed), each.renderer, each.suite, *(outdated(each) if each.outdated else ())) for each in verdicts]
+    notes = [
+        (str(listed), each.renderer, each.suite, *(describe_outdated(each) if each.outdated else ()))
+        for each in verdicts
+    ]
     node.user_properties += [(LISTED, note) for note in dict.fromkeys(notes)]
 
 

@@ -257,7 +257,7 @@ def _shown(recording: Recording) -> bool:
 def model_of(entry: RunEntry, recording: Recording | None) -> Model | None:
     """Return the model of a run; None where this version cannot make it, or its file is gone."""
     try:
-        return entry.made_model(recording)
+        return entry.build_model(recording)
     except HapticevalError:
         return None
 

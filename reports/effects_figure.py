@@ -90,7 +90,7 @@ def recorded(directory: Path, run: RunEntry) -> tuple[Recording, Model]:
 
     assert run.recording is not None
     recording = read_recording(directory / run.recording)
-    return recording, run.made_model(recording)
+    return recording, run.build_model(recording)
 
 
 def effect_svg(effect: Effect, recording: Recording, model: Model, *, prefix: str, title: str) -> str:

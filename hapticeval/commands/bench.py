@@ -82,7 +82,7 @@ def bench(
     from msgspec.structs import replace
 
     from hapticeval.quantity import parse_duration, parse_length
-    from hapticeval.runner.folder import prepared
+    from hapticeval.runner.folder import prepared_folder
     from hapticeval.runner.results import FILE as RESULTS
     from hapticeval.study.bench.compare import compare_benches
     from hapticeval.study.bench.document import beside, read_bench, read_samples, write_bench
@@ -97,7 +97,7 @@ def bench(
     names = list(dict.fromkeys(each.renderer for of_model in settings.values() for each in of_model))
     command = {"renderers": names, "models": list(settings), "knobs": knobs or [], "within": within, "budget": budget}
     sweep = Sweep(settings, quick=quick, seed=seed, command=command)
-    with prepared(directory, keep_reports=True):
+    with prepared_folder(directory, keep_reports=True):
         with Terminal() as terminal:
             sweep.run(terminal.working)
         samples = sweep.samples()

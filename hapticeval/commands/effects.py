@@ -54,13 +54,13 @@ def effects(
       hapticeval effects dynamics-line -r set-stabilisation
       hapticeval effects mine.toml -k '*texture*' -o results
     """
-    from hapticeval.runner.folder import prepared
+    from hapticeval.runner.folder import prepared_folder
     from hapticeval.runner.planning import plan
     from hapticeval.study.effects.document import write_costs
     from hapticeval.study.effects.measure import measure
 
     jobs = plan(suites or ["effects"], [renderer], select=select or ()).jobs
-    with nullcontext() if directory is None else prepared(directory):
+    with nullcontext() if directory is None else prepared_folder(directory):
         with Terminal() as terminal:
             document = measure(jobs, terminal.working)
         written = [] if directory is None else [write_costs(directory, document)]

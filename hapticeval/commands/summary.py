@@ -14,7 +14,7 @@ import typer
 from hapticeval.commands.terminal import counted, lines, paragraphs, plural, wrote
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.quantity import aligned
-from hapticeval.runner.known import outdated
+from hapticeval.runner.known import describe_outdated
 from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
 
 SHOWN = 10
@@ -181,7 +181,7 @@ def _shown(verdict: VerdictEntry) -> str:
     outcome, published = verdict.outcome, verdict.published
     place = f"{verdict.renderer} on {verdict.place}"
     if verdict.outdated:
-        head, todo = outdated(verdict)
+        head, todo = describe_outdated(verdict)
         return lines([paint(head, "yellow"), f"  {todo}"])
     head, colour = {
         "differs": (f"differs: {place}: {outcome}, published {published}", "red"),

@@ -24,7 +24,7 @@ from hapticeval.replay.subject import SUITE, ReplayCase
 from hapticeval.runner import results
 from hapticeval.runner.judging import Recorded, judge_recorded, make_renderer
 from hapticeval.runner.planning import Job, Plan
-from hapticeval.runner.work import Done, kept, seed_all
+from hapticeval.runner.work import JudgedJob, seed_all, store_recording
 from hapticeval.scene import Scene
 from hapticeval.suite.suite import Suite
 
@@ -36,7 +36,7 @@ class ReplayTask:
     subject: ReplayCase
     path: HandPath
 
-    def __call__(self, job: Job, directory: Path | None, seed: int) -> Done:
+    def __call__(self, job: Job, directory: Path | None, seed: int) -> JudgedJob:
         """Do one job, in a process of its own.
 
         Of what no renderer could have made otherwise, a verdict that is inconclusive is shown and decides no exit code.
@@ -61,7 +61,7 @@ class ReplayTask:
             else verdict
             for verdict in judged.verdicts
         )
-        return kept(replace(judged, verdicts=verdicts), job, directory)
+        return store_recording(replace(judged, verdicts=verdicts), job, directory)
 
     def _recorded(self) -> Recorded:
         path = self.path

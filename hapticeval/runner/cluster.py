@@ -38,40 +38,40 @@ from hapticeval.workers import TRIES, Answer, Ended, LostError, Workers
 
 T = TypeVar("T")
 
-TARGET = 2.5
+CHUNK_SECONDS = 2.5
 """Seconds that a chunk should take: dask's milliseconds are a thousandth of that."""
 
-LONGEST = 10.0
+CHUNK_LIMIT = 10.0
 """Seconds after which a worker begins no further call of a chunk, and gives back the rest."""
 
-MOST = 4000
+MOST_CALLS = 4000
 """Calls in a chunk at most, however quick they are."""
 
-AHEAD = 2
+CHUNKS_AHEAD = 2
 """Chunks for each thread of a worker that are under way, so that it has the next when it ends one."""
 
-LAST = 64
+TIMED_CALLS = 64
 """Calls of which it is known how long they took."""
 
-FETCH = 5.0
+FETCH_SECONDS = 5.0
 """Seconds in which the answers of a chunk must arrive once a worker has them."""
 
 PATIENCE = 0.5
 """Seconds after which a worker sees that a call has taken too long, at the latest."""
 
-CONNECT = 10.0
+CONNECT_SECONDS = 10.0
 """Seconds in which scheduler and workers must answer when a run begins."""
 
 STRIKES = 3
 """Times that a chunk may be left because all workers have gone, before it counts as what has them killed."""
 
-LOOK = 2.0
+LOOK_SECONDS = 2.0
 """Seconds between two looks at which workers there are."""
 
-WAIT = 60.0
+WAIT_SECONDS = 60.0
 """Seconds without any worker after which none is expected any more."""
 
-GONE = (CommClosedError, OSError, TimeoutError, CancelledError)
+CONNECTION_ERRORS = (CommClosedError, OSError, TimeoutError, CancelledError)
 """What dask raises in the place of an answer where scheduler or worker have gone."""
 
 
@@ -117,12 +117,12 @@ class Cluster(Generic[T]):
         self._timeout = timeout
         self._files = dict(files or {})
         self._waiting: deque[_Call] = deque()
-        self._again: list[_Chunk] = []
+        self._to_send_again: list[_Chunk] = []
         self._suspects: deque[_Chunk] = deque()
         self._under_way: dict[_Future, _Chunk] = {}
-        self._done: queue.SimpleQueue[_Future] = queue.SimpleQueue()
-        self._took: deque[float] = deque(maxlen=LAST)
-        self._alike: dict[str, int] = {}  # threads by address
+        self._finished_futures: queue.SimpleQueue[_Future] = queue.SimpleQueue()
+        self._call_seconds: deque[float] = deque(maxlen=TIMED_CALLS)
+        self._alike_threads: dict[str, int] = {}  # threads by address
         self._unlike: dict[str, str] = {}
         self._refused: list[tuple[str, str]] = []
         self._rescued: list[Answer[T]] = []
@@ -137,24 +137,26 @@ class Cluster(Generic[T]):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # other versions are looked for here
-                self._client = _CLIENT(self._address, timeout=CONNECT, set_as_default=False)
-        except (*GONE, ValueError) as error:
+                self._client = _CLIENT(self._address, timeout=CONNECT_SECONDS, set_as_default=False)
+        except (*CONNECTION_ERRORS, ValueError) as error:
             raise InputError(
                 f"no dask scheduler answers at {self._address}",
                 why=str(error) or type(error).__name__,
                 todo="start one with `dask scheduler`, and give its address: --scheduler tcp://HOST:8786",
             ) from error
         try:
-            self._here = fingerprints.fingerprint({})
-            self._resource = f"hapticeval-{sha256(repr(sorted(self._here.items())).encode()).hexdigest()[:16]}"
-            end = time.monotonic() + CONNECT
-            while not self._alike and time.monotonic() < end:
-                self._look()
-                if self._unlike and not self._alike:
+            self._own_fingerprint = fingerprints.fingerprint({})
+            self._resource = (
+                f"hapticeval-{sha256(repr(sorted(self._own_fingerprint.items())).encode()).hexdigest()[:16]}"
+            )
+            end = time.monotonic() + CONNECT_SECONDS
+            while not self._alike_threads and time.monotonic() < end:
+                self._look_for_workers()
+                if self._unlike and not self._alike_threads:
                     break
-                time.sleep(0.0 if self._alike else 0.1)
-            if not self._alike:
-                raise self._nobody()
+                time.sleep(0.0 if self._alike_threads else 0.1)
+            if not self._alike_threads:
+                raise self._no_worker_error()
         except BaseException:
             self.__exit__()
             raise
@@ -167,7 +169,7 @@ class Cluster(Generic[T]):
                 self._client.cancel(list(self._under_way), force=True)
             self._under_way.clear()
             self._client.close(timeout=2.0 if running else 0.1)
-        except GONE:
+        except CONNECTION_ERRORS:
             pass
 
     @property
@@ -178,16 +180,16 @@ class Cluster(Generic[T]):
     @property
     def free(self) -> int:
         """How many more calls may begin now: as many as workers should have ahead."""
-        threads = sum(self._alike.values())
-        return max(AHEAD * max(threads, 1) * self._size - self._busy, 0)
+        threads = sum(self._alike_threads.values())
+        return max(CHUNKS_AHEAD * max(threads, 1) * self._chunk_size - self._busy, 0)
 
     @property
-    def _size(self) -> int:
+    def _chunk_size(self) -> int:
         """How many calls make a chunk."""
-        if not self._took:
+        if not self._call_seconds:
             return 1
-        mean = sum(self._took) / len(self._took)
-        return max(1, min(MOST, int(TARGET / max(mean, 1e-6))))
+        mean = sum(self._call_seconds) / len(self._call_seconds)
+        return max(1, min(MOST_CALLS, int(CHUNK_SECONDS / max(mean, 1e-6))))
 
     def begin(self, call: int, *arguments: Any) -> None:
         """Have a worker call the function; it is sent with others when answers are waited for."""
@@ -197,30 +199,30 @@ class Cluster(Generic[T]):
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
         """Return the answers that there are, after waiting for the first, for at most `timeout` seconds if given.
 
-        Raises `LostError` where the scheduler is gone, or all workers are for longer than `WAIT`.
+        Raises `LostError` where the scheduler is gone, or all workers are for longer than `WAIT_SECONDS`.
         """
         end = None if timeout is None else time.monotonic() + timeout
         while True:
-            found: list[Answer[T]] = []
+            answers: list[Answer[T]] = []
             try:
-                if time.monotonic() - self._looked > LOOK:
-                    self._look()
-                found, self._rescued = self._rescued, []
+                if time.monotonic() - self._looked > LOOK_SECONDS:
+                    self._look_for_workers()
+                answers, self._rescued = self._rescued, []
                 self._send()
-                left = LOOK if end is None else max(end - time.monotonic(), 0.0)
-                over = [self._done.get(timeout=min(left, LOOK))]
-                over += [self._done.get_nowait() for _ in range(self._done.qsize())]
+                left = LOOK_SECONDS if end is None else max(end - time.monotonic(), 0.0)
+                over = [self._finished_futures.get(timeout=min(left, LOOK_SECONDS))]
+                over += [self._finished_futures.get_nowait() for _ in range(self._finished_futures.qsize())]
                 for future in over:
-                    found += self._answered(future)
+                    answers += self._collect_answers(future)
             except queue.Empty:
                 pass
-            except GONE as error:
-                raise self._lost(error) from error
+            except CONNECTION_ERRORS as error:
+                raise self._lost_error(error) from error
             if self._client.status != "running":
-                raise self._lost()
-            if found or not self._busy or (end is not None and time.monotonic() >= end):
-                self._busy -= len(found)
-                return found
+                raise self._lost_error()
+            if answers or not self._busy or (end is not None and time.monotonic() >= end):
+                self._busy -= len(answers)
+                return answers
 
     def give_up(self, seconds: float) -> list[Answer[T]]:
         """Give up nothing, whatever the `seconds`: each worker sees to that itself, with the `timeout` it was given."""
@@ -229,19 +231,19 @@ class Cluster(Generic[T]):
 
     def refused(self) -> list[tuple[str, str]]:
         """Return the workers that get nothing to do, and why: each once."""
-        found, self._refused = self._refused, []
-        return found
+        refused_workers, self._refused = self._refused, []
+        return refused_workers
 
     def _send(self) -> None:
-        if not self._alike:
+        if not self._alike_threads:
             return
-        if self._suspects and not self._again:
+        if self._suspects and not self._to_send_again:
             chunks = [] if self._under_way else [self._suspects.popleft()]
         else:
-            chunks, self._again = self._again, []
+            chunks, self._to_send_again = self._to_send_again, []
         alone = bool(self._suspects) or any(chunk.alone for chunk in (*chunks, *self._under_way.values()))
         while self._waiting and not alone:
-            size = min(self._size, len(self._waiting))
+            size = min(self._chunk_size, len(self._waiting))
             chunks.append(_Chunk([self._waiting.popleft() for _ in range(size)]))
         for chunk in chunks:
             self._sent += 1
@@ -253,9 +255,9 @@ class Cluster(Generic[T]):
                 pure=False,
             )
             self._under_way[future] = chunk
-            future.add_done_callback(self._done.put)
+            future.add_done_callback(self._finished_futures.put)
 
-    def _answered(self, future: _Future) -> list[Answer[T]]:
+    def _collect_answers(self, future: _Future) -> list[Answer[T]]:
         """Return the answers of a chunk that is over, and see to the calls that it has not come to."""
         chunk = self._under_way.pop(future, None)
         if chunk is None:
@@ -266,38 +268,38 @@ class Cluster(Generic[T]):
                 raise HapticevalError(
                     "a worker of the cluster cannot make calls", why=f"{type(error).__name__}: {error}"
                 ) from error
-            return self._killed(chunk)
+            return self._take_apart(chunk)
         try:
-            answers, took = future.result(timeout=FETCH)
+            answers, took = future.result(timeout=FETCH_SECONDS)
         except TimeoutError:  # they are slow to arrive, or gone with the worker that had them
             if any(self._client.who_has([future]).values()):
                 self._under_way[future] = chunk
-                self._done.put(future)
+                self._finished_futures.put(future)
                 return []
             future.cancel(force=True)
-            return self._left(chunk)
+            return self._send_again(chunk)
         except KilledWorker:
-            return self._killed(chunk)
+            return self._take_apart(chunk)
         except CancelledError:  # the scheduler is gone, or has forgotten them with the worker that had them
             if self._client.status != "running":
-                raise self._lost() from None
-            return self._left(chunk)
-        self._took.extend(took)
+                raise self._lost_error() from None
+            return self._send_again(chunk)
+        self._call_seconds.extend(took)
         self._waiting.extendleft(reversed(chunk.calls[len(answers) :]))
         return list(answers)
 
-    def _killed(self, chunk: _Chunk) -> list[Answer[T]]:
+    def _take_apart(self, chunk: _Chunk) -> list[Answer[T]]:
         """Take a chunk apart that has its workers killed, or give up the one call that does."""
         if chunk.alone:
             return [Answer(chunk.calls[0][0], None, Ended(-signal.SIGKILL))]
         self._suspects += [_Chunk([call], alone=True) for call in chunk.calls]
         return []
 
-    def _left(self, chunk: _Chunk) -> list[Answer[T]]:
+    def _send_again(self, chunk: _Chunk) -> list[Answer[T]]:
         """Have a chunk sent again that nobody is at any more, unless that was so too often."""
         if chunk.strikes >= STRIKES:
-            return self._killed(chunk)
-        self._again.append(chunk._replace(strikes=chunk.strikes + 1))
+            return self._take_apart(chunk)
+        self._to_send_again.append(chunk._replace(strikes=chunk.strikes + 1))
         return []
 
     def _rescue(self) -> None:
@@ -307,57 +309,59 @@ class Cluster(Generic[T]):
         for future in left:
             chunk = self._under_way.pop(future)
             future.cancel(force=True)
-            self._rescued += self._left(chunk)
+            self._rescued += self._send_again(chunk)
 
-    def _look(self) -> None:
+    def _look_for_workers(self) -> None:
         """See which workers there are, and ask new ones what they compute with."""
         self._looked = time.monotonic()
-        there = self._client.scheduler_info(n_workers=-1)["workers"]
-        self._alike = {address: count for address, count in self._alike.items() if address in there}
-        new = [address for address in there if address not in self._alike and address not in self._unlike]
+        workers = self._client.scheduler_info(n_workers=-1)["workers"]
+        self._alike_threads = {address: count for address, count in self._alike_threads.items() if address in workers}
+        new = [address for address in workers if address not in self._alike_threads and address not in self._unlike]
         if new:
-            self._ask(new, {address: int(there[address]["nthreads"]) for address in new})
-        if self._alike:
+            self._ask_fingerprints(new, {address: int(workers[address]["nthreads"]) for address in new})
+        if self._alike_threads:
             self._empty_since = None
         elif self._empty_since is None:
             self._empty_since = self._looked
-        elif self._looked - self._empty_since > WAIT:
-            raise LostError(f"no worker like this machine has been at the scheduler {self._address} for {WAIT:g} s")
+        elif self._looked - self._empty_since > WAIT_SECONDS:
+            raise LostError(
+                f"no worker like this machine has been at the scheduler {self._address} for {WAIT_SECONDS:g} s"
+            )
 
-    def _ask(self, addresses: Sequence[str], threads: Mapping[str, int]) -> None:
+    def _ask_fingerprints(self, addresses: Sequence[str], threads: Mapping[str, int]) -> None:
         question = _by_value(self._files)
-        found = self._client.run(pickle.loads, question, workers=list(addresses), on_error="return")
-        for address, there in found.items():
-            if isinstance(there, (OSError, CommClosedError)):
+        replies = self._client.run(pickle.loads, question, workers=list(addresses), on_error="return")
+        for address, reply in replies.items():
+            if isinstance(reply, (OSError, CommClosedError)):
                 continue  # it has gone; if it comes again it is asked again
-            if isinstance(there, BaseException):
-                differs = [f"{type(there).__name__}: {there}"]
+            if isinstance(reply, BaseException):
+                differs = [f"{type(reply).__name__}: {reply}"]
             else:
-                differs = fingerprints.unlike(self._here, there)
+                differs = fingerprints.differences(self._own_fingerprint, reply)
             if differs:
                 self._unlike[address] = "; ".join(differs)
                 self._refused.append((address, self._unlike[address]))
-        alike = {address: threads[address] for address, there in found.items() if there == self._here}
+        alike = {address: threads[address] for address, reply in replies.items() if reply == self._own_fingerprint}
         if alike:
             marked = self._client.run(mark, self._resource, workers=list(alike), on_error="return")
-            self._alike |= {address: alike[address] for address, done in marked.items() if done is True}
+            self._alike_threads |= {address: alike[address] for address, done in marked.items() if done is True}
             if self._under_way:
                 self._rescue()
 
-    def _nobody(self) -> InputError:
+    def _no_worker_error(self) -> InputError:
         if not self._unlike:
             return InputError(
                 f"the scheduler at {self._address} has no workers",
                 todo=f"start some, as with `dask worker {self._address} --nthreads 1`",
             )
-        each = "; ".join(f"{address} has {why}" for address, why in self._unlike.items())
+        reasons = "; ".join(f"{address} has {why}" for address, why in self._unlike.items())
         return InputError(
             f"no worker of {self._address} is like this machine",
-            why=each,
+            why=reasons,
             todo="install the same versions everywhere; for one processor set NUMBA_CPU_NAME and NUMBA_CPU_FEATURES",
         )
 
-    def _lost(self, error: BaseException | None = None) -> LostError:
+    def _lost_error(self, error: BaseException | None = None) -> LostError:
         why = "" if error is None else str(error) or type(error).__name__
         return LostError(f"the scheduler at {self._address} is gone", why=why)
 
@@ -398,26 +402,26 @@ def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
     """
     function, calls, timeout = pickle.loads(packed)
     with _lock:
-        there = _idle.setdefault(function, [])
-        crew, known = (there.pop(), True) if there else (_child(function), False)
+        idle_children = _idle.setdefault(function, [])
+        crew, known = (idle_children.pop(), True) if idle_children else (_start_child(function), False)
     answers: list[Answer[Any]] = []
-    took = []
+    call_seconds = []
     begun = time.monotonic()
     for call, arguments in calls:
         before = time.monotonic()
-        if answers and before - begun > LONGEST:
+        if answers and before - begun > CHUNK_LIMIT:
             break
         crew.begin(call, *arguments)
-        while not (found := [*crew.answers(PATIENCE), *crew.give_up(timeout)]):
+        while not (new_answers := [*crew.answers(PATIENCE), *crew.give_up(timeout)]):
             pass
-        answers += found
+        answers += new_answers
         if known:
-            took.append(time.monotonic() - before)
+            call_seconds.append(time.monotonic() - before)
         known = True
     with _lock:
         _idle[function].append(crew)
-    return answers, took
+    return answers, call_seconds
 
 
-def _child(function: bytes) -> Workers[Any]:
+def _start_child(function: bytes) -> Workers[Any]:
     return Workers(pickle.loads(function), 1, tries=TRIES, fresh=True)

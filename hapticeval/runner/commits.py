@@ -22,8 +22,10 @@ def commits(plan: Plan) -> dict[str, str]:
     Renderers whose source is no file that a repository tracks, as an installed package's, are left out.
     """
     factories = {job.renderer: job.factory for job in plan.jobs}
-    found = {name: _commit(file) for name in plan.renderers if (file := _source(name, factories.get(name))) is not None}
-    return {name: each for name, each in found.items() if each}
+    commit_by_renderer = {
+        name: _commit(file) for name in plan.renderers if (file := _source(name, factories.get(name))) is not None
+    }
+    return {name: commit for name, commit in commit_by_renderer.items() if commit}
 
 
 def _source(name: str, factory: Any) -> Path | None:

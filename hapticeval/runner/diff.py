@@ -59,7 +59,7 @@ class Diff(Struct, frozen=True, kw_only=True):
     def stops(self, *, strict: bool) -> bool:
         """Return whether something got worse or the new run is incomplete; if `strict` also what changed or is gone."""
         bad = ("worse", "gone", "changed") if strict else ("worse",)
-        return self.incomplete is not None or any(each.standing in bad for each in self.verdicts)
+        return self.incomplete is not None or any(verdict.standing in bad for verdict in self.verdicts)
 
 
 def compare_results(before: ResultsDocument, now: ResultsDocument) -> Diff:
@@ -71,16 +71,16 @@ def compare_results(before: ResultsDocument, now: ResultsDocument) -> Diff:
         first, second = old.get(name), new.get(name)
         standing = _standing(before, first, now, second)
         if standing is not None:
-            said = second or first
-            assert said is not None
+            verdict = second or first
+            assert verdict is not None
             changes.append(
                 VerdictChange(
                     standing=standing,
-                    renderer=said.renderer,
-                    place=said.place,
+                    renderer=verdict.renderer,
+                    place=verdict.place,
                     before=None if first is None else first.outcome,
                     now=None if second is None else second.outcome,
-                    message=said.message,
+                    message=verdict.message,
                 )
             )
         if first is not None and second is not None:
@@ -88,8 +88,8 @@ def compare_results(before: ResultsDocument, now: ResultsDocument) -> Diff:
     order: Mapping[str, int] = {name: rank for rank, name in enumerate(("worse", "changed", "gone", "better", "new"))}
     return Diff(
         compared=len(old.keys() & new.keys()),
-        verdicts=sorted(changes, key=lambda each: order[each.standing]),
-        margins=sorted(moves, key=lambda each: -abs(each.by)),
+        verdicts=sorted(changes, key=lambda change: order[change.standing]),
+        margins=sorted(moves, key=lambda move: -abs(move.by)),
         incomplete=None if now.complete else now.reason,
     )
 

@@ -17,7 +17,7 @@ from hapticeval.errors import InputError
 from hapticeval.files import replacing
 from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.interrupts import Interrupts
-from hapticeval.runner.outcome import carry_out_afar, carry_out_here, ended, overdue
+from hapticeval.runner.outcome import carry_out_afar, carry_out_here, outcome_of_ended, outcome_of_overdue
 from hapticeval.runner.outcomes import Outcomes
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.progress import Progress
@@ -28,7 +28,7 @@ from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, W
 
 T = TypeVar("T")
 
-Carried: TypeAlias = tuple[JobFinished, bytes | None]
+JobAndFile: TypeAlias = tuple[JobFinished, bytes | None]
 
 PATIENCE = 0.1
 """Seconds after which an interrupt is seen at the latest."""
@@ -36,7 +36,7 @@ PATIENCE = 0.1
 BEAT = 10.0
 """Seconds between two reports of what is at work."""
 
-FIRST = "it ends at the first verdict that stops the gate (-x)"
+STOPPED_AT_FIRST = "it ends at the first verdict that stops the gate (-x)"
 """Why a run is incomplete whose plan has `exit_first`."""
 
 
@@ -48,14 +48,14 @@ def execute(
     work: Work = run_job,
     timeout: float = math.inf,
     scheduler: str | None = None,
-    kept: Mapping[RunKey, JobFinished] | None = None,
+    earlier_jobs: Mapping[RunKey, JobFinished] | None = None,
 ) -> Iterator[Event]:
     """Run the plan in `workers` processes, and keep results.json in `directory` up to date while it goes on.
 
     Each job is run and judged as its case says, or by another `work`. Without a directory nothing is written, and the
     events bring the recordings. With 0 workers jobs run in this process; with the address of a `scheduler` those of its
     cluster do them. Elsewhere a job that takes longer than `timeout` seconds is ended, and its verdicts are errors.
-    What came of some jobs may be `kept` from an earlier run into that directory, see `resuming.finished`.
+    `earlier_jobs` are those that an earlier run into that directory has finished, see `resuming.finished_jobs`.
 
     What comes of a job depends on none of that, nor on the order in which jobs end: each has a seed of its own.
 
@@ -65,17 +65,19 @@ def execute(
     `exit_first`. What has finished is kept, also where the scheduler is lost, the results say that they are incomplete
     and why, and `RunFinished` is still the last event.
     """
-    finished = {at: kept[job.key] for at, job in enumerate(plan.jobs) if job.key in kept} if kept else {}
+    known_jobs = earlier_jobs or {}
+    finished = {at: known_jobs[job.key] for at, job in enumerate(plan.jobs) if job.key in known_jobs}
     old = set(finished)
     waiting = iter([(at, job) for at, job in enumerate(plan.jobs) if at not in old])
     added = 0
     begun: dict[int, float] = {}
     reported = time.monotonic()
     warned = stopped = False
-    lost: LostError | None = None
+    lost_error: LostError | None = None
     with Interrupts() as interrupts:
         with _crew(work, workers, scheduler, plan, timeout) as crew, Outcomes(directory) as outcomes:
-            if directory is not None and kept is None:  # what is there is of an earlier run, whose results go as well
+            # What is in the folder is of an earlier run, whose results go as well.
+            if directory is not None and earlier_jobs is None:
                 shutil.rmtree(directory / "recordings", ignore_errors=True)
                 outcomes.clear()
             jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in old)
@@ -94,9 +96,9 @@ def execute(
                         yield Interrupted(1, at_once=True)
                         break
                 while added in finished:
-                    taken = progress.add(finished[added])
+                    marked_job = progress.add(finished[added])
                     if added not in old:
-                        yield taken
+                        yield marked_job
                     del finished[added]
                     added += 1
                 if interrupts.count and not warned:
@@ -107,14 +109,14 @@ def execute(
                 try:
                     answers = [*crew.answers(PATIENCE), *crew.give_up(timeout)]
                 except LostError as error:
-                    lost = error
+                    lost_error = error
                     break
                 for answer in answers:
                     begun.pop(answer.call, None)
-                    finished[answer.call] = done = _done(answer, plan.jobs[answer.call], directory, timeout)
+                    finished[answer.call] = done = _finished_job(answer, plan.jobs[answer.call], directory, timeout)
                     outcomes.add(done)
                     stopped |= plan.exit_first and progress.stops(done)
-                yield from (WorkerRefused(*each) for each in crew.refused())
+                yield from (WorkerRefused(*refusal) for refusal in crew.refused())
                 now = time.monotonic()
                 if begun and now - reported >= BEAT:
                     reported = now
@@ -124,21 +126,21 @@ def execute(
                     yield Interrupted(crew.busy, at_once=True)
                     break
         for number in sorted(finished):
-            taken = progress.add(finished[number])
+            marked_job = progress.add(finished[number])
             if number not in old:
-                yield taken
+                yield marked_job
             added += 1
         reason = None
         if added < len(plan.jobs):
-            reason = "interrupted by the user" if interrupts.count or not stopped else FIRST
-            reason = reason if lost is None else f"{lost.what}, and --resume goes on"
+            reason = "interrupted by the user" if interrupts.count or not stopped else STOPPED_AT_FIRST
+            reason = reason if lost_error is None else f"{lost_error.what}, and --resume goes on"
         results = progress.finish(reason)
         if results.complete:
             outcomes.forget()
         yield RunFinished(results)
 
 
-def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan, timeout: float) -> Crew[Carried]:
+def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan, timeout: float) -> Crew[JobAndFile]:
     if scheduler is None:
         return crew_of(partial(carry_out_here, work), workers)
     cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
@@ -169,12 +171,12 @@ def crew_of(
     return Cluster(function, scheduler, timeout=timeout, files=files)
 
 
-def _done(answer: Answer[Carried], job: Job, directory: Path | None, timeout: float) -> JobFinished:
+def _finished_job(answer: Answer[JobAndFile], job: Job, directory: Path | None, timeout: float) -> JobFinished:
     """What came of a job; its recording is in the folder then."""
     if isinstance(answer.error, Ended):
-        return ended(job, answer.error)
+        return outcome_of_ended(job, answer.error)
     if isinstance(answer.error, Overdue):
-        return overdue(job, timeout, answer.error)
+        return outcome_of_overdue(job, timeout, answer.error)
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None

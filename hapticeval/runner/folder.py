@@ -22,7 +22,7 @@ REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables", "figures"
 
 
 @contextmanager
-def prepared(directory: Path, *, keep_reports: bool = False) -> Iterator[None]:
+def prepared_folder(directory: Path, *, keep_reports: bool = False) -> Iterator[None]:
     """See that results may be written: into a folder that is new, empty, or holds an earlier run or bench of ours.
 
     Removes the reports of an earlier run, which must not stand beside the results of this one, unless they are to be

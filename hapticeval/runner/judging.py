@@ -101,22 +101,22 @@ class _RunFactory:
         if isinstance(self.stimulus, Experiment) and not _moves_alike(self.scene, motion):
             return None
         if motion not in self._moved:
-            self._moved[motion] = self._made_moved(motion)
+            self._moved[motion] = self._moved_scene(motion)
         scene, renderer = self._moved[motion]
         if renderer is None:
             return None
-        found = self._played(renderer, scene, self._moved_stimulus(motion, np.array(nudge)))
-        if found is None:
+        recording = self._played(renderer, scene, self._moved_stimulus(motion, np.array(nudge)))
+        if recording is None:
             return None
-        back = {"hip": motion.back(found.hip), "ihip": motion.back(found.ihip)}
-        force = motion.turned_back(found.force) / motion.scale
-        lengths = {name: found.meta[name] / motion.scale for name in ("resolution", "standoff")}
-        reported = {name: found.channels[name] for name in found.channels.keys() & {"contact"}}
-        return Recording(found.time, {**back, "force": force, **reported}, meta={**found.meta, **lengths})
+        back = {"hip": motion.back(recording.hip), "ihip": motion.back(recording.ihip)}
+        force = motion.turned_back(recording.force) / motion.scale
+        lengths = {name: recording.meta[name] / motion.scale for name in ("resolution", "standoff")}
+        reported = {name: recording.channels[name] for name in recording.channels.keys() & {"contact"}}
+        return Recording(recording.time, {**back, "force": force, **reported}, meta={**recording.meta, **lengths})
 
     def reordered(self) -> Recording | None:
         """Record the path on the model with its vertices in another order; see `Runs.reordered`."""
-        scene, renderer = self._made(self.scene.model.reordered())
+        scene, renderer = self._with_model(self.scene.model.reordered())
         return None if renderer is None else self._played(renderer, scene, self.path())
 
     def subdivided(self) -> Recording:
@@ -132,7 +132,7 @@ class _RunFactory:
         dt = self.scene.sampling_time
         half = scaling(0.5, self.scene.model.dimension)
         path = self.path()
-        scene, other = self._made(self.scene.model.moved(half))
+        scene, other = self._with_model(self.scene.model.moved(half))
         back = path.reversed()
         if other is None:
             scene, other = self.scene, make_renderer(self.factory, self.scene)
@@ -161,19 +161,19 @@ class _RunFactory:
         """Return what a renderer answers to a stimulus; None where it refuses, or ends an experiment early."""
         try:
             if isinstance(stimulus, Path):
-                found = play(renderer, stimulus, scene.sampling_time, scene=scene)
+                recording = play(renderer, stimulus, scene.sampling_time, scene=scene)
             else:
-                found = simulate_closed_loop(renderer, stimulus, scene, scene.sampling_time)
+                recording = simulate_closed_loop(renderer, stimulus, scene, scene.sampling_time)
         except RefusalError:
             return None
-        self.simulated += len(found) * scene.sampling_time
-        return None if "ended" in found.meta else found
+        self.simulated += len(recording) * scene.sampling_time
+        return None if "ended" in recording.meta else recording
 
-    def _made_moved(self, motion: Motion) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
+    def _moved_scene(self, motion: Motion) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
         """Return the scene moved, and the renderer in it; None where there is none."""
-        return (self.scene, self.renderer) if motion.rests else self._made(self.scene.model.moved(motion))
+        return (self.scene, self.renderer) if motion.rests else self._with_model(self.scene.model.moved(motion))
 
-    def _made(self, model: Model | None) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
+    def _with_model(self, model: Model | None) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
         """Return the scene with another model, and the renderer in it; None where there is none."""
         if model is None:
             return self.scene, None
@@ -219,8 +219,8 @@ def _moves_alike(scene: Scene, motion: Motion) -> bool:
 
     A robot stands where it stands, a force need not grow with the lengths, and what counts or clips does so by axis.
     """
-    loop = (each for each in scene.effects if each.stage not in (None, Stage.ANSWER))
-    return motion.scale == 1.0 and isinstance(scene.robot, PointMass) and all(each.linear for each in loop)
+    loop = (effect for effect in scene.effects if effect.stage not in (None, Stage.ANSWER))
+    return motion.scale == 1.0 and isinstance(scene.robot, PointMass) and all(effect.linear for effect in loop)
 
 
 def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | TrajectoryRenderer:
@@ -242,13 +242,13 @@ def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | Trajecto
 
 @dataclass(frozen=True)
 class Recorded:
-    """What there is to judge: `whole` as it is kept, and the `runs` that checks may read.
+    """What there is to judge: the `recording` as it is kept, and the `runs` that checks may read.
 
     There are several runs where a recording has gaps: each check judges every one, and `merge` makes one finding of
     them. `replay` goes into the results; `simulated` returns the seconds simulated so far, siblings included.
     """
 
-    whole: Recording
+    recording: Recording
     runs: tuple[Runs, ...]
     replay: Replay | None = None
     simulated: Callable[[], float] = float
@@ -288,7 +288,7 @@ def judge_recorded(
         for check in case.checks:
             findings.append(merge([_finding(check, runs, scene) for runs in recorded.runs]))
         if recorded.replay is None:
-            ended = recorded.whole.meta.get("ended")
+            ended = recorded.recording.meta.get("ended")
     except RefusalError as raised:
         refusal = raised
         findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {raised.what}")] * len(case.checks)
@@ -300,7 +300,7 @@ def judge_recorded(
         findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
     return Judged(
         _verdicts(findings, renderer, suite, case),
-        None if recorded is None else recorded.whole,
+        None if recorded is None else recorded.recording,
         error,
         refusal,
         0.0 if recorded is None else recorded.simulated(),
@@ -349,14 +349,14 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
         finding = _with_region(CHECKS[check](runs, scene), runs.base, scene)
     except RefusalError as refusal:
         return Finding(Outcome.NOT_APPLICABLE, f"this check cannot be asked here: {refusal.what}, and {refusal.why}")
-    except MissingChannelError as lacks:
-        return without_channel(lacks.channel)
-    except DomainError as left:
-        finding = undecided(f"the run can be had, and what it is compared with cannot: {left.what}")
+    except MissingChannelError as missing:
+        return without_channel(missing.channel)
+    except DomainError as domain_error:
+        finding = undecided(f"the run can be had, and what it is compared with cannot: {domain_error.what}")
     except HapticevalError:
         raise
-    except Exception as fault:  # the boundary behind which one faulty check must not take the run along
-        finding = Finding(Outcome.ERROR, f"the check itself failed: {described(fault)}")
+    except Exception as defect:  # the boundary behind which one faulty check must not take the run along
+        finding = Finding(Outcome.ERROR, f"the check itself failed: {described(defect)}")
     if ended is None or finding.outcome in (Outcome.NOT_APPLICABLE, Outcome.ERROR):
         return finding
     if ended.get("ran_away"):

@@ -41,12 +41,12 @@ if TYPE_CHECKING:
 UNEXPLAINED = "not explained yet"
 """How the reason of an entry begins that nobody has written a reason for."""
 
-REASON = 100
+REASON_LENGTH = 100
 """Characters of a message that a reason begins with."""
 
 TODO = 'write renderer, reason and verdicts = ["suite/case/check"] as docs/gate.md shows, or have --write-known do it'
 
-REPEATS = 1e-3
+REPEAT_SHARE = 1e-3
 """Share of a metric by which it may differ when it is measured again: the list has four digits of it, which are 5e-4,
 and where rounding adds up two machines differ by as much; *chosen*, and doubled a failure may grow by 0.2 per cent."""
 
@@ -93,7 +93,7 @@ class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             return f"at another place than the known one: '{other.region}', and known is '{self.region}'"
         if self.metric is None or other.metric is None:
             return ""
-        if other.metric <= self.metric + REPEATS * abs(self.metric) + bound:
+        if other.metric <= self.metric + REPEAT_SHARE * abs(self.metric) + bound:
             return ""
         now = quantity(other.metric if math.isfinite(other.metric) else None, self.unit)
         return f"worse than known: {now}, and known is {quantity(self.metric, self.unit)}"
@@ -209,9 +209,9 @@ class Known:
             return replace(verdict, known=entry.reason)
         if verdict.outcome.value != entry.outcome:
             return verdict
-        beyond = entry.surpassed_by(verdict)
-        if beyond:
-            return replace(verdict, beyond_known=f"{beyond} ({entry.reason})")
+        excess = entry.surpassed_by(verdict)
+        if excess:
+            return replace(verdict, beyond_known=f"{excess} ({entry.reason})")
         return replace(verdict, known=entry.reason, as_expected=True, beyond_known=None)
 
     def renewed(self, results: ResultsDocument) -> Known:
@@ -222,27 +222,27 @@ class Known:
         what was measured at the worst of its verdicts.
         """
         ran = {(verdict.renderer, verdict.place): verdict for verdict in results.verdicts}
-        kept = {place: entry for place, entry in self.entries.items() if place not in ran}
+        entries = {place: entry for place, entry in self.entries.items() if place not in ran}
         fresh: dict[tuple[str, str, Outcome], list[VerdictEntry]] = {}
         for place, verdict in ran.items():
             if verdict.outcome not in UNSATISFIED:
                 continue
             if verdict.known is not None:
                 listed = self.entries.get(place) or _entry(verdict, verdict.known)
-                kept[place] = listed.renewed(verdict)
+                entries[place] = listed.renewed(verdict)
             elif results.stops(verdict):
                 fresh.setdefault((verdict.renderer, verdict.check, verdict.outcome), []).append(verdict)
         for (renderer, _, _), verdicts in fresh.items():
             worst = max(verdicts, key=lambda verdict: verdict.severity)
             reason = f"{UNEXPLAINED}: {_short(worst.message)} ({worst.suite}/{worst.case})"
-            kept |= {(renderer, verdict.place): _entry(verdict, reason) for verdict in verdicts}
-        return Known(kept, self.source)
+            entries |= {(renderer, verdict.place): _entry(verdict, reason) for verdict in verdicts}
+        return Known(entries, self.source)
 
 
 NONE_KNOWN = Known()
 
 
-def outdated(verdict: VerdictEntry) -> tuple[str, str]:
+def describe_outdated(verdict: VerdictEntry) -> tuple[str, str]:
     """Return in words that a verdict on the list fails no more, and what to do."""
     return (
         f"known, and {verdict.outcome} now: {verdict.renderer} on {verdict.place}",
@@ -252,7 +252,7 @@ def outdated(verdict: VerdictEntry) -> tuple[str, str]:
 
 def _short(message: str) -> str:
     """Return what a message says first."""
-    return textwrap.shorten(re.split(r"; |\. |, and ", message)[0], REASON, placeholder=" ...")
+    return textwrap.shorten(re.split(r"; |\. |, and ", message)[0], REASON_LENGTH, placeholder=" ...")
 
 
 def _entry(verdict: VerdictEntry, reason: str) -> KnownEntry:
@@ -270,10 +270,10 @@ def read_known(file: Path) -> Known:
     """
     if not file.exists():
         raise InputError(f"no list of known failures {file}", todo=f"make it of what fails now: --write-known {file}")
-    given: KnownFile = convert(read_toml(file), KnownFile, file.name, todo=TODO)
+    known_file: KnownFile = convert(read_toml(file), KnownFile, file.name, todo=TODO)
     entries: dict[Place, KnownEntry] = {}
     with at(file.name):
-        for entry in given.known:
+        for entry in known_file.known:
             for listed in entry.verdicts:
                 place = place_of(listed)
                 if place.count("/") != 2 or not all(place.split("/")):

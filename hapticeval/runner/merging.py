@@ -30,7 +30,7 @@ from hapticeval.runner.table import fill_table
 
 T = TypeVar("T")
 
-FEW = 5
+SHOWN_NAMES = 5
 """Names that a message shows of many."""
 
 
@@ -43,13 +43,13 @@ def merge_into(folders: Sequence[Path], directory: Path) -> ResultsDocument:
     """
     if directory.resolve() in {folder.resolve() for folder in folders}:
         raise InputError(f"'{directory}' is one of the folders to merge", todo="name another with -o")
-    given = {str(folder): read_results(folder) for folder in dict.fromkeys(folders)}
-    if len(given) != len(folders):
+    document_by_folder = {str(folder): read_results(folder) for folder in dict.fromkeys(folders)}
+    if len(document_by_folder) != len(folders):
         raise InputError("a folder is named twice", todo="name each once")
-    results = merged(given)
+    results = merge_results(document_by_folder)
     shutil.rmtree(directory / "recordings", ignore_errors=True)  # of earlier results in the folder
     Outcomes(directory).forget()
-    for folder, document in given.items():
+    for folder, document in document_by_folder.items():
         for run in document.runs:
             if run.recording is not None:
                 _bring(Path(folder) / run.recording, directory / run.recording)
@@ -57,20 +57,22 @@ def merge_into(folders: Sequence[Path], directory: Path) -> ResultsDocument:
     return results
 
 
-def merged(given: Mapping[str, ResultsDocument]) -> ResultsDocument:
+def merge_results(document_by_folder: Mapping[str, ResultsDocument]) -> ResultsDocument:
     """Return the results of several folders as one: see `merge_into`."""
-    if not given:
+    if not document_by_folder:
         raise InputError("no results are named", todo="name the folders of runs")
-    first = next(iter(given.values()))
-    _refuse_unlike(given)
-    _refuse_overlap(given)
-    _refuse_missing_shards(given)
-    suites = _suites(given)
+    first = next(iter(document_by_folder.values()))
+    _refuse_unlike(document_by_folder)
+    _refuse_overlap(document_by_folder)
+    _refuse_missing_shards(document_by_folder)
+    suites = _suites(document_by_folder)
     place = _places(suites)
-    documents = list(given.values())
-    runs = sorted((run for each in documents for run in each.runs), key=lambda run: place(run.key))
-    verdicts = sorted((each for document in documents for each in document.verdicts), key=lambda each: place(each.key))
-    reasons = [f"{name}: {document.reason}" for name, document in given.items() if not document.complete]
+    documents = list(document_by_folder.values())
+    runs = sorted((run for document in documents for run in document.runs), key=lambda run: place(run.key))
+    verdicts = sorted(
+        (verdict for document in documents for verdict in document.verdicts), key=lambda verdict: place(verdict.key)
+    )
+    reasons = [f"{name}: {document.reason}" for name, document in document_by_folder.items() if not document.complete]
     published: Table = {}
     for document in documents:
         for title, row in document.published_table.items():
@@ -82,7 +84,7 @@ def merged(given: Mapping[str, ResultsDocument]) -> ResultsDocument:
         reason="; ".join(reasons) or None,
         environment=Environment(
             python=first.environment.python,
-            platform=", ".join(_union([each.environment.platform] for each in documents)),
+            platform=", ".join(_union([document.environment.platform] for document in documents)),
             cpu_count=first.environment.cpu_count,
             versions=first.environment.versions,
         ),
@@ -122,8 +124,8 @@ def _bring(source: Path, target: Path) -> None:
         ) from error
 
 
-def _refuse_unlike(given: Mapping[str, ResultsDocument]) -> None:
-    (name, first), *others = given.items()
+def _refuse_unlike(document_by_folder: Mapping[str, ResultsDocument]) -> None:
+    (name, first), *others = document_by_folder.items()
     for other, document in others:
         differs = differing_versions(first.environment, document.environment)
         if document.seed != first.seed:
@@ -138,53 +140,53 @@ def _refuse_unlike(given: Mapping[str, ResultsDocument]) -> None:
             )
 
 
-def _refuse_overlap(given: Mapping[str, ResultsDocument]) -> None:
-    seen: dict[RunKey, str] = {}
-    for name, document in given.items():
-        both = [run.key for run in document.runs if run.key in seen]
+def _refuse_overlap(document_by_folder: Mapping[str, ResultsDocument]) -> None:
+    folder_by_run: dict[RunKey, str] = {}
+    for name, document in document_by_folder.items():
+        both = [run.key for run in document.runs if run.key in folder_by_run]
         if both:
             suite, case, renderer = both[0]
             more = f" and {len(both) - 1} more" if len(both) > 1 else ""
             raise InputError(
-                f"'{seen[both[0]]}' and '{name}' overlap",
+                f"'{folder_by_run[both[0]]}' and '{name}' overlap",
                 why=f"both hold {renderer} on {suite}/{case}{more}",
                 todo="name one of them, or runs that share nothing",
             )
-        seen |= dict.fromkeys((run.key for run in document.runs), name)
+        folder_by_run |= dict.fromkeys((run.key for run in document.runs), name)
 
 
-def _refuse_missing_shards(given: Mapping[str, ResultsDocument]) -> None:
+def _refuse_missing_shards(document_by_folder: Mapping[str, ResultsDocument]) -> None:
     """Shards of one run ask the same; of each such run all have to be there."""
-    found: dict[bytes, dict[Shard, str]] = {}
-    for name, document in given.items():
+    shards_by_question: dict[bytes, dict[Shard, str]] = {}
+    for name, document in document_by_folder.items():
         if document.command.shard is None:
             continue
         shard = Shard.parse(document.command.shard)
-        asked = msgspec.json.encode(
+        question = msgspec.json.encode(
             [shard.count, msgspec.structs.replace(document.command, shard=None), document.suites]
         )
-        found.setdefault(asked, {})[shard] = name
-    for shards in found.values():
+        shards_by_question.setdefault(question, {})[shard] = name
+    for shards in shards_by_question.values():
         count = next(iter(shards)).count
-        missing = [str(each) for number in range(1, count + 1) if (each := Shard(number, count)) not in shards]
+        missing = [str(part) for number in range(1, count + 1) if (part := Shard(number, count)) not in shards]
         if missing:
-            there = ", ".join(f"{shard} in '{name}'" for shard, name in sorted(shards.items())[:FEW])
+            present = ", ".join(f"{shard} in '{name}'" for shard, name in sorted(shards.items())[:SHOWN_NAMES])
             raise InputError(
                 f"shards are missing: {', '.join(missing)}",
-                why=f"of {count} there are {len(shards)}: {there}{', ...' if len(shards) > FEW else ''}",
+                why=f"of {count} there are {len(shards)}: {present}{', ...' if len(shards) > SHOWN_NAMES else ''}",
                 todo="name the folders of all of them; a shard that was killed goes on with --resume",
             )
 
 
-def _suites(given: Mapping[str, ResultsDocument]) -> list[SuiteEntry]:
+def _suites(document_by_folder: Mapping[str, ResultsDocument]) -> list[SuiteEntry]:
     """Return each suite once, with what was planned of it in any of the runs."""
-    found: dict[str, tuple[str, SuiteEntry]] = {}
-    for name, document in given.items():
+    folder_and_suite: dict[str, tuple[str, SuiteEntry]] = {}
+    for name, document in document_by_folder.items():
         for suite in document.suites:
-            if suite.name not in found:
-                found[suite.name] = name, suite
+            if suite.name not in folder_and_suite:
+                folder_and_suite[suite.name] = name, suite
                 continue
-            where, before = found[suite.name]
+            where, before = folder_and_suite[suite.name]
             if before.digest != suite.digest:
                 raise InputError(
                     f"the suite '{suite.name}' is not the same in '{where}' and '{name}'",
@@ -194,8 +196,8 @@ def _suites(given: Mapping[str, ResultsDocument]) -> list[SuiteEntry]:
             cases, renderers = (
                 _union([getattr(before, what), getattr(suite, what)]) for what in ("cases", "renderers")
             )
-            found[suite.name] = where, msgspec.structs.replace(before, cases=cases, renderers=renderers)
-    return [suite for _, suite in found.values()]
+            folder_and_suite[suite.name] = where, msgspec.structs.replace(before, cases=cases, renderers=renderers)
+    return [suite for _, suite in folder_and_suite.values()]
 
 
 def _places(suites: Sequence[SuiteEntry]) -> Callable[[RunKey], tuple[int, int, int]]:
@@ -215,4 +217,4 @@ def _numbered(names: Sequence[str]) -> dict[str, int]:
 
 def _union(lists: Iterable[Sequence[T]]) -> list[T]:
     """Return what is in any of the lists, once each, in the order of the first in which it is."""
-    return list(dict.fromkeys(each for some in lists for each in some))
+    return list(dict.fromkeys(entry for entries in lists for entry in entries))

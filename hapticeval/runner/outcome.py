@@ -42,7 +42,7 @@ def outcome_of(job: Job, judged: Judged, file: Path | None) -> JobFinished:
     )
 
 
-def ended(job: Job, how: EndedProcess) -> JobFinished:
+def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:
     """Return what is left of a job that has ended its process: a renderer that does so is broken."""
     if how.killed:
         error = RendererError(
@@ -63,7 +63,7 @@ def ended(job: Job, how: EndedProcess) -> JobFinished:
     return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
 
 
-def overdue(job: Job, seconds: float, how: Overdue) -> JobFinished:
+def outcome_of_overdue(job: Job, seconds: float, how: Overdue) -> JobFinished:
     """Return what is left of a job that took longer than so many seconds and was ended."""
     place = caught_in(how.stack)
     error = RendererError(
@@ -112,7 +112,7 @@ def _portable(model: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _position(refusal: RefusalError) -> list[float] | None:
-    return None if refusal.position is None else [float(each) for each in refusal.position]
+    return None if refusal.position is None else [float(coordinate) for coordinate in refusal.position]
 
 
 def _scene(case: Case) -> SceneEntry:
@@ -122,7 +122,7 @@ def _scene(case: Case) -> SceneEntry:
     if case.stimulus_kind == "trajectory":
         return SceneEntry(**numbers)
     device = scene.robot
-    choices = {name: str(each) for name in ("dynamics", "base_inertia") if (each := getattr(device, name, None))}
+    choices = {name: str(choice) for name in ("dynamics", "base_inertia") if (choice := getattr(device, name, None))}
     return SceneEntry(
         **numbers,
         device=Robot(kind=device.name, **choices),

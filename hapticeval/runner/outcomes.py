@@ -73,14 +73,14 @@ def read_outcomes(directory: Path) -> list[JobFinished]:
     path = directory / FILE
     if not path.exists():
         return []
-    whole, _, rest = path.read_bytes().rpartition(b"\n")
-    if rest:
-        os.truncate(path, len(whole) + bool(whole))
-    found = []
-    for text in whole.splitlines():
+    complete_lines, _, cut_line = path.read_bytes().rpartition(b"\n")
+    if cut_line:
+        os.truncate(path, len(complete_lines) + bool(complete_lines))
+    jobs = []
+    for text in complete_lines.splitlines():
         try:
             line = msgspec.json.decode(text, type=Line)
         except (msgspec.DecodeError, ValueError):
             continue  # a damaged disk: that job is done again
-        found.append(JobFinished(line.run, tuple(line.verdicts)))
-    return found
+        jobs.append(JobFinished(line.run, tuple(line.verdicts)))
+    return jobs

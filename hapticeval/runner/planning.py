@@ -38,7 +38,7 @@ class Job:
 class Plan:
     """What will run. `suites` are whole; `jobs` hold only the selected cases, with only the selected checks.
 
-    Of a `shard` they hold its part, and `asked` for each suite the cases and the renderers of the whole plan. With
+    Of a `shard`, `jobs` hold its part only; `cases_and_renderers` has for each suite those of the whole plan. With
     `strict` a warning stops a gate, as a failure does. A failure that is `known` does not. With `exit_first` no further
     job begins after one with a verdict that stops it.
     """
@@ -51,7 +51,7 @@ class Plan:
     strict: bool = False
     known: Known = NONE_KNOWN
     shard: Shard | None = None
-    asked: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = field(default_factory=dict)
+    cases_and_renderers: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = field(default_factory=dict)
     exit_first: bool = False
 
     @property
@@ -90,26 +90,26 @@ def plan(
     Raises `NothingSelectedError` where nothing is left, and what `load_suite`, `resolve`, `select`, `Known.check` and,
     for the renderers that a suite names, `resolve_installed` raise.
     """
-    given = factories or {}
+    factory_by_name = factories or {}
     loaded = (
-        *load_suites(each for each in suites if isinstance(each, str)),
-        *(each for each in suites if not isinstance(each, str)),
+        *load_suites(suite for suite in suites if isinstance(suite, str)),
+        *(suite for suite in suites if not isinstance(suite, str)),
     )
     _refuse_namesakes(loaded)
     known.check(loaded)
     chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
-    names = tuple(dict.fromkeys(name for each in chosen.values() for name in each))
+    names = tuple(dict.fromkeys(name for renderer_names in chosen.values() for name in renderer_names))
     for suite in loaded:
         for name in chosen[suite.name]:
-            if name not in (*renderers, *given) and name in suite.renderers:
+            if name not in (*renderers, *factory_by_name) and name in suite.renderers:
                 resolve_installed(name, source=f"suite '{suite.name}'")
     for name in names:
-        if name not in given:
+        if name not in factory_by_name:
             resolve(name)
-    wanted = selected_by(loaded, select)
+    selected_cases = selected_by(loaded, select)
     jobs = tuple(
-        Job(suite.name, case, name, given.get(name))
-        for suite, case in (covering(wanted) if quick else wanted)
+        Job(suite.name, case, name, factory_by_name.get(name))
+        for suite, case in (covering(selected_cases) if quick else selected_cases)
         for name in chosen[suite.name]
     )
     if not jobs:
@@ -117,12 +117,12 @@ def plan(
     cases: dict[str, dict[str, None]] = {suite.name: {} for suite in loaded}
     for job in jobs:
         cases[job.suite][job.case.name] = None
-    asked = {name: (tuple(cases[name]), chosen[name]) for name in cases}
+    cases_and_renderers = {name: (tuple(cases[name]), chosen[name]) for name in cases}
     for (name, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
         with at(f"suite '{name}'"):
             case.check_stimulus()
-    held = jobs if shard is None else shard.of(jobs)
-    return Plan(loaded, names, held, tuple(select), seed, strict, known, shard, asked, exit_first)
+    own_jobs = jobs if shard is None else shard.of(jobs)
+    return Plan(loaded, names, own_jobs, tuple(select), seed, strict, known, shard, cases_and_renderers, exit_first)
 
 
 def _refuse_namesakes(suites: Sequence[Suite]) -> None:

@@ -32,7 +32,7 @@ from hapticeval.suite.suite import Suite
 SAVE_EVERY = 1.0
 """Seconds between two writings of results.json, at least; what a killed run has finished beyond is in `outcomes`."""
 
-SHARE = 0.02
+SAVE_SHARE = 0.02
 """Share of its time that a run spends on them, at most: there are more verdicts to write each time."""
 
 RUNNING = "still running, or killed"
@@ -98,7 +98,7 @@ class Progress:
         if self.directory is not None:
             write_results(self.directory, results)
         self.saved = time.perf_counter()
-        self._pause = max(SAVE_EVERY, (self.saved - begun) / SHARE)
+        self._pause = max(SAVE_EVERY, (self.saved - begun) / SAVE_SHARE)
         return results
 
 
@@ -123,7 +123,7 @@ def command(plan: Plan) -> Command:
 
 def suite_entries(plan: Plan) -> list[SuiteEntry]:
     """Return the suites of a plan as the results hold them."""
-    return [suite_entry(suite, *plan.asked.get(suite.name, ((), ()))) for suite in plan.suites]
+    return [suite_entry(suite, *plan.cases_and_renderers.get(suite.name, ((), ()))) for suite in plan.suites]
 
 
 def suite_entry(suite: Suite, cases: Sequence[str] = (), renderers: Sequence[str] = ()) -> SuiteEntry:

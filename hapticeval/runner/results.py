@@ -220,10 +220,10 @@ class RunEntry(Entry, frozen=True, kw_only=True):
     @property
     def model_parameters(self) -> dict[str, Any]:
         """The model's parameters by name."""
-        rest = {name: each for name, each in self.model.items() if name not in ("kind", "sha256")}
-        return dict(rest.get("parameters", rest))
+        parameters = {name: value for name, value in self.model.items() if name not in ("kind", "sha256")}
+        return dict(parameters.get("parameters", parameters))
 
-    def made_model(self, recording: Recording | None) -> Model:
+    def build_model(self, recording: Recording | None) -> Model:
         """Return the model; one of a file, of which an entry has name and digest, from where its `recording` has it.
 
         Raises `InputError` as `make_model` does, and for a file that is another by now.
@@ -231,35 +231,37 @@ class RunEntry(Entry, frozen=True, kw_only=True):
         from hapticeval.geometry.catalogue import make_model
         from hapticeval.recordings.provenance import model_of
 
-        given = dict(self.model_parameters)
+        parameters = dict(self.model_parameters)
         digest = self.model.get("sha256")
         if digest is not None:
-            there = None if recording is None else model_of(recording)
-            file = Path(str((there or {}).get("file", self.model["file"])))
+            recorded_model = None if recording is None else model_of(recording)
+            file = Path(str((recorded_model or {}).get("file", self.model["file"])))
             if not file.is_file() or digest_of(file) != digest:
                 raise InputError(f"the model's file {file} is gone, or another by now", todo="run the case again")
-            given["file"] = str(file)
-        return make_model(self.model["kind"], **given)
+            parameters["file"] = str(file)
+        return make_model(self.model["kind"], **parameters)
 
 
 class Breakdown(NamedTuple):
-    """Runs of one renderer that one cause stopped, and the verdicts that it took away: `lost`, which are errors."""
+    """Runs of one renderer that one cause stopped, and the verdicts that it took away, `lost_verdicts`: errors."""
 
     runs: list[RunEntry]
     error: Problem
-    lost: list[VerdictEntry]
+    lost_verdicts: list[VerdictEntry]
 
     @property
     def words(self) -> str:
         """Return who broke where, and what that took away."""
         first = self.runs[0]
         where = f"{first.suite}/{first.case}" if len(self.runs) == 1 else f"{len(self.runs)} cases"
-        return f"{first.renderer} on {where}: {len(self.lost)} verdict{'s' * (len(self.lost) != 1)} lost"
+        return (
+            f"{first.renderer} on {where}: {len(self.lost_verdicts)} verdict{'s' * (len(self.lost_verdicts) != 1)} lost"
+        )
 
     @property
     def checks(self) -> list[str]:
         """Return the names of the checks that could not judge."""
-        return list(dict.fromkeys(each.check for each in self.lost))
+        return list(dict.fromkeys(verdict.check for verdict in self.lost_verdicts))
 
     @property
     def cases(self) -> list[str]:
@@ -307,7 +309,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
         metric is never lost without a trace. Raises `InputError`, naming the place, for evidence that JSON cannot hold.
         """
         finding = verdict.finding
-        measured, lost = without_non_finite(
+        measured, non_finite = without_non_finite(
             plain(
                 {
                     "metric": None if finding.metric is None else asdict(finding.metric),
@@ -319,8 +321,8 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
             "verdict",
         )
         margin = without_non_finite(plain(finding.margin))[0]
-        if lost:
-            measured["evidence"]["not_finite"] = [what.removeprefix("verdict.") for what in lost]
+        if non_finite:
+            measured["evidence"]["not_finite"] = [what.removeprefix("verdict.") for what in non_finite]
         return cls(
             renderer=verdict.renderer,
             suite=verdict.suite,
@@ -449,15 +451,15 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
     def renderers(self) -> list[str]:
         """Every renderer, in the order in which they ran."""
         tables = (name for row in self.table.values() for name in row)
-        return list(dict.fromkeys([*(each.renderer for each in self.entries()), *tables]))
+        return list(dict.fromkeys([*(entry.renderer for entry in self.entries()), *tables]))
 
     @cached_property
     def verdicts_of(self) -> dict[RunKey, list[VerdictEntry]]:
         """The verdicts of each run."""
-        found: dict[RunKey, list[VerdictEntry]] = {}
+        verdicts_by_run: dict[RunKey, list[VerdictEntry]] = {}
         for verdict in self.verdicts:
-            found.setdefault(verdict.key, []).append(verdict)
-        return found
+            verdicts_by_run.setdefault(verdict.key, []).append(verdict)
+        return verdicts_by_run
 
     @property
     def all_refused(self) -> bool:
@@ -476,14 +478,14 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
     @cached_property
     def breakdowns(self) -> list[Breakdown]:
         """What broke, once for each renderer and cause, in the order of the runs."""
-        found: dict[tuple[str, tuple[str, str]], Breakdown] = {}
+        breakdown_by_cause: dict[tuple[str, tuple[str, str]], Breakdown] = {}
         for run in self.runs:
             if run.error is not None:
                 key = run.renderer, run.error.kind
-                runs, error, before = found.get(key, Breakdown([], run.error, []))
-                taken = filter(self.lost, self.verdicts_of.get(run.key, []))
-                found[key] = Breakdown([*runs, run], error, [*before, *taken])
-        return list(found.values())
+                runs, error, before = breakdown_by_cause.get(key, Breakdown([], run.error, []))
+                lost_verdicts = filter(self.lost, self.verdicts_of.get(run.key, []))
+                breakdown_by_cause[key] = Breakdown([*runs, run], error, [*before, *lost_verdicts])
+        return list(breakdown_by_cause.values())
 
     def stops(self, verdict: VerdictEntry) -> bool:
         """Return whether a verdict stops the gate of this run."""

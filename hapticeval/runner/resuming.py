@@ -12,7 +12,7 @@ from hapticeval.runner.progress import command, suite_entries
 from hapticeval.runner.results import FILE, Environment, ResultsDocument, RunKey, environment, read_results
 
 
-def finished(plan: Plan, directory: Path) -> dict[RunKey, JobFinished]:
+def finished_jobs(plan: Plan, directory: Path) -> dict[RunKey, JobFinished]:
     """Return what came of the jobs of `plan` that an earlier run into `directory` has finished; none where none did.
 
     A job whose recording is gone is none of them. Raises `InputError` where that run was of another plan or of other
@@ -22,12 +22,12 @@ def finished(plan: Plan, directory: Path) -> dict[RunKey, JobFinished]:
         return {}
     document = read_results(directory)
     _refuse_another(plan, document, directory)
-    kept = {run.key: JobFinished(run, tuple(document.verdicts_of.get(run.key, ()))) for run in document.runs}
-    kept |= {job.run.key: job for job in read_outcomes(directory)}
+    earlier_jobs = {run.key: JobFinished(run, tuple(document.verdicts_of.get(run.key, ()))) for run in document.runs}
+    earlier_jobs |= {job.run.key: job for job in read_outcomes(directory)}
     checks = {job.key: job.case.checks for job in plan.jobs}
     return {
         key: job
-        for key, job in kept.items()
+        for key, job in earlier_jobs.items()
         if checks.get(key) == tuple(verdict.check for verdict in job.verdicts)
         and (job.run.recording is None or (directory / job.run.recording).is_file())
     }
@@ -45,7 +45,9 @@ def _refuse_another(plan: Plan, document: ResultsDocument, directory: Path) -> N
     if not differs:
         old = {suite.name: suite for suite in document.suites}
         differs += [
-            f"the suite '{each.name}' has been changed" for each in suite_entries(plan) if old.get(each.name) != each
+            f"the suite '{suite.name}' has been changed"
+            for suite in suite_entries(plan)
+            if old.get(suite.name) != suite
         ]
     differs += differing_versions(document.environment, Environment(**environment()))
     if differs:

@@ -34,12 +34,12 @@ class Shard:
     @classmethod
     def parse(cls, text: str) -> Shard:
         """Return the shard of a text as 3/16. Raises `InputError` for any other."""
-        found = re.fullmatch(r"([1-9]\d*)/([1-9]\d*)", text)
-        if found is None or int(found[1]) > int(found[2]):
+        match = re.fullmatch(r"([1-9]\d*)/([1-9]\d*)", text)
+        if match is None or int(match[1]) > int(match[2]):
             raise InputError(
                 f"--shard {text}", why="it is the number of a part and how many there are", todo="write 3/16, 1/1"
             )
-        return cls(int(found[1]), int(found[2]))
+        return cls(int(match[1]), int(match[2]))
 
     def __str__(self) -> str:
         return f"{self.number}/{self.count}"

@@ -30,14 +30,16 @@ def fill_table(suites: Sequence[SuiteEntry], verdicts: Sequence[VerdictEntry]) -
     A renderer that has not run in every case of the row, or has an inconclusive or erroneous verdict there and no
     failure, is left out: the table never says Yes for what was not seen.
     """
-    found = {(each.suite, each.renderer, f"{each.case}/{each.check}"): each.outcome for each in verdicts}
-    renderers = dict.fromkeys(each.renderer for each in verdicts)
+    outcome_by_cell = {
+        (verdict.suite, verdict.renderer, f"{verdict.case}/{verdict.check}"): verdict.outcome for verdict in verdicts
+    }
+    renderers = dict.fromkeys(verdict.renderer for verdict in verdicts)
     table: Table = {}
     for suite in suites:
         for title, places in suite.cells.items():
             cells = table.setdefault(title, {})
             for renderer in renderers:
-                outcomes = {found.get((suite.name, renderer, place)) for place in places}
+                outcomes = {outcome_by_cell.get((suite.name, renderer, place)) for place in places}
                 if Outcome.FAIL in outcomes:
                     cells[renderer] = "No"
                 elif outcomes == {Outcome.PASS}:

@@ -21,18 +21,18 @@ from hapticeval.runner.judging import Judged, judge
 from hapticeval.runner.planning import Job
 from hapticeval.scene import Scene
 
-Done: TypeAlias = tuple[Judged, Path | None]
+JudgedJob: TypeAlias = tuple[Judged, Path | None]
 """A judged job and where its recording lies below the result folder."""
 
-Work: TypeAlias = Callable[[Job, Path | None, int], Done]
+Work: TypeAlias = Callable[[Job, Path | None, int], JudgedJob]
 """What is done with a job, given it, the result folder, if there is one, and the seed."""
 
 
-def run_job(job: Job, directory: Path | None, seed: int) -> Done:
+def run_job(job: Job, directory: Path | None, seed: int) -> JudgedJob:
     """Run and judge a job as its case says."""
     seed_all(seed)
     factory = resolve(job.renderer) if job.factory is None else job.factory
-    return kept(judge(factory, job.renderer, job.suite, job.case), job, directory)
+    return store_recording(judge(factory, job.renderer, job.suite, job.case), job, directory)
 
 
 def derived_seed(seed: int, *place: object) -> int:
@@ -50,7 +50,7 @@ def seed_all(seed: int) -> None:
     np.random.seed(seed)  # noqa: NPY002 - the global generator
 
 
-def kept(judged: Judged, job: Job, directory: Path | None) -> Done:
+def store_recording(judged: Judged, job: Job, directory: Path | None) -> JudgedJob:
     """Write a job's recording, which says where it comes from, and let the verdicts alone travel on.
 
     Without a directory it travels with them.
@@ -96,5 +96,5 @@ def scene_document(scene: Scene) -> Mapping[str, Any]:
         "bilateral": scene.bilateral,
         "restitution": scene.restitution,
         "sampling_time": scene.sampling_time,
-        **({"effects": [each.document() for each in scene.effects]} if scene.effects else {}),
+        **({"effects": [effect.document() for effect in scene.effects]} if scene.effects else {}),
     }

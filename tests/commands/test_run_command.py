@@ -15,7 +15,7 @@ from hapticeval.cli import main
 from hapticeval.commands import judging
 from hapticeval.phenomena.pages import page_file, read_page
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.runner.folder import prepared
+from hapticeval.runner.folder import prepared_folder
 from hapticeval.runner.results import FILE, read_results
 
 pytestmark = pytest.mark.usefixtures("in_process")
@@ -143,12 +143,12 @@ def test_only_an_earlier_run_is_overwritten(here):
         assert run("-r", "local_mine:Good", "-o", folder.name) == 2
         assert (folder / FILE).read_text() == text
     (here / "foreign0" / FILE).write_text('{"format_version": 0, "planned": 1, "verdicts": []}')
-    with prepared(here / "foreign0"):
+    with prepared_folder(here / "foreign0"):
         pass
 
 
 def test_two_runs_in_one_folder_exclude_each_other_and_the_second_names_the_first(here, capsys):
-    with prepared(here / "out"):
+    with prepared_folder(here / "out"):
         assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 2
         told = capsys.readouterr().err
         assert "another run writes into 'out'" in told

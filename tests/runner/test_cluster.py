@@ -79,7 +79,7 @@ def test_an_answer_that_is_lost_with_its_worker_is_made_again(cluster, seen, mon
     """Also where the scheduler has seen that the worker is gone, and told the client, before the answer is fetched."""
     from hapticeval.runner import cluster as clusters
 
-    monkeypatch.setattr(clusters, "FETCH", 1.0)
+    monkeypatch.setattr(clusters, "FETCH_SECONDS", 1.0)
     with clusters.Cluster(operator.neg, cluster.address) as crew:
         for number in range(3):
             crew.begin(number, number)
@@ -150,7 +150,7 @@ def test_a_file_that_a_case_names_has_to_be_the_same_there(here, cluster, monkey
 
 
 def test_no_scheduler_and_no_library_are_errors_of_usage(here, monkeypatch, capsys):
-    monkeypatch.setattr("hapticeval.runner.cluster.CONNECT", 0.5)
+    monkeypatch.setattr("hapticeval.runner.cluster.CONNECT_SECONDS", 0.5)
     assert main(["run", "many.toml", "-rnoisy:Noisy", "-o", "x", "--scheduler", "tcp://127.0.0.1:9"]) == 2
     assert "no dask scheduler answers at tcp://127.0.0.1:9" in capsys.readouterr().err
     monkeypatch.delitem(sys.modules, "hapticeval.runner.cluster")

@@ -221,9 +221,9 @@ def test_a_model_of_a_file_is_made_from_where_the_recording_has_it_and_only_whil
     entry = run_entry(model={**model, "file": file.name, "sha256": digest_of(file)})
     points = np.zeros((3, 3))
     recording = Recording(np.arange(3) * 1e-3, {"hip": points}, {"scene": {"model": model}})
-    assert entry.made_model(recording).dimension == 3
+    assert entry.build_model(recording).dimension == 3
     with pytest.raises(InputError, match="gone"):
-        entry.made_model(None)
+        entry.build_model(None)
     file.write_text(file.read_text(encoding="utf-8") + "# other\n", encoding="utf-8")
     with pytest.raises(InputError, match="another by now"):
-        entry.made_model(recording)
+        entry.build_model(recording)

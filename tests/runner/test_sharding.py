@@ -15,7 +15,7 @@ from result_entries import results_of, run_entry
 from hapticeval import api
 from hapticeval.cli import main
 from hapticeval.errors import HapticevalError, InputError, NothingSelectedError
-from hapticeval.runner.merging import merged
+from hapticeval.runner.merging import merge_results
 from hapticeval.runner.planning import Job
 from hapticeval.runner.results import Command, Environment, SuiteEntry, read_results
 from hapticeval.runner.sharding import Shard
@@ -158,12 +158,12 @@ def test_runs_that_were_not_made_alike_are_refused(changes, words):
     one = results_of(runs=[run_entry(case="one")], suites=[SUITE], environment=environment())
     other = results_of(runs=[run_entry(case="two")], **{"suites": [SUITE], "environment": environment(), **changes})
     with pytest.raises(InputError, match=words):
-        merged({"a": one, "b": other})
+        merge_results({"a": one, "b": other})
 
 
 def test_what_is_incomplete_stays_incomplete():
     part = {"planned": 3, "complete": False, "reason": "interrupted by the user"}
     one = results_of(runs=[run_entry(case="one")], **part)
     other = results_of(runs=[run_entry(case="two")])
-    document = merged({"a": one, "b": other})
+    document = merge_results({"a": one, "b": other})
     assert (document.complete, document.reason, document.planned) == (False, "a: interrupted by the user", 3)
