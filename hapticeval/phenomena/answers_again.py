@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
-from hapticeval.phenomena.decisions import LAG_TICKS, NOTABLE, TELLS
+from hapticeval.phenomena.decisions import LAG_TICKS, NOTABLE_FORCE_SHARE, TELLING_SHARE
 from hapticeval.phenomena.sampling import (
     evidence_at,
     farthest_standoff,
@@ -37,7 +37,7 @@ def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
     common = np.flatnonzero((distance <= hip_step(base, scene)) & contact & answered)
     if common.size == 0:
         return undecided("no HIP in contact is reached along both paths")
-    apart, other = _closest(base, back, common, match[common])
+    apart, other = _closest_answers(base, back, common, match[common])
     worst = int(np.argmax(apart))
     metric = Metric(MEMORYLESS.metric, float(apart[worst]), "m")
     bound = position_tolerance(base, scene)
@@ -57,7 +57,7 @@ def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _closest(base: Recording, back: Recording, common: IntArray, match: IntArray) -> tuple[Array, IntArray]:
+def _closest_answers(base: Recording, back: Recording, common: IntArray, match: IntArray) -> tuple[Array, IntArray]:
     """Return how far apart the answers to one HIP are on the two paths, m, and which row of the other has the closest.
 
     The answer to a HIP is given in its own row or up to three later, on either path.
@@ -86,12 +86,12 @@ def judge_reset_clears(runs: Runs, scene: Scene) -> Finding:
     if rows == 0:
         return undecided("the hand of the second run is elsewhere from the start")
     apart = {name: _apart(base, again, name, rows) for name in ("ihip", "force")}
-    beyond = {name: apart[name] > scatter[name] for name in apart}
-    off = beyond["ihip"] | beyond["force"]
-    named, name, unit = ("IHIP", "ihip", "m") if beyond["ihip"].any() and not beyond["force"].any() else FORCE
+    exceeds = {name: apart[name] > scatter[name] for name in apart}
+    off = exceeds["ihip"] | exceeds["force"]
+    named, name, unit = ("IHIP", "ihip", "m") if exceeds["ihip"].any() and not exceeds["force"].any() else FORCE
     worst = int(np.argmax(apart[name]))
     metric = Metric(f"{named} after a reset less that before", float(apart[name][worst]), unit)
-    ratio = _ratio(base.force[:rows], again.force[:rows])
+    ratio = _force_ratio(base.force[:rows], again.force[:rows])
     evidence: dict[str, object] = {
         **evidence_at(base, worst),
         "ihip_apart_m": float(apart["ihip"].max()),
@@ -107,7 +107,7 @@ def judge_reset_clears(runs: Runs, scene: Scene) -> Finding:
         f"a reset leaves something behind: the second run is off by up to {metric.value:.3g} {metric.unit}, "
         f"first at tick {evidence['first_tick']}"
     )
-    if ratio is not None and abs(ratio - 1.0) > NOTABLE:
+    if ratio is not None and abs(ratio - 1.0) > NOTABLE_FORCE_SHARE:
         message += (
             f", and on the whole {abs(1e2 * (ratio - 1.0)):.3g} per cent {'softer' if ratio < 1.0 else 'stiffer'}"
         )
@@ -126,8 +126,8 @@ def _believed_scatter(base: Recording, scene: Scene) -> dict[str, float]:
     anything that a reset leaves.
     """
     largest = float(np.max(np.linalg.norm(base.force, axis=1), initial=0.0))
-    most = {"ihip": farthest_standoff(scene), "force": TELLS * largest}
-    return {name: min(float(base.meta.get(f"{name}_scatter", 0.0)), limit) for name, limit in most.items()}
+    limits = {"ihip": farthest_standoff(scene), "force": TELLING_SHARE * largest}
+    return {name: min(float(base.meta.get(f"{name}_scatter", 0.0)), limit) for name, limit in limits.items()}
 
 
 def _apart(base: Recording, again: Recording, name: str, rows: int) -> Array:
@@ -137,7 +137,7 @@ def _apart(base: Recording, again: Recording, name: str, rows: int) -> Array:
     return np.asarray(np.linalg.norm(base.channels[name][:rows] - again.channels[name][:rows], axis=1))
 
 
-def _ratio(first: Array, second: Array) -> float | None:
+def _force_ratio(first: Array, second: Array) -> float | None:
     """Return the second run's force as a share of the first's (least squares); None without a force."""
     square = float(np.sum(first**2))
     return float(np.sum(first * second)) / square if square > 0.0 else None

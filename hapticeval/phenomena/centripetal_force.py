@@ -9,7 +9,7 @@ import numpy as np
 from hapticeval.closed_forms import Gains, transversal
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
-from hapticeval.phenomena.decisions import HOLD_TICKS, LAG_TICKS, SPEEDS, STANDARD_ERRORS, TELLS
+from hapticeval.phenomena.decisions import HOLD_TICKS, LAG_TICKS, SLOWER_SPEEDS, STANDARD_ERRORS, TELLING_SHARE
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     evidence_at,
@@ -35,13 +35,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     unsettled = open_loop_reason(base)
     if unsettled is not None:
         return undecided(unsettled)
-    loose = _loose(base, scene)
+    loose = _unheld_tick(base, scene)
     if loose is not None:
         message = "the tool is not held: off a surface that holds from both sides there is no force on it"
         return undecided(message, evidence=evidence_at(base, loose))
-    slower = SPEEDS if runs.at_speed is not None else ()
+    slower = SLOWER_SPEEDS if runs.at_speed is not None else ()
     everything = [base, *(runs.at_speed(factor) for factor in slower if runs.at_speed is not None)]
-    terms = [_terms(recording, scene) for recording in everything]
+    terms = [_regression_terms(recording, scene) for recording in everything]
     ticks, errors, pushes, costs, rings, sizes = zip(*terms, strict=True)
     cost = np.concatenate(costs)
     if cost.size < 8:
@@ -49,7 +49,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     largest = float(np.max(np.abs(cost)))
     if largest <= 1e-12:
         return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide over a curved surface")
-    share, deviation = _share(np.concatenate(errors), np.concatenate(pushes), cost, block_diag(*rings))
+    share, deviation = _fit_share(np.concatenate(errors), np.concatenate(pushes), cost, block_diag(*rings))
     bound = HOLD_TICKS * max(sizes) * base.dt
     tick = int(ticks[0][np.argmax(np.abs(costs[0]))]) if ticks[0].size else int(np.argmax(touching(base, scene)))
     evidence: dict[str, object] = {
@@ -66,7 +66,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     value = max(abs(share), lacking)
     metric = Metric(CHECK.metric, value, "")
     unclear = not np.isfinite(deviation) or abs(abs(share) - bound) <= STANDARD_ERRORS * deviation
-    if bound > TELLS or (unclear and lacking <= bound):
+    if bound > TELLING_SHARE or (unclear and lacking <= bound):
         message = "too slow, or too much else going on, to separate the centripetal part of the error from the rest"
         return undecided(message, metric, bound, evidence)
     return compared(
@@ -79,7 +79,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _loose(recording: Recording, scene: Scene) -> int | None:
+def _unheld_tick(recording: Recording, scene: Scene) -> int | None:
     """The tick at which a tool on a bilateral constraint is farthest off it without a force; None where one is held.
 
     A spring gives K_p times the distance. A damper takes that away where the tool comes home slowly, so that it counts
@@ -89,36 +89,36 @@ def _loose(recording: Recording, scene: Scene) -> int | None:
         return None
     distance = np.abs(scene.model.boundary.signed_distance(recording.hip))
     free = (distance > position_tolerance(recording, scene) + force_depth(scene)) & ~above_force_floor(recording, scene)
-    return int(np.argmax(np.where(free, distance, 0.0))) if np.mean(free) > TELLS else None
+    return int(np.argmax(np.where(free, distance, 0.0))) if np.mean(free) > TELLING_SHARE else None
 
 
-def _terms(recording: Recording, scene: Scene) -> tuple[IntArray, Array, Array, Array, Array, float]:
+def _regression_terms(recording: Recording, scene: Scene) -> tuple[IntArray, Array, Array, Array, Array, float]:
     """Per sample in contact, once under way: its tick, and surface error, the operator's share of it, the centripetal
     cost (all m).
 
     The cost is what a spring pays when it alone supplies (3.8): kappa v_t^2 m / K_p, outwards, as the assigned dynamics
-    answer to it. Then how a spring without damper rings, see `_ringing`, and the largest |kappa| v_t, rad/s, the rate
-    at which the normal turns.
+    answer to it. Then how a spring without damper rings, see `_ringing_columns`, and the largest |kappa| v_t, rad/s,
+    the rate at which the normal turns.
     """
     frame = scene.model.boundary.closest_point(recording.hip)
-    turning, speed2 = _bending(frame, recording.velocity)
+    turning, speed2 = _normal_turning(frame, recording.velocity)
     push = np.zeros(len(recording))
     if "operator_force" in recording.channels:
         push = np.sum(recording.channels["operator_force"] * frame.normal, axis=1)
-    cost, share = (_answer(force, recording, scene) for force in (speed2 * scene.mass, push))
+    cost, share = (_assigned_response(force, recording, scene) for force in (speed2 * scene.mass, push))
     bearing = touching(recording, scene)
     judged = bearing
     if not scene.bilateral:
         # Inside and without force, as after a touch, nothing bends the path.
         bearing = bearing & above_force_floor(recording, scene)
-        judged = bearing & ~_struck(bearing)
+        judged = bearing & ~_after_strike(bearing)
     judged = judged & _under_way(recording, scene, bearing)
     fastest = float(np.max(turning[judged], initial=0.0))
-    rings = _ringing(recording.time[judged], scene)
+    rings = _ringing_columns(recording.time[judged], scene)
     return np.flatnonzero(judged), frame.distance[judged], share[judged], cost[judged], rings, fastest
 
 
-def _struck(bearing: BoolArray) -> BoolArray:
+def _after_strike(bearing: BoolArray) -> BoolArray:
     """Where a force that was not there begins, (n,), and as many ticks after that as an answer may lag.
 
     A tool that is struck flies at that sample yet: how far it is off the surface is a way that it has still to go.
@@ -130,7 +130,7 @@ def _struck(bearing: BoolArray) -> BoolArray:
     return struck
 
 
-def _ringing(time: Array, scene: Scene) -> Array:
+def _ringing_columns(time: Array, scene: Scene) -> Array:
     """Return cosine and sine of sqrt(K_p / m) t at each of `time` (n,), s: (n, 2); over less than a period (n, 0).
 
     A renderer that shows the scene's spring without its damper rings on, and not with what presses it.
@@ -140,7 +140,7 @@ def _ringing(time: Array, scene: Scene) -> Array:
     return rings if turn.size and turn[-1] - turn[0] >= 2.0 * np.pi else rings[:, :0]
 
 
-def _answer(force: Array, recording: Recording, scene: Scene) -> Array:
+def _assigned_response(force: Array, recording: Recording, scene: Scene) -> Array:
     """The error (n,), m, with which m n'' + K_d n' + K_p n answers to an outward force (n,), N, held between samples.
 
     It starts in equilibrium with the first. Undamped dynamics never come to an answer: then it is the static one.
@@ -174,13 +174,13 @@ def _under_way(recording: Recording, scene: Scene, bearing: BoolArray) -> BoolAr
     return np.asarray(since >= lasts if 2.0 * lasts <= since[-1] else since >= 0.0)
 
 
-def _bending(frame: ClosestPoint, velocity: Array) -> tuple[Array, Array]:
+def _normal_turning(frame: ClosestPoint, velocity: Array) -> tuple[Array, Array]:
     """|W v| (n,), rad/s, the rate at which the normal turns, and <W v, v> (n,), m/s^2: kappa v_t^2 in the plane."""
     turning = np.einsum("kij,kj->ki", frame.shape, velocity)
     return np.linalg.norm(turning, axis=1), np.asarray(np.sum(turning * velocity, axis=1))
 
 
-def _share(error: Array, push: Array, cost: Array, rings: Array) -> tuple[float, float]:
+def _fit_share(error: Array, push: Array, cost: Array, rings: Array) -> tuple[float, float]:
     """Least squares of error = a cost + b push + c + what rings (columns of (n, k)): a and its standard error.
 
     Samples of one oscillation are not independent, so the degrees of freedom are counted in blocks of 50 ticks.
@@ -213,19 +213,19 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
     ticks = slice(0, LAG_TICKS + 2)
     frame = scene.model.boundary.closest_point(recording.hip[ticks])
     normal = frame.normal
-    turning, speed2 = _bending(frame, recording.velocity[ticks])
-    wanted, unknown = scene.mass * speed2, np.zeros(len(normal))
-    if abs(frame.distance[0]) > 1e-9 * scene.model.size or not np.all(np.abs(wanted) > 0.0):
+    turning, speed2 = _normal_turning(frame, recording.velocity[ticks])
+    required, unknown = scene.mass * speed2, np.zeros(len(normal))
+    if abs(frame.distance[0]) > 1e-9 * scene.model.size or not np.all(np.abs(required) > 0.0):
         return None
-    given = np.sum(recording.force[ticks] * normal, axis=1)
+    outward_force = np.sum(recording.force[ticks] * normal, axis=1)
     if "operator_force" in recording.channels:
         push = recording.channels["operator_force"][ticks]
-        given += np.sum(push * normal, axis=1)
+        outward_force += np.sum(push * normal, axis=1)
         unknown = HOLD_TICKS * recording.dt * turning * np.linalg.norm(push, axis=1)
-    nearest = np.clip(-given[:-1], *np.sort([wanted[:-1], wanted[1:]], axis=0))
+    nearest = np.clip(-outward_force[:-1], *np.sort([required[:-1], required[1:]], axis=0))
     if not np.all(np.abs(nearest) > 0.0):
         return None
-    missing = 1.0 + given[:-1] / nearest
+    missing = 1.0 + outward_force[:-1] / nearest
     missing = np.sign(missing) * np.maximum(np.abs(missing) - unknown[:-1] / np.abs(nearest), 0.0)
     return float(missing[np.argmin(np.abs(missing))])
 

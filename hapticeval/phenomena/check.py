@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from hapticeval.errors import InputError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.motion import Motion
-from hapticeval.phenomena.crossings import bends
+from hapticeval.phenomena.crossings import has_corners
 from hapticeval.phenomena.sampling import LED, declares_force_only
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.recording import Recording
@@ -71,9 +71,9 @@ class Runs:
 
     def remembered(self) -> Runs:
         """The same runs, each sibling made once at the most."""
-        siblings: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
-        made: dict[str, Any] = {name: cache(make) for name, make in siblings.items() if callable(make)}
-        return replace(self, **made)
+        siblings: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
+        caching: dict[str, Any] = {name: cache(make) for name, make in siblings.items() if callable(make)}
+        return replace(self, **caching)
 
 
 class Sibling(StrEnum):
@@ -107,7 +107,7 @@ class Situation(StrEnum):
 def situations(runs: Runs, scene: Scene) -> frozenset[Situation]:
     """Return the situations that runs in a scene are in."""
     source = runs.base.meta.get("source")
-    convex, concave = bends(scene.model.boundary)
+    convex, concave = has_corners(scene.model.boundary)
     holds = {
         Situation.PLAYBACK: source == "playback",
         Situation.LED: source in LED,
@@ -116,17 +116,17 @@ def situations(runs: Runs, scene: Scene) -> frozenset[Situation]:
         Situation.NO_CONVEX_CORNER: not convex,
         Situation.NO_CONCAVE_CORNER: not concave,
     }
-    return frozenset(situation for situation, there in holds.items() if there)
+    return frozenset(situation for situation, holds_here in holds.items() if holds_here)
 
 
-LACKS = "lacks"
+LACKING_CHANNEL = "lacks"
 """The entry of the evidence that names a channel which the check reads and the recording lacks."""
 
 
 def without_channel(channel: str) -> Finding:
     """Return the finding for a recording without a channel that the check reads."""
     message = f"the recording has no channel '{channel}', which this check reads"
-    return Finding(Outcome.INCONCLUSIVE, message, evidence={LACKS: channel})
+    return Finding(Outcome.INCONCLUSIVE, message, evidence={LACKING_CHANNEL: channel})
 
 
 def without_ihip(recording: Recording) -> Finding:
@@ -185,15 +185,15 @@ class Check:
 
     def __call__(self, runs: Runs, scene: Scene) -> Finding:
         """Judge `runs` in `scene`, where the check applies and has what it needs."""
-        if self.effects and not any(each.kind in self.effects for each in scene.effects):
+        if self.effects and not any(effect.kind in self.effects for effect in scene.effects):
             return Finding(Outcome.NOT_APPLICABLE, f"the scene calls for no {' or '.join(self.effects)}")
-        other = next((each.kind for each in scene.effects if each.kind in self.not_with), None)
+        other = next((effect.kind for effect in scene.effects if effect.kind in self.not_with), None)
         if other is not None:
             message = f"the scene calls for {other}, and the check is about a surface without"
             return Finding(Outcome.NOT_APPLICABLE, message)
-        here = situations(runs, scene) if self.not_for else ()
+        present = situations(runs, scene) if self.not_for else ()
         for situation, why in self.not_for.items():
-            if situation in here:
+            if situation in present:
                 return Finding(Outcome.NOT_APPLICABLE, why)
         for sibling, finding in self.needs.items():
             if getattr(runs, sibling) is None:

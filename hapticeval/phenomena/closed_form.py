@@ -7,7 +7,7 @@ import numpy as np
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
-from hapticeval.phenomena.decisions import FORM_COARSE
+from hapticeval.phenomena.decisions import FORM_TOLERANCE
 from hapticeval.phenomena.refinement import extrapolated
 from hapticeval.phenomena.sampling import evidence_at, listed, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion
@@ -28,16 +28,16 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     form = CLOSED_FORMS[runs.law]
     if SurfaceMotion(base, scene).pushed.any():
         return undecided("the operator pushes, and the closed form knows no operator")
-    found = extrapolated(runs, lambda recording: recording.hip)
-    if found is None:
+    extrapolation = extrapolated(runs, lambda recording: recording.hip)
+    if extrapolation is None:
         return undecided(UNREPEATABLE)
-    hips, correction = found
+    hips, correction = extrapolation
     time = base.time - base.time[0]
     expected = form.motion(scene, base.hip[0], base.velocity[0], time).hip
-    way = float(np.max(np.linalg.norm(expected - expected[0], axis=1)))
+    travel = float(np.max(np.linalg.norm(expected - expected[0], axis=1)))
     apart = np.linalg.norm(hips - expected, axis=1)
     tick = int(np.argmax(apart))
-    bound = correction * np.sqrt(hips.shape[1]) + 1e-10 * way
+    bound = correction * np.sqrt(hips.shape[1]) + 1e-10 * travel
     distance = scene.model.boundary.signed_distance
     evidence: dict[str, object] = {
         **evidence_at(base, tick),
@@ -56,7 +56,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         ],
     }
     metric = Metric(CHECK.metric, float(apart[tick]), "m")
-    if not bound <= FORM_COARSE * way:
+    if not bound <= FORM_TOLERANCE * travel:
         message = f"refinement does not settle the run: it is known to {mm(bound)} only"
         return undecided(message, metric, bound, evidence)
     return compared(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import COMES_HOME, DIGITS, SETTLING
+from hapticeval.phenomena.decisions import ANSWER_CHANGE, QUIET_SAMPLES, RETURN_RATIO
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.quantity import number
@@ -21,7 +21,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if quiet is None:
         return undecided("it is not known from when on the operator keeps still")
     rows = np.flatnonzero(base.time >= quiet)
-    if rows.size < SETTLING:
+    if rows.size < QUIET_SAMPLES:
         return undecided(f"the operator keeps still for {rows.size} samples only")
     since = base.time[rows] - base.time[rows[0]]
     span = float(since[-1])
@@ -41,11 +41,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "farthest_m": float(distance[farthest]),
     }
     metric = Metric(CHECK.metric, after, CHECK.unit)
-    bound = max(COMES_HOME * before, DIGITS * size)
+    bound = max(RETURN_RATIO * before, ANSWER_CHANGE * size)
     if distance[farthest] > reach:
         message = f"the tool gets {mm(distance[farthest])} off the surface, farther than the model is large"
-        gone = Metric("largest distance from the surface", float(distance[farthest]), "m")
-        return Finding(Outcome.FAIL, message, gone, reach, {**evidence, **evidence_at(base, farthest)})
+        reach_metric = Metric("largest distance from the surface", float(distance[farthest]), "m")
+        return Finding(Outcome.FAIL, message, reach_metric, reach, {**evidence, **evidence_at(base, farthest)})
     ratio = after / before if before > 0.0 else math.nan
     return compared(
         metric,

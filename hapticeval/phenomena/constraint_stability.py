@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import COMES_HOME
+from hapticeval.phenomena.decisions import RETURN_RATIO
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -46,22 +46,22 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if distance[farthest] <= floor:
         message = f"the tool is never further off the surface than sampling and sensors may let it: {mm(floor)}"
         return undecided(message, evidence=evidence)
-    if rate > 0.0 and math.exp(-0.25 * rate * span) > COMES_HOME:
+    if rate > 0.0 and math.exp(-0.25 * rate * span) > RETURN_RATIO:
         message = f"{span:.3g} s are too short: the assigned dynamics decay at {rate:.3g} 1/s themselves"
         return undecided(message, evidence=evidence)
     before, after = float(distance[early].max()), float(distance[late].max())
     return compared(
         Metric(CHECK.metric, after, "m"),
-        max(COMES_HOME * before, floor),
+        max(RETURN_RATIO * before, floor),
         evidence | {"distance_before_m": before, "distance_after_m": after},
         passes=f"the tool comes to the surface: from {mm(distance[farthest])} to {mm(after)} in the last half",
-        fails=_how(motion.distance[first:][late], before, after),
+        fails=_describe_failure(motion.distance[first:][late], before, after),
     )
 
 
-def _how(late: Array, before: float, after: float) -> str:
+def _describe_failure(late: Array, before: float, after: float) -> str:
     """Describe in what way the tool does not come to the surface."""
-    if after > before / COMES_HOME:
+    if after > before / RETURN_RATIO:
         return f"the distance grows: {mm(before)}, then {mm(after)}"
     if float(np.ptp(late)) < 0.5 * after:
         return f"the tool stands {mm(after)} off the surface and comes no nearer"

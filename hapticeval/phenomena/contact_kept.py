@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, apart
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
-from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, FLIGHTS, LAG_TICKS, TOOL_GRAIN
+from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, LAG_TICKS, MOST_FLIGHTS, TOOL_GRAIN
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     believed_standoff,
@@ -40,7 +40,7 @@ KINDS = {
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Wherever the renderer gives no contact, follow the hand with a rigid tool from the renderer's own last IHIP."""
     base = runs.base
-    haunts = _haunts(base, scene)
+    haunts = _find_force_in_free_space(base, scene)
     if haunts is not None:
         return haunts
     if lacks_ihip(base, scene):
@@ -52,13 +52,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     along = np.concatenate([[0.0], np.cumsum(steps)])
     moved = along - along[np.maximum(np.arange(along.size) - LAG_TICKS, 0)]
     allowed = moved + (across + grain)
-    trails = _trails(base, scene, allowed)
+    trails = _find_trailing_tool(base, scene, allowed)
     if trails is not None:
         return trails
     contact = touching(base, scene)
     # An edge may lie off along the surface as well, by what the renderer's resolution leaves.
     reach = moved + (across + resolution(base, scene)) + grain
-    gap, since = _barred(base, contact, scene.model.boundary, grain, allowed, reach)
+    gap, since = _distances_past_surface(base, contact, scene.model.boundary, grain, allowed, reach)
     if not contact.any() and not gap.any():
         return undecided("the hand is never led into the model, and the tool never in contact")
     worst = int(np.argmax(gap - allowed))
@@ -67,22 +67,22 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if gap[worst] <= bound:
         message = "the tool is in contact wherever the model bars its way to the hand"
         return Finding(Outcome.PASS, message, metric, bound, evidence_at(base, worst))
-    lost = gap > allowed
+    without_contact = gap > allowed
     took = np.diff(base.time, append=base.time[-1] + base.dt)
     depth = -scene.model.boundary.signed_distance(base.hip)
     first = int(since[worst])
     had = first > 0 and bool(contact[first - 1])
-    kind = "tunnelled" if np.all(depth[lost] <= allowed[lost]) else "let go" if had else "not met"
-    ticks, seconds = int(lost.sum()), float(took[lost].sum())
+    kind = "tunnelled" if np.all(depth[without_contact] <= allowed[without_contact]) else "let go" if had else "not met"
+    ticks, seconds = int(without_contact.sum()), float(took[without_contact].sum())
     evidence: dict[str, object] = {
         **evidence_at(base, first),
         "kind": kind,
-        "deepest_m": max(float(depth[lost].max()), 0.0),
+        "deepest_m": max(float(depth[without_contact].max()), 0.0),
         "farthest_time": float(base.time[worst]),
         "farthest_hip": listed(base.hip[worst]),
         "lost_ticks": ticks,
         "lost_s": seconds,
-        "times_lost": int(np.unique(since[lost]).size),
+        "times_lost": int(np.unique(since[without_contact]).size),
     }
     if had:
         evidence["last_ihip"] = listed(base.ihip[first - 1])
@@ -105,7 +105,7 @@ def across_allowed(base: Recording, scene: Scene) -> float:
     return (believed_standoff(base, scene) or resolution(base, scene)) + rounding(scene) + digits
 
 
-def _haunts(base: Recording, scene: Scene) -> Finding | None:
+def _find_force_in_free_space(base: Recording, scene: Scene) -> Finding | None:
     """Return a failure where a hand in free space feels a force, of a renderer that gives a contact point elsewhere.
 
     Or of one that declares that it gives none.
@@ -124,21 +124,21 @@ def _haunts(base: Recording, scene: Scene) -> Finding | None:
     if not pushed.any():
         return None
     force = np.where(pushed, np.linalg.norm(base.force, axis=1), 0.0)
-    first, most = int(np.argmax(pushed)), float(force.max())
+    first, largest = int(np.argmax(pushed)), float(force.max())
     ticks = int(pushed.sum())
-    metric = Metric("force in free space", most, "N")
+    metric = Metric("force in free space", largest, "N")
     evidence = {**evidence_at(base, first), "kind": "haunts", "pushed_ticks": ticks}
     message = (
-        f"the hand feels {most:.3g} N in free space, where the tool is at the hand: from t = {base.time[first]:.4g} s "
-        f"({ticks} of {len(base)} ticks)"
+        f"the hand feels {largest:.3g} N in free space, where the tool is at the hand: from t = {base.time[first]:.4g} "
+        f"s ({ticks} of {len(base)} ticks)"
     )
     return Finding(Outcome.FAIL, message, metric, force_floor(scene), evidence)
 
 
-def _trails(base: Recording, scene: Scene, allowed: Array) -> Finding | None:
+def _find_trailing_tool(base: Recording, scene: Scene, allowed: Array) -> Finding | None:
     """Return a failure where the tool does not follow the hand in free space: it could then meet no surface in time."""
     off = np.where(trailing(base, scene), np.linalg.norm(base.hip - base.ihip, axis=1), 0.0)
-    off[_stays(base, scene, allowed)] = 0.0
+    off[_rests_where_contact_ended(base, scene, allowed)] = 0.0
     worst = int(np.argmax(off - allowed))
     if off[worst] <= allowed[worst]:
         return None
@@ -157,7 +157,7 @@ def _trails(base: Recording, scene: Scene, allowed: Array) -> Finding | None:
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
-def _stays(base: Recording, scene: Scene, allowed: Array) -> BoolArray:
+def _rests_where_contact_ended(base: Recording, scene: Scene, allowed: Array) -> BoolArray:
     """Where the IHIP is still where the contact has ended, (n,): for three ticks, as a late one is, however far off.
 
     It is no farther from the last contact point than the hand has moved, and what a surface may be off.
@@ -177,7 +177,7 @@ def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array 
     to `quantization_step` (m): neither a notch nor a plate thinner than that is seen.
     """
     rests = False
-    for _ in range(FLIGHTS):
+    for _ in range(MOST_FLIGHTS):
         barred = boundary.first_crossing(tool, hand, grain=grain)
         if barred is None:
             return None
@@ -187,7 +187,7 @@ def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array 
     return tool
 
 
-def _barred(
+def _distances_past_surface(
     base: Recording, contact: BoolArray, boundary: Boundary, grain: float, allowed: Array, reach: Array
 ) -> tuple[Array, IntArray]:
     """Return how far the HIP is from where a rigid tool is held in each tick without contact, 0 where free: (n,), m.
@@ -201,34 +201,34 @@ def _barred(
     # No point of a way is inside where the clear distances at its ends cover it.
     clear[1:] &= clear[:-1] & (frame.distance[1:] + frame.distance[:-1] >= steps)
     gap, since = np.zeros(len(base)), np.zeros(len(base), dtype=np.int64)
-    held: Array | None = None
+    tool: Array | None = None
     first = 0
     for tick in np.flatnonzero(~contact).tolist():
         released = tick > 0 and bool(contact[tick - 1])
         if released:
-            held = None
-        elif held is None and clear[tick]:
+            tool = None
+        elif tool is None and clear[tick]:
             continue
-        if held is None:
+        if tool is None:
             first = tick
             start = base.ihip[tick - 1] if released else hip[tick - 1] if tick else frame.foot[0]
         else:
-            start = held
-        held = follow(boundary, start, hip[tick], grain)
-        if held is None:
+            start = tool
+        tool = follow(boundary, start, hip[tick], grain)
+        if tool is None:
             continue
-        far = float(np.linalg.norm(hip[tick] - held))
-        if far > allowed[tick]:
-            beside = boundary.around(held, float(reach[tick]))
-            open_way = any(boundary.first_crossing(other, hip[tick], grain=grain) is None for other in beside)
+        hand_past = float(np.linalg.norm(hip[tick] - tool))
+        if hand_past > allowed[tick]:
+            alternatives = boundary.around(tool, float(reach[tick]))
+            open_way = any(boundary.first_crossing(other, hip[tick], grain=grain) is None for other in alternatives)
             if not open_way and released:
                 # Where the hand is as near both ways round, the tool may slide either way from a start so placed.
                 starts = boundary.around(start, float(reach[tick]))
                 open_way = any(follow(boundary, other, hip[tick], grain) is None for other in starts)
             if open_way:
-                held = None
+                tool = None
                 continue
-        gap[tick], since[tick] = far, first
+        gap[tick], since[tick] = hand_past, first
     return gap, since
 
 

@@ -12,8 +12,8 @@ from hapticeval.devices.device import heaviest_mass
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import LAG_TICKS, STATIC_SHARE, TELLS
-from hapticeval.phenomena.lag import at_rows, find_lag, rests
+from hapticeval.phenomena.decisions import LAG_TICKS, STATIC_SHARE, TELLING_SHARE
+from hapticeval.phenomena.lag import delayed, find_lag, resting_ticks
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     believed_standoff,
@@ -45,16 +45,16 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("no force above the floor: the tool never presses on the surface")
     if "ihip" not in base.channels:
         return _without_ihip(base, scene, strong)
-    declared, near = resolution(base, scene), _reach(base, scene)[strong]
+    declared, near = resolution(base, scene), _normal_reach(base, scene)[strong]
     off = scene.model.boundary.normal_cone(base.ihip[strong], near + declared)
-    rounded = _rounding(base, scene, strong)
-    lag = _lag(base, scene, strong, off, rounded)
-    deviation = _deviation(base, scene, strong, off, lag)
-    allowed = rounded + _between(base, strong, lag)
+    rounded = _rounding_angle(base, scene, strong)
+    lag = _ihip_lag(base, scene, strong, off, rounded)
+    deviation = _force_deviation(base, scene, strong, off, lag)
+    allowed = rounded + _bend_angle(base, strong, lag)
     worst = int(np.argmax(deviation - allowed))
     angle, bound = math.degrees(float(deviation[worst])), math.degrees(float(allowed[worst]))
     tick = int(strong[worst])
-    leans = _error_angle(base, strong, off)
+    leans = _error_vector_angles(base, strong, off)
     evidence: dict[str, object] = {**evidence_at(base, tick), "samples": int(strong.size), **leans}
     if lag is not None:
         evidence["lag_ticks"] = lag
@@ -66,16 +66,20 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         aside = size * math.sin(min(float(deviation[worst]), 0.5 * math.pi))
         inwards = not scene.bilateral and float(off(base.force[strong])[worst]) > 0.5 * math.pi
         does = "pulls inwards," if inwards else "points"
-        late = f" (with the lag of {lag:.3g} ticks that its positions show)" if lag is not None and lag >= TELLS else ""
+        late = (
+            f" (with the lag of {lag:.3g} ticks that its positions show)"
+            if lag is not None and lag >= TELLING_SHARE
+            else ""
+        )
         message = f"the force of {size:.3g} N {does} {angle:.3g} degrees ({aside:.2g} N) off {where}{late}"
         return Finding(Outcome.FAIL, message, metric, bound, evidence)
     granted = ""
     if declared > 0.0:
-        bare = _deviation(base, scene, strong, scene.model.boundary.normal_cone(base.ihip[strong], near), lag)
-        beyond = bare - (allowed - _blurred(base, scene, strong))
-        most = int(np.argmax(beyond))
-        if beyond[most] > 0.0:
-            leaning = math.degrees(float(bare[most]))
+        bare = _force_deviation(base, scene, strong, scene.model.boundary.normal_cone(base.ihip[strong], near), lag)
+        needs_resolution = bare - (allowed - _resolution_angle(base, scene, strong))
+        neediest = int(np.argmax(needs_resolution))
+        if needs_resolution[neediest] > 0.0:
+            leaning = math.degrees(float(bare[neediest]))
             evidence["angle_by_resolution_deg"] = leaning
             granted = f" (but for up to {leaning:.2g} degrees, which its resolution of {mm(declared)} allows)"
     balance = _static_balance(base, scene)
@@ -122,7 +126,7 @@ def _without_ihip(recording: Recording, scene: Scene, strong: IntArray) -> Findi
     return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message, evidence=evidence)
 
 
-def _error_angle(recording: Recording, strong: IntArray, off: Callable[[Array], Array]) -> dict[str, float]:
+def _error_vector_angles(recording: Recording, strong: IntArray, off: Callable[[Array], Array]) -> dict[str, float]:
     """How far the error vector leans from the normal, degrees: what section 5.1 asks to vanish at shallow depth."""
     error = (recording.ihip - recording.hip)[strong]
     deep = np.any(error != 0.0, axis=1)
@@ -135,7 +139,7 @@ def _error_angle(recording: Recording, strong: IntArray, off: Callable[[Array], 
     }
 
 
-def _reach(recording: Recording, scene: Scene) -> Array:
+def _normal_reach(recording: Recording, scene: Scene) -> Array:
     """How far (n,), m, along the surface the normal of each force may lie from the IHIP of its row.
 
     IHIP and force may each be up to three ticks late, so that the force belongs to where the tool was or will be within
@@ -149,13 +153,13 @@ def _reach(recording: Recording, scene: Scene) -> Array:
     steps = np.linalg.norm(np.diff(recording.ihip, axis=0, prepend=recording.ihip[:1]), axis=1)
     if "velocity" in recording.channels and np.array_equal(recording.ihip, recording.hip):
         pushed = recording.dt**2 * np.linalg.norm(recording.force, axis=1) / scene.mass
-        way = recording.dt * np.linalg.norm(recording.velocity, axis=1)
-        steps = np.maximum(steps, np.minimum(way, steps + pushed))
+        travel = recording.dt * np.linalg.norm(recording.velocity, axis=1)
+        steps = np.maximum(steps, np.minimum(travel, steps + pushed))
     around = maximum_filter1d(steps, 2 * LAG_TICKS + 1, mode="nearest")
     return np.asarray(LAG_TICKS * around + believed_standoff(recording, scene) + rounding(scene))
 
 
-def _deviation(
+def _force_deviation(
     recording: Recording, scene: Scene, strong: IntArray, off: Callable[[Array], Array], lag: float | None
 ) -> Array:
     """Angle (rad) of each force above the floor outside the true normals around its IHIP, from which `off` measures.
@@ -168,7 +172,7 @@ def _deviation(
         depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
         strength = np.linalg.norm(force, axis=1)
         stiffness = np.divide(strength, depth, out=np.zeros_like(depth), where=depth > 0.0)[:, np.newaxis]
-        force = force + stiffness * (recording.hip[strong] - _answered(recording, strong, lag))
+        force = force + stiffness * (recording.hip[strong] - _answered_hips(recording, strong, lag))
     return _angles(force, scene, off)
 
 
@@ -177,12 +181,12 @@ def _angles(vectors: Array, scene: Scene, off: Callable[[Array], Array]) -> Arra
     return np.minimum(off(vectors), off(-vectors)) if scene.bilateral else off(vectors)
 
 
-def _answered(recording: Recording, strong: IntArray, lag: float) -> Array:
+def _answered_hips(recording: Recording, strong: IntArray, lag: float) -> Array:
     """Return the HIPs that the IHIPs answer: of `lag` ticks before, and of as many more as the IHIP has rested."""
-    return at_rows(recording.hip, strong - rests(recording.ihip)[strong], lag)
+    return delayed(recording.hip, strong - resting_ticks(recording.ihip)[strong], lag)
 
 
-def _lag(
+def _ihip_lag(
     recording: Recording, scene: Scene, strong: IntArray, off: Callable[[Array], Array], rounded: Array
 ) -> float | None:
     """Return the one lag of the run's IHIPs, ticks, where forces ask for one; None where none does.
@@ -190,12 +194,14 @@ def _lag(
     A tangential force beside an IHIP that is not late asks for none.
     """
     depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
-    asks = np.flatnonzero((_deviation(recording, scene, strong, off, None) > rounded) & (depth > force_depth(scene)))
+    asks = np.flatnonzero(
+        (_force_deviation(recording, scene, strong, off, None) > rounded) & (depth > force_depth(scene))
+    )
     present = _angles(recording.ihip[strong] - recording.hip[strong], scene, off)
     return find_lag(recording, scene).ihip if np.any(present[asks] > rounded[asks]) else None
 
 
-def _between(recording: Recording, strong: IntArray, lag: float | None) -> Array:
+def _bend_angle(recording: Recording, strong: IntArray, lag: float | None) -> Array:
     """Angle (rad), (n,), that a path which bends between ticks leaves in forces that are `lag` ticks late.
 
     A way of acceleration a is off its chord by a h^2 / 8 at the most, an eighth of the second difference of its rows:
@@ -205,14 +211,14 @@ def _between(recording: Recording, strong: IntArray, lag: float | None) -> Array
         return np.zeros(strong.size)
     bends = np.zeros(len(recording))
     bends[1:-1] = np.linalg.norm(np.diff(recording.hip, n=2, axis=0), axis=1) / 8.0
-    most = np.max([bends[np.maximum(strong - back, 0)] for back in range(LAG_TICKS + 1)], axis=0)
-    return _tilt(recording, strong, most)
+    largest_bend = np.max([bends[np.maximum(strong - back, 0)] for back in range(LAG_TICKS + 1)], axis=0)
+    return _tilt_angle(recording, strong, largest_bend)
 
 
-def _tilt(recording: Recording, strong: IntArray, beside: Array | float) -> Array:
+def _tilt_angle(recording: Recording, strong: IntArray, aside: Array | float) -> Array:
     """Angle (rad), (n,), by which a spring tilts whose end lies so far `beside`, m; 0 where a force has no depth."""
     depth = _least_depth(recording, strong)
-    return np.asarray(np.arcsin(np.minimum(np.divide(beside, depth, out=np.zeros_like(depth), where=depth > 0.0), 1.0)))
+    return np.asarray(np.arcsin(np.minimum(np.divide(aside, depth, out=np.zeros_like(depth), where=depth > 0.0), 1.0)))
 
 
 def _least_depth(recording: Recording, strong: IntArray) -> Array:
@@ -224,16 +230,16 @@ def _least_depth(recording: Recording, strong: IntArray) -> Array:
     return np.asarray(depth)
 
 
-def _blurred(recording: Recording, scene: Scene, strong: IntArray) -> Array:
+def _resolution_angle(recording: Recording, scene: Scene, strong: IntArray) -> Array:
     """Angle (rad), (n,), by which a spring tilts to a point that the declared resolution puts beside the true one.
 
     At most a HIP step beside: what is coarser are facets, in whose contact a spring is normal to the facet, and that is
     a normal within the resolution.
     """
-    return _tilt(recording, strong, min(resolution(recording, scene), hip_step(recording, scene)))
+    return _tilt_angle(recording, strong, min(resolution(recording, scene), hip_step(recording, scene)))
 
 
-def _rounding(recording: Recording, scene: Scene, strong: IntArray) -> Array:
+def _rounding_angle(recording: Recording, scene: Scene, strong: IntArray) -> Array:
     """Angle (rad) that the places of numbers leave in each force: of positions, of a logged force, and as declared.
 
     Two positions in single precision, of the model's size, are subtracted to give a vector as long as the depth; a
@@ -242,7 +248,7 @@ def _rounding(recording: Recording, scene: Scene, strong: IntArray) -> Array:
     """
     depth = _least_depth(recording, strong)
     stretch = np.divide(scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
-    angle = 1e-6 + 4.0 * SINGLE * np.maximum(stretch, 1.0) + _blurred(recording, scene, strong)
+    angle = 1e-6 + 4.0 * SINGLE * np.maximum(stretch, 1.0) + _resolution_angle(recording, scene, strong)
     if recording.meta.get("source") not in SIMULATED:
         force = recording.force[strong]
         off = 0.5 * float(np.linalg.norm([quantization_step(column) for column in recording.force.T]))
@@ -273,7 +279,7 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     acting = slice(window.start, window.stop - 1)
     force = float(np.mean(recording.force[acting] @ normal))
     push = -float(np.mean(recording.channels["operator_force"][acting] @ normal))
-    if _motors_hold(recording, scene, acting):
+    if _motors_hold_back(recording, scene, acting):
         return None
     momentum = scene.mass * float(np.max(np.abs(velocity @ normal)))
     if not isinstance(scene.robot, PointMass):
@@ -286,7 +292,7 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     return force - push, allowed, push
 
 
-def _motors_hold(recording: Recording, scene: Scene, rows: slice) -> bool:
+def _motors_hold_back(recording: Recording, scene: Scene, rows: slice) -> bool:
     """Whether in some of the rows the motors hold back what the renderer asks for: at their limit, or rubbing."""
     saturation = scene.effect("saturation")
     limited = saturation is not None and "joint_torque" in recording.channels

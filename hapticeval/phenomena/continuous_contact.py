@@ -13,20 +13,20 @@ from hapticeval.geometry.boundary import Boundary, apart
 from hapticeval.phenomena.check import Check, Closer, Runs, Sibling, without_ihip
 from hapticeval.phenomena.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import (
-    CHORD,
+    CHORD_STEPS,
     COARSENINGS,
-    CONFIRMS,
-    HALF_RATE,
+    CONFIRMING_RATES,
+    HALF_LAG_STEPS,
+    JUMP_SLOPE,
     LAG_TICKS,
-    MINI,
-    POWER_LAW,
+    MINI_JUMP_EDGES,
+    POWER_LAW_SCATTER,
     REFINEMENTS,
-    SHRINKS,
-    STAYS,
-    STILL,
+    SHRINKING_SLOPE,
+    STILL_STEP_SHARE,
 )
 from hapticeval.phenomena.jumps import (
-    Left,
+    Remains,
     aitken,
     contact_steps,
     jump_at_rate,
@@ -62,7 +62,7 @@ def amplification(recording: Recording, scene: Scene) -> float:
     """The largest ratio of IHIP step to HIP step between two samples in contact: how far a map stretches; 0 if none."""
     contact = touching(recording, scene) & ~lingering(recording, scene)
     steps = hip_steps(recording)
-    both = contact[1:] & contact[:-1] & (steps > STILL * np.max(steps, initial=0.0))
+    both = contact[1:] & contact[:-1] & (steps > STILL_STEP_SHARE * np.max(steps, initial=0.0))
     if not both.any():
         return 0.0
     return float(np.max(np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)[both] / steps[both]))
@@ -99,11 +99,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         evidence = {**astray.evidence, **finding.evidence}
         return replace(finding, message=f"{finding.message}; besides, {astray.message}", evidence=evidence)
     depth = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
-    gone = lets_go(base, slice(0, None), depth, scene)
-    if finding.outcome is Outcome.FAIL or gone is None:
+    let_go_tick = lets_go(base, slice(0, None), depth, scene)
+    if finding.outcome is Outcome.FAIL or let_go_tick is None:
         return finding
-    lost = f"inside the model without contact at t = {base.time[gone]:.4g} s, which contact-kept judges"
-    return replace(finding, message=f"{finding.message}; {lost}", evidence={**finding.evidence, "let_go_tick": gone})
+    let_go_note = f"inside the model without contact at t = {base.time[let_go_tick]:.4g} s, which contact-kept judges"
+    return replace(
+        finding, message=f"{finding.message}; {let_go_note}", evidence={**finding.evidence, "let_go_tick": let_go_tick}
+    )
 
 
 def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
@@ -118,7 +120,7 @@ def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
     around = np.pad(np.pad(contact, (LAG_TICKS, 0)), (0, LAG_TICKS), mode="edge")
     settled = np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).all(axis=1)
     settled &= np.any(base.ihip != base.hip, axis=1)
-    allowed = np.where(settled, CHORD, LAG_TICKS) * recent_steps(base) + across_allowed(base, scene)
+    allowed = np.where(settled, CHORD_STEPS, LAG_TICKS) * recent_steps(base) + across_allowed(base, scene)
     distance = np.zeros(len(base))
     distance[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
     worst = int(np.argmax(distance - allowed))
@@ -131,9 +133,9 @@ def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
-def _evidence(base: Recording, scene: Scene, tick: int) -> dict[str, object]:
+def _jump_evidence(base: Recording, scene: Scene, tick: int) -> dict[str, object]:
     """Return where and when the IHIP moved far, and how far."""
-    jump = _step_to(base, tick)
+    jump = _ihip_step_to(base, tick)
     return {
         **evidence_at(base, tick),
         "ihip_before": listed(base.ihip[tick - 1]),
@@ -144,19 +146,19 @@ def _evidence(base: Recording, scene: Scene, tick: int) -> dict[str, object]:
     }
 
 
-def _step_to(base: Recording, tick: int) -> float:
+def _ihip_step_to(base: Recording, tick: int) -> float:
     return float(np.linalg.norm(base.ihip[tick] - base.ihip[tick - 1]))
 
 
-def _pops(base: Recording, jump: float, where: str, evidence: dict[str, object]) -> str:
+def _pop_through_message(base: Recording, jump: float, where: str, evidence: dict[str, object]) -> str:
     """Return the message for a jump that stays, m, and note in the evidence whether it is mini or major (4.1.2)."""
-    mini = jump <= MINI * base.resolution
+    mini = jump <= MINI_JUMP_EDGES * base.resolution
     evidence["severity"] = "mini" if mini else "major"
     what = "mini pop-through" if mini else "pop-through"
     return f"{what}: the IHIP jumps {where}, and the jump stays when the HIP moves in finer steps"
 
 
-def _continuous(base: Recording, scene: Scene, jump: float) -> str:
+def _continuous_message(base: Recording, scene: Scene, jump: float) -> str:
     step = hip_step(base, scene)
     times = jump / step if step else 0.0
     return f"continuous while in contact: the largest IHIP step is {times:.3g} times the largest HIP step"
@@ -169,7 +171,7 @@ def _judge_refined(
     off = standoff(base, scene)
     jump, worst = worst_step(base, scene, step_bounds(base, scene, LAG_TICKS, off))
     tick = worst if tick is None else tick
-    evidence = _evidence(base, scene, tick)
+    evidence = _jump_evidence(base, scene, tick)
     jumps = [jump]
     slope = bound = math.nan
     for factor in REFINEMENTS[1:]:
@@ -183,28 +185,28 @@ def _judge_refined(
             return replace(fault, evidence=evidence)
         # Lag shrinks with the step and a jump does not, so the finest run sets the bound.
         bound = float(bounds[worst])
-        slope = _slope(jumps)
+        slope = _shrinking_slope(jumps)
         # h, h/2 and h/4 are always run; finer ones only while it is neither small nor seen to stay.
-        if factor >= 4 and (jumps[-1] <= bound or slope < STAYS):
+        if factor >= 4 and (jumps[-1] <= bound or slope < JUMP_SLOPE):
             break
     evidence["slope"] = slope
-    left = jumps[-1] if slope < STAYS or jumps[-1] <= bound else _limit(jumps)
+    left = jumps[-1] if slope < JUMP_SLOPE or jumps[-1] <= bound else _limit_of_jumps(jumps)
     metric = Metric(CHECK.metric, left, "m")
     where = f"{mm(left)} at t = {base.time[tick]:.4g} s"
     if left > bound:
-        message = _pops(base, left, where, evidence)
-        if slope < STAYS or slope > SHRINKS:
+        message = _pop_through_message(base, left, where, evidence)
+        if slope < JUMP_SLOPE or slope > SHRINKING_SLOPE:
             return Finding(Outcome.FAIL, message, metric, bound, evidence)
         message = f"steep: the IHIP moves {where} in one step, and refinement does not settle it"
         return undecided(message, metric, bound, evidence)
-    if slope < STAYS and left > bound - off:
+    if slope < JUMP_SLOPE and left > bound - off:
         message = f"a jump of {where} stays, within the declared standoff of {mm(off)}"
     elif jumps[-1] > bound:
         message = (
             f"continuous while in contact, but steep: refinement takes the largest IHIP step down to {mm(jumps[-1])}"
         )
     else:
-        message = _continuous(base, scene, jumps[0])
+        message = _continuous_message(base, scene, jumps[0])
     return Finding(Outcome.PASS, message, metric, bound, evidence)
 
 
@@ -221,15 +223,15 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
     apart = np.linalg.norm(fine.hip[factor * (tick - 1) : rows.stop : factor] - base.hip[tick - 1 : tick + 1], axis=1)
     if apart.max() > allowed:
         return None
-    jump = _step_to(base, tick)
+    jump = _ihip_step_to(base, tick)
     if jump > allowed and lets_go(fine, rows, allowed, scene) is not None:
-        there = "it lets go there"
+        fine_answer = "it lets go there"
     elif factor * largest_jump(fine, scene)[0] < jump - allowed:
-        there = "it does not"
+        fine_answer = "it does not"
     else:
         return None
     where = f"{mm(jump)} at t = {base.time[tick]:.4g} s"
-    message = f"depends on the sampling rate: the IHIP jumps {where}; at {factor} times the rate {there}"
+    message = f"depends on the sampling rate: the IHIP jumps {where}; at {factor} times the rate {fine_answer}"
     return Finding(Outcome.FAIL, message, Metric("IHIP jump that only this sampling rate has", jump, "m"), allowed)
 
 
@@ -237,11 +239,11 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
     """Look at each place where the IHIP moves far in finer steps, and at the whole run only where a jump stays."""
     base = look.recording
     off = standoff(base, scene)
-    bounds = step_bounds(base, scene, HALF_RATE, off)
+    bounds = step_bounds(base, scene, HALF_LAG_STEPS, off)
     if pieces is not None:
         bounds = _with_steps_of_pieces(base, scene, bounds, pieces)
-    seen = look_closer(look, scene, bounds=bounds, standoff=off)
-    if seen is None:
+    place = look_closer(look, scene, bounds=bounds, standoff=off)
+    if place is None:
         steps = contact_steps(base, scene)
         jump, tick = worst_step(base, scene, bounds)
         bound = float(bounds[tick])
@@ -253,33 +255,33 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
         elif jump > bound - off:
             message = f"a step of {mm(jump)} is within the declared standoff of {mm(off)}"
         else:
-            message = _continuous(base, scene, float(steps.max()))
+            message = _continuous_message(base, scene, float(steps.max()))
         longest = int(np.argmax(np.where(steps <= bounds, steps, -1.0)))
         metric = Metric(CHECK.metric, float(steps[longest]), "m")
-        return Finding(Outcome.PASS, message, metric, float(bounds[longest]), _evidence(base, scene, tick))
-    bound = float(bounds[seen.tick])
-    if seen.kind is Left.UNRESOLVED:
-        return _judge_refined(base, refine, scene, seen.tick)
-    finer = [2 ** round(scale.halvings) for scale in seen.scales]
-    evidence = _evidence(base, scene, seen.tick) | {
-        "jumps_m": [scale.jump for scale in seen.scales],
+        return Finding(Outcome.PASS, message, metric, float(bounds[longest]), _jump_evidence(base, scene, tick))
+    bound = float(bounds[place.tick])
+    if place.kind is Remains.UNRESOLVED:
+        return _judge_refined(base, refine, scene, place.tick)
+    finer = [2 ** round(scale.halvings) for scale in place.scales]
+    evidence = _jump_evidence(base, scene, place.tick) | {
+        "jumps_m": [scale.jump for scale in place.scales],
         "refinements": finer,
-        "slope": seen.slope,
+        "slope": place.slope,
     }
-    metric = Metric(CHECK.metric, seen.left, "m")
-    where = f"{mm(seen.left)} at t = {base.time[seen.tick]:.4g} s"
-    if seen.kind is Left.STEEP:
+    metric = Metric(CHECK.metric, place.remaining, "m")
+    where = f"{mm(place.remaining)} at t = {base.time[place.tick]:.4g} s"
+    if place.kind is Remains.STEEP:
         message = (
             f"steep: the IHIP moves {where} in a HIP step {finer[-1]} times finer than the path's; its steps shrink "
-            f"with the exponent {seen.slope:.2g} of the HIP's, and 1/6 is the least that counts as continuous"
+            f"with the exponent {place.slope:.2g} of the HIP's, and 1/6 is the least that counts as continuous"
         )
         return undecided(message, metric, bound, evidence)
-    confirming = [jump_at_rate(factor, look, scene, seen.tick) for factor in CONFIRMS]
+    confirming = [jump_at_rate(factor, look, scene, place.tick) for factor in CONFIRMING_RATES]
     evidence["jumps_at_2_and_4_times_the_rate_m"] = confirming
-    if min(confirming) < 0.5 * seen.left:
+    if min(confirming) < 0.5 * place.remaining:
         message = f"depends on the sampling rate: the IHIP jumps {where}, and not at 2 and 4 times the rate"
     else:
-        message = _pops(base, seen.left, where, evidence)
+        message = _pop_through_message(base, place.remaining, where, evidence)
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
 
 
@@ -302,7 +304,7 @@ def _with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: 
     return raised
 
 
-def _slope(jumps: list[float]) -> float:
+def _shrinking_slope(jumps: list[float]) -> float:
     """How fast the jump shrinks with the step: log2 a halving, fitted over all refinements.
 
     Where the samples fall beside a steep place shifts single jumps; over all of them that averages out.
@@ -313,7 +315,7 @@ def _slope(jumps: list[float]) -> float:
     return -float(np.polyfit(halvings, np.log2(jumps), 1)[0])
 
 
-def _limit(jumps: list[float]) -> float:
+def _limit_of_jumps(jumps: list[float]) -> float:
     """What is left at infinite refinement, within [0, finest]: nothing, where jump = c r^k fits all to a tenth.
 
     Else jump = limit + c r^k through the last three (Aitken). The power law comes first, for where the samples fall
@@ -321,7 +323,7 @@ def _limit(jumps: list[float]) -> float:
     """
     halvings = np.arange(len(jumps))
     logs = np.log2(jumps)
-    if float(np.std(logs - np.polyval(np.polyfit(halvings, logs, 1), halvings))) < POWER_LAW:
+    if float(np.std(logs - np.polyval(np.polyfit(halvings, logs, 1), halvings))) < POWER_LAW_SCATTER:
         return 0.0
     return aitken(*jumps[-3:])
 
@@ -336,11 +338,15 @@ def coarsened_slope(recording: Recording, scene: Scene, tick: int) -> float:
     jumps = []
     for width in COARSENINGS:
         starts = np.arange(max(tick - widest, 0), min(tick + widest, len(recording)) - width)
-        held = [start for start in starts if contact[start : start + width + 1].all()]
-        if not held:
+        in_contact = [start for start in starts if contact[start : start + width + 1].all()]
+        if not in_contact:
             break
-        jumps.append(float(np.max(np.linalg.norm(recording.ihip[np.add(held, width)] - recording.ihip[held], axis=1))))
-    return -_slope(jumps) if len(jumps) > 1 else math.nan
+        jumps.append(
+            float(
+                np.max(np.linalg.norm(recording.ihip[np.add(in_contact, width)] - recording.ihip[in_contact], axis=1))
+            )
+        )
+    return -_shrinking_slope(jumps) if len(jumps) > 1 else math.nan
 
 
 def _judge_fixed(base: Recording, scene: Scene) -> Finding:
@@ -358,7 +364,7 @@ def _judge_fixed(base: Recording, scene: Scene) -> Finding:
     on_axis = bent >= 0.9
     stretch = 1.0 if on_axis else 1.0 / (1.0 - bent)
     bound = float(bounds[tick] + (stretch - 1.0) * LAG_TICKS * recent_steps(base)[tick])
-    evidence = _evidence(base, scene, tick)
+    evidence = _jump_evidence(base, scene, tick)
     metric = Metric("largest IHIP jump", jump, "m")
     moved, note = mm(jump), "judged on one sampling only, which is the weaker test"
     if jump <= bound:
@@ -370,7 +376,7 @@ def _judge_fixed(base: Recording, scene: Scene) -> Finding:
         return undecided(message, metric, bound, evidence)
     slope = coarsened_slope(base, scene, tick)
     evidence["coarsened_slope"] = slope
-    if not slope < STAYS:
+    if not slope < JUMP_SLOPE:
         message = f"the IHIP moves {moved} in one step, and whether finer HIP steps shrink it is not known; {note}"
         return undecided(message, metric, bound, evidence)
     return Finding(Outcome.FAIL, f"pop-through of {moved}; {note}", metric, bound, evidence)

@@ -10,7 +10,7 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
-from hapticeval.phenomena.decisions import HELD, LAG_TICKS, NEAR
+from hapticeval.phenomena.decisions import FACE_TURN_SHARE, HELD_FORCE_SHARE, LAG_TICKS
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     evidence_at,
@@ -35,19 +35,19 @@ def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:
     if not crossings:
         return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face past a convex corner into free space")
     strong = above_force_floor(base, scene)
-    findings = [_broken(base, scene, crossing, strong) for crossing in crossings]
-    judged = worst([finding for finding in findings if finding is not None])
+    findings = [_judge_convex_corner(base, scene, crossing, strong) for crossing in crossings]
+    judged = worst_finding([finding for finding in findings if finding is not None])
     if judged is None and all(strong[crossing.first : crossing.crossed].any() for crossing in crossings):
         message = "the tool is on another face while the hand goes under one past its convex corner"
         return Finding(Outcome.NOT_APPLICABLE, message)
     return judged or undecided("no force is felt under a face before its convex corner")
 
 
-def _broken(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray) -> Finding | None:
+def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray) -> Finding | None:
     """Judge one convex corner; None where the tool does not press before it on the face that the hand is under."""
     along, under = crossing.along, crossing.under
     crossed, end = crossing.crossed, crossing.end
-    first_face = strong & (angle_between(base.force, crossing.normal_pre) <= NEAR * crossing.turn)
+    first_face = strong & (angle_between(base.force, crossing.normal_pre) <= FACE_TURN_SHARE * crossing.turn)
     # A tool that another part of the solid bars from the hand, or a late one, comes to this face when it does.
     pressed = np.flatnonzero((strong & crossing.tool)[crossing.first : crossed])
     if pressed.size == 0:
@@ -59,20 +59,20 @@ def _broken(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray
     usual = float(np.median(strength[first:crossed][crossing.tool[first:crossed]]))
     # A hand that is no deeper than the floor of forces presses by less than that: it may rest on the face.
     rests = ~strong & (under <= force_depth(scene))
-    kept = ((first_face | rests) & crossing.tool)[first:crossed]
+    holding = ((first_face | rests) & crossing.tool)[first:crossed]
     # A spring's force goes with the depth, and a rigid contact's with what the hand does: only at one depth is it held.
     depth = float(np.median(under[first:crossed]))
-    if depth > rounding(scene) and np.ptp(under[first:crossed]) <= 0.5 * HELD * depth:
-        kept = kept & (strength[first:crossed] >= HELD * usual)
-    early_ticks = first + np.flatnonzero(~kept)
+    if depth > rounding(scene) and np.ptp(under[first:crossed]) <= 0.5 * HELD_FORCE_SHARE * depth:
+        holding = holding & (strength[first:crossed] >= HELD_FORCE_SHARE * usual)
+    early_ticks = first + np.flatnonzero(~holding)
     early = -float(along[early_ticks[0]]) if early_ticks.size else 0.0
     after = strong[crossed:end]
-    gone = int(np.argmax(~after)) if not after.all() else after.size
+    ticks_to_zero = int(np.argmax(~after)) if not after.all() else after.size
     # Past the corner no force may remain, and none may come back from the face that was left.
-    wrong = first_face[crossed:end] | (np.arange(after.size) < gone)
+    wrong = first_face[crossed:end] | (np.arange(after.size) < ticks_to_zero)
     late = float(np.max(along[crossed:end], where=wrong, initial=0.0))
     too_early = early >= late
-    tick = int(early_ticks[0]) if too_early and early_ticks.size else min(crossed + gone, len(base) - 1)
+    tick = int(early_ticks[0]) if too_early and early_ticks.size else min(crossed + ticks_to_zero, len(base) - 1)
     fails = f"a force remains up to {mm(late)} past the corner"
     if too_early:
         before = f"{mm(early)} before the corner"
@@ -92,10 +92,10 @@ def _broken(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray
             "corner": listed(crossing.place),
             "lost_before_corner_m": early,
             "remains_after_corner_m": late,
-            "ticks_to_zero_after_corner": gone,
+            "ticks_to_zero_after_corner": ticks_to_zero,
             "force_pre_N": usual,
         },
-        passes=f"the force keeps n_pre to the corner and is zero {gone} tick(s) after it",
+        passes=f"the force keeps n_pre to the corner and is zero {ticks_to_zero} tick(s) after it",
         fails=fails,
     )
 
@@ -109,19 +109,19 @@ def judge_abrupt_switch(runs: Runs, scene: Scene) -> Finding:
     if not crossings:
         return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face into a concave corner, and out again")
     strong = above_force_floor(base, scene)
-    findings = [_switched(base, scene, crossing, strong) for crossing in crossings]
-    return worst([finding for finding in findings if finding is not None]) or undecided(
+    findings = [_judge_concave_corner(base, scene, crossing, strong) for crossing in crossings]
+    return worst_finding([finding for finding in findings if finding is not None]) or undecided(
         "the force does not go from the first face's normal to the second's"
     )
 
 
-def _switched(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray) -> Finding | None:
+def _judge_concave_corner(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray) -> Finding | None:
     """Judge one concave corner; None where the force does not go from the first face's normal to the second's."""
     pressed = crossing.first + np.flatnonzero(strong[crossing.first : crossing.end])
     if pressed.size == 0:
         return None
     pre, post = (
-        angle_between(base.force[pressed], normal) <= NEAR * crossing.turn
+        angle_between(base.force[pressed], normal) <= FACE_TURN_SHARE * crossing.turn
         for normal in (crossing.normal_pre, crossing.normal_post)
     )
     if not pre.any() or not post.any():
@@ -135,8 +135,8 @@ def _switched(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArr
     reached = int(pressed[last - int(np.argmin(post[last::-1])) + 1])
     # A rigid tool may strike both faces by turns: as long as it is at one place that is one switch.
     within = position_tolerance(base, scene)
-    left = _last_beside(base, pressed[pre & (pressed < reached)], left, within)
-    reached = _last_beside(base, pressed[post & (pressed > left)][::-1], reached, within)
+    left = _last_tick_within(base, pressed[pre & (pressed < reached)], left, within)
+    reached = _last_tick_within(base, pressed[post & (pressed > left)][::-1], reached, within)
     takes = float(base.time[reached] - base.time[left])
     travel = float(np.sum(crossing.steps[left:reached]))
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
@@ -159,13 +159,13 @@ def _switched(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArr
     )
 
 
-def _last_beside(base: Recording, ticks: IntArray, tick: int, within: float) -> int:
+def _last_tick_within(base: Recording, ticks: IntArray, tick: int, within: float) -> int:
     """Return the last of `ticks` at which the HIP is `within` metres of where it is at `tick`."""
-    beside = ticks[np.linalg.norm(base.hip[ticks] - base.hip[tick], axis=1) <= within]
-    return int(beside[-1]) if beside.size else tick
+    nearby = ticks[np.linalg.norm(base.hip[ticks] - base.hip[tick], axis=1) <= within]
+    return int(nearby[-1]) if nearby.size else tick
 
 
-def worst(findings: Sequence[Finding]) -> Finding | None:
+def worst_finding(findings: Sequence[Finding]) -> Finding | None:
     """Return the finding whose metric is farthest beyond its bound; None of none."""
     return min(findings, key=lambda finding: -math.inf if finding.margin is None else finding.margin, default=None)
 

@@ -13,7 +13,7 @@ from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import EDGE, FACE, PSEUDO, VERTEX
 from hapticeval.geometry.mesh_tool import FREE
-from hapticeval.phenomena.decisions import LAG_TICKS, NEAR
+from hapticeval.phenomena.decisions import FACE_TURN_SHARE, LAG_TICKS
 from hapticeval.phenomena.sampling import hip_steps, lacks_ihip, position_tolerance, resolution, rounding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -63,16 +63,16 @@ def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[
     """
     boundary = scene.model.boundary
     if isinstance(boundary, Mesh):
-        return list((_past_edges if convex else _into_edges)(recording, boundary, rounding(scene)))
+        return list((_cross_convex_edges if convex else _cross_concave_edges)(recording, boundary, rounding(scene)))
     return [
         crossing
         for corner in boundary.corners
         if corner.convex == convex
-        for crossing in _past_corner(recording, scene, corner)
+        for crossing in _cross_corner(recording, scene, corner)
     ]
 
 
-def bends(boundary: Boundary) -> tuple[bool, bool]:
+def has_corners(boundary: Boundary) -> tuple[bool, bool]:
     """Return whether a boundary has convex corners or edges, and whether it has concave ones."""
     if isinstance(boundary, Mesh):
         return True, boundary.concave  # a closed mesh has convex edges
@@ -86,16 +86,16 @@ def angle_between(vectors: Array, direction: Array) -> Array:
     return np.asarray(np.arctan2(np.linalg.norm(vectors - along[:, np.newaxis] * direction, axis=1), along))
 
 
-def _past_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterator[Crossing]:
+def _cross_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterator[Crossing]:
     """Yield the crossings of a corner in the plane, either way."""
     boundary, slack = scene.model.boundary, rounding(scene)
     from_corner = recording.hip - corner.position
-    near = np.linalg.norm(from_corner, axis=1) <= 0.5 * _to_next(boundary, corner)
+    near = np.linalg.norm(from_corner, axis=1) <= 0.5 * _length_to_next_corner(boundary, corner)
     if not near.any():
         return
-    for way in (1.0, -1.0):
-        pre, post = (corner.normal_pre, corner.normal_post)[:: int(way)]
-        ahead, leaves = (way * corner.tangent_pre, way * corner.tangent_post)[:: int(way)]
+    for heading in (1.0, -1.0):
+        pre, post = (corner.normal_pre, corner.normal_post)[:: int(heading)]
+        ahead, leaves = (heading * corner.tangent_pre, heading * corner.tangent_post)[:: int(heading)]
         along, under = from_corner @ ahead, -from_corner @ pre
         before = near & (along <= (0.0 if corner.convex else -slack)) & (under >= -slack)
         if corner.convex:
@@ -103,48 +103,48 @@ def _past_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterator
             free[free] = boundary.signed_distance(recording.hip[free]) > slack
             between, after = np.zeros_like(near), free
         else:
-            beyond = from_corner @ leaves
-            after = near & (beyond > slack) & (-from_corner @ post >= -slack)
-            between = near & (along >= -slack) & (beyond <= slack) & ~before & ~after
+            past_post = from_corner @ leaves
+            after = near & (past_post > slack) & (-from_corner @ post >= -slack)
+            between = near & (along >= -slack) & (past_post <= slack) & ~before & ~after
         for crossed in (np.flatnonzero(after[1:] & ~after[:-1]) + 1).tolist():
             last = crossed - 1
             while last > 0 and between[last]:
                 last -= 1
-            first = last - _run(before[last::-1]) + 1
-            end = crossed + _run(after[crossed:])
+            first = last - _count_leading(before[last::-1]) + 1
+            end = crossed + _count_leading(after[crossed:])
             if first > last or end - crossed <= LAG_TICKS:
                 continue
             if _comes_from_outside(recording, boundary, first, under, pre, slack):
                 turn, steps = abs(corner.turn), hip_steps(recording)
-                off = _off_face(recording, scene, corner, way)
+                off = _distance_to_face(recording, scene, corner, heading)
                 tool = off <= position_tolerance(recording, scene) + resolution(recording, scene)
                 if corner.convex and tool[first:crossed].any():
-                    nearer = off <= _off_face(recording, scene, corner, -way)
+                    nearer = off <= _distance_to_face(recording, scene, corner, -heading)
                     if not (tool & nearer)[first:crossed].any():
                         continue  # beside the corner, and all the time on the other face
                 yield Crossing(corner.position, pre, post, turn, first, crossed, end, along, under, steps, tool)
 
 
-def _off_face(recording: Recording, scene: Scene, corner: Corner, way: float) -> Array:
+def _distance_to_face(recording: Recording, scene: Scene, corner: Corner, heading: float) -> Array:
     """Return how far the IHIP's nearest point of the boundary is from the face before a corner, m; (n,).
 
     Without an IHIP 0 where the force is along that face's normal, elsewhere infinite.
     """
     if "ihip" not in recording.channels or lacks_ihip(recording, scene):
-        normal = corner.normal_pre if way > 0.0 else corner.normal_post
-        return np.where(angle_between(recording.force, normal) <= NEAR * abs(corner.turn), 0.0, np.inf)
+        normal = corner.normal_pre if heading > 0.0 else corner.normal_post
+        return np.where(angle_between(recording.force, normal) <= FACE_TURN_SHARE * abs(corner.turn), 0.0, np.inf)
     boundary, within = scene.model.boundary, position_tolerance(recording, scene) + resolution(recording, scene)
-    behind = [way * (corner.s - other.s) for other in boundary.corners if other is not corner]
+    behind = [heading * (corner.s - other.s) for other in boundary.corners if other is not corner]
     if boundary.closed:
         behind = [length % boundary.girth for length in behind]
     longest = min((length for length in behind if length > 0.0), default=boundary.girth)
-    face = boundary.walk(corner.position, -way * np.linspace(0.0, longest, SAMPLES)).foot
+    face = boundary.walk(corner.position, -heading * np.linspace(0.0, longest, SAMPLES)).foot
     line = shapely.simplify(shapely.LineString(face), 1e-3 * within)
     feet = boundary.closest_point(recording.ihip).foot
     return np.asarray(shapely.distance(shapely.points(feet), line))
 
 
-def _run(flags: BoolArray) -> int:
+def _count_leading(flags: BoolArray) -> int:
     """Return how many of the first flags are true in a row."""
     return int(flags.size if flags.all() else np.argmin(flags))
 
@@ -159,54 +159,54 @@ def _comes_from_outside(
     return bool(at.normal[0] @ normal > 1.0 - 1e-9)
 
 
-def _to_next(boundary: Boundary, corner: Corner) -> float:
+def _length_to_next_corner(boundary: Boundary, corner: Corner) -> float:
     """Return the arc length from a corner to the nearest other one, m; once round where it is the only one."""
     gaps = [abs(other.s - corner.s) for other in boundary.corners if other is not corner]
     return min((min(gap, boundary.girth - gap) for gap in gaps), default=boundary.girth)
 
 
-def _past_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Crossing]:
+def _cross_convex_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Crossing]:
     """Yield where a rigid tool is let go past the border of a face, with the hand still under that face's plane."""
-    faces, triangles, tools = _followed(recording, mesh)
+    faces, triangles, tools = _follow_with_rigid_tool(recording, mesh)
     steps = hip_steps(recording)
-    for (first, crossed, face), (_, end, after) in pairwise(_stretches(faces)):
+    for (first, crossed, face), (_, end, after) in pairwise(_label_runs(faces)):
         if face < 0 or after != FREE:
             continue
         pre = mesh.normals[triangles[first]]
         under = (tools[first] - recording.hip) @ pre
         feet = recording.hip[crossed - 1 : crossed + 1] + under[crossed - 1 : crossed + 1, np.newaxis] * pre
-        left = _leaves(mesh, face, pre, *feet) if under[crossed] > slack else None
+        left = _leave_face(mesh, face, pre, *feet) if under[crossed] > slack else None
         if left is None:
             continue
         place, ahead, post = left
         along = (recording.hip - place) @ ahead
         free = (along > 0.0) & (faces == FREE)
         free[crossed:end] &= mesh.signed_distance(recording.hip[crossed:end]) > slack
-        end = crossed + _run(free[crossed:end])
+        end = crossed + _count_leading(free[crossed:end])
         if end - crossed > LAG_TICKS:
             turn = float(angle_between(post[np.newaxis], pre)[0])
             yield Crossing(place, pre, post, turn, first, crossed, end, along, under, steps, faces == face)
 
 
-def _into_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Crossing]:
+def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Crossing]:
     """Yield where a rigid tool goes from one face to another that rises from it: by an edge, or a corner of three."""
-    faces, triangles, tools = _followed(recording, mesh)
+    faces, triangles, tools = _follow_with_rigid_tool(recording, mesh)
     rests = (faces[1:] == RESTS) & (faces[:-1] == RESTS)
     led_along = np.where(rests[:, np.newaxis], np.diff(tools, axis=0), 0.0)
     steps = np.linalg.norm(np.diff(recording.hip, axis=0) - led_along, axis=1)
-    stretches = _stretches(faces)
+    stretches = _label_runs(faces)
     for number, (first, last, face) in enumerate(stretches[:-1]):
         rested = stretches[number + 1][2] == RESTS
-        following = number + 1 + rested
-        if face < 0 or following >= len(stretches):
+        next_number = number + 1 + rested
+        if face < 0 or next_number >= len(stretches):
             continue
-        crossed, end, other = stretches[following]
+        crossed, end, other = stretches[next_number]
         if other < 0 or other == face or end - crossed <= LAG_TICKS:
             continue
         pre, post = mesh.normals[triangles[first]], mesh.normals[triangles[crossed]]
         # Seen from a concave edge each face lies on the outer side of the other; a tool does not rest on a convex one.
-        rise, least = tools[crossed] - tools[last - 1], -slack if rested else slack
-        if min(rise @ pre, -rise @ post) > least:
+        rise, least_rise = tools[crossed] - tools[last - 1], -slack if rested else slack
+        if min(rise @ pre, -rise @ post) > least_rise:
             turn = float(angle_between(post[np.newaxis], pre)[0])
             under = (tools[first] - recording.hip) @ pre
             along = np.zeros(len(recording))  # of what is left at an edge, which this is not asked for
@@ -214,7 +214,7 @@ def _into_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Cros
             yield Crossing(tools[crossed], pre, post, turn, first, crossed, end, along, under, steps, tool)
 
 
-def _followed(recording: Recording, mesh: Mesh) -> tuple[IntArray, IntArray, Array]:
+def _follow_with_rigid_tool(recording: Recording, mesh: Mesh) -> tuple[IntArray, IntArray, Array]:
     """Return the flat face of the mesh (n,) that a rigid tool is on, `FREE` or `RESTS`; its triangle, and its place.
 
     On an edge or a vertex in the middle of a flat face it is on that face.
@@ -235,23 +235,23 @@ def _followed(recording: Recording, mesh: Mesh) -> tuple[IntArray, IntArray, Arr
     return faces, triangles, tools
 
 
-def _stretches(labels: IntArray) -> list[tuple[int, int, int]]:
+def _label_runs(labels: IntArray) -> list[tuple[int, int, int]]:
     """Return the stretches of equal labels: first row, the row after the last, label."""
     cuts = [0, *(np.flatnonzero(np.diff(labels)) + 1).tolist(), labels.size]
     return [(first, end, int(labels[first])) for first, end in pairwise(cuts)]
 
 
-def _leaves(mesh: Mesh, face: int, normal: Array, start: Array, end: Array) -> tuple[Array, Array, Array] | None:
+def _leave_face(mesh: Mesh, face: int, normal: Array, start: Array, end: Array) -> tuple[Array, Array, Array] | None:
     """Return where a way in the plane of a face, from `start` on it to `end`, leaves it; None where it does not.
 
     As the place (3,), m, the direction (3,) out of the face square to its border there, and the normal (3,) beyond.
     """
     rows = np.flatnonzero(mesh.facets == face)
-    here, i = np.repeat(rows, 3), np.tile(np.arange(3), rows.size)
-    beside = mesh.neighbours[here, i]
-    border = mesh.facets[beside] != face
-    here, i, beside = here[border], i[border], beside[border]
-    a, b = mesh.vertices[mesh.triangles[here, i]], mesh.vertices[mesh.triangles[here, (i + 1) % 3]]
+    triangles, i = np.repeat(rows, 3), np.tile(np.arange(3), rows.size)
+    neighbours = mesh.neighbours[triangles, i]
+    border = mesh.facets[neighbours] != face
+    triangles, i, neighbours = triangles[border], i[border], neighbours[border]
+    a, b = mesh.vertices[mesh.triangles[triangles, i]], mesh.vertices[mesh.triangles[triangles, (i + 1) % 3]]
     lengths = np.linalg.norm(b - a, axis=1)
     ways = (b - a) / lengths[:, np.newaxis]
     outward = np.cross(ways, normal)
@@ -260,8 +260,8 @@ def _leaves(mesh: Mesh, face: int, normal: Array, start: Array, end: Array) -> t
     share = np.clip(before[crosses] / (before[crosses] - after[crosses]), 0.0, 1.0)
     places = start + share[:, np.newaxis] * (end - start)
     along = np.sum(ways[crosses] * (places - a[crosses]), axis=1)
-    beyond = np.maximum(np.maximum(-along, along - lengths[crosses]), np.maximum(before[crosses], 0.0))
-    if not beyond.size or beyond.min() > 1e-6 * float(np.linalg.norm(end - start)) + 1e-12:
+    misses = np.maximum(np.maximum(-along, along - lengths[crosses]), np.maximum(before[crosses], 0.0))
+    if not misses.size or misses.min() > 1e-6 * float(np.linalg.norm(end - start)) + 1e-12:
         return None
-    best = int(np.argmin(beyond))
-    return places[best], outward[crosses[best]], mesh.normals[beside[crosses[best]]]
+    best = int(np.argmin(misses))
+    return places[best], outward[crosses[best]], mesh.normals[neighbours[crosses[best]]]

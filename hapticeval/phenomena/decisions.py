@@ -20,7 +20,7 @@ HOLD_TICKS = 1.5
 """A held force lags by half a tick on average, and by one more where it is computed from the last sample. Derived;
 doubled, bounds in closed loop are twice as wide, and more of them tell nothing."""
 
-TELLS = 0.1
+TELLING_SHARE = 0.1
 """A bound above a tenth of what is asked for tells nothing. *Chosen*: doubled, verdicts are given where the sampling
 may make a fifth of what is asked for."""
 
@@ -29,36 +29,36 @@ FORCE_DEPTH = 5e-6
 usual 200 mm. There single precision (4 * 2^-23 of the size) turns a force by up to 6 degrees; at twice that by 3,
 and touches of up to 2 um are then none."""
 
-FARTHEST = 1.0 / 50.0
+FARTHEST_STANDOFF = 1.0 / 50.0
 """Share of the model's size beyond which a declared standoff is not believed: 4 mm of the usual 200 mm. *Chosen*:
 doubled, an IHIP 8 mm off counts as declared so."""
 
-COARSEST = 1.0 / 16.0
+COARSEST_RESOLUTION = 1.0 / 16.0
 """Share of the outline beyond which a declared resolution is not believed: 16 facets are no smooth surface. *Chosen*:
 doubled, an octagon counts as declared so."""
 
 # lag
 
-COARSE_STEPS = 4 * LAG_TICKS
+LAG_STEPS = 4 * LAG_TICKS
 """Lags that are tried first, a quarter of a tick apart: *chosen*. Twice as many find the same, in twice the time; a
 misfit falls towards its lag over a whole tick, since the hand's way is straight from row to row."""
 
-HALVINGS = 40
+LAG_HALVINGS = 40
 """Times that the bracket of half a tick is narrowed by the golden section: to 2e-9 of a tick, a thousandth
 of what any bound can tell. *Chosen*; doubled, no lag changes by more than that."""
 
-MOST_ROWS = 4096
+LAG_ROWS = 4096
 """Rows, spread over all, in which a lag is looked for: *chosen*, for time. With twice as many it is the same number."""
 
 # answers_again
 
-NOTABLE = 1e-6
+NOTABLE_FORCE_SHARE = 1e-6
 """Share by which the forces of two runs differ in size, and not in single ticks alone. *Chosen*, for words alone:
 doubled, no verdict changes, and a message names the force a little later."""
 
 # centripetal_force
 
-SPEEDS = (0.5, 0.75)
+SLOWER_SPEEDS = (0.5, 0.75)
 """The experiment is run at these shares of its speed too, so that the error's growth with v^2 can be seen. *Chosen*: of
 an error that grows with v^2 they leave a quarter and 56 per cent. Doubled, the tool would be faster than the case
 says."""
@@ -69,18 +69,18 @@ twenty. Doubled, more runs are undecided, and chance goes farther once in sixtee
 
 # closed_form
 
-FORM_COARSE = 1e-3
+FORM_TOLERANCE = 1e-3
 """A tolerance above a thousandth of the way travelled compares nothing. *Chosen*: doubled, a law whose motion is known
 to two thousandths is judged."""
 
 # comes_to_rest
 
-SETTLING = 8
+QUIET_SAMPLES = 8
 """Samples that a verdict takes at least. *Chosen*: doubled, runs of up to 15 samples are undecided."""
 
 # constraint_stability
 
-COMES_HOME = math.sqrt(0.5)
+RETURN_RATIO = math.sqrt(0.5)
 """Between what stays, 1, and what falls as 1 / t, 1/2, while time doubles: the middle, as ratios are compared. Derived;
 doubled, a distance that grows by 41 per cent counts as coming home."""
 
@@ -93,7 +93,7 @@ granted. Doubled, a quarter of a HIP step is added."""
 FINEST_GRAIN, COARSEST_GRAIN = 1e-6, 1e-4
 """Limits of that grain, as shares of the model's size. *Chosen*: doubled, 0.4 um and 40 um of the usual 200 mm."""
 
-FLIGHTS = 16
+MOST_FLIGHTS = 16
 """Ways within one tick, each from where the slide before has ended; each brings the tool nearer to the hand. *Chosen*,
 against a search without an end: doubled, nothing changes where a tool is held by fewer faces than that in a tick."""
 
@@ -105,16 +105,16 @@ rest in the last 40 per cent only is not judged any more."""
 
 # continuous_contact
 
-CHORD = 0.5
+CHORD_STEPS = 0.5
 """HIP steps that a point on the straight way between two contact points lies off the surface at the most: half of the
 way, at an edge. A contact point that is late by a number of ticks between two is such a point. Derived; doubled, a
 tool may cut every edge by a HIP step."""
 
-HALF_RATE = 0.5 * LAG_TICKS
+HALF_LAG_STEPS = 0.5 * LAG_TICKS
 """HIP steps of the recording that three ticks at twice its rate are: where a path is looked at, the largest step.
 Derived; doubled, hops of three HIP steps are not looked at."""
 
-CONFIRMS = (2, 4)
+CONFIRMING_RATES = (2, 4)
 """Sampling rates, times the recorded one, at which the way by a jump that stays has to have it too. *Chosen*: at one
 rate alone a jump may be that of the rate. Doubled, runs take twice as long."""
 
@@ -122,20 +122,20 @@ REFINEMENTS = (1, 2, 4, 8, 16, 32)
 """Of a run that has no places to look at. *Chosen*: the first three always, the rest while undecided. Doubled, runs
 take twice as long and fewer are undecided."""
 
-MINI = 1.5
+MINI_JUMP_EDGES = 1.5
 """A jump up to this many edges or cells of the renderer's representation is a mini pop-through: between neighbours.
 Derived: between neighbours a nearest point jumps by an edge at the most, and rounding of its ends adds half.
 Doubled, a jump over one edge is called mini; both fail."""
 
-STILL = 1e-3
+STILL_STEP_SHARE = 1e-3
 """HIP steps below this share of the largest one are no motion that could be amplified. *Chosen*, for the evidence
 alone: doubled, no verdict changes."""
 
-POWER_LAW = math.log2(1.1)
+POWER_LAW_SCATTER = math.log2(1.1)
 """How far jumps may scatter about c r^k, in log2: a tenth. *Chosen*; doubled, jumps of a fifth beside it count as that
 law."""
 
-STAYS, SHRINKS = 0.15, 0.25
+JUMP_SLOPE, SHRINKING_SLOPE = 0.15, 0.25
 """Slopes of log2(jump) against log2(step): a jump has 0, a Hoelder map of order a has a, a Lipschitz map 1. *Chosen*
 between 0 and the 1/6 of the sharpest tip that is asked for, and above it. Doubled, conformal maps at tips would
 fail."""
@@ -146,47 +146,47 @@ has no finer samples. Doubled, the places that are compared are twice as far apa
 
 # corners
 
-HELD = 0.5
+HELD_FORCE_SHARE = 0.5
 """Share of the usual force on the first face below which the force is not kept any more. *Chosen*: a spring that is
 kept has one, a rounded corner takes it to nothing. Doubled, every change of the force on a face would count as its
 loss."""
 
 # crossings
 
-NEAR = 0.05
+FACE_TURN_SHARE = 0.05
 """Share of the corner's turn within which a direction counts as a face's: far above rounding, far below a switch.
 *Chosen*: doubled, the corner of a conformal map that leaves a tenth of the turn open counts as switched."""
 
 # force_magnitude
 
-FACTOR = 2.0
+STIFFNESS_FACTOR = 2.0
 """Off by this factor fails a must, where no stiffness is declared that varies. *Chosen*: doubled, a third of the
 stiffness would be a warning only."""
 
-UNDECLARED = ((1.0 + TELLS) / FACTOR, FACTOR * (1.0 - TELLS))
-"""Shares of the scene's stiffness within which it is not off by `FACTOR`: a tenth is not told apart, so that one who is
-off by just that much fails. Derived; it doubles with that."""
+UNDECLARED_RANGE = ((1.0 + TELLING_SHARE) / STIFFNESS_FACTOR, STIFFNESS_FACTOR * (1.0 - TELLING_SHARE))
+"""Shares of the scene's stiffness within which it is not off by `STIFFNESS_FACTOR`: a tenth is not told apart, so that
+one who is off by just that much fails. Derived; it doubles with that."""
 
 WIDE_RANGE = 16.0
 """A declared stiffness whose largest is so many times its least leaves next to nothing of the size to be asked for, and
 a message says so; nor does it say what holding the force may give at the scene's own rate. *Chosen*: the square of what
 is a factor of four. Doubled, a range from 0.2 to 6 counts as one that says something."""
 
-SPIKES = 0.1
+SPIKE_SHARE = 0.1
 """Ticks that are off are spikes up to this share of all: more of them are what the renderer does as a rule. *Chosen*,
 for words alone: doubled, faults in a fifth of the ticks are called spikes."""
 
-HALF = 0.5
+CAUSE_SHARE = 0.5
 """Share of the deviation's spread, or of its variance, from which its cause is named. *Chosen*, for words alone:
 doubled, no cause is named."""
 
-SOME = 8
+GROUP_SAMPLES = 8
 """Fewer samples make no median worth comparing; and into so many groups depths, times and places are divided first.
 *Chosen*: doubled, shorter contacts have no cause named."""
 
-MANY = 32
-"""Into so many groups they are divided where that explains nothing, and each has `SOME` samples. *Chosen*, for words
-alone: doubled, causes are named where there are 512 samples."""
+FINE_GROUPS = 32
+"""Into so many groups they are divided where that explains nothing, and each has `GROUP_SAMPLES` samples. *Chosen*, for
+words alone: doubled, causes are named where there are 512 samples."""
 
 # impulsive_collision
 
@@ -194,17 +194,17 @@ WINDOW_TICKS = LAG_TICKS + 1
 """A sampled renderer meets the contact at the sample after it, its answer acts until the next, and may be late.
 Derived; doubled, a cushion of seven ticks passes as a collision."""
 
-UNKNOWN = 0.5
+UNKNOWN_MOMENTUM = 0.5
 """Share of the momentum that the operator may take before the tool is met, beyond which (3.5) says nothing. *Chosen*:
 doubled, collisions are judged whose momentum the hand took all."""
 
-SAME_FACE = 0.995
+SAME_FACE_COSINE = 0.995
 """Cosine, of 5.7 degrees, by which the normal may turn in that time: beyond, (3.5) along one normal says nothing.
 *Chosen*: the momentum that it may hide is a tenth (its sine). Doubled as an angle, a fifth."""
 
 # jumps
 
-BELOW = 2
+LOOKS_BELOW_SINGLE = 2
 """How often a place is looked at beyond what single precision resolves, in 64 sub-steps each time. *Chosen*: doubled, a
 jump that is rounded over less is still found, in twice the looks."""
 
@@ -216,19 +216,19 @@ ROWS_OF_A_LOOK = 1024
 """Fine steps of one look: what is suspect over a longer stretch is looked at in parts, the worst first. *Chosen*, for
 memory: doubled, looks are half as many and twice as long."""
 
-AROUND = LAG_TICKS + 1
+TICKS_AROUND = LAG_TICKS + 1
 """Ticks on either side of a step in which a proxy that moves in every third tick has moved as well. Derived; doubled,
 nothing changes for proxies that move in every third tick."""
 
-FLAT = 0.9
+JUMP_SPREAD_SHARE = 0.9
 """A spread of which finer steps than single precision resolves leave this share or more is a jump's. *Chosen*: a jump
 leaves all of it, a map of exponent 1/6 half in 64 sub-steps. Doubled, no spread would be a jump."""
 
-STEEPEST = 0.15
+LEAST_EXPONENT = 0.15
 """Exponent from which on a map counts as continuous: 1/6, less a tenth for where the samples fall. Derived from the tip
 of 60 degrees; doubled, a conformal map at a tip of less than 54 degrees is steep, which decides nothing."""
 
-SMOOTH = 0.5
+SMOOTH_EXPONENT = 0.5
 """Exponent above which the ways of a map look smooth at last: a Lipschitz map has 1, and no tip more than 1/2. Derived;
 doubled, a Lipschitz map beside a steep place is not recognised as such."""
 
@@ -236,49 +236,49 @@ COARSER_THAN_DOUBLE = 2.0**-26
 """Share of the rounding in single precision below which double precision is too coarse for HIP steps. Derived: there
 half of the digits of a double are left. Doubled, one halving less is looked at."""
 
-BEFORE, AFTER = 512, 64
+TICKS_BEFORE_JUMP, TICKS_AFTER_JUMP = 512, 64
 """Ticks before and after a jump that are led along once more at a finer rate: half a second in which to get there.
 *Chosen*: proxies forget within it. Doubled, looks take twice as long."""
 
 # metamorphic
 
-SAME = 1e-12
+SAME_ANSWER = 1e-12
 """Share of the model's size by which answers may differ beside what is declared and what rounding of the hand changes:
 some four thousand roundings of a double, those of an iteration that ends at rounding. *Chosen*; doubled, twice as
 much rounding is granted."""
 
-SAME_SIMULATED = 1e-9
+SAME_SIMULATED_ANSWER = 1e-9
 """The same for a renderer that answers a stimulus whole: its tool has a motion of its own, with events at instants that
 it has to find, and in a corner ever more of them, until rounding ends them. *Chosen*; doubled, twice as much is
 granted."""
 
 # nudges
 
-STEEP = 10.0
+STEEP_FACTOR = 10.0
 """Times that an answer may change by what nudging the hand by its rounding changes it: a few roundings add up.
 *Chosen*; doubled, twice as much is granted where answers are steep."""
 
-AMPLIFIED = 10.0
+AMPLIFIED_FACTOR = 10.0
 """Times its nudge by which an answer may change for a row not to count as one on a discontinuity. *Chosen*; doubled,
 rows beside a medial axis count that are left out now."""
 
-ROUNDINGS = 4.0 * float(np.finfo(np.float64).eps)
+HAND_ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """Share of a coordinate by which the hand of a run that is stated otherwise may be off: four roundings. *Chosen*: a
 turn, a shift, a scale and the way back round once each. Doubled, twice as much is granted."""
 
 # numerical_stability
 
-DIGITS = 1e-9
+ANSWER_CHANGE = 1e-9
 """Share of the model's size by which an answer may change beside what rounding of the hand changes. *Chosen*: seven
 digits of the usual IHIP step of 0.1 mm at 200 mm are left. Doubled, 0.4 nm are granted."""
 
 # passivity
 
-CLOSED = 1e-9
+SAME_POINT = 1e-9
 """Share of the model's size within which two HIPs are one point. *Chosen*, far above rounding: doubled, points 0.4 nm
 apart are one."""
 
-RIGID = 1e-3
+RIGID_WORK_SHARE = 1e-3
 """Share of force times way that a force across the way may seem to do. *Chosen*: what facets of the sampling do to the
 angle of a force. Doubled, a force may seem to work twice as much."""
 
@@ -288,46 +288,46 @@ FINER_RATES = (4, 8, 16)
 
 # refinement
 
-SETTLES = 0.75
+SETTLING_RATIO = 0.75
 """Halving the tick halves a first-order effect and quarters a second-order one; what shrinks less is no such effect.
 Derived: in the middle between 1/2 and 1. Doubled, what grows with finer ticks is extrapolated."""
 
 # surface_dynamics
 
-GONE = 0.05
+DIED_OUT_SHARE = 0.05
 """Share of the largest distance below which the motion across counts as over. *Chosen*: a law that is twice as fast has
 it no later. Doubled, a fault in the last tenth of the way home is not seen."""
 
 # surface_motion
 
-FOCAL = 1e-9
+FOCAL_EIGENVALUE = 1e-9
 """The least eigenvalue of I + n W at which a foot is told from its neighbours. *Chosen*, as rounding of the foot:
 doubled, the same recordings are judged."""
 
-SLIDES = 1e-3
+SLIDE_SHARE = 1e-3
 """Share of the model's size that a tool must have slid at its top speed for its sliding to be judged. *Chosen*:
 doubled, a tool that slides 0.3 mm on 200 mm is not judged."""
 
 # under_the_hand
 
-ASIDE = 10.0
+ASIDE_DEPTHS = 10.0
 """Depths that an IHIP may stand aside of the HIP's nearest surface point: *chosen*. A projection whose lines meet the
 surface under 6 degrees still passes; doubled, under 3. Nearest points and god-objects have 0 as long as no medial axis
 is passed, and rays from a centre the tangent of their angle to the normal: 2.4 on an ellipse of 5 to 1, 5.6 in a niche.
 What stays behind shows where the hand leaves, for there the depth goes to 0."""
 
-STRETCHED = 2.0
+STRETCHED_STEPS = 2.0
 """HIP steps up to which a step of the nearest point is no jump: *chosen*; it has 1 / (1 - kappa d) of them. Beyond, the
 hand passes the medial axis, or comes close, and a god-object is right to stay where it was. Doubled, more is judged."""
 
 # effects: friction_break_away, friction_sticking
 
-STICKS = 0.6
+STICKING_SHARE = 0.6
 """Share of the kinetic cone within which no friction slides, however it goes from sliding to sticking. *Chosen*, the
 share at which a scene's tool sticks again unless it says another. Doubled, a tool that slides, rightly, on the kinetic
 cone counts as held, and creeps."""
 
-CREEP = 1e-7
+CREEP_SPEED = 1e-7
 """How fast a tool that sticks may creep, m/s: 1 um in 10 s, the resolution of a good encoder. *Chosen*: a friction that
 needs a speed to have a force creeps a thousand times as fast. Doubled, 2 um in 10 s pass."""
 
@@ -391,7 +391,7 @@ doubled, a force that leaps by four times what ours turns in a tick passes."""
 
 # effects: texture
 
-STEADY = 0.01
+STEADY_SHARE = 0.01
 """Share by which speed and force may differ within a stretch: less than a tenth of a decibel in texture models.
 *Chosen*: doubled, less than a fifth, and a hand that is half as steady is judged."""
 
@@ -427,7 +427,7 @@ SHORTEST_STRETCH = 1.5
 """Seconds of a stretch, settled, from which its power is compared with that of others. *Chosen*: doubled, those of 1.5
 to 3 s are left out."""
 
-CHANCE = 1e-3
+CHANCE_OF_FAILURE = 1e-3
 """Probability with which a right texture exceeds a bound by chance. *Chosen*: doubled, one run in five hundred fails a
 right one."""
 
@@ -453,7 +453,7 @@ and answer in the next, and the first sample of a sinusoid is zero. Derived; dou
 
 # effects: vibration
 
-WIDTHS = 2.5758293035489004
+CONFIDENCE_WIDTHS = 2.5758293035489004
 """Standard deviations to either side that hold 99 per cent of a normal distribution: the true number lies within what a
 fit leaves open with that probability. *Chosen*: doubled, twice as much is open, and chance goes beyond it once in four
 million."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import DIGITS, STEEP
+from hapticeval.phenomena.decisions import ANSWER_CHANGE, STEEP_FACTOR
 from hapticeval.phenomena.numerical_stability import EPS
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
@@ -21,28 +21,33 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     contact = touching(base, scene)
     if contact.any() and np.array_equal(base.ihip, base.hip) and not lacks_ihip(base, scene):
         return undecided("the tool is rigid: its force is what the hand pushes then, and no answer to where it is")
-    ways = [way for way in laps(base.hip, size) if way[2] > 2 and contact[way[0] : way[0] + way[1] * way[2]].any()]
+    ways = [
+        lap_run
+        for lap_run in laps(base.hip, size)
+        if lap_run[2] > 2 and contact[lap_run[0] : lap_run[0] + lap_run[1] * lap_run[2]].any()
+    ]
     if not ways:
         return undecided("the hand never goes round a closed loop three times in contact")
-    lost, off, worst, number = -1.0, -1.0, 0, 0
+    largest_excess, off, worst, number = -1.0, -1.0, 0, 0
     for first, period, count in ways:
         rows = slice(first + period, first + count * period)
         hip, ihip, force = (
-            each[rows].reshape(count - 1, period, -1) for each in (base.hip, base.ihip, base.force / scene.stiffness)
+            channel[rows].reshape(count - 1, period, -1)
+            for channel in (base.hip, base.ihip, base.force / scene.stiffness)
         )
-        apart, *answers = (np.linalg.norm(each - each[0], axis=2) for each in (hip, ihip, force))
+        apart, *answers = (np.linalg.norm(channel - channel[0], axis=2) for channel in (hip, ihip, force))
         changed = np.maximum(*answers)
-        beyond = np.maximum(changed - STEEP * apart, 0.0)
-        row = int(np.argmax(np.where(beyond.max() > 0.0, beyond, changed)))
-        most = float(beyond.flat[row]), float(changed.flat[row])
-        if most > (lost, off):
-            (lost, off), worst, number = most, first + period + row, count
+        excess = np.maximum(changed - STEEP_FACTOR * apart, 0.0)
+        row = int(np.argmax(np.where(excess.max() > 0.0, excess, changed)))
+        excess_and_change = float(excess.flat[row]), float(changed.flat[row])
+        if excess_and_change > (largest_excess, off):
+            (largest_excess, off), worst, number = excess_and_change, first + period + row, count
     digits = -math.log10(max(off / size, EPS))
     ticks = sum(period * count for _, period, count in ways)
     evidence = {**evidence_at(base, worst), "digits": digits, "off_m": off, "laps": number, "ticks": ticks}
     return compared(
-        Metric(CHECK.metric, lost / size, CHECK.unit),
-        DIGITS,
+        Metric(CHECK.metric, largest_excess / size, CHECK.unit),
+        ANSWER_CHANGE,
         evidence,
         passes=f"after {number} laps the answers are those of the second, to {math.floor(digits)} digits",
         fails=f"the answers drift: in {number} laps over the same points by up to {mm(off)}",

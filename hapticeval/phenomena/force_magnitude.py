@@ -10,8 +10,17 @@ import numpy as np
 
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import HALF, LAG_TICKS, MANY, SOME, SPIKES, TELLS, UNDECLARED, WIDE_RANGE
-from hapticeval.phenomena.lag import at_rows, find_lag
+from hapticeval.phenomena.decisions import (
+    CAUSE_SHARE,
+    FINE_GROUPS,
+    GROUP_SAMPLES,
+    LAG_TICKS,
+    SPIKE_SHARE,
+    TELLING_SHARE,
+    UNDECLARED_RANGE,
+    WIDE_RANGE,
+)
+from hapticeval.phenomena.lag import delayed, find_lag
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     as_sensed,
@@ -35,8 +44,9 @@ class Measured:
     """The apparent stiffness, as a share of the scene's, at `ticks` (n,) of a recording.
 
     `ratio` is that of HIP and IHIP of the same tick; `low` and `high` are its ends over all that a lag may have done,
-    and `allowed` what a damper, the way's curvature and rounding may add; `most` is that with the largest speeds within
-    a lag. `rate` is that of the depth, m/s, and `begins` where a lag reaches to before or behind the contact.
+    and `allowed` what a damper, the way's curvature and rounding may add; `allowed_in_lag` is that with the largest
+    speeds within a lag. `rate` is that of the depth, m/s, and `begins` where a lag reaches to before or behind the
+    contact.
     """
 
     ticks: IntArray
@@ -44,7 +54,7 @@ class Measured:
     low: Array
     high: Array
     allowed: Array
-    most: Array
+    allowed_in_lag: Array
     depth: Array
     rate: Array
     begins: BoolArray
@@ -77,38 +87,40 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         message = "a rigid contact: its force comes without a depth, and has no stiffness that could be measured"
         return Finding(Outcome.NOT_APPLICABLE, message, level=level)
     springs = tuple(Spring) if declared is None else (Spring(declared),)
-    measured = [_measure(base, scene, spring) for spring in springs]
+    measured = [_measure_stiffness(base, scene, spring) for spring in springs]
     # One who does not declare a law is measured by the one that fits better.
     finding = _finding(base, scene, min(measured, key=lambda stiffness: _misfit(stiffness, base)), level)
     if not declares_wide_range(base):
         return finding
-    least, largest = declared_range(base) or (1.0, 1.0)
-    declares = f"it declares a stiffness from {least:.3g} to {largest:.3g} of the scene's, which asks next to nothing"
+    softest, stiffest = declared_range(base) or (1.0, 1.0)
+    declares = (
+        f"it declares a stiffness from {softest:.3g} to {stiffest:.3g} of the scene's, which asks next to nothing"
+    )
     return replace(finding, message=f"{finding.message}; {declares}")
 
 
 def declared_range(base: Recording) -> tuple[float, float] | None:
     """Return the least and largest stiffness that the renderer declares, as shares of the scene's; None without."""
-    least = base.meta.get("stiffness_least")
-    return None if least is None else (float(least), float(base.meta.get("stiffness_largest", np.inf)))
+    softest = base.meta.get("stiffness_least")
+    return None if softest is None else (float(softest), float(base.meta.get("stiffness_largest", np.inf)))
 
 
 def declares_wide_range(base: Recording) -> bool:
     """Return whether the declared stiffness varies by so much that it says next to nothing of the force's size."""
-    least, largest = declared_range(base) or (1.0, 1.0)
-    return largest > WIDE_RANGE * least
+    softest, stiffest = declared_range(base) or (1.0, 1.0)
+    return stiffest > WIDE_RANGE * softest
 
 
 def _misfit(measured: Measured, base: Recording) -> tuple[float, bool, float, float]:
-    coarse = float(measured.beyond(declared_range(base) or UNDECLARED, measured.most).max(initial=0.0))
-    clear = measured.rows(measured.allowed <= TELLS)
+    coarse = float(measured.beyond(declared_range(base) or UNDECLARED_RANGE, measured.allowed_in_lag).max(initial=0.0))
+    clear = measured.rows(measured.allowed <= TELLING_SHARE)
     off = clear.excess > 0.0
     fine = float(off.mean()) if off.size else 0.0, float(clear.excess.max(initial=0.0))
     return max(coarse, 0.0), not off.size, *fine
 
 
-def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
-    pressing = _pressing(base, scene)
+def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measured:
+    pressing = _calls_for_force(base, scene)
     now = np.flatnonzero(pressing)
     last = len(base) - 1
     window = np.clip(now + np.arange(-LAG_TICKS, LAG_TICKS + 1)[:, np.newaxis], 0, last)
@@ -119,20 +131,22 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
         errors += [base.hip[hip] - base.ihip[ihip] for hip, ihip in ((before, now), (before, before), (now, after))]
     # Where the depth has an extremum, those of whole ticks may all lie on one side of a lag's between them.
     late = find_lag(base, scene)
-    errors.append(at_rows(base.hip, now, late.force_hip) - at_rows(base.ihip, now, late.force_ihip))
-    shares = np.array([_share(force, each, scene.stiffness, spring) for each in errors])
-    along, depth = _along(force, errors[0], spring)
+    errors.append(delayed(base.hip, now, late.force_hip) - delayed(base.ihip, now, late.force_ihip))
+    shares = np.array([_stiffness_share(force, candidate, scene.stiffness, spring) for candidate in errors])
+    along, depth = _depth_direction(force, errors[0], spring)
     # A spring that gives nothing has no direction of its own: what it should have given is along the error.
     silent = ~above_force_floor(base, scene)
     idle = silent[now]
     if idle.any():
-        shares[:, idle] = [_share(force[idle], each[idle], scene.stiffness, Spring.ERROR) for each in errors]
-        along[idle] = _along(force[idle], errors[0][idle], Spring.ERROR)[0]
+        shares[:, idle] = [
+            _stiffness_share(force[idle], candidate[idle], scene.stiffness, Spring.ERROR) for candidate in errors
+        ]
+        along[idle] = _depth_direction(force[idle], errors[0][idle], Spring.ERROR)[0]
         depth[idle] = _sure_depth(base, scene, spring)[window[:, idle]].min(axis=0)
     # So does one at the end of the run, of which a late IHIP is not recorded any more.
     begins = np.isnan(shares).any(axis=0) | ~pressing[window].all(axis=0) | (now > last - LAG_TICKS)
     # Where the contact begins or ends a force may be late, and is not larger than any depth within a lag explains.
-    reach = np.max([np.linalg.norm(each, axis=1) for each in errors], axis=0)
+    reach = np.max([np.linalg.norm(candidate, axis=1) for candidate in errors], axis=0)
     size = np.linalg.norm(force, axis=1)
     if spring is Spring.ERROR:  # what is across the error is another check's
         size = np.where(np.any(along != 0.0, axis=1), np.abs(np.sum(along * force, axis=1)), size)
@@ -147,32 +161,34 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
     low[begins], high[begins] = explained[begins], np.inf
     velocity, sinking = _velocity(base), backward_difference(error, base.time)
     speeds = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
-    speed, spreading = (np.abs(np.sum(along * each, axis=1)) for each in (velocity[now], sinking[now]))
+    speed, spreading = (np.abs(np.sum(along * rates, axis=1)) for rates in (velocity[now], sinking[now]))
     bending = np.zeros(now.size)
     if "spring" not in base.meta:
-        bending = scene.mass * _bending(base, scene, velocity, now)
-    coarse = _coarse(base, size)
+        bending = scene.mass * _curvature_acceleration(base, scene, velocity, now)
+    coarse = _force_coarseness(base, size)
     apart = 4.0 * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
-    beside = bending + coarse + scene.stiffness * apart
+    other_force = bending + coarse + scene.stiffness * apart
     with np.errstate(divide="ignore"):
-        allowed, most = (
-            (scene.damping * rate + beside) / (scene.stiffness * depth)
+        allowed, allowed_in_lag = (
+            (scene.damping * rate + other_force) / (scene.stiffness * depth)
             for rate in (np.maximum(speed, spreading), speeds[window].max(axis=0))
         )
     ratio = np.where(begins, explained, shares[0])
-    measured = Measured(now, ratio, low, high, allowed, most, depth, np.sum(along * sinking[now], axis=1), begins)
+    measured = Measured(
+        now, ratio, low, high, allowed, allowed_in_lag, depth, np.sum(along * sinking[now], axis=1), begins
+    )
     return measured.rows(depth > 0.0)
 
 
-def _coarse(base: Recording, sizes: Array) -> float:
+def _force_coarseness(base: Recording, sizes: Array) -> float:
     """Return how coarse the force is by what is declared, N.
 
     Of a coarser one than a twentieth of the largest of `sizes` (n,), N, nothing could be told even there.
     """
-    return min(float(base.meta.get("force_resolution", 0.0)), 0.5 * TELLS * float(sizes.max()))
+    return min(float(base.meta.get("force_resolution", 0.0)), 0.5 * TELLING_SHARE * float(sizes.max()))
 
 
-def _pressing(base: Recording, scene: Scene) -> BoolArray:
+def _calls_for_force(base: Recording, scene: Scene) -> BoolArray:
     """Return where a force is called for, (n,): in contact, but where no force is given to a hand outside the model."""
     pressing = touching(base, scene)
     silent = np.flatnonzero(pressing & ~above_force_floor(base, scene))
@@ -198,7 +214,7 @@ def _velocity(base: Recording) -> Array:
     return base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
 
 
-def _along(force: Array, error: Array, spring: Spring) -> tuple[Array, Array]:
+def _depth_direction(force: Array, error: Array, spring: Spring) -> tuple[Array, Array]:
     """Return the direction in which the depth is measured, (n, N), and the depth, (n,), m; zero where there is none."""
     direction = error if spring is Spring.ERROR else -force
     size = np.linalg.norm(direction, axis=1)
@@ -206,7 +222,7 @@ def _along(force: Array, error: Array, spring: Spring) -> tuple[Array, Array]:
     return unit, np.abs(np.sum(unit * error, axis=1))
 
 
-def _share(force: Array, error: Array, stiffness: float, spring: Spring) -> Array:
+def _stiffness_share(force: Array, error: Array, stiffness: float, spring: Spring) -> Array:
     """Return the stiffness as a share of the scene's, (n,): -F.e / e^2, or F^2 / -F.e across the surface."""
     push = -np.sum(force * error, axis=1)
     above, below = (push, np.sum(error**2, axis=1)) if spring is Spring.ERROR else (np.sum(force**2, axis=1), push)
@@ -214,16 +230,20 @@ def _share(force: Array, error: Array, stiffness: float, spring: Spring) -> Arra
     return np.asarray(np.divide(above, stiffness * below, out=share, where=below != 0.0))
 
 
-def most_beside(base: Recording, scene: Scene) -> Array:
+def largest_other_force(base: Recording, scene: Scene) -> Array:
     """Return how large a damper's force is at most, and the curvature's of one that declares no spring: (n,), N."""
     velocity = _velocity(base)
     sinking = backward_difference(base.hip - base.ihip, base.time)
     speed = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
-    bent = np.zeros(len(base)) if "spring" in base.meta else _bending(base, scene, velocity, np.arange(len(base)))
+    bent = (
+        np.zeros(len(base))
+        if "spring" in base.meta
+        else _curvature_acceleration(base, scene, velocity, np.arange(len(base)))
+    )
     return np.asarray(scene.damping * speed + scene.mass * bent)
 
 
-def _bending(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) -> Array:
+def _curvature_acceleration(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) -> Array:
     """Return |kappa| v^2 of the way along the surface (3.8), (n,), m/s^2: by which a law that knows it may differ.
 
     With v the speed of the hand, or of the IHIP since the tick before or to the next, whichever is largest: where the
@@ -233,7 +253,7 @@ def _bending(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) ->
     largest = np.max(np.abs(np.linalg.eigvalsh(shape)), axis=1)
     sliding = backward_difference(base.ihip, base.time)
     after = np.minimum(ticks + 1, len(base) - 1)
-    speeds = (np.linalg.norm(each, axis=1) for each in (velocity[ticks], sliding[ticks], sliding[after]))
+    speeds = (np.linalg.norm(velocities, axis=1) for velocities in (velocity[ticks], sliding[ticks], sliding[after]))
     speed = np.max([*speeds], axis=0)
     return np.asarray(largest * speed**2)
 
@@ -252,8 +272,8 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
     shares = np.divide(size, scene.stiffness * late, out=np.full(late.shape, np.inf), where=late > 0.0)
     speed = np.linalg.norm(_velocity(base)[ticks], axis=1)
     with np.errstate(divide="ignore"):
-        beside = (scene.damping * speed + _coarse(base, size)) / scene.stiffness
-        allowed = (beside + rounding(scene) + standoff(base, scene)) / late[0]
+        other_depth = (scene.damping * speed + _force_coarseness(base, size)) / scene.stiffness
+        allowed = (other_depth + rounding(scene) + standoff(base, scene)) / late[0]
     high = shares.max(axis=0)
     rate = backward_difference(depth[:, np.newaxis], base.time)[ticks, 0]
     low, begins = shares.min(axis=0) if no_tool else np.minimum(high, 1.0), np.zeros(ticks.size, dtype=bool)
@@ -268,17 +288,18 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
 
 def _finding(base: Recording, scene: Scene, measured: Measured, level: Level) -> Finding:
     """Judge by the must first, over all samples, and then to what is allowed where that is little."""
-    shares = declared_range(base) or UNDECLARED
-    beyond = measured.beyond(shares, measured.most)
+    shares = declared_range(base) or UNDECLARED_RANGE
+    outside = measured.beyond(shares, measured.allowed_in_lag)
     if any(effect.stage is Stage.ANSWER for effect in scene.effects):
         level = Level.SHOULD  # what is called for beside the spring changes the force by a law of its own
-    elif beyond.size and beyond.max() > 0.0:
-        worst = int(np.argmax(beyond))
+    elif outside.size and outside.max() > 0.0:
+        worst = int(np.argmax(outside))
         edge = shares[1] - 1.0 if measured.low[worst] > shares[1] else 1.0 - shares[0]
         return replace(
-            _failed(base, scene, measured, beyond, worst, edge + float(measured.most[worst])), level=Level.MUST
+            _failed_finding(base, scene, measured, outside, worst, edge + float(measured.allowed_in_lag[worst])),
+            level=Level.MUST,
         )
-    measured = measured.rows(measured.allowed <= TELLS)
+    measured = measured.rows(measured.allowed <= TELLING_SHARE)
     if measured.ticks.size == 0 or measured.begins.all():
         return undecided(
             "a damper or the rounding of the numbers may make a tenth of the force or more throughout: "
@@ -288,14 +309,13 @@ def _finding(base: Recording, scene: Scene, measured: Measured, level: Level) ->
     worst = int(np.argmax(excess))
     bound = float(measured.allowed[worst])
     if excess[worst] > 0.0:
-        return replace(_failed(base, scene, measured, excess, worst, bound), level=level)
+        return replace(_failed_finding(base, scene, measured, excess, worst, bound), level=level)
     # Within a lag's reach the ends of the share enclose one, wherever the present HIP alone would put it.
     metric = Metric(CHECK.metric, float(np.maximum(excess + measured.allowed, 0.0)[worst]), "")
     evidence = _evidence(base, scene, measured, worst)
     median = evidence["apparent_stiffness_N_m"]
-    message = (
-        f"the force fits the depth, with an apparent stiffness of {median:.4g} N/m; {_at_deepest(evidence, scene)}"
-    )
+    at_deepest = _describe_deepest(evidence, scene)
+    message = f"the force fits the depth, with an apparent stiffness of {median:.4g} N/m; {at_deepest}"
     return Finding(Outcome.PASS, message, metric, bound, evidence, level)
 
 
@@ -316,28 +336,30 @@ def _evidence(base: Recording, scene: Scene, measured: Measured, worst: int) -> 
     }
 
 
-def _at_deepest(evidence: Mapping[str, Any], scene: Scene) -> str:
+def _describe_deepest(evidence: Mapping[str, Any], scene: Scene) -> str:
     return (
         f"at the deepest {evidence['force_N']:.3g} N at {mm(evidence['depth_m'])}, where K = {scene.stiffness:g} N/m "
         f"asks for {mm(evidence['depth_asked_m'])}"
     )
 
 
-def _failed(base: Recording, scene: Scene, measured: Measured, excess: Array, worst: int, bound: float) -> Finding:
+def _failed_finding(
+    base: Recording, scene: Scene, measured: Measured, excess: Array, worst: int, bound: float
+) -> Finding:
     tick, share = int(measured.ticks[worst]), float(measured.ratio[worst])
     evidence = _evidence(base, scene, measured, worst)
-    pattern, numbers = _pattern(base, scene, measured, excess > 0.0)
+    pattern, numbers = _describe_pattern(base, scene, measured, excess > 0.0)
     low, median, high = (evidence[name] for name in ("stiffness_05_N_m", "apparent_stiffness_N_m", "stiffness_95_N_m"))
     force, depth = float(np.linalg.norm(base.force[tick])), float(measured.depth[worst])
     message = (
         f"{pattern}: an apparent stiffness of {scene.stiffness * share:.4g} N/m at t = {base.time[tick]:.4g} s (tick "
         f"{tick}: {force:.3g} N at {mm(depth)}), of {median:.4g} in the median, and from {low:.4g} to {high:.4g} in "
-        f"nine tenths of the samples, for the scene's {scene.stiffness:g}; {_at_deepest(evidence, scene)}"
+        f"nine tenths of the samples, for the scene's {scene.stiffness:g}; {_describe_deepest(evidence, scene)}"
     )
     return Finding(Outcome.FAIL, message, Metric(CHECK.metric, abs(share - 1.0), ""), bound, evidence | numbers)
 
 
-def _pattern(base: Recording, scene: Scene, measured: Measured, off: BoolArray) -> tuple[str, dict[str, Any]]:
+def _describe_pattern(base: Recording, scene: Scene, measured: Measured, off: BoolArray) -> tuple[str, dict[str, Any]]:
     """Return what the deviations go with, in words, and the numbers that show it."""
     ticks, numbers = measured.ticks[off], {"share_off": float(off.mean())}
     if measured.begins[off].all():
@@ -345,28 +367,28 @@ def _pattern(base: Recording, scene: Scene, measured: Measured, off: BoolArray) 
         return f"a kick where the contact begins or ends: up to {largest:.3g} N", numbers | {"kicks": ticks.size}
     inner = measured.rows(~measured.begins)
     off = off[~measured.begins]
-    quiet = _quiet(base, scene, inner, off)
+    quiet = _describe_missing_force(base, scene, inner, off)
     if quiet is not None:
         return quiet, numbers
     middle = float(np.median(inner.ratio))
-    uniform = np.max(np.abs(inner.ratio - middle)) <= HALF * abs(middle - 1.0)
-    medians, explained = _causes(base, inner, SOME)
-    if max(explained.values()) < HALF and inner.ticks.size >= MANY * SOME:
-        explained = _causes(base, inner, MANY)[1]
+    uniform = np.max(np.abs(inner.ratio - middle)) <= CAUSE_SHARE * abs(middle - 1.0)
+    medians, explained = _explain_by_causes(base, inner, GROUP_SAMPLES)
+    if max(explained.values()) < CAUSE_SHARE and inner.ticks.size >= FINE_GROUPS * GROUP_SAMPLES:
+        explained = _explain_by_causes(base, inner, FINE_GROUPS)[1]
     cause = max(explained, key=lambda name: round(explained[name], 2))
-    if off.mean() <= SPIKES and (uniform or explained[cause] < HALF):
-        return _rare(base, inner.ticks[off]), numbers | {"spikes": ticks.size}
+    if off.mean() <= SPIKE_SHARE and (uniform or explained[cause] < CAUSE_SHARE):
+        return _describe_rare(base, inner.ticks[off]), numbers | {"spikes": ticks.size}
     numbers |= {f"share_{key}": share for key, share in medians.items()}
     if uniform:
         percent = abs(1e2 * (middle - 1.0))
         return f"{'stiffer' if middle > 1.0 else 'softer'} throughout, by {percent:.3g} per cent", numbers
-    if explained[cause] < HALF:
+    if explained[cause] < CAUSE_SHARE:
         return "it scatters", numbers
-    if cause in ("time", "place") and abs(explained["time"] - explained["place"]) <= TELLS:
-        way = "it changes along the way, with time or with the place, which this path does not tell apart"
-        return f"{way} ({_extremes(base, inner)})", numbers
+    if cause in ("time", "place") and abs(explained["time"] - explained["place"]) <= TELLING_SHARE:
+        along_path = "it changes along the way, with time or with the place, which this path does not tell apart"
+        return f"{along_path} ({_describe_extremes(base, inner)})", numbers
     if cause == "place":
-        return f"it depends on the place ({_extremes(base, inner)})", numbers
+        return f"it depends on the place ({_describe_extremes(base, inner)})", numbers
     one, two, verb = {
         "direction": ("inwards", "outwards", "depends on the"),
         "depth": ("shallow", "deep", "depends on the"),
@@ -390,7 +412,7 @@ SIDES = {
 """Words for the samples of which medians are compared."""
 
 
-def _causes(base: Recording, measured: Measured, count: int) -> tuple[dict[str, float], dict[str, float]]:
+def _explain_by_causes(base: Recording, measured: Measured, count: int) -> tuple[dict[str, float], dict[str, float]]:
     """Return medians of the stiffness on both sides of what it may go with, and the share that each explains.
 
     Depths, times and places are divided into `count` groups.
@@ -411,15 +433,17 @@ def _causes(base: Recording, measured: Measured, count: int) -> tuple[dict[str, 
         "direction": np.sign(measured.rate).astype(int)
         if np.isfinite(medians["inwards"] - medians["outwards"])
         else None,
-        "depth": _ranked(measured.depth, count),
-        "time": _ranked(time, count),
-        "place": _places(base.ihip[measured.ticks], count) if "ihip" in base.channels else None,
+        "depth": _rank_groups(measured.depth, count),
+        "time": _rank_groups(time, count),
+        "place": _place_groups(base.ihip[measured.ticks], count) if "ihip" in base.channels else None,
     }
-    explained = {name: 0.0 if group is None else _explained(measured.ratio, group) for name, group in groups.items()}
+    explained = {
+        name: 0.0 if group is None else _explained_share(measured.ratio, group) for name, group in groups.items()
+    }
     return medians, explained
 
 
-def _quiet(base: Recording, scene: Scene, measured: Measured, off: BoolArray) -> str | None:
+def _describe_missing_force(base: Recording, scene: Scene, measured: Measured, off: BoolArray) -> str | None:
     """Return words for a force that is missing: up to a depth, or for stretches of time; None where it is there."""
     silent = ~above_force_floor(base, scene)[measured.ticks]
     if not (silent & off).any():
@@ -431,32 +455,32 @@ def _quiet(base: Recording, scene: Scene, measured: Measured, off: BoolArray) ->
     if depth <= float(depths[~silent].min(initial=np.inf)):
         gives = f"{scene.stiffness * depth:.3g} N"
         return f"a dead band: no force up to a depth of {mm(depth)}, where the spring gives {gives}"
-    if np.mean(silent[off]) < HALF:
+    if np.mean(silent[off]) < CAUSE_SHARE:
         return None
     ticks = measured.ticks[silent]
-    longest, more = _longest(ticks)
-    return f"no force {_stretch(base, longest)}{more}"
+    longest, more = _longest_run(ticks)
+    return f"no force {_describe_stretch(base, longest)}{more}"
 
 
-def _rare(base: Recording, ticks: IntArray) -> str:
+def _describe_rare(base: Recording, ticks: IntArray) -> str:
     """Return words for few ticks that are off: spikes, where none lasts for longer than a lag, else a stretch."""
-    longest, more = _longest(ticks)
+    longest, more = _longest_run(ticks)
     if longest.size > LAG_TICKS:
-        return f"off {_stretch(base, longest)}{more}"
+        return f"off {_describe_stretch(base, longest)}{more}"
     gaps = np.diff(ticks)
-    regular = gaps.size > 1 and gaps.mean() > 1.0 and np.ptp(gaps) <= TELLS * gaps.mean()
+    regular = gaps.size > 1 and gaps.mean() > 1.0 and np.ptp(gaps) <= TELLING_SHARE * gaps.mean()
     every = f", every {round(gaps.mean())} ticks" if regular else ""
     return f"spikes: {ticks.size} tick{'s' if ticks.size > 1 else ''} off{every}"
 
 
-def _longest(ticks: IntArray) -> tuple[IntArray, str]:
+def _longest_run(ticks: IntArray) -> tuple[IntArray, str]:
     """Return the longest run of consecutive ticks, and words for that there are others."""
     stretches = np.split(ticks, np.flatnonzero(np.diff(ticks) > 1) + 1)
     others = f", the longest of {len(stretches)} such stretches" if len(stretches) > 1 else ""
     return max(stretches, key=len), others
 
 
-def _stretch(base: Recording, ticks: IntArray) -> str:
+def _describe_stretch(base: Recording, ticks: IntArray) -> str:
     plural = "s" if ticks.size > 1 else ""
     return (
         f"for {ticks.size} tick{plural} from t = {base.time[ticks[0]]:.4g} s to {base.time[ticks[-1]]:.4g} s, with the "
@@ -464,9 +488,9 @@ def _stretch(base: Recording, ticks: IntArray) -> str:
     )
 
 
-def _extremes(base: Recording, measured: Measured) -> str:
+def _describe_extremes(base: Recording, measured: Measured) -> str:
     """Return words for where the stiffness is least and where it is largest."""
-    group = _places(base.ihip[measured.ticks], SOME)
+    group = _place_groups(base.ihip[measured.ticks], GROUP_SAMPLES)
     medians = [float(np.median(measured.ratio[group == number])) for number in range(group.max() + 1)]
     words = []
     for number in (int(np.argmin(medians)), int(np.argmax(medians))):
@@ -475,13 +499,13 @@ def _extremes(base: Recording, measured: Measured) -> str:
     return ", ".join(words)
 
 
-def _ranked(values: Array, count: int) -> IntArray:
+def _rank_groups(values: Array, count: int) -> IntArray:
     """Return the group, of so many, of each value (n,): as many values in each, equal ones in one."""
     edges = np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1])
     return np.searchsorted(edges, values)
 
 
-def _places(points: Array, count: int) -> IntArray:
+def _place_groups(points: Array, count: int) -> IntArray:
     """Return the group, of up to so many, of each point (n, N): the longest is halved across until there are enough."""
     group = np.zeros(len(points), dtype=np.int64)
     for number in range(1, count):
@@ -494,7 +518,7 @@ def _places(points: Array, count: int) -> IntArray:
     return group
 
 
-def _explained(ratio: Array, group: IntArray) -> float:
+def _explained_share(ratio: Array, group: IntArray) -> float:
     """Return the share of the variance of the ranks of `ratio` (n,) that groups (n,) explain, 0 to 1.
 
     Ranks, for a ratio may be of any size where the depth is next to nothing.
@@ -503,12 +527,12 @@ def _explained(ratio: Array, group: IntArray) -> float:
     group = np.unique(group, return_inverse=True)[1]
     count = np.bincount(group)
     means = np.bincount(group, ranks) / count
-    whole = float(np.var(ranks))
-    return float(np.var(means[group])) / whole if whole > 0.0 else 0.0
+    variance = float(np.var(ranks))
+    return float(np.var(means[group])) / variance if variance > 0.0 else 0.0
 
 
 def _median(ratio: Array, where: BoolArray) -> float:
-    return float(np.median(ratio[where])) if int(where.sum()) >= SOME else float("nan")
+    return float(np.median(ratio[where])) if int(where.sum()) >= GROUP_SAMPLES else float("nan")
 
 
 CHECK = Check(

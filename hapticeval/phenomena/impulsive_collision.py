@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import SAME_FACE, UNKNOWN, WINDOW_TICKS
+from hapticeval.phenomena.decisions import SAME_FACE_COSINE, UNKNOWN_MOMENTUM, WINDOW_TICKS
 from hapticeval.phenomena.sampling import evidence_at, open_loop_reason, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -35,40 +35,42 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if approach <= 0.0:
         return undecided("the tool does not move into the surface when it meets it")
     window = scene.model.boundary.closest_point(base.ihip[struck : end + 1])
-    if float(np.min(window.normal @ normal)) < SAME_FACE or _meets_another_face(base, scene, normal, struck, end):
+    if float(np.min(window.normal @ normal)) < SAME_FACE_COSINE or _meets_another_face(
+        base, scene, normal, struck, end
+    ):
         return Finding(
             Outcome.NOT_APPLICABLE, f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact"
         )
-    wanted = (1.0 + scene.restitution) * scene.mass * approach
+    required = (1.0 + scene.restitution) * scene.mass * approach
     impulses = _operator_impulses(base, normal)
     pushed = float(np.sum(impulses[struck:end]))
-    taken = scene.mass * float(along[end] - along[struck]) - pushed
+    removed = scene.mass * float(along[end] - along[struck]) - pushed
     velocity = base.velocity[struck : end + 1]
     bend = np.einsum("ni,nij,nj->n", velocity, window.shape, velocity)
     turn = np.linalg.norm(window.normal - normal, axis=1)
-    beside = np.linalg.norm(velocity - np.outer(velocity @ normal, normal), axis=1)
-    turning = max(float(np.abs(bend).max()) * WINDOW_TICKS * base.dt, float(np.max(beside * turn)))
+    sliding_speed = np.linalg.norm(velocity - np.outer(velocity @ normal, normal), axis=1)
+    turning = max(float(np.abs(bend).max()) * WINDOW_TICKS * base.dt, float(np.max(sliding_speed * turn)))
     if "operator_force" in base.channels:
         push = np.linalg.norm(base.channels["operator_force"][struck:end], axis=1)
         turning += float(np.sum(push)) * base.dt * float(turn.max()) / scene.mass
     before, inwards = _operator_until_met(base, impulses, struck), np.maximum(-impulses, 0.0)
-    slower, faster = ((1.0 + scene.restitution) * each for each in (before[1], -before[0]))
-    if slower > UNKNOWN * wanted:
+    slower, faster = ((1.0 + scene.restitution) * impulse for impulse in (before[1], -before[0]))
+    if slower > UNKNOWN_MOMENTUM * required:
         return undecided("the operator may take most of the tool's momentum before it is met, within a tick")
     # A tool that stays in contact has the operator's push answered as well.
-    answered = wanted + faster + float(np.sum(inwards[struck:end]))
-    missing = max(wanted - slower - taken, taken - answered, 0.0) / wanted
+    answered = required + faster + float(np.sum(inwards[struck:end]))
+    missing = max(required - slower - removed, removed - answered, 0.0) / required
     stopped = np.flatnonzero(along[struck:] >= 0.0)
     stopped_ms = 1e3 * float(base.time[struck + stopped[0]] - base.time[struck]) if stopped.size else None
     evidence: dict[str, object] = {
         **evidence_at(base, struck),
         "approach_speed_m_s": approach,
-        "impulse_wanted_Ns": wanted,
-        "impulse_in_window_Ns": taken,
+        "impulse_wanted_Ns": required,
+        "impulse_in_window_Ns": removed,
         "peak_force_N": float(np.max(base.force[struck:] @ normal)),
         "stopped_after_ms": stopped_ms,
     }
-    message = f"{taken:.3g} N s of {wanted:.3g} N s are taken out within {WINDOW_TICKS} ticks"
+    message = f"{removed:.3g} N s of {required:.3g} N s are taken out within {WINDOW_TICKS} ticks"
     fails = f"{message}; the tool " + ("is not stopped" if stopped_ms is None else f"stops after {stopped_ms:.3g} ms")
     leaves = np.flatnonzero(~contact[struck:])
     if leaves.size:
@@ -86,12 +88,12 @@ def _meets_another_face(base: Recording, scene: Scene, normal: Array, struck: in
     """
     rows = np.arange(struck, end)
     size = np.linalg.norm(base.force[rows], axis=1)
-    rows = rows[(size > 0.0) & (base.force[rows] @ normal < SAME_FACE * size)]
+    rows = rows[(size > 0.0) & (base.force[rows] @ normal < SAME_FACE_COSINE * size)]
     if rows.size == 0:
         return False
     steps = np.linalg.norm(base.ihip[rows + 1] - base.ihip[rows], axis=1)
-    beyond = scene.model.boundary.normal_cone(base.ihip[rows], steps)(base.force[rows])
-    return bool(np.any(np.cos(beyond) >= SAME_FACE))
+    angles = scene.model.boundary.normal_cone(base.ihip[rows], steps)(base.force[rows])
+    return bool(np.any(np.cos(angles) >= SAME_FACE_COSINE))
 
 
 def _operator_impulses(recording: Recording, normal: Array) -> Array:

@@ -13,18 +13,18 @@ import numpy as np
 from hapticeval.compiled import borrowing, for_kernels
 from hapticeval.phenomena.check import Closer
 from hapticeval.phenomena.decisions import (
-    AFTER,
-    AROUND,
-    BEFORE,
-    BELOW,
     COARSER_THAN_DOUBLE,
     FEW_PARTS,
-    FLAT,
+    JUMP_SPREAD_SHARE,
     LAG_TICKS,
+    LEAST_EXPONENT,
+    LOOKS_BELOW_SINGLE,
     MANY_PARTS,
     ROWS_OF_A_LOOK,
-    SMOOTH,
-    STEEPEST,
+    SMOOTH_EXPONENT,
+    TICKS_AFTER_JUMP,
+    TICKS_AROUND,
+    TICKS_BEFORE_JUMP,
 )
 from hapticeval.phenomena.sampling import hip_steps, lingering, rounding, touching
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -32,7 +32,7 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
 
-class Left(StrEnum):
+class Remains(StrEnum):
     """What finer steps leave of a jump."""
 
     STAYS = "stays"
@@ -45,27 +45,27 @@ class Scale:
     """A place at one sampling: `halvings` of the recorded step; the longest IHIP step there, m; and its `spread`, m.
 
     The spread is the largest distance between IHIPs around that step: it depends less on where the samples fall.
-    `hip_step`, m, is the longest of the HIP there. `follows` where the IHIP moves with each step of the hand, and not
-    with the rounding of its coordinates only.
+    `hip_step`, m, is the longest of the HIP there. `follows_hand` where the IHIP moves with each step of the hand, and
+    not with the rounding of its coordinates only.
     """
 
     halvings: float
     jump: float
     spread: float
     hip_step: float
-    follows: bool
+    follows_hand: bool
 
 
 @dataclass(frozen=True)
-class Seen:
+class JumpPlace:
     """A place where finer steps do not take the IHIP's steps below the bound: what they leave, m, of which `kind`.
 
     `slope` is the exponent: log2 of the spread a halving of the HIP step. `tick` is the recording's.
     """
 
-    kind: Left
+    kind: Remains
     tick: int
-    left: float
+    remaining: float
     slope: float
     scales: tuple[Scale, ...]
 
@@ -129,10 +129,10 @@ def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
 def lets_go(recording: Recording, rows: slice, depth: float, scene: Scene) -> int | None:
     """Return the first tick of some rows, after contact was had there, without it and the HIP over `depth` m inside."""
     contact = touching(recording, scene)[rows]
-    lost = np.flatnonzero(np.logical_or.accumulate(contact) & ~contact)
-    if lost.size == 0:
+    lost_rows = np.flatnonzero(np.logical_or.accumulate(contact) & ~contact)
+    if lost_rows.size == 0:
         return None
-    inside = lost[scene.model.boundary.signed_distance(recording.hip[rows][lost]) < -depth]
+    inside = lost_rows[scene.model.boundary.signed_distance(recording.hip[rows][lost_rows]) < -depth]
     return (rows.start or 0) + int(inside[0]) if inside.size else None
 
 
@@ -146,27 +146,27 @@ def aitken(coarse: float, middle: float, fine: float) -> float:
 
 def jump_at_rate(factor: int, look: Closer, scene: Scene, tick: int) -> float:
     """The largest IHIP step, m, of the way by `tick` when all of it is sampled `factor` times as fast."""
-    first, last = max(tick - BEFORE, 0), min(tick + AFTER, len(look.recording) - 1)
+    first, last = max(tick - TICKS_BEFORE_JUMP, 0), min(tick + TICKS_AFTER_JUMP, len(look.recording) - 1)
     return largest_jump(look.closer(first, last, factor, lag=LAG_TICKS).recording, scene)[0]
 
 
-def look_closer(look: Closer, scene: Scene, *, bounds: Array, standoff: float) -> Seen | None:
+def look_closer(look: Closer, scene: Scene, *, bounds: Array, standoff: float) -> JumpPlace | None:
     """The first place, largest steps first, that finer steps leave above its bound of `bounds` (n,), m; None if none.
 
     A place that is steep is the answer only where no other stays or is unresolved.
     """
     # What single precision resolves of the whole path's coordinates: those of a place may be as near to 0 as one looks.
     rounded = 4.0 * SINGLE * float(np.max(np.abs(look.recording.hip)))
-    seen = _left(look, scene, bounds, standoff, rounded, (), lambda row: row)
-    if seen is None:
+    place = _look_into_stretches(look, scene, bounds, standoff, rounded, (), lambda row: row)
+    if place is None:
         return None
     # A proxy that lags moves later than the hand that made it.
-    tick = min(seen.tick, len(look.recording) - 1)
+    tick = min(place.tick, len(look.recording) - 1)
     steps = contact_steps(look.recording, scene)[tick : tick + LAG_TICKS + 1]
-    return replace(seen, tick=tick + int(np.argmax(steps)))
+    return replace(place, tick=tick + int(np.argmax(steps)))
 
 
-def _left(
+def _look_into_stretches(
     look: Closer,
     scene: Scene,
     bounds: Array,
@@ -174,7 +174,7 @@ def _left(
     rounded: float,
     before: tuple[Scale, ...],
     tick_of: Callable[[int], int],
-) -> Seen | None:
+) -> JumpPlace | None:
     """What finer steps leave of the steps of `look` above their bounds; `tick_of` gives the base's tick of a row.
 
     Coordinates are `rounded` to so much, m. In finer steps the bound of a place stays the recording's.
@@ -184,39 +184,41 @@ def _left(
     steps = contact_steps(recording, scene)
     steep = None
     # A jump may be rounded over less than that: beyond it, a place is judged by all of its scales.
-    beyond = depth > 0 and before[-1].hip_step < 2.0 * rounded
-    for first, last in _parts(steps, bounds, ROWS_OF_A_LOOK // (FEW_PARTS if depth < 2 else MANY_PARTS)):
+    below_single = depth > 0 and before[-1].hip_step < 2.0 * rounded
+    for first, last in _suspect_stretches(steps, bounds, ROWS_OF_A_LOOK // (FEW_PARTS if depth < 2 else MANY_PARTS)):
         worst = first + int(np.argmax((steps - bounds)[first : last + 1]))
-        scales = (*before, _scale(recording, scene, steps, worst, before))
-        factor = _factor(depth, scales[-1].hip_step, rounded)
-        seen: Seen | None
+        scales = (*before, _measure_scale(recording, scene, steps, worst, before))
+        factor = _sub_steps(depth, scales[-1].hip_step, rounded)
+        place: JumpPlace | None
         if scales[-1].hip_step == 0.0:
             # No way of the hand to divide: in time alone it is divided where the run is refined as a whole.
-            seen = Seen(Left.STAYS if depth else Left.UNRESOLVED, tick_of(worst), scales[-1].jump, 0.0, scales)
+            place = JumpPlace(
+                Remains.STAYS if depth else Remains.UNRESOLVED, tick_of(worst), scales[-1].jump, 0.0, scales
+            )
         elif (
-            sum(scale.hip_step < rounded for scale in scales) == BELOW
+            sum(scale.hip_step < rounded for scale in scales) == LOOKS_BELOW_SINGLE
             or scales[-1].hip_step / factor < COARSER_THAN_DOUBLE * rounded
         ):
-            seen = _judge(scales, tick_of(worst), float(bounds[worst]), rounded)
+            place = _judge_scales(scales, tick_of(worst), float(bounds[worst]), rounded)
         else:
             begin = max(first - 1 - LAG_TICKS, 0)
             closer = look.closer(begin, last, factor, lag=LAG_TICKS)
             off = standoff + rounded
-            if _comes_along(recording, closer.recording, scene, steps > bounds, (first, last, begin), off):
+            if _leads_the_same_way(recording, closer.recording, scene, steps > bounds, (first, last, begin), off):
                 rows = begin - (-np.arange(len(closer.recording)) // factor)
                 within = bounds[np.minimum(rows, last)]
-                seen = _left(
+                place = _look_into_stretches(
                     closer, scene, within, standoff, rounded, scales, partial(_parent_tick, tick_of, begin, factor)
                 )
             else:
-                seen = Seen(Left.UNRESOLVED, tick_of(worst), scales[-1].jump, math.nan, scales)
-        if beyond or (seen is not None and seen.kind is not Left.STEEP):
-            return seen  # what is steep about a place has no scales of its own beyond
-        steep = steep or seen
-    if beyond:
+                place = JumpPlace(Remains.UNRESOLVED, tick_of(worst), scales[-1].jump, math.nan, scales)
+        if below_single or (place is not None and place.kind is not Remains.STEEP):
+            return place  # what is steep about a place has no scales of its own beyond
+        steep = steep or place
+    if below_single:
         worst = int(np.argmax(steps))
-        scales = (*before, _scale(recording, scene, steps, worst, before))
-        return _judge(scales, tick_of(worst), float(bounds[worst]), rounded)
+        scales = (*before, _measure_scale(recording, scene, steps, worst, before))
+        return _judge_scales(scales, tick_of(worst), float(bounds[worst]), rounded)
     return steep
 
 
@@ -224,7 +226,7 @@ def _parent_tick(tick_of: Callable[[int], int], begin: int, factor: int, row: in
     return tick_of(begin + -(-row // factor))
 
 
-def _factor(depth: int, hip_step: float, rounded: float) -> int:
+def _sub_steps(depth: int, hip_step: float, rounded: float) -> int:
     """Sub-steps of a step in the next look; no look passes by the finest steps that single precision resolves."""
     if depth < 2:
         return FEW_PARTS
@@ -232,7 +234,7 @@ def _factor(depth: int, hip_step: float, rounded: float) -> int:
     return MANY_PARTS if room < 2.0 or room > MANY_PARTS else 2 ** int(math.log2(room))
 
 
-def _parts(steps: Array, bounds: Array, longest: int) -> Iterator[tuple[int, int]]:
+def _suspect_stretches(steps: Array, bounds: Array, longest: int) -> Iterator[tuple[int, int]]:
     """Rows, first and last, of stretches whose steps are above their bounds: the largest step's first.
 
     Steps a few ticks apart are one stretch, for a proxy may move in every third tick only.
@@ -248,24 +250,24 @@ def _parts(steps: Array, bounds: Array, longest: int) -> Iterator[tuple[int, int
         begin = max(first, min(worst - longest // 2, last + 1 - longest))
         end = min(last, begin + longest - 1)
         yield begin, end
-        for rest in ((first, begin - 1), (end + 1, last)):
-            if rest[0] <= rest[1] and above[rest[0] : rest[1] + 1].any():
-                pending.append(rest)
+        for remainder in ((first, begin - 1), (end + 1, last)):
+            if remainder[0] <= remainder[1] and above[remainder[0] : remainder[1] + 1].any():
+                pending.append(remainder)
 
 
-def _scale(recording: Recording, scene: Scene, steps: Array, row: int, before: tuple[Scale, ...]) -> Scale:
-    near = slice(max(row - AROUND, 0), row + AROUND)
+def _measure_scale(recording: Recording, scene: Scene, steps: Array, row: int, before: tuple[Scale, ...]) -> Scale:
+    near = slice(max(row - TICKS_AROUND, 0), row + TICKS_AROUND)
     points = recording.ihip[near][touching(recording, scene)[near]]
     spread = float(np.max(np.linalg.norm(points[:, np.newaxis] - points[np.newaxis], axis=2), initial=0.0))
     hip_step = float(np.max(np.linalg.norm(np.diff(recording.hip[near], axis=0), axis=1)))
-    wide = slice(max(row - 8 * AROUND, 0), row + 8 * AROUND)
-    led = np.any(np.diff(recording.hip[wide], axis=0) != 0.0, axis=1)
-    moved = np.any(np.diff(recording.ihip[wide], axis=0) != 0.0, axis=1)
+    surroundings = slice(max(row - 8 * TICKS_AROUND, 0), row + 8 * TICKS_AROUND)
+    led = np.any(np.diff(recording.hip[surroundings], axis=0) != 0.0, axis=1)
+    moved = np.any(np.diff(recording.ihip[surroundings], axis=0) != 0.0, axis=1)
     halvings = math.log2(before[0].hip_step / hip_step) if before and hip_step > 0.0 else 0.0
     return Scale(halvings, float(steps[row]), spread, hip_step, bool(2 * np.sum(moved[led]) > np.sum(led)))
 
 
-def _comes_along(
+def _leads_the_same_way(
     coarse: Recording,
     fine: Recording,
     scene: Scene,
@@ -323,7 +325,7 @@ def _passes_by(
     return True
 
 
-def _judge(scales: tuple[Scale, ...], tick: int, bound: float, rounded: float) -> Seen | None:
+def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, rounded: float) -> JumpPlace | None:
     """A jump, a steep map, or None for a continuous one, by how the spread falls from scale to scale.
 
     A Hoelder map of exponent a has a spread c h^a at any scale, down to what single precision resolves and below. A
@@ -334,24 +336,28 @@ def _judge(scales: tuple[Scale, ...], tick: int, bound: float, rounded: float) -
     """
     last = scales[-1]
     finest = max((k for k, scale in enumerate(scales) if scale.hip_step >= rounded), default=0)
-    seen = scales[finest]
-    slope = _exponent(scales[0], seen)
-    if last is not seen and last.spread >= FLAT * seen.spread:
-        return Seen(Left.STAYS, tick, last.jump, slope, scales)
-    below = [scale for scale in scales[finest + 1 :] if scale.follows]
-    if slope < STEEPEST and below and _exponent(below[-2] if len(below) > 1 else seen, below[-1]) > SMOOTH:
-        rise = math.inf if below[-1].jump == 0.0 else seen.spread * below[-1].hip_step / below[-1].jump
-        return Seen(Left.STAYS, tick, seen.jump, slope, scales) if rise < rounded else None
-    if len(below) == BELOW:
-        limit = aitken(seen.spread, below[0].spread, below[1].spread)
+    finest_resolved = scales[finest]
+    slope = _spread_exponent(scales[0], finest_resolved)
+    if last is not finest_resolved and last.spread >= JUMP_SPREAD_SHARE * finest_resolved.spread:
+        return JumpPlace(Remains.STAYS, tick, last.jump, slope, scales)
+    below = [scale for scale in scales[finest + 1 :] if scale.follows_hand]
+    if (
+        slope < LEAST_EXPONENT
+        and below
+        and _spread_exponent(below[-2] if len(below) > 1 else finest_resolved, below[-1]) > SMOOTH_EXPONENT
+    ):
+        rise = math.inf if below[-1].jump == 0.0 else finest_resolved.spread * below[-1].hip_step / below[-1].jump
+        return JumpPlace(Remains.STAYS, tick, finest_resolved.jump, slope, scales) if rise < rounded else None
+    if len(below) == LOOKS_BELOW_SINGLE:
+        limit = aitken(finest_resolved.spread, below[0].spread, below[1].spread)
         if limit > max(bound, 0.5 * below[1].spread):
-            return Seen(Left.STAYS, tick, limit, slope, scales)
-    if slope >= STEEPEST:
+            return JumpPlace(Remains.STAYS, tick, limit, slope, scales)
+    if slope >= LEAST_EXPONENT:
         return None
-    return Seen(Left.STEEP, tick, last.jump, slope, scales)
+    return JumpPlace(Remains.STEEP, tick, last.jump, slope, scales)
 
 
-def _exponent(coarse: Scale, fine: Scale) -> float:
+def _spread_exponent(coarse: Scale, fine: Scale) -> float:
     """How the spread falls with the HIP step; infinite where nothing is left of it, and 0 for one scale alone."""
     if fine.spread == 0.0:
         return math.inf

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import COARSE_STEPS, HALVINGS, LAG_TICKS, MOST_ROWS, TELLS
+from hapticeval.phenomena.decisions import LAG_HALVINGS, LAG_ROWS, LAG_STEPS, LAG_TICKS, TELLING_SHARE
 from hapticeval.phenomena.sampling import above_force_floor, rounding, touching
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -36,8 +36,8 @@ class Lag(NamedTuple):
 def find_lag(recording: Recording, scene: Scene) -> Lag:
     """Return the lags of a run, found once for a recording; 0 for a channel that was not recorded.
 
-    A lag is believed where it explains nine tenths of what is off without it (`TELLS`); what is explained without one
-    has none, and neither has what no single lag explains: a latency that changes from tick to tick.
+    A lag is believed where it explains nine tenths of what is off without it (`TELLING_SHARE`); what is explained
+    without one has none, and neither has what no single lag explains: a latency that changes from tick to tick.
     """
     known = _LAGS.get(recording)
     if known is None or known[0]() is not scene:
@@ -51,11 +51,11 @@ _LAGS: weakref.WeakKeyDictionary[Recording, tuple[weakref.ref[Scene], Lag]] = we
 def _find_lag(recording: Recording, scene: Scene) -> Lag:
     if "ihip" not in recording.channels:
         return Lag(0.0, 0.0, 0.0)
-    force_hip, force_ihip = _force_lag(recording, scene) if "force" in recording.channels else (0.0, 0.0)
-    return Lag(_ihip_lag(recording, scene), force_hip, force_ihip)
+    force_hip, force_ihip = _find_force_lag(recording, scene) if "force" in recording.channels else (0.0, 0.0)
+    return Lag(_find_ihip_lag(recording, scene), force_hip, force_ihip)
 
 
-def at_rows(values: Array, rows: IntArray, back: float = 0.0) -> Array:
+def delayed(values: Array, rows: IntArray, back: float = 0.0) -> Array:
     """Return `values` (n, N) `back` ticks before `rows` (k,): between two of them on the straight way.
 
     Rows before the first are the first, and rows after the last the last.
@@ -67,12 +67,12 @@ def at_rows(values: Array, rows: IntArray, back: float = 0.0) -> Array:
     return np.asarray((1.0 - share) * values[before] + share * values[after])
 
 
-def _spread(rows: IntArray) -> IntArray:
-    """Return `MOST_ROWS` of the rows at the most, spread over all."""
-    return rows[:: -(-rows.size // MOST_ROWS) or 1]
+def _spread_rows(rows: IntArray) -> IntArray:
+    """Return `LAG_ROWS` of the rows at the most, spread over all."""
+    return rows[:: -(-rows.size // LAG_ROWS) or 1]
 
 
-def rests(values: Array) -> IntArray:
+def resting_ticks(values: Array) -> IntArray:
     """Return how many ticks each of `values` (n, N) has stood still, (n,), at most `LAG_TICKS`.
 
     A proxy that moves in every second tick only is a tick later where it rests, and shows it.
@@ -87,14 +87,14 @@ def least_misfit(misfit: Callable[[float], float]) -> float:
 
     Of several that fit alike, within the rounding of doubles, it is the least.
     """
-    lags = np.linspace(0.0, LAG_TICKS, COARSE_STEPS + 1)
+    lags = np.linspace(0.0, LAG_TICKS, LAG_STEPS + 1)
     misfits = np.array([misfit(float(lag)) for lag in lags])
     best = int(np.argmin(misfits))
-    low, high = float(lags[max(best - 1, 0)]), float(lags[min(best + 1, COARSE_STEPS)])
+    low, high = float(lags[max(best - 1, 0)]), float(lags[min(best + 1, LAG_STEPS)])
     golden = 0.5 * (np.sqrt(5.0) - 1.0)
     left, right = high - golden * (high - low), low + golden * (high - low)
     at_left, at_right = misfit(left), misfit(right)
-    for _ in range(HALVINGS):
+    for _ in range(LAG_HALVINGS):
         if at_left <= at_right:
             high, right, at_right = right, left, at_left
             left = high - golden * (high - low)
@@ -107,7 +107,7 @@ def least_misfit(misfit: Callable[[float], float]) -> float:
     return float(lags[best]) if misfits[best] <= misfit(between) else float(between)
 
 
-def believed(misfit: Callable[[float], float], exact: float) -> tuple[float, float]:
+def believed_lag(misfit: Callable[[float], float], exact: float) -> tuple[float, float]:
     """Return the lag that explains nine tenths of the misfit without one, else 0; and the misfit with it.
 
     A misfit without a lag of up to `exact` is none.
@@ -117,17 +117,17 @@ def believed(misfit: Callable[[float], float], exact: float) -> tuple[float, flo
         return 0.0, without
     lag = least_misfit(misfit)
     left = misfit(lag)
-    return (lag, left) if left <= TELLS * without else (0.0, without)
+    return (lag, left) if left <= TELLING_SHARE * without else (0.0, without)
 
 
-def _ihip_lag(recording: Recording, scene: Scene) -> float:
+def _find_ihip_lag(recording: Recording, scene: Scene) -> float:
     """Find how late the IHIP is: in free space it is the HIP, and in contact the way from it to the HIP is normal.
 
     The misfit is the mean of what is left of the way: all of it in free space, and its part along the surface in
     contact. A map that has its contact point elsewhere fits at no lag.
     """
     # A queue that starts with the run is not filled before.
-    rows = _spread(np.arange(LAG_TICKS, len(recording), dtype=np.int64))
+    rows = _spread_rows(np.arange(LAG_TICKS, len(recording), dtype=np.int64))
     if rows.size == 0:
         return 0.0
     ihip = recording.ihip[rows]
@@ -136,7 +136,7 @@ def _ihip_lag(recording: Recording, scene: Scene) -> float:
     off = scene.model.boundary.normal_cone(ihip[inside], np.full(inside.size, rounding(scene)))
 
     def misfit(lag: float, since: IntArray) -> float:
-        errors = ihip - at_rows(recording.hip, since, lag)
+        errors = ihip - delayed(recording.hip, since, lag)
         left = np.linalg.norm(errors, axis=1)
         angles = off(errors[inside])
         if scene.bilateral:
@@ -147,24 +147,24 @@ def _ihip_lag(recording: Recording, scene: Scene) -> float:
     exact = rounding(scene)
     if misfit(0.0, rows) <= exact:
         return 0.0
-    since = rows - rests(recording.ihip)[rows]
-    return believed(lambda lag: misfit(lag, since), exact)[0]
+    since = rows - resting_ticks(recording.ihip)[rows]
+    return believed_lag(lambda lag: misfit(lag, since), exact)[0]
 
 
-def _force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
+def _find_force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
     """Find how late the force is behind the HIP and behind the IHIP: as a spring between them, linear or a root of it.
 
     Three kinds are told apart, and of those that fit alike the first counts: the whole answer is late, the force alone
     is, or it is made of an IHIP that is recorded late.
     """
     ends = np.arange(LAG_TICKS, len(recording) - LAG_TICKS, dtype=np.int64)
-    rows = _spread(ends[above_force_floor(recording, scene)[ends]])
+    rows = _spread_rows(ends[above_force_floor(recording, scene)[ends]])
     if rows.size == 0:
         return 0.0, 0.0
     force = recording.force[rows]
 
     def misfit(hip: float, ihip: float) -> float:
-        errors = at_rows(recording.ihip, rows, ihip) - at_rows(recording.hip, rows, hip)
+        errors = delayed(recording.ihip, rows, ihip) - delayed(recording.hip, rows, hip)
         depth = np.linalg.norm(errors, axis=1, keepdims=True)
         roots = np.divide(errors, np.sqrt(depth), out=np.zeros_like(errors), where=depth > 0.0)
         laws = np.column_stack([errors.ravel(), roots.ravel()])
@@ -178,10 +178,10 @@ def _force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
     kinds = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, -1.0)])
 
     def fit(kind: Array) -> tuple[float, float]:
-        return believed(lambda lag: misfit(*(lag * kind)), exact)
+        return believed_lag(lambda lag: misfit(*(lag * kind)), exact)
 
     fits = np.array([fit(kind) for kind in kinds])
-    alike = fits[:, 1] <= (1.0 + TELLS) * max(float(fits[:, 1].min()), exact)
+    alike = fits[:, 1] <= (1.0 + TELLING_SHARE) * max(float(fits[:, 1].min()), exact)
     first = int(np.argmax(alike))
     hip, ihip = (fits[first, 0] * kinds[first]).tolist()
     return hip, ihip

@@ -13,8 +13,15 @@ import numpy as np
 
 from hapticeval.geometry.motion import mirroring
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import AMPLIFIED, LAG_TICKS, ROUNDINGS, SAME, SAME_SIMULATED, STEEP
-from hapticeval.phenomena.nudges import answered, answers_apart, steepness
+from hapticeval.phenomena.decisions import (
+    AMPLIFIED_FACTOR,
+    HAND_ROUNDING,
+    LAG_TICKS,
+    SAME_ANSWER,
+    SAME_SIMULATED_ANSWER,
+    STEEP_FACTOR,
+)
+from hapticeval.phenomena.nudges import answers_apart, has_answer, steepness
 from hapticeval.phenomena.sampling import believed_standoff, evidence_at, hip_step, mm, resolution, rounding
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
 from hapticeval.recordings.channels import ANSWERED
@@ -29,13 +36,13 @@ def judge_mirror(runs: Runs, scene: Scene) -> Finding:
     """Compare a run with the same in the mirror."""
     assert runs.moved is not None
     other = runs.moved(mirroring(scene.model.dimension), (0.0,) * scene.model.dimension)
-    return _compared(MIRROR, runs, scene, other, "in the mirror")
+    return _compare_runs(MIRROR, runs, scene, other, "in the mirror")
 
 
 def judge_order(runs: Runs, scene: Scene) -> Finding:
     """Compare a run with the same on the model with its vertices in another order."""
     assert runs.reordered is not None
-    return _compared(ORDER, runs, scene, runs.reordered(), "with the vertices in another order")
+    return _compare_runs(ORDER, runs, scene, runs.reordered(), "with the vertices in another order")
 
 
 def judge_subdivision(runs: Runs, scene: Scene) -> Finding:
@@ -45,7 +52,9 @@ def judge_subdivision(runs: Runs, scene: Scene) -> Finding:
         kind = scene.effects[0].kind
         return Finding(Outcome.NOT_APPLICABLE, f"the scene calls for {kind}, which may change with time by itself")
     fine = runs.subdivided()
-    finding = _compared(SUBDIVISION, runs, scene, _every_second(fine, 0), "in steps of half the time", among=_on_jumps)
+    finding = _compare_runs(
+        SUBDIVISION, runs, scene, _every_second(fine, 0), "in steps of half the time", among=_rows_on_jumps
+    )
     if finding.outcome is not Outcome.FAIL:
         return finding
     late = _ticks_late(runs.base, fine, scene)
@@ -61,7 +70,7 @@ def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
     """Compare a run with the same by a renderer that takes turns with another one."""
     assert runs.in_turns is not None
     base, other = runs.base, runs.in_turns()
-    if not answered(base).any():
+    if not has_answer(base).any():
         return undecided("the hand never touches the model")
     # What `run` answers at once, `step` may answer to single precision.
     step = rounding(scene) + 4.0 * SINGLE * float(np.abs(base.hip).max())
@@ -70,10 +79,12 @@ def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
     scatter = [float(base.meta.get(f"{name}_scatter", 0.0)) for name in ("ihip", "force")]
     allowed = np.full(len(base), max(step, force) + max(scatter[0], scatter[1] / scene.stiffness))
     off = answers_apart(runs, other, scene)
-    return _finding(IN_TURNS, base, scene, off, allowed, np.zeros(len(base), dtype=bool), "beside another renderer")
+    return _relation_finding(
+        IN_TURNS, base, scene, off, allowed, np.zeros(len(base), dtype=bool), "beside another renderer"
+    )
 
 
-def _compared(
+def _compare_runs(
     check: Check,
     runs: Runs,
     scene: Scene,
@@ -86,24 +97,24 @@ def _compared(
     base = runs.base
     if other is None:
         return Finding(Outcome.NOT_APPLICABLE, f"the model has no such form, or the renderer refuses it {how}")
-    if not (answered(base) | answered(other)).any():
+    if not (has_answer(base) | has_answer(other)).any():
         return undecided("the hand never touches the model")
     off = answers_apart(runs, other, scene)
-    hand = ROUNDINGS * float(np.abs(base.hip).max())
-    declared = max(resolution(each, scene) + believed_standoff(each, scene) for each in (base, other))
+    hand = HAND_ROUNDING * float(np.abs(base.hip).max())
+    declared = max(resolution(recording, scene) + believed_standoff(recording, scene) for recording in (base, other))
     # A damper takes the velocity from hands that are off by rounding, a step of half a tick apart.
     damped = 2.0 * hand * scene.damping / (scene.stiffness * 0.5 * base.dt)
     allowed = np.full(len(base), hand + declared + damped)
     exempt = np.zeros(len(base), dtype=bool)
-    if np.any(off > allowed + SAME * scene.model.size) and runs.moved is not None:
-        allowed += STEEP * steepness(runs, hand + declared, scene)
+    if np.any(off > allowed + SAME_ANSWER * scene.model.size) and runs.moved is not None:
+        allowed += STEEP_FACTOR * steepness(runs, hand + declared, scene)
         if among is not None:
             exempt = among(runs, scene)
-    allowed += 0.0 if runs.subdivided is not None else (SAME_SIMULATED - SAME) * scene.model.size
-    return _finding(check, base, scene, off, allowed, exempt, how)
+    allowed += 0.0 if runs.subdivided is not None else (SAME_SIMULATED_ANSWER - SAME_ANSWER) * scene.model.size
+    return _relation_finding(check, base, scene, off, allowed, exempt, how)
 
 
-def _finding(
+def _relation_finding(
     check: Check,
     base: Recording,
     scene: Scene,
@@ -113,32 +124,32 @@ def _finding(
     how: str,
 ) -> Finding:
     size = scene.model.size
-    lost = np.where(exempt, 0.0, np.maximum(off - allowed, 0.0)) / size
-    worst = int(np.argmax(lost if lost.max() > 0.0 else np.where(exempt, -1.0, off)))
+    excess = np.where(exempt, 0.0, np.maximum(off - allowed, 0.0)) / size
+    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(exempt, -1.0, off)))
     return compared(
-        Metric(check.metric, float(lost.max()), check.unit),
-        SAME,
+        Metric(check.metric, float(excess.max()), check.unit),
+        SAME_ANSWER,
         {
             **evidence_at(base, worst),
             "off_m": float(off[worst]),
             "allowed_m": float(allowed[worst]),
-            "rows_off": int(np.sum(lost > SAME)),
+            "rows_off": int(np.sum(excess > SAME_ANSWER)),
             "rows_exempt": int(exempt.sum()),
         },
         passes=f"the answers are the same {how}",
         fails=f"{how} the answer is off by {mm(off[worst])}, {off[worst] / size:.2g} of the model's size, "
-        f"at {int(np.sum(lost > SAME))} of {len(base)} HIPs",
+        f"at {int(np.sum(excess > SAME_ANSWER))} of {len(base)} HIPs",
     )
 
 
-def _on_jumps(runs: Runs, scene: Scene) -> BoolArray:
+def _rows_on_jumps(runs: Runs, scene: Scene) -> BoolArray:
     """Return the rows (n,) on a discontinuity, or behind one that a renderer with memory has crossed.
 
     A hand that is off by half a step on its whole way finds it elsewhere on that way, and steps of half the length may
     cross it from elsewhere: the answers are more than tenfold of that apart there.
     """
     half = 0.5 * hip_step(runs.base, scene)
-    astride: BoolArray = steepness(runs, half, scene) > AMPLIFIED * half
+    astride: BoolArray = steepness(runs, half, scene) > AMPLIFIED_FACTOR * half
     return astride
 
 
@@ -160,7 +171,9 @@ def _ticks_late(base: Recording, fine: Recording, scene: Scene) -> int | None:
     for late in range(1, LAG_TICKS + 1):
         rows = np.arange(LAG_TICKS, len(base) - late)
         if rows.size and all(
-            np.allclose(ways[name][rows + late], finer[name][2 * rows + late], rtol=0.0, atol=SAME * scene.model.size)
+            np.allclose(
+                ways[name][rows + late], finer[name][2 * rows + late], rtol=0.0, atol=SAME_ANSWER * scene.model.size
+            )
             for name in ways
         ):
             return late

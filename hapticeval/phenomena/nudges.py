@@ -13,7 +13,7 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
 
-def answered(run: Recording) -> BoolArray:
+def has_answer(run: Recording) -> BoolArray:
     """Return the rows (n,) in which there is anything to compare, by rounding too: an IHIP off the HIP, or a force.
 
     These need not be contact: see `sampling.touching`.
@@ -30,8 +30,8 @@ def answers_apart(runs: Runs, other: Recording, scene: Scene, *, forces: bool = 
     base = runs.base
     off = np.linalg.norm(base.ihip - other.ihip, axis=1)
     if forces:
-        whole = 0.0 if runs.subdivided is not None else scene.mass / base.dt**2
-        off = np.maximum(off, np.linalg.norm(base.force - other.force, axis=1) / max(scene.stiffness, whole))
+        event_stiffness = 0.0 if runs.subdivided is not None else scene.mass / base.dt**2
+        off = np.maximum(off, np.linalg.norm(base.force - other.force, axis=1) / max(scene.stiffness, event_stiffness))
     return np.asarray(off)
 
 
@@ -54,6 +54,6 @@ def steepness(runs: Runs, reach: float, scene: Scene) -> Array:
 
 def _directions(dimension: int) -> Array:
     """Return unit vectors along the axes and the diagonals, and the same at a quarter of the length: (k, N)."""
-    signs = np.array([each for each in itertools.product((-1.0, 0.0, 1.0), repeat=dimension) if any(each)])
+    signs = np.array([sign for sign in itertools.product((-1.0, 0.0, 1.0), repeat=dimension) if any(sign)])
     units = signs / np.linalg.norm(signs, axis=1, keepdims=True)
     return np.vstack([units, 0.25 * units])

@@ -8,8 +8,8 @@ import numpy as np
 
 from hapticeval.geometry.motion import Motion, rigid, scaling
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import AMPLIFIED, DIGITS, ROUNDINGS, STEEP
-from hapticeval.phenomena.nudges import answered, answers_apart, steepness
+from hapticeval.phenomena.decisions import AMPLIFIED_FACTOR, ANSWER_CHANGE, HAND_ROUNDING, STEEP_FACTOR
+from hapticeval.phenomena.nudges import answers_apart, has_answer, steepness
 from hapticeval.phenomena.sampling import (
     believed_standoff,
     evidence_at,
@@ -47,19 +47,24 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if not contact.any():
         return undecided("the hand never touches the model")
     size = scene.model.size
-    found = [(name, motion, runs.moved(motion, (0.0,) * base.hip.shape[1])) for name, motion in motions(scene)]
-    seen = [(name, motion, run) for name, motion, run in found if run is not None]
-    if not seen:
+    moved_runs = [(name, motion, runs.moved(motion, (0.0,) * base.hip.shape[1])) for name, motion in motions(scene)]
+    answering_runs = [(name, motion, run) for name, motion, run in moved_runs if run is not None]
+    if not answering_runs:
         return undecided("the model cannot be moved or scaled, or the renderer refuses it then")
     hips = base.hip[contact]  # a hand in free space may be as far away as centres of curvature are
-    far = max(float(np.abs(motion(hips)).max()) / motion.scale for _, motion, _ in seen)
-    hand = ROUNDINGS * max(far, float(np.abs(hips).max()))
-    declared = max(resolution(each, scene) + believed_standoff(each, scene) for each in (base, *(r for *_, r in seen)))
-    off = np.max([answers_apart(runs, run, scene, forces=motion.scale == 1.0) for _, motion, run in seen], axis=0)
+    farthest = max(float(np.abs(motion(hips)).max()) / motion.scale for _, motion, _ in answering_runs)
+    hand = HAND_ROUNDING * max(farthest, float(np.abs(hips).max()))
+    declared = max(
+        resolution(recording, scene) + believed_standoff(recording, scene)
+        for recording in (base, *(r for *_, r in answering_runs))
+    )
+    off = np.max(
+        [answers_apart(runs, run, scene, forces=motion.scale == 1.0) for _, motion, run in answering_runs], axis=0
+    )
     # Where no answer is off by more than a thousandth of the bound there is nothing that nudges need explain.
-    suspect = bool(off.max() > hand + declared + 1e-3 * DIGITS * size)
+    suspect = bool(off.max() > hand + declared + 1e-3 * ANSWER_CHANGE * size)
     steep = steepness(runs, hand + declared, scene) if suspect else np.zeros(len(base))
-    allowed = hand + declared + STEEP * steep
+    allowed = hand + declared + STEEP_FACTOR * steep
     on_surface = np.zeros(len(base))
     if not lacks_ihip(base, scene):
         on_surface[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
@@ -68,22 +73,23 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         ahead = np.append(hip_steps(base), _step_behind(base, scene))
         on_surface[flies] = np.maximum(on_surface[flies] - ahead[flies], 0.0)
     off = np.maximum(off, on_surface)
-    clear = contact & (steep <= AMPLIFIED * (hand + declared) + DIGITS * size)
-    lost = np.where(contact, np.maximum(off - allowed, 0.0), 0.0) / size
-    worst = int(np.argmax(lost if lost.max() > 0.0 else np.where(clear, off, -1.0)))
+    clear = contact & (steep <= AMPLIFIED_FACTOR * (hand + declared) + ANSWER_CHANGE * size)
+    excess = np.where(contact, np.maximum(off - allowed, 0.0), 0.0) / size
+    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(clear, off, -1.0)))
     digits = -math.log10(max(float(off[clear].max(initial=0.0)) / size, EPS))
-    which = max(seen, key=lambda each: float(answers_apart(runs, each[2], scene, forces=each[1].scale == 1.0)[worst]))[
-        0
-    ]
+    which = max(
+        answering_runs,
+        key=lambda moved_run: float(answers_apart(runs, moved_run[2], scene, forces=moved_run[1].scale == 1.0)[worst]),
+    )[0]
     if on_surface[worst] == off[worst]:
         which = "as it is"
-    least = int(np.argmax(np.where(clear, off, 0.0)))
+    least_digits = int(np.argmax(np.where(clear, off, 0.0)))
     excuse = ""
-    if clear[least] and off[least] > DIGITS * size:
-        excuse = _excuse(float(off[least]), float(hand), float(declared), float(steep[least]))
+    if clear[least_digits] and off[least_digits] > ANSWER_CHANGE * size:
+        excuse = _describe_excuse(float(off[least_digits]), float(hand), float(declared), float(steep[least_digits]))
     return compared(
-        Metric(CHECK.metric, float(lost.max()), CHECK.unit),
-        DIGITS,
+        Metric(CHECK.metric, float(excess.max()), CHECK.unit),
+        ANSWER_CHANGE,
         {
             **evidence_at(base, worst),
             "digits": digits,
@@ -91,25 +97,25 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             "rounding_m": float(hand),
             "declared_m": float(declared),
             "motion": which,
-            "motions": [name for name, *_ in seen],
+            "motions": [name for name, *_ in answering_runs],
             "rows_in_contact": int(contact.sum()),
             "rows_exempt": int((contact & ~clear).sum()),
         },
         passes=f"the answers keep {max(0, math.floor(digits))} digits when the scene is "
-        f"{_listed([name for name, *_ in seen])}{excuse}",
+        f"{_words_listed([name for name, *_ in answering_runs])}{excuse}",
         fails=f"with the scene {which}, the answer is off by {mm(off[worst])}, {off[worst] / size:.2g} of the model's "
         f"size: {math.floor(max(0.0, -math.log10(max(float(off[worst]) / size, EPS))))} digits are left",
     )
 
 
-def _listed(names: list[str]) -> str:
+def _words_listed(names: list[str]) -> str:
     return " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
 def _in_contact(base: Recording, scene: Scene) -> BoolArray:
     """Return the rows (n,) in contact, or with the hand on the surface up to rounding and an answer to compare."""
     near = np.asarray(scene.model.boundary.signed_distance(base.hip) <= rounding(scene))
-    return touching(base, scene) | (answered(base) & near)
+    return touching(base, scene) | (has_answer(base) & near)
 
 
 def _step_behind(base: Recording, scene: Scene) -> float:
@@ -120,15 +126,15 @@ def _step_behind(base: Recording, scene: Scene) -> float:
     return step
 
 
-def _excuse(off: float, rounding: float, declared: float, steep: float) -> str:
-    """Return why an answer may be off by more than `DIGITS` allows; `steep` is what nudges change there; all in m."""
+def _describe_excuse(off: float, rounding: float, declared: float, steep: float) -> str:
+    """Return why an answer may be off by more than `ANSWER_CHANGE` allows; `steep` is what nudges change; all in m."""
     what = f"the declared resolution and standoff of {mm(declared)}"
     if declared <= rounding:
         what = f"the rounding of {mm(rounding)} of the largest coordinates"
-    found = f": they are off by up to {mm(off)}"
+    how_far = f": they are off by up to {mm(off)}"
     if off <= rounding + declared:
-        return f"{found}, within {what}"
-    return f"{found}, which {what} may cause: nudges of the hand by as much change the answer by {mm(steep)} there"
+        return f"{how_far}, within {what}"
+    return f"{how_far}, which {what} may cause: nudges of the hand by as much change the answer by {mm(steep)} there"
 
 
 CHECK = Check(

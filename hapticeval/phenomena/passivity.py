@@ -9,9 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import CLOSED, FINER_RATES, LAG_TICKS, RIGID, SETTLES, TELLS, UNDECLARED
-from hapticeval.phenomena.force_magnitude import declared_range, declares_wide_range, most_beside
-from hapticeval.phenomena.lag import find_lag, rests
+from hapticeval.phenomena.decisions import (
+    FINER_RATES,
+    LAG_TICKS,
+    RIGID_WORK_SHARE,
+    SAME_POINT,
+    SETTLING_RATIO,
+    TELLING_SHARE,
+    UNDECLARED_RANGE,
+)
+from hapticeval.phenomena.force_magnitude import declared_range, declares_wide_range, largest_other_force
+from hapticeval.phenomena.lag import find_lag, resting_ticks
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.recordings.integrity.force_sign import balance
@@ -23,7 +31,7 @@ LAP = "in each lap after the first"
 
 
 @dataclass(frozen=True)
-class Heading:
+class Span:
     """Rows [first, last] of the base recording that bound what the renderer has stored, with what they are."""
 
     first: int
@@ -61,7 +69,7 @@ class Gain:
         contact's force does no work, whatever is open of it.
         """
         settled = self.law + self.correction <= 0.0
-        return settled or self.open <= max(TELLS * self.crossed, RIGID * self.effort)
+        return settled or self.open <= max(TELLING_SHARE * self.crossed, RIGID_WORK_SHARE * self.effort)
 
     @property
     def excess(self) -> float:
@@ -69,7 +77,7 @@ class Gain:
         return self.law - self.open
 
 
-class Sampled:
+class SampledWork:
     """Sums of a recording at `factor` times the base rate, J from its first row to each of the base run's, (n,).
 
     `smooth` is the trapezoid and `held` the work of a force that is held; `error` bounds what the trapezoid is off by.
@@ -86,7 +94,7 @@ class Sampled:
         bend[1:] = np.diff(force, n=2, axis=0)
         self.free = ~touching(recording, scene)[::factor]
         self.smooth, self.held, self.error, self.crossed, self.path, self.effort = (
-            summed(steps)[::factor]
+            running_sums(steps)[::factor]
             for steps in (
                 mean,
                 np.sum(force[:-1] * moved, axis=1),
@@ -98,7 +106,7 @@ class Sampled:
         )
 
 
-def summed(steps: Array) -> Array:
+def running_sums(steps: Array) -> Array:
     """Return the sums up to each row, from 0 at the first: (n + 1,)."""
     return np.concatenate([[0.0], np.cumsum(steps)])
 
@@ -106,10 +114,10 @@ def summed(steps: Array) -> Array:
 def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
     """The first row, the period in rows and the number, two or more, of laps that follow each other on the same points.
 
-    `hip` (n, N), m. Points are the same within `CLOSED` of `size`, m; a hand that stays at one, or creeps by less than
-    that, makes no lap.
+    `hip` (n, N), m. Points are the same within `SAME_POINT` of `size`, m; a hand that stays at one, or creeps by less
+    than that, makes no lap.
     """
-    count, near = hip.shape[0], CLOSED * size
+    count, near = hip.shape[0], SAME_POINT * size
     if count < 3:
         return []
     cells = np.unique(np.rint(hip / near), axis=0, return_inverse=True)[1].reshape(-1)
@@ -123,16 +131,16 @@ def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
         fits[fits] = np.linalg.norm(hip[(at + period)[fits]] - hip[at[fits]], axis=1) <= near
         rows, period = rows[fits], period[fits]
     periods = dict(zip(rows.tolist(), period.tolist(), strict=True))
-    found, end = [], 0
+    lap_runs, end = [], 0
     for row in sorted(periods):
-        number = _number(hip, row, periods[row], near) if row >= end and periods[row] > 2 else 0
+        number = _count_laps(hip, row, periods[row], near) if row >= end and periods[row] > 2 else 0
         if number >= 2:
-            found.append((row, periods[row], number))
+            lap_runs.append((row, periods[row], number))
             end = row + number * periods[row]
-    return found
+    return lap_runs
 
 
-def _number(hip: Array, first: int, period: int, near: float) -> int:
+def _count_laps(hip: Array, first: int, period: int, near: float) -> int:
     """Return how many laps of `period` rows follow each other from row `first` on, each with the row that ends it."""
     lap = hip[first : first + period + 1]
     if np.linalg.norm(lap - lap[0], axis=1).max() <= 2.0 * near:  # all may be within that of one point
@@ -140,37 +148,37 @@ def _number(hip: Array, first: int, period: int, near: float) -> int:
     number = 1
     while True:
         begin = first + number * period
-        following = hip[begin : begin + period + 1]
-        if len(following) <= period or np.linalg.norm(following - lap, axis=1).max() > near:
+        next_lap = hip[begin : begin + period + 1]
+        if len(next_lap) <= period or np.linalg.norm(next_lap - lap, axis=1).max() > near:
             return number
-        lap, number = following, number + 1
+        lap, number = next_lap, number + 1
 
 
-def stretches(free: BoolArray) -> Iterator[Heading]:
+def contact_spans(free: BoolArray) -> Iterator[Span]:
     """From each last row in free space to the next one there, or to the end."""
     edges = np.flatnonzero(free[:-1] & ~free[1:])
     for first in edges:
         later = np.flatnonzero(free[first + 1 :])
         last = int(first + 1 + later[0]) if later.size else free.size - 1
-        yield Heading(int(first), last, "since free space" if not later.size else "from free space to free space")
+        yield Span(int(first), last, "since free space" if not later.size else "from free space to free space")
 
 
-def _gain(sampled: Sequence[Sampled], way: Heading, rounding: Array, *, anywhere: bool) -> Gain:
+def _gain(sampled: Sequence[SampledWork], heading: Span, rounding: Array, *, anywhere: bool) -> Gain:
     """The gain over `way`; with `anywhere` up to the row of it where it is furthest beyond what is open, if at any.
 
     `sampled` are the base run, and three of which each has twice the rate of the one before.
     """
-    rows = np.arange(way.first + 1, way.last + 1) if anywhere else np.array([way.last])
+    rows = np.arange(heading.first + 1, heading.last + 1) if anywhere else np.array([heading.last])
 
     def over(sums: Array) -> Array:
-        return np.asarray(sums[rows] - sums[way.first])
+        return np.asarray(sums[rows] - sums[heading.first])
 
-    whole, *_, finest = sampled
-    coarse, half, quarter = (over(each.smooth) for each in sampled[1:])
+    base_rate, *_, finest = sampled
+    coarse, half, quarter = (over(sums.smooth) for sums in sampled[1:])
     before, after = half - coarse, quarter - half
     first, last = np.abs(before), np.abs(after)
     error = over(finest.error) + over(rounding)
-    settled = last <= np.maximum(SETTLES * first, error)
+    settled = last <= np.maximum(SETTLING_RATIO * first, error)
     law = np.where(settled, quarter + after, quarter)
     # A gain that shrinks, and not yet in the ratio of any order, may shrink to nothing: finer runs show it.
     shrinking = np.where(after < 0.0, np.inf, np.maximum(first, last))
@@ -180,11 +188,11 @@ def _gain(sampled: Sequence[Sampled], way: Heading, rounding: Array, *, anywhere
     if law[row] <= unknown[row]:
         row = rows.size - 1
     return Gain(
-        way.what,
-        way.first,
+        heading.what,
+        heading.first,
         int(rows[row]),
-        hold=float(over(whole.held - whole.smooth)[row]),
-        lag=float(over(whole.smooth)[row] - law[row]),
+        hold=float(over(base_rate.held - base_rate.smooth)[row]),
+        lag=float(over(base_rate.smooth)[row] - law[row]),
         law=float(law[row]),
         correction=float(correction[row]),
         open=float(unknown[row]),
@@ -197,7 +205,7 @@ def _gain(sampled: Sequence[Sampled], way: Heading, rounding: Array, *, anywhere
 class AtOwnRate:
     """The work, J, that the hand gets over rows [first, last] at the scene's own rate, and how much is explained.
 
-    By `explained`, with a `lag` of the force, ticks.
+    By `explained_work`, with a `lag` of the force, ticks.
     """
 
     what: str
@@ -220,11 +228,11 @@ def force_lag(base: Recording, scene: Scene) -> float:
     """
     if lacks_ihip(base, scene) or "ihip" not in base.channels:
         return float(LAG_TICKS)
-    resting = np.maximum(rests(base.force) - rests(base.hip - base.ihip), 0)[touching(base, scene)]
+    resting = np.maximum(resting_ticks(base.force) - resting_ticks(base.hip - base.ihip), 0)[touching(base, scene)]
     return min(find_lag(base, scene).force + float(resting.mean() if resting.size else 0.0), float(LAG_TICKS))
 
 
-def explained(base: Recording, scene: Scene, lag: float) -> Array:
+def explained_work(base: Recording, scene: Scene, lag: float) -> Array:
     """Return what a spring and a damper give the hand for being held and late, J from the first row to each, (n,).
 
     Let F = -K (x - p) with an IHIP p that is nowhere led against the hand, dp . dx >= 0, as no nearest point is. Held
@@ -238,24 +246,26 @@ def explained(base: Recording, scene: Scene, lag: float) -> Array:
     # As stiff as `force-magnitude` lets it be.
     push, square = -np.sum(base.force * error, axis=1), scene.stiffness * np.sum(error**2, axis=1)
     declared = declared_range(base)
-    least, largest = declared or (1.0, UNDECLARED[1])
-    share = np.clip(np.divide(push, square, out=np.ones_like(push), where=square > 0.0), least, largest)
-    beside = base.force + (scene.stiffness * share)[:, np.newaxis] * error
-    most = most_beside(base, scene)
-    size = np.linalg.norm(beside, axis=1)
-    beside *= np.divide(np.minimum(size, most), size, out=np.zeros_like(size), where=size > 0.0)[:, np.newaxis]
-    changed = np.linalg.norm(np.diff(beside, axis=0), axis=1)
+    softest, largest = declared or (1.0, UNDECLARED_RANGE[1])
+    share = np.clip(np.divide(push, square, out=np.ones_like(push), where=square > 0.0), softest, largest)
+    other_force = base.force + (scene.stiffness * share)[:, np.newaxis] * error
+    largest_other = largest_other_force(base, scene)
+    size = np.linalg.norm(other_force, axis=1)
+    other_force *= np.divide(np.minimum(size, largest_other), size, out=np.zeros_like(size), where=size > 0.0)[
+        :, np.newaxis
+    ]
+    changed = np.linalg.norm(np.diff(other_force, axis=0), axis=1)
     if declared is not None:
         depth = np.linalg.norm(error, axis=1)
         changed += scene.stiffness * np.abs(np.diff(share)) * np.maximum(depth[1:], depth[:-1])
     steps = np.where(touches[1:] | touches[:-1], moved, 0.0)
     stiffness = scene.stiffness * np.maximum(share[1:], share[:-1])
     # The lag reaches back: to the longest of the steps, and the largest change, that it may be made of.
-    steps, changed = _recent(steps, math.ceil(lag)), _recent(changed, math.ceil(lag))
-    return summed((0.5 + lag) * (stiffness * steps**2 + changed * steps))
+    steps, changed = _largest_of_recent(steps, math.ceil(lag)), _largest_of_recent(changed, math.ceil(lag))
+    return running_sums((0.5 + lag) * (stiffness * steps**2 + changed * steps))
 
 
-def _recent(values: Array, ticks: int) -> Array:
+def _largest_of_recent(values: Array, ticks: int) -> Array:
     """Return the largest of each value (n,) and of so many before it."""
     later = [
         np.concatenate([np.zeros(back), values[: values.size - back]]) for back in range(min(ticks, values.size) + 1)
@@ -264,7 +274,7 @@ def _recent(values: Array, ticks: int) -> Array:
 
 
 def _at_own_rate(
-    base: Recording, sampled: Sampled, scene: Scene, round_trips: list[tuple[int, int, int]]
+    base: Recording, sampled: SampledWork, scene: Scene, round_trips: list[tuple[int, int, int]]
 ) -> AtOwnRate | None:
     """Return over what rows the hand gets most beyond what is explained; None where nothing says what is.
 
@@ -273,18 +283,18 @@ def _at_own_rate(
     if scene.effects or declares_wide_range(base) or "ihip" not in base.channels:
         return None
     lag = force_lag(base, scene)
-    work, may = sampled.held, explained(base, scene, lag) + _rounding(base, sampled, scene)
+    work, may = sampled.held, explained_work(base, scene, lag) + _rounding_work(base, sampled, scene)
 
-    def largest(heading: Heading, rows: IntArray) -> AtOwnRate:
+    def largest(heading: Span, rows: IntArray) -> AtOwnRate:
         last = int(rows[np.argmax((work - may)[rows])])
         gained, granted = (float(sums[last] - sums[heading.first]) for sums in (work, may))
         return AtOwnRate(heading.what, heading.first, last, gained, granted, lag)
 
     gains = [
         largest(heading, np.arange(heading.first + 1, heading.last + 1))
-        for heading in stretches(~touching(base, scene))
+        for heading in contact_spans(~touching(base, scene))
     ]
-    for after in _laps(sampled, round_trips, len(base)):
+    for after in _later_laps(sampled, round_trips, len(base)):
         # As of the law: what is created comes in every lap.
         each_lap = [largest(heading, np.array([heading.last])) for heading in after]
         gains.append(min(each_lap, key=lambda gain: gain.excess))
@@ -293,7 +303,7 @@ def _at_own_rate(
 
 def active_by_nature(scene: Scene) -> str | None:
     """What the scene calls for that gives energy away whatever the renderer does; None where nothing does."""
-    return next((why for each in scene.effects if (why := each.active(scene.damping)) is not None), None)
+    return next((why for effect in scene.effects if (why := effect.active(scene.damping)) is not None), None)
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -310,29 +320,29 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) ->
     if not touches.any():
         return undecided("the tool is never in contact")
     round_trips = laps(base.hip, scene.model.size)
-    if not round_trips and not any(True for _ in stretches(~touches)):
+    if not round_trips and not any(True for _ in contact_spans(~touches)):
         return undecided(
             "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known"
         )
-    whole = Sampled(base, 1, scene)
+    sampled = SampledWork(base, 1, scene)
     for finest in FINER_RATES:
-        gains = _gains(base, whole, refine, scene, round_trips, finest)
+        gains = _gains(base, sampled, refine, scene, round_trips, finest)
         telling = [gain for gain in gains if gain.telling]
         if any(gain.excess > 0.0 for gain in telling) or len(telling) == len(gains):
             break
-    finding = _of_law(base, gains, telling)
+    finding = _judge_law(base, gains, telling)
     if finding.outcome is Outcome.FAIL:
         return finding
-    gain = _at_own_rate(base, whole, scene, round_trips)
-    return finding if gain is None or gain.excess <= 0.0 else _of_hold(base, scene, gain)
+    gain = _at_own_rate(base, sampled, scene, round_trips)
+    return finding if gain is None or gain.excess <= 0.0 else _hold_failure(base, scene, gain)
 
 
-def _of_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) -> Finding:
+def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) -> Finding:
     """Judge the limit to which refinement leads, J."""
     if not telling:
         return undecided("refinement does not settle the work that crosses between hand and renderer")
     open_ways = [gain for gain in gains if not gain.telling]
-    worst = max(telling, key=lambda each: each.excess)
+    worst = max(telling, key=lambda gain: gain.excess)
     metric = Metric(CHECK.metric, worst.law, "J")
     evidence = {
         **evidence_at(base, worst.last),
@@ -346,21 +356,22 @@ def _of_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) -> 
         "laps": sum(gain.what == LAP for gain in telling),
     }
     shares = (
-        f"at {1e3 * base.dt:.3g} ms holding the force adds {_mj(worst.hold)}, and what else vanishes with the tick "
-        f"{_mj(worst.lag)}"
+        f"at {1e3 * base.dt:.3g} ms holding the force adds {_millijoules(worst.hold)}, and what else vanishes with the "
+        f"tick {_millijoules(worst.lag)}"
     )
     if worst.excess > 0.0:
         where = mm(*base.hip[worst.first : worst.last].mean(axis=0))
         message = (
             f"creates energy: {worst.what}, round {where} until t = {base.time[worst.last]:.4g} s, the hand gets "
-            f"{_mj(worst.law)} that it never gave, however fast the loop is sampled; beside that {shares}"
+            f"{_millijoules(worst.law)} that it never gave, however fast the loop is sampled; beside that {shares}"
         )
         return Finding(Outcome.FAIL, message, metric, worst.open, evidence)
     if open_ways:
-        most = max(open_ways, key=lambda each: each.law)
+        largest = max(open_ways, key=lambda gain: gain.law)
         message = (
-            f"refinement does not settle {len(open_ways)} of {len(gains)} ways, as {most.what} from "
-            f"t = {base.time[most.first]:.4g} s to {base.time[most.last]:.4g} s; over the others it gets no energy"
+            f"refinement does not settle {len(open_ways)} of {len(gains)} ways, as {largest.what} from "
+            f"t = {base.time[largest.first]:.4g} s to {base.time[largest.last]:.4g} s; over the others it gets no "
+            "energy"
         )
         return undecided(message, metric, worst.open, evidence)
     message = f"the hand gets back no more than it put in; {worst.what} {shares}"
@@ -369,7 +380,7 @@ def _of_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) -> 
 
 def _gains(
     base: Recording,
-    whole: Sampled,
+    base_sums: SampledWork,
     refine: Callable[[int], Recording],
     scene: Scene,
     round_trips: list[tuple[int, int, int]],
@@ -377,36 +388,39 @@ def _gains(
 ) -> list[Gain]:
     """Return the gains over all ways of the base run, extrapolated from `finest` times its rate."""
     factors = (finest // 4, finest // 2, finest)
-    sampled = (whole, *(whole if factor == 1 else Sampled(refine(factor), factor, scene) for factor in factors))
-    count = min(each.free.size for each in sampled)
+    sampled = (
+        base_sums,
+        *(base_sums if factor == 1 else SampledWork(refine(factor), factor, scene) for factor in factors),
+    )
+    count = min(sums.free.size for sums in sampled)
     last = sampled[-1]
-    rounding = _rounding(base, last, scene)
-    free = np.logical_and.reduce([each.free[:count] for each in sampled])
-    gains = [_gain(sampled, way, rounding, anywhere=True) for way in stretches(free)]
-    for after in _laps(whole, round_trips, count):
+    rounding = _rounding_work(base, last, scene)
+    free = np.logical_and.reduce([sums.free[:count] for sums in sampled])
+    gains = [_gain(sampled, heading, rounding, anywhere=True) for heading in contact_spans(free)]
+    for after in _later_laps(base_sums, round_trips, count):
         # What one lap alone gives may have been stored; what is created comes in every lap.
-        lasting = [_gain(sampled, way, rounding, anywhere=False) for way in after]
-        gains.append(min(lasting, key=lambda each: (not each.telling, each.excess)))
+        lasting = [_gain(sampled, heading, rounding, anywhere=False) for heading in after]
+        gains.append(min(lasting, key=lambda gain: (not gain.telling, gain.excess)))
     return gains
 
 
-def _laps(whole: Sampled, round_trips: list[tuple[int, int, int]], count: int) -> Iterator[list[Heading]]:
+def _later_laps(sampled: SampledWork, round_trips: list[tuple[int, int, int]], count: int) -> Iterator[list[Span]]:
     """For each of the round trips its laps after the first in which something is touched, if there are any."""
     for first, period, number in round_trips:
         starts = [first + lap * period for lap in range(1, number) if first + (lap + 1) * period < count]
-        after = [Heading(start, start + period, LAP) for start in starts if not whole.free[start:][:period].all()]
+        after = [Span(start, start + period, LAP) for start in starts if not sampled.free[start:][:period].all()]
         if after:
             yield after
 
 
-def _of_hold(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
+def _hold_failure(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
     """Return the failure of a renderer whose law creates nothing, and that gives more than a held spring does."""
     where = mm(*base.hip[gain.first : gain.last].mean(axis=0))
-    shown = f"the lag of {gain.lag:.2g} ticks that force and position show" if gain.lag > 0.0 else "no lag"
+    lag_shown = f"the lag of {gain.lag:.2g} ticks that force and position show" if gain.lag > 0.0 else "no lag"
     message = (
         f"creates energy at {1e3 * base.dt:.3g} ms: {gain.what}, round {where} until t = {base.time[gain.last]:.4g} s, "
-        f"the hand gets {_mj(gain.work)}, of which a spring of {scene.stiffness:g} N/m that is held for a tick, with "
-        f"{shown}, explains {_mj(gain.explained)}; it is less the faster the loop is sampled"
+        f"the hand gets {_millijoules(gain.work)}, of which a spring of {scene.stiffness:g} N/m that is held for a "
+        f"tick, with {lag_shown}, explains {_millijoules(gain.explained)}; it is less the faster the loop is sampled"
     )
     evidence = {
         **evidence_at(base, gain.last),
@@ -419,31 +433,35 @@ def _of_hold(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
     return Finding(Outcome.FAIL, message, Metric(CHECK.metric, gain.work, "J"), gain.explained, evidence)
 
 
-def _rounding(base: Recording, sampled: Sampled, scene: Scene) -> Array:
+def _rounding_work(base: Recording, sampled: SampledWork, scene: Scene) -> Array:
     largest = float(np.max(np.abs(base.hip)))
     return 4.0 * SINGLE * (scene.stiffness * largest * sampled.path + sampled.effort)
 
 
-def _mj(energy: float) -> str:
+def _millijoules(energy: float) -> str:
     return f"{1e3 * energy:.3g} mJ"
 
 
 def _judge_fixed(base: Recording) -> Finding:
     """Apply the weaker test, of a recording that cannot be refined: see `recordings.integrity.force_sign`."""
     note = "judged on one sampling only, which is the weaker test"
-    found = balance(base.hip, base.force, base.time)
-    if not found:
+    balances = balance(base.hip, base.force, base.time)
+    if not balances:
         return undecided(f"no two rows bound what is stored; {note}")
-    least = min((each.given for each in found), key=lambda each: each.energy - each.open)
-    metric = Metric(CHECK.metric, least.energy, "J")
-    evidence = {**evidence_at(base, least.last), "from_time": float(base.time[least.first]), "way": least.how}
-    if least.passive:
-        return Finding(Outcome.PASS, f"the hand gets back no more than it put in; {note}", metric, least.open, evidence)
+    worst = min((entry.given for entry in balances), key=lambda entry: entry.energy - entry.open)
+    metric = Metric(CHECK.metric, worst.energy, "J")
+    evidence = {
+        **evidence_at(base, worst.last),
+        "from_time": float(base.time[worst.first]),
+        "way": worst.how,
+    }
+    if worst.passive:
+        return Finding(Outcome.PASS, f"the hand gets back no more than it put in; {note}", metric, worst.open, evidence)
     message = (
-        f"creates energy: from t = {base.time[least.first]:.4g} s to {base.time[least.last]:.4g} s the hand gets "
-        f"{_mj(least.energy)} that it never gave; {note}"
+        f"creates energy: from t = {base.time[worst.first]:.4g} s to {base.time[worst.last]:.4g} s the hand gets "
+        f"{_millijoules(worst.energy)} that it never gave; {note}"
     )
-    return Finding(Outcome.FAIL, message, metric, least.open, evidence)
+    return Finding(Outcome.FAIL, message, metric, worst.open, evidence)
 
 
 CHECK = Check(

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.decisions import SETTLES
+from hapticeval.phenomena.decisions import SETTLING_RATIO
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
@@ -46,7 +46,7 @@ def richardson_two_level(runs: Runs, measure: Callable[[Recording], Array]) -> E
     before, after = half - base, quarter - half
     first, last, bent = (_largest(step) for step in (before, after, 2.0 * after - before))
     rounding = 1e-12 * _largest(base)
-    if last <= SETTLES * first or last <= rounding:
+    if last <= SETTLING_RATIO * first or last <= rounding:
         return Extrapolated(2.0 * quarter - half, max(last, 0.5 * bent), True)
     return Extrapolated(base, last, False)
 

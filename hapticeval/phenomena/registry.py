@@ -115,8 +115,8 @@ class Checks(Mapping[str, Check]):
 
 def _installed() -> Mapping[str, EntryPoint]:
     """Return the entry points of others by name, in alphabetical order; none may replace a check of ours."""
-    found = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
-    return {entry.name: entry for entry in found if entry.name not in OWN}
+    entries = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
+    return {entry.name: entry for entry in entries if entry.name not in OWN}
 
 
 def _loaded(entry: EntryPoint) -> Check:

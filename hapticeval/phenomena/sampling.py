@@ -6,7 +6,7 @@ import weakref
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import COARSEST, FARTHEST, FORCE_DEPTH, LAG_TICKS
+from hapticeval.phenomena.decisions import COARSEST_RESOLUTION, FARTHEST_STANDOFF, FORCE_DEPTH, LAG_TICKS
 from hapticeval.quantity import number
 from hapticeval.recordings.recording import SINGLE, Recording, runs_of
 from hapticeval.scene import Scene
@@ -57,17 +57,17 @@ def trailing(recording: Recording, scene: Scene) -> BoolArray:
     There is no force above the floor, no contact is reported, and the HIP is outside of the model, or the IHIP farther
     outside than any contact point may lie. Nowhere on a bilateral constraint, and where force or IHIP was not recorded.
     """
-    found = np.zeros(len(recording), dtype=bool)
+    trails = np.zeros(len(recording), dtype=bool)
     if scene.bilateral or not {"ihip", "force"} <= recording.channels.keys():
-        return found
+        return trails
     reported = recording.channels.get("contact", np.zeros(len(recording))) != 0.0
     silent = np.flatnonzero(recording.apart & ~above_force_floor(recording, scene) & ~reported)
     if silent.size:
         distance = scene.model.boundary.signed_distance
         steps = hip_steps(recording)
         farthest = LAG_TICKS * float(steps.max(initial=0.0)) + believed_standoff(recording, scene) + rounding(scene)
-        found[silent] = (distance(recording.hip[silent]) > 0.0) | (distance(recording.ihip[silent]) > farthest)
-    return found
+        trails[silent] = (distance(recording.hip[silent]) > 0.0) | (distance(recording.ihip[silent]) > farthest)
+    return trails
 
 
 def lingering(recording: Recording, scene: Scene) -> BoolArray:
@@ -90,8 +90,8 @@ def lingering(recording: Recording, scene: Scene) -> BoolArray:
 def as_sensed(base: Recording) -> Recording:
     """Return a recording with HIP and velocity as sensors that are not exact gave them to the renderer."""
     sensed = {"hip": "measured_hip", "velocity": "measured_velocity"}
-    seen = {name: base.channels[channel] for name, channel in sensed.items() if channel in base.channels}
-    return Recording(base.time, dict(base.channels) | seen, base.meta) if seen else base
+    sensed_channels = {name: base.channels[channel] for name, channel in sensed.items() if channel in base.channels}
+    return Recording(base.time, dict(base.channels) | sensed_channels, base.meta) if sensed_channels else base
 
 
 def hip_step(recording: Recording, scene: Scene) -> float:
@@ -119,7 +119,7 @@ def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:
 
 def farthest_standoff(scene: Scene) -> float:
     """Return how far off the model, m, an IHIP may be declared: a fiftieth of its size; beyond is another object."""
-    return FARTHEST * scene.model.size
+    return FARTHEST_STANDOFF * scene.model.size
 
 
 def believed_standoff(recording: Recording, scene: Scene) -> float:
@@ -141,7 +141,7 @@ def rounding(scene: Scene) -> float:
 
 def resolution(recording: Recording, scene: Scene) -> float:
     """The declared resolution, m, at most a sixteenth of the outline; in space that of a circle of the model's size."""
-    return min(recording.resolution, COARSEST * scene.model.boundary.girth)
+    return min(recording.resolution, COARSEST_RESOLUTION * scene.model.boundary.girth)
 
 
 def position_tolerance(recording: Recording, scene: Scene) -> float:
@@ -184,8 +184,8 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     if distance.size == 0:
         return False
     off = np.abs(distance)
-    way = LAG_TICKS * hip_step(recording, scene) + 1e-9 * scene.model.size
-    return bool(off.max() > way + believed_standoff(recording, scene) or np.ptp(off) > way)
+    tolerance = LAG_TICKS * hip_step(recording, scene) + 1e-9 * scene.model.size
+    return bool(off.max() > tolerance + believed_standoff(recording, scene) or np.ptp(off) > tolerance)
 
 
 def declares_force_only(recording: Recording) -> bool:
@@ -222,5 +222,5 @@ def listed(point: Array) -> list[float]:
 
 def mm(*lengths: float) -> str:
     """Return a length (m), or a point, in millimetres to three digits, for a message: "1.5 mm", "(80, 12) mm"."""
-    numbers = ", ".join(number(1e3 * float(each), 3) for each in lengths)
+    numbers = ", ".join(number(1e3 * float(length), 3) for length in lengths)
     return f"{numbers} mm" if len(lengths) == 1 else f"({numbers}) mm"

@@ -10,7 +10,7 @@ import numpy as np
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import FORCE_SENSOR, FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
-from hapticeval.phenomena.decisions import GONE, SLIDES, TELLS
+from hapticeval.phenomena.decisions import DIED_OUT_SHARE, SLIDE_SHARE, TELLING_SHARE
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion
@@ -47,7 +47,7 @@ def judge_output_invariance(runs: Runs, scene: Scene) -> Finding:
         "m_kappa_v2_over_K_m": cost,
     }
     metric = Metric(OUTPUT_INVARIANCE.metric, float(distance[tick]), "m")
-    if cost > 0.0 and bound > TELLS * cost:
+    if cost > 0.0 and bound > TELLING_SHARE * cost:
         message = f"what the sampling may do, {mm(bound)}, hides what a missing centripetal force would"
         return undecided(message, metric, bound, evidence)
     fails = f"the tool leaves the surface by {mm(metric.value)}, at t = {base.time[tick]:.4g} s"
@@ -67,10 +67,10 @@ def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
     if motion.pushed.any():
         return undecided("the operator pushes, which changes the speed too")
     start = float(motion.foot_speed[0])
-    if start * (base.time[-1] - base.time[0]) <= SLIDES * scene.model.size:
+    if start * (base.time[-1] - base.time[0]) <= SLIDE_SHARE * scene.model.size:
         return undecided(DOES_NOT_SLIDE)
     remains = richardson_two_level(runs, lambda recording: _speed_deviation(recording, scene))
-    last = min(int(np.flatnonzero(distance > GONE * farthest)[-1]), len(remains.values) - 1)
+    last = min(int(np.flatnonzero(distance > DIED_OUT_SHARE * farthest)[-1]), len(remains.values) - 1)
     deviation = np.abs(remains.values[: last + 1])
     tick = int(np.argmax(deviation))
     metric = Metric(DECOUPLING.metric, float(deviation[tick]), "")
@@ -83,7 +83,7 @@ def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
         "foot_speed_there_m_s": float(motion.foot_speed[tick]),
         "settled_by_refinement": remains.settled,
     }
-    if bound > TELLS:
+    if bound > TELLING_SHARE:
         return undecided(TOO_MUCH, metric, bound, evidence)
     return compared(
         metric,
@@ -114,7 +114,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
             "the operator pushes a robot without a force sensor: its own inertia has a share in the motion"
         )
     top = float(motion.foot_speed.max())
-    remains = richardson_two_level(runs, lambda recording: _unexplained(recording, scene))
+    remains = richardson_two_level(runs, lambda recording: _unexplained_velocity(recording, scene))
     excess = np.linalg.norm(remains.values, axis=1) / top
     tick = int(np.argmax(excess))
     metric = Metric(TANGENTIAL_DYNAMICS.metric, float(excess[tick]), "")
@@ -129,22 +129,22 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
         "foot_speed_at_end_m_s": float(motion.foot_speed[-1]),
         "settled_by_refinement": remains.settled,
     }
-    if bound > TELLS:
+    if bound > TELLING_SHARE:
         return undecided(TOO_MUCH, metric, bound, evidence)
     fails = (
         f"{100.0 * metric.value:.3g} per cent of the sliding speed come or go unassigned"
-        f"{_likeness(motion, remains.values, viscosity, tick)}"
+        f"{_describe_unexplained(motion, remains.values, viscosity, tick)}"
     )
     return compared(metric, bound, evidence, passes="the tool slides as assigned", fails=fails)
 
 
-def _likeness(motion: SurfaceMotion, unexplained: Array, viscosity: float, tick: int) -> str:
+def _describe_unexplained(motion: SurfaceMotion, unexplained: Array, viscosity: float, tick: int) -> str:
     """Say what the unexplained velocity, (n, N - 1), m/s, is like: a viscosity (kg/s) where that makes most of it."""
     moved = motion.components(motion.foot_velocity)[: len(unexplained)]
     assigned = motion.scene.viscosity
     slid = np.cumsum(moved * motion.recording.dt, axis=0)
-    rest = unexplained + (viscosity - assigned) / motion.scene.mass * slid
-    if np.sum(rest**2) <= 0.5 * np.sum(unexplained**2):
+    remainder = unexplained + (viscosity - assigned) / motion.scene.mass * slid
+    if np.sum(remainder**2) <= 0.5 * np.sum(unexplained**2):
         return f", as if the surface had a viscosity of {viscosity:.3g} kg/s instead of {assigned:.3g}"
     along = float(np.sum(unexplained[tick] * moved[tick]))
     return f": by t = {motion.recording.time[tick]:.4g} s the tool is {'driven on' if along > 0.0 else 'braked'}"
@@ -164,7 +164,7 @@ def _pushed_along(motion: SurfaceMotion) -> Array:
     return along if sensed else motion.pulled_back(along)
 
 
-def _unexplained(recording: Recording, scene: Scene) -> Array:
+def _unexplained_velocity(recording: Recording, scene: Scene) -> Array:
     """Return p'(t) - p'(0) less the integral of the assigned acceleration, in transported bases: (n, N - 1), m/s.
 
     That acceleration is -(b_d / m) p' (7.18), and what the hand adds. Viscous terms by the trapezoidal rule; the
@@ -189,8 +189,8 @@ def _apparent_viscosity(motion: SurfaceMotion) -> float:
     speed2 = motion.foot_speed**2
     step = np.diff(recording.time)
     viscous = (scene.viscosity / scene.mass) * motion.foot_velocity
-    given = -viscous + _pushed_along(motion) + viscous
-    work = float(np.sum(step * np.sum(motion.foot_velocity * given, axis=1)[:-1]))
+    driven = -viscous + _pushed_along(motion) + viscous
+    work = float(np.sum(step * np.sum(motion.foot_velocity * driven, axis=1)[:-1]))
     slid = float(np.sum(step * 0.5 * (speed2[:-1] + speed2[1:])))
     return scene.mass * (work - 0.5 * float(speed2[-1] - speed2[0])) / slid if slid > 0.0 else 0.0
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
-from hapticeval.phenomena.decisions import FOCAL, HOLD_TICKS, SLIDES
+from hapticeval.phenomena.decisions import FOCAL_EIGENVALUE, HOLD_TICKS, SLIDE_SHARE
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -68,7 +68,7 @@ class SurfaceMotion:
         """Where the tool is at a centre of curvature of the surface, in words; None where it always has one foot."""
         nearest = np.linalg.eigvalsh(self.stretch)[:, 0]
         tick = int(np.argmin(nearest))
-        if nearest[tick] > FOCAL:
+        if nearest[tick] > FOCAL_EIGENVALUE:
             return None
         return (
             f"at t = {self.recording.time[tick]:.4g} s the tool is at a centre of curvature of the surface, where it "
@@ -106,7 +106,7 @@ class SurfaceMotion:
     def slides(self) -> bool:
         """Whether the foot, at its top speed, goes far enough in the run for its motion to show anything."""
         lasts = float(self.recording.time[-1] - self.recording.time[0])
-        return float(self.foot_speed.max()) * lasts > SLIDES * self.scene.model.size
+        return float(self.foot_speed.max()) * lasts > SLIDE_SHARE * self.scene.model.size
 
     @property
     def pushed(self) -> BoolArray:

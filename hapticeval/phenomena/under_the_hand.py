@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.contact_kept import across_allowed
-from hapticeval.phenomena.decisions import ASIDE, LAG_TICKS, STRETCHED
+from hapticeval.phenomena.decisions import ASIDE_DEPTHS, LAG_TICKS, STRETCHED_STEPS
 from hapticeval.phenomena.jumps import recent_steps
 from hapticeval.phenomena.sampling import evidence_at, hip_steps, lingering, mm, resolution, rounding, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
@@ -23,17 +23,23 @@ from hapticeval.types import Array, BoolArray
 def find_aside(base: Recording, scene: Scene) -> Finding | None:
     """Return a failure where an IHIP in contact stands farther aside of the hand than its depth explains; else None.
 
-    The nearest point moves by up to `STRETCHED` HIP steps in a tick, and an IHIP may be three ticks late; the surface
-    that is rendered may lie off the model, and be blurred along it, by what is declared.
+    The nearest point moves by up to `STRETCHED_STEPS` HIP steps in a tick, and an IHIP may be three ticks late; the
+    surface that is rendered may lie off the model, and be blurred along it, by what is declared.
     """
     feet = scene.model.boundary.closest_point(base.hip)
     depth = np.abs(feet.distance)
-    judged, beside = _followed(base, scene, feet.foot, feet.distance)
+    judged, branch_doubt = _followed_rows(base, scene, feet.foot, feet.distance)
     if not judged.any():
         return None
     across = across_allowed(base, scene)
     recent = recent_steps(base)
-    allowed = ASIDE * (depth + across) + across + resolution(base, scene) + STRETCHED * LAG_TICKS * recent + beside
+    allowed = (
+        ASIDE_DEPTHS * (depth + across)
+        + across
+        + resolution(base, scene)
+        + STRETCHED_STEPS * LAG_TICKS * recent
+        + branch_doubt
+    )
     aside = np.where(judged, np.linalg.norm(base.ihip - feet.foot, axis=1), 0.0)
     worst = int(np.argmax(aside - allowed))
     if aside[worst] <= allowed[worst]:
@@ -47,7 +53,7 @@ def find_aside(base: Recording, scene: Scene) -> Finding | None:
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
-def _followed(base: Recording, scene: Scene, feet: Array, distance: Array) -> tuple[BoolArray, Array]:
+def _followed_rows(base: Recording, scene: Scene, feet: Array, distance: Array) -> tuple[BoolArray, Array]:
     """Return in which rows a contact has followed the hand's nearest point since it began, and how far it may be off.
 
     From where the hand comes in, or the run begins, up to where it is outside again or its nearest point jumps: there
@@ -57,14 +63,14 @@ def _followed(base: Recording, scene: Scene, feet: Array, distance: Array) -> tu
     contact = touching(base, scene) & ~lingering(base, scene)
     steps = np.concatenate([[0.0], hip_steps(base)])
     moved = np.concatenate([[0.0], np.linalg.norm(np.diff(feet, axis=0), axis=1)])
-    jumps = moved > STRETCHED * steps + rounding(scene)
+    jumps = moved > STRETCHED_STEPS * steps + rounding(scene)
     near = LAG_TICKS * recent_steps(base) + across_allowed(base, scene)
     outside = (distance > near) & (not scene.bilateral)
-    judged, beside = np.zeros(len(base), dtype=bool), np.zeros(len(base))
+    judged, branch_doubt = np.zeros(len(base), dtype=bool), np.zeros(len(base))
     for first, end in runs_of(contact):
         known = base.meta.get("source") in SIMULATED if first == 0 else abs(distance[first]) <= near[first]
         left = np.flatnonzero((jumps | outside)[first + 1 : end])
         last = first + 1 + int(left[0]) if left.size else end
         judged[first:last] = known
-        beside[first:last] = np.maximum.accumulate(np.maximum(moved - steps, 0.0)[first:last])
-    return judged & (scene.bilateral | (distance < 0.0)), beside
+        branch_doubt[first:last] = np.maximum.accumulate(np.maximum(moved - steps, 0.0)[first:last])
+    return judged & (scene.bilateral | (distance < 0.0)), branch_doubt

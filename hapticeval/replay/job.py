@@ -10,7 +10,7 @@ from pathlib import Path
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
-from hapticeval.phenomena.check import LACKS, Runs, Sibling
+from hapticeval.phenomena.check import LACKING_CHANNEL, Runs, Sibling
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.quantity import aligned
@@ -177,8 +177,8 @@ def differences(document: results.ResultsDocument) -> str:
     ]
     checks: dict[str, list[str]] = {}
     for verdict in document.verdicts:
-        if verdict.renderer == RECORDED and LACKS in verdict.evidence:
-            checks.setdefault(verdict.evidence[LACKS], []).append(verdict.check)
+        if verdict.renderer == RECORDED and LACKING_CHANNEL in verdict.evidence:
+            checks.setdefault(verdict.evidence[LACKING_CHANNEL], []).append(verdict.check)
     lines = aligned([["against the recorded run", "IHIP", "force"], *rows]) if rows else []
     lines += [
         f"the recording has no channel '{channel}': its own run is not judged by {', '.join(names)}"

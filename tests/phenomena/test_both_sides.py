@@ -13,9 +13,9 @@ from test_dynamic_checks import CIRCLE, EXPERIMENT, LINE
 from test_dynamic_checks import run as run_law
 from test_forces import ROUND, collision, orbit
 
-from hapticeval.phenomena.centripetal_force import _answer
+from hapticeval.phenomena.centripetal_force import _assigned_response
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.decisions import COMES_HOME, GONE, HOLD_TICKS, SLIDES, TELLS
+from hapticeval.phenomena.decisions import DIED_OUT_SHARE, HOLD_TICKS, RETURN_RATIO, SLIDE_SHARE, TELLING_SHARE
 from hapticeval.phenomena.regions import Region, region_of
 from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.scene import Scene
@@ -62,7 +62,7 @@ def test_the_message_has_the_share_and_what_it_costs():
 def test_a_bound_above_a_tenth_tells_nothing(speed, decides):
     """1.5 kappa v T is a tenth at 6.67 m/s round 0.1 m."""
     found_there = found("centripetal-force", orbits(0.5, speed=speed), ROUND)
-    assert (found_there.bound <= TELLS) is decides
+    assert (found_there.bound <= TELLING_SHARE) is decides
     assert found_there.outcome is (FAIL if decides else UNDECIDED)
 
 
@@ -86,12 +86,12 @@ def test_a_cost_counts_as_the_assigned_dynamics_answer_to_it(damping, seed):
     for push in force:
         expected.append(state[0])
         state = step @ np.array([state[0], state[1], push])
-    np.testing.assert_allclose(_answer(force, base, scene), expected, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(_assigned_response(force, base, scene), expected, rtol=1e-7, atol=1e-12)
 
 
 def test_undamped_dynamics_never_come_to_an_answer_so_that_the_static_one_counts():
     scene = Scene(model=LINE.model, stiffness=50.0, mass=0.1, bilateral=True)
-    assert _answer(np.array([1.0, 2.0]), recorded(np.zeros((2, 2))), scene).tolist() == [0.02, 0.04]
+    assert _assigned_response(np.array([1.0, 2.0]), recorded(np.zeros((2, 2))), scene).tolist() == [0.02, 0.04]
 
 
 def test_what_the_push_may_give_a_tool_while_the_normal_turns_is_granted_to_a_collision():
@@ -144,7 +144,7 @@ def off_the_line(late):
     return recorded(hip, force=0.0 * hip, meta=EXPERIMENT, velocity=np.tile([3.0, 0.0], (time.size, 1)))
 
 
-@pytest.mark.parametrize(("ratio", "expected"), [(0.99 * COMES_HOME, PASS), (1.01 * COMES_HOME, FAIL)])
+@pytest.mark.parametrize(("ratio", "expected"), [(0.99 * RETURN_RATIO, PASS), (1.01 * RETURN_RATIO, FAIL)])
 def test_what_falls_as_one_over_the_root_of_time_is_between_staying_and_coming(ratio, expected):
     assert outcome("constraint-stability", off_the_line(lambda time: ratio), LINE) is expected
 
@@ -223,7 +223,7 @@ def test_one_recording_alone_is_granted_what_a_held_force_may_have_given_until_t
     base = moves_across(1e-2)
     motion = SurfaceMotion(base, CIRCLE)
     finding = found("decoupling", Runs(base), CIRCLE)
-    home = int(np.flatnonzero(motion.distance > GONE * motion.distance[0])[-1])
+    home = int(np.flatnonzero(motion.distance > DIED_OUT_SHARE * motion.distance[0])[-1])
     assert finding.evidence["settled_by_refinement"] is False
     assert finding.evidence["moves_across_until_s"] == pytest.approx(base.time[home])
     assert finding.bound == pytest.approx(motion.held_speed[home] / 5.0 + 1e-9, rel=1e-12)
@@ -238,7 +238,7 @@ def test_one_recording_alone_is_granted_what_a_held_force_may_have_given_to_the_
 
 @pytest.mark.parametrize(("share", "slides"), [(0.9, False), (1.1, True)])
 def test_a_foot_that_goes_no_farther_than_a_share_of_the_model_does_not_slide(share, slides):
-    speed = share * SLIDES * CIRCLE.model.size
+    speed = share * SLIDE_SHARE * CIRCLE.model.size
     base = run_law("set-stabilisation", CIRCLE, (1.01, 0.0), (0.0, 1.01 * speed), 1.0, 1e-3)
     for check in ("decoupling", "tangential-dynamics"):
         assert (found(check, base, CIRCLE).message != "the tool does not slide") is slides, check

@@ -12,7 +12,7 @@ from made import recorded
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import circle, line, sphere
-from hapticeval.phenomena.lag import Lag, at_rows, find_lag, least_misfit, rests
+from hapticeval.phenomena.lag import Lag, delayed, find_lag, least_misfit, resting_ticks
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
@@ -116,12 +116,12 @@ def test_the_least_misfit_is_found_between_ticks(lag):
 
 def test_values_between_rows_are_on_the_straight_way_and_ends_stay():
     values = np.array([[0.0], [1.0], [3.0]])
-    assert at_rows(values, np.arange(3)).tolist() == values.tolist()
-    assert at_rows(values, np.arange(3), 0.75).ravel().tolist() == [0.0, 0.25, 1.5]
-    assert at_rows(values, np.arange(3), -0.5).ravel().tolist() == [0.5, 2.0, 3.0]
+    assert delayed(values, np.arange(3)).tolist() == values.tolist()
+    assert delayed(values, np.arange(3), 0.75).ravel().tolist() == [0.0, 0.25, 1.5]
+    assert delayed(values, np.arange(3), -0.5).ravel().tolist() == [0.5, 2.0, 3.0]
 
 
 def test_a_tool_that_moves_in_every_third_tick_rests_for_two():
     values = np.repeat([[0.0], [1.0], [2.0]], 3, axis=0)
-    assert rests(values).tolist() == [0, 1, 2, 0, 1, 2, 0, 1, 2]
-    assert rests(np.zeros((6, 2))).tolist() == [0, 1, 2, 3, 3, 3]
+    assert resting_ticks(values).tolist() == [0, 1, 2, 0, 1, 2, 0, 1, 2]
+    assert resting_ticks(np.zeros((6, 2))).tolist() == [0, 1, 2, 3, 3, 3]

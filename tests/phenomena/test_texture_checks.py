@@ -16,7 +16,7 @@ from hapticeval.effects.line_spectra import coefficients_of, line_spectrum
 from hapticeval.effects.stochastic_texture import StochasticTexture
 from hapticeval.effects.texture import Filter, Texture, as_document, autocovariance
 from hapticeval.phenomena.decisions import WELCH_WINDOW
-from hapticeval.phenomena.effects.texture import _spread, spectrum_bound, welch_of
+from hapticeval.phenomena.effects.texture import _mean_square_variance, spectrum_bound, welch_of
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.runner.judging import judge
@@ -67,7 +67,7 @@ def test_bounds_are_what_chance_makes():
     assert max(errors) < 1.03 * bound
     assert np.quantile(errors, 0.99) > 0.9 * bound, "and not much more"
     assert np.mean(powers) == pytest.approx(covariance[0], rel=0.05)
-    assert np.var(powers) / covariance[0] ** 2 == pytest.approx(_spread(covariance, 1250), rel=0.3)
+    assert np.var(powers) / covariance[0] ** 2 == pytest.approx(_mean_square_variance(covariance, 1250), rel=0.3)
 
 
 def claiming(texture):

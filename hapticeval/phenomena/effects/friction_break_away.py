@@ -8,8 +8,8 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import LAG_TICKS, STICKS, TELLS
-from hapticeval.phenomena.effects.friction_load import Load, load_of, precision, unjudged
+from hapticeval.phenomena.decisions import LAG_TICKS, STICKING_SHARE, TELLING_SHARE
+from hapticeval.phenomena.effects.friction_load import Load, ihip_precision, load_of, reason_not_judged
 from hapticeval.phenomena.sampling import evidence_at, hip_steps
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -20,31 +20,31 @@ from hapticeval.types import Array, IntArray
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the force along the surface with mu_s F_n where a tool that stuck begins to slide."""
     base, friction = runs.base, scene.effect(FRICTION)
-    reason = unjudged(base, scene)
+    reason = reason_not_judged(base, scene)
     if reason is not None:
         return reason
     load = load_of(base, scene)
-    slips = _slips(base, load, scene, min(STICKS, friction.stick) * friction.mu_k)
+    slips = _break_away_ticks(base, load, scene, min(STICKING_SHARE, friction.stick) * friction.mu_k)
     share = np.divide(load.size, friction.mu_s * load.normal, where=load.normal > 0.0, out=np.zeros(len(base)))
     # In the tick before, of a channel that is late too, the hand was a step less far, or two where that is between two.
     feet = np.diff(scene.model.boundary.closest_point(base.hip).foot, axis=0)
-    step = _widest(np.concatenate([[0.0], np.maximum(hip_steps(base), np.linalg.norm(feet, axis=1))]))
-    press = _widest(np.abs(np.diff(load.normal, prepend=load.normal[:1])))
+    step = _largest_within_lag(np.concatenate([[0.0], np.maximum(hip_steps(base), np.linalg.norm(feet, axis=1))]))
+    press = _largest_within_lag(np.abs(np.diff(load.normal, prepend=load.normal[:1])))
     holds = friction.mu_s * load.normal[slips - 1]
     with np.errstate(divide="ignore", invalid="ignore"):
         open_ = 2.0 * scene.stiffness * step[slips] + friction.mu_s * press[slips] + load.other[slips - 1]
         allowed = np.where(holds > 0.0, open_ / holds, np.inf)
-    clear = allowed <= max(TELLS, 0.5 * (1.0 - friction.mu_k / friction.mu_s))
+    clear = allowed <= max(TELLING_SHARE, 0.5 * (1.0 - friction.mu_k / friction.mu_s))
     if not clear.any():
         return undecided(
             "the tool nowhere begins to slide, after it has stuck, while the hand moves and presses evenly"
         )
-    lacks = 1.0 - _widest(share)[slips]
-    worst = int(np.argmax(np.where(clear, lacks - allowed, -np.inf)))
+    shortfall = 1.0 - _largest_within_lag(share)[slips]
+    worst = int(np.argmax(np.where(clear, shortfall - allowed, -np.inf)))
     tick = int(slips[worst])
-    reached = (1.0 - float(lacks[worst])) * friction.mu_s
+    reached = (1.0 - float(shortfall[worst])) * friction.mu_s
     return compared(
-        Metric(CHECK.metric, max(float(lacks[worst]), 0.0), ""),
+        Metric(CHECK.metric, max(float(shortfall[worst]), 0.0), ""),
         float(allowed[worst]),
         {**evidence_at(base, tick), "reached": reached, "slips": int(np.count_nonzero(clear))},
         passes=(
@@ -58,12 +58,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _slips(base: Recording, load: Load, scene: Scene, surely: float) -> IntArray:
+def _break_away_ticks(base: Recording, load: Load, scene: Scene, surely: float) -> IntArray:
     """Return the ticks in which a tool that has stuck begins to slide, away from corners.
 
     It has stuck when it rested for longer than the granted lag, and was pulled by less than the share `surely` of F_n.
     """
-    place = 8.0 * precision(base) * float(np.max(np.abs(base.hip)))
+    place = 8.0 * ihip_precision(base) * float(np.max(np.abs(base.hip)))
     length = np.linalg.norm(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), axis=1)
     pressed = load.pressed & (load.normal > 0.0)
     moves = (length > place) | ~pressed | ~np.roll(pressed, 1)
@@ -85,7 +85,7 @@ def _slips(base: Recording, load: Load, scene: Scene, surely: float) -> IntArray
     )
 
 
-def _widest(values: Array) -> Array:
+def _largest_within_lag(values: Array) -> Array:
     """Return the largest of `values` (n,) from a tick and the granted lag before each to the granted lag after it."""
     padded = np.pad(values, (LAG_TICKS + 1, LAG_TICKS), mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * LAG_TICKS + 2).max(axis=1))

@@ -6,8 +6,8 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import CONE_ROUNDING, TELLS
-from hapticeval.phenomena.effects.friction_load import load_of, unjudged
+from hapticeval.phenomena.decisions import CONE_ROUNDING, TELLING_SHARE
+from hapticeval.phenomena.effects.friction_load import load_of, reason_not_judged
 from hapticeval.phenomena.sampling import evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.scene import Scene
@@ -16,16 +16,16 @@ from hapticeval.scene import Scene
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare |F_t| with mu_s F_n at every tick."""
     base, friction = runs.base, scene.effect(FRICTION)
-    reason = unjudged(base, scene)
+    reason = reason_not_judged(base, scene)
     if reason is not None:
         return reason
     load = load_of(base, scene)
-    beyond = np.maximum(load.size - load.other, 0.0)
+    tangential = np.maximum(load.size - load.other, 0.0)
     limit = friction.mu_s * np.maximum(load.normal, 0.0)
-    shares = np.divide(beyond, limit, out=np.where(beyond > 0.0, np.inf, 0.0), where=limit > 0.0)
+    shares = np.divide(tangential, limit, out=np.where(tangential > 0.0, np.inf, 0.0), where=limit > 0.0)
     worst = int(np.argmax(shares))
     share = float(shares[worst])
-    if share < TELLS:
+    if share < TELLING_SHARE:
         return undecided("the tool is hardly pulled along the surface: less than a tenth of what the friction holds")
     return compared(
         Metric(CHECK.metric, share, ""),

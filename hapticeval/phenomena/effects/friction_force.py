@@ -10,11 +10,11 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import BRISTLE_PARTS, LAG_TICKS, TELLS, WHOLE_LAG
-from hapticeval.phenomena.effects.friction_load import Load, load_of, unjudged, viscous
-from hapticeval.phenomena.effects.friction_work import bristles
-from hapticeval.phenomena.effects.relief import beside_straight
-from hapticeval.phenomena.lag import at_rows, believed
+from hapticeval.phenomena.decisions import BRISTLE_PARTS, LAG_TICKS, TELLING_SHARE, WHOLE_LAG
+from hapticeval.phenomena.effects.friction_load import Load, load_of, reason_not_judged, viscous_coefficient
+from hapticeval.phenomena.effects.friction_work import lugre_force
+from hapticeval.phenomena.effects.relief import straight_way_doubt
+from hapticeval.phenomena.lag import believed_lag, delayed
 from hapticeval.phenomena.sampling import evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -25,14 +25,14 @@ from hapticeval.types import Array
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the force along the surface with that of the law at every tick in contact."""
     base = runs.base
-    reason = unjudged(base, scene)
+    reason = reason_not_judged(base, scene)
     if reason is not None:
         return reason
     if scene.damping > 0.0:
         return Finding(Outcome.NOT_APPLICABLE, f"a damper of {scene.damping:g} N s/m brakes too")
-    if any(each.stage is Stage.SENSE for each in scene.effects):
+    if any(effect.stage is Stage.SENSE for effect in scene.effects):
         return undecided("the renderer answers the speed that its sensors show, and not the hand's")
-    (kind,) = (each.kind for each in scene.effects if each.kind in CHECK.effects)
+    (kind,) = (effect.kind for effect in scene.effects if effect.kind in CHECK.effects)
     load = load_of(base, scene)
     tangential = load.tangential
     if runs.without is not None:
@@ -40,27 +40,27 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         tangential = tangential - (plain - np.sum(plain * load.normals, axis=1)[:, np.newaxis] * load.normals)
     # What the queue of a late renderer begins with is not of the law.
     judged = load.pressed & (np.arange(len(base)) >= LAG_TICKS)
-    law = _law(base, load, scene)
+    law = _friction_law(base, load, scene)
     straight = law(0.0, BRISTLE_PARTS)
     strength = np.linalg.norm(straight, axis=1)
-    rounding = load.other - viscous(scene) * np.linalg.norm(load.velocity, axis=1)
+    rounding = load.other - viscous_coefficient(scene) * np.linalg.norm(load.velocity, axis=1)
     doubt = rounding + np.linalg.norm(law(0.0, 1) - straight, axis=1)
-    if not (judged & (doubt <= TELLS * strength)).any():
+    if not (judged & (doubt <= TELLING_SHARE * strength)).any():
         return undecided("the law's force is nowhere ten times what sampling and rounding leave open of it")
 
     def late(parts: int) -> tuple[float, float]:
         """Return the lag that explains what is off, and the misfit with it."""
-        return believed(
+        return believed_lag(
             lambda lag: float(np.linalg.norm((tangential + law(lag, parts))[judged], axis=1).mean()),
             float(doubt[judged].mean()),
         )
 
-    lag = min(late(1), late(BRISTLE_PARTS), key=lambda each: each[1])[0]
+    lag = min(late(1), late(BRISTLE_PARTS), key=lambda lag_and_misfit: lag_and_misfit[1])[0]
     if lag:
-        held, straight = law(lag, 1), law(lag, BRISTLE_PARTS)
-        doubt = rounding + np.linalg.norm(held - straight, axis=1)
+        stepped, straight = law(lag, 1), law(lag, BRISTLE_PARTS)
+        doubt = rounding + np.linalg.norm(stepped - straight, axis=1)
         if abs(lag - round(lag)) > WHOLE_LAG:
-            doubt += beside_straight(straight)
+            doubt += straight_way_doubt(straight)
     # The speed of a tick may be taken as held since the last, or as going there straight.
     off = np.linalg.norm(tangential + straight, axis=1)
     worst = int(np.argmax(np.where(judged, off - doubt, -np.inf)))
@@ -77,16 +77,16 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _law(base: Recording, load: Load, scene: Scene) -> Callable[[float, int], Array]:
-    """Return -F_t of the law (n, N), N, as a function of a lag in ticks and the parts of a tick; see `bristles`."""
+def _friction_law(base: Recording, load: Load, scene: Scene) -> Callable[[float, int], Array]:
+    """Return -F_t of the law (n, N), N, as a function of a lag in ticks and the parts of a tick; see `lugre_force`."""
     lugre = scene.effect(LUGRE)
     rows = np.arange(len(base), dtype=np.int64)
 
     def law(lag: float, parts: int) -> Array:
-        moving = at_rows(load.velocity, rows, lag) if lag else load.velocity
+        moving = delayed(load.velocity, rows, lag) if lag else load.velocity
         if lugre is None:
-            return viscous(scene) * moving
-        return bristles(lugre, replace(load, velocity=moving), base.dt, parts)
+            return viscous_coefficient(scene) * moving
+        return lugre_force(lugre, replace(load, velocity=moving), base.dt, parts)
 
     return law
 

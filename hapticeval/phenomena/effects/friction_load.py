@@ -22,10 +22,10 @@ FRICTIONS = (FRICTION, VISCOUS_FRICTION, LUGRE)
 DOUBLE = float(np.finfo(np.float64).eps)
 
 
-def viscous(scene: Scene) -> float:
+def viscous_coefficient(scene: Scene) -> float:
     """Return the coefficient (N s/m) of the scene's viscous friction; zero where it calls for none."""
-    found = scene.effect(VISCOUS_FRICTION)
-    return 0.0 if found is None else float(found.coefficient)
+    friction = scene.effect(VISCOUS_FRICTION)
+    return 0.0 if friction is None else float(friction.coefficient)
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def load_of(base: Recording, scene: Scene) -> Load:
         normal = np.sum(push * normals, axis=1)
         size = np.linalg.norm(force - across[:, np.newaxis] * normals, axis=1)
     moving = velocity[rows] - np.sum(velocity[rows] * normals, axis=1)[:, np.newaxis] * normals
-    damping = scene.damping + viscous(scene)
+    damping = scene.damping + viscous_coefficient(scene)
     reach = scene.stiffness * float(np.max(np.abs(base.hip))) + np.linalg.norm(force, axis=1)
     parts = (
         normal,
@@ -72,17 +72,17 @@ def load_of(base: Recording, scene: Scene) -> Load:
         size,
         moving,
         normals,
-        damping * np.linalg.norm(moving, axis=1) + 8.0 * precision(base) * reach,
+        damping * np.linalg.norm(moving, axis=1) + 8.0 * ihip_precision(base) * reach,
     )
     filled = []
     for part in parts:
-        whole = np.zeros((len(base), *part.shape[1:]))
-        whole[rows] = part
-        filled.append(whole)
+        column = np.zeros((len(base), *part.shape[1:]))
+        column[rows] = part
+        filled.append(column)
     return Load(pressed, *filled)
 
 
-def precision(base: Recording) -> float:
+def ihip_precision(base: Recording) -> float:
     """Return the relative precision of the recorded IHIPs: that of single numbers where all of them are such."""
     return SINGLE if np.array_equal(base.ihip, base.ihip.astype(np.float32)) else DOUBLE
 
@@ -91,7 +91,7 @@ HAND = ("hip", "velocity")
 """The channels that are of the hand, and so on time."""
 
 
-def judged_late(
+def judge_with_lag(
     base: Recording, judge: Callable[[Recording], Finding], on_time: tuple[tuple[str, ...], ...] = (HAND,)
 ) -> Finding:
     """Judge a recording, and where it fails, one with channels held back by up to three ticks: a lag is granted.
@@ -99,21 +99,21 @@ def judged_late(
     Each of `on_time` are channels that may be on time where the others are late. A renderer that is late gives and
     takes energy for that alone: see `passivity`. Where all fail the first is found.
     """
-    found = judge(base)
+    finding = judge(base)
     for lag in range(1, LAG_TICKS + 1):
         rows = np.maximum(np.arange(len(base)) - lag, 0)
         for names in on_time:
-            if found.outcome is not Outcome.FAIL:
-                return found
+            if finding.outcome is not Outcome.FAIL:
+                return finding
             back = {name: base.channels[name][rows] for name in names if name in base.channels}
             again = judge(Recording(base.time, {**base.channels, **back}, base.meta))
             if again.outcome is Outcome.PASS:
                 late = "IHIP" if "force" in names else "force"
                 return replace(again, message=f"{again.message}; the {late} is {lag} ticks late")
-    return found
+    return finding
 
 
-def unjudged(base: Recording, scene: Scene) -> Finding | None:
+def reason_not_judged(base: Recording, scene: Scene) -> Finding | None:
     """Return why a check of friction has no question, or no answer, here; None where it can be judged."""
     others = scene.on_answers_beside(*FRICTIONS)
     if others:

@@ -6,8 +6,8 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import SLIDING_ROUNDING, SLIDING_TICKS, TELLS
-from hapticeval.phenomena.effects.friction_load import HAND, judged_late, load_of, precision, unjudged
+from hapticeval.phenomena.decisions import SLIDING_ROUNDING, SLIDING_TICKS, TELLING_SHARE
+from hapticeval.phenomena.effects.friction_load import HAND, ihip_precision, judge_with_lag, load_of, reason_not_judged
 from hapticeval.phenomena.sampling import evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -18,7 +18,9 @@ from hapticeval.types import Array
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare F_t at every tick in which the IHIP moves with mu_k F_n against that motion."""
     late = ((*HAND, "ihip"), ("force",))
-    return unjudged(runs.base, scene) or judged_late(runs.base, lambda recording: _judge(recording, scene), late)
+    return reason_not_judged(runs.base, scene) or judge_with_lag(
+        runs.base, lambda recording: _judge(recording, scene), late
+    )
 
 
 def _judge(base: Recording, scene: Scene) -> Finding:
@@ -27,16 +29,16 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     step = np.diff(base.ihip, axis=0, prepend=base.ihip[:1])
     step -= np.sum(step * load.normals, axis=1)[:, np.newaxis] * load.normals
     length = np.linalg.norm(step, axis=1)
-    asked = friction.mu_k * load.normal
+    braking = friction.mu_k * load.normal
     shape = scene.model.boundary.closest_point(base.ihip).shape
     bend, twist = _curvature(shape)
-    place = 8.0 * precision(base) * np.max(np.abs(base.hip))
+    place = 8.0 * ihip_precision(base) * np.max(np.abs(base.hip))
     lag = length + (load.size + np.maximum(load.normal, 0.0)) / scene.stiffness
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        off = np.linalg.norm(load.tangential + asked[:, np.newaxis] * step / length[:, np.newaxis], axis=1) / asked
+        off = np.linalg.norm(load.tangential + braking[:, np.newaxis] * step / length[:, np.newaxis], axis=1) / braking
         turned = twist * lag + (bend * lag) ** 2
-        allowed = load.other / asked + turned + place / length + SLIDING_ROUNDING
-    slides = load.pressed & np.roll(load.pressed, 1) & (length > place) & (asked > 0.0) & (allowed <= TELLS)
+        allowed = load.other / braking + turned + place / length + SLIDING_ROUNDING
+    slides = load.pressed & np.roll(load.pressed, 1) & (length > place) & (braking > 0.0) & (allowed <= TELLING_SHARE)
     slides[0] = False
     for corner in scene.model.boundary.corners:
         slides &= np.linalg.norm(base.ihip - corner.position, axis=1) > length + place
@@ -45,19 +47,19 @@ def _judge(base: Recording, scene: Scene) -> Finding:
         return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
     worst = int(ticks[np.argmax((off - allowed)[ticks])])
     against = -float(np.sum(load.tangential[worst] * step[worst])) / float(length[worst])
-    found = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {asked[worst]:.4g} N"
+    comparison = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {braking[worst]:.4g} N"
     return compared(
         Metric(CHECK.metric, float(off[worst]), ""),
         float(allowed[worst]),
         {
             **evidence_at(base, worst),
             "against_N": against,
-            "asked_N": float(asked[worst]),
+            "asked_N": float(braking[worst]),
             "normal_N": float(load.normal[worst]),
             "ticks": int(ticks.size),
         },
-        passes=f"a tool that slides is braked by mu_k F_n in {ticks.size} ticks; at the worst {found}",
-        fails=f"a tool that slides at t = {base.time[worst]:.4g} s (tick {worst}) feels {found}",
+        passes=f"a tool that slides is braked by mu_k F_n in {ticks.size} ticks; at the worst {comparison}",
+        fails=f"a tool that slides at t = {base.time[worst]:.4g} s (tick {worst}) feels {comparison}",
     )
 
 

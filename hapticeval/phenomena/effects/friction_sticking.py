@@ -6,8 +6,8 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import CREEP, STICKING_TIME, STICKS, TELLS
-from hapticeval.phenomena.effects.friction_load import load_of, unjudged
+from hapticeval.phenomena.decisions import CREEP_SPEED, STICKING_SHARE, STICKING_TIME, TELLING_SHARE
+from hapticeval.phenomena.effects.friction_load import load_of, reason_not_judged
 from hapticeval.phenomena.sampling import evidence_at, listed
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.scene import Scene
@@ -16,31 +16,32 @@ from hapticeval.scene import Scene
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure how far the IHIP moves while the force along the surface is small."""
     base, friction = runs.base, scene.effect(FRICTION)
-    reason = unjudged(base, scene)
+    reason = reason_not_judged(base, scene)
     if reason is not None:
         return reason
     load = load_of(base, scene)
     pulled = load.size / np.where(load.normal > 0.0, friction.mu_k * load.normal, np.inf)
-    held = load.pressed & (load.normal > 0.0) & (pulled <= STICKS)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(int)))
-    found = []
+    sticks = load.pressed & (load.normal > 0.0) & (pulled <= STICKING_SHARE)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], sticks, [False]]).astype(int)))
+    creeps = []
     for first, stop in zip(edges[::2], edges[1::2], strict=True):
         seconds = float(base.time[stop - 1] - base.time[first])
-        if seconds >= STICKING_TIME and float(np.median(pulled[first:stop])) >= TELLS:
+        if seconds >= STICKING_TIME and float(np.median(pulled[first:stop])) >= TELLING_SHARE:
             away = np.linalg.norm(base.ihip[first:stop] - base.ihip[first], axis=1)
-            found.append((float(away.max()) / seconds, first, stop, float(away.max()), seconds))
-    if not found:
+            creeps.append((float(away.max()) / seconds, first, stop, float(away.max()), seconds))
+    if not creeps:
         return undecided(
-            f"the tool is nowhere held for {STICKING_TIME:g} s by a tenth to {STICKS:g} of what the friction holds"
+            f"the tool is nowhere held for {STICKING_TIME:g} s by a tenth to {STICKING_SHARE:g} of what the friction "
+            "holds"
         )
-    worst, first, stop, away, seconds = max(found)
+    worst, first, stop, away, seconds = max(creeps)
     share = float(np.median(pulled[first:stop]))
     what = (
         f"{1e6 * away:.3g} um in {seconds:.4g} s at {share:.2f} of the kinetic cone, from t = {base.time[first]:.4g} s"
     )
     return compared(
         Metric(CHECK.metric, worst, "m/s"),
-        CREEP,
+        CREEP_SPEED,
         {
             **evidence_at(base, int(first)),
             "to_time": float(base.time[stop - 1]),

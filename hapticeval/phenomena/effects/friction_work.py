@@ -11,7 +11,14 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import BRISTLE_PARTS, LAP_WORK, SLIP_WORK
-from hapticeval.phenomena.effects.friction_load import HAND, Load, judged_late, load_of, unjudged, viscous
+from hapticeval.phenomena.effects.friction_load import (
+    HAND,
+    Load,
+    judge_with_lag,
+    load_of,
+    reason_not_judged,
+    viscous_coefficient,
+)
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -26,13 +33,13 @@ if TYPE_CHECKING:
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the hand's work over each lap after the first with the work of the friction's law."""
     base = runs.base
-    reason = unjudged(base, scene)
+    reason = reason_not_judged(base, scene)
     if reason is not None:
         return reason
     if scene.damping > 0.0:
         return Finding(Outcome.NOT_APPLICABLE, f"a damper of {scene.damping:g} N s/m takes energy too")
     late = (HAND, (*HAND, "ihip"), (*HAND, "force"))
-    return judged_late(base, lambda recording: _judge(recording, scene), late)
+    return judge_with_lag(base, lambda recording: _judge(recording, scene), late)
 
 
 def _judge(base: Recording, scene: Scene) -> Finding:
@@ -48,19 +55,19 @@ def _judge(base: Recording, scene: Scene) -> Finding:
         return undecided("the hand goes round no closed lap twice in contact")
     moved = np.diff(base.hip, axis=0)
     mean = 0.5 * (base.force[1:] + base.force[:-1])
-    given = -np.sum(mean * moved, axis=1)
-    taken, unknown = _taken(base, load, scene, moved)
-    stored = _stored(base, load, scene)
-    found = []
+    put_in = -np.sum(mean * moved, axis=1)
+    dissipated, unknown = _dissipated_work(base, load, scene, moved)
+    stored = _stored_energy(base, load, scene)
+    lap_works = []
     for start, stop in spans:
-        law = float(taken[start:stop].sum())
-        work = float(given[start:stop].sum() - (stored[stop] - stored[start]))
+        law = float(dissipated[start:stop].sum())
+        work = float(put_in[start:stop].sum() - (stored[stop] - stored[start]))
         if law >= SLIP_WORK:
             allowed = LAP_WORK + abs(float(unknown[start:stop].sum())) / law
-            found.append((abs(work - law) / law, allowed, work, law, start, stop))
-    if not found:
+            lap_works.append((abs(work - law) / law, allowed, work, law, start, stop))
+    if not lap_works:
         return undecided("the tool does not slip in any closed lap")
-    off, allowed, work, law, start, stop = max(found, key=lambda each: each[0] - each[1])
+    off, allowed, work, law, start, stop = max(lap_works, key=lambda lap_work: lap_work[0] - lap_work[1])
     what = (
         f"{1e3 * work:.5g} mJ in a lap from t = {base.time[start]:.4g} s to {base.time[stop]:.4g} s, where the "
         f"friction takes {1e3 * law:.5g} mJ"
@@ -73,16 +80,16 @@ def _judge(base: Recording, scene: Scene) -> Finding:
             "from_time": float(base.time[start]),
             "work_J": work,
             "law_J": law,
-            "laps": len(found),
+            "laps": len(lap_works),
         },
         passes=f"the hand puts in what the friction takes: {what}",
         fails=f"the hand does not put in what the friction takes: {what}",
     )
 
 
-def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
+def _dissipated_work(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
     """Return the work (n - 1,), J, that the laws take over each step of the hand `moved` (n - 1, N), and its doubt."""
-    taken, unknown = np.zeros((2, len(moved)))
+    dissipated, unknown = np.zeros((2, len(moved)))
     friction, lugre = scene.effect(FRICTION), scene.effect(LUGRE)
     if friction is not None:
         slip = np.diff(base.ihip, axis=0)
@@ -92,27 +99,27 @@ def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Arr
         normal = load.normal[1:]
         # The law's force after the slip and what a law across the surface differs by from the scene's spring, times the
         # slip, and what the spring falls by while the hand moves on.
-        taken += normal * (friction.mu_k * along - across)
-        taken -= np.sum((scene.stiffness * (base.ihip - base.hip) - base.force)[1:] * slip, axis=1)
-        taken += 0.5 * scene.stiffness * np.sum(slip * (slip - moved), axis=1)
-    taken += 0.5 * viscous(scene) * np.sum((load.velocity[1:] + load.velocity[:-1]) * moved, axis=1)
+        dissipated += normal * (friction.mu_k * along - across)
+        dissipated -= np.sum((scene.stiffness * (base.ihip - base.hip) - base.force)[1:] * slip, axis=1)
+        dissipated += 0.5 * scene.stiffness * np.sum(slip * (slip - moved), axis=1)
+    dissipated += 0.5 * viscous_coefficient(scene) * np.sum((load.velocity[1:] + load.velocity[:-1]) * moved, axis=1)
     if lugre is not None:
-        held, straight = (bristles(lugre, load, base.dt, parts) for parts in (1, BRISTLE_PARTS))
-        work = [0.5 * np.sum((each[1:] + each[:-1]) * moved, axis=1) for each in (held, straight)]
-        taken += work[1]
+        stepped, straight = (lugre_force(lugre, load, base.dt, parts) for parts in (1, BRISTLE_PARTS))
+        work = [0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1) for force in (stepped, straight)]
+        dissipated += work[1]
         unknown += work[1] - work[0]
-    return taken, unknown
+    return dissipated, unknown
 
 
-def _stored(base: Recording, load: Load, scene: Scene) -> Array:
+def _stored_energy(base: Recording, load: Load, scene: Scene) -> Array:
     """Return what a tool that lags behind the hand stores at each tick, (n,), J."""
     if scene.effect(FRICTION) is None:
         return np.zeros(len(base))
-    pull = load.tangential + viscous(scene) * load.velocity
+    pull = load.tangential + viscous_coefficient(scene) * load.velocity
     return np.asarray((load.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
 
 
-def bristles(law: LuGre, load: Load, dt: float, parts: int) -> Array:
+def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
     """Return -F_t of LuGre friction at each tick, (n, N), N: a speed that is held over each of `parts` of a tick.
 
     With one part that is the speed of the tick, else it goes straight from the last to that of the tick.
@@ -130,14 +137,14 @@ def bristles(law: LuGre, load: Load, dt: float, parts: int) -> Array:
         settled = np.divide(bend * velocity, speed, out=np.zeros_like(velocity), where=speed > 0.0)
         grow, add = grow * decay, settled + (add - settled) * decay
     # The bristles turn with the surface, and keep their length, but for what the press does not hold.
-    least, most = np.finfo(float).tiny, (law.mu_s / law.stiffness * press).tolist()
+    tiny, longest = np.finfo(float).tiny, (law.mu_s / law.stiffness * press).tolist()
     free, bends, size = [0.0] * now.shape[1], [], 0.0
     bent = free
-    rows = zip(pressed.tolist(), load.normals.tolist(), grow[:, 0].tolist(), add.tolist(), most, strict=True)
+    rows = zip(pressed.tolist(), load.normals.tolist(), grow[:, 0].tolist(), add.tolist(), longest, strict=True)
     for touches, normal, shrinks, more, holds in rows:
         lifted = sum(map(mul, bent, normal))
         laid = [along - lifted * across for along, across in zip(bent, normal, strict=True)]
-        share = shrinks * min(size, holds) / max(math.hypot(*laid), least)
+        share = shrinks * min(size, holds) / max(math.hypot(*laid), tiny)
         bent = [share * along + new for along, new in zip(laid, more, strict=True)] if touches else free
         size = math.hypot(*bent)
         bends.append(bent)

@@ -36,9 +36,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     pressed = above_force_floor(base, scene) & above_force_floor(plain, scene)
     pressed[:LAG_TICKS] = False
     largest = float(np.max(np.abs(base.hip)))
-    strength = np.maximum(*(np.linalg.norm(each.force, axis=1) for each in (base, plain)))
+    strength = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
     allowed = 4.0 * SINGLE * (strength + scene.stiffness * largest) + force_floor(scene)
-    off, added = _vibrated(base, plain, scene) if last == TEXTURE else _dragged(base, plain, scene, pressed)
+    off, added = (
+        _vibration_deviation(base, plain, scene) if last == TEXTURE else _drag_deviation(base, plain, scene, pressed)
+    )
     if not (pressed & (added > 10.0 * allowed)).any():
         return undecided(f"the {last} adds nothing to be told from rounding, where the tool is pressed")
     worst = int(np.argmax(np.where(pressed, off - allowed, -np.inf)))
@@ -54,24 +56,22 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _dragged(base: Recording, plain: Recording, scene: Scene, pressed: BoolArray) -> tuple[Array, Array]:
+def _drag_deviation(base: Recording, plain: Recording, scene: Scene, pressed: BoolArray) -> tuple[Array, Array]:
     """Return how far the force is off F + K (s - p), and how much K (s - p) is, (n,), N.
 
     F and p are force and IHIP without friction. Of lags between force and IHIP the one counts that fits best.
     """
-    found = []
+    fits = []
     for lag in range(-LAG_TICKS, LAG_TICKS + 1):
         rows = np.clip(np.arange(len(base)) - lag, 0, len(base) - 1)
         drag = scene.stiffness * (base.ihip - plain.ihip)[rows]
         off = np.linalg.norm(base.force - plain.force - drag, axis=1)
-        found.append(
-            (float(off[pressed].mean()) if pressed.any() else 0.0, abs(lag), off, np.linalg.norm(drag, axis=1))
-        )
-    _, _, off, added = min(found, key=lambda each: each[:2])
+        fits.append((float(off[pressed].mean()) if pressed.any() else 0.0, abs(lag), off, np.linalg.norm(drag, axis=1)))
+    _, _, off, added = min(fits, key=lambda fit: fit[:2])
     return off, added
 
 
-def _vibrated(base: Recording, plain: Recording, scene: Scene) -> tuple[Array, Array]:
+def _vibration_deviation(base: Recording, plain: Recording, scene: Scene) -> tuple[Array, Array]:
     """Return what vibrations add across their direction, with K times how far they move the IHIP, and all they add."""
     from hapticeval.effects.stochastic_texture import StochasticTexture
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
-from hapticeval.phenomena.decisions import BETWEEN_TICKS, LAG_TICKS, TELLS, WHOLE_LAG
+from hapticeval.phenomena.decisions import BETWEEN_TICKS, LAG_TICKS, TELLING_SHARE, WHOLE_LAG
 from hapticeval.phenomena.effects.texture_work import BUMP, HEIGHT
-from hapticeval.phenomena.lag import at_rows, believed, rests
+from hapticeval.phenomena.lag import believed_lag, delayed, resting_ticks
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     believed_standoff,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from hapticeval.effects.height_map import Relief
 
 
-class Felt(NamedTuple):
+class ReliefAnswer(NamedTuple):
     """What a relief makes of some ticks: forces (n, N), N, and IHIPs (n, N), m, and both on the bare surface.
 
     `stiff` (n,), N/m, and `moving` (n,) are how much force and IHIP change at the most for a HIP that is elsewhere.
@@ -85,7 +85,7 @@ class Waves:
         return np.asarray(self.height(within)), np.asarray(self.rise(within))[:, np.newaxis] * along
 
 
-def raised(waves: Waves, scene: Scene, hips: Array, plain: Array | None) -> Felt:
+def height_map_answer(waves: Waves, scene: Scene, hips: Array, plain: Array | None) -> ReliefAnswer:
     """Return what a height map makes of HIPs (n, N): F = K (d + h)(n - (I - d W)^-1 grad h) where d + h > 0.
 
     What the renderer's own force `plain` (n, N), N, has beside its spring K d n, as a damper's, is kept.
@@ -97,26 +97,26 @@ def raised(waves: Waves, scene: Scene, hips: Array, plain: Array | None) -> Felt
     slope = np.linalg.solve(one, gradient[..., np.newaxis])[..., 0]
     spring = stiffness * np.where(scene.bilateral, depth, np.maximum(depth, 0.0))[:, np.newaxis] * normal
     inside = (depth + height > 0.0) | scene.bilateral
-    beside = 0.0 if plain is None else plain - spring
-    force = stiffness * (depth + height)[:, np.newaxis] * (normal - slope) + beside
-    here = inside[:, np.newaxis]
+    other_force = 0.0 if plain is None else plain - spring
+    force = stiffness * (depth + height)[:, np.newaxis] * (normal - slope) + other_force
+    pushes = inside[:, np.newaxis]
     # Of U = K (d + h)^2 / 2 the force changes by K |grad (d + h)|^2 + K (d + h) |grad^2 (d + h)| a metre.
-    wide = 1.0 / np.min(np.abs(np.linalg.eigvalsh(one)), axis=1)
+    stretch = 1.0 / np.min(np.abs(np.linalg.eigvalsh(one)), axis=1)
     curved = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1)
-    steep, bend = waves.steep * wide, (waves.bend + curved) * wide**2
+    steep, bend = waves.steep * stretch, (waves.bend + curved) * stretch**2
     stiff = stiffness * (1.0 + steep**2 + np.abs(depth + height) * bend)
     apart = (depth > 0.0) | scene.bilateral
-    return Felt(
-        np.where(here, force, 0.0),
-        np.where(here, frame.foot + height[:, np.newaxis] * normal, hips),
-        spring + beside,
+    return ReliefAnswer(
+        np.where(pushes, force, 0.0),
+        np.where(pushes, frame.foot + height[:, np.newaxis] * normal, hips),
+        spring + other_force,
         np.where(apart[:, np.newaxis], frame.foot, hips),
         stiff,
-        wide + steep,
+        stretch + steep,
     )
 
 
-def turned(waves: Waves, ihips: Array, forces: Array | None, recorded: Array) -> Felt:
+def bump_map_answer(waves: Waves, ihips: Array, forces: Array | None, recorded: Array) -> ReliefAnswer:
     """Return what a bump map makes of the answers of a renderer, (n, N): its normal force along unit(n - grad h).
 
     Where the `forces` without the relief are not known, the part of the `recorded` ones along that direction is all.
@@ -132,13 +132,13 @@ def turned(waves: Waves, ihips: Array, forces: Array | None, recorded: Array) ->
         press, bare = np.sum(forces * frame.normal, axis=1), forces
     curved = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1)
     force = bare + press[:, np.newaxis] * (tilted - frame.normal)
-    return Felt(force, ihips, bare, ihips, np.abs(press) * (waves.bend + curved), np.ones(len(ihips)))
+    return ReliefAnswer(force, ihips, bare, ihips, np.abs(press) * (waves.bend + curved), np.ones(len(ihips)))
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare force and IHIP of every tick with those that the relief makes of the path."""
     base = runs.base
-    relief: Any = next(each for each in scene.effects if each.kind in CHECK.effects)
+    relief: Any = next(effect for effect in scene.effects if effect.kind in CHECK.effects)
     others = scene.on_answers_beside(relief.kind)
     if others:
         message = f"the scene calls for {' and '.join(others)} too, whose force is another: a relief is judged alone"
@@ -150,25 +150,29 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     plain = None if runs.without is None else runs.without(relief.kind)
     if plain is None and scene.damping > 0.0:
         return undecided("the force without the relief is not known: the hand is not led along a path that we give")
-    if any(each.stage is Stage.SENSE for each in scene.effects):
+    if any(effect.stage is Stage.SENSE for effect in scene.effects):
         return undecided("the renderer answers what its sensors show, and not where the hand is")
     rows = np.arange(LAG_TICKS, len(base), dtype=np.int64)
-    felt = _law(Waves(relief, scene), scene, base, plain, rows)
+    felt = _relief_law(Waves(relief, scene), scene, base, plain, rows)
     place = rounding(scene) + SINGLE * float(np.max(np.abs(base.hip)))
     # A proxy that moves in every second tick only answers the HIP of the tick before while it rests.
-    resting = rests(base.ihip) * np.concatenate([[0.0], hip_steps(base)])
+    resting = resting_ticks(base.ihip) * np.concatenate([[0.0], hip_steps(base)])
     doubt = place + believed_standoff(base, scene) + resolution(base, scene) + resting[rows]
     judged = [
-        _compared(felt, base, rows, doubt, name, scene, turns_answers=relief.kind == BUMP) for name in ("force", "ihip")
+        _compare_channel(felt, base, rows, doubt, name, scene, turns_answers=relief.kind == BUMP)
+        for name in ("force", "ihip")
     ]
     if relief.kind == BUMP and judged[1] is None:
         judged = judged[:1]  # the IHIP stays where it is
     if None in judged:
         return undecided("what the relief changes is smaller than what rounding and the declared lengths leave open")
     # The force first: an IHIP that is off with it is of the same fault.
-    worst = max((each for each in judged if each is not None), key=lambda each: min(each.off / each.allowed, 2.0))
+    worst = max(
+        (deviation for deviation in judged if deviation is not None),
+        key=lambda deviation: min(deviation.off / deviation.allowed, 2.0),
+    )
     by = f"{worst.off:.3g} N" if worst.channel == "force" else f"{1e6 * worst.off:.3g} um"
-    shown = f"over all ticks the {worst.channel} shows {worst.share:.2g} of what the relief adds"
+    share_shown = f"over all ticks the {worst.channel} shows {worst.share:.2g} of what the relief adds"
     return compared(
         Metric(f"{worst.channel} off that of the relief", worst.off, "N" if worst.channel == "force" else "m"),
         worst.allowed,
@@ -176,12 +180,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         passes=f"force and IHIP are those of the {relief.kind} in every tick",
         fails=(
             f"the {worst.channel} is {by} off that of the {relief.kind} at t = {base.time[worst.tick]:.4g} s (tick "
-            f"{worst.tick}); {shown}"
+            f"{worst.tick}); {share_shown}"
         ),
     )
 
 
-class Off(NamedTuple):
+class Deviation(NamedTuple):
     """The tick at which a channel is farthest off the law: by how much, what is allowed there, and its lag (ticks).
 
     `share` is how much of what the relief adds the channel shows over all ticks: 1 where it is right, 0 without one.
@@ -195,25 +199,25 @@ class Off(NamedTuple):
     share: float
 
 
-def _law(
+def _relief_law(
     waves: Waves, scene: Scene, base: Recording, plain: Recording | None, rows: IntArray
-) -> Callable[[float], Felt]:
+) -> Callable[[float], ReliefAnswer]:
     """Return the law of the relief at `rows` as a function of how many ticks ago the place is that it answers."""
     own = None if plain is None else plain.force[rows]
-    if any(each.kind == HEIGHT for each in scene.effects):
-        return lambda lag: raised(waves, scene, at_rows(base.hip, rows, lag), own)
+    if any(effect.kind == HEIGHT for effect in scene.effects):
+        return lambda lag: height_map_answer(waves, scene, delayed(base.hip, rows, lag), own)
     tool = base.ihip if plain is None else plain.ihip
-    return lambda lag: turned(waves, at_rows(tool, rows, lag), own, base.force[rows])
+    return lambda lag: bump_map_answer(waves, delayed(tool, rows, lag), own, base.force[rows])
 
 
-def beside_straight(values: Array) -> Array:
+def straight_way_doubt(values: Array) -> Array:
     """Return how far (n,) values (n, N) between two ticks may be off the straight way."""
     aside = np.pad(np.linalg.norm(np.diff(values, 2, axis=0), axis=1), LAG_TICKS + 1, mode="edge")
     return np.asarray(BETWEEN_TICKS * np.lib.stride_tricks.sliding_window_view(aside, 2 * LAG_TICKS + 1).max(axis=1))
 
 
-def _compared(
-    felt: Callable[[float], Felt],
+def _compare_channel(
+    felt: Callable[[float], ReliefAnswer],
     base: Recording,
     rows: IntArray,
     doubt: Array,
@@ -221,7 +225,7 @@ def _compared(
     scene: Scene,
     *,
     turns_answers: bool,
-) -> Off | None:
+) -> Deviation | None:
     """Compare a channel with the law at the one lag that it has; None where the relief is hidden by what is open."""
     recorded = base.channels[channel][rows]
 
@@ -234,27 +238,27 @@ def _compared(
         return float(np.linalg.norm(recorded - law(lag)[0], axis=1).mean())
 
     exact = float(np.min(doubt)) * (scene.stiffness if channel == "force" else 1.0)
-    lag, late_misfit = believed(misfit, exact)
+    lag, late_misfit = believed_lag(misfit, exact)
     if turns_answers:  # an IHIP may be recorded later than the force that is made of it
-        early, early_misfit = believed(lambda lag: misfit(-lag), exact)
+        early, early_misfit = believed_lag(lambda lag: misfit(-lag), exact)
         lag = lag if late_misfit <= early_misfit else -early
     right, bare, moves = law(lag)
     if abs(lag - round(lag)) > WHOLE_LAG:  # what is between two ticks may be the HIP, or the answer
-        doubt = doubt + beside_straight(base.hip)[rows]
-        late = beside_straight(right)
+        doubt = doubt + straight_way_doubt(base.hip)[rows]
+        late = straight_way_doubt(right)
     else:
         late = np.zeros(len(rows))
     change = right - bare
     rounded = SINGLE * (np.linalg.norm(right, axis=1) + (scene.stiffness if channel == "force" else 1.0)
                         * float(np.max(np.abs(base.hip))))  # fmt: skip
     allowed = moves * doubt + late + 4.0 * rounded
-    clear = allowed <= TELLS * float(np.max(np.linalg.norm(change, axis=1)))
+    clear = allowed <= TELLING_SHARE * float(np.max(np.linalg.norm(change, axis=1)))
     if not clear.any():
         return None
     off = np.where(clear, np.linalg.norm(recorded - right, axis=1), 0.0)
     worst = int(np.argmax(off / allowed))
     share = float(np.sum((recorded - bare) * change) / np.sum(change**2))
-    return Off(channel, int(rows[worst]), float(off[worst]), float(allowed[worst]), float(lag), share)
+    return Deviation(channel, int(rows[worst]), float(off[worst]), float(allowed[worst]), float(lag), share)
 
 
 CHECK = Check(

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
-from hapticeval.phenomena.decisions import LAG_TICKS, OTHER_WEIGHTS, TELLS
+from hapticeval.phenomena.decisions import LAG_TICKS, OTHER_WEIGHTS, TELLING_SHARE
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -19,7 +19,7 @@ SHADING = "shading"
 """The kind of effect that these checks are of."""
 
 
-class Shaded(NamedTuple):
+class ExpectedShading(NamedTuple):
     """What a recording is held against, tick by tick: the force (n, N), N, without shading, and that force shaded.
 
     `contact` (n,) is where both the recorded force and that without shading are above the floor; `rounding` (n,), N, is
@@ -32,7 +32,7 @@ class Shaded(NamedTuple):
     rounding: Array
 
 
-def shaded(runs: Runs, scene: Scene) -> Shaded | Finding:
+def expect_shading(runs: Runs, scene: Scene) -> ExpectedShading | Finding:
     """Return what the recorded force is held against, or why there is nothing."""
     from hapticeval.effects.shading import Shading, normals_at, turned
 
@@ -50,14 +50,14 @@ def shaded(runs: Runs, scene: Scene) -> Shaded | Finding:
     contact = above_force_floor(base, scene) & above_force_floor(plain, scene)
     if not contact.any():
         return undecided("no force above the floor: the tool never presses on the surface")
-    size = np.maximum(*(np.linalg.norm(each.force, axis=1) for each in (base, plain)))
+    size = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
     rounding = 4.0 * SINGLE * (size + scene.stiffness * float(np.max(np.abs(base.hip))))
-    return Shaded(plain.force, turned(plain.force, normals), contact, rounding)
+    return ExpectedShading(plain.force, turned(plain.force, normals), contact, rounding)
 
 
 def angles(first: Array, second: Array) -> Array:
     """Return the angles (n,), rad, between vectors (n, N); zero where one is zero."""
-    unit, other = (_unit(each) for each in (first, second))
+    unit, other = (_unit(vectors) for vectors in (first, second))
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(unit - other, axis=1), np.linalg.norm(unit + other, axis=1)))
 
 
@@ -68,16 +68,18 @@ def _unit(vectors: Array) -> Array:
 
 def judge_direction(runs: Runs, scene: Scene) -> Finding:
     """Compare how far the force turns from each tick to the next with how far the shaded normal does."""
-    found = shaded(runs, scene)
-    if isinstance(found, Finding):
-        return found
+    expected = expect_shading(runs, scene)
+    if isinstance(expected, Finding):
+        return expected
     base = runs.base
-    pressed = found.contact[1:] & found.contact[:-1]
+    pressed = expected.contact[1:] & expected.contact[:-1]
     if not pressed.any():
         return undecided("no two ticks of contact in a row")
-    turn, flat, smooth = (angles(each[1:], each[:-1]) for each in (base.force, found.plain, found.force))
-    open_ = np.divide(found.rounding, np.linalg.norm(base.force, axis=1), where=found.contact, out=np.zeros(len(base)))
-    allowed = OTHER_WEIGHTS * _widest(np.where(pressed, smooth, 0.0)) + open_[1:] + open_[:-1]
+    turn, flat, smooth = (angles(force[1:], force[:-1]) for force in (base.force, expected.plain, expected.force))
+    open_ = np.divide(
+        expected.rounding, np.linalg.norm(base.force, axis=1), where=expected.contact, out=np.zeros(len(base))
+    )
+    allowed = OTHER_WEIGHTS * _largest_within_lag(np.where(pressed, smooth, 0.0)) + open_[1:] + open_[:-1]
     shows = pressed & (flat > allowed)
     if not shows.any():
         message = "the tool crosses no edge at which an unshaded force would turn farther: nothing to be smoothed"
@@ -104,7 +106,7 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _widest(values: Array) -> Array:
+def _largest_within_lag(values: Array) -> Array:
     """Return the largest of `values` (n,) within the granted lag of each."""
     padded = np.pad(values, LAG_TICKS, mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * LAG_TICKS + 1).max(axis=1))
@@ -116,18 +118,18 @@ def _degrees(angle: float) -> str:
 
 def judge_magnitude(runs: Runs, scene: Scene) -> Finding:
     """Compare the force's magnitude with that without shading, at every tick."""
-    found = shaded(runs, scene)
-    if isinstance(found, Finding):
-        return found
+    expected = expect_shading(runs, scene)
+    if isinstance(expected, Finding):
+        return expected
     base = runs.base
-    size, plain = (np.linalg.norm(each, axis=1) for each in (base.force, found.plain))
+    size, plain = (np.linalg.norm(force, axis=1) for force in (base.force, expected.plain))
     off = np.abs(size - plain)
     share = off / np.maximum(plain, force_floor(scene))
-    allowed = found.rounding / np.maximum(plain, force_floor(scene))
-    clear = allowed <= TELLS
-    if not (clear & found.contact).any():
+    allowed = expected.rounding / np.maximum(plain, force_floor(scene))
+    clear = allowed <= TELLING_SHARE
+    if not (clear & expected.contact).any():
         return undecided("rounding may make a tenth of the force throughout: its size cannot be measured")
-    judged = clear & (found.contact | (off > force_floor(scene)))
+    judged = clear & (expected.contact | (off > force_floor(scene)))
     worst = int(np.argmax(np.where(judged, share - allowed, -np.inf)))
     evidence = {**evidence_at(base, worst), "force_N": float(size[worst]), "without_N": float(plain[worst])}
     return compared(
@@ -144,26 +146,28 @@ def judge_magnitude(runs: Runs, scene: Scene) -> Finding:
 
 def judge_work(runs: Runs, scene: Scene) -> Finding:
     """Compare the work that shading adds once round a loop with that of interpolated unit normals."""
-    found = shaded(runs, scene)
-    if isinstance(found, Finding):
-        return found
+    reference = expect_shading(runs, scene)
+    if isinstance(reference, Finding):
+        return reference
     base = runs.base
     loops = [
         (first + lap * period, first + (lap + 1) * period)
         for first, period, number in laps(base.hip, scene.model.size)
         for lap in range(1, number)
     ]
-    loops = [(first, last) for first, last in loops if found.contact[first:last].any()]
+    loops = [(first, last) for first, last in loops if reference.contact[first:last].any()]
     if not loops:
         return undecided("the hand goes round no closed loop twice: the work of a loop cannot be measured")
-    sums = [_work(base, each) for each in (base.force, found.force, found.plain)]
-    measured, expected, plain = (np.array([each[last] - each[first] for first, last in loops]) for each in sums)
+    sums = [_running_work(base, force) for force in (base.force, reference.force, reference.plain)]
+    measured, expected, plain = (
+        np.array([sums_of_force[last] - sums_of_force[first] for first, last in loops]) for sums_of_force in sums
+    )
     length = np.linalg.norm(np.diff(base.hip, axis=0), axis=1)
-    rounding = np.concatenate([[0.0], np.cumsum(0.5 * (found.rounding[1:] + found.rounding[:-1]) * length)])
+    rounding = np.concatenate([[0.0], np.cumsum(0.5 * (reference.rounding[1:] + reference.rounding[:-1]) * length)])
     allowed = np.array([rounding[last] - rounding[first] for first, last in loops])
     off = np.abs(measured - expected)
-    worst, most = int(np.argmax(off - allowed)), int(np.argmax(np.abs(measured - plain)))
-    added = float((measured - plain)[most])
+    worst, most_active = int(np.argmax(off - allowed)), int(np.argmax(np.abs(measured - plain)))
+    added = float((measured - plain)[most_active])
     evidence = {
         **evidence_at(base, loops[worst][1]),
         "from_time": float(base.time[loops[worst][0]]),
@@ -180,7 +184,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
         passes=(
             f"shading is not passive: once round this loop it gives the hand {1e3 * abs(added):.4g} mJ, or takes as "
             "much the other way round"
-            if abs(added) > float(allowed[most])
+            if abs(added) > float(allowed[most_active])
             else "shading does no work round this loop"
         ),
         fails=(
@@ -190,7 +194,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _work(base: Recording, force: Array) -> Array:
+def _running_work(base: Recording, force: Array) -> Array:
     """Return the work (n,), J, that a force (n, N) gives to the hand from the first tick on, by the trapezoid."""
     steps = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(base.hip, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])

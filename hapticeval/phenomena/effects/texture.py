@@ -10,13 +10,13 @@ import numpy as np
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.decisions import (
     APART_DECIBELS,
-    CHANCE,
+    CHANCE_OF_FAILURE,
     CLEAR_DECIBELS,
     POWER_PARTS,
     SHORTEST_STRETCH,
     SLOWEST_LOW_PASS,
-    STEADY,
-    TELLS,
+    STEADY_SHARE,
+    TELLING_SHARE,
     TEXTURE_SETTLES,
     WELCH_WINDOW,
     WHOLE_SAMPLE,
@@ -42,7 +42,7 @@ class Stretch(NamedTuple):
     vibration: Array
 
 
-def stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
+def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     """Return the stretches of steady speed and force, longest first, or why there is none."""
     from hapticeval.effects.stochastic_texture import StochasticTexture
 
@@ -62,41 +62,41 @@ def stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     velocity = backward_difference(base.hip, base.time)
     slide = velocity - np.sum(velocity * normal, axis=1)[:, np.newaxis] * normal
     speed = np.linalg.norm(slide, axis=1)
-    way = np.divide(slide, speed[:, np.newaxis], out=np.zeros_like(slide), where=speed[:, np.newaxis] > 0.0)
+    direction = np.divide(slide, speed[:, np.newaxis], out=np.zeros_like(slide), where=speed[:, np.newaxis] > 0.0)
     if effect.direction != "along":
-        way = normal if effect.direction == "normal" else np.cross(way, normal)
-    shaken = np.sum((base.force - plain.force) * way, axis=1) / effect.mass
+        direction = normal if effect.direction == "normal" else np.cross(direction, normal)
+    shaken = np.sum((base.force - plain.force) * direction, axis=1) / effect.mass
     settles = math.ceil(TEXTURE_SETTLES / base.dt)
     pressed = above_force_floor(plain, scene)
-    found = []
-    for first, last in _steady(speed, press, pressed & (speed > 0.0)):
+    steady_stretches = []
+    for first, last in _steady_spans(speed, press, pressed & (speed > 0.0)):
         rows = slice(first + settles, last, round(every))
         if last - first > settles + 1:
             means = float(speed[first + 1 : last].mean()), float(press[first + 1 : last].mean())
-            found.append(Stretch(first + settles, *means, shaken[rows]))
-    if not found:
+            steady_stretches.append(Stretch(first + settles, *means, shaken[rows]))
+    if not steady_stretches:
         message = f"the hand never slides for {TEXTURE_SETTLES:g} s at a steady speed and force: nothing to be measured"
         return undecided(message)
-    return sorted(found, key=lambda each: -each.vibration.size)
+    return sorted(steady_stretches, key=lambda stretch: -stretch.vibration.size)
 
 
-def _steady(speed: Array, press: Array, where: BoolArray) -> list[tuple[int, int]]:
-    """Return first and last row, exclusive, of stretches in which both stay within `STEADY` of what they begin with."""
-    found, row = [], 0
+def _steady_spans(speed: Array, press: Array, where: BoolArray) -> list[tuple[int, int]]:
+    """Return first and last row, exclusive, of spans in which both stay within `STEADY_SHARE` of how they begin."""
+    spans, row = [], 0
     while row < speed.size:
         if not where[row]:
             row += 1
             continue
         near = where[row:].copy()
-        for each in (speed, press):
-            near &= np.abs(each[row:] - each[row]) <= STEADY * each[row]
+        for quantity in (speed, press):
+            near &= np.abs(quantity[row:] - quantity[row]) <= STEADY_SHARE * quantity[row]
         count = int(np.argmin(near)) if not near.all() else near.size
-        found.append((row, row + count))
+        spans.append((row, row + count))
         row += count
-    return found
+    return spans
 
 
-def _asked(scene: Scene, stretch: Stretch, count: int) -> Array:
+def _texture_covariance(scene: Scene, stretch: Stretch, count: int) -> Array:
     """Return the covariance (count,), (m/s^2)^2, that the scene's texture has in a stretch."""
     from hapticeval.effects.stochastic_texture import StochasticTexture
     from hapticeval.effects.texture import autocovariance
@@ -106,16 +106,16 @@ def _asked(scene: Scene, stretch: Stretch, count: int) -> Array:
     return autocovariance(effect.model.between(stretch.speed, stretch.press), count)
 
 
-def _spread(covariance: Array, count: int) -> float:
+def _mean_square_variance(covariance: Array, count: int) -> float:
     """Return the variance of the mean square of `count` samples, as a share of its mean squared: Isserlis's theorem."""
     lags = np.arange(1, min(covariance.size, count))
     share = (covariance[lags] / covariance[0]) ** 2 * (1.0 - lags / count)
     return float(2.0 / count * (1.0 + 2.0 * share.sum()))
 
 
-def _told(scene: Scene, stretch: Stretch, base: Recording) -> dict[str, object]:
+def _stretch_evidence(scene: Scene, stretch: Stretch, base: Recording) -> dict[str, object]:
     """Return as evidence where a stretch is and what its power is and should be."""
-    covariance = _asked(scene, stretch, 2)
+    covariance = _texture_covariance(scene, stretch, 2)
     return {
         **evidence_at(base, stretch.first),
         "seconds": float(stretch.vibration.size * base.dt),
@@ -154,18 +154,18 @@ def spectrum_bound(count: int) -> float:
     share = (1.0 + 2.0 * (1.0 - 1.0 / windows) / 36.0) / windows
     freedom = (WELCH_WINDOW // 2 - 2) / (1.0 + 2.0 * (4.0 / 9.0) ** 2 + 2.0 * (1.0 / 36.0) ** 2)
     deviation = DECIBELS * math.sqrt(float(polygamma(1, 1.0 / share)))
-    return deviation * math.sqrt(float(chi2.ppf(1.0 - CHANCE, freedom)) / freedom)
+    return deviation * math.sqrt(float(chi2.ppf(1.0 - CHANCE_OF_FAILURE, freedom)) / freedom)
 
 
 def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
     """Compare Welch's estimate over the longest stretch with what it tends to for the texture."""
     from scipy.signal import welch
 
-    found = stretches(runs, scene)
-    if isinstance(found, Finding):
-        return found
-    longest = found[0]
-    covariance = _asked(scene, longest, WELCH_WINDOW)
+    candidates = find_stretches(runs, scene)
+    if isinstance(candidates, Finding):
+        return candidates
+    longest = candidates[0]
+    covariance = _texture_covariance(scene, longest, WELCH_WINDOW)
     if not covariance[0] > 0.0:
         return undecided("the texture is at rest at the speed and force of the longest steady stretch")
     count = longest.vibration.size
@@ -180,8 +180,8 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
         error = DECIBELS * np.log(power / welch_of(covariance))[2:-1]
     error = np.maximum(error, -1e3)
     rms, mean, worst = float(np.sqrt(np.mean(error**2))), float(error.mean()), int(np.argmax(np.abs(error)))
-    rate = 1.0 / (runs.base.dt * max(round(1.0 / (_rate(scene) * runs.base.dt)), 1))
-    evidence = _told(scene, longest, runs.base) | {
+    rate = 1.0 / (runs.base.dt * max(round(1.0 / (_texture_rate(scene) * runs.base.dt)), 1))
+    evidence = _stretch_evidence(scene, longest, runs.base) | {
         "mean_error_dB": mean,
         "worst_error_dB": float(error[worst]),
         "worst_at_Hz": float(rate * frequency[2 + worst]),
@@ -199,7 +199,7 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _rate(scene: Scene) -> float:
+def _texture_rate(scene: Scene) -> float:
     from hapticeval.effects.stochastic_texture import StochasticTexture
 
     effect = scene.effect(StochasticTexture)
@@ -211,25 +211,25 @@ def judge_stationary(runs: Runs, scene: Scene) -> Finding:
     """Compare the power in parts of the longest stretch with that in all of it."""
     from scipy.stats import gamma
 
-    found = stretches(runs, scene)
-    if isinstance(found, Finding):
-        return found
-    longest = found[0]
+    candidates = find_stretches(runs, scene)
+    if isinstance(candidates, Finding):
+        return candidates
+    longest = candidates[0]
     size = longest.vibration.size // POWER_PARTS
-    covariance = _asked(scene, longest, WELCH_WINDOW)
+    covariance = _texture_covariance(scene, longest, WELCH_WINDOW)
     if size < WELCH_WINDOW or not covariance[0] > 0.0:
         message = f"the longest steady stretch has {longest.vibration.size} samples: its parts are too short to compare"
         return undecided(message)
     power = np.mean(longest.vibration[: POWER_PARTS * size].reshape(POWER_PARTS, size) ** 2, axis=1)
     if not power.mean() > 0.0:
         return undecided("the longest steady stretch has no vibrations")
-    share = 1.0 / _spread(covariance, size)
-    tail = 0.5 * CHANCE / POWER_PARTS
+    share = 1.0 / _mean_square_variance(covariance, size)
+    tail = 0.5 * CHANCE_OF_FAILURE / POWER_PARTS
     bound = max(abs(DECIBELS * math.log(float(gamma.ppf(p, share)) / share)) for p in (tail, 1.0 - tail))
     with np.errstate(divide="ignore"):
         off = np.maximum(DECIBELS * np.log(power / power.mean()), -1e3)
     worst = int(np.argmax(np.abs(off)))
-    evidence = _told(scene, longest, runs.base) | {"parts_dB": [float(each) for each in off]}
+    evidence = _stretch_evidence(scene, longest, runs.base) | {"parts_dB": [float(decibels) for decibels in off]}
     part = f"part {worst + 1} of {POWER_PARTS}"
     return compared(
         Metric(STATIONARY.metric, abs(float(off[worst])), "dB"),
@@ -245,13 +245,19 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
     from scipy.special import polygamma
     from scipy.stats import norm
 
-    found = stretches(runs, scene)
-    if isinstance(found, Finding):
-        return found
-    least = SHORTEST_STRETCH * _rate(scene)
-    asked = [(each, _asked(scene, each, WELCH_WINDOW)) for each in found if each.vibration.size >= least]
-    asked = [(each, covariance) for each, covariance in asked if covariance[0] > 0.0]
-    level = np.array([DECIBELS * math.log(float(covariance[0])) for _, covariance in asked])
+    candidates = find_stretches(runs, scene)
+    if isinstance(candidates, Finding):
+        return candidates
+    shortest = SHORTEST_STRETCH * _texture_rate(scene)
+    stretches_and_covariances = [
+        (candidate, _texture_covariance(scene, candidate, WELCH_WINDOW))
+        for candidate in candidates
+        if candidate.vibration.size >= shortest
+    ]
+    stretches_and_covariances = [
+        (candidate, covariance) for candidate, covariance in stretches_and_covariances if covariance[0] > 0.0
+    ]
+    level = np.array([DECIBELS * math.log(float(covariance[0])) for _, covariance in stretches_and_covariances])
     if level.size < 2 or np.ptp(level) < APART_DECIBELS:
         return undecided(
             f"{level.size} steady stretches of {SHORTEST_STRETCH:g} s whose rms should differ by "
@@ -259,19 +265,24 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
             "force"
         )
     with np.errstate(divide="ignore"):
-        power = np.array([np.mean(each.vibration**2) for each, _ in asked])
+        power = np.array([np.mean(candidate.vibration**2) for candidate, _ in stretches_and_covariances])
         error = np.maximum(DECIBELS * np.log(power), -1e3) - level
-    own = np.array([polygamma(1, 1.0 / _spread(covariance, each.vibration.size)) for each, covariance in asked])
+    own = np.array(
+        [
+            polygamma(1, 1.0 / _mean_square_variance(covariance, candidate.vibration.size))
+            for candidate, covariance in stretches_and_covariances
+        ]
+    )
     count = level.size
     deviation = DECIBELS * np.sqrt(own * (1.0 - 2.0 / count) + own.sum() / count**2)
-    allowed = float(norm.ppf(1.0 - 0.5 * CHANCE / count)) * deviation
+    allowed = float(norm.ppf(1.0 - 0.5 * CHANCE_OF_FAILURE / count)) * deviation
     off = error - error.mean()
     worst = int(np.argmax(np.abs(off) / allowed))
-    stretch = asked[worst][0]
-    evidence = _told(scene, stretch, runs.base) | {
+    stretch = stretches_and_covariances[worst][0]
+    evidence = _stretch_evidence(scene, stretch, runs.base) | {
         "stretches": [
-            {"speed_m_s": each.speed, "force_N": each.press, "off_dB": float(gap)}
-            for (each, _), gap in zip(asked, off, strict=True)
+            {"speed_m_s": candidate.speed, "force_N": candidate.press, "off_dB": float(gap)}
+            for (candidate, _), gap in zip(stretches_and_covariances, off, strict=True)
         ]
     }
     return compared(
@@ -314,24 +325,25 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     normal = scene.model.boundary.closest_point(plain.ihip[tick : tick + 1]).normal[0]
     if effect.model.between(0.0, float(plain.force[tick] @ normal)).variance > 0.0:
         return undecided("the scene's texture shakes a hand that rests, too")
-    most = float(np.max(np.where(still, 0.0, added)))
+    largest_moving = float(np.max(np.where(still, 0.0, added)))
     from hapticeval.effects.line_spectra import coefficients_of
 
     radius = max(float(np.max(np.abs(np.roots([1.0, *coefficients_of(one.ar)])))) for one in effect.model.filters)
     # The root of a speed that is low-passed, and a filter that rings: one after the other they fall as (1 + c t) e^-ct.
     fades = TEXTURE_SETTLES * min(math.pi * SLOWEST_LOW_PASS, -math.log(radius) * effect.model.rate)
     left = (1.0 + fades) * math.exp(-fades)
-    if left > TELLS:
+    if left > TELLING_SHARE:
         return undecided(
             f"the texture's own filters still ring with {left:.2g} of it {TEXTURE_SETTLES:g} s after a stop"
         )
-    size = max(float(np.linalg.norm(each.force[tick])) for each in (base, plain))
-    allowed = left * most + 4.0 * SINGLE * (size + scene.stiffness * largest)
+    size = max(float(np.linalg.norm(recording.force[tick])) for recording in (base, plain))
+    allowed = left * largest_moving + 4.0 * SINGLE * (size + scene.stiffness * largest)
     return compared(
         Metric(REST.metric, float(added[tick]), "N"),
         allowed,
-        {**evidence_at(base, tick), "moving_N": most},
-        passes=f"a hand that rests feels {added[tick]:.2g} N of vibrations that reach {most:.3g} N while it moves",
+        {**evidence_at(base, tick), "moving_N": largest_moving},
+        passes=f"a hand that rests feels {added[tick]:.2g} N of vibrations that reach {largest_moving:.3g} N while it "
+        "moves",
         fails=(
             f"the texture goes on at rest: {added[tick]:.3g} N at t = {base.time[tick]:.4g} s (tick {tick}), "
             f"{since[tick] * base.dt:.3g} s after the hand has stopped"
@@ -339,12 +351,6 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-MADE = (
-    "Vibrations are the force less that on the same path in the scene without the texture, along the texture's "
-    "direction, over its mass, a sample of the texture each; in stretches in which speed and normal force stay within "
-    "1 %, after 0.25 s in which they settle. The texture's are those of the filter that its line spectral frequencies "
-    "give at that speed and force. Not asked in a scene with other effects of the surface. "
-)
 SHARED = {
     "phenomenon": "none of the six: stochastic textures, thesis 4.3.2",
     "citation": "thesis 4.3.2 [99]",

@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN
-from hapticeval.phenomena.passivity import Sampled, laps
+from hapticeval.phenomena.passivity import SampledWork, laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at
 from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE
@@ -24,7 +24,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
     assert runs.refine is not None
     base = runs.base
-    relief = next(each for each in scene.effects if each.kind in CHECK.effects)
+    relief = next(effect for effect in scene.effects if effect.kind in CHECK.effects)
     assert isinstance(relief, Relief)
     pressed = above_force_floor(base, scene)
     loops = [
@@ -38,10 +38,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     first, last = np.array(loops).T
     largest = float(np.max(np.abs(base.hip)))
     for finest in FINER_RATES:
-        half, whole = (Sampled(runs.refine(factor), factor, scene) for factor in (finest // 2, finest))
+        half, full = (SampledWork(runs.refine(factor), factor, scene) for factor in (finest // 2, finest))
         before, work, error, crossed, path, effort = (
-            each[last] - each[first]
-            for each in (half.smooth, whole.smooth, whole.error, whole.crossed, whole.path, whole.effort)
+            sums[last] - sums[first]
+            for sums in (half.smooth, full.smooth, full.error, full.crossed, full.path, full.effort)
         )
         allowed = np.abs(work - before) + error + 4.0 * SINGLE * (scene.stiffness * largest * path + effort)
         gains = work > allowed

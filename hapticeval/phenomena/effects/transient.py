@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, TELLS
+from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, TELLING_SHARE
 from hapticeval.phenomena.effects.vibration import fit
 from hapticeval.phenomena.sampling import evidence_at, force_floor, touching
 from hapticeval.phenomena.sampling import rounding as rounding_of
@@ -27,7 +27,7 @@ DOUBLE = 2.0**-52
 """Spacing of double-precision numbers around 1."""
 
 
-class Struck(NamedTuple):
+class StruckContact(NamedTuple):
     """One contact: its ticks [begin, end), and the force (n,), N, added along the normal in these ticks.
 
     `across` (N s) is the impulse that is added along the surface. `speed` (m/s) is that of the approach, `expected`
@@ -56,19 +56,19 @@ def impulse_of(effect: Any, scene: Scene, place: Array, normal: Array, speed: fl
     from hapticeval.devices.device import apparent_mass
 
     if effect.kind == IMPULSE:
-        given = (1.0 + scene.restitution) * apparent_mass(scene.robot, place, normal) * speed
-        effort, lasts = given, scene.sampling_time
+        impulse = (1.0 + scene.restitution) * apparent_mass(scene.robot, place, normal) * speed
+        effort, lasts = impulse, scene.sampling_time
     elif effect.kind == RINGING:
         omega = 2.0 * math.pi * effect.frequency
-        given = effect.amplitude * speed * omega / (effect.decay**2 + omega**2)
+        impulse = effect.amplitude * speed * omega / (effect.decay**2 + omega**2)
         effort, lasts = effect.amplitude * speed / effect.decay, IMPULSE_DECAYS / effect.decay
     else:
-        given = math.fsum(effect.pulse) * effect.step
+        impulse = math.fsum(effect.pulse) * effect.step
         effort, lasts = math.fsum(map(abs, effect.pulse)) * effect.step, (len(effect.pulse) + 1) * effect.step
-    return given, lasts + (0.0 if math.isinf(effect.cap) else effort / effect.cap)
+    return impulse, lasts + (0.0 if math.isinf(effect.cap) else effort / effect.cap)
 
 
-def contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> list[Struck]:
+def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> list[StruckContact]:
     """Return the contacts that begin with an approach, by a recording of the scene without the effect.
 
     A hand that is on the surface to single precision may be in contact or not: one that adds a force there begins it.
@@ -79,9 +79,9 @@ def contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> li
     velocity = base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
     added = base.force - plain.force
     single = bool(np.all(base.force.astype(np.float32) == base.force))
-    largest = np.maximum(*(np.linalg.norm(each.force, axis=1) for each in (base, plain)))
+    largest = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
     rounding = 4.0 * (SINGLE if single else DOUBLE) * largest
-    found = []
+    struck = []
     for touch in edges[touches[edges]].tolist():
         end = int(min(edges[edges > touch], default=len(base)))
         grazes = boundary.signed_distance(base.hip[touch - 1 : touch])[0] <= rounding_of(scene)
@@ -90,7 +90,7 @@ def contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> li
         normal = boundary.closest_point(plain.ihip[touch : touch + 1]).normal[0]
         along = added[rows] @ normal
         across = float(np.linalg.norm((added[rows] - along[:, np.newaxis] * normal).sum(axis=0))) * dt
-        given = float(np.sum(along)) * dt
+        impulse = float(np.sum(along)) * dt
         # One that answers a tick late may know speed and place of that tick.
         may = range(begin, min(begin + LATE_START + 1, end))
         speeds = [max(-float(velocity[tick] @ normal), 0.0) for tick in may]
@@ -98,14 +98,16 @@ def contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> li
             (*impulse_of(effect, scene, base.hip[tick], normal, speed), speed)
             for tick, speed in zip(may, speeds, strict=True)
         ]
-        expected, needs, speed = min(totals, key=lambda each: abs(each[0] - given))
+        expected, needs, speed = min(totals, key=lambda total: abs(total[0] - impulse))
         if speeds[0] > 0.0:
-            found.append(Struck(begin, end, along, across, speed, expected, needs + LATE_START * dt, rounding[rows]))
-    return found
+            struck.append(
+                StruckContact(begin, end, along, across, speed, expected, needs + LATE_START * dt, rounding[rows])
+            )
+    return struck
 
 
 def _effects(scene: Scene, kinds: tuple[str, ...]) -> list[Any]:
-    return [each for each in scene.effects if each.kind in kinds]
+    return [effect for effect in scene.effects if effect.kind in kinds]
 
 
 def judge_each(
@@ -113,11 +115,11 @@ def judge_each(
 ) -> Finding:
     """Judge each effect of `kinds` that the scene calls for; return the worst finding."""
     assert runs.without is not None
-    findings = [judge(runs, scene, each, runs.without(each.kind)) for each in _effects(scene, kinds)]
-    return max(findings, key=lambda each: _severity(each))
+    findings = [judge(runs, scene, effect, runs.without(effect.kind)) for effect in _effects(scene, kinds)]
+    return max(findings, key=lambda finding: _rank_of_finding(finding))
 
 
-def _severity(finding: Finding) -> tuple[int, float]:
+def _rank_of_finding(finding: Finding) -> tuple[int, float]:
     order = ("not-applicable", "pass", "inconclusive", "fail", "error")
     margin = finding.margin
     return order.index(finding.outcome), -margin if margin is not None else 0.0
@@ -129,8 +131,8 @@ NONE = "no contact begins: the hand does not come from free space, or never touc
 def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
     """Measure the ticks from the one in which a contact begins to the first force that is added."""
     base = runs.base
-    found = contacts(base, plain, scene, effect)
-    if not found:
+    struck = find_contacts(base, plain, scene, effect)
+    if not struck:
         return undecided(NONE)
     # Without a force, and out of the surface by more than single precision.
     free = ~touching(plain, scene) & ~plain.force.any(axis=1)
@@ -138,73 +140,80 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
     stray = np.where(free, np.linalg.norm(base.force - plain.force, axis=1), 0.0)
     if stray.max() > force_floor(scene):
         tick = int(np.argmax(stray > force_floor(scene)))
-        off = min(max(each.begin - tick, tick - each.end + 1) for each in found)
+        off = min(max(contact.begin - tick, tick - contact.end + 1) for contact in struck)
         message = (
             f"the {effect.kind} acts in free space: {stray[tick]:.3g} N at t = {base.time[tick]:.4g} s (tick {tick})"
         )
         metric = Metric("ticks from a contact to a force without one", float(off), "ticks")
         return compared(metric, 0.0, evidence_at(base, tick), passes="", fails=message)
-    if all(each.end - each.begin <= LATE_START for each in found):
+    if all(contact.end - contact.begin <= LATE_START for contact in struck):
         return undecided("no contact lasts longer than what it starts may be late")
-    late = [each.end - each.begin if each.late is None else each.late for each in found]
+    late = [contact.end - contact.begin if contact.late is None else contact.late for contact in struck]
     worst = int(np.argmax(late))
-    begin = found[worst].begin
+    begin = struck[worst].begin
     contact = f"the contact that begins at t = {base.time[begin]:.4g} s (tick {begin}) starts"
     return compared(
         Metric(ONSET.metric, float(late[worst]), "ticks"),
         float(LATE_START),
-        {**evidence_at(base, begin), "contacts": len(found)},
-        passes=f"{len(found)} contacts start a {effect.kind} each, {late[worst]} ticks after they begin at the latest",
-        fails=f"{contact} no {effect.kind}" if found[worst].late is None else f"{contact} it {late[worst]} ticks late",
+        {**evidence_at(base, begin), "contacts": len(struck)},
+        passes=f"{len(struck)} contacts start a {effect.kind} each, {late[worst]} ticks after they begin at the latest",
+        fails=f"{contact} no {effect.kind}" if struck[worst].late is None else f"{contact} it {late[worst]} ticks late",
     )
 
 
 def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
     """Compare the impulse that is added in each contact with the effect's."""
     base, dt = runs.base, runs.base.dt
-    every = contacts(base, plain, scene, effect)
+    every = find_contacts(base, plain, scene, effect)
     if not every:
         return undecided(NONE)
-    found = [each for each in every if (each.end - each.begin) * dt >= each.needs * (1.0 - IMPULSE_CLOSE)]
-    if not found:
-        longest = max(every, key=lambda each: each.end - each.begin)
+    lasting = [
+        contact for contact in every if (contact.end - contact.begin) * dt >= contact.needs * (1.0 - IMPULSE_CLOSE)
+    ]
+    if not lasting:
+        longest = max(every, key=lambda contact: contact.end - contact.begin)
         return undecided(
             f"no contact lasts as long as the {effect.kind} needs: {longest.needs:.3g} s, and the longest is "
             f"{(longest.end - longest.begin) * dt:.3g} s"
         )
-    given = np.array([float(np.sum(each.added)) * dt for each in found])
-    expected, across = np.array([each.expected for each in found]), np.array([each.across for each in found])
-    off = np.maximum(np.abs(given - expected), across)
-    allowed = np.array([IMPULSE_CLOSE * abs(each.expected) + float(np.sum(each.rounding)) * dt for each in found])
-    peak = max(float(np.max(np.abs(each.added))) for each in found)
+    impulses = np.array([float(np.sum(contact.added)) * dt for contact in lasting])
+    expected, across = (
+        np.array([contact.expected for contact in lasting]),
+        np.array([contact.across for contact in lasting]),
+    )
+    off = np.maximum(np.abs(impulses - expected), across)
+    allowed = np.array(
+        [IMPULSE_CLOSE * abs(contact.expected) + float(np.sum(contact.rounding)) * dt for contact in lasting]
+    )
+    peak = max(float(np.max(np.abs(contact.added))) for contact in lasting)
     worst = int(np.argmax(off - allowed))
-    if allowed[worst] > TELLS * abs(expected[worst]):
+    if allowed[worst] > TELLING_SHARE * abs(expected[worst]):
         return undecided("rounding may make a tenth of the impulse")
-    each = found[worst]
+    contact = lasting[worst]
     evidence = {
-        **evidence_at(base, each.begin),
-        "speed_m_s": each.speed,
-        "impulse_N_s": float(given[worst]),
+        **evidence_at(base, contact.begin),
+        "speed_m_s": contact.speed,
+        "impulse_N_s": float(impulses[worst]),
         "expected_N_s": float(expected[worst]),
         "peak_N": peak,
-        "contacts": len(found),
+        "contacts": len(lasting),
     }
-    if peak > effect.cap * (1.0 + IMPULSE_CLOSE) + float(max(np.max(every.rounding) for every in found)):
+    if peak > effect.cap * (1.0 + IMPULSE_CLOSE) + float(max(np.max(every.rounding) for every in lasting)):
         message = f"the {effect.kind} reaches {peak:.4g} N, and its cap is {effect.cap:.4g} N"
         metric = Metric("force that is added", peak, "N")
         return compared(metric, effect.cap, evidence, passes="", fails=message)
-    times = given[worst] / expected[worst] if expected[worst] != 0.0 else math.nan
+    times = impulses[worst] / expected[worst] if expected[worst] != 0.0 else math.nan
     return compared(
         Metric(TOTAL.metric, float(off[worst]), "N s"),
         float(allowed[worst]),
         evidence,
         passes=(
-            f"a contact at {each.speed:.4g} m/s is given {1e3 * given[worst]:.5g} mN s, as it should be, and "
+            f"a contact at {contact.speed:.4g} m/s is given {1e3 * impulses[worst]:.5g} mN s, as it should be, and "
             f"{peak:.4g} N at the most"
         ),
         fails=(
-            f"the contact that begins at t = {base.time[each.begin]:.4g} s at {each.speed:.4g} m/s is given "
-            f"{1e3 * given[worst]:.5g} mN s for {1e3 * expected[worst]:.5g} mN s, {times:.4g} times as much"
+            f"the contact that begins at t = {base.time[contact.begin]:.4g} s at {contact.speed:.4g} m/s is given "
+            f"{1e3 * impulses[worst]:.5g} mN s for {1e3 * expected[worst]:.5g} mN s, {times:.4g} times as much"
             + (f", and {1e3 * across[worst]:.3g} mN s along the surface" if across[worst] > allowed[worst] else "")
         ),
     )
@@ -213,14 +222,14 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
 def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
     """Fit a decaying sinusoid to the force that the longest contact adds, and compare its frequency and decay."""
     base = runs.base
-    found = contacts(base, plain, scene, effect)
-    if not found:
+    struck = find_contacts(base, plain, scene, effect)
+    if not struck:
         return undecided(NONE)
     if not math.isinf(effect.cap):
-        peak = max(float(np.max(np.abs(each.added))) for each in found)
+        peak = max(float(np.max(np.abs(contact.added))) for contact in struck)
         if peak >= effect.cap * (1.0 - IMPULSE_CLOSE):
             return undecided(f"the cap of {effect.cap:.4g} N holds the vibration back: it is no decaying sinusoid")
-    longest = max(found, key=lambda each: each.end - each.begin)
+    longest = max(struck, key=lambda contact: contact.end - contact.begin)
     if longest.late is None:
         return undecided("no force is added that could ring")
     wave = longest.added[longest.late :][: math.ceil(IMPULSE_DECAYS / effect.decay / base.dt)]
@@ -244,9 +253,9 @@ def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> 
         f"rings at {fitted.frequency:.5g} Hz (known to {fitted.frequency_open:.2g}) and decays at {fitted.decay:.5g} "
         f"(known to {fitted.decay_open:.2g}) 1/s"
     )
-    if any(open_ > TELLS for _, open_ in shares.values()):
+    if any(open_ > TELLING_SHARE for _, open_ in shares.values()):
         return undecided(f"{heard}: the fit leaves more than a tenth open", evidence=evidence)
-    name, (off, open_) = max(shares.items(), key=lambda each: abs(each[1][0]) / each[1][1])
+    name, (off, open_) = max(shares.items(), key=lambda named_share: abs(named_share[1][0]) / named_share[1][1])
     return compared(
         Metric(f"{name} less the scene's, as a share of it", abs(off), ""),
         open_,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import FIT_SAMPLES, SENSOR_NOISE, WIDTHS
+from hapticeval.phenomena.decisions import CONFIDENCE_WIDTHS, FIT_SAMPLES, SENSOR_NOISE
 from hapticeval.types import Array
 
 
@@ -34,19 +34,19 @@ def fit(values: Array, dt: float, decay: float, frequency: float) -> Vibration |
         return None
     time, scaled = dt * np.arange(values.size), values / peak
 
-    def both(found: Array) -> tuple[Array, Array]:
+    def both(parameters: Array) -> tuple[Array, Array]:
         """Return the model (n,) and its derivative (n, 4) by a, b, B and w."""
-        a, b, rate, omega = found
+        a, b, rate, omega = parameters
         fading = np.exp(-rate * time)
         cosine, sine = fading * np.cos(omega * time), fading * np.sin(omega * time)
         wave = a * cosine + b * sine
         return wave, np.column_stack([cosine, sine, -time * wave, time * (b * cosine - a * sine)])
 
-    def off(found: Array) -> Array:
-        return both(found)[0] - scaled
+    def off(parameters: Array) -> Array:
+        return both(parameters)[0] - scaled
 
-    def slopes(found: Array) -> Array:
-        return both(found)[1]
+    def slopes(parameters: Array) -> Array:
+        return both(parameters)[1]
 
     best = None
     for start in (prony(scaled, dt), (decay, 2.0 * math.pi * frequency)):
@@ -55,9 +55,9 @@ def fit(values: Array, dt: float, decay: float, frequency: float) -> Vibration |
         columns = slopes(np.array([0.0, 0.0, *start]))[:, :2]
         amplitudes = np.linalg.lstsq(columns, scaled, rcond=None)[0]
         begin = np.array([*amplitudes, *start])
-        found = least_squares(off, begin, jac=slopes, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
-        if best is None or found.cost < best.cost:
-            best = found
+        solution = least_squares(off, begin, jac=slopes, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        if best is None or solution.cost < best.cost:
+            best = solution
     assert best is not None
     residual = math.sqrt(2.0 * best.cost / (values.size - 4))
     steep = slopes(best.x)
@@ -68,9 +68,9 @@ def fit(values: Array, dt: float, decay: float, frequency: float) -> Vibration |
     turn = 2.0 * math.pi
     return Vibration(
         float(best.x[2]),
-        WIDTHS * float(spread[2]),
+        CONFIDENCE_WIDTHS * float(spread[2]),
         abs(float(best.x[3])) / turn,
-        WIDTHS * float(spread[3]) / turn,
+        CONFIDENCE_WIDTHS * float(spread[3]) / turn,
         residual,
     )
 

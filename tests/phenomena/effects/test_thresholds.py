@@ -20,7 +20,7 @@ from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.effects.texture import spectrum_bound, stretches
+from hapticeval.phenomena.effects.texture import find_stretches, spectrum_bound
 from hapticeval.phenomena.effects.vibration import fit
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
@@ -137,14 +137,14 @@ def strokes(*speeds, seconds=3.0, texture="ribbed"):
 
 @pytest.mark.parametrize(("speed", "count"), [(0.1009, 1), (0.0991, 1), (0.1011, 2), (0.0989, 2)])
 def test_a_stretch_is_steady_within_a_hundredth(speed, count):
-    assert len(stretches(*strokes(0.1, speed))) == count
+    assert len(find_stretches(*strokes(0.1, speed))) == count
 
 
 @pytest.mark.parametrize("more", [0, 1])
 def test_a_spectrum_is_judged_where_chance_makes_less_than_a_decibel(more):
     count = next(count for count in range(2000, 9000) if spectrum_bound(count) <= 1.0)
     runs, scene = strokes(0.1, seconds=1e-3 * (count + 249 + more))
-    (stretch,) = stretches(runs, scene)
+    (stretch,) = find_stretches(runs, scene)
     assert stretch.vibration.size == count - 1 + more
     assert outcome("texture-spectrum", runs, scene) is (PASS if more else UNDECIDED)
 
