@@ -9,9 +9,9 @@ import numba
 import numpy as np
 import pytest
 
-from hapticeval.geometry.catalogue import MODELS, OWN, make_model
+from hapticeval.geometry.catalogue import KINDS_FROM_USER, MODELS, make_model
 
-KINDS = [kind for kind in MODELS if kind not in OWN]
+KINDS = [kind for kind in MODELS if kind not in KINDS_FROM_USER]
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ import pytest
 
 from hapticeval.geometry.catalogue import cassinian, star
 from hapticeval.geometry.maps import flow_map as locator
-from hapticeval.geometry.maps.flow import FlowSettings, flow
-from hapticeval.geometry.maps.flow_map import chart_of, flow_map
+from hapticeval.geometry.maps.flow import FlowSettings, run_flow
+from hapticeval.geometry.maps.flow_map import build_chart, flow_map
 from hapticeval.renderers import mapping
 from hapticeval.scene import Scene
 
@@ -37,8 +37,8 @@ def addition() -> float:
 def test_build(benchmark, addition, model):
     benchmark.group = "flow map, 200 cells"
     settings = FlowSettings()
-    flow(model, FlowSettings(cells=60))  # compiled, and the curve's tables made, outside the clock
-    benchmark.pedantic(lambda: chart_of(model, flow(model, settings)), rounds=3)
+    run_flow(model, FlowSettings(cells=60))  # compiled, and the curve's tables made, outside the clock
+    benchmark.pedantic(lambda: build_chart(model, run_flow(model, settings)), rounds=3)
     if benchmark.stats is not None:
         benchmark.extra_info["additions of 1e8 elements"] = benchmark.stats.stats.median / addition
 
@@ -50,7 +50,7 @@ def test_look_up(benchmark, cells):
     chart = flow_map(model, FlowSettings(cells=cells)).chart
     points = np.random.default_rng(0).uniform(-0.1, 0.1, (2 * LOOKUPS, 2))
     points = np.ascontiguousarray(points[model.curve.contains(points)][: LOOKUPS // 2])
-    benchmark.pedantic(locator.angles_many, (chart, points), rounds=5, warmup_rounds=1)
+    benchmark.pedantic(locator.map_to_angles, (chart, points), rounds=5, warmup_rounds=1)
     if benchmark.stats is not None:
         per_point[cells] = benchmark.stats.stats.median / points.shape[0]
         benchmark.extra_info["microseconds a point"] = per_point[cells] * 1e6

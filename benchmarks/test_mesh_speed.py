@@ -96,7 +96,7 @@ def test_crossing(benchmark, subdivisions):
     benchmark.group = f"first crossing, {20 * 4**subdivisions} triangles"
     mesh, points = bumpy(subdivisions), path(5_000)
     starts, ends = points * 1.01, points
-    benchmark.pedantic(lambda: kernels.crossed_many(*mesh.tables, starts, ends, mesh.touch), rounds=5, warmup_rounds=1)
+    benchmark.pedantic(lambda: kernels.first_entries(*mesh.tables, starts, ends, mesh.touch), rounds=5, warmup_rounds=1)
     keep(benchmark, "crossing", subdivisions, len(points))
 
 

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.compiled import LawData, compiled
-from hapticeval.geometry.surface_kernels import FIRST, Triple, dot, place, plus
+from hapticeval.geometry.surface_kernels import FIRST, Triple, closest_on_surface, dot, plus
 from hapticeval.renderers.law import HELD, as_rows, release
 from hapticeval.renderers.stabilisation_laws import (
     BEYOND,
@@ -134,7 +134,7 @@ def by_charts(
     """One tick through the active chart, of signature `LAW`, with the data of `stabilisation_laws.on_surface`."""
     params, state, surface = data.params, data.state, data.segments[0]
     y, yd, pushed = (hip[0], hip[1], hip[2]), (velocity[0], velocity[1], velocity[2]), (push[0], push[1], push[2])
-    foot, normal, n = place(surface, y)
+    foot, normal, n = closest_on_surface(surface, y)
     bilateral = params[BILATERAL] != 0.0
     if not bilateral and n > 0.0 and state[HELD] == 0.0:
         return release(state, hip, ihip, force)

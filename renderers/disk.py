@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.kernels import piece_of
+from hapticeval.geometry.kernels import piece_index
 from hapticeval.geometry.maps.conformal import conformal_map
 from hapticeval.geometry.maps.flow import FlowSettings
 from hapticeval.geometry.maps.flow_map import flow_map
@@ -122,7 +122,7 @@ def _answer(
 ) -> tuple[float, float, float, float]:
     """IHIP and normal of a HIP: at the parameter u where it is `inside`."""
     if inside:
-        return frame(b.pieces, b.joints, piece_of(b.pieces, u), u, x, y)
+        return frame(b.pieces, b.joints, piece_index(b.pieces, u), u, x, y)
     if not bilateral:
         return x, y, 0.0, 0.0
     piece, u, _, _ = nearest_on(b, x, y)

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_kernels import facing, landed, place
-from hapticeval.geometry.mesh_tool import fly
-from hapticeval.geometry.mesh_walk import RESTS, walk
+from hapticeval.geometry.mesh_kernels import closest_feature, closest_on_mesh, side_and_normal
+from hapticeval.geometry.mesh_tool import fly_to_hand
+from hapticeval.geometry.mesh_walk import RESTS, walk_downhill
 from hapticeval.renderers.law import BILATERAL, ERROR, OWN, ROOM, regulate, release
 from hapticeval.renderers.projective import CompiledProjection
 from hapticeval.scene import Scene
@@ -48,8 +48,8 @@ def begin(data: LawData, hip: Array) -> None:
     """Prepare the state at the start of a run with the hand at `hip` (3,), m."""
     faces, vertices, tree, state = data.segments, data.vertices, data.tree, data.state
     p = (hip[0], hip[1], hip[2])
-    k, feature, foot = landed(faces, vertices, tree, p, 0)
-    _, _, _, distance = place(faces, vertices, tree, p, k)
+    k, feature, foot = closest_feature(faces, vertices, tree, p, 0)
+    _, _, _, distance = closest_on_mesh(faces, vertices, tree, p, k)
     state[TOUCHES] = 1.0 if data.params[BILATERAL] != 0.0 or distance < 0.0 else 0.0
     state[TRIANGLE], state[FEATURE] = k, feature
     for i in range(3):
@@ -67,18 +67,18 @@ def follow(
     touches = state[TOUCHES] != 0.0
     rests = False
     if touches:
-        status, k, feature, tool = walk(faces, vertices, params[BILATERAL] == 0.0, k, feature, tool, p)
+        status, k, feature, tool = walk_downhill(faces, vertices, params[BILATERAL] == 0.0, k, feature, tool, p)
         rests = status == RESTS
     if not rests:
         start = tool if touches else (state[HIP], state[HIP + 1], state[HIP + 2])
-        touches, k, feature, tool = fly(faces, vertices, data.tree, params[TOUCH], start, p, k)
+        touches, k, feature, tool = fly_to_hand(faces, vertices, data.tree, params[TOUCH], start, p, k)
     state[TOUCHES], state[TRIANGLE], state[FEATURE] = 1.0 if touches else 0.0, k, feature
     for i in range(3):
         state[TOOL + i], state[HIP + i] = tool[i], hip[i]
     if not touches:
         return release(state, hip, ihip, force)
     q = (hip[0] - tool[0], hip[1] - tool[1], hip[2] - tool[2])
-    _, normal = facing(faces, vertices, k, feature, tool, q)
+    _, normal = side_and_normal(faces, vertices, k, feature, tool, q)
     for i in range(3):
         ihip[i], state[ERROR + 3 + i] = tool[i], normal[i]
     return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)

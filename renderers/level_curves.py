@@ -20,10 +20,10 @@ from numpy.typing import ArrayLike
 
 from hapticeval.compiled import LawData, borrowing
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.kernels import ARC, CASSINIAN, ELLIPSE, KIND, U0, U1, A, B, C, E, evaluate, piece_of
+from hapticeval.geometry.kernels import ARC, CASSINIAN, ELLIPSE, KIND, U0, U1, A, B, C, E, evaluate, piece_index
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.surface import Surface
-from hapticeval.geometry.surface_kernels import dot, place, plus
+from hapticeval.geometry.surface_kernels import closest_on_surface, dot, plus
 from hapticeval.renderers.law import BILATERAL, ERROR, OWN, once, regulate, release
 from hapticeval.renderers.outline import clear_of, frame, nearest_on, outline_in, representation_of
 from hapticeval.renderers.potential import CENTRE, LAST, PARALLEL, REACH, SUPPORT, level, level_at, stretch
@@ -131,7 +131,7 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
         u += miss / (rate * speed)
         u -= math.floor((u - start) / (end - start)) * (end - start)
         u = min(max(u, start), end)
-        piece = piece_of(pieces, u)
+        piece = piece_index(pieces, u)
     return False, piece, u, t
 
 
@@ -195,7 +195,7 @@ def in_space(
     c = POTENTIAL + CENTRE
     centre, hand = (params[c], params[c + 1], params[c + 2]), (hip[0], hip[1], hip[2])
     way = plus(hand, -1.0, centre)
-    foot, normal, distance = place(row, hand)
+    foot, normal, distance = closest_on_surface(row, hand)
     if params[BILATERAL] == 0.0 and not distance < 0.0:
         return release(state, hip, ihip, force)
     t, low, high = -distance, PARALLEL * reach, support
@@ -206,7 +206,7 @@ def in_space(
             t = LAST * reach
         for _ in range(ROUNDS):
             a, b, _, _ = level(params, POTENTIAL, t)
-            foot, normal, distance = place(row, plus(centre, 1.0 / a, way))
+            foot, normal, distance = closest_on_surface(row, plus(centre, 1.0 / a, way))
             if -distance > b:
                 low = t
             else:

@@ -11,8 +11,8 @@ import numpy as np
 from hapticeval.compiled import LawData, borrowing
 from hapticeval.geometry.kernels import evaluate
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_kernels import place as place_on_mesh
-from hapticeval.geometry.surface_kernels import bend, dot, place, times
+from hapticeval.geometry.mesh_kernels import closest_on_mesh as place_on_mesh
+from hapticeval.geometry.surface_kernels import apply_matrix, closest_on_surface, dot, shape_operator
 from hapticeval.renderers.contour import nearest_on_level_set
 from hapticeval.renderers.family import GRID, VERTICES
 from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, SCHEME, regulate, release
@@ -77,7 +77,7 @@ def in_space(
 ) -> int:  # fmt: skip
     """One tick on a surface in space, whose row `segments` holds, of signature `LAW`."""
     surface, params, state = data.segments[0], data.params, data.state
-    foot, normal, distance = place(surface, (hip[0], hip[1], hip[2]))
+    foot, normal, distance = closest_on_surface(surface, (hip[0], hip[1], hip[2]))
     if params[BILATERAL] == 0.0 and not distance < 0.0:
         return release(state, hip, ihip, force)
     for i in range(3):
@@ -85,7 +85,7 @@ def in_space(
     fall = 0.0
     if params[SCHEME] == PP_PD_C:
         v = (velocity[0], velocity[1], velocity[2])
-        fall = dot(v, times(bend(surface, foot, normal), v))
+        fall = dot(v, apply_matrix(shape_operator(surface, foot, normal), v))
     return regulate(params, state, hip, velocity, fall, dt, ihip, force)
 
 

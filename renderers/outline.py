@@ -22,7 +22,7 @@ import numpy as np
 
 from hapticeval.compiled import NOTHING, LawData, borrowing, compiled, for_kernels, inner
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.curve_kernels import STRAIGHT, joint_turn, project
+from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn, project
 from hapticeval.geometry.kernels import (
     ARC,
     CASSINIAN,
@@ -38,7 +38,7 @@ from hapticeval.geometry.kernels import (
     D,
     evaluate,
     evaluate_many,
-    piece_of,
+    piece_index,
 )
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon import Polygon
@@ -158,7 +158,7 @@ def slide(
         turn = joints[k if onwards > 0.0 else piece, TURN]
         px, py, dx, dy, _, _ = at(pieces, k, start)
         ex, ey = x - px, y - py
-        if releases and turn > -STRAIGHT and ex * dy - ey * dx > 0.0:
+        if releases and turn > -SMOOTH_TURN and ex * dy - ey * dx > 0.0:
             return LEAVES, piece, end
         if (ex * dx + ey * dy) * onwards <= 0.0:
             return RESTS, piece, end
@@ -188,7 +188,7 @@ def _other_wall(pieces: Array, joints: Array, piece: int, u: float, x: float, y:
         turn, there = joints[piece, TURN], pieces[k, U1]
     else:
         return -1
-    if turn > -STRAIGHT:
+    if turn > -SMOOTH_TURN:
         return -1
     px, py, dx, dy, _, _ = at(pieces, k, there)
     return k if (x - px) * dy - (y - py) * dx < 0.0 else -1
@@ -211,7 +211,7 @@ def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float
         count = pieces.shape[0]
         k = (piece + 1) % count if u == last else (piece - 1) % count
         turn = joints[k if u == last else piece, TURN]
-        if abs(turn) > STRAIGHT:
+        if abs(turn) > SMOOTH_TURN:
             _, _, dx, dy, _, _ = evaluate(pieces[k], pieces[k, U0] if u == pieces[piece, U1] else pieces[k, U1])
             speed = math.hypot(dx, dy)
             mx, my = nx + dy / speed, ny - dx / speed
@@ -306,7 +306,7 @@ def nearest_on(b: Outline, x: float, y: float) -> tuple[int, float, float, float
     """The nearest surface point: (piece, u, distance, side), side -1.0 inside and 1.0 outside or on it."""
     if b.stray > 0.0 or not closed(b):
         u, distance, side = project(b.pieces, b.samples, x, y)
-        return piece_of(b.pieces, u), u, distance, side
+        return piece_index(b.pieces, u), u, distance, side
     edge, along, distance2 = nearest_kernel(b.vertices, b.tree, x, y)
     row = b.pieces[edge]
     side = side_kernel(b.vertices, edge, along, x, y) if distance2 > 0.0 else 1.0

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 from hapticeval.compiled import LawData, borrowing, inner
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.kernels import KIND, LINE, U0, U1, A, B, C, D, evaluate, piece_of
+from hapticeval.geometry.kernels import KIND, LINE, U0, U1, A, B, C, D, evaluate, piece_index
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_kernels import NORMAL, crossing
+from hapticeval.geometry.mesh_kernels import NORMAL, first_triangle_hit
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.surface import Surface
 from hapticeval.renderers.family import VERTICES
@@ -138,7 +138,7 @@ def on_ray(pieces: Array, table: Array, cx: float, cy: float, ex: float, ey: flo
         else:
             high = middle
     u0, u1 = table[low, 1], table[high, 1]
-    piece = piece_of(pieces, u0)
+    piece = piece_index(pieces, u0)
     if pieces[piece, KIND] == LINE:
         tx, ty = pieces[piece, C], pieces[piece, D]
         away = ex * ty - ey * tx
@@ -243,7 +243,7 @@ def on_mesh(
     if far > 0.0:
         scale = params[LENGTH] / far
         ray = (scale * way[0], scale * way[1], scale * way[2])
-    k, share = crossing(data.segments, data.vertices, data.tree, centre, ray, 0.0, 1.0)
+    k, share = first_triangle_hit(data.segments, data.vertices, data.tree, centre, ray, 0.0, 1.0)
     out = 1.0 - far / (share * params[LENGTH])
     if params[BILATERAL] == 0.0 and not out > 0.0:
         return release(state, hip, ihip, force)

@@ -53,9 +53,16 @@ from __future__ import annotations
 import math
 
 from hapticeval.compiled import LawData, compiled
-from hapticeval.geometry.curve_kernels import foot
+from hapticeval.geometry.curve_kernels import nearest_with_values
 from hapticeval.geometry.kernels import curvature_rate
-from hapticeval.geometry.surface_kernels import Triple, bend, bend_change, dot, place, times
+from hapticeval.geometry.surface_kernels import (
+    Triple,
+    apply_matrix,
+    closest_on_surface,
+    dot,
+    shape_operator,
+    shape_operator_change,
+)
 from hapticeval.renderers.law import HELD, release
 from hapticeval.types import Array
 
@@ -88,7 +95,7 @@ def on_curve(
     """One tick on a plane curve, `segments` and `lookup` of `geometry.curve_kernels`; of signature `LAW`."""
     params, state, pieces = data.params, data.state, data.segments
     bilateral = params[BILATERAL] != 0.0
-    k, u, distance, side, (px, py, dx, dy, ddx, ddy) = foot(pieces, data.lookup, hip[0], hip[1])
+    k, u, distance, side, (px, py, dx, dy, ddx, ddy) = nearest_with_values(pieces, data.lookup, hip[0], hip[1])
     n = side * distance
     if not bilateral and n > 0.0 and state[HELD] == 0.0:
         return release(state, hip, ihip, force)
@@ -126,15 +133,15 @@ def on_surface(
 ) -> int:  # fmt: skip
     """One tick on the surface whose row `segments` holds, of signature `LAW`."""
     params, state, surface = data.params, data.state, data.segments[0]
-    p, normal, n = place(surface, (hip[0], hip[1], hip[2]))
+    p, normal, n = closest_on_surface(surface, (hip[0], hip[1], hip[2]))
     bilateral = params[BILATERAL] != 0.0
     if not bilateral and n > 0.0 and state[HELD] == 0.0:
         return release(state, hip, ihip, force)
     rate, push_across = _along(normal, velocity), _along(normal, push)
     first, second = tangents(normal)
-    w = bend(surface, p, normal)
-    turned = times(w, second)
-    w11, w12, w22 = dot(first, times(w, first)), dot(first, turned), dot(second, turned)
+    w = shape_operator(surface, p, normal)
+    turned = apply_matrix(w, second)
+    w11, w12, w22 = dot(first, apply_matrix(w, first)), dot(first, turned), dot(second, turned)
     middle, apart = 0.5 * (w11 + w22), math.hypot(0.5 * (w11 - w22), w12)
     if not 1.0 + n * middle - abs(n) * apart > FOCAL:
         return BEYOND
@@ -156,7 +163,7 @@ def on_surface(
     s1, s2 = -friction * a1, -friction * a2
     if bilateral:
         foot_rate = _combined(p1, first, p2, second)
-        change = bend_change(surface, p, normal, foot_rate, foot_rate)
+        change = shape_operator_change(surface, p, normal, foot_rate, foot_rate)
         f1, f2 = _along(first, push), _along(second, push)
         s1 += mass * (2.0 * rate * b1 + n * dot(first, change)) + n * (w11 * f1 + w12 * f2)
         s2 += mass * (2.0 * rate * b2 + n * dot(second, change)) + n * (w12 * f1 + w22 * f2)

@@ -17,7 +17,7 @@ from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import MODELS
 from hapticeval.stimulus.experiments import ExperimentTable
-from hapticeval.stimulus.moves import ACCELERATION, SPEED, Move, Moves, Tremor
+from hapticeval.stimulus.moves import LARGEST_ACCELERATION, LARGEST_SPEED, Move, Moves, Tremor
 from hapticeval.strategies import (
     MESHES,
     PARTS,
@@ -62,8 +62,8 @@ def test_paths_keep_to_what_a_hand_can_do_and_begin_in_free_space(kind, tremor):
         hips = moves.path().sampled(1e-3)[1]
         velocity = np.diff(hips, axis=0) / 1e-3
         acceleration = np.diff(velocity, axis=0) / 1e-3
-        assert np.linalg.norm(velocity, axis=1).max() <= SPEED
-        assert np.linalg.norm(acceleration, axis=1).max() <= ACCELERATION
+        assert np.linalg.norm(velocity, axis=1).max() <= LARGEST_SPEED
+        assert np.linalg.norm(acceleration, axis=1).max() <= LARGEST_ACCELERATION
         assert MODEL[kind].boundary.signed_distance(hips[:1])[0] > 0.0
         steady = replace(moves, tremor=None).path().sampled(1e-3)[1]
         acceleration = np.diff(np.pad(steady, ((2, 2), (0, 0)), mode="edge"), n=2, axis=0)

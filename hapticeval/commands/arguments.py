@@ -148,12 +148,12 @@ def model_named(text: str) -> Model:
     Raises `UnknownNameError` for an unknown kind that is no file either, `InputError` for values that are no numbers,
     and as the catalogue does.
     """
-    from hapticeval.geometry.catalogue import MODELS, OWN, from_geojson, from_wkt, make_model
-    from hapticeval.geometry.mesh_files import FORMATS
+    from hapticeval.geometry.catalogue import KINDS_FROM_USER, MODELS, from_geojson, from_wkt, make_model
+    from hapticeval.geometry.mesh_files import FILE_ENDINGS
 
     file = Path(text)
     kind, _, rest = text.partition(":")
-    if file.suffix.lower() in FORMATS and kind != "mesh":
+    if file.suffix.lower() in FILE_ENDINGS and kind != "mesh":
         raise InputError(
             f"the mesh file {file} has no unit", why="the format has none", todo=f"write mesh:file={file},unit=mm"
         )
@@ -165,7 +165,7 @@ def model_named(text: str) -> Model:
         except (OSError, UnicodeDecodeError) as error:
             raise InputError(f"cannot read the model file {file}", why=str(error)) from error
         return (from_wkt if file.suffix == ".wkt" else from_geojson)(content, name=file.stem)
-    drawable = {name for name in MODELS if name not in OWN}
+    drawable = {name for name in MODELS if name not in KINDS_FROM_USER}
     if kind not in drawable:
         raise UnknownNameError("model", kind, drawable)
     parameters: dict[str, float] = {}

@@ -125,7 +125,7 @@ def flow(
       hapticeval flow dumbbell:neck=0.3 -o pictures
     """
     from hapticeval.geometry.maps.flow import FlowSettings
-    from hapticeval.geometry.maps.flow import flow as shrink
+    from hapticeval.geometry.maps.flow import run_flow as shrink
     from hapticeval.reports.fields_figure import write_flow
 
     shape = model_named(model)

@@ -13,16 +13,16 @@ from numpy.typing import ArrayLike
 
 from hapticeval.types import Array
 
-AHEAD = 32
+SEARCH_BATCH = 32
 """Points of a segment that are looked at together on the search for its first crossing."""
 
-RING = 8
+RING_DIRECTIONS = 8
 """Directions in which the surroundings of a point in space are looked at."""
 
-SLIDES = 100
+MOST_SLIDE_STEPS = 100
 """Most steps of one slide in space."""
 
-BEND = 0.25
+STEP_PER_BEND_RADIUS = 0.25
 """Share of the smallest radius of curvature by which a slide in space steps at the most, so as to stay on its sheet."""
 
 
@@ -145,17 +145,17 @@ def is_boundary(value: object) -> bool:
 _MEMBERS = [name for name in vars(Boundary) if not name.startswith("_")]
 
 
-def march(boundary: Boundary, start: Array, end: Array, grain: float) -> Array | None:
+def march_to_crossing(boundary: Boundary, start: Array, end: Array, grain: float) -> Array | None:
     """Answer `Boundary.first_crossing` by closest points alone, in steps of `grain` where the surface is near.
 
     Clear stretches are passed in steps as long as the distance from the surface.
     """
-    length = apart(start, end)
+    length = distance_between(start, end)
     if length == 0.0:
         return None
     covered = 0.0
     while covered < length:
-        lengths = np.minimum(covered + grain * np.arange(AHEAD + 1), length)
+        lengths = np.minimum(covered + grain * np.arange(SEARCH_BATCH + 1), length)
         points = start + lengths[:, np.newaxis] * ((end - start) / length)
         frame = boundary.closest_point(points)
         inside = np.flatnonzero(frame.distance[1:] < -1e-6 * grain)
@@ -165,12 +165,12 @@ def march(boundary: Boundary, start: Array, end: Array, grain: float) -> Array |
     return None
 
 
-def apart(a: Array, b: Array) -> float:
+def distance_between(a: Array, b: Array) -> float:
     """Return the distance (m) of two points (N,)."""
     return float(np.linalg.norm(a - b))
 
 
-class InSpace:
+class SurfaceInSpace:
     """What a closed boundary in space has of itself: all of `Boundary` but `name`, `bounds` and `closest_point`.
 
     Normal cones, slides and walks are those of a smooth surface. One with edges has its own `normal_cone`.
@@ -202,7 +202,7 @@ class InSpace:
 
     def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:
         """See `Boundary.first_crossing`."""
-        return march(self, start, end, grain)
+        return march_to_crossing(self, start, end, grain)
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
         """See `Boundary.normal_cone`: a circular cone round the normal, as wide as the surface turns within reach.
@@ -212,7 +212,7 @@ class InSpace:
         frame = self.closest_point(points)
         tangents = np.linalg.svd(frame.normal[:, np.newaxis, :])[2][:, 1:, :]
         steps = [np.zeros_like(frame.foot)]
-        for angle in np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False):
+        for angle in np.linspace(0.0, 2.0 * np.pi, RING_DIRECTIONS, endpoint=False):
             steps.append(reach[:, np.newaxis] * (np.cos(angle) * tangents[:, 0] + np.sin(angle) * tangents[:, 1]))
         shapes = [self.closest_point(frame.foot + step).shape for step in steps]
         half_angle = reach * np.max([np.abs(np.linalg.eigvalsh(shape)).max(axis=1) for shape in shapes], axis=0)
@@ -227,7 +227,7 @@ class InSpace:
     def points(self, n: int) -> Array:
         """See `Boundary.points`: those of a sphere round the bounds, projected."""
         low, high = np.reshape(self.bounds, (2, 3))
-        return self.closest_point(0.5 * (low + high) + 0.5 * (high - low) * spiral(n)).foot
+        return self.closest_point(0.5 * (low + high) + 0.5 * (high - low) * spread_over_sphere(n)).foot
 
     def walk(self, start: Array, lengths: Array) -> ClosestPoint:
         """See `Boundary.walk`: along the axis that lies flattest to the surface."""
@@ -242,25 +242,27 @@ class InSpace:
         """See `Boundary.around`."""
         frame = self.closest_point(point[np.newaxis])
         across = np.linalg.svd(frame.normal)[2][1:]
-        angle = np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False)
+        angle = np.linspace(0.0, 2.0 * np.pi, RING_DIRECTIONS, endpoint=False)
         return self.closest_point(frame.foot + reach * np.column_stack([np.cos(angle), np.sin(angle)]) @ across).foot
 
     def descend(self, start: Array, goal: Array, *, step: float) -> Array:
         """See `Boundary.descend`: by the part of the error along the surface, halved where that leads uphill."""
         share = 1.0
         frame = self.closest_point(start[np.newaxis])
-        distance = apart(goal, frame.foot[0])
-        for _ in range(SLIDES):
+        distance = distance_between(goal, frame.foot[0])
+        for _ in range(MOST_SLIDE_STEPS):
             foot, normal = frame.foot[0], frame.normal[0]
             error = goal - foot
             error = error - (error @ normal) * normal
             error_length = float(np.linalg.norm(error))
             largest_curvature = float(np.abs(np.linalg.eigvalsh(frame.shape[0])).max())
-            length = share * min(error_length, BEND / largest_curvature if largest_curvature > 0.0 else math.inf)
+            length = share * min(
+                error_length, STEP_PER_BEND_RADIUS / largest_curvature if largest_curvature > 0.0 else math.inf
+            )
             if length <= 1e-3 * step:
                 break
             next_frame = self.closest_point((foot + length / error_length * error)[np.newaxis])
-            next_distance = apart(goal, next_frame.foot[0])
+            next_distance = distance_between(goal, next_frame.foot[0])
             if next_distance >= distance:
                 share *= 0.5
                 continue
@@ -268,7 +270,7 @@ class InSpace:
         return np.asarray(frame.foot[0])
 
 
-def spiral(n: int) -> Array:
+def spread_over_sphere(n: int) -> Array:
     """Return n points (n, 3) spread evenly over the unit sphere: golden angles, between equal shares of area."""
     high = 1.0 - 2.0 * (np.arange(n) + 0.5) / n
     out = np.sqrt(1.0 - high * high)

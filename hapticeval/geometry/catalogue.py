@@ -17,9 +17,9 @@ from hapticeval.geometry import kernels as pieces
 from hapticeval.geometry import solids
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.kernels import CASSINIAN, COLUMNS, ELLIPSE, UNBOUNDED
+from hapticeval.geometry.kernels import CASSINIAN, ELLIPSE, PIECE_COLUMNS, UNBOUNDED
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_checks import checked_corners, checked_triangles
+from hapticeval.geometry.mesh_checks import checked_positions, checked_triangles
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.solids import Triangles
 from hapticeval.geometry.surface import Surface
@@ -32,11 +32,11 @@ from hapticeval.geometry.validate import (
 )
 from hapticeval.types import Array
 
-UNIT, SHARPEST = math.ulp(2.0 * math.pi) / 2.0, 1e-12
+ANGLE_ROUNDING, LARGEST_POINT_ROUNDING = math.ulp(2.0 * math.pi) / 2.0, 1e-12
 """Rounding (rad) of an angle within one turn; and how far it may move a point of a Cassinian, as a share of its radius.
 """
 
-FLATTEST = 1e6
+LARGEST_AXIS_RATIO = 1e6
 """Largest ratio of two axes."""
 
 LOBE_SHARE, FILLET_SHARE = 0.38, 0.5
@@ -49,7 +49,7 @@ def star(points: int = 5, tip_angle: float = 60.0, size: float = 0.2) -> Model:
     `points` tips of `tip_angle` degrees on a circle of diameter `size` (m), the first at 90 degrees. Raises
     `InputError` for fewer than three points and for a tip so wide that nothing is left of the notches.
     """
-    points = _count("points", points, 3, 100_000)
+    points = _checked_count("points", points, 3, 100_000)
     size = checked_size(size)
     tip_angle = checked_number("tip_angle", tip_angle)
     widest = 180.0 - 360.0 / points
@@ -65,7 +65,7 @@ def star(points: int = 5, tip_angle: float = 60.0, size: float = 0.2) -> Model:
     angles = math.pi / 2.0 + np.arange(2 * points) * (math.pi / points)
     radii = np.where(np.arange(2 * points) % 2 == 0, outer, inner)
     vertices = np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
-    return _polygonal("star", vertices, points=points, tip_angle=tip_angle, size=size)
+    return _polygon_model("star", vertices, points=points, tip_angle=tip_angle, size=size)
 
 
 def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 0.2) -> Model:
@@ -76,7 +76,7 @@ def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 
     that the curve's parameter cannot resolve the sides of the valleys, where a point moves by r / sqrt(a_n / a_d - 1)
     per radian.
     """
-    lobes = _count("lobes", lobes, 2, 1_000)
+    lobes = _checked_count("lobes", lobes, 2, 1_000)
     size = checked_size(size)
     a_n, a_d = _positive("a_n", a_n), _positive("a_d", a_d)
     above = (a_n - a_d) / a_d
@@ -87,35 +87,36 @@ def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 
             todo="choose a_n larger than a_d",
         )
     radius = (math.sqrt(above) / (1.0 + math.sqrt(1.0 + above))) ** (1.0 / lobes)
-    if UNIT * radius > SHARPEST * math.sqrt(above):
+    if ANGLE_ROUNDING * radius > LARGEST_POINT_ROUNDING * math.sqrt(above):
         raise InputError(
             f"a_n / a_d is 1 + {above:.3g}, with {lobes} lobes: valleys too narrow for the number format",
-            why=f"the parameter of (4.1), an angle, is rounded to {UNIT:.2g} rad; beside a valley that moves the "
-            f"surface point by {0.5 * UNIT * radius / math.sqrt(above):.2g} of the size, more than {0.5 * SHARPEST:g}",
+            why=f"the parameter of (4.1), an angle, is rounded to {ANGLE_ROUNDING:.2g} rad; beside a valley that moves "
+            f"the surface point by {0.5 * ANGLE_ROUNDING * radius / math.sqrt(above):.2g} of the size, more than "
+            f"{0.5 * LARGEST_POINT_ROUNDING:g}",
             todo="choose a larger a_n, or give the outline as a polygon",
         )
     row = np.array([[CASSINIAN, 0.0, 2.0 * math.pi, size / 2.0, float(lobes), 1.0 + above, above, 0.0, 0.0]])
-    return _model(Curve("cassinian", row, True), lobes=lobes, a_n=a_n, a_d=a_d, size=size)
+    return _model_of(Curve("cassinian", row, True), lobes=lobes, a_n=a_n, a_d=a_d, size=size)
 
 
 def circle(size: float = 0.2) -> Model:
     """A circle of diameter `size` (m) about the origin: constant curvature, closed-form answers."""
     size = checked_size(size)
-    rows = pieces.concatenate_segments([pieces.arc((0.0, 0.0), size / 2.0, 0.0, 2.0 * math.pi)])
-    return _model(Curve("circle", rows, True), size=size)
+    rows = pieces.concatenate_segments([pieces.arc_piece((0.0, 0.0), size / 2.0, 0.0, 2.0 * math.pi)])
+    return _model_of(Curve("circle", rows, True), size=size)
 
 
 def ellipse(ratio: float = 2.0, size: float = 0.2) -> Model:
     """An ellipse whose long axis, `size` (m), lies along x and is `ratio` times the short one."""
     size = checked_size(size)
     ratio = checked_number("ratio", ratio)
-    if not 1.0 <= ratio <= FLATTEST:
+    if not 1.0 <= ratio <= LARGEST_AXIS_RATIO:
         raise InputError(
             f"ratio = {ratio!r}", why="it is the long axis over the short one, between 1 and 1e6", todo="invert it"
         )
-    row = np.zeros((1, COLUMNS))
+    row = np.zeros((1, PIECE_COLUMNS))
     row[0, :5] = ELLIPSE, 0.0, 2.0 * math.pi, size / 2.0, size / 2.0 / ratio
-    return _model(Curve("ellipse", row, True), ratio=ratio, size=size)
+    return _model_of(Curve("ellipse", row, True), ratio=ratio, size=size)
 
 
 def dumbbell(neck: float = 0.5, size: float = 0.2) -> Model:
@@ -137,28 +138,28 @@ def dumbbell(neck: float = 0.5, size: float = 0.2) -> Model:
     bend = reach - math.pi / 2.0
     end = centre - inward
     rows = [
-        pieces.arc((centre, 0.0), lobe, -reach, 2.0 * reach),
-        pieces.arc((end, height), fillet, reach - math.pi, -bend),
-        pieces.line((end, half_width), (-end, half_width)),
-        pieces.arc((-end, height), fillet, -math.pi / 2.0, -bend),
-        pieces.arc((-centre, 0.0), lobe, math.pi - reach, 2.0 * reach),
-        pieces.arc((-end, -height), fillet, reach, -bend),
-        pieces.line((-end, -half_width), (end, -half_width)),
-        pieces.arc((end, -height), fillet, math.pi / 2.0, -bend),
+        pieces.arc_piece((centre, 0.0), lobe, -reach, 2.0 * reach),
+        pieces.arc_piece((end, height), fillet, reach - math.pi, -bend),
+        pieces.line_piece((end, half_width), (-end, half_width)),
+        pieces.arc_piece((-end, height), fillet, -math.pi / 2.0, -bend),
+        pieces.arc_piece((-centre, 0.0), lobe, math.pi - reach, 2.0 * reach),
+        pieces.arc_piece((-end, -height), fillet, reach, -bend),
+        pieces.line_piece((-end, -half_width), (end, -half_width)),
+        pieces.arc_piece((end, -height), fillet, math.pi / 2.0, -bend),
     ]
-    return _model(Curve("dumbbell", pieces.concatenate_segments(rows), True), neck=neck, size=size)
+    return _model_of(Curve("dumbbell", pieces.concatenate_segments(rows), True), neck=neck, size=size)
 
 
 def line() -> Model:
     """The half-plane y < 0, whose boundary is the x axis run towards -x: the flat wall of chapter 6."""
     row = np.array([[UNBOUNDED, -math.inf, math.inf, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0]])
-    return _model(Curve("line", row, False))
+    return _model_of(Curve("line", row, False))
 
 
 def sphere(size: float = 0.2) -> Model:
     """A sphere of diameter `size` (m) about the origin: the surface of thesis (7.50)."""
     size = checked_size(size)
-    return _model(Surface("sphere", "sphere", (size / 2.0,)), size=size)
+    return _model_of(Surface("sphere", "sphere", (size / 2.0,)), size=size)
 
 
 def ellipsoid(a: float = 0.1, b: float = 0.07, c: float = 0.05) -> Model:
@@ -167,9 +168,9 @@ def ellipsoid(a: float = 0.1, b: float = 0.07, c: float = 0.05) -> Model:
     Raises `InputError` if one is more than 1e6 times another.
     """
     a, b, c = checked_size(a, "a"), checked_size(b, "b"), checked_size(c, "c")
-    if max(a, b, c) > FLATTEST * min(a, b, c):
+    if max(a, b, c) > LARGEST_AXIS_RATIO * min(a, b, c):
         raise InputError(f"semi-axes of {min(a, b, c):g} m and {max(a, b, c):g} m", why="their ratio is at most 1e6")
-    return _model(Surface("ellipsoid", "ellipsoid", (a, b, c)), a=a, b=b, c=c)
+    return _model_of(Surface("ellipsoid", "ellipsoid", (a, b, c)), a=a, b=b, c=c)
 
 
 def torus(major: float = 0.07, minor: float = 0.03) -> Model:
@@ -184,9 +185,9 @@ def torus(major: float = 0.07, minor: float = 0.03) -> Model:
             why="it crosses itself on its axis unless the tube's radius is the smaller one",
             todo="choose minor below major",
         )
-    if major > FLATTEST * minor:
+    if major > LARGEST_AXIS_RATIO * minor:
         raise InputError(f"radii of {minor:g} m and {major:g} m", why="their ratio is at most 1e6")
-    return _model(Surface("torus", "torus", (major, minor)), major=major, minor=minor)
+    return _model_of(Surface("torus", "torus", (major, minor)), major=major, minor=minor)
 
 
 def mesh(
@@ -201,7 +202,7 @@ def mesh(
     `unit` is that of the coordinates: m, mm, cm or in; a file needs it, and vertices are in metres without it. In a
     suite the file counts from the suite's folder. Raises `InputError` as `read_mesh` and `Mesh` do.
     """
-    from hapticeval.geometry.mesh_files import metres, read_mesh
+    from hapticeval.geometry.mesh_files import metres_per, read_mesh
 
     inline = vertices is not None and triangles is not None
     if inline is (file is not None) or (vertices is None) is not (triangles is None):
@@ -210,16 +211,16 @@ def mesh(
         )
     parameters: dict[str, Any] = {"name": name} if unit is None else {"unit": unit, "name": name}
     if file is None:
-        corners = checked_corners(vertices)
+        corners = checked_positions(vertices)
         rows = checked_triangles(triangles, len(corners))
         parameters |= {"vertices": corners.tolist(), "triangles": rows.tolist()}
-        surface = Mesh(name, corners if unit is None else metres(unit) * corners, rows)
+        surface = Mesh(name, corners if unit is None else metres_per(unit) * corners, rows)
         return Model(name, MappingProxyType(parameters), surface)
     if unit is None:
         raise InputError(
             f"the mesh file {file} has no unit", why="the format has none", todo="give unit: m, mm, cm or in"
         )
-    factor = metres(unit)
+    factor = metres_per(unit)
     with at(str(file)):
         corners, rows = read_mesh(Path(file))
         surface = Mesh(name, factor * corners, rows)
@@ -229,13 +230,13 @@ def mesh(
 def cube(size: float = 0.1) -> Model:
     """A cube of edge `size` (m) about the origin, its edges along the axes."""
     size = checked_size(size)
-    return _solid("cube", solids.box((size, size, size)), size=size)
+    return _mesh_model("cube", solids.box((size, size, size)), size=size)
 
 
 def box(x: float = 0.1, y: float = 0.08, z: float = 0.06) -> Model:
     """A box of edges `x`, `y` and `z` (m) along the axes, about the origin: a plate if one of them is small."""
     sides = checked_size(x, "x"), checked_size(y, "y"), checked_size(z, "z")
-    return _solid("box", solids.box(sides), x=sides[0], y=sides[1], z=sides[2])
+    return _mesh_model("box", solids.box(sides), x=sides[0], y=sides[1], z=sides[2])
 
 
 def wedge(angle: float = 60.0, size: float = 0.1, length: float = 0.1) -> Model:
@@ -243,7 +244,7 @@ def wedge(angle: float = 60.0, size: float = 0.1, length: float = 0.1) -> Model:
     angle, size, length = checked_number("angle", angle), checked_size(size), checked_size(length, "length")
     if not 1e-3 <= angle <= 179.0:
         raise InputError(f"angle = {angle!r} degrees", why="that of a wedge is between 0.001 and 179")
-    return _solid("wedge", solids.wedge(math.radians(angle), size, length), angle=angle, size=size, length=length)
+    return _mesh_model("wedge", solids.wedge(math.radians(angle), size, length), angle=angle, size=size, length=length)
 
 
 def l_block(size: float = 0.1, thickness: float = 0.04, length: float = 0.1) -> Model:
@@ -255,19 +256,21 @@ def l_block(size: float = 0.1, thickness: float = 0.04, length: float = 0.1) -> 
             why="without a notch it is a box",
             todo="choose a thickness below the size",
         )
-    return _solid("l-block", solids.l_block(size, thickness, length), size=size, thickness=thickness, length=length)
+    return _mesh_model(
+        "l-block", solids.l_block(size, thickness, length), size=size, thickness=thickness, length=length
+    )
 
 
 def icosphere(subdivisions: int = 3, size: float = 0.2) -> Model:
     """A sphere of diameter `size` (m) as 20 * 4^`subdivisions` triangles with their corners on it."""
-    subdivisions, size = _count("subdivisions", subdivisions, 0, 8), checked_size(size)
-    return _solid("icosphere", solids.icosphere(subdivisions, size / 2.0), subdivisions=subdivisions, size=size)
+    subdivisions, size = _checked_count("subdivisions", subdivisions, 0, 8), checked_size(size)
+    return _mesh_model("icosphere", solids.icosphere(subdivisions, size / 2.0), subdivisions=subdivisions, size=size)
 
 
 def cylinder(size: float = 0.1, length: float = 0.1, sides: int = 64) -> Model:
     """A cylinder of diameter `size` (m) along z as a prism of `sides` faces, with their edges on it."""
-    size, length, sides = checked_size(size), checked_size(length, "length"), _count("sides", sides, 3, 100_000)
-    return _solid("cylinder", solids.cylinder(size / 2.0, length, sides), size=size, length=length, sides=sides)
+    size, length, sides = checked_size(size), checked_size(length, "length"), _checked_count("sides", sides, 3, 100_000)
+    return _mesh_model("cylinder", solids.cylinder(size / 2.0, length, sides), size=size, length=length, sides=sides)
 
 
 def extruded(
@@ -277,7 +280,7 @@ def extruded(
 
     A model of straight edges is extruded as it is, another as the polygon of `vertices` corners on it.
     """
-    length, vertices = checked_size(length, "length"), _count("vertices", vertices, 3, 100_000)
+    length, vertices = checked_size(length, "length"), _checked_count("vertices", vertices, 3, 100_000)
     if not isinstance(model, Mapping) or not isinstance(model.get("kind"), str):
         raise InputError("the model that is extruded has no kind", todo='give model = { kind = "star" }')
     with at("the extruded model"):
@@ -287,30 +290,30 @@ def extruded(
         if not flat.curve.closed:
             raise InputError(f"model '{flat.name}' is unbounded", why="closed plane models are extruded")
         outline = flat.polygon(vertices).vertices
-    return _solid("extruded", solids.prism(outline, length), model=dict(model), length=length, vertices=vertices)
+    return _mesh_model("extruded", solids.prism(outline, length), model=dict(model), length=length, vertices=vertices)
 
 
 def from_vertices(vertices: ArrayLike | Sequence[Sequence[float]], *, name: str = "polygon") -> Model:
     """A polygon of given corners (n, 2), m, anticlockwise. Raises `InputError` as `checked_vertices` does."""
     array = checked_vertices(vertices)
-    return _polygonal(name, array, vertices=array.tolist(), name=name)
+    return _polygon_model(name, array, vertices=array.tolist(), name=name)
 
 
 def from_wkt(text: str, *, name: str = "wkt") -> Model:
     """A polygon in well-known text, in metres: one anticlockwise outer ring."""
-    return _polygonal(name, vertices_from_wkt(text), text=text, name=name)
+    return _polygon_model(name, vertices_from_wkt(text), text=text, name=name)
 
 
 def from_geojson(document: str | Mapping[str, Any], *, name: str = "geojson") -> Model:
     """A GeoJSON Polygon, as text or as a mapping, in metres: one anticlockwise outer ring."""
-    return _polygonal(name, vertices_from_geojson(document), document=document, name=name)
+    return _polygon_model(name, vertices_from_geojson(document), document=document, name=name)
 
 
-NAMED = (star, cassinian, circle, ellipse, dumbbell, line, sphere, ellipsoid, torus)
-SOLIDS = (cube, box, wedge, l_block, icosphere, cylinder, extruded)
+EXACT_MAKERS = (star, cassinian, circle, ellipse, dumbbell, line, sphere, ellipsoid, torus)
+SOLID_MAKERS = (cube, box, wedge, l_block, icosphere, cylinder, extruded)
 MODELS: Mapping[str, Callable[..., Model]] = MappingProxyType(
     {
-        **{maker.__name__.replace("_", "-"): maker for maker in (*NAMED, *SOLIDS)},
+        **{maker.__name__.replace("_", "-"): maker for maker in (*EXACT_MAKERS, *SOLID_MAKERS)},
         "polygon": from_vertices,
         "wkt": from_wkt,
         "geojson": from_geojson,
@@ -320,7 +323,7 @@ MODELS: Mapping[str, Callable[..., Model]] = MappingProxyType(
 """What makes a model of each kind. A further kind is a line here: its boundary keeps the protocol `Boundary`."""
 
 
-OWN = ("polygon", "wkt", "geojson", "mesh")
+KINDS_FROM_USER = ("polygon", "wkt", "geojson", "mesh")
 """Kinds that are nothing without a shape of the user's own."""
 
 
@@ -343,19 +346,19 @@ def make_model(kind: str, **parameters: Any) -> Model:
     return maker(**parameters)
 
 
-def _model(boundary: Boundary, /, **parameters: Any) -> Model:
+def _model_of(boundary: Boundary, /, **parameters: Any) -> Model:
     return Model(boundary.name, MappingProxyType(parameters), boundary)
 
 
-def _solid(title: str, triangles: Triangles, /, **parameters: Any) -> Model:
-    return _model(Mesh(title, *triangles), **parameters)
+def _mesh_model(title: str, triangles: Triangles, /, **parameters: Any) -> Model:
+    return _model_of(Mesh(title, *triangles), **parameters)
 
 
-def _polygonal(title: str, vertices: Array, /, **parameters: Any) -> Model:
-    return _model(Curve(title, pieces.closed_polyline(vertices), True), **parameters)
+def _polygon_model(title: str, vertices: Array, /, **parameters: Any) -> Model:
+    return _model_of(Curve(title, pieces.line_pieces(vertices), True), **parameters)
 
 
-def _count(what: str, value: object, smallest: int, largest: int) -> int:
+def _checked_count(what: str, value: object, smallest: int, largest: int) -> int:
     number = checked_number(what, value)
     if number != int(number) or not smallest <= number <= largest:
         raise InputError(f"{what} = {value!r}", why=f"it must be a whole number between {smallest} and {largest}")

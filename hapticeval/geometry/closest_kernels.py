@@ -9,10 +9,10 @@ import numpy as np
 
 from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled, law_data
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.geometry.curve_kernels import located, speed_integral
-from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED, evaluate, piece_of
-from hapticeval.geometry.mesh_kernels import place as nearest_on_mesh
-from hapticeval.geometry.surface_kernels import bend, place, times
+from hapticeval.geometry.curve_kernels import locate_point, speed_integral
+from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED, evaluate, piece_index
+from hapticeval.geometry.mesh_kernels import closest_on_mesh as nearest_on_mesh
+from hapticeval.geometry.surface_kernels import apply_matrix, closest_on_surface, shape_operator
 from hapticeval.types import Array
 
 
@@ -38,24 +38,24 @@ def closest_in_python(boundary: Boundary) -> Callable[[object, Array, Array], fl
     return closest
 
 
-def of_curve(pieces: Array, samples: Array, vertices: Array, tree: Array) -> Closest:
-    """Return that of a plane curve, given what `curve_kernels.located` looks a point up in."""
-    return Closest(in_plane, law_data(segments=pieces, lookup=samples, vertices=vertices, tree=tree))
+def closest_of_curve(pieces: Array, samples: Array, vertices: Array, tree: Array) -> Closest:
+    """Return that of a plane curve, given what `curve_kernels.locate_point` looks a point up in."""
+    return Closest(closest_in_plane, law_data(segments=pieces, lookup=samples, vertices=vertices, tree=tree))
 
 
-def of_surface(row: Array) -> Closest:
+def closest_of_surface(row: Array) -> Closest:
     """Return that of a surface, given its row of `surface_kernels`."""
-    return Closest(in_space, law_data(segments=row[np.newaxis]))
+    return Closest(closest_in_space, law_data(segments=row[np.newaxis]))
 
 
 @compiled
-def in_plane(data: LawData, point: Array, frame: Array) -> float:
+def closest_in_plane(data: LawData, point: Array, frame: Array) -> float:
     """See `CLOSEST`: on a curve, or on a polygon by its tree."""
     pieces = data.segments
-    u, distance, side = located(pieces, data.lookup, data.vertices, data.tree, point[0], point[1])
+    u, distance, side = locate_point(pieces, data.lookup, data.vertices, data.tree, point[0], point[1])
     if pieces[0, KIND] != UNBOUNDED and not u < pieces[pieces.shape[0] - 1, U1]:
         u = pieces[0, U0]
-    k = piece_of(pieces, u)
+    k = piece_index(pieces, u)
     x, y, dx, dy, ddx, ddy = evaluate(pieces[k], u)
     speed = math.hypot(dx, dy)
     tx, ty = dx / speed, dy / speed
@@ -74,30 +74,30 @@ def in_plane(data: LawData, point: Array, frame: Array) -> float:
 
 
 @compiled
-def in_space(data: LawData, point: Array, frame: Array) -> float:
+def closest_in_space(data: LawData, point: Array, frame: Array) -> float:
     """See `CLOSEST`: on a surface in space; there is no arc length."""
     row = data.segments[0]
-    foot, normal, distance = place(row, (point[0], point[1], point[2]))
+    foot, normal, distance = closest_on_surface(row, (point[0], point[1], point[2]))
     for i in range(3):
         frame[FOOT, i], frame[NORMAL, i] = foot[i], normal[i]
     if frame.shape[0] > SHAPE:
-        w = bend(row, foot, normal)
+        w = shape_operator(row, foot, normal)
         for i in range(3):
             unit = (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)
-            frame[SHAPE + i, 0], frame[SHAPE + i, 1], frame[SHAPE + i, 2] = times(w, unit)
+            frame[SHAPE + i, 0], frame[SHAPE + i, 1], frame[SHAPE + i, 2] = apply_matrix(w, unit)
     if frame.shape[0] > SHAPE + 3:
         for i in range(3):
             frame[SHAPE + 3, i] = np.nan
     return distance
 
 
-def of_mesh(faces: Array, vertices: Array, tree: Array) -> Closest:
+def closest_of_mesh(faces: Array, vertices: Array, tree: Array) -> Closest:
     """Return that of a triangle mesh, given its tables of `mesh_kernels`, which are shared; it remembers a triangle."""
-    return Closest(on_mesh, law_data(segments=faces, vertices=vertices, tree=tree, state=1))
+    return Closest(closest_on_mesh, law_data(segments=faces, vertices=vertices, tree=tree, state=1))
 
 
 @compiled
-def on_mesh(data: LawData, point: Array, frame: Array) -> float:
+def closest_on_mesh(data: LawData, point: Array, frame: Array) -> float:
     """See `CLOSEST`: on a triangle mesh, which bends in no face; there is no arc length."""
     p = (point[0], point[1], point[2])
     k, foot, normal, distance = nearest_on_mesh(data.segments, data.vertices, data.tree, p, int(data.state[0]))

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 from hapticeval.compiled import Closest, for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry import curve_kernels, polygon_kernels
-from hapticeval.geometry.boundary import AHEAD, Boundary, ClosestPoint, Corner, march
+from hapticeval.geometry.boundary import SEARCH_BATCH, Boundary, ClosestPoint, Corner, march_to_crossing
 from hapticeval.geometry.kernels import (
     ARC,
     CASSINIAN,
-    COLUMNS,
     ELLIPSE,
     KIND,
     LINE,
+    PIECE_COLUMNS,
     U0,
     U1,
     UNBOUNDED,
@@ -29,21 +29,21 @@ from hapticeval.geometry.kernels import (
     C,
     D,
     E,
-    closed_polyline,
     concatenate_segments,
     evaluate,
     evaluate_many,
+    line_pieces,
 )
 from hapticeval.geometry.motion import Motion
 from hapticeval.geometry.normal_cone import NormalCone
-from hapticeval.geometry.validate import answered
+from hapticeval.geometry.validate import answer_by_kernel
 from hapticeval.types import Array, BoolArray
 
-WINDOW = 0.1
+HALF_WINDOW = 0.1
 """Half the side (m) of the square in which an unbounded curve is drawn and sampled."""
 
-MARCH = 1024
-"""Points of a slide that are looked at together where it is longer than `AHEAD`: such slides go far."""
+LONG_SEARCH_BATCH = 1024
+"""Points of a slide that are looked at together where it is longer than `SEARCH_BATCH`: such slides go far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +63,8 @@ class Curve:
 
     def __post_init__(self) -> None:
         pieces = np.array(self.pieces, dtype=np.float64, order="C")
-        if pieces.ndim != 2 or pieces.shape[0] == 0 or pieces.shape[1] != COLUMNS:
-            raise InputError(f"curve '{self.name}' has pieces of shape {pieces.shape}, not (n, {COLUMNS})")
+        if pieces.ndim != 2 or pieces.shape[0] == 0 or pieces.shape[1] != PIECE_COLUMNS:
+            raise InputError(f"curve '{self.name}' has pieces of shape {pieces.shape}, not (n, {PIECE_COLUMNS})")
         kinds = pieces[:, KIND]
         alone = pieces.shape[0] == 1
         bounded = bool(np.all(np.isin(kinds, (LINE, ARC)))) or (alone and kinds[0] in (CASSINIAN, ELLIPSE))
@@ -148,7 +148,7 @@ class Curve:
         if not self.closed or self._smooth:
             return ()
         joints = curve_kernels.joints(self._rows)
-        turning = np.abs(joints[:, 6]) > curve_kernels.STRAIGHT
+        turning = np.abs(joints[:, 6]) > curve_kernels.SMOOTH_TURN
         joints, us = joints[turning], self.pieces[turning, U0]
         normals = np.stack([joints[:, [3, 5]], -joints[:, [2, 4]]], axis=2)
         rows = zip(us.tolist(), (us - self.pieces[0, U0]).tolist(), joints, normals, strict=True)
@@ -163,11 +163,11 @@ class Curve:
 
     def signed_distance(self, points: ArrayLike) -> Array:
         """See `Boundary.signed_distance`."""
-        return answered(curve_kernels.distances, self._located_by, points, 2)
+        return answer_by_kernel(curve_kernels.signed_distances, self._located_by, points, 2)
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
         """See `Boundary.closest_point`: one compiled call."""
-        return answered(curve_kernels.frames, self._located_by, points, 2)
+        return answer_by_kernel(curve_kernels.closest_points, self._located_by, points, 2)
 
     def contains(self, points: ArrayLike) -> BoolArray:
         """Return whether each of points (n, 2) lies inside; points on the curve do not."""
@@ -176,7 +176,7 @@ class Curve:
 
     def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:
         """See `Boundary.first_crossing`."""
-        return march(self, start, end, grain)
+        return march_to_crossing(self, start, end, grain)
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
         """See `Boundary.normal_cone`: the normals are an interval of angles."""
@@ -189,7 +189,7 @@ class Curve:
     def walk(self, start: Array, lengths: Array) -> ClosestPoint:
         """See `Boundary.walk`."""
         us = np.atleast_1d(self.parameter(self.arc_length(self.nearest(start[np.newaxis])) + lengths))
-        return curve_kernels.framed(self._rows, us, np.zeros(us.size))
+        return curve_kernels.closest_points_at(self._rows, us, np.zeros(us.size))
 
     def around(self, point: Array, reach: float) -> Array:
         """See `Boundary.around`: to either side."""
@@ -203,13 +203,13 @@ class Curve:
         if start_distance <= min(behind_distance, ahead_distance):
             return np.asarray(points[1])
         signed_step = step if ahead_distance <= behind_distance else -step
-        first_step, count = 0, AHEAD
+        first_step, count = 0, SEARCH_BATCH
         while first_step * step < self.length:
             points = self.position(self.parameter(s + signed_step * np.arange(first_step, first_step + count + 1)))
             uphill = np.flatnonzero(np.diff(np.linalg.norm(points - goal, axis=1)) >= 0.0)
             if uphill.size:
                 return np.asarray(points[uphill[0]])
-            first_step, count = first_step + count, MARCH
+            first_step, count = first_step + count, LONG_SEARCH_BATCH
         return np.asarray(points[-1])
 
     @cached_property
@@ -217,7 +217,7 @@ class Curve:
         """(xmin, ymin, xmax, ymax), m; for an unbounded line a window of 0.2 m around its point."""
         if not self.closed:
             x, y = self.pieces[0, A], self.pieces[0, B]
-            return float(x - WINDOW), float(y - WINDOW), float(x + WINDOW), float(y + WINDOW)
+            return float(x - HALF_WINDOW), float(y - HALF_WINDOW), float(x + HALF_WINDOW), float(y + HALF_WINDOW)
         points = self._rows[:, A : B + 1] if self.straight else np.vstack([*map(self._extremes, self._rows)])
         return (*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
@@ -232,7 +232,7 @@ class Curve:
             corners = motion(self.pieces[:, A : B + 1])
             return Curve(
                 self.name,
-                closed_polyline(np.roll(corners[::-1], 1, axis=0) if motion.mirrors else corners),
+                line_pieces(np.roll(corners[::-1], 1, axis=0) if motion.mirrors else corners),
                 self.closed,
             )
         if self._smooth:
@@ -241,7 +241,7 @@ class Curve:
             row = np.array(rows)
             row[0, [A, B] if row[0, KIND] == ELLIPSE else [A]] *= motion.scale
             return Curve(self.name, row, self.closed)
-        return Curve(self.name, concatenate_segments([_moved(row, motion) for row in rows]), self.closed)
+        return Curve(self.name, concatenate_segments([_moved_piece(row, motion) for row in rows]), self.closed)
 
     def reordered(self) -> Curve | None:
         """Return the same curve, begun half way round its pieces; None for a curve of one piece."""
@@ -249,13 +249,13 @@ class Curve:
             return None
         rows = np.roll(self.pieces, len(self.pieces) // 2, axis=0)
         if self.straight:
-            return Curve(self.name, closed_polyline(rows[:, A : B + 1]), self.closed)
-        return Curve(self.name, concatenate_segments([_from_zero(row) for row in rows]), self.closed)
+            return Curve(self.name, line_pieces(rows[:, A : B + 1]), self.closed)
+        return Curve(self.name, concatenate_segments([_piece_from_zero(row) for row in rows]), self.closed)
 
     def outline(self, n: int) -> Array:
         """Return points (n, 2) to draw, about equally spaced, corners kept; a closed curve ends where it starts."""
         if not self.closed:
-            return self.position(np.linspace(-WINDOW, WINDOW, n))
+            return self.position(np.linspace(-HALF_WINDOW, HALF_WINDOW, n))
         s = np.linspace(0.0, self.length, n)
         for corner in self.corners:
             s[round(corner.s / self.length * (n - 1))] = corner.s
@@ -278,7 +278,7 @@ class Curve:
         """The table that `curve_kernels.project` needs: empty unless the curve is one smooth piece."""
         if not self._smooth:
             return np.empty((0, 8))
-        return curve_kernels.sample_table(self._rows[0], self._panels, curve_kernels.BLOCK)
+        return curve_kernels.sample_table(self._rows[0], self._panels, curve_kernels.BLOCK_ROWS)
 
     @cached_property
     def _rows(self) -> Array:
@@ -286,15 +286,15 @@ class Curve:
 
     @cached_property
     def _located_by(self) -> tuple[Array, Array, Array, Array]:
-        """What `curve_kernels.located` looks a point up in."""
+        """What `curve_kernels.locate_point` looks a point up in."""
         return self._rows, self.samples, for_kernels(self.pieces[:, A : B + 1]), self.tree
 
     @cached_property
     def compiled_closest(self) -> Closest:
         """The closest point as compiled code, for what is composed into a step: see `closest_of`."""
-        from hapticeval.geometry.closest_kernels import of_curve
+        from hapticeval.geometry.closest_kernels import closest_of_curve
 
-        return of_curve(*self._located_by)
+        return closest_of_curve(*self._located_by)
 
     @cached_property
     def _normals(self) -> NormalCone:
@@ -321,7 +321,7 @@ class Curve:
 
     def _projected(self, points: ArrayLike) -> Array:
         """Rows (u, distance, side)."""
-        return answered(curve_kernels.project_many, self._located_by, points, 2)
+        return answer_by_kernel(curve_kernels.locate_points, self._located_by, points, 2)
 
     def _extremes(self, piece: Array) -> Array:
         """Points among which a piece's largest and smallest x and y are."""
@@ -348,7 +348,7 @@ class Curve:
         return np.array([*points, *samples[:, 2:4]])
 
 
-def _from_zero(row: Array) -> Array:
+def _piece_from_zero(row: Array) -> Array:
     """Return a piece of lines or arcs with u from 0."""
     own = np.array(row)
     if row[KIND] != UNBOUNDED:
@@ -356,9 +356,9 @@ def _from_zero(row: Array) -> Array:
     return own
 
 
-def _moved(row: Array, motion: Motion) -> Array:
+def _moved_piece(row: Array, motion: Motion) -> Array:
     """Return a LINE, ARC or UNBOUNDED piece moved, with u from 0; in a mirror it runs from where it ended."""
-    own = _from_zero(row)
+    own = _piece_from_zero(row)
     mirrored = motion.mirrors
     if row[KIND] == ARC:
         turn = math.atan2(motion.matrix[1, 0], motion.matrix[0, 0])

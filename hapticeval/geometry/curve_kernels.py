@@ -16,20 +16,20 @@ import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.boundary import ClosestPoint
-from hapticeval.geometry.kernels import ARC, U0, U1, UNBOUNDED, A, B, C, D, E, check_finite, evaluate, piece_of
+from hapticeval.geometry.kernels import ARC, U0, U1, UNBOUNDED, A, B, C, D, E, check_finite, evaluate, piece_index
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
 from hapticeval.types import Array
 
-STRAIGHT = 1e-9
+SMOOTH_TURN = 1e-9
 """A joint that turns less than this (rad) is smooth."""
 
-TIE = 1e-15
+TIE_ROUNDING = 1e-15
 """Share of the coordinates, and of an arc's radius, by which rounding may change which of two feet is nearer."""
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 MAX_PANELS = 100_000
 
-BLOCK = 8
+BLOCK_ROWS = 8
 """Rows of the table that are skipped together where all are too far."""
 
 
@@ -125,7 +125,7 @@ def parameters_at(piece: Array, panels: Array, lengths: Array) -> Array:
 
 
 @compiled
-def _slope(piece: Array, u: float, x: float, y: float) -> tuple[float, float, float]:
+def _distance_slope(piece: Array, u: float, x: float, y: float) -> tuple[float, float, float]:
     """Half the squared distance's first and second derivative by u, and the squared distance."""
     cx, cy, dx, dy, ddx, ddy = evaluate(piece, u)
     rx, ry = cx - x, cy - y
@@ -133,7 +133,7 @@ def _slope(piece: Array, u: float, x: float, y: float) -> tuple[float, float, fl
 
 
 @compiled
-def _descend(piece: Array, low: float, high: float, u: float, x: float, y: float) -> tuple[float, float]:
+def _minimise_distance(piece: Array, low: float, high: float, u: float, x: float, y: float) -> tuple[float, float]:
     """The minimum of the distance between `low` (slope <= 0) and `high` (slope > 0), looked for from `u` on.
 
     Gives its u and the squared distance there.
@@ -143,7 +143,7 @@ def _descend(piece: Array, low: float, high: float, u: float, x: float, y: float
     """
     last_u, last_bend = u, 0.0
     for _ in range(100):
-        slope, bend, distance_squared = _slope(piece, u, x, y)
+        slope, bend, distance_squared = _distance_slope(piece, u, x, y)
         if slope > 0.0:
             high = u
         else:
@@ -160,16 +160,16 @@ def _descend(piece: Array, low: float, high: float, u: float, x: float, y: float
             # the last step still takes this off the square
             return next_u, max(distance_squared - slope * slope / bend, 0.0) if bend > 0.0 else distance_squared
         last_u, last_bend, u = u, bend, next_u
-    return u, _slope(piece, u, x, y)[2]
+    return u, _distance_slope(piece, u, x, y)[2]
 
 
 @compiled
-def _turning(piece: Array, low: float, high: float, x: float, y: float) -> float:
+def _slope_extremum(piece: Array, low: float, high: float, x: float, y: float) -> float:
     """Where the slope of the distance has its extremum between `low` and `high`, by bisection."""
-    _, start, _ = _slope(piece, low, x, y)
+    _, start, _ = _distance_slope(piece, low, x, y)
     for _ in range(60):
         middle = 0.5 * (low + high)
-        _, bend, _ = _slope(piece, middle, x, y)
+        _, bend, _ = _distance_slope(piece, middle, x, y)
         if (bend > 0.0) == (start > 0.0):
             low = middle
         else:
@@ -178,7 +178,7 @@ def _turning(piece: Array, low: float, high: float, x: float, y: float) -> float
 
 
 @compiled
-def _square(samples: Array, i: int, x: float, y: float) -> float:
+def _row_distance_squared(samples: Array, i: int, x: float, y: float) -> float:
     """The squared distance of a row of the table."""
     dx, dy = samples[i, 2] - x, samples[i, 3] - y
     return float(dx * dx + dy * dy)
@@ -193,7 +193,7 @@ def _out_of_reach(first: float, last: float, arc: float, best: float) -> bool:
 
 
 @compiled
-def _zero_of_cubic(first: float, last: float, first_rate: float, last_rate: float) -> float:
+def _cubic_root(first: float, last: float, first_rate: float, last_rate: float) -> float:
     """About where between 0 and 1 a cubic with these values (<= 0, > 0) and derivatives at 0 and 1 vanishes."""
     rise = last - first
     second, third = 3.0 * rise - 2.0 * first_rate - last_rate, first_rate + last_rate - 2.0 * rise
@@ -207,7 +207,7 @@ def _zero_of_cubic(first: float, last: float, first_rate: float, last_rate: floa
 
 
 @compiled
-def _lowest(piece: Array, a: Array, b: Array, x: float, y: float) -> tuple[float, float]:
+def _interval_minimum(piece: Array, a: Array, b: Array, x: float, y: float) -> tuple[float, float]:
     """The minimum of the distance between two rows of the table, as (u, squared distance); that is inf without one.
 
     It shows as a change of sign of the slope, or as a pair of roots around an extremum of the slope.
@@ -218,23 +218,23 @@ def _lowest(piece: Array, a: Array, b: Array, x: float, y: float) -> tuple[float
     bend_b = b[4] ** 2 + b[5] ** 2 + bx * b[6] + by * b[7]
     low, high = a[0], b[0]
     if slope_a <= 0.0 < slope_b:
-        guess = _zero_of_cubic(slope_a, slope_b, bend_a * (high - low), bend_b * (high - low))
-        return _descend(piece, low, high, low + guess * (high - low), x, y)
+        guess = _cubic_root(slope_a, slope_b, bend_a * (high - low), bend_b * (high - low))
+        return _minimise_distance(piece, low, high, low + guess * (high - low), x, y)
     if slope_a > 0.0 and slope_b > 0.0 and bend_a < 0.0 < bend_b:
-        low = _turning(piece, low, high, x, y)
-        if _slope(piece, low, x, y)[0] > 0.0:
+        low = _slope_extremum(piece, low, high, x, y)
+        if _distance_slope(piece, low, x, y)[0] > 0.0:
             return low, np.inf
     elif slope_a < 0.0 and slope_b < 0.0 and bend_b < 0.0 < bend_a:
-        high = _turning(piece, low, high, x, y)
-        if _slope(piece, high, x, y)[0] <= 0.0:
+        high = _slope_extremum(piece, low, high, x, y)
+        if _distance_slope(piece, high, x, y)[0] <= 0.0:
             return low, np.inf
     else:
         return low, np.inf
-    return _descend(piece, low, high, 0.5 * (low + high), x, y)
+    return _minimise_distance(piece, low, high, 0.5 * (low + high), x, y)
 
 
 @compiled
-def nearest_smooth(piece: Array, samples: Array, x: float, y: float) -> float:
+def nearest_on_smooth(piece: Array, samples: Array, x: float, y: float) -> float:
     """The u of the nearest point of a smooth closed piece.
 
     A block of intervals, and then an interval, is looked into only if its arc is long enough to reach below the best
@@ -242,25 +242,25 @@ def nearest_smooth(piece: Array, samples: Array, x: float, y: float) -> float:
     """
     count = samples.shape[0] - 1
     best, nearest = np.inf, 0
-    for i in range(0, count, BLOCK):
-        candidate_squared = _square(samples, i, x, y)
+    for i in range(0, count, BLOCK_ROWS):
+        candidate_squared = _row_distance_squared(samples, i, x, y)
         if candidate_squared < best:
             best, nearest = candidate_squared, i
     best, best_u = math.sqrt(best), float(samples[nearest, 0])
-    block_end_squared = _square(samples, 0, x, y)
-    for start in range(0, count, BLOCK):
-        end = min(start + BLOCK, count)
-        block_start_squared, block_end_squared = block_end_squared, _square(samples, end, x, y)
+    block_end_squared = _row_distance_squared(samples, 0, x, y)
+    for start in range(0, count, BLOCK_ROWS):
+        end = min(start + BLOCK_ROWS, count)
+        block_start_squared, block_end_squared = block_end_squared, _row_distance_squared(samples, end, x, y)
         if _out_of_reach(block_start_squared, block_end_squared, samples[end, 1] - samples[start, 1], best):
             continue
         distance_squared = block_start_squared
         for i in range(start, end):
-            previous_squared, distance_squared = distance_squared, _square(samples, i + 1, x, y)
+            previous_squared, distance_squared = distance_squared, _row_distance_squared(samples, i + 1, x, y)
             if distance_squared < best * best:
                 best, best_u = math.sqrt(distance_squared), samples[i + 1, 0]
             if _out_of_reach(previous_squared, distance_squared, samples[i + 1, 1] - samples[i, 1], best):
                 continue
-            u, candidate_squared = _lowest(piece, samples[i], samples[i + 1], x, y)
+            u, candidate_squared = _interval_minimum(piece, samples[i], samples[i + 1], x, y)
             if candidate_squared < best * best:
                 best, best_u = math.sqrt(candidate_squared), u
     return best_u
@@ -315,7 +315,7 @@ def joints(pieces: Array) -> Array:
 
 
 @compiled
-def foot(
+def nearest_with_values(
     pieces: Array, samples: Array, x: float, y: float
 ) -> tuple[int, float, float, float, tuple[float, float, float, float, float, float]]:
     """The nearest point of a curve: (piece, u, distance, side, what `evaluate` gives there).
@@ -325,7 +325,7 @@ def foot(
     """
     count = pieces.shape[0]
     if samples.shape[0] > 0:
-        u = nearest_smooth(pieces[0], samples, x, y)
+        u = nearest_on_smooth(pieces[0], samples, x, y)
         values = evaluate(pieces[0], u)
         ex, ey = x - values[0], y - values[1]
         return 0, u, math.hypot(ex, ey), -1.0 if ex * values[3] - ey * values[2] < 0.0 else 1.0, values
@@ -336,7 +336,7 @@ def foot(
         within, size = pieces[i, U0] < at < pieces[i, U1], abs(x) + abs(y) + piece_distance
         if pieces[i, 0] == ARC:
             size += abs(pieces[i, A]) + abs(pieces[i, B]) + pieces[i, C]
-        tie = TIE * size
+        tie = TIE_ROUNDING * size
         if piece_distance < distance + (tie if within and not inner else -tie if inner and not within else 0.0):
             u, distance, k, inner = at, piece_distance, i, within
     turn = 0.0
@@ -347,20 +347,20 @@ def foot(
         turn = joint_turn(pieces, k)
     values = evaluate(pieces[k], u)
     side = -1.0 if (x - values[0]) * values[3] - (y - values[1]) * values[2] < 0.0 else 1.0
-    if abs(turn) > STRAIGHT:
+    if abs(turn) > SMOOTH_TURN:
         side = 1.0 if turn > 0.0 else -1.0
     return k, u, distance, side, values
 
 
 @compiled
 def project(pieces: Array, samples: Array, x: float, y: float) -> tuple[float, float, float]:
-    """The nearest point of a curve: (u, distance, side), as `foot` gives them."""
-    _, u, distance, side, _ = foot(pieces, samples, x, y)
+    """The nearest point of a curve: (u, distance, side), as `nearest_with_values` gives them."""
+    _, u, distance, side, _ = nearest_with_values(pieces, samples, x, y)
     return u, distance, side
 
 
 @compiled
-def located(
+def locate_point(
     pieces: Array, samples: Array, vertices: Array, tree: Array, x: float, y: float
 ) -> tuple[float, float, float]:
     """(u, distance, side) of one point, by the tree of the edges of a curve of straight pieces, else by `project`."""
@@ -373,28 +373,28 @@ def located(
 
 
 @compiled
-def project_many(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> Array:
-    """`located` for each row of points (n, 2): rows (u, distance, side). Raises as `check_finite` does."""
+def locate_points(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> Array:
+    """`locate_point` for each row of points (n, 2): rows (u, distance, side). Raises as `check_finite` does."""
     check_finite(points)
     out = np.empty((points.shape[0], 3))
     for i in range(points.shape[0]):
-        out[i, 0], out[i, 1], out[i, 2] = located(pieces, samples, vertices, tree, points[i, 0], points[i, 1])
+        out[i, 0], out[i, 1], out[i, 2] = locate_point(pieces, samples, vertices, tree, points[i, 0], points[i, 1])
     return out
 
 
 @compiled
-def distances(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> Array:
+def signed_distances(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> Array:
     """Signed distances (n,), m, of points (n, 2). Raises as `check_finite` does."""
     check_finite(points)
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
-        _, distance, side = located(pieces, samples, vertices, tree, points[i, 0], points[i, 1])
+        _, distance, side = locate_point(pieces, samples, vertices, tree, points[i, 0], points[i, 1])
         out[i] = distance * side
     return out
 
 
 @compiled
-def framed(pieces: Array, us: Array, distances: Array) -> ClosestPoint:
+def closest_points_at(pieces: Array, us: Array, distances: Array) -> ClosestPoint:
     """The `ClosestPoint` of n points with their feet at the parameters `us` (n,), m."""
     n = us.shape[0]
     feet, normals, shapes = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2, 2))
@@ -405,7 +405,7 @@ def framed(pieces: Array, us: Array, distances: Array) -> ClosestPoint:
         if closed and not start <= u < end:
             u = start + (u - start) % (end - start)
             u = u if u < end else start
-        x, y, dx, dy, ddx, ddy = evaluate(pieces[piece_of(pieces, u)], u)
+        x, y, dx, dy, ddx, ddy = evaluate(pieces[piece_index(pieces, u)], u)
         speed = math.hypot(dx, dy)
         tx, ty = dx / speed, dy / speed
         curvature = (dx * ddy - dy * ddx) / math.pow(speed, 3.0)
@@ -416,14 +416,14 @@ def framed(pieces: Array, us: Array, distances: Array) -> ClosestPoint:
 
 
 @compiled
-def frames(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> ClosestPoint:
+def closest_points(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> ClosestPoint:
     """The `ClosestPoint` of points (n, 2). Raises as `check_finite` does."""
     check_finite(points)
     us, signed = np.empty(points.shape[0]), np.empty(points.shape[0])
     for i in range(points.shape[0]):
-        us[i], distance, side = located(pieces, samples, vertices, tree, points[i, 0], points[i, 1])
+        us[i], distance, side = locate_point(pieces, samples, vertices, tree, points[i, 0], points[i, 1])
         signed[i] = distance * side
-    return framed(pieces, us, signed)
+    return closest_points_at(pieces, us, signed)
 
 
 @compiled

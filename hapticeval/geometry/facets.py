@@ -20,13 +20,13 @@ from hapticeval.types import Array, IntArray
 if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
 
-MOST = {2: 100_000, 3: 20 * 4**8}
+MOST_CELLS = {2: 100_000, 3: 20 * 4**8}
 """Edges, and triangles, that are made at the most: the errors of a model of 0.2 m are then 5e-11 m and 5e-7 m."""
 
-FAR = 100.0
+HALF_PLANE_EXTENT = 100.0
 """A half-plane is cut off this far (m) from its origin, to either side and below: no hand gets there."""
 
-ORDER, BATCH = 9, 4096
+LATTICE_STEPS, TRIANGLE_BATCH = 9, 4096
 """Steps of the lattice of points on a triangle at which it is measured, and triangles that are measured together."""
 
 
@@ -60,8 +60,8 @@ class Facets(NamedTuple):
 def facets_of(model: Model, max_error: float) -> Facets:
     """Return the model as edges or triangles that lie off it by `max_error` (m) at the most.
 
-    Raises `InputError` for a `max_error` that is not positive, or takes more than `MOST` cells, and `RefusalError` for
-    a boundary of a kind of its own.
+    Raises `InputError` for a `max_error` that is not positive, or takes more than `MOST_CELLS` cells, and
+    `RefusalError` for a boundary of a kind of its own.
     """
     if not max_error > 0.0:
         raise InputError(f"max_error = {max_error!r}", why="it must be positive", todo="give it in metres")
@@ -73,9 +73,9 @@ def facets_of(model: Model, max_error: float) -> Facets:
             return Facets(_half_plane(boundary), 0.0)
         if boundary.straight:
             return Facets(model.polygon(), 0.0)
-        return _fine_enough(_polygons(model, boundary), max_error, model.name)
+        return _refine_until(_polygon_maker(model, boundary), max_error, model.name)
     if isinstance(boundary, Surface):
-        return _fine_enough(_meshes(boundary), max_error, model.name)
+        return _refine_until(_mesh_maker(boundary), max_error, model.name)
     raise RefusalError(
         f"model '{model.name}' is a {type(boundary).__name__}",
         why="edges and triangles are made of plane curves, meshes, spheres, ellipsoids and tori",
@@ -83,7 +83,7 @@ def facets_of(model: Model, max_error: float) -> Facets:
     )
 
 
-def _fine_enough(facets_at: Callable[[float], Facets], max_error: float, name: str) -> Facets:
+def _refine_until(facets_at: Callable[[float], Facets], max_error: float, name: str) -> Facets:
     """Return the first facets that are fine enough, each finer than the last by what its error asks for.
 
     The error of facets with their corners on a smooth surface goes with the square of their size.
@@ -94,7 +94,7 @@ def _fine_enough(facets_at: Callable[[float], Facets], max_error: float, name: s
         if facets.chord_error <= max_error:
             return facets
         count = len(facets.cells)
-        if count >= MOST[facets.boundary.dimension]:
+        if count >= MOST_CELLS[facets.boundary.dimension]:
             raise InputError(
                 f"model '{name}' with a chord error of at most {max_error:g} m",
                 why=f"{count} {'edges' if facets.boundary.dimension == 2 else 'triangles'} are the most that are "
@@ -104,11 +104,11 @@ def _fine_enough(facets_at: Callable[[float], Facets], max_error: float, name: s
         finer *= 1.02 * math.sqrt(facets.chord_error / max_error)
 
 
-def _polygons(model: Model, curve: Curve) -> Callable[[float], Facets]:
+def _polygon_maker(model: Model, curve: Curve) -> Callable[[float], Facets]:
     """Return what makes polygons with 40 corners and finer, see `Model.polygon`."""
 
     def polygon_facets(finer: float) -> Facets:
-        polygon = model.polygon(math.ceil(min(40.0 * finer, MOST[2])))
+        polygon = model.polygon(math.ceil(min(40.0 * finer, MOST_CELLS[2])))
         return Facets(polygon, polygon.standoff_from(curve))
 
     return polygon_facets
@@ -116,40 +116,40 @@ def _polygons(model: Model, curve: Curve) -> Callable[[float], Facets]:
 
 def _half_plane(curve: Curve) -> Polygon:
     """Return a square on the left of an unbounded line: one edge lies along it."""
-    start, end = curve.position(np.array([-FAR, FAR]))
-    inward = -2.0 * FAR * curve.normal(0.0)
+    start, end = curve.position(np.array([-HALF_PLANE_EXTENT, HALF_PLANE_EXTENT]))
+    inward = -2.0 * HALF_PLANE_EXTENT * curve.normal(0.0)
     return Polygon([start, end, end + inward, start + inward])
 
 
-def _meshes(surface: Surface) -> Callable[[float], Facets]:
-    """Return what makes meshes, see `triangulated`."""
+def _mesh_maker(surface: Surface) -> Callable[[float], Facets]:
+    """Return what makes meshes, see `triangulate_surface`."""
 
     def mesh_facets(finer: float) -> Facets:
-        mesh = Mesh(surface.name, *triangulated(surface, finer))
-        return Facets(mesh, _apart(mesh, surface))
+        mesh = Mesh(surface.name, *triangulate_surface(surface, finer))
+        return Facets(mesh, _largest_distance(mesh, surface))
 
     return mesh_facets
 
 
-def triangulated(surface: Surface, finer: float) -> Triangles:
+def triangulate_surface(surface: Surface, finer: float) -> Triangles:
     """Return triangles with their corners on a surface: 80 on a sphere, 240 or so on a torus, and `finer`^2 times that.
 
     A sphere's are `solids.icosphere`, which are stretched to ellipsoids; they are finer by powers of two only.
     """
     if surface.kind == "torus":
         major, minor = surface.reals
-        return _torus(major, minor, finer)
+        return _triangulate_torus(major, minor, finer)
     points, rows = solids.icosphere(min(math.ceil(math.log2(finer)) + 1, 8), 1.0)
     return points * np.array(surface.reals), rows
 
 
-def _torus(major: float, minor: float, finer: float) -> Triangles:
+def _triangulate_torus(major: float, minor: float, finer: float) -> Triangles:
     """Return a torus as a grid of `8 * finer` steps round the tube, and about the axis as many as err by as much.
 
     A chord of a circle of radius R over an angle a lies R a^2 / 8 off it.
     """
     ratio = math.sqrt((major + minor) / minor)
-    finer = min(finer, math.sqrt(MOST[3] / (2.0 * 64.0 * ratio)))
+    finer = min(finer, math.sqrt(MOST_CELLS[3] / (2.0 * 64.0 * ratio)))
     around, about = math.ceil(8.0 * finer), math.ceil(8.0 * finer * ratio)
     u, v = np.meshgrid(np.arange(about), np.arange(around), indexing="ij")
     turn, angle = 2.0 * math.pi / about * u, 2.0 * math.pi / around * v
@@ -163,7 +163,7 @@ def _torus(major: float, minor: float, finer: float) -> Triangles:
     return points.reshape(-1, 3), rows.reshape(-1, 3)
 
 
-def _apart(mesh: Mesh, surface: Surface) -> float:
+def _largest_distance(mesh: Mesh, surface: Surface) -> float:
     """Return the largest distance (m) between a mesh and the smooth surface that its vertices lie on.
 
     Each point of the surface is the foot of one of the mesh, so that the distance from the mesh is all of it. It is
@@ -172,11 +172,14 @@ def _apart(mesh: Mesh, surface: Surface) -> float:
     farther than R / n from the next: what is measured falls short by 1 / n^2 at the most. Twice that is added, for
     curvature that changes.
     """
-    u, v = np.array([(i, j) for i in range(ORDER + 1) for j in range(ORDER + 1 - i)]).T[:, :, np.newaxis] / ORDER
+    u, v = (
+        np.array([(i, j) for i in range(LATTICE_STEPS + 1) for j in range(LATTICE_STEPS + 1 - i)]).T[:, :, np.newaxis]
+        / LATTICE_STEPS
+    )
     corners = mesh.vertices[mesh.triangles]
     largest = 0.0
-    for begin in range(0, len(corners), BATCH):
-        a, b, c = (corner[:, np.newaxis] for corner in corners[begin : begin + BATCH].transpose(1, 0, 2))
+    for begin in range(0, len(corners), TRIANGLE_BATCH):
+        a, b, c = (corner[:, np.newaxis] for corner in corners[begin : begin + TRIANGLE_BATCH].transpose(1, 0, 2))
         points = (a + u * (b - a) + v * (c - a)).reshape(-1, 3)
         largest = max(largest, float(np.abs(surface.signed_distance(points)).max()))
-    return largest * (1.0 + 2.0 / ORDER**2)
+    return largest * (1.0 + 2.0 / LATTICE_STEPS**2)

@@ -27,7 +27,7 @@ from hapticeval.types import Array
 
 LINE, ARC, CASSINIAN, ELLIPSE, UNBOUNDED = 0.0, 1.0, 2.0, 3.0, 4.0
 KIND, U0, U1, A, B, C, D, E = range(8)
-COLUMNS = 9
+PIECE_COLUMNS = 9
 
 
 @compiled
@@ -118,7 +118,7 @@ def curvature_rate(piece: Array, u: float) -> float:
 
 
 @compiled
-def piece_of(pieces: Array, u: float) -> int:
+def piece_index(pieces: Array, u: float) -> int:
     """Index of the piece that holds u (the later one at a joint); u must lie in the curve's range."""
     low, high = 0, pieces.shape[0] - 1
     while low < high:
@@ -135,7 +135,7 @@ def evaluate_many(pieces: Array, us: Array) -> Array:
     """`evaluate` at each u: shape (len(us), 6)."""
     out = np.empty((us.shape[0], 6))
     for i in range(us.shape[0]):
-        x, y, dx, dy, ddx, ddy = evaluate(pieces[piece_of(pieces, us[i])], us[i])
+        x, y, dx, dy, ddx, ddy = evaluate(pieces[piece_index(pieces, us[i])], us[i])
         out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = x, y, dx, dy, ddx, ddy
     return out
 
@@ -149,12 +149,12 @@ def check_finite(points: Array) -> None:
                 raise ValueError("not finite")
 
 
-def closed_polyline(vertices: Array) -> Array:
+def line_pieces(vertices: Array) -> Array:
     """Return LINE pieces through the vertices (n, 2), m, and back to the first: (n, COLUMNS)."""
     edges = np.roll(vertices, -1, axis=0) - vertices
     lengths = np.hypot(edges[:, 0], edges[:, 1])
     ends = np.cumsum(lengths)
-    pieces = np.zeros((vertices.shape[0], COLUMNS))
+    pieces = np.zeros((vertices.shape[0], PIECE_COLUMNS))
     pieces[:, KIND] = LINE
     pieces[1:, U0] = ends[:-1]
     pieces[:, U1] = ends
@@ -163,14 +163,14 @@ def closed_polyline(vertices: Array) -> Array:
     return pieces
 
 
-def line(start: Sequence[float], end: Sequence[float]) -> Array:
+def line_piece(start: Sequence[float], end: Sequence[float]) -> Array:
     """Return one LINE piece from a point (m) to another, with u from 0."""
     dx, dy = end[0] - start[0], end[1] - start[1]
     length = float(np.hypot(dx, dy))
     return np.array([LINE, 0.0, length, start[0], start[1], dx / length, dy / length, 0.0, 0.0])
 
 
-def arc(centre: Sequence[float], radius: float, start: float, sweep: float) -> Array:
+def arc_piece(centre: Sequence[float], radius: float, start: float, sweep: float) -> Array:
     """Return one ARC piece from angle `start` through `sweep` (rad, negative is clockwise), with u from 0."""
     length = abs(sweep) * radius
     return np.array([ARC, 0.0, length, centre[0], centre[1], radius, start, np.sign(sweep), 0.0])

@@ -11,7 +11,7 @@ from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.polygon import Polygon
 from hapticeval.types import Array
 
-MARGIN = 3
+MARGIN_CELLS = 3
 """Cells between the model's bounds and the edge of the grid."""
 
 
@@ -79,20 +79,20 @@ class LevelSet:
         return Polygon(outline)
 
 
-def sampled(boundary: Boundary, shape: tuple[int, int]) -> LevelSet:
+def sample_level_set(boundary: Boundary, shape: tuple[int, int]) -> LevelSet:
     """Return the exact signed distance of a plane boundary at `shape` = (nx, ny) nodes over its bounds and a margin.
 
     Raises `InputError` for a grid too small to have an inside of at least one cell.
     """
-    fewest = 2 * MARGIN + 2
+    fewest = 2 * MARGIN_CELLS + 2
     if len(shape) != 2 or min(shape) < fewest:
         raise InputError(f"a level set of {shape} nodes", why=f"it needs at least {fewest} each way")
     xmin, ymin, xmax, ymax = boundary.bounds
-    x, y = _nodes(xmin, xmax, shape[0]), _nodes(ymin, ymax, shape[1])
+    x, y = _grid_nodes(xmin, xmax, shape[0]), _grid_nodes(ymin, ymax, shape[1])
     points = np.column_stack([array.ravel() for array in np.meshgrid(x, y)])
     return LevelSet(x, y, boundary.signed_distance(points).reshape(y.size, x.size))
 
 
-def _nodes(low: float, high: float, count: int) -> Array:
-    step = (high - low) / (count - 1 - 2 * MARGIN)
-    return np.asarray(low + step * (np.arange(count) - MARGIN))
+def _grid_nodes(low: float, high: float, count: int) -> Array:
+    step = (high - low) / (count - 1 - 2 * MARGIN_CELLS)
+    return np.asarray(low + step * (np.arange(count) - MARGIN_CELLS))

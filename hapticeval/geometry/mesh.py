@@ -12,27 +12,27 @@ from numpy.typing import ArrayLike
 from hapticeval.compiled import Closest, for_kernels
 from hapticeval.geometry import mesh_build as build
 from hapticeval.geometry import mesh_kernels as kernels
-from hapticeval.geometry.boundary import ClosestPoint, InSpace
+from hapticeval.geometry.boundary import ClosestPoint, SurfaceInSpace
 from hapticeval.geometry.mesh_checks import (
     check_closed,
     check_crossings,
-    checked_corners,
+    checked_positions,
     checked_triangles,
-    refuse,
+    refuse_triangle,
 )
-from hapticeval.geometry.mesh_tool import led
-from hapticeval.geometry.mesh_walk import walk
+from hapticeval.geometry.mesh_tool import follow_hand
+from hapticeval.geometry.mesh_walk import walk_downhill
 from hapticeval.geometry.motion import Motion
-from hapticeval.geometry.polygon_kernels import ROUNDING, TOUCH
+from hapticeval.geometry.polygon_kernels import COORDINATE_ROUNDING, TOUCH_SHARE
 from hapticeval.geometry.surface_kernels import Triple
-from hapticeval.geometry.validate import answered
+from hapticeval.geometry.validate import answer_by_kernel
 from hapticeval.types import Array, IntArray
 
-STEPS = (0.7548776662466927, 0.5698402909980532)
+SPREADING_STEPS = (0.7548776662466927, 0.5698402909980532)
 """Shares of one step of the evenest sequence of points in a square (Roberts: powers of 1 / the plastic number)."""
 
 
-class Mesh(InSpace):
+class Mesh(SurfaceInSpace):
     """A closed, connected, outward surface of triangles; it is a `Boundary`.
 
     `vertices` (v, 3), m, and `triangles` (t, 3), rows of vertices, anticlockwise seen from outside. Vertices that no
@@ -44,14 +44,14 @@ class Mesh(InSpace):
 
     def __init__(self, name: str, vertices: ArrayLike, triangles: ArrayLike) -> None:
         self.name = name
-        positions = checked_corners(vertices)
+        positions = checked_positions(vertices)
         rows = checked_triangles(triangles, positions.shape[0])
         across = check_closed(positions, rows)
-        order = build.ordered(positions, rows)
-        faces, table, problem, triangle = build.tables(positions, rows, across, order)
+        order = build.leaf_order(positions, rows)
+        faces, table, problem, triangle = build.build_tables(positions, rows, across, order)
         if problem:
-            refuse(problem, triangle, rows)
-        tree = build.boxes(faces, table)
+            refuse_triangle(problem, triangle, rows)
+        tree = build.build_tree(faces, table)
         check_crossings(faces, table, tree, order)
         self.tables = faces, table, tree
 
@@ -84,7 +84,7 @@ class Mesh(InSpace):
     def touch(self) -> float:
         """How far inside (m) is rounding, beside the mesh: of its size, and of where it lies."""
         low, high = np.reshape(self.bounds, (2, 3))
-        return float(TOUCH * np.max(high - low) + ROUNDING * np.max(np.abs(self.bounds)))
+        return float(TOUCH_SHARE * np.max(high - low) + COORDINATE_ROUNDING * np.max(np.abs(self.bounds)))
 
     def moved(self, motion: Motion) -> Mesh:
         """Return the mesh moved, its vertices rounded anew."""
@@ -98,41 +98,41 @@ class Mesh(InSpace):
     @property
     def compiled_closest(self) -> Closest:
         """The closest point as compiled code, for what is composed into a step: see `closest_of`."""
-        from hapticeval.geometry.closest_kernels import of_mesh
+        from hapticeval.geometry.closest_kernels import closest_of_mesh
 
-        return of_mesh(*self.tables)
+        return closest_of_mesh(*self.tables)
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
         """See `Boundary.closest_point`: one compiled call. On an edge the normal is that which points to the point."""
-        return answered(kernels.frames, self.tables, points, 3)
+        return answer_by_kernel(kernels.closest_points, self.tables, points, 3)
 
     def signed_distance(self, points: ArrayLike) -> Array:
         """See `Boundary.signed_distance`."""
-        return answered(kernels.distances, self.tables, points, 3)
+        return answer_by_kernel(kernels.signed_distances, self.tables, points, 3)
 
     def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:  # noqa: ARG002 - the protocol's
         """See `Boundary.first_crossing`: exact, so that nothing is too thin."""
-        inside, _, foot, _ = kernels.entered(*self.tables, _triple(start), _triple(end), self.touch, 0)
+        inside, _, foot, _ = kernels.first_entry(*self.tables, _triple(start), _triple(end), self.touch, 0)
         return np.array(foot) if inside else None
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
         """See `Boundary.normal_cone`: the cone that the normals of all triangles in reach span."""
-        starts, normals = kernels.fans(*self.tables, for_kernels(points), for_kernels(reach))
+        starts, normals = kernels.normals_in_reach(*self.tables, for_kernels(points), for_kernels(reach))
 
         def angle_outside(directions: Array) -> Array:
-            return kernels.beyond_cones(starts, normals, for_kernels(directions))
+            return kernels.angles_outside_cones(starts, normals, for_kernels(directions))
 
         return angle_outside
 
     def descend(self, start: Array, goal: Array, *, step: float) -> Array:  # noqa: ARG002 - the protocol's
         """See `Boundary.descend`: exact, over faces and along edges."""
-        k, feature, foot = kernels.landed(*self.tables, _triple(start), 0)
-        _, _, _, foot = walk(*self.tables[:2], False, k, feature, foot, _triple(goal))
+        k, feature, foot = kernels.closest_feature(*self.tables, _triple(start), 0)
+        _, _, _, foot = walk_downhill(*self.tables[:2], False, k, feature, foot, _triple(goal))
         return np.array(foot, dtype=np.float64)
 
     def rigid_tool(self, hips: Array) -> tuple[IntArray, IntArray, Array]:
-        """Return where a rigid tool is that follows the hand along `hips` (n, 3), m: see `mesh_tool.led`."""
-        return led(*self.tables, self.touch, for_kernels(hips))
+        """Return where a rigid tool is that follows the hand along `hips` (n, 3), m: see `mesh_tool.follow_hand`."""
+        return follow_hand(*self.tables, self.touch, for_kernels(hips))
 
     @cached_property
     def facets(self) -> IntArray:
@@ -141,7 +141,7 @@ class Mesh(InSpace):
         from scipy.sparse.csgraph import connected_components
 
         faces, neighbours = np.repeat(np.arange(len(self.triangles)), 3), self.neighbours.ravel()
-        flat = np.sum((self.normals[faces] - self.normals[neighbours]) ** 2, axis=1) <= kernels.FLAT
+        flat = np.sum((self.normals[faces] - self.normals[neighbours]) ** 2, axis=1) <= kernels.ONE_PLANE
         joined = coo_array((flat[flat], (faces[flat], neighbours[flat])), shape=(len(self.triangles),) * 2)
         return np.asarray(connected_components(joined, directed=False)[1], dtype=np.int64)
 
@@ -159,7 +159,7 @@ class Mesh(InSpace):
         a, b, c = self.vertices[self.triangles.T]
         areas = np.cumsum(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
         rows = np.minimum(np.searchsorted(areas, (np.arange(n) + 0.5) / n * areas[-1]), areas.size - 1)
-        u, v = ((0.5 + step * np.arange(n)) % 1.0 for step in STEPS)
+        u, v = ((0.5 + step * np.arange(n)) % 1.0 for step in SPREADING_STEPS)
         u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
         a, b, c = a[rows], b[rows], c[rows]
         return np.asarray(a + u[:, np.newaxis] * (b - a) + v[:, np.newaxis] * (c - a))

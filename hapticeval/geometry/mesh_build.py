@@ -9,33 +9,33 @@ import numpy as np
 from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh_kernels import (
     ACROSS,
-    BOX,
+    BOX_ROUNDING,
     CORNER,
-    DEPTH,
     DISC,
     LEAF,
     NORMAL,
     PSEUDO,
+    STACK_DEPTH,
     _cross,
-    _lost,
     _minus,
-    at,
-    middle_of,
+    _product_error,
+    box_middle,
     normal_of,
+    position_of,
 )
 from hapticeval.geometry.surface_kernels import Triple, dot, plus
 from hapticeval.types import Array, IntArray
 
-SOUND, FLAT_TRIANGLE, OPEN, SHARED, FLIPPED, PINCHED, APART, FOLDED = range(8)
+SOUND, FLAT_TRIANGLE, OPEN, SHARED, FLIPPED, PINCHED, OTHER_PART, FOLDED = range(8)
 """What is wrong with a triangle: see `mesh_checks`."""
 
 THINNEST = 1e-13
 """Least height of a triangle over its longest edge: below, its corners lie on one line to rounding."""
-OPENING = 1e-12
+LEAST_OPENING = 1e-12
 """Least angle (rad) between two triangles that share an edge: below, one is folded onto the other."""
-LONGEST, FLATNESS = 4096, 0.5
+LONGEST_DISC_RUN, LEAST_MEAN_NORMAL = 4096, 0.5
 """Triangles of the longest run that has a disc, and the least length of the mean of their normals: others are bent."""
-GAP = 1e-14
+SEPARATION_ROUNDING = 1e-14
 """Gap between two triangles, as a share of their extent, that is no rounding."""
 
 
@@ -48,10 +48,12 @@ def _difference(a: float, b: float) -> tuple[float, float]:
 
 
 @inner
-def _minor(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float], d: tuple[float, float]) -> float:
+def _difference_of_products(
+    a: tuple[float, float], b: tuple[float, float], c: tuple[float, float], d: tuple[float, float]
+) -> float:
     """Return a b - c d of numbers in two parts, to rounding even where the products nearly cancel."""
     first, second = a[0] * b[0], c[0] * d[0]
-    product_error = _lost(a[0], b[0], first) - _lost(c[0], d[0], second)
+    product_error = _product_error(a[0], b[0], first) - _product_error(c[0], d[0], second)
     return (first - second) + (product_error + (a[0] * b[1] + a[1] * b[0] - c[0] * d[1] - c[1] * d[0]))
 
 
@@ -60,11 +62,11 @@ def area_normal(a: Triple, b: Triple, c: Triple) -> Triple:
     """Return (b - a) x (c - a) to rounding, for slivers too."""
     x, y, z = _difference(b[0], a[0]), _difference(b[1], a[1]), _difference(b[2], a[2])
     u, v, w = _difference(c[0], a[0]), _difference(c[1], a[1]), _difference(c[2], a[2])
-    return _minor(y, w, z, v), _minor(z, u, x, w), _minor(x, v, y, u)
+    return _difference_of_products(y, w, z, v), _difference_of_products(z, u, x, w), _difference_of_products(x, v, y, u)
 
 
 @compiled
-def join(count: int, triangles: IntArray) -> tuple[IntArray, int, int, int]:
+def join_neighbours(count: int, triangles: IntArray) -> tuple[IntArray, int, int, int]:
     """Return the neighbours (t, 3) of triangles over `count` vertices, and the first problem: what, triangle, corner.
 
     Neighbour i lies across the edge from corner i to the next, and runs along it the other way.
@@ -117,7 +119,7 @@ def join(count: int, triangles: IntArray) -> tuple[IntArray, int, int, int]:
 
 
 @compiled
-def component(across: IntArray) -> int:
+def other_component(across: IntArray) -> int:
     """Return a triangle that no way over edges joins to triangle 0, or -1."""
     t = across.shape[0]
     reached, queue = np.zeros(t, np.bool_), np.empty(t, np.int32)
@@ -140,11 +142,11 @@ def component(across: IntArray) -> int:
 def volume(vertices: Array, triangles: IntArray) -> float:
     """Return the volume (m^3) that triangles enclose whose corners run anticlockwise seen from outside."""
     total = 0.0
-    origin = at(vertices, triangles[0, 0])
+    origin = position_of(vertices, triangles[0, 0])
     for k in range(triangles.shape[0]):
-        a = _minus(at(vertices, triangles[k, 0]), origin)
-        b = _minus(at(vertices, triangles[k, 1]), origin)
-        total += dot(a, _cross(b, _minus(at(vertices, triangles[k, 2]), origin)))
+        a = _minus(position_of(vertices, triangles[k, 0]), origin)
+        b = _minus(position_of(vertices, triangles[k, 1]), origin)
+        total += dot(a, _cross(b, _minus(position_of(vertices, triangles[k, 2]), origin)))
     return total / 6.0
 
 
@@ -156,7 +158,7 @@ def _swap(keys: Array, order: IntArray, i: int, j: int) -> None:
 
 
 @inner
-def _halve(keys: Array, order: IntArray, low: int, high: int, middle: int, axis: int) -> None:
+def _partition(keys: Array, order: IntArray, low: int, high: int, middle: int, axis: int) -> None:
     """Put the rows from low up to high in such an order that none before `middle` has a larger key (Hoare)."""
     high -= 1
     while low < high:
@@ -180,10 +182,10 @@ def _halve(keys: Array, order: IntArray, low: int, high: int, middle: int, axis:
 
 
 @compiled
-def ordered(vertices: Array, triangles: IntArray) -> IntArray:
+def leaf_order(vertices: Array, triangles: IntArray) -> IntArray:
     """Return the triangles (t,) in the order of a tree's leaves: halves along the longest side of their middles."""
     n = triangles.shape[0]
-    m = leaves(n)
+    m = leaf_count(n)
     middles, order = np.empty((n, 3)), np.arange(n)
     for k in range(n):
         for axis in range(3):
@@ -201,13 +203,13 @@ def ordered(vertices: Array, triangles: IntArray) -> IntArray:
                     lowest, highest = min(lowest, middles[k, candidate]), max(highest, middles[k, candidate])
                 if highest - lowest > longest:
                     longest, axis = highest - lowest, candidate
-            _halve(middles, order, low, high, (2 * j + 1) * n // (2 * level), axis)
+            _partition(middles, order, low, high, (2 * j + 1) * n // (2 * level), axis)
         level *= 2
     return order
 
 
 @compiled
-def leaves(n: int) -> int:
+def leaf_count(n: int) -> int:
     """Return the number of leaves of a tree over n triangles."""
     m = 1
     while m * 2 * LEAF <= n:
@@ -216,7 +218,9 @@ def leaves(n: int) -> int:
 
 
 @compiled
-def tables(positions: Array, triangles: IntArray, across: IntArray, order: IntArray) -> tuple[Array, Array, int, int]:
+def build_tables(
+    positions: Array, triangles: IntArray, across: IntArray, order: IntArray
+) -> tuple[Array, Array, int, int]:
     """Return `faces` and `vertices` in a given order, and the first problem: what, and the triangle as it is given."""
     n = triangles.shape[0]
     faces, vertices = np.empty((n, 9)), np.zeros((positions.shape[0], 6))
@@ -234,7 +238,11 @@ def tables(positions: Array, triangles: IntArray, across: IntArray, order: IntAr
                     vertices[used, axis] = positions[vertex, axis]
                 used += 1
             faces[k, CORNER + i], faces[k, ACROSS + i] = row_of[vertex], rank[across[triangle, i]]
-        a, b, c = at(vertices, faces[k, 0]), at(vertices, faces[k, 1]), at(vertices, faces[k, 2])
+        a, b, c = (
+            position_of(vertices, faces[k, 0]),
+            position_of(vertices, faces[k, 1]),
+            position_of(vertices, faces[k, 2]),
+        )
         normal = area_normal(a, b, c)
         area = math.sqrt(dot(normal, normal))
         edges = (_minus(b, a), _minus(c, b), _minus(a, c))
@@ -252,7 +260,7 @@ def tables(positions: Array, triangles: IntArray, across: IntArray, order: IntAr
         for i in range(3):
             this, that = normal_of(faces, k), normal_of(faces, int(faces[k, ACROSS + i]))
             mean = (this[0] + that[0], this[1] + that[1], this[2] + that[2])
-            if dot(mean, mean) <= OPENING * OPENING:
+            if dot(mean, mean) <= LEAST_OPENING * LEAST_OPENING:
                 return faces, vertices, FOLDED, order[k]
     for row in range(used):
         size = 0.0
@@ -264,10 +272,10 @@ def tables(positions: Array, triangles: IntArray, across: IntArray, order: IntAr
 
 
 @compiled
-def boxes(faces: Array, vertices: Array) -> Array:
+def build_tree(faces: Array, vertices: Array) -> Array:
     """Return the tree over triangles in the order of its leaves."""
     n = faces.shape[0]
-    m = leaves(n)
+    m = leaf_count(n)
     tree = np.zeros((2 * m, DISC + 5))
     for i in range(2 * m - 1, 0, -1):
         for axis in range(3):
@@ -286,15 +294,15 @@ def boxes(faces: Array, vertices: Array) -> Array:
         slack = max(slack, abs(tree[1, axis]), abs(tree[1, 3 + axis]), tree[1, 3 + axis] - tree[1, axis])
     for i in range(1, 2 * m):
         for axis in range(3):
-            tree[i, axis] -= BOX * slack
-            tree[i, 3 + axis] += BOX * slack
+            tree[i, axis] -= BOX_ROUNDING * slack
+            tree[i, 3 + axis] += BOX_ROUNDING * slack
     for i in range(1, 2 * m):
-        _lay_disc(faces, vertices, tree, i, BOX * slack)
+        _write_disc(faces, vertices, tree, i, BOX_ROUNDING * slack)
     return tree
 
 
 @compiled
-def _lay_disc(faces: Array, vertices: Array, tree: Array, i: int, slack: float) -> None:
+def _write_disc(faces: Array, vertices: Array, tree: Array, i: int, slack: float) -> None:
     """Write the disc of row i, square to the mean of the normals of its run, with `slack` (m) for rounding."""
     n, m = faces.shape[0], tree.shape[0] // 2
     first, last = i, i + 1
@@ -302,19 +310,19 @@ def _lay_disc(faces: Array, vertices: Array, tree: Array, i: int, slack: float) 
         first, last = 2 * first, 2 * last
     begin, end = (first - m) * n // m, (last - m) * n // m
     tree[i, DISC + 3] = tree[i, DISC + 4] = math.inf
-    if end - begin > LONGEST:
+    if end - begin > LONGEST_DISC_RUN:
         return
     mean = (0.0, 0.0, 0.0)
     for k in range(begin, end):
         mean = plus(mean, 1.0, normal_of(faces, k))
     size = math.sqrt(dot(mean, mean))
-    if size < FLATNESS * (end - begin):
+    if size < LEAST_MEAN_NORMAL * (end - begin):
         return
-    mean, middle = (mean[0] / size, mean[1] / size, mean[2] / size), middle_of(tree, i)
+    mean, middle = (mean[0] / size, mean[1] / size, mean[2] / size), box_middle(tree, i)
     radius_squared, half_thickness = 0.0, 0.0
     for k in range(begin, end):
         for corner in range(3):
-            q = _minus(at(vertices, faces[k, CORNER + corner]), middle)
+            q = _minus(position_of(vertices, faces[k, CORNER + corner]), middle)
             aside = _cross(mean, q)
             radius_squared = max(radius_squared, dot(aside, aside))
             half_thickness = max(half_thickness, abs(dot(mean, q)))
@@ -338,7 +346,7 @@ def _separates(axis: Triple, first: Array, second: Array, from_one: int) -> bool
         low, high, below, above = min(low, one), max(high, one), min(below, two), max(above, two)
         for i in range(3):
             extent = max(extent, abs(first[row, i]), abs(second[row, i]))
-    gap = GAP * size * extent
+    gap = SEPARATION_ROUNDING * size * extent
     if from_one == 0:
         return bool(below - high > gap or low - above > gap)
     small = 0.1 * gap
@@ -351,7 +359,7 @@ def _separates(axis: Triple, first: Array, second: Array, from_one: int) -> bool
 
 
 @inner
-def _clear(faces: Array, vertices: Array, j: int, k: int, first: Array, second: Array) -> bool:
+def _meet_as_neighbours(faces: Array, vertices: Array, j: int, k: int, first: Array, second: Array) -> bool:
     """Whether triangles j and k have nothing in common but the corner or the edge that they share, beyond rounding."""
     shared, one, two = 0, 0, 0
     for i in range(3):
@@ -360,10 +368,10 @@ def _clear(faces: Array, vertices: Array, j: int, k: int, first: Array, second: 
                 shared, one, two = shared + 1, i, h
     if shared > 1:
         return True
-    origin = at(vertices, faces[j, CORNER + one])
+    origin = position_of(vertices, faces[j, CORNER + one])
     for i in range(3):
-        a = _minus(at(vertices, faces[j, CORNER + (one + i) % 3]), origin)
-        b = _minus(at(vertices, faces[k, CORNER + (two + i) % 3]), origin)
+        a = _minus(position_of(vertices, faces[j, CORNER + (one + i) % 3]), origin)
+        b = _minus(position_of(vertices, faces[k, CORNER + (two + i) % 3]), origin)
         for axis in range(3):
             first[i, axis], second[i, axis] = a[axis], b[axis]
     n, p = normal_of(faces, j), normal_of(faces, k)
@@ -388,7 +396,7 @@ def _clear(faces: Array, vertices: Array, j: int, k: int, first: Array, second: 
 
 
 @compiled
-def suspects(faces: Array, vertices: Array, tree: Array, begin: int, most_pairs: int) -> tuple[IntArray, int]:
+def suspect_pairs(faces: Array, vertices: Array, tree: Array, begin: int, most_pairs: int) -> tuple[IntArray, int]:
     """Return pairs (up to `most`, 2) of triangles that may cross or touch, and where to go on.
 
     The first of each is triangle `begin` or a later one. Pairs that are not returned are separated by a
@@ -396,9 +404,13 @@ def suspects(faces: Array, vertices: Array, tree: Array, begin: int, most_pairs:
     """
     n, m = faces.shape[0], tree.shape[0] // 2
     pairs, count = np.empty((most_pairs, 2), np.int64), 0
-    stack, first, second = np.empty(DEPTH, np.int64), np.empty((3, 3)), np.empty((3, 3))
+    stack, first, second = np.empty(STACK_DEPTH, np.int64), np.empty((3, 3)), np.empty((3, 3))
     for j in range(begin, n):
-        a, b, c = at(vertices, faces[j, 0]), at(vertices, faces[j, 1]), at(vertices, faces[j, 2])
+        a, b, c = (
+            position_of(vertices, faces[j, 0]),
+            position_of(vertices, faces[j, 1]),
+            position_of(vertices, faces[j, 2]),
+        )
         xl, yl, zl = min(a[0], b[0], c[0]), min(a[1], b[1], c[1]), min(a[2], b[2], c[2])
         xh, yh, zh = max(a[0], b[0], c[0]), max(a[1], b[1], c[1]), max(a[2], b[2], c[2])
         stack[0] = 1
@@ -420,7 +432,7 @@ def suspects(faces: Array, vertices: Array, tree: Array, begin: int, most_pairs:
                 top += 2
                 continue
             for k in range(max((i - m) * n // m, j + 1), (i - m + 1) * n // m):
-                if _clear(faces, vertices, j, k, first, second):
+                if _meet_as_neighbours(faces, vertices, j, k, first, second):
                     continue
                 if count == most_pairs:
                     return (pairs[:before], j) if before > 0 else (pairs, j + 1)

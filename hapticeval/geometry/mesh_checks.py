@@ -10,19 +10,19 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.geometry import mesh_build as build
-from hapticeval.geometry.validate import SMALLEST, check_range, refuse_not_finite
+from hapticeval.geometry.validate import SMALLEST_SIZE, check_range, not_finite_error
 from hapticeval.types import Array, IntArray
 
-MOST = 5_000_000
+MOST_TRIANGLES = 5_000_000
 """Triangles of the largest mesh that is taken: beyond it the tables take more than a gigabyte."""
-SUSPECTS = 4096
+SUSPECT_BATCH = 4096
 """Pairs of triangles that are looked at together for whether they cross."""
 
 ON_EDGE = 1e-6
 """How far from an edge a vertex still lies on it, as a share of coordinates: ten roundings of the single precision of
 STL files. It chooses words only: the mesh is refused either way."""
 
-EDGES = ("first", "second", "third")
+EDGE_WORDS = ("first", "second", "third")
 REPAIR = "in MeshLab: Filters > Cleaning and Repairing; in Python: trimesh.repair"
 
 PROBLEMS = {
@@ -51,7 +51,7 @@ PROBLEMS = {
         "the surface is pinched to a point there",
         "split the vertex, and move the copies apart",
     ),
-    build.APART: (
+    build.OTHER_PART: (
         "belongs to another part than triangle 0",
         "a model is bounded by one connected surface",
         "give each part as a model of its own, or join them by a boolean union; remove closed voids inside",
@@ -65,7 +65,7 @@ PROBLEMS = {
 """What is wrong, why that matters, and how to mend it."""
 
 
-def checked_corners(vertices: object) -> Array:
+def checked_positions(vertices: object) -> Array:
     """Return vertices as (v, 3) float64. Raises `InputError`, naming the vertex, for anything else or not finite."""
     try:
         array = np.array(vertices, dtype=np.float64, order="C")
@@ -74,7 +74,7 @@ def checked_corners(vertices: object) -> Array:
     if array.ndim != 2 or array.shape[1] != 3:
         raise InputError(f"the vertices have the shape {array.shape}", why="they must be rows of x, y and z: (n, 3)")
     if not np.isfinite(array).all():
-        raise refuse_not_finite(array, "vertex coordinates: vertex")
+        raise not_finite_error(array, "vertex coordinates: vertex")
     return array
 
 
@@ -82,7 +82,7 @@ def checked_triangles(triangles: object, count: int) -> IntArray:
     """Return triangles as (t, 3) rows of `count` vertices, anticlockwise seen from outside.
 
     Raises `InputError`, naming the triangle, for other shapes, numbers that are not whole or name no vertex, a corner
-    that comes twice, and fewer than four triangles or more than `MOST`.
+    that comes twice, and fewer than four triangles or more than `MOST_TRIANGLES`.
     """
     try:
         numbers = np.array(triangles)
@@ -96,16 +96,16 @@ def checked_triangles(triangles: object, count: int) -> IntArray:
             why="each is the numbers of its three vertices, counted from 0: (n, 3)",
             todo="divide faces of more corners into triangles",
         )  # fmt: skip
-    if not 4 <= array.shape[0] <= MOST:
+    if not 4 <= array.shape[0] <= MOST_TRIANGLES:
         raise InputError(
             f"a mesh of {array.shape[0]} triangles",
-            why="a closed one has at least four" if array.shape[0] < 4 else f"at most {MOST} are taken",
+            why="a closed one has at least four" if array.shape[0] < 4 else f"at most {MOST_TRIANGLES} are taken",
             todo="" if array.shape[0] < 4 else "simplify it: quadric decimation keeps the shape",
         )
     check_corners_named(array, count)
     twice = np.flatnonzero((array == np.roll(array, 1, axis=1)).any(axis=1))
     if twice.size:
-        refuse(build.FLAT_TRIANGLE, int(twice[0]), array)
+        refuse_triangle(build.FLAT_TRIANGLE, int(twice[0]), array)
     return np.ascontiguousarray(array)
 
 
@@ -124,14 +124,14 @@ def check_closed(positions: Array, triangles: IntArray) -> IntArray:
     used = np.zeros(positions.shape[0], dtype=bool)
     used[triangles] = True
     check_range(positions[used])
-    across, problem, triangle, corner = build.join(positions.shape[0], triangles)
+    across, problem, triangle, corner = build.join_neighbours(positions.shape[0], triangles)
     if problem == build.OPEN:
         _refuse_t_junction(positions, triangles, triangle, corner)
     if problem:
-        refuse(problem, triangle, triangles, corner)
-    other = build.component(across)
+        refuse_triangle(problem, triangle, triangles, corner)
+    other = build.other_component(across)
     if other >= 0:
-        refuse(build.APART, other, triangles)
+        refuse_triangle(build.OTHER_PART, other, triangles)
     if build.volume(positions, triangles) <= 0.0:
         raise InputError(
             "the mesh is inside out, or encloses nothing: triangle 0 and all others show their inner side",
@@ -148,7 +148,7 @@ def _refuse_t_junction(positions: Array, triangles: IntArray, triangle: int, cor
     _, numbers, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
     is_open = counts[numbers.ravel()] == 1
     this = edges[3 * triangle + corner][None]
-    rows, edges = rows[is_open][:SUSPECTS], edges[is_open][:SUSPECTS]
+    rows, edges = rows[is_open][:SUSPECT_BATCH], edges[is_open][:SUSPECT_BATCH]
     pairs = [(edge, row, vertex) for vertex in this.ravel() for edge, row in zip(edges, rows, strict=True)]
     pairs += [(this[0], triangle, vertex) for vertex in np.unique(edges)]
     for edge, row, vertex in pairs:
@@ -164,7 +164,7 @@ def _refuse_t_junction(positions: Array, triangles: IntArray, triangle: int, cor
 def _lies_on(point: Array, start: Array, end: Array) -> bool:
     """Whether a point lies between the ends of an edge, to the rounding of single precision."""
     edge, size = end - start, float(np.max(np.abs([start, end])))
-    length = max(float(np.linalg.norm(edge)), SMALLEST)
+    length = max(float(np.linalg.norm(edge)), SMALLEST_SIZE)
     share = float((point - start) @ edge) / length**2
     return 0.0 < share < 1.0 and float(np.linalg.norm(point - start - share * edge)) <= ON_EDGE * max(size, length)
 
@@ -176,13 +176,13 @@ def check_crossings(faces: Array, vertices: Array, tree: Array, order: IntArray)
     """
     begin = 0
     while begin < faces.shape[0]:
-        pairs, begin = build.suspects(faces, vertices, tree, begin, SUSPECTS)
+        pairs, begin = build.suspect_pairs(faces, vertices, tree, begin, SUSPECT_BATCH)
         for one, two in pairs.tolist():
             first, second = (
                 [tuple(map(Fraction, vertices[int(row), :3].tolist())) for row in faces[k, :3]] for k in (one, two)
             )
             shared = set(first) & set(second)
-            for place in meetings(first, second):
+            for place in meeting_points(first, second):
                 if place not in shared:
                     at = ", ".join(f"{float(x):.6g}" for x in place)
                     low, high = sorted((int(order[one]), int(order[two])))
@@ -193,12 +193,12 @@ def check_crossings(faces: Array, vertices: Array, tree: Array, order: IntArray)
                     )
 
 
-def refuse(problem: int, triangle: int, triangles: IntArray, corner: int = 0) -> NoReturn:
+def refuse_triangle(problem: int, triangle: int, triangles: IntArray, corner: int = 0) -> NoReturn:
     """Raise the error that names the triangle and how to mend it."""
     what, why, todo = PROBLEMS[problem]
     row = triangles[triangle]
     words = {
-        "edge": EDGES[corner],
+        "edge": EDGE_WORDS[corner],
         "from_": f"vertex {row[corner]}",
         "to": f"vertex {row[(corner + 1) % 3]}",
         "repair": REPAIR,
@@ -206,36 +206,38 @@ def refuse(problem: int, triangle: int, triangles: IntArray, corner: int = 0) ->
     raise InputError(f"triangle {triangle} {what.format(**words)}", why=why, todo=todo.format(**words))
 
 
-Place = tuple[Fraction, ...]
+ExactPoint = tuple[Fraction, ...]
 
 
-def meetings(first: Sequence[Place], second: Sequence[Place]) -> Iterator[Place]:
+def meeting_points(first: Sequence[ExactPoint], second: Sequence[ExactPoint]) -> Iterator[ExactPoint]:
     """Yield points at which two triangles meet, exactly: where edges of one pass through the other.
 
     Of two in one plane those are corners of the area that they have in common.
     """
     for one, two in ((first, second), (second, first)):
-        normal = _cross(_less(two[1], two[0]), _less(two[2], two[0]))
+        normal = _cross(_difference(two[1], two[0]), _difference(two[2], two[0]))
         axis = max(range(3), key=lambda i: abs(normal[i]))
         for start, end in ((one[0], one[1]), (one[1], one[2]), (one[2], one[0])):
-            low, high = _dot(normal, _less(start, two[0])), _dot(normal, _less(end, two[0]))
+            low, high = _dot(normal, _difference(start, two[0])), _dot(normal, _difference(end, two[0]))
             if low == high == 0:
-                yield from _in_plane(start, end, two, axis)
+                yield from _meeting_points_in_plane(start, end, two, axis)
             elif min(low, high) <= 0 <= max(low, high):
                 share = low / (low - high)
                 place = tuple(a + share * (b - a) for a, b in zip(start, end, strict=True))
-                if _holds(two, place, axis):
+                if _contains(two, place, axis):
                     yield place
 
 
-def _in_plane(start: Place, end: Place, triangle: Sequence[Place], axis: int) -> Iterator[Place]:
+def _meeting_points_in_plane(
+    start: ExactPoint, end: ExactPoint, triangle: Sequence[ExactPoint], axis: int
+) -> Iterator[ExactPoint]:
     """Yield the ends of a segment that lie in a triangle of the same plane, and where it crosses edges."""
     for place in (start, end):
-        if _holds(triangle, place, axis):
+        if _contains(triangle, place, axis):
             yield place
     for i in range(3):
         a, b = triangle[i], triangle[(i + 1) % 3]
-        low, high = _area(a, b, start, axis), _area(a, b, end, axis)
+        low, high = _doubled_area(a, b, start, axis), _doubled_area(a, b, end, axis)
         if low == high or min(low, high) > 0 or max(low, high) < 0:
             continue
         share = low / (low - high)
@@ -245,24 +247,24 @@ def _in_plane(start: Place, end: Place, triangle: Sequence[Place], axis: int) ->
             yield place
 
 
-def _holds(triangle: Sequence[Place], place: Place, axis: int) -> bool:
+def _contains(triangle: Sequence[ExactPoint], place: ExactPoint, axis: int) -> bool:
     """Whether a triangle holds a point of its plane, seen along an axis."""
-    turns = [_area(triangle[i], triangle[(i + 1) % 3], place, axis) for i in range(3)]
+    turns = [_doubled_area(triangle[i], triangle[(i + 1) % 3], place, axis) for i in range(3)]
     return min(turns) >= 0 or max(turns) <= 0
 
 
-def _area(a: Place, b: Place, c: Place, axis: int) -> Fraction:
+def _doubled_area(a: ExactPoint, b: ExactPoint, c: ExactPoint, axis: int) -> Fraction:
     u, v = (axis + 1) % 3, (axis + 2) % 3
     return (b[u] - a[u]) * (c[v] - a[v]) - (b[v] - a[v]) * (c[u] - a[u])
 
 
-def _less(a: Place, b: Place) -> Place:
+def _difference(a: ExactPoint, b: ExactPoint) -> ExactPoint:
     return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
-def _cross(a: Place, b: Place) -> Place:
+def _cross(a: ExactPoint, b: ExactPoint) -> ExactPoint:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _dot(a: Place, b: Place) -> Fraction:
+def _dot(a: ExactPoint, b: ExactPoint) -> Fraction:
     return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))

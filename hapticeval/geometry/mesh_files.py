@@ -10,25 +10,25 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.geometry.mesh_checks import MOST, check_corners_named
-from hapticeval.geometry.validate import refuse_not_finite
+from hapticeval.geometry.mesh_checks import MOST_TRIANGLES, check_corners_named
+from hapticeval.geometry.validate import not_finite_error
 from hapticeval.types import Array, IntArray
 
-UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 25.4e-3}
+METRES_PER_UNIT = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 25.4e-3}
 """Metres in each unit."""
-FORMATS = (".stl", ".obj", ".ply", ".off")
-TEXT = (".obj", ".off")
+FILE_ENDINGS = (".stl", ".obj", ".ply", ".off")
+TEXT_ENDINGS = (".obj", ".off")
 STL_HEADER, STL_TRIANGLE = 84, 50
 """Bytes of a binary STL file: a header that ends with the number of triangles, and each triangle."""
-LARGEST = 1 << 30
+LARGEST_FILE = 1 << 30
 """Bytes of the largest file that is read: five million triangles are a quarter of a gigabyte in STL."""
 
 
-def metres(unit: str) -> float:
+def metres_per(unit: str) -> float:
     """Return how many metres a unit is. Raises `UnknownNameError`."""
-    if not isinstance(unit, str) or unit not in UNITS:
-        raise UnknownNameError("unit", str(unit), UNITS, todo=f"choose one of: {', '.join(UNITS)}")
-    return UNITS[unit]
+    if not isinstance(unit, str) or unit not in METRES_PER_UNIT:
+        raise UnknownNameError("unit", str(unit), METRES_PER_UNIT, todo=f"choose one of: {', '.join(METRES_PER_UNIT)}")
+    return METRES_PER_UNIT[unit]
 
 
 def read_mesh(file: Path) -> tuple[Array, IntArray]:
@@ -37,17 +37,17 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
     Nothing but the file is read, no other that it names, and nothing of it runs. Raises `InputError`, naming the file,
     for one that is not there, too large, of another format, damaged, or that holds no triangles.
     """
-    if file.suffix.lower() not in FORMATS:
-        raise InputError(f"the mesh file {file} ends in '{file.suffix}'", why=f"read are {', '.join(FORMATS)}")
+    if file.suffix.lower() not in FILE_ENDINGS:
+        raise InputError(f"the mesh file {file} ends in '{file.suffix}'", why=f"read are {', '.join(FILE_ENDINGS)}")
     try:
         if not file.is_file():
             raise InputError(
                 f"no mesh file {file}", todo="check the path; in a suite it counts from the suite's folder"
             )
         size = file.stat().st_size
-        if size > LARGEST:
+        if size > LARGEST_FILE:
             raise InputError(
-                f"the mesh file {file} has {size / 2**20:.0f} MiB", why=f"at most {LARGEST >> 20} MiB are read",
+                f"the mesh file {file} has {size / 2**20:.0f} MiB", why=f"at most {LARGEST_FILE >> 20} MiB are read",
                 todo="simplify the mesh: quadric decimation keeps the shape",
             )  # fmt: skip
         content = file.read_bytes()
@@ -58,7 +58,7 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
     damaged = f"{file} is no {file.suffix[1:].upper()} file, or a damaged one"
     if not content.strip():
         raise InputError(f"the mesh file {file} is empty", todo="export it again")
-    content = _as_text(content) if file.suffix.lower() in TEXT else content
+    content = _as_utf8(content) if file.suffix.lower() in TEXT_ENDINGS else content
     fault = _stl_fault(content) if file.suffix.lower() == ".stl" else ""
     if fault:
         raise InputError(damaged, why=fault, todo="export it again, or copy it again")
@@ -74,15 +74,15 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
         raise InputError(damaged, why=f"{type(error).__name__}: {error}", todo="export it again") from error
     if vertices.ndim != 2 or triangles.ndim != 2 or not triangles.size:
         raise InputError(f"{file} holds no triangles", why="lines and points bound no solid", todo="export a surface")
-    if len(triangles) > MOST:
-        raise InputError(f"{file} holds {len(triangles)} triangles", why=f"at most {MOST} are taken")
+    if len(triangles) > MOST_TRIANGLES:
+        raise InputError(f"{file} holds {len(triangles)} triangles", why=f"at most {MOST_TRIANGLES} are taken")
     if not np.isfinite(vertices).all():
-        raise refuse_not_finite(vertices, "vertex coordinates: vertex")
+        raise not_finite_error(vertices, "vertex coordinates: vertex")
     check_corners_named(triangles, len(vertices))
-    return merged(vertices, triangles)
+    return merge_equal_vertices(vertices, triangles)
 
 
-def _as_text(content: bytes) -> bytes:
+def _as_utf8(content: bytes) -> bytes:
     """Return text in UTF-8, which the parsers take: what is in no UTF-8 is taken for Latin-1, which reads anything."""
     try:
         content.decode("utf-8")
@@ -104,7 +104,7 @@ def _stl_fault(content: bytes) -> str:
     return f"its header counts {count} triangles, which take {size} bytes, and {len(content)} are there"
 
 
-def merged(vertices: Array, triangles: IntArray) -> tuple[Array, IntArray]:
+def merge_equal_vertices(vertices: Array, triangles: IntArray) -> tuple[Array, IntArray]:
     """Return the same triangles over vertices that differ: STL writes each corner of each triangle again."""
     vertices = vertices + 0.0  # no negative zero
     order = np.lexsort(vertices.T)

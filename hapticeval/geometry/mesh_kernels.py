@@ -37,14 +37,14 @@ FACE, EDGE, VERTEX = 0, 1, 4
 
 LEAF = 3
 """Fewest triangles in a leaf of a tree that has been divided; a leaf has less than twice as many."""
-DEPTH = 64
-BOX = 2e-15
+STACK_DEPTH = 64
+BOX_ROUNDING = 2e-15
 """Rounding of a box and of the distances from its triangles, as a share of its coordinates and of the mesh's size."""
-CAUTION = 1.0 + 1e-14
+PRUNING_SLACK = 1.0 + 1e-14
 """How much farther than the best triangle a box may lie and still be looked into, squared: rounding."""
-FLAT = 1e-18
+ONE_PLANE = 1e-18
 """Square of the angle (rad) between the normals of faces that count as one plane."""
-NEAR = 1e-12
+ON_FEATURE = 1e-12
 """Distance from an edge or a vertex, as a share of its coordinates, at which the direction to it is rounding."""
 
 
@@ -64,7 +64,7 @@ def _scaled(factor: float, a: Triple) -> Triple:
 
 
 @inner
-def at(vertices: Array, row: float) -> Triple:
+def position_of(vertices: Array, row: float) -> Triple:
     """Return the position of a vertex."""
     k = int(row)
     return vertices[k, 0], vertices[k, 1], vertices[k, 2]
@@ -90,20 +90,22 @@ def _on_segment(ap: Triple, bp: Triple, ab: Triple) -> tuple[float, float]:
 
 
 @inner
-def on_triangle(faces: Array, vertices: Array, k: int, p: Triple, limit_squared: float) -> tuple[float, int, float]:
+def distance_to_triangle(
+    faces: Array, vertices: Array, k: int, p: Triple, limit_squared: float
+) -> tuple[float, int, float]:
     """Return the squared distance of p from triangle k, the feature that is closest, and where on that edge.
 
     Infinity where its plane is farther away than `beyond2`, squared. Whether p lies over the triangle is decided by its
     normal, which is exact to rounding for any sliver, and the closest point of an edge by that edge alone: so errors
     are roundings of the coordinates, whatever the triangle's shape.
     """
-    a, n = at(vertices, faces[k, CORNER]), normal_of(faces, k)
+    a, n = position_of(vertices, faces[k, CORNER]), normal_of(faces, k)
     ap = _minus(p, a)
     height = dot(n, ap)
     best_squared = height * height
     if best_squared > limit_squared:
         return math.inf, FACE, 0.0
-    b, c = at(vertices, faces[k, CORNER + 1]), at(vertices, faces[k, CORNER + 2])
+    b, c = position_of(vertices, faces[k, CORNER + 1]), position_of(vertices, faces[k, CORNER + 2])
     ab, bc, ca = _minus(b, a), _minus(c, b), _minus(a, c)
     bp, cp = _minus(p, b), _minus(p, c)
     first, second, third = dot(_cross(n, ab), ap), dot(_cross(n, bc), bp), dot(_cross(n, ca), cp)
@@ -129,14 +131,14 @@ def on_triangle(faces: Array, vertices: Array, k: int, p: Triple, limit_squared:
 
 
 @inner
-def middle_of(tree: Array, i: int) -> Triple:
+def box_middle(tree: Array, i: int) -> Triple:
     """Return the middle of box i."""
     return 0.5 * (tree[i, 0] + tree[i, 3]), 0.5 * (tree[i, 1] + tree[i, 4]), 0.5 * (tree[i, 2] + tree[i, 5])
 
 
 @inner
-def _to_disc2(tree: Array, i: int, p: Triple) -> float:
-    q, n = _minus(p, middle_of(tree, i)), (tree[i, DISC], tree[i, DISC + 1], tree[i, DISC + 2])
+def _disc_distance_squared(tree: Array, i: int, p: Triple) -> float:
+    q, n = _minus(p, box_middle(tree, i)), (tree[i, DISC], tree[i, DISC + 1], tree[i, DISC + 2])
     aside = _cross(n, q)
     height_excess = max(abs(dot(n, q)) - tree[i, DISC + 4], 0.0)
     aside_excess = max(math.sqrt(dot(aside, aside)) - tree[i, DISC + 3], 0.0)
@@ -144,14 +146,14 @@ def _to_disc2(tree: Array, i: int, p: Triple) -> float:
 
 
 @inner
-def _to_run2(tree: Array, i: int, p: Triple, limit: float) -> float:
+def _run_distance_squared(tree: Array, i: int, p: Triple, limit: float) -> float:
     """Return a lower bound of the squared distance of p from run i; beyond `limit` any that is."""
-    box_squared = _to_box2(tree, i, p)
-    return box_squared if box_squared > limit else max(box_squared, _to_disc2(tree, i, p))
+    box_squared = _box_distance_squared(tree, i, p)
+    return box_squared if box_squared > limit else max(box_squared, _disc_distance_squared(tree, i, p))
 
 
 @inner
-def _to_box2(tree: Array, i: int, p: Triple) -> float:
+def _box_distance_squared(tree: Array, i: int, p: Triple) -> float:
     x = max(max(tree[i, 0] - p[0], p[0] - tree[i, 3]), 0.0)
     y = max(max(tree[i, 1] - p[1], p[1] - tree[i, 4]), 0.0)
     z = max(max(tree[i, 2] - p[2], p[2] - tree[i, 5]), 0.0)
@@ -159,7 +161,9 @@ def _to_box2(tree: Array, i: int, p: Triple) -> float:
 
 
 @compiled
-def nearest(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> tuple[int, int, float, float]:
+def nearest_triangle(
+    faces: Array, vertices: Array, tree: Array, p: Triple, start: int
+) -> tuple[int, int, float, float]:
     """Return the triangle closest to p, its feature, where on that edge, and the squared distance.
 
     `start` is a triangle to begin with, such as the closest one of a moment ago: it saves time, and the answer is the
@@ -167,14 +171,17 @@ def nearest(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -
     """
     n, m = faces.shape[0], tree.shape[0] // 2
     best = start
-    best_squared, feature, share = on_triangle(faces, vertices, best, p, math.inf)
-    stack = np.empty((DEPTH, 2))
+    best_squared, feature, share = distance_to_triangle(faces, vertices, best, p, math.inf)
+    stack = np.empty((STACK_DEPTH, 2))
     i, top = 1, 0
     while True:
         while 0 < i < m:
             near_child, far_child = 2 * i, 2 * i + 1
-            limit = best_squared * CAUTION
-            near_squared, far_squared = _to_run2(tree, near_child, p, limit), _to_run2(tree, far_child, p, limit)
+            limit = best_squared * PRUNING_SLACK
+            near_squared, far_squared = (
+                _run_distance_squared(tree, near_child, p, limit),
+                _run_distance_squared(tree, far_child, p, limit),
+            )
             if far_squared < near_squared:
                 near_child, far_child, near_squared, far_squared = far_child, near_child, far_squared, near_squared
             if far_squared <= limit:
@@ -184,54 +191,58 @@ def nearest(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -
         if i > 0:
             j = i - m
             for k in range(j * n // m, (j + 1) * n // m):
-                squared, other, along = on_triangle(faces, vertices, k, p, best_squared)
+                squared, other, along = distance_to_triangle(faces, vertices, k, p, best_squared)
                 if squared < best_squared or (squared == best_squared and k < best):
                     best_squared, best, feature, share = squared, k, other, along
         i = 0
         while top > 0 and i == 0:
             top -= 1
-            if stack[top, 1] <= best_squared * CAUTION:
+            if stack[top, 1] <= best_squared * PRUNING_SLACK:
                 i = int(stack[top, 0])
         if i == 0:
             return best, feature, share, best_squared
 
 
 @compiled
-def place(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> tuple[int, Triple, Triple, float]:
+def closest_on_mesh(
+    faces: Array, vertices: Array, tree: Array, p: Triple, start: int
+) -> tuple[int, Triple, Triple, float]:
     """Return the closest triangle, the foot on it, the outward unit normal there, and the signed distance of p.
 
     The side is that of the pseudonormal of the feature (Baerentzen and Aanaes 2005), which is right for any closed
     mesh. On an edge or a vertex the normal is the direction between p and the foot, or where these coincide the
     pseudonormal.
     """
-    k, feature, share, distance_squared = nearest(faces, vertices, tree, p, start)
-    n, a = normal_of(faces, k), at(vertices, faces[k, CORNER])
+    k, feature, share, distance_squared = nearest_triangle(faces, vertices, tree, p, start)
+    n, a = normal_of(faces, k), position_of(vertices, faces[k, CORNER])
     if feature == FACE:
         height = dot(n, _minus(p, a))
         foot = plus(p, -height, n)
         return k, plus(foot, -dot(n, _minus(foot, a)), n), n, height
     if feature < VERTEX:
         i = feature - EDGE
-        a, b = at(vertices, faces[k, CORNER + i]), at(vertices, faces[k, CORNER + (i + 1) % 3])
+        a, b = position_of(vertices, faces[k, CORNER + i]), position_of(vertices, faces[k, CORNER + (i + 1) % 3])
         ab = _minus(b, a)
         foot, q = plus(a, share, ab), plus(_minus(p, a), -share, ab)
     else:
-        foot = at(vertices, faces[k, CORNER + feature - VERTEX])
+        foot = position_of(vertices, faces[k, CORNER + feature - VERTEX])
         q = _minus(p, foot)
-    side, normal = facing(faces, vertices, k, feature, foot, q)
+    side, normal = side_and_normal(faces, vertices, k, feature, foot, q)
     return k, foot, normal, side * math.sqrt(distance_squared)
 
 
 @compiled
-def landed(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> tuple[int, int, Triple]:
+def closest_feature(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> tuple[int, int, Triple]:
     """Return the triangle closest to p, the feature of it, and the foot."""
-    k, feature, _, _ = nearest(faces, vertices, tree, p, start)
-    k, foot, _, _ = place(faces, vertices, tree, p, k)
+    k, feature, _, _ = nearest_triangle(faces, vertices, tree, p, start)
+    k, foot, _, _ = closest_on_mesh(faces, vertices, tree, p, k)
     return k, feature, foot
 
 
 @compiled
-def facing(faces: Array, vertices: Array, k: int, feature: int, foot: Triple, q: Triple) -> tuple[float, Triple]:
+def side_and_normal(
+    faces: Array, vertices: Array, k: int, feature: int, foot: Triple, q: Triple
+) -> tuple[float, Triple]:
     """Return on which side of a feature of triangle k the point foot + q lies, 1 or -1 inside, and the normal there."""
     n = normal_of(faces, k)
     if feature == FACE:
@@ -244,39 +255,41 @@ def facing(faces: Array, vertices: Array, k: int, feature: int, foot: Triple, q:
         mean = (vertices[row, PSEUDO], vertices[row, PSEUDO + 1], vertices[row, PSEUDO + 2])
     side = -1.0 if dot(mean, q) < 0.0 else 1.0
     bent = _minus(mean, n)
-    if dot(bent, bent) <= FLAT:
+    if dot(bent, bent) <= ONE_PLANE:
         return side, n
     length = math.sqrt(dot(q, q))
-    if length > NEAR * (abs(foot[0]) + abs(foot[1]) + abs(foot[2])):
+    if length > ON_FEATURE * (abs(foot[0]) + abs(foot[1]) + abs(foot[2])):
         return side, _scaled(side / length, q)
     return side, mean
 
 
 @compiled
-def frames(faces: Array, vertices: Array, tree: Array, points: Array) -> ClosestPoint:
+def closest_points(faces: Array, vertices: Array, tree: Array, points: Array) -> ClosestPoint:
     """Return the `ClosestPoint` of points (n, 3): faces and edges have no shape. Raises as `check_finite` does."""
     check_finite(points)
     n, k = points.shape[0], 0
     feet, normals, signed, shapes = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.zeros((n, 3, 3))
     for row in range(n):
-        k, foot, normal, signed[row] = place(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
+        k, foot, normal, signed[row] = closest_on_mesh(
+            faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k
+        )
         for i in range(3):
             feet[row, i], normals[row, i] = foot[i], normal[i]
     return ClosestPoint(feet, normals, signed, shapes)
 
 
 @compiled
-def distances(faces: Array, vertices: Array, tree: Array, points: Array) -> Array:
+def signed_distances(faces: Array, vertices: Array, tree: Array, points: Array) -> Array:
     """Return the signed distances (n,), m, of points (n, 3). Raises as `check_finite` does."""
     check_finite(points)
     out, k = np.empty(points.shape[0]), 0
     for row in range(points.shape[0]):
-        k, _, _, out[row] = place(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
+        k, _, _, out[row] = closest_on_mesh(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
     return out
 
 
 @inner
-def _lost(a: float, b: float, product: float) -> float:
+def _product_error(a: float, b: float, product: float) -> float:
     """Return what the rounded product a b lost (Dekker 1971): a b is exactly `product` and this."""
     high = 134217729.0 * a
     a1 = high - (high - a)
@@ -288,7 +301,7 @@ def _lost(a: float, b: float, product: float) -> float:
 
 
 @inner
-def _turn(x1: float, y1: float, x2: float, y2: float) -> tuple[float, int]:
+def _signed_area(x1: float, y1: float, x2: float, y2: float) -> tuple[float, int]:
     """Return x1 y2 - x2 y1 and its sign: on which side the line between two points passes the origin.
 
     The sign is exact. Where it is zero the line counts as passing an origin that is shifted by (d, d^2) for a d below
@@ -297,7 +310,7 @@ def _turn(x1: float, y1: float, x2: float, y2: float) -> tuple[float, int]:
     first, second = x1 * y2, x2 * y1
     area = first - second
     if area == 0.0:
-        area = _lost(x1, y2, first) - _lost(x2, y1, second)
+        area = _product_error(x1, y2, first) - _product_error(x2, y1, second)
     sign = area
     if sign == 0.0:
         sign = y1 - y2
@@ -307,7 +320,7 @@ def _turn(x1: float, y1: float, x2: float, y2: float) -> tuple[float, int]:
 
 
 @inner
-def _apart(tree: Array, i: int, middle: Triple, half: Triple, pad: float) -> bool:
+def _misses_box(tree: Array, i: int, middle: Triple, half: Triple, pad: float) -> bool:
     """Whether a segment, by its middle and half its way, misses box i widened by `pad`: by separating axes."""
     hx, hy, hz = 0.5 * (tree[i, 3] - tree[i, 0]), 0.5 * (tree[i, 4] - tree[i, 1]), 0.5 * (tree[i, 5] - tree[i, 2])
     x, y, z = middle[0] - tree[i, 0] - hx, middle[1] - tree[i, 1] - hy, middle[2] - tree[i, 2] - hz
@@ -323,7 +336,7 @@ def _apart(tree: Array, i: int, middle: Triple, half: Triple, pad: float) -> boo
 
 
 @compiled
-def crossing(
+def first_triangle_hit(
     faces: Array, vertices: Array, tree: Array, start: Triple, direction: Triple, low: float, high: float
 ) -> tuple[int, float]:
     """Return the first triangle through which the line start + s way goes for s in [low, high], and s.
@@ -348,14 +361,14 @@ def crossing(
         reach = max(reach, 0.5 * abs(start[i]), abs(direction[i]) * max(abs(low), abs(high)))
     pad = 1e-14 * reach
     best, first = -1, high
-    stack = np.empty(DEPTH, np.int64)
+    stack = np.empty(STACK_DEPTH, np.int64)
     stack[0] = 1
     top = 1
     while top > 0:
         top -= 1
         i = stack[top]
         middle, half = plus(start, 0.5 * (low + first), direction), _scaled(0.5 * (first - low), direction)
-        if _apart(tree, i, middle, half, pad):
+        if _misses_box(tree, i, middle, half, pad):
             continue
         if i < m:
             ahead = 0.0
@@ -368,16 +381,16 @@ def crossing(
             continue
         j = i - m
         for k in range(j * n // m, (j + 1) * n // m):
-            a = _minus(at(vertices, faces[k, CORNER]), start)
-            b = _minus(at(vertices, faces[k, CORNER + 1]), start)
-            c = _minus(at(vertices, faces[k, CORNER + 2]), start)
+            a = _minus(position_of(vertices, faces[k, CORNER]), start)
+            b = _minus(position_of(vertices, faces[k, CORNER + 1]), start)
+            c = _minus(position_of(vertices, faces[k, CORNER + 2]), start)
             ax, ay, bx, by = a[kx] - sx * a[kz], a[ky] - sy * a[kz], b[kx] - sx * b[kz], b[ky] - sy * b[kz]
-            u, side = _turn(bx, by, ax, ay)
+            u, side = _signed_area(bx, by, ax, ay)
             cx, cy = c[kx] - sx * c[kz], c[ky] - sy * c[kz]
-            v, other = _turn(cx, cy, bx, by)
+            v, other = _signed_area(cx, cy, bx, by)
             if other != side:
                 continue
-            w, other = _turn(ax, ay, cx, cy)
+            w, other = _signed_area(ax, ay, cx, cy)
             if other != side or side == 0:
                 continue
             total = u + v + w
@@ -390,7 +403,7 @@ def crossing(
 
 
 @compiled
-def entered(
+def first_entry(
     faces: Array, vertices: Array, tree: Array, start: Triple, end: Triple, touch: float, k: int
 ) -> tuple[bool, int, Triple, float]:
     """Return where the segment from start, outside or on the mesh, to end first goes inside: triangle, foot, share.
@@ -402,7 +415,7 @@ def entered(
     """
     direction = _minus(end, start)
     length = math.sqrt(dot(direction, direction))
-    k, foot, _, depth = place(faces, vertices, tree, start, k)
+    k, foot, _, depth = closest_on_mesh(faces, vertices, tree, start, k)
     if length == 0.0 or depth > length + touch:
         return False, k, foot, 0.0
     if depth < -touch:
@@ -410,15 +423,15 @@ def entered(
     begin, low, near = 0.0, -touch / length, touch / length
     outside = depth > touch
     while True:
-        hit, s = crossing(faces, vertices, tree, start, direction, low, 1.0)
+        hit, s = first_triangle_hit(faces, vertices, tree, start, direction, low, 1.0)
         for quarter in (2, 1, 3, 4):
             if outside or (quarter == 4 and hit >= 0):
                 break
-            _, _, _, depth = place(
+            _, _, _, depth = closest_on_mesh(
                 faces, vertices, tree, plus(start, begin + 0.25 * quarter * (s - begin), direction), k
             )
             if depth < -touch:
-                k, foot, _, _ = place(faces, vertices, tree, plus(start, begin, direction), k)
+                k, foot, _, _ = closest_on_mesh(faces, vertices, tree, plus(start, begin, direction), k)
                 return True, k, foot, begin
         if hit < 0:
             return False, k, foot, 0.0
@@ -426,21 +439,21 @@ def entered(
 
 
 @compiled
-def crossed_many(
+def first_entries(
     faces: Array, vertices: Array, tree: Array, starts: Array, ends: Array, touch: float
 ) -> tuple[IntArray, Array]:
-    """Answer `entered` for segments from starts to ends (n, 3): triangles (n,) and shares (n,)."""
+    """Answer `first_entry` for segments from starts to ends (n, 3): triangles (n,) and shares (n,)."""
     n = starts.shape[0]
     hits, shares, k = np.empty(n, np.int64), np.empty(n), 0
     for row in range(n):
         start, end = (starts[row, 0], starts[row, 1], starts[row, 2]), (ends[row, 0], ends[row, 1], ends[row, 2])
-        inside, k, _, shares[row] = entered(faces, vertices, tree, start, end, touch, k)
+        inside, k, _, shares[row] = first_entry(faces, vertices, tree, start, end, touch, k)
         hits[row] = k if inside else -1
     return hits, shares
 
 
 @compiled
-def fans(faces: Array, vertices: Array, tree: Array, points: Array, reach: Array) -> tuple[IntArray, Array]:
+def normals_in_reach(faces: Array, vertices: Array, tree: Array, points: Array, reach: Array) -> tuple[IntArray, Array]:
     """Return the normals of the triangles within `reach` (n,), m, along the mesh from the feet of points (n, 3).
 
     As (n + 1,) starts and all normals (total, 3), one after the other, each direction once.
@@ -449,8 +462,8 @@ def fans(faces: Array, vertices: Array, tree: Array, points: Array, reach: Array
     visited_for, queue = np.full(faces.shape[0], -1), np.empty(faces.shape[0], np.int64)
     starts, normals, k, total = np.zeros(n + 1, np.int64), np.empty((4 * n + 16, 3)), 0, 0
     for row in range(n):
-        k, foot, _, _ = place(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
-        near = reach[row] + NEAR * (abs(foot[0]) + abs(foot[1]) + abs(foot[2]))
+        k, foot, _, _ = closest_on_mesh(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
+        near = reach[row] + ON_FEATURE * (abs(foot[0]) + abs(foot[1]) + abs(foot[2]))
         queue[0], visited_for[k] = k, row
         count, done = 1, 0
         while done < count:
@@ -459,7 +472,7 @@ def fans(faces: Array, vertices: Array, tree: Array, points: Array, reach: Array
             new = normal_of(faces, face)
             for other in range(starts[row], total):
                 bent = _minus(new, (normals[other, 0], normals[other, 1], normals[other, 2]))
-                if dot(bent, bent) <= FLAT:
+                if dot(bent, bent) <= ONE_PLANE:
                     break
             else:
                 if total == normals.shape[0]:
@@ -472,7 +485,7 @@ def fans(faces: Array, vertices: Array, tree: Array, points: Array, reach: Array
                 neighbour = int(faces[face, ACROSS + i])
                 if (
                     visited_for[neighbour] != row
-                    and on_triangle(faces, vertices, neighbour, foot, math.inf)[0] <= near * near
+                    and distance_to_triangle(faces, vertices, neighbour, foot, math.inf)[0] <= near * near
                 ):
                     queue[count], visited_for[neighbour] = neighbour, row
                     count += 1
@@ -481,7 +494,7 @@ def fans(faces: Array, vertices: Array, tree: Array, points: Array, reach: Array
 
 
 @compiled
-def onto_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
+def closest_in_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
     """Return the point of the cone that rows first to last of unit `normals` (k, 3) span which is closest to d.
 
     Each round adds the direction that leads closest to the rest, and keeps of it and the up to two before it those
@@ -541,15 +554,15 @@ def onto_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
 
 
 @compiled
-def beyond_cones(starts: IntArray, normals: Array, directions: Array) -> Array:
-    """Return the angles (n,), rad, by which directions (n, 3) leave the cones that `fans` gives; 0 inside.
+def angles_outside_cones(starts: IntArray, normals: Array, directions: Array) -> Array:
+    """Return the angles (n,), rad, by which directions (n, 3) leave the cones that `normals_in_reach` gives; 0 inside.
 
     Beyond a right angle from all of a cone the closest of its directions is one of the normals that span it.
     """
     out = np.zeros(directions.shape[0])
     for row in range(directions.shape[0]):
         d = (directions[row, 0], directions[row, 1], directions[row, 2])
-        inside = onto_cone(normals, starts[row], starts[row + 1], d)
+        inside = closest_in_cone(normals, starts[row], starts[row + 1], d)
         if dot(inside, inside) > 0.0:
             off = _cross(inside, d)
             out[row] = math.atan2(math.sqrt(dot(off, off)), dot(inside, d))

@@ -20,8 +20,8 @@ from hapticeval.geometry.mesh_kernels import (
     _cross,
     _minus,
     _scaled,
-    at,
     normal_of,
+    position_of,
 )
 from hapticeval.geometry.surface_kernels import Triple, dot, plus
 from hapticeval.types import Array
@@ -29,15 +29,15 @@ from hapticeval.types import Array
 RESTS, LEAVES = 0, 1
 """How a walk ends: at a local minimum, or where the way to the goal is free."""
 
-STALLS = 16
+MOST_STALLS = 16
 """Features in a row that lead no closer, after which a walk rests: rounding may lead it round in a circle."""
 
-ROUND = 1e-14
+DIRECTION_ROUNDING = 1e-14
 """Share of a vector below which a part of it is rounding."""
 
 
 @compiled
-def walk(
+def walk_downhill(
     faces: Array, vertices: Array, free: bool, k: int, feature: int, point: Triple, goal: Triple
 ) -> tuple[int, int, int, Triple]:
     """Walk from a place to where no way along the mesh leads closer to `goal`, or, if `free`, where the goal is open.
@@ -47,25 +47,25 @@ def walk(
     Without `free` the point never leaves the mesh, whichever side the goal is on.
     """
     last_squared, stalls = math.inf, 0
-    while stalls < STALLS:
+    while stalls < MOST_STALLS:
         d = _minus(goal, point)
         now_squared = dot(d, d)
         stalls = 0 if now_squared < last_squared else stalls + 1
         last_squared = min(now_squared, last_squared)
         if feature >= VERTEX:
-            opens, k, feature = _at_vertex(faces, vertices, free, k, feature - VERTEX, d)
+            opens, k, feature = _choose_at_vertex(faces, vertices, free, k, feature - VERTEX, d)
             if opens:
                 return LEAVES, k, feature, point
             if feature >= VERTEX:
                 return RESTS, k, feature, point
         elif feature >= EDGE:
-            opens, k, feature = _at_edge(faces, vertices, free, k, feature - EDGE, d)
+            opens, k, feature = _choose_at_edge(faces, vertices, free, k, feature - EDGE, d)
             if opens:
                 return LEAVES, k, feature, point
         elif free and dot(normal_of(faces, k), d) >= 0.0:
             return LEAVES, k, feature, point
         if feature == FACE:
-            feature, point = _over_face(faces, vertices, k, point, goal)
+            feature, point = _cross_face(faces, vertices, k, point, goal)
             if feature == FACE:
                 d = _minus(goal, point)
                 if free and dot(normal_of(faces, k), d) >= 0.0:
@@ -73,7 +73,7 @@ def walk(
                 return RESTS, k, feature, point
         else:
             i = feature - EDGE
-            a, b = at(vertices, faces[k, CORNER + i]), at(vertices, faces[k, CORNER + (i + 1) % 3])
+            a, b = position_of(vertices, faces[k, CORNER + i]), position_of(vertices, faces[k, CORNER + (i + 1) % 3])
             ab = _minus(b, a)
             share = dot(_minus(goal, a), ab) / dot(ab, ab)
             if 0.0 < share < 1.0:
@@ -83,10 +83,14 @@ def walk(
 
 
 @inner
-def _over_face(faces: Array, vertices: Array, k: int, point: Triple, goal: Triple) -> tuple[int, Triple]:
+def _cross_face(faces: Array, vertices: Array, k: int, point: Triple, goal: Triple) -> tuple[int, Triple]:
     """Go straight over triangle k towards the goal's foot on its plane: to it, or to the edge or vertex on the way."""
     n = normal_of(faces, k)
-    corners = (at(vertices, faces[k, 0]), at(vertices, faces[k, 1]), at(vertices, faces[k, 2]))
+    corners = (
+        position_of(vertices, faces[k, 0]),
+        position_of(vertices, faces[k, 1]),
+        position_of(vertices, faces[k, 2]),
+    )
     foot = plus(goal, -dot(n, _minus(goal, corners[0])), n)
     foot = plus(foot, -dot(n, _minus(foot, corners[0])), n)
     share, left = 1.0, -1
@@ -110,21 +114,21 @@ def _over_face(faces: Array, vertices: Array, k: int, point: Triple, goal: Tripl
 
 
 @inner
-def _at_edge(faces: Array, vertices: Array, free: bool, k: int, i: int, d: Triple) -> tuple[bool, int, int]:
+def _choose_at_edge(faces: Array, vertices: Array, free: bool, k: int, i: int, d: Triple) -> tuple[bool, int, int]:
     """From edge i of triangle k: whether the way along d opens, and the face, or the edge itself, to go on along.
 
     Where both faces lead down it is its own.
     """
     j = int(faces[k, ACROSS + i])
     n, p = normal_of(faces, k), normal_of(faces, j)
-    e = _minus(at(vertices, faces[k, CORNER + (i + 1) % 3]), at(vertices, faces[k, CORNER + i]))
+    e = _minus(position_of(vertices, faces[k, CORNER + (i + 1) % 3]), position_of(vertices, faces[k, CORNER + i]))
     e = _scaled(1.0 / math.sqrt(dot(e, e)), e)
     inward_here, inward_beyond = _cross(n, e), _cross(e, p)
-    convex = dot(inward_beyond, n) <= ROUND
+    convex = dot(inward_beyond, n) <= DIRECTION_ROUNDING
     rise_here, rise_beyond = dot(n, d), dot(p, d)
     if free and ((rise_here >= 0.0 and rise_beyond >= 0.0) or (convex and (rise_here >= 0.0 or rise_beyond >= 0.0))):
         return True, k, EDGE + i
-    rounding = ROUND * math.sqrt(dot(d, d))
+    rounding = DIRECTION_ROUNDING * math.sqrt(dot(d, d))
     gain_here, gain_beyond = dot(inward_here, d), dot(inward_beyond, d)
     if free and rise_here >= 0.0:
         gain_here = 0.0
@@ -136,23 +140,23 @@ def _at_edge(faces: Array, vertices: Array, free: bool, k: int, i: int, d: Tripl
 
 
 @inner
-def _at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int, d: Triple) -> tuple[bool, int, int]:
+def _choose_at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int, d: Triple) -> tuple[bool, int, int]:
     """From corner i of triangle k: whether the way along d opens, and the face or edge that leads down most steeply.
 
     Or the vertex itself, where none does. Whether d points out of the solid is the sign of the pseudonormal of what is
     closest to it in the fan, as for any point beside the mesh.
     """
     row = faces[k, CORNER + i]
-    apex, size_squared = at(vertices, row), dot(d, d)
+    apex, size_squared = position_of(vertices, row), dot(d, d)
     vertex = int(row)
     mean = (vertices[vertex, PSEUDO], vertices[vertex, PSEUDO + 1], vertices[vertex, PSEUDO + 2])
     least_squared, side = size_squared, dot(mean, d)
-    steepest, best, steepest_feature = ROUND * ROUND * size_squared, k, VERTEX + i
+    steepest, best, steepest_feature = DIRECTION_ROUNDING * DIRECTION_ROUNDING * size_squared, k, VERTEX + i
     j, h = k, i
     while True:
         n = normal_of(faces, j)
-        p = _minus(at(vertices, faces[j, CORNER + (h + 1) % 3]), apex)
-        q = _minus(at(vertices, faces[j, CORNER + (h + 2) % 3]), apex)
+        p = _minus(position_of(vertices, faces[j, CORNER + (h + 1) % 3]), apex)
+        q = _minus(position_of(vertices, faces[j, CORNER + (h + 2) % 3]), apex)
         height, after = dot(n, d), int(faces[j, ACROSS + h])
         if dot(_cross(n, p), d) >= 0.0 and dot(_cross(q, n), d) >= 0.0:
             if height * height < least_squared:

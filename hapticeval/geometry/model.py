@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hapticeval.geometry.surface import Surface
 
 
-FREE = {
+KIND_BY_PARAMETER = {
     "model": "extruded",
     "triangles": "mesh",
     "file": "mesh",
@@ -53,7 +53,7 @@ class Model:
     @property
     def table(self) -> dict[str, Any]:
         """What a suite file has for it: `kind` and parameters, as `make_model` takes them."""
-        kind = next((FREE[name] for name in FREE if name in self.parameters), self.name)
+        kind = next((KIND_BY_PARAMETER[name] for name in KIND_BY_PARAMETER if name in self.parameters), self.name)
         return {"kind": kind, **self.parameters}
 
     @property
@@ -150,9 +150,9 @@ class Model:
         """Return the signed distance on a grid of `shape` = (nx, ny) nodes that covers the model and a margin."""
         key = ("level set", tuple(shape))
         if key not in self._prepared:
-            from hapticeval.geometry.level_set import sampled
+            from hapticeval.geometry.level_set import sample_level_set
 
-            self._prepared[key] = sampled(self.curve, shape)
+            self._prepared[key] = sample_level_set(self.curve, shape)
         level_set: LevelSet = self._prepared[key]
         return level_set
 
@@ -172,10 +172,10 @@ class Model:
         if curve.straight:
             return np.array(curve.pieces[:, U0])
         start, end = curve.u_range
-        return equal_steps([corner.u for corner in curve.corners] or [start], end - start, n)
+        return equal_steps_between([corner.u for corner in curve.corners] or [start], end - start, n)
 
 
-def equal_steps(cuts: list[float], length: float, n: int) -> Array:
+def equal_steps_between(cuts: list[float], length: float, n: int) -> Array:
     """Return about n positions once round a closed way of length `whole`: at every cut, and evenly between."""
     runs = []
     for first, last in zip(cuts, [*cuts[1:], cuts[0] + length], strict=True):

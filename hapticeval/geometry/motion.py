@@ -83,7 +83,7 @@ def mirroring(dimension: int) -> Motion:
     return Motion(matrix, 1.0, np.zeros(dimension))
 
 
-def rigid(angle: float, shift: ArrayLike) -> Motion:
+def rigid_motion(angle: float, shift: ArrayLike) -> Motion:
     """Return a turn by `angle` (rad), in space about the axis (1, 2, 3), and then a shift (N,), m."""
     shift = np.asarray(shift, dtype=np.float64)
     c, s = math.cos(angle), math.sin(angle)

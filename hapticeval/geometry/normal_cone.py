@@ -13,11 +13,11 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from hapticeval.geometry.curve import Curve
 
-SAMPLES = 16384
-SEAM = 1e-9
+NORMAL_SAMPLES = 16384
+JOINT_OFFSET = 1e-9
 """Before each joint, in parts of the curve, where the normal of the face that ends there is sampled."""
 
-FOLLOWED = 1e-10
+SPLINE_TOLERANCE = 1e-10
 """How closely (rad) a spline of the normals has to keep to them half way between its knots, to be used for them."""
 
 
@@ -25,10 +25,11 @@ class NormalCone:
     """The true outward normals within a reach, in metres of arc, on either side of a surface point.
 
     On a smooth stretch that is a narrow interval around n_c (3.4); across a corner it holds every direction between the
-    normals of the two faces, which are the equivalent normals n_e of section 3.2.1. The normals at the point and at
-    both ends of the stretch are exact, on a curve of one piece to `FOLLOWED` at the ends, and so are those where the
-    turning changes its sense: at joints of the curve and at inflections. Two inflections between the same two of
-    `SAMPLES` points are missed.
+    normals of the two faces, which are the equivalent normals n_e of section 3.2.1.
+
+    The normals at the point and at both ends of the stretch are exact, on a curve of one piece to `SPLINE_TOLERANCE` at
+    the ends. So are those where the turning changes its sense: at joints of the curve and at inflections. Two
+    inflections between the same two of `NORMAL_SAMPLES` points are missed.
     """
 
     def __init__(self, curve: Curve) -> None:
@@ -36,13 +37,13 @@ class NormalCone:
         if not curve.closed:
             return
         low, high = curve.u_range
-        tiny, joints = SEAM * (high - low), curve.pieces[:, U0]
-        inner = np.concatenate([np.linspace(low, high, SAMPLES), joints, joints - tiny])
+        tiny, joints = JOINT_OFFSET * (high - low), curve.pieces[:, U0]
+        inner = np.concatenate([np.linspace(low, high, NORMAL_SAMPLES), joints, joints - tiny])
         u = np.unique(np.clip(inner, low, high - tiny))
         u = np.union1d(u, _inflections(curve, u, tiny))
         s = curve.arc_length(u)
-        raw = _angle(curve.normal(u))
-        angle = np.concatenate([[raw[0]], raw[0] + np.cumsum(wrapped(np.diff(raw)))])
+        raw = _angles_of(curve.normal(u))
+        angle = np.concatenate([[raw[0]], raw[0] + np.cumsum(wrap_angle(np.diff(raw)))])
         turn = 2.0 * np.pi
         self._s = np.concatenate([s - curve.length, s, s + curve.length])
         self._angle = np.concatenate([angle - turn, angle, angle + turn])
@@ -52,8 +53,8 @@ class NormalCone:
 
             spline = CubicHermiteSpline(self._s, self._angle, np.tile(curve.curvature(u), 3))
             middle = 0.5 * (u[:-1] + u[1:])
-            off = wrapped(_angle(curve.normal(middle)) - spline(curve.arc_length(middle)))
-            self._spline = spline if float(np.abs(off).max()) <= FOLLOWED else None
+            off = wrap_angle(_angles_of(curve.normal(middle)) - spline(curve.arc_length(middle)))
+            self._spline = spline if float(np.abs(off).max()) <= SPLINE_TOLERANCE else None
 
     def interval(self, points: Array, reach: Array) -> tuple[Array, Array]:
         """Return the lowest and highest angle (n,), rad, unwrapped, within `reach` (n,), m, of points (n, 2).
@@ -61,7 +62,7 @@ class NormalCone:
         At a corner these are the angles of both faces' normals, however small the reach.
         """
         if not self.curve.closed:
-            angle = np.full(points.shape[0], _angle(self.curve.normal(0.0)[np.newaxis])[0])
+            angle = np.full(points.shape[0], _angles_of(self.curve.normal(0.0)[np.newaxis])[0])
             return angle, angle
         reach = np.minimum(reach, 0.5 * self.curve.length)
         u = self.curve.nearest(points)
@@ -69,7 +70,7 @@ class NormalCone:
         ends = [s, s - reach, s + reach]
         angles = [self._angle_at(s, u), *(self._angle_at(end) for end in ends[1:])]
         low, high = np.min(angles, axis=0), np.max(angles, axis=0)
-        seam = 2.0 * SEAM * self.curve.length if self.curve.corners else 0.0
+        seam = 2.0 * JOINT_OFFSET * self.curve.length if self.curve.corners else 0.0
         first = np.searchsorted(self._s, np.minimum(ends[1], s - seam), side="left")
         last = np.searchsorted(self._s, np.maximum(ends[2], s + seam), side="right")
         has_samples = last > first
@@ -85,7 +86,7 @@ class NormalCone:
             return np.asarray(self._spline(s))
         near = np.interp(s, self._s, self._angle)
         normals = self.curve.normal(self.curve.parameter(s) if u is None else u)
-        return np.asarray(near + wrapped(_angle(normals) - near))
+        return np.asarray(near + wrap_angle(_angles_of(normals) - near))
 
     def around(self, points: Array, reach: Array) -> Callable[[Array], Array]:
         """Answer `Boundary.normal_cone` for points (n, 2) and `reach` (n,), m."""
@@ -93,7 +94,7 @@ class NormalCone:
         middle = 0.5 * (low + high)
 
         def angle_outside(directions: Array) -> Array:
-            angle = middle + wrapped(_angle(directions) - middle)
+            angle = middle + wrap_angle(_angles_of(directions) - middle)
             return np.maximum(0.0, np.maximum(low - angle, angle - high))
 
         return angle_outside
@@ -109,11 +110,11 @@ def _inflections(curve: Curve, u: Array, tiny: float) -> list[float]:
     return [root for root, k in roots if u[k] + tiny < root < u[k + 1] - tiny]
 
 
-def wrapped(angle: Array) -> Array:
+def wrap_angle(angle: Array) -> Array:
     """Return each angle brought into [-pi, pi), rad."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def _angle(vectors: Array) -> Array:
+def _angles_of(vectors: Array) -> Array:
     """The angle (n,) of each of vectors (n, 2), rad."""
     return np.asarray(np.arctan2(vectors[:, 1], vectors[:, 0]))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.kernels import closed_polyline
+from hapticeval.geometry.kernels import line_pieces
 from hapticeval.geometry.validate import checked_vertices
 from hapticeval.types import Array
 
@@ -21,7 +21,7 @@ class Polygon(Curve):
     """
 
     def __init__(self, vertices: ArrayLike) -> None:
-        super().__init__("polygon", closed_polyline(checked_vertices(vertices)), True)
+        super().__init__("polygon", line_pieces(checked_vertices(vertices)), True)
 
     @property
     def vertices(self) -> Array:
@@ -48,8 +48,8 @@ class Polygon(Curve):
         stops = np.unique(np.concatenate([[start, end], [corner.u for corner in curve.corners], feet]))
         shares = np.arange(self.vertices.shape[0] + 1.0)
         return max(
-            _largest(lambda u: np.abs(self.signed_distance(curve.position(u))), stops),
-            _largest(lambda share: np.abs(curve.signed_distance(self._along(share))), shares),
+            _largest_between(lambda u: np.abs(self.signed_distance(curve.position(u))), stops),
+            _largest_between(lambda share: np.abs(curve.signed_distance(self._along(share))), shares),
         )
 
     def _along(self, share: Array) -> Array:
@@ -57,7 +57,7 @@ class Polygon(Curve):
         return np.asarray(self.vertices[edge] + (share - edge)[:, np.newaxis] * self.edges[edge])
 
 
-def _largest(value: Callable[[Array], Array], stops: Array) -> float:
+def _largest_between(value: Callable[[Array], Array], stops: Array) -> float:
     """The largest value of a function smooth between `stops`: eight samples each, then golden sections."""
     cuts = 8
     step = np.diff(stops)[:, np.newaxis]

@@ -21,9 +21,9 @@ import numpy as np
 from hapticeval.compiled import compiled
 from hapticeval.types import Array
 
-LEAF = 8
-DEPTH = 128
-TOUCH, ROUNDING = 1e-12, 2e-15
+EDGES_PER_LEAF = 8
+STACK_DEPTH = 128
+TOUCH_SHARE, COORDINATE_ROUNDING = 1e-12, 2e-15
 """A point this close to an edge, in parts of the polygon's extent and of its distance from the origin, is on it.
 
 The second is the rounding of coordinates and of a few sums of them: far from the origin it is the larger one.
@@ -35,7 +35,7 @@ def build_tree(vertices: Array) -> Array:
     """The tree of capsules over the edges of vertices (n, 2); see the module's text for its rows."""
     n = vertices.shape[0]
     m = 1
-    while m * 2 * LEAF <= n:
+    while m * 2 * EDGES_PER_LEAF <= n:
         m *= 2
     tree = np.zeros((2 * m, 6))
     level, first = m, m
@@ -62,7 +62,7 @@ def build_tree(vertices: Array) -> Array:
 
 
 @compiled
-def _chord_distance2(tree: Array, i: int, x: float, y: float) -> float:
+def _chord_distance_squared(tree: Array, i: int, x: float, y: float) -> float:
     px, py = x - tree[i, 0], y - tree[i, 1]
     dx, dy = tree[i, 2], tree[i, 3]
     t = min(max((px * dx + py * dy) * tree[i, 4], 0.0), 1.0)
@@ -77,8 +77,8 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
     The end of an edge is given as the start of the next, so t = 0 means a vertex.
     """
     n, m = vertices.shape[0], tree.shape[0] // 2
-    nodes = np.empty(DEPTH, np.int64)
-    bounds = np.empty(DEPTH)
+    nodes = np.empty(STACK_DEPTH, np.int64)
+    bounds = np.empty(STACK_DEPTH)
     nodes[0], bounds[0] = 1, 0.0
     top = 1
     best_squared, best = np.inf, np.inf
@@ -92,8 +92,8 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
         while i < m:
             near_child, far_child = 2 * i, 2 * i + 1
             near_squared, far_squared = (
-                _chord_distance2(tree, near_child, x, y),
-                _chord_distance2(tree, far_child, x, y),
+                _chord_distance_squared(tree, near_child, x, y),
+                _chord_distance_squared(tree, far_child, x, y),
             )
             if far_squared < near_squared:
                 near_child, far_child, near_squared, far_squared = far_child, near_child, far_squared, near_squared
@@ -132,7 +132,7 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
 
 
 @compiled
-def _side(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> float:
+def _doubled_area(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> float:
     """Twice the area of the triangle a, b, (x, y): positive where the point is left of a to b."""
     return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
 
@@ -158,7 +158,7 @@ def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) ->
         turn = px * qy - py * qx
         if turn != 0.0 and (x != ax or y != ay):
             return 1.0 if turn > 0.0 else -1.0
-    return -1.0 if _side(ax, ay, bx, by, x, y) > 0.0 else 1.0
+    return -1.0 if _doubled_area(ax, ay, bx, by, x, y) > 0.0 else 1.0
 
 
 @compiled
@@ -173,7 +173,7 @@ def _vertex_at(vertices: Array, k: int, reach: float, x: float, y: float) -> int
 
 
 @compiled
-def _enters(vertices: Array, vertex: int, x1: float, y1: float) -> int:
+def _edge_entered_at(vertices: Array, vertex: int, x1: float, y1: float) -> int:
     """The edge through which a segment that passes a vertex on its way to (x1, y1) goes inside there, or -1.
 
     At a convex vertex the inside is left of both edges, at a concave one left of either. Of the two the edge counts
@@ -185,15 +185,15 @@ def _enters(vertices: Array, vertex: int, x1: float, y1: float) -> int:
     ax, ay = vertices[before, 0], vertices[before, 1]
     bx, by = vertices[vertex, 0], vertices[vertex, 1]
     cx, cy = vertices[after, 0], vertices[after, 1]
-    first, second = _side(ax, ay, bx, by, x1, y1), _side(bx, by, cx, cy, x1, y1)
-    convex = _side(ax, ay, bx, by, cx, cy) >= 0.0
+    first, second = _doubled_area(ax, ay, bx, by, x1, y1), _doubled_area(bx, by, cx, cy, x1, y1)
+    convex = _doubled_area(ax, ay, bx, by, cx, cy) >= 0.0
     if (convex and min(first, second) <= 0.0) or max(first, second) <= 0.0:
         return -1
     return before if first * math.hypot(cx - bx, cy - by) > second * math.hypot(bx - ax, by - ay) else vertex
 
 
 @compiled
-def _ahead(vertices: Array, vertex: int, touch: float, x: float, y: float, x1: float, y1: float) -> bool:
+def _passes_ahead(vertices: Array, vertex: int, touch: float, x: float, y: float, x1: float, y1: float) -> bool:
     """Whether a segment from (x, y) to (x1, y1) passes a vertex ahead of it within `touch`."""
     dx, dy = x1 - x, y1 - y
     length = math.hypot(dx, dy)
@@ -203,7 +203,7 @@ def _ahead(vertices: Array, vertex: int, touch: float, x: float, y: float, x1: f
 
 
 @compiled
-def _slides_into(vertices: Array, vertex: int, touch: float, x1: float, y1: float) -> tuple[int, int]:
+def _entrance_after(vertices: Array, vertex: int, touch: float, x1: float, y1: float) -> tuple[int, int]:
     """The (edge, vertex) at which a segment that passes `vertex` goes inside, there or after edges that it runs along.
 
     An edge that lies on the segment within `touch` is no crossing, but its end may be: at a concave vertex the segment
@@ -211,14 +211,14 @@ def _slides_into(vertices: Array, vertex: int, touch: float, x1: float, y1: floa
     """
     n = vertices.shape[0]
     for _ in range(n):
-        edge = _enters(vertices, vertex, x1, y1)
+        edge = _edge_entered_at(vertices, vertex, x1, y1)
         if edge >= 0:
             return edge, vertex
         after, before = (vertex + 1 if vertex + 1 < n else 0), (vertex - 1 if vertex > 0 else n - 1)
         x, y = vertices[vertex, 0], vertices[vertex, 1]
-        if _ahead(vertices, after, touch, x, y, x1, y1):
+        if _passes_ahead(vertices, after, touch, x, y, x1, y1):
             vertex = after
-        elif _ahead(vertices, before, touch, x, y, x1, y1):
+        elif _passes_ahead(vertices, before, touch, x, y, x1, y1):
             vertex = before
         else:
             break
@@ -226,7 +226,7 @@ def _slides_into(vertices: Array, vertex: int, touch: float, x1: float, y1: floa
 
 
 @compiled
-def _share(vertices: Array, k: int, x: float, y: float) -> float:
+def _share_along_edge(vertices: Array, k: int, x: float, y: float) -> float:
     """Where along edge k, in [0, 1], a point on it is."""
     next_vertex = k + 1 if k + 1 < vertices.shape[0] else 0
     dx, dy = vertices[next_vertex, 0] - vertices[k, 0], vertices[next_vertex, 1] - vertices[k, 1]
@@ -252,7 +252,7 @@ def first_crossing_kernel(
         return -1, 0.0, 0.0
     start, _, distance_squared = nearest_kernel(vertices, tree, x0, y0)
     distance = math.sqrt(distance_squared)
-    touch = TOUCH * tree[1, 5] + ROUNDING * (abs(tree[1, 0]) + abs(tree[1, 1]))
+    touch = TOUCH_SHARE * tree[1, 5] + COORDINATE_ROUNDING * (abs(tree[1, 0]) + abs(tree[1, 1]))
     if distance > length + touch:
         return -1, 0.0, 0.0
     on_outline = distance <= touch
@@ -262,20 +262,20 @@ def first_crossing_kernel(
         if vertex < 0:
             next_vertex = start + 1 if start + 1 < n else 0
             ax, ay, bx, by = vertices[start, 0], vertices[start, 1], vertices[next_vertex, 0], vertices[next_vertex, 1]
-            if _side(ax, ay, bx, by, x1, y1) > 0.0:
-                return start, _share(vertices, start, x0, y0), 0.0
+            if _doubled_area(ax, ay, bx, by, x1, y1) > 0.0:
+                return start, _share_along_edge(vertices, start, x0, y0), 0.0
             for end in (start, next_vertex):
-                if _ahead(vertices, end, touch, x0, y0, x1, y1):
+                if _passes_ahead(vertices, end, touch, x0, y0, x1, y1):
                     passes = end
         if passes >= 0:
-            edge, entrance = _slides_into(vertices, passes, touch, x1, y1)
+            edge, entrance = _entrance_after(vertices, passes, touch, x1, y1)
             if edge >= 0 and entrance == vertex:
-                return edge, _share(vertices, edge, x0, y0), 0.0
+                return edge, _share_along_edge(vertices, edge, x0, y0), 0.0
             if edge >= 0:
                 along = (vertices[entrance, 0] - x0) * sx + (vertices[entrance, 1] - y0) * sy
                 return edge, (0.0 if edge == entrance else 1.0), along / (length * length)
     best, best_edge, best_t = np.inf, -1, 0.0
-    nodes = np.empty(DEPTH, np.int64)
+    nodes = np.empty(STACK_DEPTH, np.int64)
     nodes[0] = 1
     top = 1
     while top > 0:
@@ -284,7 +284,7 @@ def first_crossing_kernel(
         ax, ay = tree[i, 0], tree[i, 1]
         bx, by = ax + tree[i, 2], ay + tree[i, 3]
         slack = tree[i, 5] * length + touch * length
-        a_side, b_side = _side(x0, y0, x1, y1, ax, ay), _side(x0, y0, x1, y1, bx, by)
+        a_side, b_side = _doubled_area(x0, y0, x1, y1, ax, ay), _doubled_area(x0, y0, x1, y1, bx, by)
         if (a_side > slack and b_side > slack) or (a_side < -slack and b_side < -slack):
             continue
         a_along, b_along = (ax - x0) * sx + (ay - y0) * sy, (bx - x0) * sx + (by - y0) * sy
@@ -301,10 +301,10 @@ def first_crossing_kernel(
         for k in range(j * n // m, (j + 1) * n // m):
             next_vertex = k + 1 if k + 1 < n else 0
             ax, ay, bx, by = vertices[k, 0], vertices[k, 1], vertices[next_vertex, 0], vertices[next_vertex, 1]
-            a_side, b_side = _side(x0, y0, x1, y1, ax, ay), _side(x0, y0, x1, y1, bx, by)
+            a_side, b_side = _doubled_area(x0, y0, x1, y1, ax, ay), _doubled_area(x0, y0, x1, y1, bx, by)
             if not (a_side > 0.0 >= b_side):
                 continue
-            before, after = _side(ax, ay, bx, by, x0, y0), _side(ax, ay, bx, by, x1, y1)
+            before, after = _doubled_area(ax, ay, bx, by, x0, y0), _doubled_area(ax, ay, bx, by, x1, y1)
             if before > 0.0 or after <= 0.0:
                 continue
             if on_outline and -before <= touch * math.hypot(bx - ax, by - ay):
@@ -314,7 +314,7 @@ def first_crossing_kernel(
                 edge, t = k, a_side / (a_side - b_side)
                 vertex = _vertex_at(vertices, k, touch, ax + t * (bx - ax), ay + t * (by - ay))
                 if vertex >= 0:
-                    edge, entrance = _slides_into(vertices, vertex, touch, x1, y1)
+                    edge, entrance = _entrance_after(vertices, vertex, touch, x1, y1)
                     if edge < 0:
                         continue  # it only touches the vertex
                     t = 0.0 if edge == entrance else 1.0

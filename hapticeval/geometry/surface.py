@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from hapticeval.compiled import Closest
 from hapticeval.geometry import surface_kernels as kernels
-from hapticeval.geometry.boundary import ClosestPoint, InSpace, spiral
+from hapticeval.geometry.boundary import ClosestPoint, SurfaceInSpace, spread_over_sphere
 from hapticeval.geometry.motion import Motion
-from hapticeval.geometry.validate import answered
+from hapticeval.geometry.validate import answer_by_kernel
 from hapticeval.types import Array
 
 KINDS = {"sphere": kernels.SPHERE, "ellipsoid": kernels.ELLIPSOID, "torus": kernels.TORUS}
@@ -22,7 +22,7 @@ KINDS = {"sphere": kernels.SPHERE, "ellipsoid": kernels.ELLIPSOID, "torus": kern
 
 
 @dataclass(frozen=True, eq=False)
-class Surface(InSpace):
+class Surface(SurfaceInSpace):
     """A sphere, an ellipsoid or a torus about the origin; `reals` are its lengths (m). It is a `Boundary`.
 
     A sphere has its radius, an ellipsoid its semi-axes along x, y and z, and a torus, about the z axis, the radius of
@@ -36,7 +36,7 @@ class Surface(InSpace):
     @cached_property
     def row(self) -> Array:
         """What the kernels take, see `surface_kernels`."""
-        row = np.zeros(kernels.REALS)
+        row = np.zeros(kernels.ROW_LENGTH)
         row[0] = KINDS[self.kind]
         row[1 : 1 + len(self.reals)] = self.reals
         return row
@@ -44,9 +44,9 @@ class Surface(InSpace):
     @cached_property
     def compiled_closest(self) -> Closest:
         """The closest point as compiled code, for what is composed into a step: see `closest_of`."""
-        from hapticeval.geometry.closest_kernels import of_surface
+        from hapticeval.geometry.closest_kernels import closest_of_surface
 
-        return of_surface(self.row)
+        return closest_of_surface(self.row)
 
     def moved(self, motion: Motion) -> Surface | None:
         """Return the surface scaled, its own mirror image; None where it is turned or shifted: it is bound to axes."""
@@ -65,11 +65,11 @@ class Surface(InSpace):
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
         """See `Boundary.closest_point`: one compiled call."""
-        return answered(kernels.frames, (self.row,), points, 3)
+        return answer_by_kernel(kernels.closest_points, (self.row,), points, 3)
 
     def signed_distance(self, points: ArrayLike) -> Array:
         """See `Boundary.signed_distance`."""
-        return answered(kernels.distances, (self.row,), points, 3)
+        return answer_by_kernel(kernels.signed_distances, (self.row,), points, 3)
 
     def medial_distance(self, points: ArrayLike) -> Array:
         """Return (n, 2), m: from the foot of each of points (n, 3), how far the medial set lies in- and outwards.
@@ -78,12 +78,12 @@ class Surface(InSpace):
         is positive.
         """
         frame = self.closest_point(points)
-        return kernels.reach_many(self.row, frame.foot, frame.normal)
+        return kernels.medial_reaches(self.row, frame.foot, frame.normal)
 
     def points(self, n: int) -> Array:
         """See `Boundary.points`: evenly on the sphere and the torus; an ellipsoid's are the sphere's, stretched."""
         if self.kind != "torus":
-            return np.asarray(spiral(n) * np.array(self.reals))
+            return np.asarray(spread_over_sphere(n) * np.array(self.reals))
         major, minor = self.reals
         angle = _tube_angle((np.arange(n) + 0.5) / n, minor / major)
         out, turn = major + minor * np.cos(angle), np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))

@@ -25,15 +25,15 @@ from hapticeval.types import Array
 
 SPHERE, ELLIPSOID, TORUS = 0.0, 1.0, 2.0
 KIND, FIRST, SECOND, THIRD = range(4)
-REALS = 4
+ROW_LENGTH = 4
 
 Triple: TypeAlias = tuple[float, float, float]
 Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
 
-STEPS = 200
+MOST_ROOT_STEPS = 200
 """Most steps of the ellipsoid's root search: a bound on the loop, which ends by itself at rounding."""
 
-NOTHING = 1e-150
+ZERO_SHARE = 1e-150
 """Share of a semi-axis below which a coordinate counts as zero: its reciprocal's square is still a number."""
 
 
@@ -50,7 +50,7 @@ def plus(a: Triple, factor: float, b: Triple) -> Triple:
 
 
 @compiled
-def times(w: Symmetric, v: Triple) -> Triple:
+def apply_matrix(w: Symmetric, v: Triple) -> Triple:
     """The symmetric matrix w on the vector v."""
     return (
         w[0] * v[0] + w[1] * v[1] + w[2] * v[2],
@@ -60,7 +60,7 @@ def times(w: Symmetric, v: Triple) -> Triple:
 
 
 @compiled
-def place(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
+def closest_on_surface(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
     """The globally nearest surface point, the outward unit normal there, and the signed distance, negative inside.
 
     On the medial set, where several are nearest, it is one of them, always the same: y = foot + distance normal holds.
@@ -112,14 +112,14 @@ def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
     g = max(0.0, rs[0] * zs[0] - qs[0], rs[1] * zs[1] - qs[1], rs[2] * zs[2] - qs[2])
     inner = 0.0
     for i in range(3):
-        if zs[i] > NOTHING and qs[i] > 0.0:
+        if zs[i] > ZERO_SHARE and qs[i] > 0.0:
             inner += (rs[i] * zs[i] / qs[i]) ** 2
-    medial = g <= NOTHING and inner <= 1.0
+    medial = g <= ZERO_SHARE and inner <= 1.0
     if not medial:
-        for _ in range(STEPS):
+        for _ in range(MOST_ROOT_STEPS):
             norm_squared, slope = 0.0, 0.0
             for i in range(3):
-                if zs[i] > NOTHING:
+                if zs[i] > ZERO_SHARE:
                     w = rs[i] * zs[i] / (qs[i] + g)
                     norm_squared += w * w
                     slope += w * w / (qs[i] + g)
@@ -127,9 +127,9 @@ def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
             g += step
             if not step > 1e-16 * g:
                 break
-    x0 = rs[0] * y[0] / (qs[0] + g) if zs[0] > NOTHING else 0.0
-    x1 = rs[1] * y[1] / (qs[1] + g) if zs[1] > NOTHING else 0.0
-    x2 = rs[2] * y[2] / (qs[2] + g) if zs[2] > NOTHING else 0.0
+    x0 = rs[0] * y[0] / (qs[0] + g) if zs[0] > ZERO_SHARE else 0.0
+    x1 = rs[1] * y[1] / (qs[1] + g) if zs[1] > ZERO_SHARE else 0.0
+    x2 = rs[2] * y[2] / (qs[2] + g) if zs[2] > ZERO_SHARE else 0.0
     if medial:
         low = e * math.sqrt(max(0.0, 1.0 - inner))
         if c == e:
@@ -145,7 +145,7 @@ def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
 
 
 @compiled
-def bend(reals: Array, p: Triple, normal: Triple) -> Symmetric:
+def shape_operator(reals: Array, p: Triple, normal: Triple) -> Symmetric:
     """The shape operator W (1/m) at the surface point p: symmetric, W normal = 0, positive where convex."""
     x, y, z = normal
     if reals[KIND] == SPHERE:
@@ -166,7 +166,7 @@ def bend(reals: Array, p: Triple, normal: Triple) -> Symmetric:
             -k * y * z,
             k * (1.0 - z * z),
         )
-    d, s = _hessian(reals, p)
+    d, s = _quadric_terms(reals, p)
     h = (d[0] * x, d[1] * y, d[2] * z)
     hn = dot(h, normal)
     return (
@@ -180,7 +180,7 @@ def bend(reals: Array, p: Triple, normal: Triple) -> Symmetric:
 
 
 @compiled
-def bend_change(reals: Array, p: Triple, normal: Triple, v: Triple, w: Triple) -> Triple:
+def shape_operator_change(reals: Array, p: Triple, normal: Triple, v: Triple, w: Triple) -> Triple:
     """(∇_v W) w, the covariant derivative of W along v applied to w, 1/m^2 times both; v and w tangent at p.
 
     It is symmetric in v and w (Codazzi).
@@ -196,24 +196,24 @@ def bend_change(reals: Array, p: Triple, normal: Triple, v: Triple, w: Triple) -
         up = (-sin * ex, -sin * ey, cos)
         factor = -major * sin / (minor * across * across)
         va, vu, wa, wu = dot(v, along), dot(v, up), dot(w, along), dot(w, up)
-        return _sum(factor * (vu * wa + va * wu), along, factor * va * wa, up)
-    d, s = _hessian(reals, p)
+        return _combination(factor * (vu * wa + va * wu), along, factor * va * wa, up)
+    d, s = _quadric_terms(reals, p)
     h = (d[0] * normal[0], d[1] * normal[1], d[2] * normal[2])
     e = plus(h, -dot(h, normal), normal)
     e = (e[0] / s, e[1] / s, e[2] / s)
-    shape = bend(reals, p, normal)
-    wv, ww = times(shape, v), times(shape, w)
-    total = plus(_sum(dot(e, w), wv, dot(wv, w), e), dot(e, v), ww)
+    shape = shape_operator(reals, p, normal)
+    wv, ww = apply_matrix(shape, v), apply_matrix(shape, w)
+    total = plus(_combination(dot(e, w), wv, dot(wv, w), e), dot(e, v), ww)
     return -total[0], -total[1], -total[2]
 
 
 @compiled
-def _sum(f: float, a: Triple, g: float, b: Triple) -> Triple:
+def _combination(f: float, a: Triple, g: float, b: Triple) -> Triple:
     return f * a[0] + g * b[0], f * a[1] + g * b[1], f * a[2] + g * b[2]
 
 
 @compiled
-def _hessian(reals: Array, p: Triple) -> tuple[Triple, float]:
+def _quadric_terms(reals: Array, p: Triple) -> tuple[Triple, float]:
     """Half the second derivatives of the ellipsoid's quadratic form, and half the length of its gradient at p."""
     a, b, c = reals[FIRST], reals[SECOND], reals[THIRD]
     d = (1.0 / a / a, 1.0 / b / b, 1.0 / c / c)
@@ -222,7 +222,7 @@ def _hessian(reals: Array, p: Triple) -> tuple[Triple, float]:
 
 
 @compiled
-def reach(reals: Array, p: Triple, normal: Triple) -> tuple[float, float]:
+def medial_reach(reals: Array, p: Triple, normal: Triple) -> tuple[float, float]:
     """How far (m) from the surface point p the medial set lies: along the normal inwards, and outwards.
 
     Up to there p is the one nearest point. The medial set of the torus is its core circle inside, its axis outside.
@@ -234,41 +234,41 @@ def reach(reals: Array, p: Triple, normal: Triple) -> tuple[float, float]:
         cos = (normal[0] * p[0] + normal[1] * p[1]) / across
         return reals[SECOND], across / -cos if cos < 0.0 else math.inf
     e = min(reals[FIRST], reals[SECOND], reals[THIRD])
-    _, s = _hessian(reals, p)
+    _, s = _quadric_terms(reals, p)
     return e * e * s, math.inf
 
 
 @compiled
-def distances(reals: Array, points: Array) -> Array:
+def signed_distances(reals: Array, points: Array) -> Array:
     """Signed distances (n,), m, of points (n, 3). Raises as `check_finite` does."""
     check_finite(points)
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
-        _, _, out[i] = place(reals, (points[i, 0], points[i, 1], points[i, 2]))
+        _, _, out[i] = closest_on_surface(reals, (points[i, 0], points[i, 1], points[i, 2]))
     return out
 
 
 @compiled
-def frames(reals: Array, points: Array) -> ClosestPoint:
+def closest_points(reals: Array, points: Array) -> ClosestPoint:
     """The `ClosestPoint` of points (n, 3). Raises as `check_finite` does."""
     check_finite(points)
     n = points.shape[0]
     feet, normals, signed, shapes = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty((n, 3, 3))
     for i in range(n):
-        p, normal, signed[i] = place(reals, (points[i, 0], points[i, 1], points[i, 2]))
-        w = bend(reals, p, normal)
+        p, normal, signed[i] = closest_on_surface(reals, (points[i, 0], points[i, 1], points[i, 2]))
+        w = shape_operator(reals, p, normal)
         for k in range(3):
             feet[i, k], normals[i, k] = p[k], normal[k]
             unit = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0)
-            shapes[i, k, 0], shapes[i, k, 1], shapes[i, k, 2] = times(w, unit)
+            shapes[i, k, 0], shapes[i, k, 1], shapes[i, k, 2] = apply_matrix(w, unit)
     return ClosestPoint(feet, normals, signed, shapes)
 
 
 @compiled
-def reach_many(reals: Array, feet: Array, normals: Array) -> Array:
-    """`reach` for each of feet (n, 3) with their normals (n, 3): (n, 2)."""
+def medial_reaches(reals: Array, feet: Array, normals: Array) -> Array:
+    """`medial_reach` for each of feet (n, 3) with their normals (n, 3): (n, 2)."""
     out = np.empty((feet.shape[0], 2))
     for i in range(feet.shape[0]):
         p, normal = (feet[i, 0], feet[i, 1], feet[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
-        out[i, 0], out[i, 1] = reach(reals, p, normal)
+        out[i, 0], out[i, 1] = medial_reach(reals, p, normal)
     return out

@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 
 R = TypeVar("R")
 
-SMALLEST, LARGEST = 1e-100, 1e100
+SMALLEST_SIZE, LARGEST_SIZE = 1e-100, 1e100
 """Sizes (m) whose squares and cubes stay inside the float range."""
-COARSEST = 1e-7
+COARSEST_ROUNDING = 1e-7
 """Rounding of a model's coordinates, as a share of its size, that is still fine enough.
 
 Bounds on IHIPs are some 1e-5 of a model's size at the finest: rounding must stay two digits below them.
 """
-GEOJSON = 'give {"type": "Polygon", "coordinates": [[...]]}'
-WKT = "give POLYGON ((x y, x y, x y, x y)), ring closed"
+GEOJSON_HINT = 'give {"type": "Polygon", "coordinates": [[...]]}'
+WKT_HINT = "give POLYGON ((x y, x y, x y, x y)), ring closed"
 DEEPEST_WKT = 16
 """Brackets within brackets, *chosen*: a polygon has two, and GEOS has no limit but its stack."""
 
 
-def points_for(points: object, dimension: int) -> Array:
+def points_for_kernels(points: object, dimension: int) -> Array:
     """Return points as kernels take them, (n, `dimension`) float64. Raises `InputError` for another shape.
 
     Whether they are finite is left to the kernel, see `kernels.check_finite`: for one point that costs a tenth.
@@ -48,26 +48,29 @@ def points_for(points: object, dimension: int) -> Array:
 
 
 def checked_points(points: object) -> Array:
-    """Return points of the plane as `points_for` does. Raises `InputError`, naming the row, also if not finite."""
-    array = points_for(points, 2)
+    """Return points of the plane, (n, 2), m, as kernels take them.
+
+    Raises `InputError` as `points_for_kernels` does, and, naming the row, for one that is not finite.
+    """
+    array = points_for_kernels(points, 2)
     if not np.isfinite(array).all():
-        raise refuse_not_finite(array)
+        raise not_finite_error(array)
     return array
 
 
-def answered(kernel: Callable[..., R], known: Sequence[Array], points: object, dimension: int) -> R:
+def answer_by_kernel(kernel: Callable[..., R], known: Sequence[Array], points: object, dimension: int) -> R:
     """Return what a kernel that calls `check_finite` gives of points (n, `dimension`): one compiled call.
 
     Raises `InputError` for points of another shape, and, naming the row, for one that is not finite.
     """
-    array = points_for(points, dimension)
+    array = points_for_kernels(points, dimension)
     try:
         return kernel(*known, array)
     except ValueError:
-        raise refuse_not_finite(array) from None
+        raise not_finite_error(array) from None
 
 
-def refuse_not_finite(array: Array, what: str = "points: row") -> InputError:
+def not_finite_error(array: Array, what: str = "points: row") -> InputError:
     """Return the error that names the first row of an array (n, N) with a number that is not finite."""
     row = int(np.argmin(np.isfinite(array).all(axis=1)))
     return InputError(f"{what} {row} is ({', '.join(map(str, array[row]))})", why="every number must be finite")
@@ -78,11 +81,11 @@ def checked_size(size: float, what: str = "size") -> float:
     value = checked_number(what, size)
     if value <= 0.0:
         raise InputError(f"{what} = {value!r} m", why="it must be positive")
-    if not SMALLEST <= value <= LARGEST:
+    if not SMALLEST_SIZE <= value <= LARGEST_SIZE:
         raise InputError(
             f"{what} = {value!r} m: a model {'larger' if value > 1.0 else 'smaller'} than the float range",
             why="squares of its lengths overflow or vanish in double precision",
-            todo=f"choose a size between {SMALLEST:g} and {LARGEST:g} m",
+            todo=f"choose a size between {SMALLEST_SIZE:g} and {LARGEST_SIZE:g} m",
         )
     return value
 
@@ -107,15 +110,15 @@ def checked_vertices(vertices: object) -> Array:
     finite, points in 3D, repeated points, an outline that crosses itself, no area, clockwise order, and sizes
     outside the float range.
     """
-    array = _rows_of_two(vertices)
+    array = _vertex_rows(vertices)
     if not np.isfinite(array).all():
-        raise refuse_not_finite(array, "vertex coordinates: vertex")
+        raise not_finite_error(array, "vertex coordinates: vertex")
     if array.shape[0] > 1 and np.array_equal(array[0], array[-1]):
         array = array[:-1]
     if array.shape[0] < 3:
         raise InputError(f"a polygon of {array.shape[0]} vertices", why="it needs at least three", todo="add vertices")
     check_range(array)
-    _check_shape(array)
+    _check_simple(array)
     return np.ascontiguousarray(array)
 
 
@@ -124,14 +127,14 @@ def vertices_from_wkt(text: str) -> Array:
     import shapely
 
     if not isinstance(text, str) or not text.strip():
-        raise InputError("the WKT text is empty", todo=WKT)
+        raise InputError("the WKT text is empty", todo=WKT_HINT)
     if max(accumulate((character == "(") - (character == ")") for character in text)) > DEEPEST_WKT:
-        raise InputError("the WKT text is nested too deep", why="a polygon has two levels of brackets", todo=WKT)
+        raise InputError("the WKT text is nested too deep", why="a polygon has two levels of brackets", todo=WKT_HINT)
     try:
         with np.errstate(all="ignore"):  # numbers that are not finite are refused below, by vertex
             geometry = shapely.from_wkt(text)
     except shapely.errors.ShapelyError as error:
-        raise InputError("the WKT text cannot be read", why=str(error), todo=WKT) from error
+        raise InputError("the WKT text cannot be read", why=str(error), todo=WKT_HINT) from error
     return _outline_of(geometry)
 
 
@@ -141,12 +144,12 @@ def vertices_from_geojson(document: str | Mapping[str, Any]) -> Array:
 
     if isinstance(document, str):
         if not document.strip():
-            raise InputError("the GeoJSON text is empty", todo=GEOJSON)
+            raise InputError("the GeoJSON text is empty", todo=GEOJSON_HINT)
         document = parse_json(document, "the GeoJSON text")
     else:
         check_depth(document, "the GeoJSON")
     if not isinstance(document, Mapping) or "type" not in document:
-        raise InputError("the GeoJSON has no 'type'", todo=GEOJSON)
+        raise InputError("the GeoJSON has no 'type'", todo=GEOJSON_HINT)
     if document["type"] == "FeatureCollection":
         raise InputError("the GeoJSON is a FeatureCollection", why="a model is one outline", todo="give one Feature")
     if document["type"] == "Feature":
@@ -154,7 +157,7 @@ def vertices_from_geojson(document: str | Mapping[str, Any]) -> Array:
     try:
         geometry = shapely.from_geojson(json.dumps(document, allow_nan=False))
     except (shapely.errors.ShapelyError, ValueError, TypeError) as error:
-        raise InputError("the GeoJSON cannot be read", why=str(error), todo=GEOJSON) from error
+        raise InputError("the GeoJSON cannot be read", why=str(error), todo=GEOJSON_HINT) from error
     return _outline_of(geometry)
 
 
@@ -179,7 +182,7 @@ def _outline_of(geometry: BaseGeometry | None) -> Array:
     return checked_vertices(shapely.get_coordinates(geometry.exterior, include_z=bool(geometry.has_z)))
 
 
-def _rows_of_two(vertices: object) -> Array:
+def _vertex_rows(vertices: object) -> Array:
     try:
         array = np.array(vertices, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -200,29 +203,30 @@ def check_range(array: Array) -> None:
     """Raise `InputError` for vertices (n, N), m, of a size, or so far from the origin, that the numbers do not hold."""
     span = float(np.max(np.ptp(array / 2.0, axis=0))) * 2.0
     largest = float(np.max(np.abs(array)))
-    if largest > LARGEST:
+    if largest > LARGEST_SIZE:
         raise InputError(
             f"vertex {int(np.argmax(np.abs(array).max(axis=1)))} lies {largest:g} m from the origin: "
             "a model larger than the float range",
             why="squares of its lengths overflow in double precision",
-            todo=f"keep coordinates below {LARGEST:g} m",
+            todo=f"keep coordinates below {LARGEST_SIZE:g} m",
         )
-    if 0.0 < span < SMALLEST:
+    if 0.0 < span < SMALLEST_SIZE:
         raise InputError(
             f"the vertices span {span:g} m: a model smaller than the float range",
             why="squares of its lengths vanish in double precision",
-            todo=f"keep models above {SMALLEST:g} m",
+            todo=f"keep models above {SMALLEST_SIZE:g} m",
         )
     rounding = float(np.spacing(largest))
-    if rounding > COARSEST * span > 0.0:
+    if rounding > COARSEST_ROUNDING * span > 0.0:
         raise InputError(
             f"a model of {span:g} m lies {largest:g} m from the origin: farther than the number format resolves",
-            why=f"coordinates there are multiples of {rounding:.2g} m, which is more than {COARSEST:g} of its size",
+            why=f"coordinates there are multiples of {rounding:.2g} m, which is more than {COARSEST_ROUNDING:g} of its "
+            "size",
             todo="shift the model nearer to the origin",
         )
 
 
-def _check_shape(array: Array) -> None:
+def _check_simple(array: Array) -> None:
     """Refuse outlines that pass a point twice, cross or touch themselves, enclose nothing, or run clockwise."""
     import shapely
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.geometry.boundary import Boundary, apart
+from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, LAG_TICKS, MOST_FLIGHTS, TOOL_GRAIN
 from hapticeval.phenomena.sampling import (
@@ -181,7 +181,7 @@ def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array 
         barred = boundary.first_crossing(tool, hand, grain=grain)
         if barred is None:
             return None
-        if rests and apart(barred, tool) <= grain:
+        if rests and distance_between(barred, tool) <= grain:
             break
         tool, rests = boundary.descend(barred, hand, step=grain), True
     return tool

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
-from hapticeval.geometry.boundary import Boundary, apart
+from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.check import Check, Closer, Runs, Sibling, without_ihip
 from hapticeval.phenomena.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import (
@@ -297,7 +297,7 @@ def _with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: 
         before, now = base.ihip[tick - 1], base.ihip[tick]
         for hip in base.hip[max(int(tick) - LAG_TICKS, 0) : tick + 1]:
             slid = pieces.descend(before, hip, step=0.1 * float(bounds[tick]))
-            detour = steps[tick] + apart(now, slid) - apart(before, slid)
+            detour = steps[tick] + distance_between(now, slid) - distance_between(before, slid)
             if detour <= 2.0 * bounds[tick]:
                 raised[tick] = steps[tick]
                 break

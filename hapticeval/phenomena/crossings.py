@@ -12,7 +12,7 @@ import shapely
 from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import EDGE, FACE, PSEUDO, VERTEX
-from hapticeval.geometry.mesh_tool import FREE
+from hapticeval.geometry.mesh_tool import IN_FREE_SPACE
 from hapticeval.phenomena.decisions import FACE_TURN_SHARE, LAG_TICKS
 from hapticeval.phenomena.sampling import hip_steps, lacks_ihip, position_tolerance, resolution, rounding
 from hapticeval.recordings.recording import Recording
@@ -170,7 +170,7 @@ def _cross_convex_edges(recording: Recording, mesh: Mesh, slack: float) -> Itera
     faces, triangles, tools = _follow_with_rigid_tool(recording, mesh)
     steps = hip_steps(recording)
     for (first, crossed, face), (_, end, after) in pairwise(_label_runs(faces)):
-        if face < 0 or after != FREE:
+        if face < 0 or after != IN_FREE_SPACE:
             continue
         pre = mesh.normals[triangles[first]]
         under = (tools[first] - recording.hip) @ pre
@@ -180,7 +180,7 @@ def _cross_convex_edges(recording: Recording, mesh: Mesh, slack: float) -> Itera
             continue
         place, ahead, post = left
         along = (recording.hip - place) @ ahead
-        free = (along > 0.0) & (faces == FREE)
+        free = (along > 0.0) & (faces == IN_FREE_SPACE)
         free[crossed:end] &= mesh.signed_distance(recording.hip[crossed:end]) > slack
         end = crossed + _count_leading(free[crossed:end])
         if end - crossed > LAG_TICKS:
@@ -215,8 +215,9 @@ def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float) -> Iter
 
 
 def _follow_with_rigid_tool(recording: Recording, mesh: Mesh) -> tuple[IntArray, IntArray, Array]:
-    """Return the flat face of the mesh (n,) that a rigid tool is on, `FREE` or `RESTS`; its triangle, and its place.
+    """Return the flat face of the mesh (n,) that a rigid tool is on, its triangle, and its place.
 
+    In place of a face it is `IN_FREE_SPACE` or `RESTS`.
     On an edge or a vertex in the middle of a flat face it is on that face.
     """
     triangles, features, tools = mesh.rigid_tool(recording.hip)
@@ -231,7 +232,7 @@ def _follow_with_rigid_tool(recording: Recording, mesh: Mesh) -> tuple[IntArray,
             flat = bool(np.linalg.norm(mean - mesh.normals[triangle]) <= 1e-9)
         if not flat:
             faces[tick] = RESTS
-    faces[features == FREE] = FREE
+    faces[features == IN_FREE_SPACE] = IN_FREE_SPACE
     return faces, triangles, tools
 
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from hapticeval.geometry.motion import Motion, rigid, scaling
+from hapticeval.geometry.motion import Motion, rigid_motion, scaling
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.decisions import AMPLIFIED_FACTOR, ANSWER_CHANGE, HAND_ROUNDING, STEEP_FACTOR
 from hapticeval.phenomena.nudges import answers_apart, has_answer, steepness
@@ -33,7 +33,7 @@ def motions(scene: Scene) -> tuple[tuple[str, Motion], ...]:
     dimension, size = scene.model.dimension, scene.model.size
     shift = size * np.array([1.3, -0.7, 0.9])[:dimension]
     return (
-        ("turned and shifted", rigid(0.7, shift)),
+        ("turned and shifted", rigid_motion(0.7, shift)),
         ("seven times as large", scaling(7.0, dimension)),
         ("a seventh as large", scaling(1.0 / 7.0, dimension)),
     )

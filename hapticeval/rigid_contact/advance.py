@@ -31,34 +31,34 @@ from hapticeval.rigid_contact.motion import (
     RESTITUTION,
     SPRING,
     Slide,
-    between,
-    flown,
-    hold,
-    push,
-    slid,
-    slide_step,
-    surface,
+    contact_force,
+    fly_for,
+    guess_between,
+    longest_slide_step,
+    operator_force,
+    slide_for,
+    surface_frame,
 )
 from hapticeval.types import Array, IntArray
 
 MODE, PIECE, U, DU, W, X, Y, VX, VY, JOINT = range(10)
-STATES = 10
+STATE_SIZE = 10
 FLIGHT, SLIDE, REST = 0.0, 1.0, 2.0
 IMPACT, LEAVE, CORNER, STOP = range(4)
-KINDS = ("impact", "leave", "corner", "rest")
+EVENT_KINDS = ("impact", "leave", "corner", "rest")
 
-CLOSE = 1e-12
+CONTACT_HOP = 1e-12
 """Longest hop (m) that is taken as contact: well above the rounding of positions, and the impulse that it leaves
 out, below m sqrt(8 a CLOSE), is 1e-6 of that of a metre's fall."""
 
-ALIGNED = 1e-12
+ALIGNED_SHARE = 1e-12
 """Share of the speed below which a velocity across a face is rounding."""
 
-UNSEEN = 1e-15
+STEP_ROUNDING = 1e-15
 """Share of its coordinates below which the way of a step is rounding: the force on a tool that the hand holds in place
 changes its sign by rounding too, and no turn is looked for there."""
 
-HITS = 100_000
+MOST_CORNER_HITS = 100_000
 """Most hits of one visit to a corner: in a sharp notch they all come at once, and each takes a small share of the
 speed. A tool that loses some at each is then at rest."""
 
@@ -119,16 +119,16 @@ def apply_impulse(run: Run, vx: float, vy: float) -> tuple[float, float]:
 
 
 @compiled
-def place(run: Run, piece: int, u: float, w: float) -> None:
+def place_on_piece(run: Run, piece: int, u: float, w: float) -> None:
     """Set the tool sliding at u on a piece; its velocity is left to `apply_impulse`."""
     state = run.state
-    x, y, _, _, _, _ = surface(run.terrain.pieces[piece], u)
+    x, y, _, _, _, _ = surface_frame(run.terrain.pieces[piece], u)
     state[MODE], state[PIECE], state[U], state[DU], state[W] = SLIDE, piece, u, 0.0, w
     state[X], state[Y] = x, y
 
 
 @compiled
-def impact(run: Run, piece: int, u: float, tau: float) -> None:
+def collide(run: Run, piece: int, u: float, tau: float) -> None:
     """The tool, with the velocity that it has, meets the boundary at u: thesis (3.5).
 
     It slides on if it does not bounce and is pressed on; otherwise it flies.
@@ -138,57 +138,57 @@ def impact(run: Run, piece: int, u: float, tau: float) -> None:
     count = terrain.pieces.shape[0]
     for end in range(2):
         joint = (piece + end) % count
-        if terrain.joints[joint] < 0.0 and load[BILATERAL] == 0.0 and abs(u - row[U0 + end]) <= CLOSE:
-            corner(run, joint, tau, IMPACT)
+        if terrain.joints[joint] < 0.0 and load[BILATERAL] == 0.0 and abs(u - row[U0 + end]) <= CONTACT_HOP:
+            hit_corner(run, joint, tau, IMPACT)
             return
     u = min(max(u, row[U0]), row[U1])
-    _, _, tx, ty, _, _ = surface(row, u)
+    _, _, tx, ty, _, _ = surface_frame(row, u)
     mass = load[MASS]
     w = state[VX] * tx + state[VY] * ty
     into = state[VX] * ty - state[VY] * tx
-    place(run, piece, u, w)
+    place_on_piece(run, piece, u, w)
     if load[BILATERAL] != 0.0:
         jx, jy = apply_impulse(run, w * tx, w * ty)
-        if abs(into) > ALIGNED * abs(w):
+        if abs(into) > ALIGNED_SHARE * abs(w):
             log_event(run, IMPACT, tau, jx, jy)
         return
-    answer, _ = hold(row, u, w, tau, load)
-    if into > ALIGNED * abs(w) or (into >= -ALIGNED * abs(w) and answer < 0.0):
+    answer, _ = contact_force(row, u, w, tau, load)
+    if into > ALIGNED_SHARE * abs(w) or (into >= -ALIGNED_SHARE * abs(w) and answer < 0.0):
         state[MODE] = FLIGHT
         return
     bounce = -load[RESTITUTION] * into
-    if into >= -ALIGNED * abs(w) or (answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CLOSE):
+    if into >= -ALIGNED_SHARE * abs(w) or (answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CONTACT_HOP):
         bounce = 0.0
     jx, jy = apply_impulse(run, w * tx + bounce * ty, w * ty - bounce * tx)
     if bounce > 0.0 or answer < 0.0:
         state[MODE] = FLIGHT
-    if into < -ALIGNED * abs(w):
+    if into < -ALIGNED_SHARE * abs(w):
         log_event(run, IMPACT, tau, jx, jy)
 
 
 @compiled
-def _faces(run: Run, joint: int) -> tuple[int, Array, Array, tuple[float, float, float, float, float, float]]:
+def _faces_at_joint(run: Run, joint: int) -> tuple[int, Array, Array, tuple[float, float, float, float, float, float]]:
     """The pieces at a joint: the number of the one before, both rows, and the place with both unit tangents."""
     pieces = run.terrain.pieces
     before = (joint - 1) % pieces.shape[0]
     pre, post = pieces[before], pieces[joint]
-    _, _, ax, ay, _, _ = surface(pre, pre[U1])
-    x, y, bx, by, _, _ = surface(post, post[U0])
+    _, _, ax, ay, _, _ = surface_frame(pre, pre[U1])
+    x, y, bx, by, _, _ = surface_frame(post, post[U0])
     return before, pre, post, (x, y, ax, ay, bx, by)
 
 
 @compiled
-def corner(run: Run, joint: int, tau: float, kind: int) -> None:
+def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
     """The tool reaches a concave corner, or any corner of a boundary that holds it from both sides.
 
     It hits the face that it runs against with that face's normal, thesis (3.5), again and again if the notch is so
     sharp that this throws it against the other face. A tool that is held loses its velocity across the next face.
     """
     state, load = run.state, run.load
-    before, pre, post, (x, y, ax, ay, bx, by) = _faces(run, joint)
+    before, pre, post, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
     mass, rebound = load[MASS], load[RESTITUTION]
     vx, vy = state[VX], state[VY]
-    tiny = ALIGNED * math.sqrt(vx * vx + vy * vy)
+    tiny = ALIGNED_SHARE * math.sqrt(vx * vx + vy * vy)
     state[X], state[Y] = x, y
     if load[BILATERAL] != 0.0:
         forward = state[W] > 0.0
@@ -199,15 +199,15 @@ def corner(run: Run, joint: int, tau: float, kind: int) -> None:
         vx, vy = w * tx, w * ty
     else:
         small = 1e6 * tiny * tiny
-        for _ in range(HITS):
+        for _ in range(MOST_CORNER_HITS):
             from_pre, from_post = vx * ay - vy * ax, vx * by - vy * bx
             if min(from_pre, from_post) >= -tiny or vx * vx + vy * vy <= small:
                 break
             tx, ty, across = (ax, ay, from_pre) if from_pre < from_post else (bx, by, from_post)
             vx, vy = vx - (1.0 + rebound) * across * ty, vy + (1.0 + rebound) * across * tx
-            fx, fy = push(load, tau, x, y, vx, vy)
+            fx, fy = operator_force(load, tau, x, y, vx, vy)
             answer, bounce = -(fx * ty - fy * tx), -rebound * across
-            if answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CLOSE:
+            if answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CONTACT_HOP:
                 vx, vy = vx - bounce * ty, vy + bounce * tx
         else:
             if rebound < 1.0:
@@ -221,30 +221,30 @@ def corner(run: Run, joint: int, tau: float, kind: int) -> None:
     on_post = forth > 0.0 and abs(vx * by - vy * bx) <= tiny
     on_pre = back > 0.0 and abs(vx * ay - vy * ax) <= tiny
     if on_post or on_pre:
-        fx, fy = push(load, tau, x, y, vx, vy)
+        fx, fy = operator_force(load, tau, x, y, vx, vy)
         pull_post, pull_pre = -(fx * bx + fy * by) / mass, (fx * ax + fy * ay) / mass
         share = max(ax * bx + ay * by, 0.0)
         first, pull, other = (forth, pull_post, pull_pre) if on_post else (back, pull_pre, pull_post)
         then = first * share
-        if pull > 0.0 and other > 0.0 and max(first * first / pull, then * then / other) < 2.0 * CLOSE:
+        if pull > 0.0 and other > 0.0 and max(first * first / pull, then * then / other) < 2.0 * CONTACT_HOP:
             # The corner takes the same share of the speed at every pass: the passes' times are a geometric series.
             wait = 2.0 * (first / pull + then / other) / (1.0 - share * share) if rebound == 0.0 else 0.0
-            settle(run, joint, tau, wait, 0)
+            settle_in_corner(run, joint, tau, wait, 0)
             return
         piece = joint if on_post else before
         w = forth if on_post else -back
-        place(run, piece, post[U0] if on_post else pre[U1], w)
-        if load[BILATERAL] == 0.0 and hold(run.terrain.pieces[piece], state[U], w, tau, load)[0] < 0.0:
+        place_on_piece(run, piece, post[U0] if on_post else pre[U1], w)
+        if load[BILATERAL] == 0.0 and contact_force(run.terrain.pieces[piece], state[U], w, tau, load)[0] < 0.0:
             state[MODE] = FLIGHT
         return
     if vx == 0.0 and vy == 0.0:
-        settle(run, joint, tau, 0.0, 0)
+        settle_in_corner(run, joint, tau, 0.0, 0)
         return
     state[MODE] = FLIGHT
 
 
 @compiled
-def settle(run: Run, joint: int, tau: float, wait: float, exits: int) -> None:
+def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) -> None:
     """The tool stops at a corner: it rests while the force points into the corner's zone (thesis 3.2.1), else goes
     along the face on which the force drives it away, or off both.
 
@@ -252,11 +252,11 @@ def settle(run: Run, joint: int, tau: float, wait: float, exits: int) -> None:
     when the force is just leaving the zone towards the face after or before, where its sign is rounding; else 0.
     """
     state, load = run.state, run.load
-    before, pre, post, (x, y, ax, ay, bx, by) = _faces(run, joint)
+    before, pre, post, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
     was_rest = state[MODE] == REST
     apply_impulse(run, 0.0, 0.0)
     state[X], state[Y], state[W] = x, y, 0.0
-    fx, fy = push(load, tau, x, y, 0.0, 0.0)
+    fx, fy = operator_force(load, tau, x, y, 0.0, 0.0)
     forth, back = fx * bx + fy * by, -(fx * ax + fy * ay)
     lifts_post, lifts_pre = fx * by - fy * bx, fx * ay - fy * ax
     bilateral = load[BILATERAL] != 0.0
@@ -266,39 +266,39 @@ def settle(run: Run, joint: int, tau: float, wait: float, exits: int) -> None:
         if not was_rest:
             log_event(run, STOP, tau + wait, 0.0, 0.0)
     elif goes_forth and (lifts_post <= 0.0 or (bilateral and forth >= back)):
-        place(run, joint, post[U0], 0.0)
+        place_on_piece(run, joint, post[U0], 0.0)
     elif goes_back and (lifts_pre <= 0.0 or bilateral):
-        place(run, before, pre[U1], 0.0)
+        place_on_piece(run, before, pre[U1], 0.0)
     else:
         state[MODE] = FLIGHT
         log_event(run, LEAVE, tau, 0.0, 0.0)
 
 
 @compiled
-def _watched(what: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
+def _watched_value(what: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
     """The number whose change of sign is the event: the speed, the way to the piece's end, or the contact force."""
-    du, w, _, _ = slid(piece, slide, tau, h, load)
+    du, w, _, _ = slide_for(piece, slide, tau, h, load)
     if what == TURN:
         return w
     if what == END:
         return du - end
-    return hold(piece, slide[0] + du, w, tau + h, load)[0]
+    return contact_force(piece, slide[0] + du, w, tau + h, load)[0]
 
 
 @compiled
-def _locate(what: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
+def _locate_event(what: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
     """Time within the step of h at which the watched number has just changed sign, to rounding; 0 if it had before."""
     low, high = 0.0, h
-    a = _watched(what, piece, slide, tau, low, end, load)
-    b = _watched(what, piece, slide, tau, high, end, load)
+    a = _watched_value(what, piece, slide, tau, low, end, load)
+    b = _watched_value(what, piece, slide, tau, high, end, load)
     if a * b >= 0.0:
         return 0.0
     positive, side_kept = a > 0.0, 0
     for i in range(120):
-        middle = between(low, high, a, b, i)
+        middle = guess_between(low, high, a, b, i)
         if not low < middle < high:
             break
-        f = _watched(what, piece, slide, tau, middle, end, load)
+        f = _watched_value(what, piece, slide, tau, middle, end, load)
         if f == 0.0:
             return middle
         if (f > 0.0) == positive:
@@ -309,37 +309,37 @@ def _locate(what: int, piece: Array, slide: Slide, tau: float, h: float, end: fl
 
 
 @compiled
-def _leave(run: Run, tau: float) -> None:
+def _leave_boundary(run: Run, tau: float) -> None:
     run.state[MODE] = FLIGHT
     log_event(run, LEAVE, tau, 0.0, 0.0)
 
 
 @compiled
-def _slide(run: Run, tau: float, time_left: float) -> float:
+def _advance_slide(run: Run, tau: float, time_left: float) -> float:
     """One step of sliding, of at most `rest` seconds: how long it took."""
     state, load, sums, terrain = run.state, run.load, run.sums, run.terrain
     index, began, w = int(state[PIECE]), state[U], state[W]
     slide = (began, state[DU], w)
     piece = terrain.pieces[index]
     bilateral = load[BILATERAL] != 0.0
-    answer, along = hold(piece, began + state[DU], w, tau, load)
+    answer, along = contact_force(piece, began + state[DU], w, tau, load)
     if not bilateral and answer < 0.0:
-        _leave(run, tau)
+        _leave_boundary(run, tau)
         return 0.0
-    h = slide_step(terrain.paces[index], w, along, load, time_left)
-    du, w1, jx, jy = slid(piece, slide, tau, h, load)
-    moves = 0.5 * (abs(w) + abs(w1)) * h > UNSEEN * (abs(state[X]) + abs(state[Y]))
-    if moves and w == 0.0 and abs(along) > 1e-9 * abs(hold(piece, began + du, w1, tau + h, load)[1]):
+    h = longest_slide_step(terrain.paces[index], w, along, load, time_left)
+    du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
+    moves = 0.5 * (abs(w) + abs(w1)) * h > STEP_ROUNDING * (abs(state[X]) + abs(state[Y]))
+    if moves and w == 0.0 and abs(along) > 1e-9 * abs(contact_force(piece, began + du, w1, tau + h, load)[1]):
         # Out and back within the step: shorten it until it only goes out.
         for _ in range(60):
             if w1 * along >= 0.0:
                 break
             h *= 0.5
-            du, w1, jx, jy = slid(piece, slide, tau, h, load)
+            du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
     turned = moves and w * w1 < 0.0
     if turned:
-        h = _locate(TURN, piece, slide, tau, h, 0.0, load)
-        du, w1, jx, jy = slid(piece, slide, tau, h, load)
+        h = _locate_event(TURN, piece, slide, tau, h, 0.0, load)
+        du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
         w1 = 0.0
     direction = w + w1
     crossed = 0
@@ -349,15 +349,15 @@ def _slide(run: Run, tau: float, time_left: float) -> float:
         end = last if crossed == 1 else first
         # What has begun at the end, and got beyond it by less than rounding, stays there for the step.
         if du != end and (state[DU] != end or began + du != began + end):
-            h = _locate(END, piece, slide, tau, h, end, load)
-            du, w1, jx, jy = slid(piece, slide, tau, h, load)
+            h = _locate_event(END, piece, slide, tau, h, end, load)
+            du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
         du = end
-    if not bilateral and hold(piece, began + du, w1, tau + h, load)[0] < 0.0:
-        h = _locate(LIFT, piece, slide, tau, h, 0.0, load)
-        du, w1, jx, jy = slid(piece, slide, tau, h, load)
+    if not bilateral and contact_force(piece, began + du, w1, tau + h, load)[0] < 0.0:
+        h = _locate_event(LIFT, piece, slide, tau, h, 0.0, load)
+        du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
         crossed = 0
         state[MODE] = FLIGHT
-    x, y, tx, ty, _, _ = surface(piece, began + du)
+    x, y, tx, ty, _, _ = surface_frame(piece, began + du)
     mass = load[MASS]
     sums[0] += jx
     sums[1] += jy
@@ -365,7 +365,7 @@ def _slide(run: Run, tau: float, time_left: float) -> float:
     sums[3] += mass * (w1 * ty - state[VY]) - jy
     state[DU], state[W], state[X], state[Y], state[VX], state[VY] = du, w1, x, y, w1 * tx, w1 * ty
     if state[MODE] == FLIGHT:
-        _leave(run, tau + h)
+        _leave_boundary(run, tau + h)
     elif crossed != 0:
         _pass_joint(run, crossed, tau + h)
     return h
@@ -383,13 +383,13 @@ def _pass_joint(run: Run, direction: int, tau: float) -> None:
         state[PIECE], state[DU] = next_piece, 0.0
         state[U] = terrain.pieces[next_piece, U0] if direction > 0 else terrain.pieces[next_piece, U1]
     elif terrain.joints[joint] > 0.0 and run.load[BILATERAL] == 0.0:
-        _leave(run, tau)
+        _leave_boundary(run, tau)
     else:
-        corner(run, joint, tau, CORNER)
+        hit_corner(run, joint, tau, CORNER)
 
 
 @compiled
-def _fly(run: Run, tau: float, time_left: float) -> float:
+def _advance_flight(run: Run, tau: float, time_left: float) -> float:
     """One step of free flight, of at most `rest` seconds: how long it took."""
     state, load = run.state, run.load
     h = min(time_left, FLIGHT_STEP)
@@ -399,20 +399,20 @@ def _fly(run: Run, tau: float, time_left: float) -> float:
     at, piece, u = first_entry(run.terrain, (x, y, vx, vy, tau), h, load, run.free)
     hit = at <= h
     h = min(at, h)
-    state[X], state[Y], state[VX], state[VY] = flown(x, y, vx, vy, tau, h, load)
+    state[X], state[Y], state[VX], state[VY] = fly_for(x, y, vx, vy, tau, h, load)
     run.sums[2] += load[MASS] * (state[VX] - vx)
     run.sums[3] += load[MASS] * (state[VY] - vy)
     if hit:
-        impact(run, piece, u, tau + h)
+        collide(run, piece, u, tau + h)
     return h
 
 
 @compiled
-def _rest(run: Run, tau: float, time_left: float) -> float:
+def _advance_rest(run: Run, tau: float, time_left: float) -> float:
     """Rest in a corner until the force, linear in time, leaves its zone: how long that took."""
     load, sums, joint = run.load, run.sums, int(run.state[JOINT])
-    _, _, _, (x, y, ax, ay, bx, by) = _faces(run, joint)
-    fx, fy = push(load, tau, x, y, 0.0, 0.0)
+    _, _, _, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
+    fx, fy = operator_force(load, tau, x, y, 0.0, 0.0)
     gx, gy = load[G1X], load[G1Y]
     h, exits = time_left, 0
     for side in (1, -1):
@@ -428,12 +428,12 @@ def _rest(run: Run, tau: float, time_left: float) -> float:
     sums[2] += jx
     sums[3] += jy
     if exits != 0:
-        settle(run, joint, tau + h, 0.0, exits)
+        settle_in_corner(run, joint, tau + h, 0.0, exits)
     return h
 
 
 @compiled
-def _begin(run: Run) -> None:
+def _begin_on_boundary(run: Run) -> None:
     """Start on the boundary at U with the given velocity: slide, bounce, fly off, or settle in a corner."""
     state, terrain = run.state, run.terrain
     index, u = int(state[PIECE]), state[U]
@@ -446,16 +446,16 @@ def _begin(run: Run) -> None:
         for side in (1, -1):
             index = joint if side == 1 else (joint - 1) % count
             u = terrain.pieces[index, U0] if side == 1 else terrain.pieces[index, U1]
-            _, _, tx, ty, _, _ = surface(terrain.pieces[index], u)
+            _, _, tx, ty, _, _ = surface_frame(terrain.pieces[index], u)
             along = state[VX] * tx + state[VY] * ty
-            if along * side > 0.0 and abs(state[VX] * ty - state[VY] * tx) <= ALIGNED * abs(along):
-                impact(run, index, u, 0.0)
+            if along * side > 0.0 and abs(state[VX] * ty - state[VY] * tx) <= ALIGNED_SHARE * abs(along):
+                collide(run, index, u, 0.0)
         return
-    impact(run, index, u, 0.0)
+    collide(run, index, u, 0.0)
 
 
 @compiled
-def follow(
+def carry_tool(
     start: Array, terrain: BoundaryCells, stretches: Stretches, gains: Array, rows: int, limit: int
 ) -> tuple[Array, Array, int]:
     """Carry the tool from `start` (10,), SLIDE where it begins on the boundary at U, through all stretches.
@@ -477,16 +477,16 @@ def follow(
             last = stretches.samples[i]
             out[last, 0:4] = state[X : VY + 1]
         if i == 0 and state[MODE] == SLIDE:
-            _begin(run)
+            _begin_on_boundary(run)
         tau, length = 0.0, stretches.lasts[i]
         while tau < length and run.tally[0] <= limit:
             time_left = length - tau
             if state[MODE] == FLIGHT:
-                h = _fly(run, tau, time_left)
+                h = _advance_flight(run, tau, time_left)
             elif state[MODE] == SLIDE:
-                h = _slide(run, tau, time_left)
+                h = _advance_slide(run, tau, time_left)
             else:
-                h = _rest(run, tau, time_left)
+                h = _advance_rest(run, tau, time_left)
             if h >= time_left:
                 break
             tau += h

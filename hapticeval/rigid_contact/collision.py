@@ -14,9 +14,9 @@ import numpy as np
 
 from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.curve_kernels import STRAIGHT, joint_turn
+from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn
 from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, UNBOUNDED, evaluate, evaluate_many
-from hapticeval.rigid_contact.motion import between, flown
+from hapticeval.rigid_contact.motion import fly_for, guess_between
 from hapticeval.types import Array
 
 Flight: TypeAlias = tuple[float, float, float, float, float]
@@ -25,17 +25,17 @@ Flight: TypeAlias = tuple[float, float, float, float, float]
 CELL_TURN = 0.2
 """Most that the boundary turns within a cell (rad): few enough that it is a graph over the cell's chord."""
 
-SEAM = 1e-9
+SEAM_REACH = 1e-9
 """How far (m) a cell reaches beyond its ends, so that no path slips through between two cells."""
 
-TIP = 1e-15
+TIP_REACH = 1e-15
 """The same at a convex corner, where nothing is there to be hit: only so far that rounding cannot let a tool that is
 dropped straight onto the tip fall between the two faces."""
 
 PIECE, UA, UB, OX, OY, EX, EY, SPAN, SLOPE_A, SLOPE_B, REACH_A, REACH_B, XMIN, XMAX, YMIN, YMAX = range(16)
-CELLS = 16
+CELL_COLUMNS = 16
 
-SKIN = 1e-13
+SKIN_DEPTH = 1e-13
 """Depth (m) from which a tool in flight counts as inside: above the rounding of positions up to 100 m, so that a
 tool that has just left the surface, or bounced, does not collide with it again. The collision itself is located
 where the depth is zero."""
@@ -51,17 +51,17 @@ class BoundaryCells(NamedTuple):
     cells: Array
 
 
-def terrain(curve: Curve) -> BoundaryCells:
+def prepare_boundary(curve: Curve) -> BoundaryCells:
     """Prepare `curve` for the tool, once a scene."""
     pieces = for_kernels(curve.pieces)
     count = pieces.shape[0]
     joints = np.array([joint_turn(pieces, i) if curve.closed else 0.0 for i in range(count)])
-    joints[np.abs(joints) <= STRAIGHT] = 0.0
+    joints[np.abs(joints) <= SMOOTH_TURN] = 0.0
     paces = np.zeros(count)
     rows = []
     for i in range(count):
         cuts, paces[i] = _cuts_and_pace(pieces[i])
-        rows.append(_cells(pieces, i, cuts, joints[i] > 0.0, joints[(i + 1) % count] > 0.0))
+        rows.append(_cell_rows(pieces, i, cuts, joints[i] > 0.0, joints[(i + 1) % count] > 0.0))
     return BoundaryCells(pieces, joints, paces, np.vstack(rows))
 
 
@@ -80,12 +80,12 @@ def _cuts_and_pace(piece: Array) -> tuple[Array, float]:
     return np.linspace(start, end, max(cells, 2) + 1), max(float(np.abs(bend).max()), math.sqrt(change))
 
 
-def _cells(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_end: bool) -> Array:
+def _cell_rows(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_end: bool) -> Array:
     """Rows of cells on piece i between consecutive `cuts`."""
-    cells = np.zeros((cuts.size - 1, CELLS))
+    cells = np.zeros((cuts.size - 1, CELL_COLUMNS))
     cells[:, PIECE] = i
     cells[:, UA], cells[:, UB] = cuts[:-1], cuts[1:]
-    cells[:, REACH_A : REACH_B + 1] = SEAM
+    cells[:, REACH_A : REACH_B + 1] = SEAM_REACH
     if pieces[i, KIND] == UNBOUNDED:
         cells[:, OX : EY + 1] = pieces[i, 3:7]
         cells[:, UA], cells[:, SPAN] = 0.0, math.inf
@@ -104,19 +104,19 @@ def _cells(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_end: b
         for column, ends in ((SLOPE_A, rows[:-1]), (SLOPE_B, rows[1:])):
             cells[:, column] = (ends[:, 2] * ey - ends[:, 3] * ex) / (ends[:, 2] * ex + ends[:, 3] * ey)
     # A graph whose slope stays within CELL_TURN of its chord's lies within half of that times its span.
-    margin = (0.0 if pieces[i, KIND] == LINE else CELL_TURN) * cells[:, SPAN] + SEAM
+    margin = (0.0 if pieces[i, KIND] == LINE else CELL_TURN) * cells[:, SPAN] + SEAM_REACH
     for low, high, axis in ((XMIN, XMAX, 0), (YMIN, YMAX, 1)):
         cells[:, low] = np.minimum(rows[:-1, axis], rows[1:, axis]) - margin
         cells[:, high] = np.maximum(rows[:-1, axis], rows[1:, axis]) + margin
     if convex_start:
-        cells[0, REACH_A] = TIP
+        cells[0, REACH_A] = TIP_REACH
     if convex_end:
-        cells[-1, REACH_B] = TIP
+        cells[-1, REACH_B] = TIP_REACH
     return cells
 
 
 @compiled
-def height(cell: Array, pieces: Array, x: float, y: float) -> tuple[float, float, float, float]:
+def height_over_cell(cell: Array, pieces: Array, x: float, y: float) -> tuple[float, float, float, float]:
     """Height (m) of a point over a cell along the chord's outward normal, the boundary's slope below it, its u,
     and how far (m) beyond the cell's ends it is (negative before the start); there the boundary goes on straight."""
     dx, dy = x - cell[OX], y - cell[OY]
@@ -150,16 +150,18 @@ def height(cell: Array, pieces: Array, x: float, y: float) -> tuple[float, float
 
 
 @compiled
-def _over(cell: Array, pieces: Array, flight: Flight, h: float, load: Array) -> tuple[float, float, float, float]:
+def _height_in_flight(
+    cell: Array, pieces: Array, flight: Flight, h: float, load: Array
+) -> tuple[float, float, float, float]:
     """Height over the cell h seconds into the flight, how fast it grows, u, and how far beyond the ends."""
-    x, y, vx, vy = flown(flight[0], flight[1], flight[2], flight[3], flight[4], h, load)
-    f, slope, u, overhang = height(cell, pieces, x, y)
+    x, y, vx, vy = fly_for(flight[0], flight[1], flight[2], flight[3], flight[4], h, load)
+    f, slope, u, overhang = height_over_cell(cell, pieces, x, y)
     climb = vx * cell[EY] - vy * cell[EX] - slope * (vx * cell[EX] + vy * cell[EY])
     return f, climb, u, overhang
 
 
 @compiled
-def _crossing(
+def _crossing_time(
     cell: Array,
     pieces: Array,
     flight: Flight,
@@ -169,14 +171,14 @@ def _crossing(
     load: Array,
 ) -> float:
     """Time, to rounding, at which the height falls through -level, given that it does between low and high."""
-    above = _over(cell, pieces, flight, low, load)[0] + level
-    below = _over(cell, pieces, flight, high, load)[0] + level
+    above = _height_in_flight(cell, pieces, flight, low, load)[0] + level
+    below = _height_in_flight(cell, pieces, flight, high, load)[0] + level
     side_kept = 0
     for i in range(120):
-        middle = between(low, high, above, below, i)
+        middle = guess_between(low, high, above, below, i)
         if not low < middle < high:
             break
-        f = _over(cell, pieces, flight, middle, load)[0] + level
+        f = _height_in_flight(cell, pieces, flight, middle, load)[0] + level
         if f == 0.0:
             return middle
         if f > 0.0:
@@ -187,29 +189,29 @@ def _crossing(
 
 
 @compiled
-def _entry(cell: Array, pieces: Array, flight: Flight, h: float, load: Array) -> tuple[float, float]:
+def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, load: Array) -> tuple[float, float]:
     """First time within h at which the flight enters through the cell, and u there; infinite if it does not."""
-    f0, climb0, _, _ = _over(cell, pieces, flight, 0.0, load)
-    climb1 = _over(cell, pieces, flight, h, load)[1]
+    f0, climb0, _, _ = _height_in_flight(cell, pieces, flight, 0.0, load)
+    climb1 = _height_in_flight(cell, pieces, flight, h, load)[1]
     turn = h
     if climb0 * climb1 < 0.0:
         low, high = 0.0, h
         for _ in range(60):
             turn = 0.5 * (low + high)
-            if _over(cell, pieces, flight, turn, load)[1] * climb0 > 0.0:
+            if _height_in_flight(cell, pieces, flight, turn, load)[1] * climb0 > 0.0:
                 low = turn
             else:
                 high = turn
     start, f = 0.0, f0
     for part in range(2):
         end = turn if part == 0 else h
-        f_end = _over(cell, pieces, flight, end, load)[0]
-        if f >= -SKIN and f_end < -SKIN:
-            at = _crossing(cell, pieces, flight, start, end, SKIN, load)
+        f_end = _height_in_flight(cell, pieces, flight, end, load)[0]
+        if f >= -SKIN_DEPTH and f_end < -SKIN_DEPTH:
+            at = _crossing_time(cell, pieces, flight, start, end, SKIN_DEPTH, load)
             # A flight that began within the skin was on this face: its first crossing of the surface is rounding.
-            if f > SKIN:
-                at = _crossing(cell, pieces, flight, start, at, 0.0, load)
-            _, _, u, overhang = _over(cell, pieces, flight, at, load)
+            if f > SKIN_DEPTH:
+                at = _crossing_time(cell, pieces, flight, start, at, 0.0, load)
+            _, _, u, overhang = _height_in_flight(cell, pieces, flight, at, load)
             if -cell[REACH_A] <= overhang <= cell[REACH_B]:
                 return at, u
         if turn >= h:
@@ -226,13 +228,13 @@ def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Array, f
     the search, and is renewed here.
     """
     x0, y0, vx0, vy0, tau = flight
-    x1, y1, vx1, vy1 = flown(x0, y0, vx0, vy0, tau, h, load)
+    x1, y1, vx1, vy1 = fly_for(x0, y0, vx0, vy0, tau, h, load)
     # The path's control polygon (cubic; the spring's exponential differs from it by far less than the margin).
     xa, xb = x0 + vx0 * h / 3.0, x1 - vx1 * h / 3.0
     ya, yb = y0 + vy0 * h / 3.0, y1 - vy1 * h / 3.0
     xmin, xmax = min(x0, x1, xa, xb), max(x0, x1, xa, xb)
     ymin, ymax = min(y0, y1, ya, yb), max(y0, y1, ya, yb)
-    margin = 0.05 * (xmax - xmin + ymax - ymin) + SKIN
+    margin = 0.05 * (xmax - xmin + ymax - ymin) + SKIN_DEPTH
     xmin, xmax, ymin, ymax = xmin - margin, xmax + margin, ymin - margin, ymax + margin
     if xmin > free[0] and xmax < free[1] and ymin > free[2] and ymax < free[3]:
         return math.inf, 0, 0.0
@@ -244,7 +246,7 @@ def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Array, f
             room = min(room, gap)
             continue
         room = 0.0
-        at, u_at = _entry(cell, terrain.pieces, flight, h, load)
+        at, u_at = _entry_through_cell(cell, terrain.pieces, flight, h, load)
         if at < when:
             when, where, u = at, int(cell[PIECE]), u_at
     if room == 0.0:

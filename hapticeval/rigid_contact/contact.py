@@ -9,30 +9,30 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import InputError, RefusalError
-from hapticeval.geometry.kernels import U0, U1, piece_of
+from hapticeval.geometry.kernels import U0, U1, piece_index
 from hapticeval.recordings.recording import Recording
 from hapticeval.rigid_contact.advance import (
+    EVENT_KINDS,
     FLIGHT,
-    KINDS,
     MODE,
     PIECE,
     SLIDE,
-    STATES,
+    STATE_SIZE,
     VX,
     VY,
     Stretches,
     U,
     X,
     Y,
-    follow,
+    carry_tool,
 )
-from hapticeval.rigid_contact.collision import BoundaryCells, terrain
-from hapticeval.rigid_contact.motion import BILATERAL, DAMPER, LOADS, MASS, RESTITUTION, SPRING
+from hapticeval.rigid_contact.collision import BoundaryCells, prepare_boundary
+from hapticeval.rigid_contact.motion import BILATERAL, DAMPER, LOAD_SIZE, MASS, RESTITUTION, SPRING
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus, sample_times
 from hapticeval.types import Array, IntArray
 
-TOUCHING = 1e-9
+ON_BOUNDARY = 1e-9
 """Distance (m) from the boundary up to which a start counts as being on it: coordinates have nine digits or so."""
 
 MOST_EVENTS = 4_000_000
@@ -63,7 +63,7 @@ class IdealContact:
 
     @cached_property
     def _terrain(self) -> BoundaryCells:
-        return terrain(self.scene.model.curve)
+        return prepare_boundary(self.scene.model.curve)
 
     def simulate(self, stimulus: Stimulus, dt: float) -> Recording:
         """The tool's motion, sampled every `dt` seconds.
@@ -90,7 +90,7 @@ class IdealContact:
                 todo="project it onto the model's cross-section",
             )
         led = isinstance(stimulus, Path)
-        gains = np.zeros(LOADS)
+        gains = np.zeros(LOAD_SIZE)
         gains[MASS], gains[RESTITUTION] = self.scene.mass, self.scene.restitution
         gains[BILATERAL] = float(self.scene.bilateral)
         if isinstance(stimulus, Path):
@@ -104,7 +104,7 @@ class IdealContact:
             start = self._start_of_path(values[0], slopes[0])
         else:
             time = sample_times(stimulus.duration, dt)
-            knots, values, slopes = _pushes(stimulus)
+            knots, values, slopes = _prescribed_forces(stimulus)
             if stimulus.hand is not None:
                 if stimulus.hand.stiffness == 0.0 < stimulus.hand.damping:
                     raise RefusalError(
@@ -112,7 +112,7 @@ class IdealContact:
                     )
                 gains[SPRING], gains[DAMPER] = stimulus.hand.stiffness, stimulus.hand.damping
             start = self._start_of_experiment(stimulus)
-        began, lasts, samples = _stretches(time, knots, dt)
+        began, lasts, samples = _cut_into_stretches(time, knots, dt)
         segment = np.searchsorted(knots, began + 0.5 * lasts, side="right") - 1
         known = np.maximum(segment, 0)
         slope = np.where(segment[:, np.newaxis] < 0, 0.0, slopes[known])
@@ -144,7 +144,7 @@ class IdealContact:
     ) -> tuple[Array, list[dict[str, Any]]]:
         limit = 256
         while True:
-            out, log, count = follow(start, self._terrain, stretches, gains, rows, limit)
+            out, log, count = carry_tool(start, self._terrain, stretches, gains, rows, limit)
             if count <= limit:
                 break
             if limit >= MOST_EVENTS:
@@ -155,19 +155,19 @@ class IdealContact:
                 )
             limit *= 8
         return out, [
-            {"time": time, "kind": KINDS[int(kind)], "position": place, "impulse": impulse}
+            {"time": time, "kind": EVENT_KINDS[int(kind)], "position": place, "impulse": impulse}
             for time, kind, *place, impulse in ((*row[:4], row[4:]) for row in log[:count].tolist())
         ]
 
     def _start_of_experiment(self, experiment: Experiment) -> Array:
         distance = float(self.scene.model.curve.signed_distance(experiment.position[np.newaxis])[0])
-        if distance < -TOUCHING and not self.scene.bilateral:
+        if distance < -ON_BOUNDARY and not self.scene.bilateral:
             raise InputError(
                 f"the experiment starts {-distance:.6g} m inside the model '{self.scene.model.name}'",
                 why="a rigid object cannot be entered",
                 todo="start outside or on the boundary",
             )
-        if self.scene.bilateral or distance <= TOUCHING:
+        if self.scene.bilateral or distance <= ON_BOUNDARY:
             return self._on_boundary(experiment.position, experiment.velocity)
         return _in_flight(experiment.position, experiment.velocity)
 
@@ -181,16 +181,16 @@ class IdealContact:
         """The state at the nearest point of the boundary, with a velocity that the first touch has yet to change."""
         curve, pieces = self.scene.model.curve, self._terrain.pieces
         u = float(curve.nearest(point[np.newaxis])[0])
-        index = piece_of(pieces, u)
+        index = piece_index(pieces, u)
         state = _in_flight(curve.position(u), velocity)
         for joint in (pieces[index, U0], pieces[index, U1]):
-            if abs(u - joint) <= TOUCHING:
+            if abs(u - joint) <= ON_BOUNDARY:
                 u = float(joint)
         state[MODE], state[PIECE], state[U] = SLIDE, index, u
         return state
 
 
-def _pushes(experiment: Experiment) -> tuple[Array, Array, Array]:
+def _prescribed_forces(experiment: Experiment) -> tuple[Array, Array, Array]:
     """Knots (k,), and from each on, N and N/s, (k, 2): what the operator prescribes, and what of the hand's force comes
     from the path alone, k y_d + b y_d'.
     """
@@ -212,13 +212,13 @@ def _slopes(knots: Array, values: Array) -> Array:
 
 
 def _in_flight(point: Array, velocity: Array) -> Array:
-    state = np.zeros(STATES)
+    state = np.zeros(STATE_SIZE)
     state[MODE] = FLIGHT
     state[X : Y + 1], state[VX : VY + 1] = point, velocity
     return state
 
 
-def _stretches(time: Array, knots: Array, dt: float) -> tuple[Array, Array, IntArray]:
+def _cut_into_stretches(time: Array, knots: Array, dt: float) -> tuple[Array, Array, IntArray]:
     """Cut the run at samples and at the stimulus's knots: beginnings, lengths (s) and the sample each belongs to."""
     end = time[-1] + dt
     steps = knots / dt

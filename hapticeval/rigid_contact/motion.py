@@ -21,19 +21,19 @@ from hapticeval.geometry.kernels import evaluate
 from hapticeval.types import Array
 
 G0X, G0Y, G1X, G1Y, SPRING, DAMPER, MASS, RESTITUTION, BILATERAL, BEGAN = range(10)
-LOADS = 10
+LOAD_SIZE = 10
 
 Slide: TypeAlias = tuple[float, float, float]
 """A slide under way: u where it began, how much u has grown since, and w = ds/dt (m/s)."""
 
-STEP = 0.1
+LONGEST_STEP = 0.1
 """Longest step of the sliding motion, in units of its own pace: the spring's 1 / omega, or the time in which the
 boundary changes its direction by one radian. The order of the method (six) then leaves errors of some 1e-12 m
 and 1e-10 m/s on a 0.2 m model."""
 
 
 @compiled
-def surface(piece: Array, u: float) -> tuple[float, float, float, float, float, float]:
+def surface_frame(piece: Array, u: float) -> tuple[float, float, float, float, float, float]:
     """Point (x, y), unit tangent (tx, ty), |dc/du| and curvature at u; the outward normal is (ty, -tx)."""
     x, y, dx, dy, ddx, ddy = evaluate(piece, u)
     speed = math.sqrt(dx * dx + dy * dy)
@@ -41,7 +41,7 @@ def surface(piece: Array, u: float) -> tuple[float, float, float, float, float, 
 
 
 @compiled
-def push(load: Array, tau: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
+def operator_force(load: Array, tau: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
     """The operator's force (N) on a tool at (x, y) with velocity (vx, vy)."""
     return (
         load[G0X] + load[G1X] * tau - load[SPRING] * x - load[DAMPER] * vx,
@@ -50,13 +50,13 @@ def push(load: Array, tau: float, x: float, y: float, vx: float, vy: float) -> t
 
 
 @compiled
-def hold(piece: Array, u: float, w: float, tau: float, load: Array) -> tuple[float, float]:
+def contact_force(piece: Array, u: float, w: float, tau: float, load: Array) -> tuple[float, float]:
     """Contact force N along the outward normal and tangential operator's force (N), sliding at w = ds/dt.
 
     N = -F.nu - m kappa w^2: thesis (3.3) and (3.8) with the inward centripetal force.
     """
-    x, y, tx, ty, _, bend = surface(piece, u)
-    fx, fy = push(load, tau, x, y, w * tx, w * ty)
+    x, y, tx, ty, _, bend = surface_frame(piece, u)
+    fx, fy = operator_force(load, tau, x, y, w * tx, w * ty)
     return -(fx * ty - fy * tx) - load[MASS] * bend * w * w, fx * tx + fy * ty
 
 
@@ -76,7 +76,7 @@ STAGES = np.array(
 
 
 @compiled
-def slid(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> tuple[float, float, float, float]:
+def slide_for(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> tuple[float, float, float, float]:
     """(du, w) after h seconds of sliding by thesis (3.1), and the contact impulse (N s) meanwhile: Butcher's step."""
     u, grown, w = slide
     rates, out = np.empty((7, 4)), np.empty(4)  # du/dt, dw/dt and the contact force
@@ -86,8 +86,8 @@ def slid(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> tuple
             du += STAGES[k, i] * rates[i, 0]
             dw += STAGES[k, i] * rates[i, 1]
         pace = w + h * dw / STAGES[k, 6]
-        x, y, tx, ty, speed, bend = surface(piece, u + (grown + h * du / STAGES[k, 6]))
-        fx, fy = push(load, tau + STAGES[k, 7] * h / STAGES[k, 8], x, y, pace * tx, pace * ty)
+        x, y, tx, ty, speed, bend = surface_frame(piece, u + (grown + h * du / STAGES[k, 6]))
+        fx, fy = operator_force(load, tau + STAGES[k, 7] * h / STAGES[k, 8], x, y, pace * tx, pace * ty)
         answer = -(fx * ty - fy * tx) - load[MASS] * bend * pace * pace
         rates[k, 0], rates[k, 1] = pace / speed, (fx * tx + fy * ty) / load[MASS]
         rates[k, 2], rates[k, 3] = answer * ty, -answer * tx
@@ -98,20 +98,20 @@ def slid(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> tuple
 
 
 @compiled
-def slide_step(pace: float, w: float, along: float, load: Array, longest: float) -> float:
+def longest_slide_step(pace: float, w: float, along: float, load: Array, longest: float) -> float:
     """How long a sliding step may be: `pace` (1/m) is the boundary's, `along` the tangential force (N)."""
     h = longest
     omega = math.sqrt(load[SPRING] / load[MASS])
-    if h * omega > STEP:
-        h = STEP / omega
+    if h * omega > LONGEST_STEP:
+        h = LONGEST_STEP / omega
     turning = pace * (abs(w) + abs(along) / load[MASS] * h)
-    if h * turning > STEP:
-        h = STEP / turning
+    if h * turning > LONGEST_STEP:
+        h = LONGEST_STEP / turning
     return h
 
 
 @compiled
-def between(low: float, high: float, a: float, b: float, i: int) -> float:
+def guess_between(low: float, high: float, a: float, b: float, i: int) -> float:
     """Where to look next for the change of sign of a number that is a at `low` and b at `high`: not between them, if
     nothing lies there. By the chord, and by halves at every fourth `i`."""
     middle = low + 0.5 * (high - low)
@@ -123,7 +123,7 @@ def between(low: float, high: float, a: float, b: float, i: int) -> float:
 
 
 @compiled
-def ringing(omega: float, half: float, h: float) -> tuple[float, float]:
+def damped_oscillation(omega: float, half: float, h: float) -> tuple[float, float]:
     """e^(-at) cos(bt) and e^(-at) sin(bt) / b at t = h; a is `half` and b^2 = omega^2 - a^2, of either sign or zero."""
     square = omega * omega - half * half
     if abs(square) <= 1e-12 * omega * omega:
@@ -138,7 +138,7 @@ def ringing(omega: float, half: float, h: float) -> tuple[float, float]:
 
 
 @compiled
-def flown(
+def fly_for(
     x: float, y: float, vx: float, vy: float, tau: float, h: float, load: Array
 ) -> tuple[float, float, float, float]:
     """Position and velocity after h seconds of free flight, in closed form."""
@@ -158,7 +158,7 @@ def flown(
     base_x = (gx - load[DAMPER] * drift_x) / spring
     base_y = (gy - load[DAMPER] * drift_y) / spring
     half = load[DAMPER] / (2.0 * mass)
-    even, odd = ringing(omega, half, h)
+    even, odd = damped_oscillation(omega, half, h)
     px, py = x - base_x, y - base_y
     wx, wy = vx - drift_x, vy - drift_y
     square = omega * omega

@@ -17,7 +17,7 @@ from hapticeval.types import Array
 
 Kind = Literal["vertices", "surface", "centre", "medial", "focal", "far", "tiny-steps", "teleports"]
 
-COUNT = 12
+PLACES_PER_KIND = 12
 """Places of a kind, spread over the boundary."""
 
 
@@ -40,25 +40,25 @@ class HardPlaces(Trajectory, frozen=True, kw_only=True, tag="hard-places"):
 
     def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path: it has a time a tick, at which playback takes the places as they are."""
-        points = np.vstack([np.repeat(_visit(surface, kind), self.rest, axis=0) for kind in self.of])
+        points = np.vstack([np.repeat(_stops_of_kind(surface, kind), self.rest, axis=0) for kind in self.of])
         return Path(self.tick * np.arange(len(points), dtype=np.float64), points)
 
 
-LEFT_OUT = ("far", "tiny-steps", "teleports")
+WITHOUT_RETREAT = ("far", "tiny-steps", "teleports")
 """Kinds whose places are gone to one after the other; to the others the hand comes from free space, and leaves."""
 
 
-def _visit(surface: Boundary, kind: Kind) -> Array:
+def _stops_of_kind(surface: Boundary, kind: Kind) -> Array:
     """Return where the hand goes (n, N), m: to each place along the normal of its foot, and round the model between.
 
     So a tool that was caught at one place is free again at the next, where rounding decided how it fared.
     """
-    places = PLACES[kind](surface)
+    places = PLACES_OF_KIND[kind](surface)
     lows, highs = np.array(surface.bounds).reshape(2, -1)
     centre, radius = 0.5 * (lows + highs), 2.0 * float(np.max(highs - lows))
     frame = surface.closest_point(places)
     outs = frame.foot + 0.25 * radius * frame.normal
-    if kind in LEFT_OUT:
+    if kind in WITHOUT_RETREAT:
         return np.vstack([outs[:1], places, outs[-1:]])
     turns = _unit(outs - centre)
     stops: list[Array] = []
@@ -77,9 +77,9 @@ def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
-def _feet(surface: Boundary) -> tuple[Array, Array, Array]:
+def _boundary_points(surface: Boundary) -> tuple[Array, Array, Array]:
     """Return boundary points (n, N), outward normals there, and the largest curvature (n,), 1/m."""
-    points = surface.points(COUNT + 1)[:COUNT]
+    points = surface.points(PLACES_PER_KIND + 1)[:PLACES_PER_KIND]
     frame = surface.closest_point(points)
     return frame.foot, frame.normal, np.asarray(np.linalg.eigvalsh(frame.shape)[:, -1], dtype=np.float64)
 
@@ -88,13 +88,17 @@ def _vertices(surface: Boundary) -> Array:
     corners = np.array([corner.position for corner in surface.corners]) if surface.dimension == 2 else None
     if corners is None and isinstance(surface, Mesh):
         corners = surface.vertices
-    vertices = _feet(surface)[0] if corners is None or not corners.size else corners[:: max(1, len(corners) // COUNT)]
+    vertices = (
+        _boundary_points(surface)[0]
+        if corners is None or not corners.size
+        else corners[:: max(1, len(corners) // PLACES_PER_KIND)]
+    )
     middle = np.array(surface.bounds).reshape(2, -1).mean(axis=0)
     return np.vstack([vertices, np.nextafter(vertices, middle)])
 
 
 def _surface(surface: Boundary) -> Array:
-    feet, normals, _ = _feet(surface)
+    feet, normals, _ = _boundary_points(surface)
     return np.vstack([np.nextafter(feet, feet - normals), feet, np.nextafter(feet, feet + normals)])
 
 
@@ -104,7 +108,7 @@ def _centre(surface: Boundary) -> Array:
 
 def _medial(surface: Boundary) -> Array:
     """The inner ends of the normals along which the foot is the nearest point, by bisection."""
-    feet, normals, _ = _feet(surface)
+    feet, normals, _ = _boundary_points(surface)
     size = float(np.ptp(np.array(surface.bounds).reshape(2, -1), axis=0).max())
     low, high = np.zeros(len(feet)), np.full(len(feet), size)
     for _ in range(60):
@@ -116,7 +120,7 @@ def _medial(surface: Boundary) -> Array:
 
 
 def _focal(surface: Boundary) -> Array:
-    feet, normals, curvature = _feet(surface)
+    feet, normals, curvature = _boundary_points(surface)
     bent = curvature > 0.0
     if not bent.any():
         return _medial(surface)
@@ -125,24 +129,26 @@ def _focal(surface: Boundary) -> Array:
 
 def _far(surface: Boundary) -> Array:
     lows, highs = np.array(surface.bounds).reshape(2, -1)
-    return np.vstack([_inside(surface)[:1], highs + 10.0 * (highs - lows), _inside(surface)[:1]])
+    return np.vstack(
+        [_half_way_to_medial(surface)[:1], highs + 10.0 * (highs - lows), _half_way_to_medial(surface)[:1]]
+    )
 
 
 def _tiny_steps(surface: Boundary) -> Array:
-    return np.asarray(_inside(surface)[:1] + 1e-15 * np.arange(COUNT)[:, np.newaxis])
+    return np.asarray(_half_way_to_medial(surface)[:1] + 1e-15 * np.arange(PLACES_PER_KIND)[:, np.newaxis])
 
 
 def _teleports(surface: Boundary) -> Array:
-    inside = _inside(surface)
+    inside = _half_way_to_medial(surface)
     return np.asarray(inside[np.argsort(np.arange(len(inside)) * 5 % len(inside))])
 
 
-def _inside(surface: Boundary) -> Array:
+def _half_way_to_medial(surface: Boundary) -> Array:
     """Half way to the medial axis."""
-    return np.asarray(0.5 * (_feet(surface)[0] + _medial(surface)))
+    return np.asarray(0.5 * (_boundary_points(surface)[0] + _medial(surface)))
 
 
-PLACES: Mapping[str, Callable[[Boundary], Array]] = {
+PLACES_OF_KIND: Mapping[str, Callable[[Boundary], Array]] = {
     "vertices": _vertices,
     "surface": _surface,
     "centre": _centre,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.model import Model
-from hapticeval.stimulus.moves import Move, Moves, Tremor, shortest
+from hapticeval.stimulus.moves import Move, Moves, Tremor, shortest_duration
 from hapticeval.strategies.numbers import rounded, share, signed
 from hapticeval.strategies.place import PLACES, Place, check_model, places
 from hapticeval.types import Array
@@ -110,7 +110,7 @@ class Hand:
         to = self.rounded(point)
         length = math.dist(self.at, to)
         if length > 0.0:
-            self.moves.append(Move(to=to, seconds=round(self.pace * shortest(length, self.tremor) + 5e-4, 3)))
+            self.moves.append(Move(to=to, seconds=round(self.pace * shortest_duration(length, self.tremor) + 5e-4, 3)))
             self.at = to
 
     def press(self, depth: float) -> None:

@@ -12,7 +12,7 @@ from msgspec import Meta
 
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
-from hapticeval.stimulus.moves import Move, Moves, shortest
+from hapticeval.stimulus.moves import Move, Moves, shortest_duration
 from hapticeval.stimulus.paths import Trajectory
 from hapticeval.stimulus.stimulus import Path
 
@@ -49,6 +49,6 @@ def _path(table: Generated, surface: Boundary) -> Path:
     moves = list(paths[0].moves)
     for before, after in pairwise(paths):
         length = math.dist(before.moves[-1].to, after.start)
-        moves += [Move(to=after.start, seconds=shortest(length)), *after.moves] if length else after.moves
+        moves += [Move(to=after.start, seconds=shortest_duration(length)), *after.moves] if length else after.moves
     tremor = next((each.tremor for each in paths if each.tremor is not None), None)
     return Moves(start=paths[0].start, moves=tuple(moves), tremor=tremor).path()

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hapticeval.discovery import resolve
 from hapticeval.effects.shading import Shading, facets, normals_at, turned
 from hapticeval.errors import InputError, RefusalError
-from hapticeval.geometry.boundary import spiral
+from hapticeval.geometry.boundary import spread_over_sphere
 from hapticeval.geometry.catalogue import make_model, star
 from hapticeval.geometry.solids import icosphere, prism
 from hapticeval.recordings.recording import backward_difference
@@ -221,7 +221,7 @@ def test_a_mesh_of_a_sphere_is_shaded_towards_the_sphere():
     """Vertices lie on it: shaded normals are a third as far off the sphere's as the triangles' own, or less."""
     vertices, triangles = icosphere(2, RADIUS)
     model = make_model("mesh", vertices=vertices.tolist(), triangles=triangles.tolist())
-    feet = 0.98 * spiral(60) * RADIUS
+    feet = 0.98 * spread_over_sphere(60) * RADIUS
     scene = shaded(model, 60.0)
     plain = resolve("minimum-distance")(Scene(model=model, stiffness=STIFFNESS))
     renderer = make_renderer(resolve("minimum-distance"), scene)

@@ -9,12 +9,12 @@ from scipy.optimize import brentq
 
 from hapticeval.errors import InputError
 from hapticeval.geometry import catalogue
-from hapticeval.geometry.boundary import Boundary, ClosestPoint, InSpace
+from hapticeval.geometry.boundary import Boundary, ClosestPoint, SurfaceInSpace
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipsoid, from_vertices, line, sphere, star
 from hapticeval.geometry.catalogue import torus as torus_model
 from hapticeval.geometry.kernels import U0
 from hapticeval.geometry.model import Model
-from hapticeval.geometry.validate import checked_size, points_for, refuse_not_finite
+from hapticeval.geometry.validate import checked_size, not_finite_error, points_for_kernels
 from hapticeval.renderer import Response
 from hapticeval.runner.judging import judge
 from hapticeval.suite.reading import load_suite
@@ -26,7 +26,7 @@ BODIES = {"sphere": sphere().surface, "ellipsoid": ellipsoid().surface, "torus":
 turns = st.tuples(*[st.floats(-1.0, 1.0)] * 6)
 
 
-class Cube(InSpace):
+class Cube(SurfaceInSpace):
     """A cube by its faces: `name`, `bounds` and `closest_point`, and cones for its edges and corners."""
 
     def __init__(self, half):
@@ -37,9 +37,9 @@ class Cube(InSpace):
         return (*[-self.half] * 3, *[self.half] * 3)
 
     def closest_point(self, points):
-        array = points_for(points, 3)
+        array = points_for_kernels(points, 3)
         if not np.isfinite(array).all():
-            raise refuse_not_finite(array)
+            raise not_finite_error(array)
         face = np.argmax(np.abs(array), axis=1)
         rows = np.arange(len(array))
         normal = np.zeros_like(array)
@@ -69,9 +69,9 @@ def cube(size=0.1):
     return Model("cube", {"size": size}, Cube(checked_size(size) / 2.0))
 
 
-MADE = {kind: make for kind, make in catalogue.MODELS.items() if kind not in catalogue.OWN}
+MADE = {kind: make for kind, make in catalogue.MODELS.items() if kind not in catalogue.KINDS_FROM_USER}
 BOUNDARIES: dict[str, Boundary] = {
-    **{kind: catalogue.make_model(kind).boundary for kind in catalogue.MODELS if kind not in catalogue.OWN},
+    **{kind: catalogue.make_model(kind).boundary for kind in catalogue.MODELS if kind not in catalogue.KINDS_FROM_USER},
     "polygon": from_vertices([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.05, 0.02], [0.0, 0.1]]).boundary,
     "40-gon": cassinian().polygon(40),
     "a cube by its faces": Cube(0.05),

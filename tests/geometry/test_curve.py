@@ -14,7 +14,7 @@ from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.kernels import curvature_rate, evaluate_many, piece_of
+from hapticeval.geometry.kernels import curvature_rate, evaluate_many, piece_index
 
 R = 0.1
 NOTCHED = [[0.0, 0.0], [0.04, 0.0], [0.04, 0.01], [0.01, 0.01], [0.01, 0.03], [0.04, 0.03], [0.04, 0.04], [0.0, 0.04]]
@@ -113,7 +113,7 @@ class TestGoldenNumbers:
 
 def rates(curve, us):
     pieces = for_kernels(curve.pieces)
-    return np.array([curvature_rate(pieces[piece_of(pieces, u)], u) for u in us])
+    return np.array([curvature_rate(pieces[piece_index(pieces, u)], u) for u in us])
 
 
 def lobed(lobes, ratio, u):

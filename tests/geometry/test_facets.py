@@ -18,7 +18,7 @@ from hapticeval.geometry.catalogue import (
     star,
     torus,
 )
-from hapticeval.geometry.facets import FAR, MOST
+from hapticeval.geometry.facets import HALF_PLANE_EXTENT, MOST_CELLS
 from hapticeval.geometry.model import Model
 
 SMOOTH = {
@@ -83,7 +83,7 @@ def test_a_half_plane_is_cut_off_far_away() -> None:
     for ours, its in zip(facets.boundary.closest_point(points), line().boundary.closest_point(points), strict=True):
         assert ours == pytest.approx(its, abs=1e-13)
     assert facets.chord_error == 0.0
-    assert np.ptp(facets.vertices, axis=0) == pytest.approx([2 * FAR, 2 * FAR])
+    assert np.ptp(facets.vertices, axis=0) == pytest.approx([2 * HALF_PLANE_EXTENT, 2 * HALF_PLANE_EXTENT])
 
 
 @pytest.mark.parametrize("max_error", [0.0, -1.0, math.nan])
@@ -93,7 +93,7 @@ def test_an_error_has_to_be_positive(max_error: float) -> None:
 
 
 def test_what_takes_too_many_facets_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(MOST, 2, 500)
+    monkeypatch.setitem(MOST_CELLS, 2, 500)
     with pytest.raises(InputError, match=r"500 edges are the most that are made, and their error is 1\.97e-06 m"):
         circle().mesh(max_error=1e-8)
 

@@ -16,11 +16,11 @@ from hapticeval.compiled import CLOSEST, first_class
 from hapticeval.errors import InputError
 from hapticeval.geometry import mesh_kernels as kernels
 from hapticeval.geometry import solids
-from hapticeval.geometry.boundary import march
+from hapticeval.geometry.boundary import march_to_crossing
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.closest_kernels import closest_of
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_checks import meetings
+from hapticeval.geometry.mesh_checks import meeting_points
 
 FAR = np.array([1e6, -1e6, 1e6])
 ASLANT = np.array([0.013, -0.02, 0.3])
@@ -90,7 +90,7 @@ def test_distances_are_those_of_libigl(shape):
         np.testing.assert_allclose(np.abs(found.distance), np.sqrt(far2), atol=tolerance)
     np.testing.assert_allclose(np.linalg.norm(points - found.foot, axis=1), np.abs(found.distance), atol=tolerance)
     # Where points of a plate's rim are equally far to rounding, any is the closest; at an edge a direction may be lost.
-    blur = max(2e-9 if shape == "plate" else tolerance, 2.0 * kernels.NEAR * np.abs(points).sum(axis=1).max())
+    blur = max(2e-9 if shape == "plate" else tolerance, 2.0 * kernels.ON_FEATURE * np.abs(points).sum(axis=1).max())
     np.testing.assert_allclose(found.foot + found.distance[:, None] * found.normal, points, rtol=0.0, atol=blur)
 
 
@@ -164,7 +164,7 @@ def test_no_segment_leaks_through_vertices_and_edges(shape):
     others = corners[random.integers(0, len(corners), len(inner))]
     aims[halves] = others[halves, 0] + 0.5 * (others[halves, 1] - others[halves, 0])
     starts = inner + 4.0 * size_of(mesh) * (aims - inner) / np.linalg.norm(aims - inner, axis=1)[:, None]
-    hits, shares = kernels.crossed_many(*mesh.tables, starts, inner, mesh.touch)
+    hits, shares = kernels.first_entries(*mesh.tables, starts, inner, mesh.touch)
     assert len(inner) > 500
     assert (hits >= 0).all()
     assert (shares < 1.0).all()  # 1 would mean that only the end was found inside
@@ -177,7 +177,7 @@ def test_a_plate_of_any_thickness_is_met_where_a_segment_aims_between_its_vertic
         shares = np.random.default_rng(7).dirichlet([1.0, 1.0, 1.0], 400)
         aims = np.einsum("sk,tkx->stx", shares, np.stack([a, b, c], axis=1)).reshape(-1, 3)
         starts, ends = aims + ASLANT, aims - ASLANT
-        hits, shares = kernels.crossed_many(*mesh.tables, starts, ends, mesh.touch)
+        hits, shares = kernels.first_entries(*mesh.tables, starts, ends, mesh.touch)
         assert (hits >= 0).all()
         high = starts + shares[:, np.newaxis] * (ends - starts)
         assert np.abs(high[:, 2]).max() <= 0.5 * thickness + 1e-15
@@ -192,7 +192,7 @@ def test_crossings_are_those_that_small_steps_find(shape):
     outside = mesh.signed_distance(starts) > 0.0
     met = 0
     for start, end in zip(starts[outside], ends[outside], strict=True):
-        exact, stepped = mesh.first_crossing(start, end, grain=1e-4), march(mesh, start, end, 1e-4)
+        exact, stepped = mesh.first_crossing(start, end, grain=1e-4), march_to_crossing(mesh, start, end, 1e-4)
         assert stepped is None or exact is not None
         if exact is not None and stepped is not None:
             met += 1
@@ -238,7 +238,7 @@ class TestCones:
         ("at", "count"), [((0.05, 0.01, 0.02), 1), ((0.05, 0.05, 0.01), 2), ((0.05, -0.05, 0.05), 3), ((0.05, 0, 0), 1)]
     )
     def test_a_cube_has_one_normal_on_a_face_two_on_an_edge_and_three_at_a_vertex(self, at, count):
-        starts, normals = kernels.fans(*CUBE.tables, np.array([at]), np.zeros(1))
+        starts, normals = kernels.normals_in_reach(*CUBE.tables, np.array([at]), np.zeros(1))
         assert starts.tolist() == [0, count]
         active = np.abs(np.abs(at) - 0.05) < 1e-12
         np.testing.assert_allclose(normals.sum(axis=0), np.where(active, np.sign(at), 0.0), atol=1e-15)
@@ -246,7 +246,7 @@ class TestCones:
     def test_reach_goes_round_edges_but_not_through_plates(self):
         plate = make_model("box", x=0.1, y=0.1, z=1e-3).boundary
         for reach, count in ((1e-3, 1), (0.03, 2), (0.0311, 3)):
-            starts, _ = kernels.fans(*plate.tables, np.array([[0.02, 0.0, 5e-4]]), np.array([reach]))
+            starts, _ = kernels.normals_in_reach(*plate.tables, np.array([[0.02, 0.0, 5e-4]]), np.array([reach]))
             assert starts[1] == count
 
     @given(
@@ -259,7 +259,7 @@ class TestCones:
         normals = np.array([each for each in drawn if any(each)] or [[1, 0, 0]], dtype=float)
         normals /= np.linalg.norm(normals, axis=1)[:, np.newaxis]
         goal = np.array(d, dtype=float)
-        found = np.array(kernels.onto_cone(normals, 0, len(normals), tuple(goal)))
+        found = np.array(kernels.closest_in_cone(normals, 0, len(normals), tuple(goal)))
         rest, size = goal - found, np.linalg.norm(goal)
         assert np.all(normals @ rest <= 1e-12 * size)
         assert abs(rest @ found) <= 1e-12 * size * size
@@ -342,7 +342,7 @@ def test_triangles_meet_where_a_linear_programme_finds_a_common_point(drawn):
     equal[:3, :3], equal[:3, 3:], equal[3, :3], equal[4, 3:] = first.T, -second.T, 1.0, 1.0
     feasible = linprog(np.zeros(6), A_eq=equal, b_eq=[0, 0, 0, 1, 1]).status == 0
     exact = [[tuple(map(Fraction, corner.tolist())) for corner in each] for each in (first, second)]
-    assert feasible is bool(list(meetings(*exact)))
+    assert feasible is bool(list(meeting_points(*exact)))
 
 
 @pytest.mark.parametrize(
@@ -428,6 +428,6 @@ class TestAMillion:
         aims = corners[:, 0] + shares * (corners[:, 1] - corners[:, 0])
         inner = 0.02 * random.uniform(-1.0, 1.0, aims.shape)
         starts = inner + 4.0 * (aims - inner)
-        hits, shares = kernels.crossed_many(*mesh.tables, starts, inner, mesh.touch)
+        hits, shares = kernels.first_entries(*mesh.tables, starts, inner, mesh.touch)
         assert (hits >= 0).all()
         assert (shares < 1.0).all()

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import from_vertices, make_model
-from hapticeval.geometry.motion import Motion, mirroring, rigid, scaling
+from hapticeval.geometry.motion import Motion, mirroring, rigid_motion, scaling
 
 MOVABLE = ("star", "dumbbell", "circle", "line")
 BOUND = ("cassinian", "ellipse", "sphere", "ellipsoid", "torus")
 
 motions = st.builds(
     lambda angle, flip, scale, x, y: Motion(
-        rigid(angle, (0.0, 0.0)).matrix @ np.diag([1.0, flip]), scale, np.array([x, y])
+        rigid_motion(angle, (0.0, 0.0)).matrix @ np.diag([1.0, flip]), scale, np.array([x, y])
     ),
     st.floats(-math.pi, math.pi),
     st.sampled_from([1.0, -1.0]),
@@ -52,7 +52,7 @@ def test_a_model_about_the_origin_is_scaled(kind, scale, seed):
     here, there = model.boundary.closest_point(points), moved.boundary.closest_point(scale * points)
     np.testing.assert_allclose(there.distance, scale * here.distance, rtol=1e-9, atol=1e-13 * scale)
     np.testing.assert_allclose(there.shape * scale, here.shape, rtol=1e-4, atol=1e-4)
-    assert model.moved(rigid(0.3, np.zeros(size))) is None
+    assert model.moved(rigid_motion(0.3, np.zeros(size))) is None
 
 
 def same_frames(here, there, motion):
@@ -104,7 +104,7 @@ def test_a_motion_has_a_way_back(motion, seed):
 
 
 def test_a_motion_in_space_turns_about_an_axis():
-    motion = rigid(0.7, np.zeros(3))
+    motion = rigid_motion(0.7, np.zeros(3))
     np.testing.assert_allclose(motion(np.array([[1.0, 2.0, 3.0]])), [[1.0, 2.0, 3.0]], atol=1e-14)
     assert np.trace(motion.matrix) == pytest.approx(1.0 + 2.0 * math.cos(0.7))
     assert scaling(1.0, 3).rests

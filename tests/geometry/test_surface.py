@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import circle, ellipsoid, sphere, torus
 from hapticeval.geometry.surface import Surface
-from hapticeval.geometry.surface_kernels import bend_change
+from hapticeval.geometry.surface_kernels import shape_operator_change
 
 MODELS = [
     sphere(0.2),
@@ -52,7 +52,7 @@ def shape_derivative(surface, points, directions):
     for i, (p, n, v) in enumerate(zip(foot, normal, directions, strict=True)):
         for k, unit in enumerate(np.eye(3)):
             along = (tuple((v - v @ n * n).tolist()), tuple((unit - n[k] * n).tolist()))
-            out[i, k] = bend_change(surface.row, tuple(p.tolist()), tuple(n.tolist()), *along)
+            out[i, k] = shape_operator_change(surface.row, tuple(p.tolist()), tuple(n.tolist()), *along)
     return out
 
 

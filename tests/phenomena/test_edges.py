@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.geometry.mesh_tool import FREE
+from hapticeval.geometry.mesh_tool import IN_FREE_SPACE
 from hapticeval.phenomena.crossings import find_crossings
 from hapticeval.renderers import constraint
 from hapticeval.scene import Scene
@@ -132,4 +132,4 @@ def test_the_rigid_tool_that_shows_the_edges_is_where_the_constraint_projection_
     _, features, tools = scene.model.boundary.rigid_tool(hips)
     ihips, _ = constraint(scene).run(hips, 1e-3)
     np.testing.assert_array_equal(tools, ihips)
-    assert np.array_equal(features == FREE, (ihips == hips).all(axis=1))
+    assert np.array_equal(features == IN_FREE_SPACE, (ihips == hips).all(axis=1))

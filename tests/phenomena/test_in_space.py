@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import circle, sphere
-from hapticeval.geometry.normal_cone import SAMPLES
+from hapticeval.geometry.normal_cone import NORMAL_SAMPLES
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
@@ -83,7 +83,7 @@ def test_a_great_circle_is_judged_like_a_circle_in_the_plane(check, recording, d
     space = check(Runs(in_space(recording, tilted(drawn))), SPACE)
     assert space.outcome is plane.outcome
     # The interval of angles in the plane is wider by up to two cells of its table.
-    cells = np.degrees(2.0 * 2.0 * np.pi / SAMPLES)
+    cells = np.degrees(2.0 * 2.0 * np.pi / NORMAL_SAMPLES)
     assert space.metric.value == pytest.approx(plane.metric.value, rel=1e-6, abs=cells)
     assert space.bound == pytest.approx(plane.bound, rel=1e-6, abs=1e-12)
 

@@ -17,7 +17,7 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Response
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
-from hapticeval.stimulus.hard_places import PLACES
+from hapticeval.stimulus.hard_places import PLACES_OF_KIND
 from hapticeval.stimulus.trajectories import build_path
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
@@ -34,13 +34,13 @@ def digits_of(make, model, of=("surface", "medial"), **scene):
 
 
 @pytest.mark.parametrize("kind", SHAPES)
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("place", PLACES_OF_KIND)
 def test_hard_places_are_met_as_they_are(kind, place):
     boundary = make_model(kind).boundary
     path = build_path({"kind": "hard-places", "of": [place]}, boundary, Path())
     hips = path.sampled(1e-3)[1]
     assert np.array_equal(hips, path.points)
-    wanted = PLACES[place](boundary)
+    wanted = PLACES_OF_KIND[place](boundary)
     assert all(np.any(np.all(hips == each, axis=1)) for each in wanted)
     assert not boundary.signed_distance(hips[:1]) < 0.0
 
@@ -48,10 +48,10 @@ def test_hard_places_are_met_as_they_are(kind, place):
 def test_places_are_where_they_are_said_to_be():
     star, circle = make_model("star").boundary, make_model("circle").boundary
     corners = np.array([corner.position for corner in star.corners])
-    assert np.array_equal(PLACES["vertices"](star)[: len(corners)], corners)
-    np.testing.assert_allclose(PLACES["focal"](circle), 0.0, atol=1e-15)
-    np.testing.assert_allclose(np.linalg.norm(PLACES["medial"](circle), axis=1), 0.0, atol=1e-6)
-    assert np.abs(star.signed_distance(PLACES["surface"](star))).max() < 1e-16
+    assert np.array_equal(PLACES_OF_KIND["vertices"](star)[: len(corners)], corners)
+    np.testing.assert_allclose(PLACES_OF_KIND["focal"](circle), 0.0, atol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(PLACES_OF_KIND["medial"](circle), axis=1), 0.0, atol=1e-6)
+    assert np.abs(star.signed_distance(PLACES_OF_KIND["surface"](star))).max() < 1e-16
 
 
 @pytest.mark.parametrize("kind", SHAPES)

@@ -49,8 +49,8 @@ CLOVER = Model(
         "clover",
         pieces.concatenate_segments(
             [
-                pieces.arc((0.04, 0.0), 0.05, NOTCH - math.pi, 2.0 * (math.pi - NOTCH)),
-                pieces.arc((-0.04, 0.0), 0.05, NOTCH, 2.0 * (math.pi - NOTCH)),
+                pieces.arc_piece((0.04, 0.0), 0.05, NOTCH - math.pi, 2.0 * (math.pi - NOTCH)),
+                pieces.arc_piece((-0.04, 0.0), 0.05, NOTCH, 2.0 * (math.pi - NOTCH)),
             ]
         ),
         True,

@@ -92,10 +92,10 @@ def rounded(model, motion):
         if row[KIND] == ARC:
             start = row[D] if way > 0.0 else row[D] + row[E] * length / row[C]
             angle = math.atan2(s, c) + way * start
-            rows.append(pieces.arc(centre, motion.scale * row[C], angle, row[E] * length / row[C]))
+            rows.append(pieces.arc_piece(centre, motion.scale * row[C], angle, row[E] * length / row[C]))
         else:
             end = motion(row[[A, B]] + length * row[[C, D]])
-            rows.append(pieces.line(centre, end) if way > 0.0 else pieces.line(end, centre))
+            rows.append(pieces.line_piece(centre, end) if way > 0.0 else pieces.line_piece(end, centre))
     return Model("moved", {}, Curve("moved", pieces.concatenate_segments(rows if way > 0.0 else rows[::-1]), True))
 
 

@@ -15,17 +15,17 @@ from hapticeval.documents import convert
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import circle
 from hapticeval.stimulus.moves import (
-    ACCELERATION,
-    BAND,
-    PEAK_ACCELERATION,
-    PEAK_SPEED,
-    SHORTEST,
-    SPEED,
+    HAND_BAND,
+    LARGEST_ACCELERATION,
+    LARGEST_SPEED,
+    PEAK_ACCELERATION_FACTOR,
+    PEAK_SPEED_FACTOR,
+    SHORTEST_MOVE,
     Move,
     Moves,
     Tremor,
-    covered,
-    shortest,
+    share_covered,
+    shortest_duration,
 )
 
 DT = 1e-3
@@ -40,17 +40,17 @@ def above_band(moves: Moves) -> float:
     count = 2**17
     power = np.sum(np.abs(np.fft.rfft(acceleration, n=count, axis=0)) ** 2, axis=1)
     frequency = np.fft.rfftfreq(count, DT)
-    return float(power[frequency > BAND].sum() / power.sum())
+    return float(power[frequency > HAND_BAND].sum() / power.sum())
 
 
 def test_a_move_starts_and_ends_at_rest_and_peaks_as_its_law_says():
-    way = covered(SHARE)
+    way = share_covered(SHARE)
     speed = np.gradient(way, SHARE)
     acceleration = np.gradient(speed, SHARE)
     assert (way[0], way[-1]) == (0.0, pytest.approx(1.0, abs=1e-12))
     assert np.all(np.diff(way) > -1e-15)
-    assert speed.max() == pytest.approx(PEAK_SPEED, rel=1e-6)
-    assert acceleration.max() == pytest.approx(PEAK_ACCELERATION, rel=1e-6)
+    assert speed.max() == pytest.approx(PEAK_SPEED_FACTOR, rel=1e-6)
+    assert acceleration.max() == pytest.approx(PEAK_ACCELERATION_FACTOR, rel=1e-6)
     assert np.abs(acceleration[[1, -2]]).max() < 1e-5
 
 
@@ -59,13 +59,15 @@ def same_way(seconds):
 
 
 def test_of_one_move_half_a_per_mille_lies_above_where_the_docstring_says():
-    band = [above_band(Moves(start=[0.0], moves=(Move(to=[0.01], seconds=s / BAND),))) for s in (3.8, 3.83)]
+    band = [above_band(Moves(start=[0.0], moves=(Move(to=[0.01], seconds=s / HAND_BAND),))) for s in (3.8, 3.83)]
     assert band[1] <= 5e-4 < band[0]
 
 
 def test_the_shortest_moves_one_after_the_other_keep_to_the_band_and_shorter_ones_do_not():
-    back = Moves(start=[0.0], moves=tuple(Move(to=[0.01 * (k % 2)], seconds=SHORTEST) for k in range(1, 60)))
-    assert max(above_band(same_way(SHORTEST)), above_band(back)) <= 1e-3 < above_band(same_way(0.97 * SHORTEST))
+    back = Moves(start=[0.0], moves=tuple(Move(to=[0.01 * (k % 2)], seconds=SHORTEST_MOVE) for k in range(1, 60)))
+    assert (
+        max(above_band(same_way(SHORTEST_MOVE)), above_band(back)) <= 1e-3 < above_band(same_way(0.97 * SHORTEST_MOVE))
+    )
 
 
 @given(
@@ -79,7 +81,8 @@ def test_moves_of_the_shortest_duration_are_a_hands(ends, hertz):
     moves = Moves(
         start=points[0],
         moves=tuple(
-            Move(to=to, seconds=shortest(length, tremor)) for to, length in zip(points[1:], lengths, strict=True)
+            Move(to=to, seconds=shortest_duration(length, tremor))
+            for to, length in zip(points[1:], lengths, strict=True)
         ),
         tremor=tremor,
     )
@@ -88,9 +91,9 @@ def test_moves_of_the_shortest_duration_are_a_hands(ends, hertz):
     place = np.column_stack([np.interp(time, path.time, column) for column in path.points.T])
     velocity = np.diff(place, axis=0) / 1e-3
     acceleration = np.diff(velocity, axis=0) / 1e-3
-    assert np.linalg.norm(velocity, axis=1).max(initial=0.0) <= SPEED * (1.0 + 1e-6)
+    assert np.linalg.norm(velocity, axis=1).max(initial=0.0) <= LARGEST_SPEED * (1.0 + 1e-6)
     # Points of a path are a quarter of a millisecond apart, with straight ways between: a chord's error, twice.
-    assert np.linalg.norm(acceleration, axis=1).max(initial=0.0) <= ACCELERATION * 1.07
+    assert np.linalg.norm(acceleration, axis=1).max(initial=0.0) <= LARGEST_ACCELERATION * 1.07
     assert np.array_equal(path.points[[0, -1]], [points[0], points[-1]]) or tremor is not None
     assert path.points[-1] == pytest.approx(points[-1], abs=1e-12)
     assert moves.seconds == pytest.approx(path.duration)
@@ -137,4 +140,4 @@ def test_tables_that_are_no_moves_are_refused(table):
 
 def test_a_tremor_that_leaves_no_room_for_moves_is_refused():
     with pytest.raises(InputError, match="trembles"):
-        shortest(0.1, Tremor(amplitude=[0.1, 0.0], hertz=12.0))
+        shortest_duration(0.1, Tremor(amplitude=[0.1, 0.0], hertz=12.0))

@@ -46,7 +46,7 @@ from hapticeval.geometry.maps.conformal_kernels import Complex
 from hapticeval.geometry.validate import checked_points
 from hapticeval.types import Array, IntArray
 
-SMOOTH, PIECE, MOST = 256, 16, 2560
+NODES_IF_SMOOTH, NODES_PER_PIECE, MOST_NODES = 256, 16, 2560
 """Nodes of a smooth curve, or of one piece of several, to start from; and of a whole curve to stop at."""
 
 TOLERANCE = 0.05
@@ -55,31 +55,31 @@ TOLERANCE = 0.05
 BLUR_SHARE = 0.01
 """Blur, as a share of the curve's extent, beyond which the map is refused."""
 
-OUTLINE = 513
+OUTLINE_POINTS = 513
 """Points of the outline inside which the search for the centre starts."""
 
 DEEP_ENOUGH = 0.01
 """Depth of the outline's centroid, as a share of the greatest depth, from which on the search starts there."""
 
-FINE = 8
+TABLE_STEPS = 8
 """Steps of the table of boundary angles from one node to the next."""
 
-ROUNDING = 4e-15
+ANGLE_ROUNDING = 4e-15
 """Error (rad) of a boundary angle in double precision; against the Cassinian's closed form it is about 2e-15."""
 
-ARCS = 1024
+EQUAL_ARCS = 1024
 """Equal arcs of the boundary over which densities are averaged: at a corner the density itself is zero or infinite."""
 
-NOISE = 100.0 * ROUNDING
+ARC_ROUNDING = 100.0 * ANGLE_ROUNDING
 """Change (rad) of an arc's share of the circle that may be rounding: the arc is at the end of many sums."""
 
-STEPS = 100
+MOST_NEWTON_STEPS = 100
 """Newton steps to the centre after which it is where it is: ten are common."""
 
-FARTHEST = 0.8
+LONGEST_NEWTON_STEP = 0.8
 """Longest step to the centre, on the disk: there the formula of the way back still has all digits it needs."""
 
-SETTLED, SLOW = 1e-17, 1e-9
+MOVE_ROUNDING, STEP_ROUNDING = 1e-17, 1e-9
 """Step, as a share of the length, that is rounding; and that on the disk below which steps that do not halve are."""
 
 
@@ -96,8 +96,8 @@ class CrowdingError(RefusalError):
         super().__init__(
             f"the conformal map of '{name}' crowds by {crowding:.2g}: {blur * 1e3:.3g} mm of the boundary at "
             f"({place[0]:.4g}, {place[1]:.4g}) m fall together on the circle",
-            why=f"angles are known to {ROUNDING:g} rad in double precision; behind a long neck, in the ends of a long "
-            "body and in sharp tips the boundary takes less",
+            why=f"angles are known to {ANGLE_ROUNDING:g} rad in double precision; behind a long neck, in the ends of a "
+            "long body and in sharp tips the boundary takes less",
             todo="use minimum-distance or constraint; or shorten the body, widen the neck or blunt the tip",
         )
 
@@ -119,26 +119,26 @@ class ConformalMap:
     crowding: float
     blur: float
     blurred_at: Array
-    _disk: kernels.Disk = field(repr=False)
+    _disk: kernels.DiskTables = field(repr=False)
 
     def to_disk(self, points: ArrayLike) -> Array:
         """The images f (n, 2) in the unit disk of points (n, 2), m, inside the curve; outside f has no meaning.
 
         Raises `InputError`, naming the row, for a point that is not finite.
         """
-        return kernels.to_disk(self._disk, checked_points(points))
+        return kernels.map_to_disk(self._disk, checked_points(points))
 
     def to_angle(self, points: Array) -> Array:
         """The arguments of f (n,), rad, of points (n, 2), m, inside the curve."""
-        return kernels.to_angle(self._disk, for_kernels(points))
+        return kernels.map_to_angles(self._disk, for_kernels(points))
 
     def surface(self, angles: Array) -> Array:
         """The curve's parameters u (n,) at boundary angles (n,), rad: the boundary correspondence, inverted."""
-        return kernels.surface(self._disk, angles)
+        return kernels.boundary_parameters(self._disk, angles)
 
     def parameter(self, x: float, y: float) -> float:
-        """The u at the argument of f at one point (m) inside, in one compiled call: `surface` of `to_angle`."""
-        return kernels.parameter(self._disk, x, y)
+        """The curve's parameter at the argument of f of one point (m) inside: `surface` of `to_angle` in one call."""
+        return kernels.project_to_parameter(self._disk, x, y)
 
 
 def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
@@ -153,13 +153,13 @@ def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
     """
     if not curve.closed:
         raise RefusalError(f"curve '{curve.name}' is unbounded", why="its inside is a half-plane and not a disk")
-    counts = _counts(curve, nodes)
-    start = _start(curve)
-    coarse = system_of(curve, counts[0] // 2)
+    counts = _node_counts(curve, nodes)
+    start = _search_start(curve)
+    coarse = factored_system(curve, counts[0] // 2)
     for n in counts:
-        fine = system_of(curve, n)
-        fine_map = balanced(fine, start)
-        best = _measured(curve, correspondence(coarse, fine_map.centre), fine_map)
+        fine = factored_system(curve, n)
+        fine_map = balance_centre(fine, start)
+        best = _map_with_measures(curve, solve_correspondence(coarse, fine_map.centre), fine_map)
         if best.error <= TOLERANCE:
             break
         coarse = fine
@@ -176,47 +176,47 @@ def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
     return best
 
 
-def _measured(curve: Curve, coarse: Correspondence, fine: Correspondence) -> ConformalMap:
+def _map_with_measures(curve: Curve, coarse: Correspondence, fine: Correspondence) -> ConformalMap:
     """The map, with what there is to say of it; `coarse` is on half as many nodes."""
     angles, lengths = fine.angles, fine.lengths
     scale = float(np.max(np.abs(fine.z)))
-    parts = (fine.z / scale, fine.nodes.steps / scale, np.exp(1j * angles[:-1:FINE]))
-    disk = kernels.Disk(
+    parts = (fine.z / scale, fine.nodes.steps / scale, np.exp(1j * angles[:-1:TABLE_STEPS]))
+    disk = kernels.DiskTables(
         np.ascontiguousarray(np.column_stack([part for values in parts for part in (values.real, values.imag)])),
         angles,
         fine.slopes,
         for_kernels(curve.pieces),
         fine.nodes.per_piece,
-        FINE,
+        TABLE_STEPS,
         float(fine.centre[0]),
         float(fine.centre[1]),
         scale,
     )
     turns = np.concatenate([angles[:-1] - 2.0 * np.pi, angles, angles[1:] + 2.0 * np.pi])
     along = np.concatenate([lengths[:-1] - curve.length, lengths, lengths[1:] + curve.length])
-    cuts = curve.length * np.arange(ARCS + 1) / ARCS
+    cuts = curve.length * np.arange(EQUAL_ARCS + 1) / EQUAL_ARCS
     masses = np.diff(np.interp(cuts, along, turns))
-    blurs = np.interp(angles + ROUNDING, turns, along) - np.interp(angles - ROUNDING, turns, along)
+    blurs = np.interp(angles + ANGLE_ROUNDING, turns, along) - np.interp(angles - ANGLE_ROUNDING, turns, along)
     widest = int(np.argmax(blurs))
     return ConformalMap(
         curve=curve,
         centre=fine.centre,
         nodes=fine.z.size,
-        error=change(coarse, fine),
-        crowding=float(np.max(masses) / max(np.min(masses), ROUNDING)),
+        error=density_change(coarse, fine),
+        crowding=float(np.max(masses) / max(np.min(masses), ANGLE_ROUNDING)),
         blur=float(blurs[widest]),
         blurred_at=curve.position(curve.parameter(lengths[widest])),
         _disk=disk,
     )
 
 
-def _start(curve: Curve) -> Array:
+def _search_start(curve: Curve) -> Array:
     """A point (2,), m, well inside, to look for the centre from: the outline's centroid, or the deepest point."""
     from shapely import Polygon
     from shapely.ops import polylabel
 
     # about a point of the outline: far from the origin the search would stop at the rounding of coordinates
-    outline = curve.outline(OUTLINE)
+    outline = curve.outline(OUTLINE_POINTS)
     polygon = Polygon(outline - outline[0])
     xmin, ymin, xmax, ymax = curve.bounds
     deepest = polylabel(polygon, 0.05 * min(xmax - xmin, ymax - ymin))
@@ -225,30 +225,33 @@ def _start(curve: Curve) -> Array:
     if depths[1] <= 0.0:
         raise RefusalError(
             f"the conformal map of '{curve.name}' has no centre to start from",
-            why=f"the body is too thin for an outline of {OUTLINE} points",
+            why=f"the body is too thin for an outline of {OUTLINE_POINTS} points",
             todo="simplify the outline, or use the minimum-distance or constraint renderer",
         )
     return np.asarray(candidates[0] if depths[0] > DEEP_ENOUGH * depths[1] else candidates[1])
 
 
-def _counts(curve: Curve, nodes: int | None) -> list[int]:
+def _node_counts(curve: Curve, nodes: int | None) -> list[int]:
     """Numbers of nodes to try, each twice the one before."""
-    pieces, fewest = (1, SMOOTH) if smooth(curve) else (curve.pieces.shape[0], PIECE * curve.pieces.shape[0])
+    pieces, fewest = (
+        (1, NODES_IF_SMOOTH) if is_smooth(curve) else (curve.pieces.shape[0], NODES_PER_PIECE * curve.pieces.shape[0])
+    )
     if nodes is not None:
         count = int(nodes) // (4 * pieces) * (4 * pieces)
-        if not 8 * pieces <= count <= 2 * MOST:
+        if not 8 * pieces <= count <= 2 * MOST_NODES:
             raise InputError(
                 f"nodes = {nodes!r} on the boundary of '{curve.name}'",
-                why=f"there must be from {8 * pieces} to {2 * MOST}, the same on each of its {pieces} pieces",
+                why=f"there must be from {8 * pieces} to {2 * MOST_NODES}, the same on each of its {pieces} pieces",
             )
         return [count]
-    if fewest > MOST:
+    if fewest > MOST_NODES:
         raise RefusalError(
             f"curve '{curve.name}' has {pieces} pieces",
-            why=f"the conformal map takes at least {PIECE} boundary nodes on each, and at most {MOST} in all",
+            why=f"the conformal map takes at least {NODES_PER_PIECE} boundary nodes on each, and at most "
+            f"{MOST_NODES} in all",
             todo="simplify the outline, or use the minimum-distance or constraint renderer",
         )
-    return [fewest * 2**k for k in range(int(np.log2(MOST / fewest)) + 1)]
+    return [fewest * 2**k for k in range(int(np.log2(MOST_NODES / fewest)) + 1)]
 
 
 class Nodes(NamedTuple):
@@ -265,22 +268,22 @@ class Nodes(NamedTuple):
     per_piece: int
 
 
-def smooth(curve: Curve) -> bool:
+def is_smooth(curve: Curve) -> bool:
     """Whether a closed curve is one piece without a corner where its end meets its start."""
     return bool(curve.pieces.shape[0] == 1 and not curve.corners)
 
 
-def nodes_of(curve: Curve, n: int) -> Nodes:
+def boundary_nodes(curve: Curve, n: int) -> Nodes:
     """`n` nodes on a closed curve; on one of pieces n is a multiple of their number."""
     pieces = for_kernels(curve.pieces)
-    if smooth(curve):
+    if is_smooth(curve):
         start, end = curve.u_range
         rows = evaluate_many(pieces, start + (end - start) * np.arange(n) / n)
         positions, derivatives = rows[:, 0] + 1j * rows[:, 1], rows[:, 2] + 1j * rows[:, 3]
         slopes: Complex = np.asarray(derivatives * ((end - start) / n), dtype=complex)
         return Nodes(np.zeros(n, dtype=complex), positions, slopes, 0)
     per = n // pieces.shape[0]
-    after, before, slope = np.array([kernels.graded((i + 0.5) / per) for i in range(per)]).T
+    after, before, slope = np.array([kernels.grading_substitution((i + 0.5) / per) for i in range(per)]).T
     early = np.arange(per) < per // 2
     starts = evaluate_many(pieces, for_kernels(pieces[:, U0]))
     joints = starts[:, 0] + 1j * starts[:, 1]
@@ -320,7 +323,7 @@ class Correspondence(NamedTuple):
     lengths: Array
 
 
-class System(NamedTuple):
+class FactoredSystem(NamedTuple):
     """The integral equation of a closed curve on its `nodes`: the `factors` of its matrix serve every centre.
 
     `lengths` (m + 1,), m, are the arc lengths of the entries of the tables of boundary angles.
@@ -332,59 +335,61 @@ class System(NamedTuple):
     lengths: Array
 
 
-def system_of(curve: Curve, n: int) -> System:
+def factored_system(curve: Curve, n: int) -> FactoredSystem:
     """The integral equation on `n` nodes, its matrix factored."""
-    nodes = nodes_of(curve, n)
-    steps = np.arange(n * FINE) / FINE
+    nodes = boundary_nodes(curve, n)
+    steps = np.arange(n * TABLE_STEPS) / TABLE_STEPS
     lengths = np.append(
         curve.arc_length(kernels.parameters_at(for_kernels(curve.pieces), n, nodes.per_piece, steps)), 0.0
     )
     lengths[1:][lengths[1:] <= lengths[0]] += curve.length  # the last half step of a graded curve is on its first piece
-    return System(curve, nodes, lu_factor(kernels.matrix(nodes.anchors, nodes.offsets, nodes.steps)), lengths)
+    return FactoredSystem(
+        curve, nodes, lu_factor(kernels.double_layer_matrix(nodes.anchors, nodes.offsets, nodes.steps)), lengths
+    )
 
 
-def correspondence(system: System, centre: Array) -> Correspondence:
+def solve_correspondence(system: FactoredSystem, centre: Array) -> Correspondence:
     """The integral equation solved for the centre (2,), m."""
     nodes = system.nodes
     z = nodes.anchors - complex(*centre) + nodes.offsets
     density = lu_solve(system.factors, (nodes.steps / z).imag)
-    return Correspondence(nodes, centre, z, *_integrated(density, z), density, system.lengths)
+    return Correspondence(nodes, centre, z, *_integrate_density(density, z), density, system.lengths)
 
 
-def balanced(system: System, start: Array) -> Correspondence:
+def balance_centre(system: FactoredSystem, start: Array) -> Correspondence:
     """The integral equation solved for the conformal barycentre of the arc length, looked for from `start` (2,), m.
 
     Newton's method on the disk, shortened until the relative entropy falls and the centre is inside. It ends where
     steps are rounding; or where they no longer shrink, on shapes that crowd so much that no map will come of it.
     """
     weights = np.abs(system.nodes.steps) / np.sum(np.abs(system.nodes.steps))
-    tiny = SETTLED * system.curve.length
-    current, last = correspondence(system, start), np.inf
-    for _ in range(STEPS):
-        circle = np.exp(1j * current.angles[:-1:FINE])
+    tiny = MOVE_ROUNDING * system.curve.length
+    current, last = solve_correspondence(system, start), np.inf
+    for _ in range(MOST_NEWTON_STEPS):
+        circle = np.exp(1j * current.angles[:-1:TABLE_STEPS])
         first, second = np.sum(weights * circle), np.sum(weights * circle**2)
         w = (first + np.conj(first) * second) / (1.0 - abs(second) ** 2)
-        w *= min(1.0, FARTHEST / max(abs(w), FARTHEST))
-        while abs(w) > SLOW and np.sum(weights * np.log(np.abs(circle - w) ** 2 / (1.0 - abs(w) ** 2))) > 0.0:
+        w *= min(1.0, LONGEST_NEWTON_STEP / max(abs(w), LONGEST_NEWTON_STEP))
+        while abs(w) > STEP_ROUNDING and np.sum(weights * np.log(np.abs(circle - w) ** 2 / (1.0 - abs(w) ** 2))) > 0.0:
             w *= 0.5
-        if abs(w) < SLOW and abs(w) >= 0.5 * last:
+        if abs(w) < STEP_ROUNDING and abs(w) >= 0.5 * last:
             break
         harmonic = np.maximum(current.density, 0.0)
         weighted = harmonic * circle / (circle - w)
         move = np.sum(weighted * current.z) / np.sum(weighted) - np.sum(harmonic * current.z) / np.sum(harmonic)
-        while abs(move) > tiny and not system.curve.contains([_moved(current.centre, move)])[0]:
+        while abs(move) > tiny and not system.curve.contains([_shifted(current.centre, move)])[0]:
             move *= 0.5
         if abs(move) <= tiny:
             break
-        current, last = correspondence(system, _moved(current.centre, move)), abs(w)
+        current, last = solve_correspondence(system, _shifted(current.centre, move)), abs(w)
     return current
 
 
-def _moved(point: Array, move: complex) -> Array:
+def _shifted(point: Array, move: complex) -> Array:
     return np.asarray(point + np.array([move.real, move.imag]))
 
 
-def _integrated(density: Array, z: Complex) -> tuple[Array, Array]:
+def _integrate_density(density: Array, z: Complex) -> tuple[Array, Array]:
     """The table of Θ and Θ' from Θ' at the nodes, by trigonometric interpolation.
 
     Where Θ' is as good as zero, at sharp tips, the waves of the rest do not cancel to it: there Θ rises between two
@@ -397,30 +402,32 @@ def _integrated(density: Array, z: Complex) -> tuple[Array, Array]:
     modes[-1] *= 0.5
     waves = modes * n / (2j * np.pi * np.maximum(np.arange(modes.size), 1))
     waves[0] = waves[-1] = 0.0
-    periodic = np.fft.irfft(waves, FINE * n) * FINE
-    rises = (np.roll(periodic, -1) - periodic + modes[0].real / n / FINE).reshape(n, FINE)
+    periodic = np.fft.irfft(waves, TABLE_STEPS * n) * TABLE_STEPS
+    rises = (np.roll(periodic, -1) - periodic + modes[0].real / n / TABLE_STEPS).reshape(n, TABLE_STEPS)
     ends = np.maximum(np.stack([density, np.roll(density, -1)]), 0.0)
     bounded = np.clip(rises.sum(axis=1), 0.5 * ends.min(axis=0), 2.0 * ends.max(axis=0))
     mended = (bounded != rises.sum(axis=1)) | (rises.min(axis=1) < 0.0)
-    rises[mended] = bounded[mended, np.newaxis] / FINE
+    rises[mended] = bounded[mended, np.newaxis] / TABLE_STEPS
     angles = np.concatenate([[0.0], np.cumsum(rises)])
     angles *= 2.0 * np.pi / angles[-1]
-    angles += np.average(np.unwrap(np.angle(z)) - angles[:-1:FINE], weights=ends[0])
+    angles += np.average(np.unwrap(np.angle(z)) - angles[:-1:TABLE_STEPS], weights=ends[0])
     rises = np.diff(angles)
     steepest = 3.0 * np.minimum(np.append(rises, rises[0]), np.insert(rises, 0, rises[-1]))
-    slopes = np.fft.irfft(modes, FINE * n)
+    slopes = np.fft.irfft(modes, TABLE_STEPS * n)
     # Fritsch and Carlson: no cubic between two entries turns back
     return angles, np.clip(np.append(slopes, slopes[0]), 0.0, steepest)
 
 
-def change(coarse: Correspondence, fine: Correspondence) -> float:
+def density_change(coarse: Correspondence, fine: Correspondence) -> float:
     """By what share of themselves the densities change, at most, of arcs of 1/1024 of the boundary or more.
 
     `fine` has twice the nodes of `coarse`. Arcs that rounding alone may change so are left out.
     """
     first, length = coarse.lengths[0], coarse.lengths[-1] - coarse.lengths[0]
-    cuts = np.unique(np.searchsorted(coarse.lengths, first + length * np.arange(1, ARCS) / ARCS))
-    shift = FINE // 2 if coarse.nodes.per_piece else 0
+    cuts = np.unique(np.searchsorted(coarse.lengths, first + length * np.arange(1, EQUAL_ARCS) / EQUAL_ARCS))
+    shift = TABLE_STEPS // 2 if coarse.nodes.per_piece else 0
     before, after = np.diff(coarse.angles[cuts]), np.diff(fine.angles[2 * cuts + shift])
     changes = np.abs(after - before)
-    return float(np.max(np.where(changes > NOISE, changes / np.maximum(np.maximum(before, after), NOISE), 0.0)))
+    return float(
+        np.max(np.where(changes > ARC_ROUNDING, changes / np.maximum(np.maximum(before, after), ARC_ROUNDING), 0.0))
+    )

@@ -14,17 +14,17 @@ from hapticeval.types import Array
 
 Complex: TypeAlias = NDArray[np.complex128]
 
-GRADING = 8
+GRADING_ORDER = 8
 """Order of the substitution: of 4, 6, 8 and 10 it left stars and squares of 40 to 120 nodes a piece the least error."""
 
-LANES = 16
+VECTOR_LANES = 16
 """Points that are mapped side by side, so that the processor's vector units take several at once."""
 
-AWAY = 1e-150
+NODE_OFFSET = 1e-150
 """Added to the offset from a node: too small to change one, but enough for a point on a node to be mapped as it is."""
 
 
-class Disk(NamedTuple):
+class DiskTables(NamedTuple):
     """What the loops walk: `nodes` (n, 6) with the rows x, y, x', y', cos Θ, sin Θ in units of `scale` about (cx, cy).
 
     `angles` and `slopes` (m + 1,) are the boundary angle Θ (rad), never falling, and its derivative by table step,
@@ -44,15 +44,15 @@ class Disk(NamedTuple):
 
 
 @compiled
-def graded(s: float) -> tuple[float, float, float]:
+def grading_substitution(s: float) -> tuple[float, float, float]:
     """Kress's substitution w of [0, 1] onto itself: w, 1 - w without cancellation, and w'."""
-    r, q = 1.0 - s, 0.5 - 1.0 / GRADING
-    first = s * (2.0 / GRADING + q * (6.0 - 12.0 * s + 8.0 * s * s))
-    last = r * (2.0 / GRADING + q * (6.0 - 12.0 * r + 8.0 * r * r))
-    rise = 2.0 / GRADING + 6.0 * q * (1.0 - 2.0 * s) ** 2
-    total = first**GRADING + last**GRADING
-    slope = GRADING * rise * (first * last) ** (GRADING - 1) / (total * total)
-    return first**GRADING / total, last**GRADING / total, slope
+    r, q = 1.0 - s, 0.5 - 1.0 / GRADING_ORDER
+    first = s * (2.0 / GRADING_ORDER + q * (6.0 - 12.0 * s + 8.0 * s * s))
+    last = r * (2.0 / GRADING_ORDER + q * (6.0 - 12.0 * r + 8.0 * r * r))
+    rise = 2.0 / GRADING_ORDER + 6.0 * q * (1.0 - 2.0 * s) ** 2
+    total = first**GRADING_ORDER + last**GRADING_ORDER
+    slope = GRADING_ORDER * rise * (first * last) ** (GRADING_ORDER - 1) / (total * total)
+    return first**GRADING_ORDER / total, last**GRADING_ORDER / total, slope
 
 
 @compiled
@@ -66,7 +66,7 @@ def parameter_at(pieces: Array, n: int, per_piece: int, t: float) -> float:
     place = (t + 0.5) / per_piece
     place -= pieces.shape[0] * np.floor(place / pieces.shape[0])
     k = min(int(place), pieces.shape[0] - 1)
-    after, before, _ = graded(place - k)
+    after, before, _ = grading_substitution(place - k)
     low, high = pieces[k, U0], pieces[k, U1]
     u = low + (high - low) * after if after < 0.5 else high - (high - low) * before
     return float(u if u < end else start)
@@ -82,7 +82,7 @@ def parameters_at(pieces: Array, n: int, per_piece: int, places: Array) -> Array
 
 
 @compiled
-def matrix(anchors: Complex, offsets: Complex, steps: Complex) -> Array:
+def double_layer_matrix(anchors: Complex, offsets: Complex, steps: Complex) -> Array:
     """The adjoint double layer on the nodes: (n, n), each column of which sums to one.
 
     Row i, column j holds the turn at node i, in shares of a full one, of the direction from node j. Seen from a
@@ -107,7 +107,7 @@ def matrix(anchors: Complex, offsets: Complex, steps: Complex) -> Array:
 
 
 @compiled
-def to_disk(disk: Disk, points: Array) -> Array:
+def map_to_disk(disk: DiskTables, points: Array) -> Array:
     """The images (n, 2) in the unit disk of points (n, 2), m, inside the curve: barycentric Cauchy's formula.
 
     The quotient of two integrals by one rule is exact for a constant, and interpolates at the nodes: it holds its
@@ -117,10 +117,10 @@ def to_disk(disk: Disk, points: Array) -> Array:
     nodes = disk.nodes
     count = points.shape[0]
     out = np.empty((count, 2))
-    xs, ys = np.empty(LANES), np.empty(LANES)
-    ax, ay, bx, by = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
-    for first in range(0, count, LANES):
-        last = min(first + LANES, count)
+    xs, ys = np.empty(VECTOR_LANES), np.empty(VECTOR_LANES)
+    ax, ay, bx, by = np.empty(VECTOR_LANES), np.empty(VECTOR_LANES), np.empty(VECTOR_LANES), np.empty(VECTOR_LANES)
+    for first in range(0, count, VECTOR_LANES):
+        last = min(first + VECTOR_LANES, count)
         lanes = last - first
         for lane in range(lanes):
             i = first + lane
@@ -129,7 +129,7 @@ def to_disk(disk: Disk, points: Array) -> Array:
         for j in range(nodes.shape[0]):
             x, y, tx, ty, fx, fy = nodes[j, 0], nodes[j, 1], nodes[j, 2], nodes[j, 3], nodes[j, 4], nodes[j, 5]
             for lane in range(lanes):
-                dx, dy = x - xs[lane] + AWAY, y - ys[lane]
+                dx, dy = x - xs[lane] + NODE_OFFSET, y - ys[lane]
                 near = 1.0 / (dx * dx + dy * dy)
                 wx, wy = (tx * dx + ty * dy) * near, (ty * dx - tx * dy) * near
                 ax[lane] += wx * fx - wy * fy
@@ -145,9 +145,9 @@ def to_disk(disk: Disk, points: Array) -> Array:
 
 
 @compiled
-def to_angle(disk: Disk, points: Array) -> Array:
-    """The arguments (n,), rad, of `to_disk`."""
-    images = to_disk(disk, points)
+def map_to_angles(disk: DiskTables, points: Array) -> Array:
+    """The arguments (n,), rad, of `map_to_disk`."""
+    images = map_to_disk(disk, points)
     out = np.empty(points.shape[0])
     for i in range(out.shape[0]):
         out[i] = math.atan2(images[i, 1], images[i, 0])
@@ -155,13 +155,13 @@ def to_angle(disk: Disk, points: Array) -> Array:
 
 
 @compiled
-def angle_of(disk: Disk, px: float, py: float) -> float:
-    """`to_angle` of one point, to the last bit: the same sums in the same order, kept in registers."""
+def map_to_angle(disk: DiskTables, px: float, py: float) -> float:
+    """`map_to_angles` of one point, to the last bit: the same sums in the same order, kept in registers."""
     nodes = disk.nodes
     px, py = (px - disk.cx) / disk.scale, (py - disk.cy) / disk.scale
     ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0
     for j in range(nodes.shape[0]):
-        dx, dy = nodes[j, 0] - px + AWAY, nodes[j, 1] - py
+        dx, dy = nodes[j, 0] - px + NODE_OFFSET, nodes[j, 1] - py
         tx, ty, fx, fy = nodes[j, 2], nodes[j, 3], nodes[j, 4], nodes[j, 5]
         near = 1.0 / (dx * dx + dy * dy)
         wx, wy = (tx * dx + ty * dy) * near, (ty * dx - tx * dy) * near
@@ -174,7 +174,7 @@ def angle_of(disk: Disk, px: float, py: float) -> float:
 
 
 @compiled
-def surface_at(disk: Disk, angle: float) -> float:
+def boundary_parameter(disk: DiskTables, angle: float) -> float:
     """The curve's u at a boundary angle: the monotone cubic of the table, solved by safeguarded Newton."""
     angles, slopes = disk.angles, disk.slopes
     last = angles.shape[0] - 1
@@ -206,15 +206,15 @@ def surface_at(disk: Disk, angle: float) -> float:
 
 
 @compiled
-def surface(disk: Disk, angles: Array) -> Array:
-    """`surface_at` for each of the angles (n,)."""
+def boundary_parameters(disk: DiskTables, angles: Array) -> Array:
+    """`boundary_parameter` for each of the angles (n,)."""
     out = np.empty(angles.shape[0])
     for i in range(out.shape[0]):
-        out[i] = surface_at(disk, angles[i])
+        out[i] = boundary_parameter(disk, angles[i])
     return out
 
 
 @compiled
-def parameter(disk: Disk, x: float, y: float) -> float:
-    """`surface` of `to_angle` at one point."""
-    return surface_at(disk, angle_of(disk, x, y))
+def project_to_parameter(disk: DiskTables, x: float, y: float) -> float:
+    """`boundary_parameters` of `map_to_angles` at one point."""
+    return boundary_parameter(disk, map_to_angle(disk, x, y))

@@ -16,10 +16,10 @@ import numpy as np
 
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
 from hapticeval.geometry.maps import flow_kernels as kernels
-from hapticeval.geometry.model import Model, equal_steps
+from hapticeval.geometry.model import Model, equal_steps_between
 from hapticeval.types import Array
 
-INSTEAD = "use the renderer 'conformal', which maps every model without holes"
+USE_CONFORMAL = "use the renderer 'conformal', which maps every model without holes"
 
 
 class FlowError(RefusalError):
@@ -28,7 +28,7 @@ class FlowError(RefusalError):
     def __init__(self, what: str, *, position: tuple[float, float], time: float, why: str) -> None:
         self.position: tuple[float, ...] | None = position
         x, y = (round(c, 9) + 0.0 for c in position)  # to a nanometre: a centre is at zero
-        super().__init__(f"{what} at ({x:.4g}, {y:.4g}) m, flow time {time:.4g}", why=why, todo=INSTEAD)
+        super().__init__(f"{what} at ({x:.4g}, {y:.4g}) m, flow time {time:.4g}", why=why, todo=USE_CONFORMAL)
 
 
 class FlowSplitError(FlowError):
@@ -48,20 +48,20 @@ VELOCITIES = MappingProxyType(
 )
 """Velocity functions by name: kappa; 1; (5.13); (5.14)."""
 
-MARGIN = 4
+MARGIN_CELLS = 4
 """Cells between the model and the edge of the grid."""
 
 SHARE_OF_BOUND = 0.9
 """Time step as a share of the stability bound, (5.12) corrected."""
 
-NOTCH = 0.5
+NOTCH_LEAD = 0.5
 """Cells by which the front of a model with corners that are hollow to the flow starts ahead of the surface. Between
 nodes the interpolant rounds such corners off outwards, and where the front hardly moves, levels would lie outside."""
 
-MOVE = 0.1
+CELLS_PER_UPDATE = 0.1
 """Cells that the front may move between two updates of the particles and of the average curvature."""
 
-LAST_RADIUS = 4.0
+LAST_RADIUS_CELLS = 4.0
 """The flow stops at a length of 2 pi times this many cells: smaller fronts have no curvature on the grid."""
 
 ROUNDNESS_LOST = 0.8
@@ -141,7 +141,7 @@ class Flow:
     cell: float
 
 
-def flow(model: Model, settings: FlowSettings) -> Flow:
+def run_flow(model: Model, settings: FlowSettings) -> Flow:
     """Return the flow of a model inwards.
 
     Raises `RefusalError` for an unbounded model, `FlowSplitError` where the front falls apart, and `FlowCollapseError`
@@ -150,7 +150,7 @@ def flow(model: Model, settings: FlowSettings) -> Flow:
     if not model.curve.closed:
         raise RefusalError(f"model '{model.name}' is unbounded", why="its surface does not shrink to a point")
     front = Front(model, settings)
-    times, lengths, areas, points = map(np.array, zip(*_levels(front, settings), strict=True))
+    times, lengths, areas, points = map(np.array, zip(*_recorded_levels(front, settings), strict=True))
     return Flow(points, front.u, times, lengths, areas, front.h)
 
 
@@ -160,18 +160,18 @@ class Front:
     def __init__(self, model: Model, settings: FlowSettings) -> None:
         xmin, ymin, xmax, ymax = model.curve.bounds
         self.model = model
-        self.h = h = model.size / (settings.cells - 2 * MARGIN)
-        nx, ny = (2 * MARGIN + 1 + math.ceil(side / h) for side in (xmax - xmin, ymax - ymin))
+        self.h = h = model.size / (settings.cells - 2 * MARGIN_CELLS)
+        nx, ny = (2 * MARGIN_CELLS + 1 + math.ceil(side / h) for side in (xmax - xmin, ymax - ymin))
         self.x0, self.y0 = 0.5 * (xmin + xmax - (nx - 1) * h), 0.5 * (ymin + ymax - (ny - 1) * h)
         x, y = self.x0 + h * np.arange(nx), self.y0 + h * np.arange(ny)
         nodes = np.column_stack([array.ravel() for array in np.meshgrid(x, y)])
         distance = model.curve.signed_distance(nodes).reshape(ny, nx)
         hollow = any(not corner.convex for corner in model.curve.corners)
-        self.values = np.ascontiguousarray(distance) + (NOTCH * h if hollow else 0.0)
+        self.values = np.ascontiguousarray(distance) + (NOTCH_LEAD * h if hollow else 0.0)
         self._spare = self.values.copy()
         self.kind = VELOCITIES[settings.velocity]
         self.gap = settings.gap
-        self.u = starts(model, settings.line_count)
+        self.u = line_starts(model, settings.line_count)
         self.points = model.curve.position(self.u)
         self.time = 0.0
         self._cap = 2.0 * math.pi / model.curve.length
@@ -187,13 +187,13 @@ class Front:
         """Some steps of the level set, while the front moves a tenth of a cell, and the points with it."""
         scale = self.scale
         dt = SHARE_OF_BOUND * kernels.largest_step(self.kind, scale, self.h)
-        steps = 2 * max(1, round(0.5 * MOVE * self.h / (self._speed * dt)))
+        steps = 2 * max(1, round(0.5 * CELLS_PER_UPDATE * self.h / (self._speed * dt)))
         if self.kind == kernels.UNIT:
-            dt, steps = 0.5 * MOVE * self.h, 2
+            dt, steps = 0.5 * CELLS_PER_UPDATE * self.h, 2
         self._speed = max(
-            kernels.carry(self.values, self.h, self.x0, self.y0, self.kind, scale, steps * dt, self.points), 1e-3
+            kernels.carry_points(self.values, self.h, self.x0, self.y0, self.kind, scale, steps * dt, self.points), 1e-3
         )
-        kernels.advance_many(self.values, self._spare, self.h, self.kind, scale, dt, steps)
+        kernels.advance_steps(self.values, self._spare, self.h, self.kind, scale, dt, steps)
         kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
         self.time += steps * dt
         self._measure()
@@ -201,7 +201,7 @@ class Front:
             kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
 
     def _measure(self) -> None:
-        self.length, self.area = kernels.front(self.values, self.h)
+        self.length, self.area = kernels.measure_front(self.values, self.h)
 
     @property
     def roundness(self) -> float:
@@ -231,38 +231,38 @@ class Front:
         return count, (float(x), float(y))
 
 
-def starts(model: Model, lines: int) -> Array:
+def line_starts(model: Model, lines: int) -> Array:
     """Where lines start: parameters at every corner, and at equal arc lengths between."""
     curve = model.curve
     cuts = [corner.s for corner in curve.corners] or [0.0]
-    return np.unique(curve.parameter(equal_steps(cuts, curve.length, lines)))
+    return np.unique(curve.parameter(equal_steps_between(cuts, curve.length, lines)))
 
 
-def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float, float, Array]]:
+def _recorded_levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float, float, Array]]:
     """Run a flow to its end: a record a level."""
     area_at_start = front.area
     yield front.time, front.length, front.area, front.points.copy()
     roundest, level = front.roundness, 1
-    while front.length >= 2.0 * math.pi * LAST_RADIUS * front.h:
+    while front.length >= 2.0 * math.pi * LAST_RADIUS_CELLS * front.h:
         front.update()
         roundest = max(roundest, front.roundness)
         elongated = front.roundness < ROUNDNESS_LOST * roundest
         level_reached = 1.0 - math.sqrt(max(front.area, 0.0) / area_at_start) >= level / settings.level_count
         if level_reached or elongated:
-            _check_parts(front)
+            _check_in_one_part(front)
         if elongated:
-            raise _collapse(front)
+            raise _collapse_error(front)
         if level_reached:
             yield front.time, front.length, front.area, front.points.copy()
             level += 1
-    _check_parts(front)
+    _check_in_one_part(front)
     if front.aspect > LAST_ASPECT:
-        raise _collapse(front)
+        raise _collapse_error(front)
     if math.sqrt(front.area / area_at_start) < 1.0 - (level - 0.5) / settings.level_count:
         yield front.time, front.length, front.area, front.points.copy()
 
 
-def _check_parts(front: Front) -> None:
+def _check_in_one_part(front: Front) -> None:
     count, place = front.parts()
     if count > 1:
         raise FlowSplitError(
@@ -273,7 +273,7 @@ def _check_parts(front: Front) -> None:
         )
 
 
-def _collapse(front: Front) -> FlowCollapseError:
+def _collapse_error(front: Front) -> FlowCollapseError:
     x, y = front.points.mean(axis=0)
     return FlowCollapseError(
         f"the flow of model '{front.model.name}' shrinks to a segment instead of a point",

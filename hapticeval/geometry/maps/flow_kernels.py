@@ -17,11 +17,11 @@ from hapticeval.types import Array, IntArray
 CURVATURE, UNIT, CAP, ARC = 0, 1, 2, 3
 """Velocity functions: kappa; 1; max(kappa, K_cap) (5.13); arctan(kappa / kappa_avg - 1) / pi + 1/2 (5.14)."""
 
-BEHIND = 4.0
+CELLS_BEHIND = 4.0
 """Cells behind the front beyond which a node is left alone: levels move independently of each other."""
 
 
-KINK = 0.8
+KINK_RATIO = 0.8
 
 
 @compiled
@@ -77,11 +77,11 @@ def upwind_slope(values: Array, h: float, j: int, i: int) -> float:
 
 
 @compiled
-def spans(values: Array, h: float) -> IntArray:
+def active_columns(values: Array, h: float) -> IntArray:
     """The columns from first to behind the last, of each row, that a step has to look at: (ny, 2), without the edge."""
     ny, nx = values.shape
     out = np.zeros((ny, 2), np.int64)
-    near = (BEHIND + 2.0) * h
+    near = (CELLS_BEHIND + 2.0) * h
     for j in range(1, ny - 1):
         low, high = 1, nx - 1
         while low < high and values[j, low] > near:
@@ -93,7 +93,7 @@ def spans(values: Array, h: float) -> IntArray:
 
 
 @compiled
-def advance(values: Array, out: Array, active: IntArray, h: float, kind: int, scale: float, dt: float) -> None:
+def advance_step(values: Array, out: Array, active: IntArray, h: float, kind: int, scale: float, dt: float) -> None:
     """One explicit step of (5.4) from `values` into `out`, in the columns of each row that `active` (ny, 2) gives.
 
     The two agree elsewhere and stay so. The parts of constant speed (UNIT, and CAP where it is at K_cap) take Godunov's
@@ -111,10 +111,10 @@ def advance(values: Array, out: Array, active: IntArray, h: float, kind: int, sc
         for i in range(low, high):
             gamma = values[j, i]
             out[j, i] = gamma
-            if gamma <= BEHIND * h:
+            if gamma <= CELLS_BEHIND * h:
                 gx, gy, kappa = derivatives(values, h, j, i)
                 slope, steep = math.sqrt(gx * gx + gy * gy), upwind_slope(values, h, j, i)
-                if kind == UNIT or (kind == CAP and kappa <= scale) or slope < KINK * steep:
+                if kind == UNIT or (kind == CAP and kappa <= scale) or slope < KINK_RATIO * steep:
                     slope = steep
                 out[j, i] = gamma + dt * velocity(kind, scale, kappa) * slope
     for i in range(nx):
@@ -127,8 +127,8 @@ def advance(values: Array, out: Array, active: IntArray, h: float, kind: int, sc
 
 @compiled
 def _arc_row(south: Array, middle: Array, north: Array, out: Array, h: float, scale: float, dt: float) -> None:
-    """The step of `advance` for ARC on a row, without branches, so that it becomes vector code."""
-    behind = BEHIND * h
+    """The step of `advance_step` for ARC on a row, without branches, so that it becomes vector code."""
+    behind = CELLS_BEHIND * h
     half, inverse = 0.5 / h, 1.0 / (h * h)
     for i in range(out.shape[0]):
         c, w, e, s, n = middle[i + 1], middle[i], middle[i + 2], south[i + 1], north[i + 1]
@@ -141,7 +141,7 @@ def _arc_row(south: Array, middle: Array, north: Array, out: Array, h: float, sc
         kappa = 0.0 if gradient_squared < 1e-16 else min(max(kappa, -2.0 * half), 2.0 * half)
         backx, aheadx, backy, aheady = min(c - w, 0.0), max(e - c, 0.0), min(c - s, 0.0), max(n - c, 0.0)
         steep = math.sqrt((backx * backx + aheadx * aheadx + backy * backy + aheady * aheady) * inverse)
-        slope = steep if slope < KINK * steep else slope
+        slope = steep if slope < KINK_RATIO * steep else slope
         x = kappa / scale - 1.0
         size = abs(x)
         t = 1.0 / size if size > 1.0 else size
@@ -157,16 +157,16 @@ def _arc_row(south: Array, middle: Array, north: Array, out: Array, h: float, sc
 
 
 @compiled
-def advance_many(values: Array, spare: Array, h: float, kind: int, scale: float, dt: float, steps: int) -> None:
-    """`advance` by an even number of `steps`, in place; `spare` is of the same shape and starts as a copy."""
-    active = spans(values, h)
+def advance_steps(values: Array, spare: Array, h: float, kind: int, scale: float, dt: float, steps: int) -> None:
+    """`advance_step` by an even number of `steps`, in place; `spare` is of the same shape and starts as a copy."""
+    active = active_columns(values, h)
     for _ in range(0, steps, 2):
-        advance(values, spare, active, h, kind, scale, dt)
-        advance(spare, values, active, h, kind, scale, dt)
+        advance_step(values, spare, active, h, kind, scale, dt)
+        advance_step(spare, values, active, h, kind, scale, dt)
 
 
 @compiled
-def front(values: Array, h: float) -> tuple[float, float]:
+def measure_front(values: Array, h: float) -> tuple[float, float]:
     """Length (m) of the zero contour, and the area (m^2) where values < 0, cell by cell with straight segments."""
     ny, nx = values.shape
     length, area = 0.0, 0.0
@@ -201,7 +201,9 @@ def front(values: Array, h: float) -> tuple[float, float]:
 
 
 @compiled
-def sample(values: Array, h: float, x0: float, y0: float, x: float, y: float) -> tuple[float, float, float, float]:
+def sample_at_point(
+    values: Array, h: float, x0: float, y0: float, x: float, y: float
+) -> tuple[float, float, float, float]:
     """Value, gradient and curvature at a point: bilinear between those of the nodes."""
     ny, nx = values.shape
     across, up = (x - x0) / h, (y - y0) / h
@@ -224,7 +226,7 @@ def sample(values: Array, h: float, x0: float, y0: float, x: float, y: float) ->
 def pull_back(values: Array, h: float, x0: float, y0: float, points: Array) -> None:
     """One Newton step of each point (n, 2) onto the zero level, of at most a cell."""
     for k in range(points.shape[0]):
-        value, gx, gy, _ = sample(values, h, x0, y0, points[k, 0], points[k, 1])
+        value, gx, gy, _ = sample_at_point(values, h, x0, y0, points[k, 0], points[k, 1])
         gradient_squared = gx * gx + gy * gy
         if gradient_squared > 1e-4:
             step = min(max(value / gradient_squared, -h), h)
@@ -233,14 +235,16 @@ def pull_back(values: Array, h: float, x0: float, y0: float, points: Array) -> N
 
 
 @compiled
-def carry(values: Array, h: float, x0: float, y0: float, kind: int, scale: float, dt: float, points: Array) -> float:
+def carry_points(
+    values: Array, h: float, x0: float, y0: float, kind: int, scale: float, dt: float, points: Array
+) -> float:
     """One step of (5.16), its sign by (5.6) corrected: each point moves by v_f against the gradient.
 
     Returns the largest speed.
     """
     fastest = 0.0
     for k in range(points.shape[0]):
-        _, gx, gy, kappa = sample(values, h, x0, y0, points[k, 0], points[k, 1])
+        _, gx, gy, kappa = sample_at_point(values, h, x0, y0, points[k, 0], points[k, 1])
         slope = math.hypot(gx, gy)
         if slope > 1e-8:
             speed = velocity(kind, scale, kappa)

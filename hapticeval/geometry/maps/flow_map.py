@@ -22,20 +22,20 @@ import numpy as np
 from hapticeval.compiled import compiled
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.maps.flow import Flow, FlowSettings, FoldedGridError, flow
+from hapticeval.geometry.maps.flow import Flow, FlowSettings, FoldedGridError, run_flow
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.validate import checked_points
 from hapticeval.types import Array, BoolArray, IntArray
 
 Pair: TypeAlias = tuple[float, float]
 
-KEPT = 16
+MAPS_IN_CACHE = 16
 """Maps kept in a process: the most recently used ones."""
 
-OFF = -1
+OUTSIDE_CELLS = -1
 """The level of a point that lies in no cell."""
 
-SLACK = 1e-9
+CELL_SLACK = 1e-9
 """Share of its size by which a cell is widened, so that rounding leaves no gaps between cells."""
 
 
@@ -85,9 +85,9 @@ class FlowMap:
         return float(np.max(np.diff(self.curve.arc_length(self.chart.us))))
 
     def to_angle(self, points: Array) -> Array:
-        """Angles (n,), rad, on the disk, of points (n, 2), m; raises as `to_disk` does."""
+        """Angles (n,), rad, on the disk, of points (n, 2), m; raises as `map_to_disk` does."""
         array = checked_points(points)
-        out = angles_many(self.chart, array)
+        out = map_to_angles(self.chart, array)
         off = np.flatnonzero(np.isnan(out))
         if off.size:
             out[off] = self._beside(array[off], off)
@@ -99,7 +99,7 @@ class FlowMap:
 
     def parameter(self, x: float, y: float) -> float:
         """The parameter of the surface point that (x, y), m, is projected to (5.17)."""
-        u = projected(self.chart, x, y)
+        u = project_to_parameter(self.chart, x, y)
         return u if not math.isnan(u) else float(self.surface(self.to_angle(np.array([[x, y]])))[0])
 
     def _beside(self, points: Array, rows: IntArray) -> Array:
@@ -119,13 +119,13 @@ class FlowMap:
 def flow_map(model: Model, settings: FlowSettings | None = None) -> FlowMap:
     """The map of a model, built once for each of its boundary and settings and then kept (the last 16).
 
-    Raises the errors of `flow`, and `FoldedGridError` where cells are turned over.
+    Raises the errors of `run_flow`, and `FoldedGridError` where cells are turned over.
     """
-    return _built(_Key(model.curve.pieces.tobytes(), settings or FlowSettings(), model))
+    return _build_map(_MapKey(model.curve.pieces.tobytes(), settings or FlowSettings(), model))
 
 
 @dataclass(frozen=True)
-class _Key:
+class _MapKey:
     """What decides a map; the model rides along."""
 
     boundary: bytes
@@ -133,13 +133,13 @@ class _Key:
     model: Model = field(compare=False)
 
 
-@lru_cache(maxsize=KEPT)
-def _built(key: _Key) -> FlowMap:
-    recorded = flow(key.model, key.settings)
-    return FlowMap(key.model.curve, recorded, chart_of(key.model, recorded))
+@lru_cache(maxsize=MAPS_IN_CACHE)
+def _build_map(key: _MapKey) -> FlowMap:
+    recorded = run_flow(key.model, key.settings)
+    return FlowMap(key.model.curve, recorded, build_chart(key.model, recorded))
 
 
-def chart_of(model: Model, recorded: Flow) -> Chart:
+def build_chart(model: Model, recorded: Flow) -> Chart:
     """The checked grid of a model's flow for the compiled lookup. Raises `FoldedGridError`."""
     curve = model.curve
     points, times = np.ascontiguousarray(recorded.points), recorded.times
@@ -151,7 +151,7 @@ def chart_of(model: Model, recorded: Flow) -> Chart:
     disk = radii[:, np.newaxis, np.newaxis] * np.stack([np.cos(angles[:-1]), np.sin(angles[:-1])], axis=1)
     _check_cells(model, points, times)
     centre = points[-1].mean(axis=0)
-    inner = _directions(model, points[-1], centre, times[-1])
+    inner = _ring_directions(model, points[-1], centre, times[-1])
     low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
     x0, y0 = low.tolist()
     across, up = (math.floor(extent / recorded.cell) + 1 for extent in high - low)
@@ -164,12 +164,12 @@ def folded_cells(points: Array) -> BoolArray:
     """Which cells (m - 1, n) of a grid (m, n, 2) cannot be cut into triangles that all run anticlockwise."""
     a, d = points[:-1], points[1:]
     b, e = np.roll(a, -1, axis=1), np.roll(d, -1, axis=1)
-    over_ae = np.minimum(_area(a, b, e), _area(a, e, d))
-    over_bd = np.minimum(_area(a, b, d), _area(b, e, d))
+    over_ae = np.minimum(_triangle_areas(a, b, e), _triangle_areas(a, e, d))
+    over_bd = np.minimum(_triangle_areas(a, b, d), _triangle_areas(b, e, d))
     return np.asarray(np.maximum(over_ae, over_bd) <= 0.0)
 
 
-def _area(p: Array, q: Array, r: Array) -> Array:
+def _triangle_areas(p: Array, q: Array, r: Array) -> Array:
     first, second = q - p, r - p
     return np.asarray(0.5 * (first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]))
 
@@ -188,7 +188,7 @@ def _check_cells(model: Model, points: Array, times: Array) -> None:
         )
 
 
-def _directions(model: Model, ring: Array, centre: Array, time: float) -> Array:
+def _ring_directions(model: Model, ring: Array, centre: Array, time: float) -> Array:
     """Directions (rad) of a ring's points from the centre, checked to increase: the ring is star-shaped."""
     rays = ring - centre
     angles = np.unwrap(np.arctan2(rays[:, 1], rays[:, 0]))
@@ -205,17 +205,17 @@ def _directions(model: Model, ring: Array, centre: Array, time: float) -> Array:
 
 
 @compiled
-def cross(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
+def doubled_area(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
     """Twice the area of the triangle a, b, p: positive where p is left of a to b."""
     return (bx - ax) * (py - ay) - (by - ay) * (px - ax)
 
 
 @compiled
-def crossing(a: Pair, b: Pair, e: Pair, d: Pair) -> float:
+def diagonal_crossing(a: Pair, b: Pair, e: Pair, d: Pair) -> float:
     """How far along the diagonal from a to e it meets the one from b to d; outside [0, 1] or NaN where it does not."""
-    before, after = cross(b[0], b[1], d[0], d[1], a[0], a[1]), cross(b[0], b[1], d[0], d[1], e[0], e[1])
+    before, after = doubled_area(b[0], b[1], d[0], d[1], a[0], a[1]), doubled_area(b[0], b[1], d[0], d[1], e[0], e[1])
     t = before / (before - after)
-    left, right = cross(a[0], a[1], e[0], e[1], b[0], b[1]), cross(a[0], a[1], e[0], e[1], d[0], d[1])
+    left, right = doubled_area(a[0], a[1], e[0], e[1], b[0], b[1]), doubled_area(a[0], a[1], e[0], e[1], d[0], d[1])
     return t if before > 0.0 > after and left < 0.0 < right else np.nan
 
 
@@ -224,9 +224,9 @@ def _in_triangle(
     p: Pair, q: Pair, c: Pair, v: Pair, w: Pair, z: Pair, x: float, y: float
 ) -> tuple[float, float, float]:
     """Barycentric map (5.20) of (x, y) from the triangle p, q, c to v, w, z; and its least coordinate."""
-    area = cross(p[0], p[1], q[0], q[1], c[0], c[1])
-    third = cross(p[0], p[1], q[0], q[1], x, y) / area
-    first = cross(q[0], q[1], c[0], c[1], x, y) / area
+    area = doubled_area(p[0], p[1], q[0], q[1], c[0], c[1])
+    third = doubled_area(p[0], p[1], q[0], q[1], x, y) / area
+    first = doubled_area(q[0], q[1], c[0], c[1], x, y) / area
     second = 1.0 - first - third
     out_x = first * v[0] + second * w[0] + third * z[0]
     out_y = first * v[1] + second * w[1] + third * z[1]
@@ -234,12 +234,12 @@ def _in_triangle(
 
 
 @compiled
-def _pair(grid: Array, k: int, i: int) -> Pair:
+def _grid_point(grid: Array, k: int, i: int) -> Pair:
     return grid[k, i, 0], grid[k, i, 1]
 
 
 @compiled
-def in_cell(points: Array, disk: Array, cell: int, x: float, y: float) -> tuple[float, float, float]:
+def map_in_cell(points: Array, disk: Array, cell: int, x: float, y: float) -> tuple[float, float, float]:
     """Where a point goes on the disk by the triangle of the cell nearest to it, and its least coordinate there.
 
     The coordinate is negative outside the cell.
@@ -247,32 +247,45 @@ def in_cell(points: Array, disk: Array, cell: int, x: float, y: float) -> tuple[
     n = points.shape[1]
     k, i = cell // n, cell % n
     after = i + 1 if i + 1 < n else 0
-    a, b, d, e = _pair(points, k, i), _pair(points, k, after), _pair(points, k + 1, i), _pair(points, k + 1, after)
-    v, w, z, s = _pair(disk, k, i), _pair(disk, k, after), _pair(disk, k + 1, i), _pair(disk, k + 1, after)
-    t = crossing(a, b, e, d)
-    over_ae = cross(a[0], a[1], e[0], e[1], x, y) > 0.0
+    a, b, d, e = (
+        _grid_point(points, k, i),
+        _grid_point(points, k, after),
+        _grid_point(points, k + 1, i),
+        _grid_point(points, k + 1, after),
+    )
+    v, w, z, s = (
+        _grid_point(disk, k, i),
+        _grid_point(disk, k, after),
+        _grid_point(disk, k + 1, i),
+        _grid_point(disk, k + 1, after),
+    )
+    t = diagonal_crossing(a, b, e, d)
+    over_ae = doubled_area(a[0], a[1], e[0], e[1], x, y) > 0.0
     if not math.isnan(t):
         c = (a[0] + t * (e[0] - a[0]), a[1] + t * (e[1] - a[1]))
-        r = crossing(v, w, s, z)
+        r = diagonal_crossing(v, w, s, z)
         middle = (v[0] + r * (s[0] - v[0]), v[1] + r * (s[1] - v[1]))
-        if cross(b[0], b[1], d[0], d[1], x, y) >= 0.0:
+        if doubled_area(b[0], b[1], d[0], d[1], x, y) >= 0.0:
             if over_ae:
                 return _in_triangle(d, a, c, z, v, middle, x, y)
             return _in_triangle(a, b, c, v, w, middle, x, y)
         if over_ae:
             return _in_triangle(e, d, c, s, z, middle, x, y)
         return _in_triangle(b, e, c, w, s, middle, x, y)
-    if cross(a[0], a[1], b[0], b[1], e[0], e[1]) > 0.0 and cross(a[0], a[1], e[0], e[1], d[0], d[1]) > 0.0:
+    if (
+        doubled_area(a[0], a[1], b[0], b[1], e[0], e[1]) > 0.0
+        and doubled_area(a[0], a[1], e[0], e[1], d[0], d[1]) > 0.0
+    ):
         if over_ae:
             return _in_triangle(e, d, a, s, z, v, x, y)
         return _in_triangle(a, b, e, v, w, s, x, y)
-    if cross(b[0], b[1], d[0], d[1], x, y) > 0.0:
+    if doubled_area(b[0], b[1], d[0], d[1], x, y) > 0.0:
         return _in_triangle(d, a, b, z, v, w, x, y)
     return _in_triangle(b, e, d, w, s, z, x, y)
 
 
 @compiled
-def to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
+def map_to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
     """The level just outside a point, and the point on the disk by (5.20).
 
     Within the last level the point on the disk is that of this level in the direction from the centre. (OFF, 0, 0) for
@@ -282,26 +295,28 @@ def to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
     i, j = math.floor((x - chart.x0) / chart.side), math.floor((y - chart.y0) / chart.side)
     if 0 <= i < chart.across and 0 <= j < chart.up:
         bucket = j * chart.across + i
-        best, best_x, best_y, best_cell = -SLACK, 0.0, 0.0, -1
+        best, best_x, best_y, best_cell = -CELL_SLACK, 0.0, 0.0, -1
         for entry in range(chart.heads[bucket], chart.heads[bucket + 1]):
             cell = chart.cells[entry]
-            disk_x, disk_y, least_coordinate = in_cell(chart.points, chart.disk, cell, x, y)
+            disk_x, disk_y, least_coordinate = map_in_cell(chart.points, chart.disk, cell, x, y)
             if least_coordinate >= best:
                 best, best_x, best_y, best_cell = least_coordinate, disk_x, disk_y, cell
                 if least_coordinate > 0.0:
                     break
         if best_cell >= 0:
             return best_cell // n, best_x, best_y
-    line, share, within = towards(chart.points[m - 1], chart.inner, chart.centre, x, y)
+    line, share, within = ring_crossing(chart.points[m - 1], chart.inner, chart.centre, x, y)
     if not within:
-        return OFF, 0.0, 0.0
+        return OUTSIDE_CELLS, 0.0, 0.0
     level = m - 1
     v, w = chart.disk[level, line], chart.disk[level, line + 1 if line + 1 < n else 0]
     return level, v[0] + share * (w[0] - v[0]), v[1] + share * (w[1] - v[1])
 
 
 @compiled
-def towards(ring: Array, polar: Array, centre: tuple[float, float], x: float, y: float) -> tuple[int, float, bool]:
+def ring_crossing(
+    ring: Array, polar: Array, centre: tuple[float, float], x: float, y: float
+) -> tuple[int, float, bool]:
     """Where the ray from the centre to a point meets a ring (n, 2): line, share of the way to the next, and whether the
     point lies within the ring."""
     n = ring.shape[0]
@@ -310,10 +325,10 @@ def towards(ring: Array, polar: Array, centre: tuple[float, float], x: float, y:
     angle -= 2.0 * math.pi * math.floor((angle - polar[0]) / (2.0 * math.pi))
     line = min(max(np.searchsorted(polar, angle, "right") - 1, 0), n - 1)
     p, q = ring[line], ring[line + 1 if line + 1 < n else 0]
-    first, second = cross(x, y, q[0], q[1], cx, cy), cross(p[0], p[1], x, y, cx, cy)
+    first, second = doubled_area(x, y, q[0], q[1], cx, cy), doubled_area(p[0], p[1], x, y, cx, cy)
     total = first + second
     share = second / total if total > 0.0 else 0.0
-    return line, min(max(share, 0.0), 1.0), total <= cross(p[0], p[1], q[0], q[1], cx, cy)
+    return line, min(max(share, 0.0), 1.0), total <= doubled_area(p[0], p[1], q[0], q[1], cx, cy)
 
 
 @compiled
@@ -333,12 +348,12 @@ def surface_parameter(chart: Chart, angle: float) -> float:
 
 
 @compiled
-def angles_many(chart: Chart, points: Array) -> Array:
+def map_to_angles(chart: Chart, points: Array) -> Array:
     """The angles on the disk of rows of points (k, 2); NaN for one in no cell."""
     out = np.empty(points.shape[0])
     for row in range(points.shape[0]):
-        level, x, y = to_disk(chart, points[row, 0], points[row, 1])
-        out[row] = math.atan2(y, x) if level != OFF else np.nan
+        level, x, y = map_to_disk(chart, points[row, 0], points[row, 1])
+        out[row] = math.atan2(y, x) if level != OUTSIDE_CELLS else np.nan
     return out
 
 
@@ -378,10 +393,10 @@ def fill_buckets(points: Array, x0: float, y0: float, side: float, across: int, 
 
 
 @compiled
-def projected(chart: Chart, x: float, y: float) -> float:
+def project_to_parameter(chart: Chart, x: float, y: float) -> float:
     """The parameter of the surface point that a point is projected to by (5.17); NaN for one in no cell."""
-    level, disk_x, disk_y = to_disk(chart, x, y)
-    if level == OFF:
+    level, disk_x, disk_y = map_to_disk(chart, x, y)
+    if level == OUTSIDE_CELLS:
         return np.nan
     return surface_parameter(chart, math.atan2(disk_y, disk_x))
 

@@ -18,7 +18,7 @@ from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.geometry.facets import triangulated
+from hapticeval.geometry.facets import triangulate_surface
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.model import Model
 from hapticeval.knob import Knob, Settings
@@ -97,9 +97,9 @@ def fresh_scene(kind: str, number: int) -> Scene:
 
 
 def meshed(scene: Scene, finer: float) -> Scene:
-    """Return the scene with a mesh of its model, `finer` than the coarsest: see `triangulated`."""
+    """Return the scene with a mesh of its model, `finer` than the coarsest: see `triangulate_surface`."""
     model = scene.model
-    mesh = Mesh(model.name, *triangulated(model.surface, finer))
+    mesh = Mesh(model.name, *triangulate_surface(model.surface, finer))
     return replace(scene, model=Model(model.name, model.parameters, mesh))
 
 

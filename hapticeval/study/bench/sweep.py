@@ -13,7 +13,7 @@ import numpy as np
 
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, described
-from hapticeval.geometry.facets import triangulated
+from hapticeval.geometry.facets import triangulate_surface
 from hapticeval.knob import Settings
 from hapticeval.phenomena.sampling import force_floor
 from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
@@ -157,7 +157,7 @@ def settings_on_meshes(
     at their coarsest: space costs by the cube. Raises as `settings_of` does.
     """
     surface = fresh_scene(model, 0).model.surface
-    meshes = [(finer, len(triangulated(surface, finer)[1])) for finer in (QUICK if quick else FULL).finer]
+    meshes = [(finer, len(triangulate_surface(surface, finer)[1])) for finer in (QUICK if quick else FULL).finer]
     found = []
     for name in dict.fromkeys(renderers):
         cells = {knob: each.values[:1] for knob, each in choices_of(resolve(name)).knobs.items() if each.unit == "m"}

@@ -12,8 +12,8 @@ from scipy.special import ellipj, ellipk
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.maps import conformal
-from hapticeval.geometry.maps.conformal import FINE, CrowdingError, conformal_map
-from hapticeval.geometry.maps.conformal_kernels import matrix, parameters_at
+from hapticeval.geometry.maps.conformal import TABLE_STEPS, CrowdingError, conformal_map
+from hapticeval.geometry.maps.conformal_kernels import double_layer_matrix, parameters_at
 
 SQUARE = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
 SHAPES = {
@@ -57,7 +57,7 @@ def correspondence(made):
     """The curve's parameters u (n,) at the boundary nodes, and their angles (n,), rad, on the circle."""
     disk = made._disk
     places = np.arange(made.nodes, dtype=np.float64)
-    return parameters_at(disk.pieces, made.nodes, disk.per_piece, places), disk.angles[:-1:FINE]
+    return parameters_at(disk.pieces, made.nodes, disk.per_piece, places), disk.angles[:-1:TABLE_STEPS]
 
 
 def cassinian_form(model, points):
@@ -198,10 +198,10 @@ class TestLaws:
 
     def test_no_other_centre_has_less_entropy(self):
         """The mean of log(dΘ/ds) over the arc length is largest at the centre, and falls away from it."""
-        system = conformal.system_of(SHAPES["L"].curve, 768)
+        system = conformal.factored_system(SHAPES["L"].curve, 768)
 
         def entropy(centre):
-            found = conformal.correspondence(system, centre)
+            found = conformal.solve_correspondence(system, centre)
             weights = np.abs(found.nodes.steps)
             return float(np.average(np.log(np.maximum(found.density, 1e-300) / weights), weights=weights))
 
@@ -227,8 +227,10 @@ class TestLaws:
             np.testing.assert_array_equal(made.to_disk(points[batch]), images[batch])
 
     def test_the_matrix_keeps_the_whole_charge(self):
-        nodes = conformal.nodes_of(SHAPES["star"].curve, 160)
-        np.testing.assert_allclose(matrix(nodes.anchors, nodes.offsets, nodes.steps).sum(axis=0), 1.0, atol=1e-13)
+        nodes = conformal.boundary_nodes(SHAPES["star"].curve, 160)
+        np.testing.assert_allclose(
+            double_layer_matrix(nodes.anchors, nodes.offsets, nodes.steps).sum(axis=0), 1.0, atol=1e-13
+        )
 
 
 @pytest.mark.parametrize("name", ["star", "square", "L"])

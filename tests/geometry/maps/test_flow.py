@@ -15,8 +15,8 @@ from hapticeval.geometry.maps.flow import (
     FlowSettings,
     FlowSplitError,
     Front,
-    flow,
-    starts,
+    line_starts,
+    run_flow,
 )
 
 SMALL = FlowSettings(cells=60)
@@ -31,7 +31,7 @@ def radius_after(velocity, radius, time):
 
 @pytest.mark.parametrize("velocity", ["curvature", "unit", "cap", "arc"])
 def test_a_circle_shrinks_by_its_law(velocity):
-    done = flow(circle(), FlowSettings(cells=80, velocity=velocity, lines=64))
+    done = run_flow(circle(), FlowSettings(cells=80, velocity=velocity, lines=64))
     radii = np.hypot(*np.moveaxis(done.points, -1, 0))
     expected = [radius_after(velocity, 0.1, time) for time in done.times]
     early = np.sqrt(done.areas / done.areas[0]) > 0.3
@@ -57,7 +57,7 @@ def test_velocity_functions(kind, kappa, expected):
 
 
 def test_curvature_flow_loses_area_at_two_pi():
-    done = flow(cassinian(), FlowSettings(cells=80, velocity="curvature", lines=64))
+    done = run_flow(cassinian(), FlowSettings(cells=80, velocity="curvature", lines=64))
     kept = np.sqrt(done.areas / done.areas[0]) > 0.2
     rates = np.polyfit(done.times[kept], done.areas[kept], 1)
     assert rates[0] == pytest.approx(-2.0 * math.pi, rel=0.02)
@@ -74,10 +74,13 @@ def roughness(share_of_bound, *, printed):
     if printed:  # (5.12) divides by the largest speed, kappa = 1/20, instead of by dv/dkappa = 1
         bound *= 20.0
     steps = 2 * round(10.0 / (share_of_bound * bound))
-    kernels.advance_many(values, values.copy(), 1.0, kernels.CURVATURE, 1.0, share_of_bound * bound, steps)
+    kernels.advance_steps(values, values.copy(), 1.0, kernels.CURVATURE, 1.0, share_of_bound * bound, steps)
     expected = math.sqrt(radius**2 - 2.0 * steps * share_of_bound * bound)
     angles = np.linspace(0.0, 2.0 * math.pi, 200)
-    at = [kernels.sample(values, 1.0, -30.0, -30.0, expected * math.cos(a), expected * math.sin(a))[0] for a in angles]
+    at = [
+        kernels.sample_at_point(values, 1.0, -30.0, -30.0, expected * math.cos(a), expected * math.sin(a))[0]
+        for a in angles
+    ]
     return float(np.max(np.abs(at)))
 
 
@@ -96,7 +99,7 @@ def test_kinks_need_the_upwind_slope():
     values, inside = front.values.copy(), front.values < -0.15
     dt = 0.25 * front.h
     steps = 2 * round(0.15 / (2 * dt))
-    kernels.advance_many(values, values.copy(), front.h, kernels.UNIT, 1.0, dt, steps)
+    kernels.advance_steps(values, values.copy(), front.h, kernels.UNIT, 1.0, dt, steps)
     assert np.abs(values - (front.values + steps * dt))[inside].max() < 0.03
     second = np.abs(values[1:-1, 2:] - 2.0 * values[1:-1, 1:-1] + values[1:-1, :-2]) / front.h
     assert second[inside[1:-1, 1:-1]].max() < 1.5
@@ -105,16 +108,16 @@ def test_kinks_need_the_upwind_slope():
 def test_the_vector_code_is_the_velocity_function():
     front = Front(cassinian(), SMALL)
     values, h = front.values, front.h
-    active = kernels.spans(values, h)
+    active = kernels.active_columns(values, h)
     fast, slow = values.copy(), values.copy()
-    kernels.advance(values, fast, active, h, kernels.ARC, 10.4, 1e-5)
+    kernels.advance_step(values, fast, active, h, kernels.ARC, 10.4, 1e-5)
     for j in range(1, values.shape[0] - 1):
         for i in range(*active[j]):
-            if values[j, i] > kernels.BEHIND * h:
+            if values[j, i] > kernels.CELLS_BEHIND * h:
                 continue
             gx, gy, kappa = kernels.derivatives(values, h, j, i)
             steep = kernels.upwind_slope(values, h, j, i)
-            slope = steep if math.hypot(gx, gy) < kernels.KINK * steep else math.hypot(gx, gy)
+            slope = steep if math.hypot(gx, gy) < kernels.KINK_RATIO * steep else math.hypot(gx, gy)
             slow[j, i] = values[j, i] + 1e-5 * kernels.velocity(kernels.ARC, 10.4, kappa) * slope
     inner = (slice(1, -1), slice(1, -1))
     assert np.abs(fast - values)[inner].max() > 1e-6
@@ -123,7 +126,7 @@ def test_the_vector_code_is_the_velocity_function():
 
 def test_length_and_area_of_a_front():
     front = Front(cassinian(), FlowSettings(cells=200))
-    length, area = kernels.front(front.values, front.h)
+    length, area = kernels.measure_front(front.values, front.h)
     assert length == pytest.approx(0.60201150050663, rel=1e-4)
     assert area == pytest.approx(0.021271373467660, rel=2e-4)
 
@@ -132,20 +135,23 @@ def test_particles_stay_on_their_level():
     front = Front(star(), SMALL)
     for step in range(150):
         front.update()
-        at = [kernels.sample(front.values, front.h, front.x0, front.y0, x, y)[0] for x, y in front.points.tolist()]
+        at = [
+            kernels.sample_at_point(front.values, front.h, front.x0, front.y0, x, y)[0]
+            for x, y in front.points.tolist()
+        ]
         assert np.max(np.abs(at)) < (1.0 if step < 20 else 0.45) * front.h
         assert np.percentile(np.abs(at), 90.0) < 0.05 * front.h
 
 
 def test_a_symmetric_model_gives_a_symmetric_grid():
-    done = flow(cassinian(), SMALL)
+    done = run_flow(cassinian(), SMALL)
     quarter = done.points.shape[1] // 4
     turned = np.roll(done.points, -quarter, axis=1) @ np.array([[0.0, -1.0], [1.0, 0.0]])
     assert np.abs(turned - done.points).max() < 1e-6
 
 
 def test_lines_start_at_corners_and_at_equal_arcs_between():
-    u = starts(star(), 100)
+    u = line_starts(star(), 100)
     corners = [corner.u for corner in star().curve.corners]
     assert np.isin(corners, u).all()
     assert u.size == 100
@@ -176,14 +182,14 @@ def test_components_are_counted_across_corners_of_cells():
 
 def test_a_thin_neck_splits():
     with pytest.raises(FlowSplitError, match=r"(?s)splits into 2 parts.*conformal") as caught:
-        flow(dumbbell(neck=0.1), FlowSettings(cells=100))
+        run_flow(dumbbell(neck=0.1), FlowSettings(cells=100))
     assert abs(caught.value.position[0]) < 0.03
 
 
 @pytest.mark.parametrize("model", [ellipse(4.0), ellipse(8.0), dumbbell(0.36)], ids=["4:1", "8:1", "dumbbell"])
 def test_a_long_body_collapses(model):
     with pytest.raises(FlowCollapseError, match=r"(?s)segment.*conformal") as caught:
-        flow(model, SMALL)
+        run_flow(model, SMALL)
     assert isinstance(caught.value, InputError)
     assert caught.value.position == pytest.approx((0.0, 0.0), abs=1e-3)
 
@@ -201,4 +207,4 @@ def test_settings_that_make_no_flow_are_refused():
         with pytest.raises(InputError):
             FlowSettings(**bad)
     with pytest.raises(InputError, match="unbounded"):
-        flow(line(), SMALL)
+        run_flow(line(), SMALL)

@@ -11,7 +11,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, ellipse, star
 from hapticeval.geometry.maps import flow_map as locator
 from hapticeval.geometry.maps.flow import Flow, FlowSettings, FoldedGridError
-from hapticeval.geometry.maps.flow_map import chart_of, flow_map, folded_cells
+from hapticeval.geometry.maps.flow_map import build_chart, flow_map, folded_cells
 
 COARSE = FlowSettings(cells=60, lines=100, levels=20)
 MODELS = {"cassinian": cassinian(), "star": star(), "hexagram": star(6), "ellipse": ellipse(2.0)}
@@ -23,7 +23,7 @@ def inside(model, count, seed=0):
 
 
 def grid_of(points, disk):
-    """One cell as a grid for `in_cell`: two levels of three lines, of which cell 0 is looked at."""
+    """One cell as a grid for `map_in_cell`: two levels of three lines, of which cell 0 is looked at."""
     full, image = np.zeros((2, 3, 2)), np.zeros((2, 3, 2))
     full[0, :2], full[1, :2] = points[:2], (points[3], points[2])
     image[0, :2], image[1, :2] = disk[:2], (disk[3], disk[2])
@@ -48,7 +48,7 @@ def test_the_map_of_a_cell_is_exact_for_affine_maps(corners, affine, place):
     points, disk = grid_of(cell, image)
     low, high = cell.min(axis=0), cell.max(axis=0)
     x, y = low + np.array(place) * (high - low)
-    out_x, out_y, least = locator.in_cell(points, disk, 0, x, y)
+    out_x, out_y, least = locator.map_in_cell(points, disk, 0, x, y)
     if least >= 0.0:
         assert (out_x, out_y) == pytest.approx(tuple(matrix @ (x, y) + affine[4:]), abs=1e-9)
 
@@ -59,9 +59,9 @@ def test_a_cell_that_is_not_convex_is_cut_inside():
     points, image = grid_of(cell, disk)
     assert not folded_cells(points)[0, 0]
     for corner, expected in zip(cell, disk, strict=True):
-        assert locator.in_cell(points, image, 0, *corner)[:2] == pytest.approx(tuple(expected), abs=1e-12)
-    assert locator.in_cell(points, image, 0, 0.5, 0.5)[2] < 0.0
-    assert locator.in_cell(points, image, 0, 0.1, 0.6)[2] > 0.0
+        assert locator.map_in_cell(points, image, 0, *corner)[:2] == pytest.approx(tuple(expected), abs=1e-12)
+    assert locator.map_in_cell(points, image, 0, 0.5, 0.5)[2] < 0.0
+    assert locator.map_in_cell(points, image, 0, 0.1, 0.6)[2] > 0.0
 
 
 def test_a_bow_tie_is_folded():
@@ -74,13 +74,13 @@ def test_the_locator_finds_what_brute_force_finds(name):
     chart = flow_map(MODELS[name], COARSE).chart
     cells = (chart.points.shape[0] - 1) * chart.points.shape[1]
     for x, y in inside(MODELS[name], 150, seed=1).tolist():
-        level, disk_x, disk_y = locator.to_disk(chart, x, y)
-        found = [locator.in_cell(chart.points, chart.disk, cell, x, y) for cell in range(cells)]
+        level, disk_x, disk_y = locator.map_to_disk(chart, x, y)
+        found = [locator.map_in_cell(chart.points, chart.disk, cell, x, y) for cell in range(cells)]
         best = max(found, key=lambda each: each[2])
         if best[2] > 1e-7:
             assert (disk_x, disk_y) == pytest.approx(best[:2], abs=1e-9)
         else:
-            assert level in (locator.OFF, chart.points.shape[0] - 1)
+            assert level in (locator.OUTSIDE_CELLS, chart.points.shape[0] - 1)
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -92,7 +92,7 @@ def test_a_valid_grid_is_one_to_one(name):
     centres = 0.25 * (points[:-1] + points[1:] + np.roll(points[:-1], -1, 1) + np.roll(points[1:], -1, 1))
     flat = centres.reshape(-1, 2)
     held = [
-        sum(locator.in_cell(points, disk, cell, x, y)[2] > 1e-6 for cell in range(flat.shape[0]))
+        sum(locator.map_in_cell(points, disk, cell, x, y)[2] > 1e-6 for cell in range(flat.shape[0]))
         for x, y in flat[:: flat.shape[0] // 40].tolist()
     ]
     assert max(held) == 1
@@ -159,10 +159,10 @@ def test_folded_cells_are_refused_with_their_place():
     angles = np.linspace(0.0, 2.0 * math.pi, 40, endpoint=False)
     rays = np.column_stack([np.cos(angles), np.sin(angles)])
     points = 0.1 * np.linspace(1.0, 0.2, 6)[:, np.newaxis, np.newaxis] * rays
-    assert chart_of(circle(), folded_flow(points)).points.shape == (6, 40, 2)
+    assert build_chart(circle(), folded_flow(points)).points.shape == (6, 40, 2)
     points[3, [7, 9]] = points[3, [9, 7]]
     with pytest.raises(FoldedGridError, match=r"(?s)of 200 cells.*flow time 2.*conformal") as caught:
-        chart_of(circle(), folded_flow(points))
+        build_chart(circle(), folded_flow(points))
     assert math.hypot(*caught.value.position) == pytest.approx(0.068)
 
 
@@ -171,4 +171,4 @@ def test_a_last_level_that_is_no_star_shape_is_refused():
     bean = np.column_stack([np.cos(angles), np.sin(angles) * 0.3 + 0.9 * np.cos(angles) ** 2])
     points = np.array([0.1 * bean, 0.099 * bean])
     with pytest.raises(FoldedGridError):
-        chart_of(circle(), folded_flow(points))
+        build_chart(circle(), folded_flow(points))
