@@ -15,7 +15,7 @@ import numpy as np
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import joined
+from hapticeval.recordings.stretches import continuing_steps
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def drawn(role: str) -> str:
 
 def trace(axes: Axes, recording: Recording, values: Array, role: str, **style: Any) -> None:
     """Draw values (n,) against time, without a line over a gap: it would show what nobody measured."""
-    cuts = np.flatnonzero(~joined(recording)) + 1 if len(recording) > 1 else np.zeros(0, dtype=np.intp)
+    cuts = np.flatnonzero(~continuing_steps(recording)) + 1 if len(recording) > 1 else np.zeros(0, dtype=np.intp)
     time, values = (np.insert(each, cuts, np.nan) for each in (recording.time, values))
     axes.plot(time, values, color=drawn(role), **style)
 

@@ -23,7 +23,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.phenomena.sampling import LED
 from hapticeval.recordings.provenance import before_the_wall
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import joined
+from hapticeval.recordings.stretches import continuing_steps
 from hapticeval.types import Array, BoolArray, IntArray
 
 SAMPLES = 1000
@@ -262,7 +262,11 @@ def _signals(recording: Recording) -> list[Array]:
 def steps(recording: Recording, points: Array) -> Array:
     """Return how far points (n, N) move in the tick before each row, (n,); 0 where no row lies right before."""
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    return np.append(0.0, np.where(joined(recording), lengths, 0.0)) if len(points) > 1 else np.zeros(len(points))
+    return (
+        np.append(0.0, np.where(continuing_steps(recording), lengths, 0.0))
+        if len(points) > 1
+        else np.zeros(len(points))
+    )
 
 
 def jumps(recording: Recording) -> IntArray:
@@ -286,7 +290,7 @@ def _special(recording: Recording, ticks: Collection[int]) -> IntArray:
     n = len(recording)
     found = [np.array([0, n - 1, *(tick + 1 for tick in ticks)]), np.array([*ticks], dtype=np.int64)]
     if n > 1:
-        found.append(np.flatnonzero(~joined(recording))[:MOST] + 1)
+        found.append(np.flatnonzero(~continuing_steps(recording))[:MOST] + 1)
     found.append(jumps(recording))
     if {"ihip", "force"} & recording.channels.keys():
         found.append(np.flatnonzero(np.diff(recording.contact))[:MOST] + 1)
@@ -304,7 +308,7 @@ def _extremes(signal: Array, intervals: int) -> IntArray:
 
 def _track(name: str, recording: Recording, chosen: Shown) -> Track:
     rows = chosen.rows
-    gaps: BoolArray = np.append(False, ~joined(recording)) if len(recording) > 1 else np.zeros(1, dtype=bool)
+    gaps: BoolArray = np.append(False, ~continuing_steps(recording)) if len(recording) > 1 else np.zeros(1, dtype=bool)
     gaps[chosen.cuts] = True
     after = np.cumsum(gaps)[rows]
     has_ihip = "ihip" in recording.channels

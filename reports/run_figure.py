@@ -17,7 +17,7 @@ import numpy as np
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import joined
+from hapticeval.recordings.stretches import continuing_steps
 from hapticeval.reports.canvas import MM, drawn, empty, figure, in_style, legend_above, page_svg, trace
 from hapticeval.reports.plane import draw_plane, labels
 from hapticeval.runner.results import VerdictEntry
@@ -177,7 +177,7 @@ def _draw_below(axes: Axes, recording: Recording) -> None:
 def _steps(recording: Recording, points: Array) -> Array:
     """How far (mm) the points (n, N) move in the tick before each sample; NaN where there is none before it."""
     steps = MM * np.linalg.norm(np.diff(points, axis=0), axis=1)
-    return np.append(np.nan, np.where(joined(recording), steps, np.nan))
+    return np.append(np.nan, np.where(continuing_steps(recording), steps, np.nan))
 
 
 def _legend(axes: Axes) -> None:

@@ -393,7 +393,7 @@ def _as_recorded(made: ReplayCase, renderers: list[str] | None, see: str) -> int
     found = as_recorded(made, renderers or ())
     with Terminal() as terminal:
         _warn(found.suspicious, see, terminal)
-    say(found.told())
+    say(found.describe())
     return int(not found.follows)
 
 

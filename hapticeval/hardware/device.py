@@ -95,14 +95,14 @@ class Guarded:
     def read(self) -> Reading:
         """Return the next reading: as many finite numbers as joints, and a count that is later than the last."""
         self._cycle += 1
-        given = self._asked("read()", self._hardware.read)
+        answer = self._asked("read()", self._hardware.read)
         if self._interrupted:
             raise KeyboardInterrupt
         try:
-            nanoseconds, sequence, raw = given
+            nanoseconds, sequence, raw = answer
             reading = Reading(int(nanoseconds), int(sequence), np.array(raw, dtype=np.float64))
         except (TypeError, ValueError):
-            wrong = f"gave a {type(given).__name__}: {str(given)[:60]}"
+            wrong = f"gave a {type(answer).__name__}: {str(answer)[:60]}"
             raise self._error(wrong, "a reading is (nanoseconds, sequence, raw positions)") from None
         if reading.raw.shape != (self._joints,):
             shape = f"gave raw positions of shape {reading.raw.shape}"

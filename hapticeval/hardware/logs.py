@@ -42,31 +42,33 @@ def at_the_hand(recording: Recording) -> Recording:
     kind = recording.meta.get("device")
     if "hip" in recording.channels or kind not in DEVICES or not {"raw", "joint_position"} & recording.channels.keys():
         return recording
-    given = recording.meta.get("device_parameters", {})  # `hardware` in it is neither the wiring's nor the device's
-    table = {name: value for name, value in given.items() if name != "hardware" and value is not None}
+    parameters = recording.meta.get(
+        "device_parameters", {}
+    )  # `hardware` in it is neither the wiring's nor the device's
+    table = {name: value for name, value in parameters.items() if name != "hardware" and value is not None}
     with at("[device]"):
         wiring = Wiring.described({**table, "kind": kind})
-    found = _joints(recording, wiring)
-    hand, outside = _hand(recording, wiring, found)
+    joint_channels = _joints(recording, wiring)
+    hand, outside = _hand(recording, wiring, joint_channels)
     valid = recording.measured & ~outside
     if not valid.any():
         raise InputError(
             "every row of the log is outside of the robot's functional workspace",
-            why=f"at row 0 the joints would be {found['joint_position'][0].tolist()} rad",
+            why=f"at row 0 the joints would be {joint_channels['joint_position'][0].tolist()} rad",
             todo="check [device]: offsets, directions and counts_per_turn",
         )
-    made = {name: values for name, values in {**found, **hand}.items() if name not in recording.channels}
-    channels = {**recording.channels, **made}
+    added = {name: values for name, values in {**joint_channels, **hand}.items() if name not in recording.channels}
+    channels = {**recording.channels, **added}
     static = "static: J^-T of the joint torques"
-    signs = {name: static if name == "force" else "by [device]" for name in made}
+    signs = {name: static if name == "force" else "by [device]" for name in added}
     signals = {**recording.signals, **{name: CHANNELS[name]._replace(sign=sign) for name, sign in signs.items()}}
     return replace(recording, channels=channels, signals=signals, valid=valid, meta=_counted(recording.meta, outside))
 
 
 def _joints(recording: Recording, wiring: Wiring) -> dict[str, Array]:
     """Return angles (n, N), rad, and torques (n, N), N m, where they are known."""
-    found, size = {}, wiring.device.dimension
-    for name, raw, made in (("joint_position", "raw", wiring.joints), ("joint_torque", "command", wiring.torques)):
+    channels, size = {}, wiring.device.dimension
+    for name, raw, to_joints in (("joint_position", "raw", wiring.joints), ("joint_torque", "command", wiring.torques)):
         source = name if name in recording.channels else raw
         if source in recording.channels:
             values = recording.channels[source]
@@ -74,14 +76,14 @@ def _joints(recording: Recording, wiring: Wiring) -> dict[str, Array]:
                 raise InputError(
                     f"'{source}' has {values.shape[-1]} columns", why=f"the {wiring.device.name} has {size} joints"
                 )
-            found[name] = values if source == name else made(values)
-    return found
+            channels[name] = values if source == name else to_joints(values)
+    return channels
 
 
-def _hand(recording: Recording, wiring: Wiring, found: Mapping[str, Array]) -> tuple[dict[str, Array], Any]:
+def _hand(recording: Recording, wiring: Wiring, joint_channels: Mapping[str, Array]) -> tuple[dict[str, Array], Any]:
     """Return HIP, velocity and, where torques are known, force, NaN where a row is not valid; and the rows outside."""
     kinematics, rates, before = Kinematics(wiring.device), Rates(wiring.device.dimension), 0.0
-    joints, torques = np.array(found["joint_position"]), found.get("joint_torque")
+    joints, torques = np.array(joint_channels["joint_position"]), joint_channels.get("joint_torque")
     names = ("hip", "velocity") if torques is None else ("hip", "velocity", "force")
     hand = {name: np.full_like(joints, np.nan) for name in names}
     outside = np.zeros(len(recording), dtype=bool)

@@ -49,7 +49,7 @@ class Twin:
         from hapticeval.simulation.kernels import hook_of, take_part
 
         device, size = wiring.device, wiring.device.dimension
-        parts = [(each.stage, each.part(0, size, dt)) for each in effects]
+        parts = [(effect.stage, effect.part(0, size, dt)) for effect in effects]
         friction = [part.params for stage, part in parts if stage is Stage.JOINTS]
         self.wiring, self.hand, self.dt = wiring, hand, dt
         self.joints = np.array(device.joints(position), dtype=np.float64)
@@ -97,8 +97,8 @@ class Twin:
             return
         if self.hand is not None and self._grip is not None:
             self._grip.path[:] = self.hand.desired(np.array([start, start + self.dt]))
-        taken = self._advance(self._motion, 0, begin, finish, joints, rates, torque)
-        if taken == 0 or not np.isfinite(joints).all():
+        steps_done = self._advance(self._motion, 0, begin, finish, joints, rates, torque)
+        if steps_done == 0 or not np.isfinite(joints).all():
             raise HapticevalError("the simulated robot ran away", why="its motors feed energy into it without end")
 
 
@@ -116,5 +116,5 @@ def demonstration(wiring: Wiring, scene: Scene) -> Twin:
 def _to_and_fro(boundary: Boundary) -> Path:
     time = np.linspace(0.0, LONGEST, round(KNOTS * LONGEST) + 1)
     start = np.eye(boundary.dimension)[0] * 0.1
-    way = boundary.walk(start, REACH * np.sin(2.0 * np.pi / PERIOD * time))
-    return Path(time, way.foot - DEPTH * way.normal)
+    surface = boundary.walk(start, REACH * np.sin(2.0 * np.pi / PERIOD * time))
+    return Path(time, surface.foot - DEPTH * surface.normal)

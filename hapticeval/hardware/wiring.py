@@ -55,12 +55,12 @@ class Wiring:
                 raise InputError(f"wiring: {name} = {value!r}", why="it must be a number, finite and positive")
 
     def _of_each_joint(self, name: str, default: float) -> tuple[float, ...]:
-        given, count = getattr(self, name), self.device.dimension
-        values = tuple(given) if isinstance(given, list | tuple) else (given,)
+        entry, count = getattr(self, name), self.device.dimension
+        values = tuple(entry) if isinstance(entry, list | tuple) else (entry,)
         values = values or (default,) * count
         if len(values) != count or not all(map(_number, values)):
             raise InputError(
-                f"wiring: {name} = {given!r}", why=f"the {self.device.name} has {count} joints, a finite number each"
+                f"wiring: {name} = {entry!r}", why=f"the {self.device.name} has {count} joints, a finite number each"
             )
         return values
 

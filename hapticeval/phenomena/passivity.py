@@ -448,7 +448,7 @@ def _judge_fixed(base: Recording) -> Finding:
     balances = balance(base.hip, base.force, base.time)
     if not balances:
         return undecided(f"no two rows bound what is stored; {note}")
-    worst = min((entry.given for entry in balances), key=lambda entry: entry.energy - entry.open)
+    worst = min((entry.as_logged for entry in balances), key=lambda entry: entry.energy - entry.open)
     metric = Metric(CHECK.metric, worst.energy, "J")
     evidence = {
         **evidence_at(base, worst.last),

@@ -62,20 +62,20 @@ def declared(name: str, signals: Mapping[str, Signal]) -> Signal:
     Raises `InputError` for a name that is neither known nor declared or that files cannot hold, for a declaration that
     changes a known channel's unit or frame, and for a frame that is none of `FRAMES`.
     """
-    known, given = CHANNELS.get(name), signals.get(name)
-    if given is None:
+    known, declaration = CHANNELS.get(name), signals.get(name)
+    if declaration is None:
         if known is None:
             raise InputError(
                 f"a recording does not know the channel '{name}'",
                 todo=f"use one of: {', '.join(CHANNELS)}; or declare it: signals={{'{name}': Signal(unit, meaning)}}",
             )
         return known
-    given = Signal(*given)
-    if not all(isinstance(part, str) for part in given) or not given.unit:
-        raise InputError(f"channel '{name}' is declared as {tuple(given)}", todo="give it a unit and a meaning")
-    if known is not None and (given.unit, given.frame) != (known.unit, known.frame):
+    declaration = Signal(*declaration)
+    if not all(isinstance(part, str) for part in declaration) or not declaration.unit:
+        raise InputError(f"channel '{name}' is declared as {tuple(declaration)}", todo="give it a unit and a meaning")
+    if known is not None and (declaration.unit, declaration.frame) != (known.unit, known.frame):
         raise InputError(
-            f"channel '{name}' is declared in {given.unit}, frame {given.frame}",
+            f"channel '{name}' is declared in {declaration.unit}, frame {declaration.frame}",
             why=f"every reader takes it in {known.unit}, frame {known.frame}",
             todo="convert it, or give it another name",
         )
@@ -83,9 +83,11 @@ def declared(name: str, signals: Mapping[str, Signal]) -> Signal:
         raise InputError(
             f"{name!r} cannot name a channel", todo="use letters, digits, '_', '-', '.'; begin with a letter"
         )
-    if given.frame not in FRAMES:
-        raise InputError(f"channel '{name}' is in the frame '{given.frame}'", todo=f"use one of: {', '.join(FRAMES)}")
-    return given
+    if declaration.frame not in FRAMES:
+        raise InputError(
+            f"channel '{name}' is in the frame '{declaration.frame}'", todo=f"use one of: {', '.join(FRAMES)}"
+        )
+    return declaration
 
 
 METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
@@ -127,16 +129,16 @@ def check_metadata(meta: Mapping[str, Any]) -> dict[str, Any]:
     """Return a copy of `meta`, its tables and lists too. Raises `InputError` for a known key of the wrong kind."""
     for key in METADATA.keys() & meta.keys():
         kind, meaning = METADATA[key]
-        fits, wanted = KINDS[kind]
+        fits, expected = KINDS[kind]
         if not fits(meta[key]):
-            raise InputError(f"meta: {key} = {meta[key]!r} is not {wanted}", why=f"it is the {meaning}")
+            raise InputError(f"meta: {key} = {meta[key]!r} is not {expected}", why=f"it is the {meaning}")
     return {str(key): _copied(value) for key, value in meta.items()}
 
 
 def _copied(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {key: _copied(item) for key, item in value.items()}
-    return [_copied(item) for item in value] if isinstance(value, list) else value
+        return {key: _copied(entry) for key, entry in value.items()}
+    return [_copied(entry) for entry in value] if isinstance(value, list) else value
 
 
 def _number(value: Any) -> bool:

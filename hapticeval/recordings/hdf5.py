@@ -146,11 +146,11 @@ def _write(file: Any, recording: Recording) -> None:
 
 def _signals(file: Any, recording: Recording) -> list[tuple[Any, Any]]:
     """Make the datasets of everything that has rows, still empty; return each with its numbers."""
-    clock, made = recording.clock, list[tuple[Any, Any]]()
+    clock, datasets = recording.clock, list[tuple[Any, Any]]()
 
     def add(holder: Any, name: str, values: Any, **words: str) -> Any:
-        made.append((_dataset(holder, name, values, **words), values))
-        return made[-1][0].attrs
+        datasets.append((_dataset(holder, name, values, **words), values))
+        return datasets[-1][0].attrs
 
     if clock is None:
         add(file, "time", recording.time, unit="s")
@@ -166,7 +166,7 @@ def _signals(file: Any, recording: Recording) -> list[tuple[Any, Any]]:
     group = file.create_group("channels", track_order=True)
     for name, values in recording.channels.items():
         add(group, name, values, **{key: value for key, value in recording.signals[name]._asdict().items() if value})
-    return made
+    return datasets
 
 
 def _fill(datasets: Sequence[tuple[Any, Any]], count: int) -> None:
@@ -231,7 +231,7 @@ def salvage(path: Path) -> Salvaged:
     return Salvaged(recording, tuple(losses))
 
 
-def _read(path: Path, wanted: Sequence[str] | None) -> tuple[Recording | None, list[Loss]]:
+def _read(path: Path, selected: Sequence[str] | None) -> tuple[Recording | None, list[Loss]]:
     """Return what is whole of a file, None where no row is, and what is lost."""
     if not first_bytes(path).startswith(SIGNATURE):
         raise InputError(
@@ -241,7 +241,7 @@ def _read(path: Path, wanted: Sequence[str] | None) -> tuple[Recording | None, l
         )
     try:
         with _opened(path) as (file, losses):
-            return _whole(path, file, wanted, losses), losses
+            return _whole(path, file, selected, losses), losses
     except HapticevalError:
         raise
     except DAMAGE as error:
@@ -276,57 +276,61 @@ class _Part(NamedTuple):
     """The readable part of a signal: its numbers (n, ...), and which rows of them are whole, (n,)."""
 
     values: Any
-    whole: BoolArray
+    readable: BoolArray
     signal: Signal
 
 
-def _whole(path: Path, file: Any, wanted: Sequence[str] | None, losses: list[Loss]) -> Recording | None:
+def _whole(path: Path, file: Any, selected: Sequence[str] | None, losses: list[Loss]) -> Recording | None:
     """Return the recording of all rows that have a stamp and a number in any channel, and add what is lost."""
     group, known = file["channels"], list(file["channels"])
-    for name in wanted or ():
+    for name in selected or ():
         if name not in known:
             raise UnknownNameError(f"channel of {path.name}", name, known)
-    names = known if wanted is None else list(dict.fromkeys(wanted))
+    names = known if selected is None else list(dict.fromkeys(selected))
     base = "nanoseconds" if "nanoseconds" in file else "time"
-    beside = [base, *(name for name in ("sequence", "valid") if name in file)]
+    row_names = [base, *(name for name in ("sequence", "valid") if name in file)]
     count = int(file[base].shape[0])
     holders = [(group, name) for name in names]
-    holders += [(file, name) for name in (*beside, "events", "meta") if name in file]
+    holders += [(file, name) for name in (*row_names, "events", "meta") if name in file]
     reserve(sum(_attempted(partial(_size, *place), "", []) or 0 for place in holders), str(path))
 
     def part(holder: Any, name: str) -> _Part | None:
         return _attempted(partial(_part, holder, name, count), f"'{name}'", losses)
 
-    parts = {name: part(file, name) for name in beside} | {f"/{name}": part(group, name) for name in names}
-    stamps, channels = parts[base], {name: made for name in names if (made := parts[f"/{name}"]) is not None}
+    parts = {name: part(file, name) for name in row_names} | {f"/{name}": part(group, name) for name in names}
+    stamps, channels = parts[base], {name: channel for name in names if (channel := parts[f"/{name}"]) is not None}
     if stamps is None:
         return None
-    kept = stamps.whole & np.any([made.whole for made in channels.values()], axis=0) if channels else stamps.whole
-    if not kept.any():
+    readable_rows = (
+        stamps.readable & np.any([channel.readable for channel in channels.values()], axis=0)
+        if channels
+        else stamps.readable
+    )
+    if not readable_rows.any():
         losses.append(Loss("every signal", f"all of its {count} rows", count))
         return None
-    rows = slice(None) if kept.all() else kept
+    rows = slice(None) if readable_rows.all() else readable_rows
     sequence, marked, clock = parts.get("sequence"), parts.get("valid"), None
     if base == "nanoseconds":
         stated = file[base].attrs
         anchor = (int(stated["anchor"][0]), int(stated["anchor"][1])) if "anchor" in stated else None
-        counted = sequence.values[rows] if sequence is not None and sequence.whole[rows].all() else None
+        counted = sequence.values[rows] if sequence is not None and sequence.readable[rows].all() else None
         clock = Clock(stamps.values[rows], int(stated["start"]), anchor, counted)
     time = stamps.values[rows] if clock is None else clock.seconds
-    left = {name: made for name, made in channels.items() if made.whole[rows].any()}
-    valid = np.all([made.whole[rows] for made in left.values()], axis=0) & np.ones(len(time), dtype=bool)
+    left = {name: channel for name, channel in channels.items() if channel.readable[rows].any()}
+    valid = np.all([channel.readable[rows] for channel in left.values()], axis=0) & np.ones(len(time), dtype=bool)
     if "valid" in parts:
-        valid &= False if marked is None else ((marked.values != 0) & marked.whole)[rows]
-    losses += _row_losses(parts, kept, time)
+        valid &= False if marked is None else ((marked.values != 0) & marked.readable)[rows]
+    losses += _row_losses(parts, readable_rows, time)
     events = _attempted(lambda: _events(file), "the events", losses) or ()
     meta: Any = _attempted(lambda: json.loads(bytes(_inside(file, "meta")[:]).decode()), "the meta", losses) or {}
     return Recording(
         time,
-        {name: made.values[rows] for name, made in left.items()},
+        {name: channel.values[rows] for name, channel in left.items()},
         meta,
         clock=clock,
         valid=valid,
-        signals={name: made.signal for name, made in left.items()},
+        signals={name: channel.signal for name, channel in left.items()},
         events=events + tuple(Event(float(time[-1]), LOST, str(loss)) for loss in losses),
     )
 
@@ -369,10 +373,10 @@ def _part(holder: Any, name: str, count: int) -> _Part:
         raise InputError("its time is not in seconds")
     signal = Signal(unit or "", *(_text(dataset, key) or "" for key in ("meaning", "frame", "sign")))
     try:
-        values, whole = dataset[()], np.ones(count, dtype=bool)
+        values, readable = dataset[()], np.ones(count, dtype=bool)
     except DAMAGE:
         values = np.full(dataset.shape, np.nan if dtype == np.float64 else 0, dtype=dtype)
-        whole = np.zeros(count, dtype=bool)
+        readable = np.zeros(count, dtype=bool)
         chunk = int(dataset.chunks[0])
         for begin in range(0, count, chunk):
             rows = slice(begin, begin + chunk)
@@ -380,18 +384,20 @@ def _part(holder: Any, name: str, count: int) -> _Part:
                 values[rows] = dataset[rows]
             except DAMAGE:
                 continue
-            whole[rows] = True
+            readable[rows] = True
     values.flags.writeable = False
-    return _Part(values, whole, signal)
+    return _Part(values, readable, signal)
 
 
-def _row_losses(parts: dict[str, _Part | None], kept: BoolArray, time: Array) -> Iterator[Loss]:
+def _row_losses(parts: dict[str, _Part | None], readable_rows: BoolArray, time: Array) -> Iterator[Loss]:
     """Yield first the rows that are lost altogether, then what single signals lack of the others."""
-    if all(part is None or part.whole.all() for part in parts.values()):
+    if all(part is None or part.readable.all() for part in parts.values()):
         return
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    missing = {"every signal": ~kept}
-    missing |= {f"'{name.lstrip('/')}'": kept & ~part.whole for name, part in parts.items() if part is not None}
+    missing = {"every signal": ~readable_rows}
+    missing |= {
+        f"'{name.lstrip('/')}'": readable_rows & ~part.readable for name, part in parts.items() if part is not None
+    }
     alike: dict[tuple[int, int], list[str]] = {}
     for name, rows in missing.items():
         for run in runs_of(rows):

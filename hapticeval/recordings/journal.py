@@ -99,9 +99,9 @@ class Layout:
                 f"a journal of version {header['version']}; this hapticeval reads version {VERSION}",
                 todo="update hapticeval",
             )
-        channels = {each.pop("name"): each for each in header["channels"]}
-        columns = {name: each.pop("columns") for name, each in channels.items()}
-        signals = {name: Signal(**each) for name, each in channels.items()}
+        channels = {channel.pop("name"): channel for channel in header["channels"]}
+        columns = {name: channel.pop("columns") for name, channel in channels.items()}
+        signals = {name: Signal(**channel) for name, channel in channels.items()}
         return cls(columns, signals, header["meta"], header["anchor"] and tuple(header["anchor"]))
 
 
@@ -131,14 +131,14 @@ def blocks(data: mmap.mmap) -> Iterator[Block]:
     """Yield the whole blocks of a journal: those whose CRC is right."""
     view, at = memoryview(data), data.find(MARK)
     while at >= 0:
-        following, begin = at + 1, at + BLOCK.size
+        search_from, begin = at + 1, at + BLOCK.size
         if begin <= len(view):
             _, kind, number, _, length, crc = BLOCK.unpack_from(view, at)
             payload = view[begin : begin + length]
             if len(payload) == length and zlib.crc32(payload, zlib.crc32(view[at : begin - 4])) == crc:
-                following = begin + length
-                yield Block(at, following, kind, number, payload)
-        at = data.find(MARK, following)
+                search_from = begin + length
+                yield Block(at, search_from, kind, number, payload)
+        at = data.find(MARK, search_from)
 
 
 def finish(journal: Path, path: Path) -> Salvaged:
@@ -236,14 +236,14 @@ class _Read:
         losses = []
         for begin, end, before in self.holes:
             where = f"bytes {begin} to {end - 1}" if end > begin else f"before byte {begin}"
-            following = int(ends[before])
-            known = 0 if following == 0 else int(sequence[following - 1]) + 1
-            if following < len(rows):
-                count = int(sequence[following]) - known
+            next_row = int(ends[before])
+            known = 0 if next_row == 0 else int(sequence[next_row - 1]) + 1
+            if next_row < len(rows):
+                count = int(sequence[next_row]) - known
             else:
                 count = 0 if self.end is None else int(self.end["next"]) - unwritten - known
             if count:
-                losses.append(Loss("damaged", f"{where}, after row {following - 1}", count, count * step))
+                losses.append(Loss("damaged", f"{where}, after row {next_row - 1}", count, count * step))
             else:
                 losses.append(Loss("damaged", f"{where}, no row among them", None, None))
         if unwritten:

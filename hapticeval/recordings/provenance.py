@@ -37,11 +37,11 @@ def model_of(recording: Recording) -> dict[str, Any] | None:
 
 def scene_of(recording: Recording) -> dict[str, Any]:
     """Return the entries of the scene, and the gains that stand beside it, without those that are None."""
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for table in (recording.meta.get("gains"), recording.meta.get("scene")):
         if isinstance(table, Mapping):
-            found |= {str(key): each for key, each in table.items() if each is not None}
-    return found
+            entries |= {str(key): value for key, value in table.items() if value is not None}
+    return entries
 
 
 def spring_of(recording: Recording) -> tuple[float | None, str]:
@@ -96,7 +96,7 @@ def before_the_wall(recording: Recording) -> Recording:
         raise InputError(f"the recording is in {recording.dimension} dimensions, and not in one")
     wall = recording.meta.get("wall", {})
     at, outward = wall.get("at", 0.0), wall.get("outward", 1)
-    numbers = all(isinstance(each, int | float) and math.isfinite(each) for each in (at, outward))
+    numbers = all(isinstance(number, int | float) and math.isfinite(number) for number in (at, outward))
     if not numbers or outward not in (1, -1) or wall.keys() - {"at", "outward"}:
         raise InputError(
             f"the recording's wall is {wall!r}",

@@ -2,7 +2,7 @@
 
 A number is known to the largest of these:
 
-    the spacing of doubles at the column's size, `STEPS` times: each of a handful of operations costs half of one
+    the spacing of doubles at the column's size, `ROUNDING_STEPS` times: each of a few operations costs half of one
     the spacing of single precision, where every number of the channel is one: that is what computed it
     the step of the lattice that the channel lies on, where it lies on one: an encoder's, a converter's
     the unit in the last place, where every number has so few digits: a text's
@@ -30,10 +30,10 @@ from hapticeval.types import Array
 FINEST = 1e-7
 """A quantum below this share of the range cannot be distinguished from the rounding of the file."""
 
-WHOLE = 0.02
+LATTICE_TOLERANCE = 0.02
 """How far from whole numbers the values may lie, in quanta."""
 
-MANY = 500
+DIVISOR_STEPS = 500
 """Steps that a common divisor is taken of."""
 
 SAMPLE = 400
@@ -56,24 +56,24 @@ def numeric_step(values: Array) -> float | None:
     steps = steps[steps > FINEST * span]
     if steps.size == 0:
         return None
-    step = _common(steps, FINEST * span)
+    step = _common_divisor(steps, FINEST * span)
     for _ in range(3):  # the mean over many steps is finer than the smallest alone
         counts = np.round((distinct - distinct[0]) / step)
         if counts[-1] > 1.0 / FINEST:
             return None
         step = float(np.dot(counts, distinct - distinct[0]) / np.dot(counts, counts))
     off = np.abs((distinct - distinct[0]) / step - counts)
-    return step if off.max() < WHOLE and counts[-1] > distinct.size / 50 else None
+    return step if off.max() < LATTICE_TOLERANCE and counts[-1] > distinct.size / 50 else None
 
 
-def _common(steps: Array, floor: float) -> float:
+def _common_divisor(steps: Array, floor: float) -> float:
     """The largest length that all steps are multiples of, by Euclid's rule; about `floor` where there is none.
 
     From the smallest up: a remainder has the rounding of its divisor as many times as that was taken off.
     """
     steps = np.sort(steps)
     common = float(steps[0])
-    for other in steps[:MANY]:
+    for other in steps[:DIVISOR_STEPS]:
         a, b = max(common, float(other)), min(common, float(other))
         while b > floor:
             a, b = b, abs(a - b * round(a / b))
@@ -83,7 +83,7 @@ def _common(steps: Array, floor: float) -> float:
 
 def quantization_step(values: Array) -> float:
     """The step between neighbouring numbers that a column (n,) can hold, at its largest; 0 for double precision."""
-    return max(numeric_step(values) or 0.0, single(values), _decimal(values))
+    return max(numeric_step(values) or 0.0, single_precision_step(values), _decimal_step(values))
 
 
 def coarsest(values: Array) -> float:
@@ -91,7 +91,7 @@ def coarsest(values: Array) -> float:
     return max(map(quantization_step, values.T), default=0.0)
 
 
-def single(values: Array) -> float:
+def single_precision_step(values: Array) -> float:
     """The spacing of single precision at the largest number, where every number is one; otherwise 0."""
     sample, largest = _sample(values)
     with np.errstate(over="ignore"):
@@ -99,7 +99,7 @@ def single(values: Array) -> float:
     return float(np.spacing(np.float32(largest))) if alike else 0.0
 
 
-def _decimal(values: Array) -> float:
+def _decimal_step(values: Array) -> float:
     """The unit in the last place of the largest number, where all have so few digits; otherwise 0."""
     sample, largest = _sample(values)
     for digits in DIGITS if sample.size else ():
@@ -111,14 +111,14 @@ def _decimal(values: Array) -> float:
 
 def _sample(values: Array) -> tuple[Array, float]:
     """Different numbers of a column that are not zero, none where there are too few, and the largest of all."""
-    kept = values[np.isfinite(values) & (values != 0.0)]
-    if kept.size == 0:
-        return kept, 0.0
-    sample = np.unique(kept[np.linspace(0, kept.size - 1, SAMPLE).astype(int)])
-    return sample if sample.size >= FEWEST else sample[:0], float(np.max(np.abs(kept)))
+    nonzero = values[np.isfinite(values) & (values != 0.0)]
+    if nonzero.size == 0:
+        return nonzero, 0.0
+    sample = np.unique(nonzero[np.linspace(0, nonzero.size - 1, SAMPLE).astype(int)])
+    return sample if sample.size >= FEWEST else sample[:0], float(np.max(np.abs(nonzero)))
 
 
-STEPS = 16.0
+ROUNDING_STEPS = 16.0
 """Spacings of the number that a projection, a spring, a norm and an interpolation may cost together."""
 
 
@@ -136,7 +136,7 @@ class Resolution(NamedTuple):
         which has no direction.
         """
         root = math.sqrt(self.dimension)
-        turn = STEPS * float(np.spacing(2.0 * math.pi))
+        turn = ROUNDING_STEPS * float(np.spacing(2.0 * math.pi))
         with np.errstate(divide="ignore"):
             direction = turn + root * self.force / np.asarray(size)
         kinds: Mapping[str, Array] = {
@@ -152,9 +152,9 @@ def resolution(recording: Recording) -> Resolution:
     """What the numbers of a recording with HIP and force resolve."""
     keep = recording.measured
     places = [recording.channels[name][keep] for name in ("hip", "ihip") if name in recording.channels]
-    position = max([_own(values) for values in places] + [_encoder(recording, places[0], keep)])
+    position = max([_own_resolution(values) for values in places] + [_encoder_resolution(recording, places[0], keep)])
     force = recording.force[keep]
-    own = _own(force)
+    own = _own_resolution(force)
     if len(places) == 2:
         depth = np.linalg.norm(places[1] - places[0], axis=1)
         pressed = (depth > position) & np.any(force != 0.0, axis=1)
@@ -163,22 +163,22 @@ def resolution(recording: Recording) -> Resolution:
     return Resolution(position, own, force.shape[1])
 
 
-def _own(values: Array) -> float:
+def _own_resolution(values: Array) -> float:
     """The resolution of a channel (n, N) by its own numbers."""
     size = float(np.max(np.abs(values), initial=0.0))
     if size == 0.0:
         return 0.0
     # whole numbers and short decimals are exact in either precision, and no sign of one
-    computed = max((single(column) for column in values.T if numeric_step(column) is None), default=0.0)
-    return max(STEPS * max(computed, float(np.spacing(size))), coarsest(values))
+    computed = max((single_precision_step(column) for column in values.T if numeric_step(column) is None), default=0.0)
+    return max(ROUNDING_STEPS * max(computed, float(np.spacing(size))), coarsest(values))
 
 
-def _encoder(recording: Recording, hip: Array, keep: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
+def _encoder_resolution(recording: Recording, hip: Array, keep: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
     """What the quantum of the joints' encoders is at the HIP, m; 0 where there are none."""
     if "joint_position" not in recording.channels:
         return 0.0
     joints = recording.channels["joint_position"][keep]
     step = max((numeric_step(column) or 0.0 for column in joints.T), default=0.0)
-    turned, moved = (np.linalg.norm(np.diff(each, axis=0), axis=1) for each in (joints, hip))
+    turned, moved = (np.linalg.norm(np.diff(path, axis=0), axis=1) for path in (joints, hip))
     some = turned > 0.0
     return step * float(np.median(moved[some] / turned[some])) if step > 0.0 and some.any() else 0.0

@@ -129,11 +129,11 @@ class Writer:
     def run(self, parent: int) -> None:
         """Write until the loop closes the recorder or is gone."""
         self.state[State.READY] = 1
-        seen = 0
+        known_head = 0
         while not (select.select([sys.stdin], [], [], LOOK)[0] or os.getppid() != parent):
             # Only rows that were there at the last look: their bytes have long arrived in this process too.
-            self.drain(seen)
-            seen = self.state[HEAD]
+            self.drain(known_head)
+            known_head = self.state[HEAD]
         time.sleep(SETTLE)
         self.finish("closed" if self.state[State.CLOSED] else UNCLOSED)
 
@@ -168,14 +168,14 @@ class Writer:
         self._sync(SYNC)
 
     def _report_overrun(self) -> None:
-        lost = (self.state[OVERRUN], self.state[State.EVENT_OVERRUN])
+        losses = (self.state[OVERRUN], self.state[State.EVENT_OVERRUN])
         error = self.state[State.ERROR]
         why = f"the journal could not be written: {os.strerror(error)}" if error else "the writer was too late"
-        for count, before, what in zip(lost, self.reported, ("rows", "events"), strict=True):
+        for count, before, what in zip(losses, self.reported, ("rows", "events"), strict=True):
             text = f"{count - before} {what} were lost: {why}"
             if count > before and not self._event(time.monotonic_ns(), "overrun", text):
                 return
-        self.reported = lost
+        self.reported = losses
 
     def _event(self, stamp: int, kind: str, text: str) -> bool:
         return self._put(Kind.EVENT, 0, json.dumps([stamp, kind, text]).encode())
@@ -309,7 +309,7 @@ class Recorder:
         start = f"import sys; sys.path[:] = {json.dumps(sys.path)}; "
         start += "from hapticeval.recordings.recorder import write_rows; write_rows()"
         process = subprocess.Popen(
-            [sys.executable, "-c", start, *(str(each) for each in arguments)],
+            [sys.executable, "-c", start, *(str(argument) for argument in arguments)],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             pass_fds=(ring.descriptor, self._journal),
@@ -391,10 +391,10 @@ class Recorder:
             self._state[State.EVENT_OVERRUN] += 1
             return
         event = self._ring.events[head % EVENTS]
-        for name, given in (("kind", kind), ("text", text)):
-            if not isinstance(given, str) or "\0" in given or (name == "kind" and not given):
-                raise InputError(f"an event has the {name} {given!r}", todo="give it as text")
-            event[name] = given.encode()[: EVENT[name].itemsize].decode(errors="ignore").encode()
+        for name, content in (("kind", kind), ("text", text)):
+            if not isinstance(content, str) or "\0" in content or (name == "kind" and not content):
+                raise InputError(f"an event has the {name} {content!r}", todo="give it as text")
+            event[name] = content.encode()[: EVENT[name].itemsize].decode(errors="ignore").encode()
         event["nanoseconds"] = monotonic_ns() if at is None else at
         self._state[State.EVENT_HEAD] = head + 1
 
@@ -410,13 +410,13 @@ class Recorder:
             return self._summary
         state, code = self._state, self._process.poll()
         failure = ""
-        lacks = state[HEAD] > state[TAIL] or state[OVERRUN] or state[State.EVENT_OVERRUN]
-        if state[State.ERROR] and lacks:
+        rows_missing = state[HEAD] > state[TAIL] or state[OVERRUN] or state[State.EVENT_OVERRUN]
+        if state[State.ERROR] and rows_missing:
             failure = f"the journal could not be written: {os.strerror(state[State.ERROR])}"
         elif code is not None and (code or not state[State.CLOSED]):
             failure = f"the writer's process ended with code {code}"
-        lost = state[OVERRUN], state[State.MISSED], state[State.EVENT_OVERRUN]
-        return Summary(state[TAIL], state[HEAD] - state[TAIL], *lost, failure)
+        counts = state[OVERRUN], state[State.MISSED], state[State.EVENT_OVERRUN]
+        return Summary(state[TAIL], state[HEAD] - state[TAIL], *counts, failure)
 
     def close(self) -> Summary:
         """Have everything written; return what was recorded and what was lost, which is a `LossWarning` as well.
@@ -465,10 +465,10 @@ class Recorder:
             what, why = f"append() was given {len(values)} channels", f"this recorder has: {', '.join(self._names)}"
         else:
             for name, count, value in zip(self._names, self._columns, values, strict=True):
-                given, wanted = np.shape(np.asarray(value, dtype=object)), (count,) if count else ()
-                if given != wanted:
-                    what = f"append() was given values of shape {given} for '{name}'"
-                    return InputError(what, why=f"the recorder was made for shape {wanted}")
+                shape, expected_shape = np.shape(np.asarray(value, dtype=object)), (count,) if count else ()
+                if shape != expected_shape:
+                    what = f"append() was given values of shape {shape} for '{name}'"
+                    return InputError(what, why=f"the recorder was made for shape {expected_shape}")
         return InputError(what, why=why)
 
 

@@ -61,12 +61,12 @@ def check_finite(name: str, values: Array, valid: BoolArray | None = None) -> No
 
 def check_increasing(name: str, values: Any, valid: BoolArray | None = None, *, unit: str = "s") -> None:
     """Raise `InputError` with the first row (of those that are `valid`) at which `values` does not increase."""
-    kept = values if valid is None else values[valid]
-    rises = kept[1:] > kept[:-1]
+    valid_values = values if valid is None else values[valid]
+    rises = valid_values[1:] > valid_values[:-1]
     if not rises.all():
         at = int(np.argmin(rises)) + 1
         row = at if valid is None else int(np.flatnonzero(valid)[at])
-        pair = kept[at - 1 : at + 1].tolist()
+        pair = valid_values[at - 1 : at + 1].tolist()
         before, after = (f"{x:.9g} {unit}" if isinstance(x, float) else f"{x} {unit}".rstrip() for x in pair)
         raise InputError(
             f"{name} does not increase at row {row}: {before}, then {after}",
@@ -88,8 +88,8 @@ def among(events: Iterable[Event], since: float, until: float) -> tuple[Event, .
     return tuple(event for event in events if since <= event.time < until)
 
 
-def _event(given: Any) -> Event:
-    event = Event(*given)
+def _event(fields: Any) -> Event:
+    event = Event(*fields)
     when = isinstance(event.time, int | float | np.floating | np.integer) and np.isfinite(event.time)
     texts = isinstance(event.kind, str) and isinstance(event.text, str) and "\0" not in event.kind + event.text
     if not (when and texts and event.kind):
@@ -216,8 +216,8 @@ class Recording:
         events: Iterable[Event] = (),
     ) -> Recording:
         """Return a recording whose `time` is that of `clock`."""
-        given = {"clock": clock, "valid": valid, "signals": signals or {}, "events": tuple(events)}
-        return cls(clock.seconds, channels, meta or {}, **given)  # type: ignore[arg-type]
+        keywords = {"clock": clock, "valid": valid, "signals": signals or {}, "events": tuple(events)}
+        return cls(clock.seconds, channels, meta or {}, **keywords)  # type: ignore[arg-type]
 
     def __post_init__(self) -> None:
         time = locked(self.time, np.float64)
@@ -405,22 +405,22 @@ class Column(NamedTuple):
 
 def columns_of(recording: Recording) -> dict[str, Column]:
     """Return every column by name: `hip.x`, `joint_torque.0`, `grip`."""
-    found = {}
+    columns = {}
     for name, values in recording.channels.items():
         signal = recording.signals[name]
         if values.ndim == 1:
-            found[name] = Column(name, signal.unit, values)
+            columns[name] = Column(name, signal.unit, values)
             continue
         for k, column in enumerate(values.T):
             part = "xyz"[k] if signal.frame == "world" else f"{k}"
-            found[f"{name}.{part}"] = Column(name, signal.unit, column)
-    return found
+            columns[f"{name}.{part}"] = Column(name, signal.unit, column)
+    return columns
 
 
-def _mask(given: Any, count: int) -> BoolArray | None:
-    if given is None:
+def _mask(flags: Any, count: int) -> BoolArray | None:
+    if flags is None:
         return None
-    mask = np.asarray(given)
+    mask = np.asarray(flags)
     if mask.dtype != np.bool_ or mask.shape != (count,):
         raise InputError(
             f"valid is of type {mask.dtype} and shape {mask.shape}",
@@ -437,8 +437,8 @@ def _check_shape(name: str, array: Array, frame: str, count: int, widths: dict[s
         first, width = widths.setdefault(frame, (name, array.shape[-1] if array.ndim == 2 else 1))
         if frame == "world" and width > 3:
             raise InputError(f"channel '{name}' has {width} dimensions", why="the world has one, two or three")
-        each = "joint" if frame == "joint" else "dimension"
-        shape, why = f"{(count, width)}", f"channels in the {frame} frame have one column per {each}, as '{first}' has"
+        axis = "joint" if frame == "joint" else "dimension"
+        shape, why = f"{(count, width)}", f"channels in the {frame} frame have one column per {axis}, as '{first}' has"
         fits = array.shape == (count, width)
     if not fits:
         raise InputError(f"channel '{name}' has shape {array.shape}, not {shape}", why=why)

@@ -47,15 +47,17 @@ def stretches(recording: Recording, sound: BoolArray | None = None) -> tuple[Str
     """
     if sound is None:
         sound = recording.measured
-    return tuple(Stretch(first, end + 1) for first, end in runs_of(sound[1:] & sound[:-1] & joined(recording)))
+    return tuple(
+        Stretch(first, end + 1) for first, end in runs_of(sound[1:] & sound[:-1] & continuing_steps(recording))
+    )
 
 
-def joined(recording: Recording) -> BoolArray:
+def continuing_steps(recording: Recording) -> BoolArray:
     """Over which steps (n - 1,) of the clock whatever reads the recording goes on: those of `GAP_STEPS` and shorter.
 
     Seconds are made of stamps, and a hole of exactly so many steps is none, however its seconds were rounded.
     """
-    return np.asarray(np.diff(recording.time) <= GAP_STEPS * nominal_step(recording) + _stamp(recording))
+    return np.asarray(np.diff(recording.time) <= GAP_STEPS * nominal_step(recording) + _stamp_tolerance(recording))
 
 
 def nominal_step(recording: Recording) -> float:
@@ -63,20 +65,20 @@ def nominal_step(recording: Recording) -> float:
 
     Where the cycles are numbered it is that of a cycle: of a log that lacks most of them, rows are further apart.
     """
-    median = _cycle(recording)
+    median = _median_cycle(recording)
     declared = recording.meta.get("dt")
-    if isinstance(declared, int | float) and abs(declared - median) <= _stamp(recording):
+    if isinstance(declared, int | float) and abs(declared - median) <= _stamp_tolerance(recording):
         return float(declared)
-    whole = round(median, 9)
-    return whole if abs(whole - median) <= _stamp(recording) else median
+    rounded = round(median, 9)
+    return rounded if abs(rounded - median) <= _stamp_tolerance(recording) else median
 
 
-def _cycle(recording: Recording) -> float:
+def _median_cycle(recording: Recording) -> float:
     if recording.clock is None or recording.clock.sequence is None:
         return recording.dt
-    jumps, taken = np.diff(recording.clock.sequence), np.diff(recording.time)
-    counted = (jumps > 0) & (taken > 0.0)
-    return float(np.median(taken[counted] / jumps[counted])) if counted.any() else recording.dt
+    jumps, durations = np.diff(recording.clock.sequence), np.diff(recording.time)
+    counted = (jumps > 0) & (durations > 0.0)
+    return float(np.median(durations[counted] / jumps[counted])) if counted.any() else recording.dt
 
 
 def steps(recording: Recording, stretch: Stretch) -> float | Array:
@@ -85,24 +87,25 @@ def steps(recording: Recording, stretch: Stretch) -> float | Array:
     The first sample of a stretch has none before it and is given the nominal step.
     """
     nominal = nominal_step(recording)
-    taken = np.diff(recording.time[stretch.rows])
-    if np.all(np.abs(taken - nominal) <= _stamp(recording)):
+    durations = np.diff(recording.time[stretch.rows])
+    if np.all(np.abs(durations - nominal) <= _stamp_tolerance(recording)):
         return nominal
-    return np.concatenate([[nominal], taken])
+    return np.concatenate([[nominal], durations])
 
 
-def describe_stretches(recording: Recording, found: tuple[Stretch, ...]) -> str:
+def describe_clock(recording: Recording, parts: tuple[Stretch, ...]) -> str:
     """The clock in words, for the report."""
-    each = [steps(recording, stretch) for stretch in found]
-    if all(isinstance(step, float) for step in each):
+    steps_of_parts = [steps(recording, stretch) for stretch in parts]
+    if all(isinstance(step, float) for step in steps_of_parts):
         return f"regular, {1e3 * nominal_step(recording):.6g} ms"
-    taken = np.concatenate([np.diff(recording.time[stretch.rows]) for stretch in found])
+    durations = np.concatenate([np.diff(recording.time[stretch.rows]) for stretch in parts])
     return (
-        f"irregular, {1e3 * float(taken.min()):.4g} to {1e3 * float(taken.max()):.4g} ms "
-        f"(median {1e3 * float(np.median(taken)):.4g} ms): each sample is played at its recorded time with its own step"
+        f"irregular, {1e3 * float(durations.min()):.4g} to {1e3 * float(durations.max()):.4g} ms "
+        f"(median {1e3 * float(np.median(durations)):.4g} ms): each sample is played at its recorded time with its "
+        "own step"
     )
 
 
-def _stamp(recording: Recording) -> float:
+def _stamp_tolerance(recording: Recording) -> float:
     time = recording.time if recording.valid is None else recording.time[recording.valid]
     return STAMP + 4.0 * float(np.spacing(np.max(np.abs(time), initial=0.0)))

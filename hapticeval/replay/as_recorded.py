@@ -18,7 +18,7 @@ from hapticeval.recordings.integrity.relations import lagged
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.recordings.stretches import Stretch
 from hapticeval.renderer import Renderer
-from hapticeval.replay.rerender import hand_path, joined, rerendered
+from hapticeval.replay.rerender import concatenated, hand_path, rerender
 from hapticeval.replay.subject import ReplayCase
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
@@ -50,7 +50,7 @@ class Deviation:
     tolerance: float
     first: int | None = None
     first_time: float | None = None
-    beyond: float = 0.0
+    share_beyond: float = 0.0
     lag: int = 0
     gain: float = 1.0
     explained: bool = False
@@ -60,13 +60,13 @@ class Deviation:
         """Whether rounding is all of it."""
         return self.first is None
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """Describe it in one line."""
         scale, unit = (1e3, "mm") if self.channel == "ihip" else (1.0, "N")
         name = self.channel.replace("ihip", "IHIP")
         if self.largest == 0.0:
             return f"{name}: follows to the last bit"
-        size, bound = (f"{scale * each:.3g} {unit}" for each in (self.largest, self.tolerance))
+        size, bound = (f"{scale * distance:.3g} {unit}" for distance in (self.largest, self.tolerance))
         if self.follows:
             return f"{name}: follows to rounding: {size} at most, where rounding may make {bound}"
         causes = []
@@ -76,7 +76,7 @@ class Deviation:
             causes.append("its sign is turned" if self.gain == -1.0 else f"its gain is {self.gain:.6g}")
         return (
             f"{name}: does not follow: {size} apart, where rounding makes {bound}; from row {self.first} on "
-            f"(t = {self.first_time:.6g} s), in {100.0 * self.beyond:.3g} % of the samples; "
+            f"(t = {self.first_time:.6g} s), in {100.0 * self.share_beyond:.3g} % of the samples; "
             + (" and ".join(causes) if self.explained else "neither a lag, nor a sign, nor a gain explains it")
         )
 
@@ -87,11 +87,11 @@ def deviation(channel: str, computed: Array, logged: Array, time: Array, *, tole
     In this order: nothing; the sign; a gain (of forces); a lag up to `LONGEST_LAG` ticks; a lag with a sign or gain.
     """
     distance = np.linalg.norm(logged - computed, axis=1)
-    beyond = distance > tolerance
-    if not beyond.any():
+    exceeds = distance > tolerance
+    if not exceeds.any():
         return Deviation(channel, float(distance.max()), tolerance)
-    first = int(np.argmax(beyond))
-    found = Deviation(channel, float(distance.max()), tolerance, first, float(time[first]), float(beyond.mean()))
+    first = int(np.argmax(exceeds))
+    unexplained = Deviation(channel, float(distance.max()), tolerance, first, float(time[first]), float(exceeds.mean()))
     gains = channel == "force"
     lags = sorted(range(-LONGEST_LAG, LONGEST_LAG + 1), key=lambda lag: (abs(lag), lag < 0))[1:]
     for lag, gained in [(0, True), *((lag, False) for lag in lags), *((lag, True) for lag in lags)]:
@@ -101,10 +101,10 @@ def deviation(channel: str, computed: Array, logged: Array, time: Array, *, tole
             continue
         left = np.linalg.norm(theirs - gain * mine, axis=1) <= tolerance * max(1.0, abs(gain))
         # What is zero or at rest fits any lag and gain; those samples that deviate must be brought to fit.
-        moved = beyond[max(lag, 0) : beyond.size + min(lag, 0)]
+        moved = exceeds[max(lag, 0) : exceeds.size + min(lag, 0)]
         if moved.any() and np.mean(left[moved]) >= SETTLED and np.mean(left) >= SETTLED:
-            return replace(found, lag=lag, gain=gain, explained=True)
-    return found
+            return replace(unexplained, lag=lag, gain=gain, explained=True)
+    return unexplained
 
 
 def _gain(computed: Array, logged: Array) -> float:
@@ -131,13 +131,13 @@ class AsRecorded:
     @property
     def follows(self) -> bool:
         """Whether every channel does, to rounding, over the whole log."""
-        return bool(self.channels) and all(each.follows for each in self.channels) and not self.ended
+        return bool(self.channels) and all(channel.follows for channel in self.channels) and not self.ended
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """Describe it, one line per channel."""
         head = f"{self.file} as recorded: {self.renderer} computed again over {self.rows} samples"
-        ends = (f"  the renderer gives no answer from {each}" for each in self.ended)
-        return "\n".join([head, *(f"  {each.told()}" for each in self.channels), *ends])
+        ends = (f"  the renderer gives no answer from {interval}" for interval in self.ended)
+        return "\n".join([head, *(f"  {channel.describe()}" for channel in self.channels), *ends])
 
 
 def as_recorded(subject: ReplayCase, renderers: Sequence[str] = ()) -> AsRecorded:
@@ -170,21 +170,23 @@ def as_recorded(subject: ReplayCase, renderers: Sequence[str] = ()) -> AsRecorde
         # Our own loop gives a renderer the same step each cycle and never resets it, also where cycles were missed.
         path = replace(path, stretches=(Stretch(0, len(log)),), dt=float(step))
     # A hand that was not led began where it was.
-    parts = rerendered(renderer, path, scene if log.meta.get("source") in LED else None)
-    again = joined([part.recording for part in parts])
-    log = joined([log.part(slice(part.stretch.first, part.stretch.first + len(part.recording))) for part in parts])
+    parts = rerender(renderer, path, scene if log.meta.get("source") in LED else None)
+    again = concatenated([part.recording for part in parts])
+    log = concatenated(
+        [log.part(slice(part.stretch.first, part.stretch.first + len(part.recording))) for part in parts]
+    )
     bounds = _rounding(log, scene)
-    found = tuple(
+    deviations = tuple(
         deviation(channel, again.channels[channel], log.channels[channel], log.time, tolerance=bounds[channel])
         for channel in ("ihip", "force")
         if channel in log.channels
     )
-    if not found:
+    if not deviations:
         raise InputError(
             f"{subject.file} has neither IHIP nor force", why="there is nothing to compare the renderer's answer with"
         )
     ended = tuple(part.ended for part in parts if part.ended)
-    return AsRecorded(subject.file, names[0], len(log), found, ended, path.suspicious)
+    return AsRecorded(subject.file, names[0], len(log), deviations, ended, path.suspicious)
 
 
 def unsaid(recording: Recording, renderers: Sequence[str]) -> Mapping[str, str]:
@@ -193,8 +195,8 @@ def unsaid(recording: Recording, renderers: Sequence[str]) -> Mapping[str, str]:
 
 
 def _named(recording: Recording) -> list[str]:
-    said = recording.meta.get("renderer")
-    return [said] if isinstance(said, str) and said else []
+    name = recording.meta.get("renderer")
+    return [name] if isinstance(name, str) and name else []
 
 
 def _rounding(log: Recording, scene: Scene) -> dict[str, float]:

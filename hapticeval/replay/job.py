@@ -17,9 +17,9 @@ from hapticeval.quantity import aligned
 from hapticeval.recordings.channels import REQUIRED
 from hapticeval.recordings.compare.difference import Apart, Difference, difference
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import describe_stretches
+from hapticeval.recordings.stretches import describe_clock
 from hapticeval.replay import OPEN_LOOP, RECORDED
-from hapticeval.replay.rerender import HandPath, Part, backwards, hand_path, joined, rerendered
+from hapticeval.replay.rerender import HandPath, Part, concatenated, hand_path, rerender, rerender_backwards
 from hapticeval.replay.subject import SUITE, ReplayCase
 from hapticeval.runner import results
 from hapticeval.runner.judging import Recorded, judge_recorded, make_renderer
@@ -45,19 +45,19 @@ class ReplayTask:
         # How hand and force act on each other a given path may not settle: on a replay these checks stop no gate.
         loop_needed = tuple(check for check in job.case.checks if CHECKS[check].needs_loop)
         channels = self.path.recording.channels
-        shown: tuple[str, ...] = loop_needed
+        advisory: tuple[str, ...] = loop_needed
         if job.renderer == RECORDED:
             # What its renderer would have answered without an effect was not recorded.
             compares = tuple(check for check in job.case.checks if Sibling.WITHOUT in CHECKS[check].needs)
-            shown = compares if "operator_force" in channels else (*loop_needed, *compares)
-            shown = shown if all(name in channels for name in REQUIRED) else job.case.checks
+            advisory = compares if "operator_force" in channels else (*loop_needed, *compares)
+            advisory = advisory if all(name in channels for name in REQUIRED) else job.case.checks
         judged = judge_recorded(
             lambda scene: self._recorded() if job.renderer == RECORDED else self._replayed(job.renderer, scene),
             merged, job.renderer, job.suite, job.case,
         )  # fmt: skip
         verdicts = tuple(
             replace(verdict, level=Level.INFO)
-            if verdict.check in shown and verdict.outcome is Outcome.INCONCLUSIVE
+            if verdict.check in advisory and verdict.outcome is Outcome.INCONCLUSIVE
             else verdict
             for verdict in judged.verdicts
         )
@@ -67,11 +67,11 @@ class ReplayTask:
         path = self.path
         parts = [path.recording.part(stretch.rows) for stretch in path.judged]
         note = self._entry(None, "The recorded run as it was.", parts, path.left_out)
-        return Recorded(joined(parts), tuple(Runs(part) for part in parts), note)
+        return Recorded(concatenated(parts), tuple(Runs(part) for part in parts), note)
 
     def _replayed(self, name: str, scene: Scene) -> Recorded:
         path, renderer = self.path, make_renderer(resolve(name), scene)
-        parts = rerendered(renderer, path, scene)
+        parts = rerender(renderer, path, scene)
 
         def runs(part: Part) -> Runs:
             if part.ended:
@@ -81,36 +81,36 @@ class ReplayTask:
 
             def without(kind: str) -> Recording:
                 less = scene.without(kind)
-                return rerendered(make_renderer(resolve(name), less), alone, less)[0].recording
+                return rerender(make_renderer(resolve(name), less), alone, less)[0].recording
 
             return Runs(
                 part.recording,
-                reverse=cache(lambda: backwards(renderer, path, part.stretch, scene)),
-                again=cache(lambda: rerendered(renderer, alone, scene)[0].recording),
+                reverse=cache(lambda: rerender_backwards(renderer, path, part.stretch, scene)),
+                again=cache(lambda: rerender(renderer, alone, scene)[0].recording),
                 without=cache(without),
             )
 
         recordings = [part.recording for part in parts]
-        whole = joined(recordings)
+        answers = concatenated(recordings)
         ended = [part.ended for part in parts if part.ended]
-        entry = self._entry(difference(whole, path.recording), OPEN_LOOP, recordings, ended)
-        return Recorded(whole, tuple(runs(part) for part in parts), entry, simulated=lambda: entry.seconds)
+        entry = self._entry(difference(answers, path.recording), OPEN_LOOP, recordings, ended)
+        return Recorded(answers, tuple(runs(part) for part in parts), entry, simulated=lambda: entry.seconds)
 
     def _entry(
-        self, found: Difference | None, note: str, parts: Sequence[Recording], left_out: Sequence[str]
+        self, distance: Difference | None, note: str, parts: Sequence[Recording], left_out: Sequence[str]
     ) -> results.Replay:
         path, rows = self.path, sum(map(len, parts))
         return results.Replay(
             file=self.subject.file,
             note=note,
-            clock=describe_stretches(path.recording, path.stretches),
+            clock=describe_clock(path.recording, path.stretches),
             stretches=len(parts),
             rows=rows,
             rows_left_out=len(path.recording) - rows,
             left_out=list(left_out),
             suspicious=list(path.suspicious),
             seconds=float(sum(part.time[-1] - part.time[0] for part in parts)),
-            difference=found,
+            difference=distance,
         )
 
 
@@ -149,11 +149,11 @@ def merged(findings: Sequence[Finding]) -> Finding:
     """
     if not findings:
         return Finding(Outcome.INCONCLUSIVE, "no stretch of the recording is long enough to judge")
-    if len({(each.outcome, each.message, each.metric) for each in findings}) == 1:
+    if len({(finding.outcome, finding.message, finding.metric) for finding in findings}) == 1:
         return findings[0]
     index, worst = min(enumerate(findings), key=lambda pair: (RANK.index(pair[1].outcome), _margin(pair[1])))
-    counts = Counter(each.outcome.value for each in findings)
-    stretches = ", ".join(f"{counts[each.value]} {each.value}" for each in RANK if counts[each.value])
+    counts = Counter(finding.outcome.value for finding in findings)
+    stretches = ", ".join(f"{counts[outcome.value]} {outcome.value}" for outcome in RANK if counts[outcome.value])
     return replace(
         worst,
         message=f"{worst.message} (stretch {index + 1} of {len(findings)}: {stretches})",
@@ -187,9 +187,11 @@ def differences(document: results.ResultsDocument) -> str:
     return "\n".join([*lines, OPEN_LOOP])
 
 
-def _apart(found: Apart | None, unit: str, scale: float) -> str:
-    if found is None:
+def _apart(distance: Apart | None, unit: str, scale: float) -> str:
+    if distance is None:
         return "not recorded"
-    if found.max == 0.0:
+    if distance.max == 0.0:
         return "equal to the last bit"
-    return f"rms {scale * found.rms:.3g} {unit}, at most {scale * found.max:.3g} {unit} at t = {found.time:.4g} s"
+    return (
+        f"rms {scale * distance.rms:.3g} {unit}, at most {scale * distance.max:.3g} {unit} at t = {distance.time:.4g} s"
+    )

@@ -19,10 +19,10 @@ from hapticeval.simulation.playback import rows_defined, run_path, simulate_chec
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
-SEEN = ("hip", "measured_hip")
+GIVEN_CHANNELS = ("hip", "measured_hip")
 """Channels that a renderer is given: only their faults break the hand's path."""
 
-NAMED = 12
+MOST_NAMED = 12
 """So many left-out intervals are named; of more, the number."""
 
 
@@ -65,8 +65,8 @@ def hand_path(subject: ReplayCase) -> HandPath:
     recording, scene = subject.recording, subject.case.build_scene()
     recording.require("hip")
     if recording.meta.get("source") in SIMULATED:
-        whole = stretches(recording)
-        path = HandPath(recording, whole, whole)
+        gapless = stretches(recording)
+        path = HandPath(recording, gapless, gapless)
     else:
         from hapticeval.recordings.integrity.report import LEFT_OUT, examine, sound_intervals
 
@@ -74,14 +74,14 @@ def hand_path(subject: ReplayCase) -> HandPath:
         soundness = sound_intervals(recording, report)
         hand = recording.measured.copy()
         for fault in report.faults:
-            if fault.kind in LEFT_OUT and fault.channel.partition(".")[0] in SEEN and fault.first is not None:
+            if fault.kind in LEFT_OUT and fault.channel.partition(".")[0] in GIVEN_CHANNELS and fault.first is not None:
                 hand[fault.first : fault.end] = False
-        left = [f"{why}, {each.times(recording)}" for each, why in soundness.left_out]
-        if len(left) > NAMED:
-            left = [*left[:NAMED], f"and {len(left) - NAMED} more"]
-        found = stretches(recording, hand)
-        judged = soundness.sound or found
-        path = HandPath(recording, found, judged, tuple(left), tuple(_suspicious(report.faults)))
+        left = [f"{why}, {stretch.times(recording)}" for stretch, why in soundness.left_out]
+        if len(left) > MOST_NAMED:
+            left = [*left[:MOST_NAMED], f"and {len(left) - MOST_NAMED} more"]
+        hand_stretches = stretches(recording, hand)
+        judged = soundness.sound or hand_stretches
+        path = HandPath(recording, hand_stretches, judged, tuple(left), tuple(_suspicious(report.faults)))
     if not path.stretches:
         raise InputError(
             f"{subject.file} has no stretch of hand path to replay",
@@ -93,11 +93,11 @@ def hand_path(subject: ReplayCase) -> HandPath:
 
 def _suspicious(faults: Sequence[Issue]) -> Iterator[str]:
     """Yield a line for each kind of finding and channel: the first of them, and how many there are."""
-    found: dict[tuple[str, str], list[Issue]] = {}
+    issues_of: dict[tuple[str, str], list[Issue]] = {}
     for fault in faults:
         if fault.severity is not Severity.NOTE:
-            found.setdefault((fault.kind, fault.channel), []).append(fault)
-    for key, alike in found.items():
+            issues_of.setdefault((fault.kind, fault.channel), []).append(fault)
+    for key, alike in issues_of.items():
         place = "" if alike[0].place == "all" else f" ({alike[0].place})"
         more = f", and {len(alike) - 1} more" if len(alike) > 1 else ""
         yield f"{' '.join(key).rstrip()}{place}: {alike[0].message}{more}"
@@ -112,7 +112,7 @@ class Part:
     ended: str = ""
 
 
-def rerendered(renderer: Renderer | TrajectoryRenderer, path: HandPath, scene: Scene | None) -> tuple[Part, ...]:
+def rerender(renderer: Renderer | TrajectoryRenderer, path: HandPath, scene: Scene | None) -> tuple[Part, ...]:
     """Return the renderer's answers along each stretch, from a reset each, at the recorded samples and times.
 
     With a `scene`, a hand that starts inside its model is led in first, see `playback.way_in`.
@@ -126,7 +126,7 @@ def rerendered(renderer: Renderer | TrajectoryRenderer, path: HandPath, scene: S
     left: DomainError | None = None
     for stretch in path.stretches:
         try:
-            parts.append(_forwards(renderer, path, stretch, scene))
+            parts.append(_rerender_stretch(renderer, path, stretch, scene))
         except DomainError as error:
             left = error
     if not parts and left is not None:
@@ -134,12 +134,14 @@ def rerendered(renderer: Renderer | TrajectoryRenderer, path: HandPath, scene: S
     return tuple(parts)
 
 
-def _forwards(renderer: Renderer | TrajectoryRenderer, path: HandPath, stretch: Stretch, scene: Scene | None) -> Part:
+def _rerender_stretch(
+    renderer: Renderer | TrajectoryRenderer, path: HandPath, stretch: Stretch, scene: Scene | None
+) -> Part:
     rows = stretch.rows
     time, hip, velocity = path.recording.time[rows], path.hip[rows], path.velocity(stretch)
     dt = steps(path.recording, stretch) if path.dt is None else path.dt
     if not isinstance(renderer, Renderer):
-        return Part(stretch, _answered(renderer, time, hip, dt))
+        return Part(stretch, _simulate_recorded(renderer, time, hip, dt))
     felt = path.recording.channels.get("measured_force")
     pushes = None if felt is None else felt[rows]
     # A batch makes the velocity itself: only where that is the recorded one may it stand for single steps.
@@ -148,31 +150,35 @@ def _forwards(renderer: Renderer | TrajectoryRenderer, path: HandPath, stretch: 
 
     def led(count: int, dt: float | Array) -> Recording:
         push = None if pushes is None else pushes[:count]
-        return _led(renderer, time[:count], hip[:count], velocity[:count], dt, scene, push, stretch.first)
+        return _play_recorded(renderer, time[:count], hip[:count], velocity[:count], dt, scene, push, stretch.first)
 
     try:
         return Part(stretch, led(time.size, dt))
     except DomainError as error:
-        each = np.broadcast_to(dt, time.size)
+        durations = np.broadcast_to(dt, time.size)
 
-        count = rows_defined(lambda rows: led(rows, each[:rows].copy()), time.size)
+        count = rows_defined(lambda rows: led(rows, durations[:rows].copy()), time.size)
         if count < 2:
             raise
-        return Part(stretch, led(count, each[:count].copy()), f"{time[count]:.6g} to {time[-1]:.6g} s: {error.what}")
+        return Part(
+            stretch, led(count, durations[:count].copy()), f"{time[count]:.6g} to {time[-1]:.6g} s: {error.what}"
+        )
 
 
-def backwards(renderer: Renderer | TrajectoryRenderer, path: HandPath, stretch: Stretch, scene: Scene) -> Recording:
+def rerender_backwards(
+    renderer: Renderer | TrajectoryRenderer, path: HandPath, stretch: Stretch, scene: Scene
+) -> Recording:
     """Return the answers to the same HIPs in the opposite order, each step as long as it was."""
     time, hip = path.recording.time[stretch.rows], path.hip[stretch.rows][::-1]
     back, dt = time[-1] - time[::-1], steps(path.recording, stretch)
     if not isinstance(renderer, Renderer):
-        return _answered(renderer, back, hip, dt)
+        return _simulate_recorded(renderer, back, hip, dt)
     if not isinstance(dt, float):
         dt = np.concatenate([[dt[0]], dt[:0:-1]])
-    return _led(renderer, back, hip, backward_difference(hip, back), dt, scene)
+    return _play_recorded(renderer, back, hip, backward_difference(hip, back), dt, scene)
 
 
-def _led(
+def _play_recorded(
     renderer: Renderer,
     time: Array,
     hip: Array,
@@ -187,7 +193,7 @@ def _led(
     return Recording(time, channels, {"source": "replay", **abilities_of(renderer).meta, "dt": float(np.median(dt))})
 
 
-def _answered(renderer: TrajectoryRenderer, time: Array, hip: Array, dt: float | Array) -> Recording:
+def _simulate_recorded(renderer: TrajectoryRenderer, time: Array, hip: Array, dt: float | Array) -> Recording:
     if not isinstance(dt, float):
         raise RefusalError(
             "the recording's clock is not regular",
@@ -204,7 +210,7 @@ def _answered(renderer: TrajectoryRenderer, time: Array, hip: Array, dt: float |
     return Recording(time, answer.channels, meta, events=answer.events)
 
 
-def joined(parts: Sequence[Recording]) -> Recording:
+def concatenated(parts: Sequence[Recording]) -> Recording:
     """Join stretches to one recording, with what was left out absent; `meta["stretches"]` has their times, s."""
     if len(parts) == 1:
         return parts[0]

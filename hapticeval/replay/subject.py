@@ -23,11 +23,11 @@ SUITE = "replay"
 GIVEN = ("device", "inner_loop", "effects", "model")
 """Entries of a scene that cannot be given as key=value."""
 
-ENTRIES = (*(each.name for each in fields(Scene) if each.name != "model"), *short_forms())
+ENTRIES = (*(field.name for field in fields(Scene) if field.name != "model"), *short_forms())
 """Entries of a scene beside its model."""
 
 NUMBERS = {
-    **{each.name: each.default for each in fields(Scene) if each.name not in GIVEN},
+    **{field.name: field.default for field in fields(Scene) if field.name not in GIVEN},
     **{name: 0.0 for name, is_number in short_forms().items() if is_number},
 }
 
@@ -59,21 +59,21 @@ def subject(
     `line`, see `before_the_wall`.
     """
     template = None if suite_case is None else case_named(suite_case)
-    said = {key: each for key, each in scene_of(recording).items() if key in ENTRIES}
+    entries = {key: value for key, value in scene_of(recording).items() if key in ENTRIES}
     if template is not None:
-        said = dict(template.scene)
-    chosen = {**said, **dict(_entry(each) for each in scene)}
+        entries = dict(template.scene)
+    chosen = {**entries, **dict(_entry(text) for text in scene)}
     chosen.setdefault("sampling_time", float(recording.dt))
     touched = model or (model_of(recording) if template is None else template.model)
-    lacks = {}
+    missing = {}
     if "stiffness" not in chosen and template is None:
-        lacks["the stiffness of its scene"] = "--scene stiffness=1000"
+        missing["the stiffness of its scene"] = "--scene stiffness=1000"
     if touched is None:
-        lacks["which model was touched"] = "--model circle:size=0.2"
-    if lacks or unsaid:
-        raise _not_said(file, lacks, unsaid or {})
+        missing["which model was touched"] = "--model circle:size=0.2"
+    if missing or unsaid:
+        raise _not_said(file, missing, unsaid or {})
     assert touched is not None
-    made = Case(
+    replay_case = Case(
         name=file_stem(file.stem),
         title=f"Replay of {file.name}",
         shows="The hand path of a recording, sample by sample, through other renderers.",
@@ -83,7 +83,7 @@ def subject(
         folder=file.parent,
     )
     with at(file.name):
-        built = made.build_scene()
+        built = replay_case.build_scene()
     if recording.hip.shape[1] == 1 and built.model.name == LINE:
         recording = before_the_wall(recording)
     if built.model.dimension != recording.hip.shape[1]:
@@ -92,33 +92,33 @@ def subject(
             why="hand and model must live in the same space",
             todo="give the wall: --model line" if recording.hip.shape[1] == 1 else "give another model with --model",
         )
-    return ReplayCase(file.name, recording, made)
+    return ReplayCase(file.name, recording, replay_case)
 
 
-def _not_said(file: Path, scene: Mapping[str, str], rest: Mapping[str, str]) -> InputError:
+def _not_said(file: Path, scene: Mapping[str, str], others: Mapping[str, str]) -> InputError:
     """All that a replay needs and a recording does not say, at once."""
-    names = [*scene, *rest]
-    given = f"give {'it' if len(names) == 1 else 'them'}: {' '.join([*scene.values(), *rest.values()])}"
+    names = [*scene, *others]
+    advice = f"give {'it' if len(names) == 1 else 'them'}: {' '.join([*scene.values(), *others.values()])}"
     case = ", or a case with the same model and scene: --suite-case SUITE/CASE" if scene else ""
     return InputError(
         f"{file.name} does not say {' and '.join([', '.join(names[:-1]), names[-1]] if names[1:] else names)}",
         why="renderers and checks need the model and the gain (N/m), and nothing is guessed"
         if scene
         else "nothing of it is guessed",
-        todo=given + case,
+        todo=advice + case,
     )
 
 
 def _checks(recording: Recording, scene: Mapping[str, Any]) -> tuple[str, ...]:
-    said = recording.meta.get("checks")
-    if isinstance(said, list | tuple) and said and all(each in CHECKS for each in said):
-        return tuple(said)
-    held, (_, effects) = scene.get("bilateral", False), read_effects(scene)
-    kinds = {each.kind for each in effects}
+    names = recording.meta.get("checks")
+    if isinstance(names, list | tuple) and names and all(name in CHECKS for name in names):
+        return tuple(names)
+    bilateral, (_, effects) = scene.get("bilateral", False), read_effects(scene)
+    kinds = {effect.kind for effect in effects}
     return tuple(
         name
         for name, check in CHECKS.items()
-        if (held or not check.holds) and (not check.effects or not kinds.isdisjoint(check.effects))
+        if (bilateral or not check.holds) and (not check.effects or not kinds.isdisjoint(check.effects))
     )
 
 

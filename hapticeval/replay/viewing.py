@@ -48,16 +48,18 @@ def viewed(
     """
     recording.require("hip")
     touched = model or model_of(recording) or ({"kind": LINE} if recording.dimension == 1 else None)
-    lacks = []
+    missing = []
     if suite_case is None:
         if touched is None:
-            lacks.append("the model that was touched: --model circle:size=0.2")
-        if "stiffness" not in scene_of(recording) and not any(each.partition("=")[0] == "stiffness" for each in scene):
-            lacks.append("the stiffness of the scene: --scene stiffness=1000")
-    if lacks:
-        return _unjudged(file, recording, touched, f"Not judged, for want of {' and '.join(lacks)}.")
-    made = subject(file, recording, model=touched if suite_case is None else model, suite_case=suite_case, scene=scene)
-    work, job = prepared(made), Job(SUITE, made.case, RECORDED)
+            missing.append("the model that was touched: --model circle:size=0.2")
+        if "stiffness" not in scene_of(recording) and not any(text.partition("=")[0] == "stiffness" for text in scene):
+            missing.append("the stiffness of the scene: --scene stiffness=1000")
+    if missing:
+        return _unjudged(file, recording, touched, f"Not judged, for want of {' and '.join(missing)}.")
+    replay_case = subject(
+        file, recording, model=touched if suite_case is None else model, suite_case=suite_case, scene=scene
+    )
+    work, job = prepared(replay_case), Job(SUITE, replay_case.case, RECORDED)
     judged, _ = work(job, None, 0)
     entry = msgspec.structs.replace(run_entry(job, judged, None), title=_title(file), shows=None)
     if judged.recording is None:
@@ -70,9 +72,9 @@ def _title(file: Path) -> str:
 
 
 def _unjudged(file: Path, recording: Recording, model: Mapping[str, Any] | None, why: str) -> Viewed:
-    said = scene_of(recording)
+    entries = scene_of(recording)
     stiffness, damping, mass, restitution = (
-        float(said.get(name, 0.0)) for name in ("stiffness", "damping", "mass", "restitution")
+        float(entries.get(name, 0.0)) for name in ("stiffness", "damping", "mass", "restitution")
     )
     entry = RunEntry(
         suite=SUITE,
@@ -93,7 +95,7 @@ def _unjudged(file: Path, recording: Recording, model: Mapping[str, Any] | None,
             damping=damping,
             mass=mass,
             restitution=restitution,
-            bilateral=bool(said.get("bilateral", False)),
+            bilateral=bool(entries.get("bilateral", False)),
             sampling_time=float(recording.dt),
         ),
         closed_form=None,

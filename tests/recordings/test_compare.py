@@ -11,7 +11,7 @@ from scipy.special import comb
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.compare.align import Abscissa, Run, align
-from hapticeval.recordings.compare.permutation import DEALS, LEVEL, Distances, least_p, needed, permuted
+from hapticeval.recordings.compare.permutation import DEALS, LEVEL, Distances, least_p, needed, permutation_p
 from hapticeval.recordings.compare.spread import bands, compare
 from hapticeval.recordings.recording import Recording
 
@@ -242,7 +242,7 @@ def test_false_alarms_are_as_rare_as_the_level_says():
     for _ in range(300):
         points = rng.standard_normal((4, 8))  # four columns that vary apart from each other
         columns = {f"c{k}": Distances(np.abs(each[:, None] - each), UNITS) for k, each in enumerate(points)}
-        p, least = permuted(columns, seed=0)
+        p, least = permutation_p(columns, seed=0)
         assert least == 2.0 / comb(8, 4)
         alarms += min(p.values()) < 0.05
     # p < 0.05 in any column has a probability of 2 / 70 at most: 8.6 of 300, 20 or more with a chance of 6e-4. Each
@@ -450,7 +450,7 @@ def test_the_test_agrees_with_scipys_where_there_is_one_column():
             return 2 * apart[np.ix_(a, b)].mean() - apart[np.ix_(a, a)].mean() - apart[np.ix_(b, b)].mean()
 
         units = tuple((int(k >= sizes[0]), k) for k in range(sum(sizes)))
-        p, least = permuted({"x": Distances(apart, units)}, seed=0)
+        p, least = permutation_p({"x": Distances(apart, units)}, seed=0)
         groups = np.arange(sizes[0]), np.arange(sizes[0], sum(sizes))
         theirs = permutation_test(groups, energy, vectorized=False, n_resamples=np.inf, alternative="greater")
         assert p["x"] == pytest.approx(float(theirs.pvalue))

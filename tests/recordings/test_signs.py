@@ -131,8 +131,8 @@ def test_a_late_force_is_free_as_long_as_it_says_so():
     hip = 0.01 * np.cos(2.0 * np.pi * 20.0 * TIME)[:, None] + 0.0097
     force = np.where(hip < 0.0, -1000.0 * hip, 0.0)
     late = np.concatenate([np.zeros((LAG, 1)), force[:-LAG]])
-    assert all(each.given.passive for each in balance(hip, force, TIME))
-    assert balance(hip, late, TIME)[LAG].given.energy == pytest.approx(0.0, abs=1e-9)
+    assert all(each.as_logged.passive for each in balance(hip, force, TIME))
+    assert balance(hip, late, TIME)[LAG].as_logged.energy == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_sensor_that_reads_so_much_in_free_motion_is_not_trusted():

@@ -145,7 +145,7 @@ def test_the_recorded_renderer_gives_the_log_again_to_the_last_bit(ran, case, re
     assert found.renderer == renderer
     assert [each.channel for each in found.channels] == ["ihip", "force"]
     for each in found.channels:
-        assert each.largest == 0.0, each.told()
+        assert each.largest == 0.0, each.describe()
     assert found.follows
 
 
@@ -243,7 +243,7 @@ def test_what_leads_out_of_a_renderers_domain_ends_the_stretch(tmp_path, countin
     assert "beyond the edge" in str(judged.error)
     found = as_recorded(subject(tmp_path / "log.h5", log), ["countingmodule:Bounded"])
     assert not found.follows
-    assert "gives no answer from" in found.told()
+    assert "gives no answer from" in found.describe()
 
 
 def test_the_recorded_run_is_a_column_and_the_difference_is_told(tmp_path):
@@ -355,7 +355,7 @@ def test_how_a_log_departs_from_its_renderer_is_told(tmp_path, change, words, fo
     log = Recording(time, {**recording.channels, "force": change(recording.force)}, recording.meta)
     found = as_recorded(subject(tmp_path / "log.h5", log))
     assert found.channels[0].largest == 0.0
-    assert words in found.channels[1].told()
+    assert words in found.channels[1].describe()
     assert found.follows is follows
 
 
@@ -364,7 +364,7 @@ def test_a_text_log_follows_to_its_last_decimal(tmp_path):
     recording = circle_run(time)
     rounded = {name: np.round(values, 5) for name, values in recording.channels.items()}
     found = as_recorded(subject(tmp_path / "log.h5", Recording(time, rounded, recording.meta)))
-    assert found.follows, found.told()
+    assert found.follows, found.describe()
     assert found.channels[0].largest > 1e-6
     assert found.channels[0].tolerance < 1e-4
 

@@ -16,14 +16,16 @@ from hapticeval.recordings.channels import CHANNELS
 from hapticeval.recordings.compare.permutation import LEVEL, needed
 from hapticeval.recordings.quantization import Resolution, resolution
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import LAG, Stretch, joined, stretches
+from hapticeval.recordings.stretches import LAG, Stretch, continuing_steps, stretches
 from hapticeval.types import Array, BoolArray, IntArray
 
-QUARTER = 0.5 * math.pi  # a HIP that turns further about the centre in one step passes too near to it to be followed
-MOST_BENT = 0.99  # share of the radius of curvature beyond which the foot is no function of the HIP to be followed
-TINY = 1e-9  # m below which a step of the foot is rounding
-TURN = 2.0 * math.pi
-STEP = 1.0 / 3600.0
+QUARTER_TURN = (
+    0.5 * math.pi
+)  # a HIP that turns further about the centre in one step passes too near to it to be followed
+LARGEST_BEND = 0.99  # share of the radius of curvature beyond which the foot is no function of the HIP to be followed
+ROUNDED_STEP = 1e-9  # m below which a step of the foot is rounding
+FULL_TURN = 2.0 * math.pi
+HAND_STEP = 1.0 / 3600.0
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,8 @@ class Abscissa:
         if self.by == "angle":
             offset = hip[:, :2] - np.asarray(self.centre)
             raw = np.arctan2(offset[:, 1], offset[:, 0])
-            step = _wrapped(np.diff(raw), TURN)
-            steep, on_it = np.abs(step) > QUARTER, ~offset.any(axis=1)
+            step = _wrapped(np.diff(raw), FULL_TURN)
+            steep, on_it = np.abs(step) > QUARTER_TURN, ~offset.any(axis=1)
             if steep.any() or on_it.any():
                 row = stretch.first + int(np.argmax(steep if steep.any() else on_it))
                 raise InputError(
@@ -97,9 +99,9 @@ class Abscissa:
             step = np.diff(raw) if self.period is None else _wrapped(np.diff(raw), self.period)
             # From depth d under a convex surface the foot moves by the HIP's step / (1 - kappa d).
             depth = np.maximum(-self.curve.signed_distance(hip), 0.0)
-            bent = np.minimum(depth * np.maximum(np.asarray(self.curve.curvature(u)), 0.0), MOST_BENT)
+            bent = np.minimum(depth * np.maximum(np.asarray(self.curve.curvature(u)), 0.0), LARGEST_BEND)
             moved = np.linalg.norm(np.diff(hip, axis=0), axis=1)
-            leaps = np.asarray(np.abs(step) > LAG * moved / (1.0 - np.maximum(bent[1:], bent[:-1])) + TINY)
+            leaps = np.asarray(np.abs(step) > LAG * moved / (1.0 - np.maximum(bent[1:], bent[:-1])) + ROUNDED_STEP)
         else:
             channel, _, column = self.by.partition(":")
             values = np.asarray(recording.channels.get(channel, np.empty((0, 0))))
@@ -132,45 +134,49 @@ class Segment(NamedTuple):
         return 1 if self.along[-1] > self.along[0] else -1
 
 
-def _ways(recording: Recording, abscissa: Abscissa, label: str) -> list[Segment]:
+def _gapless_segments(recording: Recording, abscissa: Abscissa, label: str) -> list[Segment]:
     """Return the gapless stretches of a run with their abscissa. Raises `InputError` as `Abscissa.along` does."""
-    found = [
+    segments = [
         Segment(np.arange(stretch.first, stretch.end), *abscissa.along(recording, stretch, label))
         for stretch in stretches(recording)
     ]
-    if not found:
+    if not segments:
         raise InputError(f"{label} has no two samples that follow each other", why="nothing can be aligned")
-    return found
+    return segments
 
 
-def _rejoined(found: Sequence[Segment], *, slack: float, period: float | None) -> Iterator[Segment]:
+def _join_over_gaps(segments: Sequence[Segment], *, slack: float, period: float | None) -> Iterator[Segment]:
     """Put the stretches of a run (one at least) together again: a gap in the clock ends neither a lap nor a way.
 
     Over a gap of a closed abscissa the hand took the shorter way. One that starts anew from farther back, and goes the
     same way again, is another pass and stays apart. Where two stretches meet the abscissa leaps.
     """
-    whole: Segment | None = None
+    joined_segment: Segment | None = None
     direction, farthest = 0, 0.0
-    for rows, along, apart in found:
-        if whole is not None and period is not None:
-            along = along + period * round((whole.along[-1] - along[0]) / period)
-        turns = _turns(along, slack)
-        goes = [1 if along[last] > along[first] else -1 for first, last in pairwise(turns)]
-        if whole is not None and direction * (along[0] - farthest) < -slack and (not goes or goes[0] == direction):
-            yield whole
-            whole, direction = None, 0
-        if whole is None:
-            whole = Segment(rows, along, apart)
+    for rows, along, apart in segments:
+        if joined_segment is not None and period is not None:
+            along = along + period * round((joined_segment.along[-1] - along[0]) / period)
+        turns = _turning_indices(along, slack)
+        headings = [1 if along[last] > along[first] else -1 for first, last in pairwise(turns)]
+        if (
+            joined_segment is not None
+            and direction * (along[0] - farthest) < -slack
+            and (not headings or headings[0] == direction)
+        ):
+            yield joined_segment
+            joined_segment, direction = None, 0
+        if joined_segment is None:
+            joined_segment = Segment(rows, along, apart)
         else:
-            both = (whole.rows, rows), (whole.along, along), (whole.apart, [True], apart)
-            whole = Segment(*(np.concatenate(parts) for parts in both))
-        if goes:
-            direction, farthest = goes[-1], float(along[turns[-1]])
-    if whole is not None:
-        yield whole
+            both = (joined_segment.rows, rows), (joined_segment.along, along), (joined_segment.apart, [True], apart)
+            joined_segment = Segment(*(np.concatenate(parts) for parts in both))
+        if headings:
+            direction, farthest = headings[-1], float(along[turns[-1]])
+    if joined_segment is not None:
+        yield joined_segment
 
 
-def _turns(along: Array, slack: float) -> list[int]:
+def _turning_indices(along: Array, slack: float) -> list[int]:
     """Return the indices at which the way begins, of every extreme that it leaves by more than `slack`, and its end."""
     turns: list[int] = []
     low = high = direction = 0
@@ -188,29 +194,30 @@ def _turns(along: Array, slack: float) -> list[int]:
     return [*turns, high if direction > 0 else low] if direction else []
 
 
-def _headings(way: Segment, turns: Sequence[int]) -> Iterator[Segment]:
+def _monotone_parts(segment: Segment, turns: Sequence[int]) -> Iterator[Segment]:
     """Yield the parts of a way between turns: the abscissa goes strictly one way, and steps back are left out."""
-    leapt = np.concatenate([[0], np.cumsum(way.apart)])
+    leapt = np.concatenate([[0], np.cumsum(segment.apart)])
     for first, last in pairwise(turns):
-        inside = way.along[first : last + 1] * (1 if way.along[last] > way.along[first] else -1)
-        kept = first + np.flatnonzero(np.append(True, inside[1:] > np.maximum.accumulate(inside)[:-1]))
-        yield Segment(way.rows[kept], way.along[kept], np.diff(leapt[kept]) > 0)
+        inside = segment.along[first : last + 1] * (1 if segment.along[last] > segment.along[first] else -1)
+        advancing = first + np.flatnonzero(np.append(True, inside[1:] > np.maximum.accumulate(inside)[:-1]))
+        yield Segment(segment.rows[advancing], segment.along[advancing], np.diff(leapt[advancing]) > 0)
 
 
-def _worded(value: float, unit: str) -> str:
+def _with_unit(value: float, unit: str) -> str:
     if unit == "rad":
         return f"{math.degrees(value):.4g} degrees"
     return f"{1e3 * value:.4g} mm" if unit == "m" else f"{value:.4g} {unit}"
 
 
-def _seam(every: Sequence[Segment], period: float) -> float:
+def _cut_of_period(segments: Sequence[Segment], period: float) -> float:
     """Return where to cut a closed abscissa: in the middle of the widest stretch that no run visits, or at 0.
 
-    A sector round the origin of the angles then stays in one piece. `STEP` of a turn unvisited is a step of the hand.
+    A sector round the origin of the angles then stays in one piece. `HAND_STEP` of a turn that is not visited is a step
+    of the hand.
     """
-    spans = sorted((float(way.along.min()) % period, float(np.ptp(way.along))) for way in every)
+    spans = sorted((float(segment.along.min()) % period, float(np.ptp(segment.along))) for segment in segments)
     reached = max(spans[0][0], max(begin + length for begin, length in spans) - period)
-    widest, cut = STEP * period, None
+    widest, cut = HAND_STEP * period, None
     for begin, length in [*spans, (spans[0][0] + period, 0.0)]:
         if begin - reached > widest:
             widest, cut = begin - reached, 0.5 * (begin + reached)
@@ -218,11 +225,11 @@ def _seam(every: Sequence[Segment], period: float) -> float:
     return 0.0 if cut is None else cut % period - period
 
 
-def _range(every: Sequence[Segment], period: float | None) -> tuple[float, float]:
+def _grid_range(segments: Sequence[Segment], period: float | None) -> tuple[float, float]:
     """Return the lowest and the highest abscissa of the common grid."""
-    ends = [(float(way.along.min()), float(way.along.max())) for way in every]
+    ends = [(float(segment.along.min()), float(segment.along.max())) for segment in segments]
     if period is not None:
-        cut = _seam(every, period)
+        cut = _cut_of_period(segments, period)
         if cut == 0.0:
             return 0.0, period
         shifts = [math.floor((low - cut) / period) * period for low, _ in ends]
@@ -230,7 +237,7 @@ def _range(every: Sequence[Segment], period: float | None) -> tuple[float, float
     return min(low for low, _ in ends), max(high for _, high in ends)
 
 
-POINTS = 721
+GRID_POINTS = 721
 """Places of the grid over all that the runs cover: half a degree of a full turn."""
 
 COLUMNS: Mapping[str, tuple[str, str]] = {
@@ -290,11 +297,11 @@ class Aligned:
     def of(self, renderer: str, direction: int) -> tuple[Pass, ...]:
         """Return the passes of a renderer in one direction."""
         return tuple(
-            each for each in self.passes if self.runs[each.run].renderer == renderer and each.direction == direction
+            pass_ for pass_ in self.passes if self.runs[pass_.run].renderer == renderer and pass_.direction == direction
         )
 
 
-def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, points: int = POINTS) -> Aligned:
+def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, points: int = GRID_POINTS) -> Aligned:
     """Resample runs over a common grid of the abscissa, linearly between neighbouring samples in contact.
 
     Nothing is interpolated over a gap in time, from contact to free space, or across a jump: an IHIP or a force that
@@ -303,30 +310,32 @@ def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, point
     """
     if not runs:
         raise InputError("there are no runs to align", todo="name recordings")
-    found = [_ways(run.recording, abscissa, run.label) for run in runs]
-    low, high = _range([way for each in found for way in each], abscissa.period)
+    segments_of_runs = [_gapless_segments(run.recording, abscissa, run.label) for run in runs]
+    low, high = _grid_range([segment for segments in segments_of_runs for segment in segments], abscissa.period)
     if not high > low:
         raise InputError("the runs do not move along the abscissa", todo="align them by something else")
     grid = np.linspace(low, high, points)
     slack = grid[1] - grid[0]
     passes: list[Pass] = []
-    for number, (run, ways) in enumerate(zip(runs, found, strict=True)):
-        smooth, fine = _smooth(run.recording), resolution(run.recording)
+    for number, (run, segments) in enumerate(zip(runs, segments_of_runs, strict=True)):
+        smooth, fine = _smooth_contact_steps(run.recording), resolution(run.recording)
         laps = {1: 0, -1: 0}
-        for way in _rejoined(ways, slack=slack, period=abscissa.period):
-            turns = _turns(way.along, slack)
+        for segment in _join_over_gaps(segments, slack=slack, period=abscissa.period):
+            turns = _turning_indices(segment.along, slack)
             if len(turns) > 2 and not split:
-                there, back = (float(way.along[each]) for each in turns[1:3])
+                turned_at, next_turned_at = (float(segment.along[turn]) for turn in turns[1:3])
                 raise InputError(
-                    f"{run.label} turns back by {_worded(abs(back - there), abscissa.unit)} at "
-                    f"{_worded(there, abscissa.unit)}, t = {run.recording.time[way.rows[turns[1]]]:.6g} s",
+                    f"{run.label} turns back by {_with_unit(abs(next_turned_at - turned_at), abscissa.unit)} at "
+                    f"{_with_unit(turned_at, abscissa.unit)}, t = {run.recording.time[segment.rows[turns[1]]]:.6g} s",
                     why="a place that is passed twice has two answers, and a curve over it can hold only one",
                     todo=_advice(runs),
                 )
-            for part in _headings(way, turns):
-                made = list(_laps(number, laps[part.direction], run.recording, part, smooth, fine, grid, abscissa))
-                passes += made
-                laps[part.direction] = max([laps[part.direction], *(one.lap + 1 for one in made)])
+            for heading in _monotone_parts(segment, turns):
+                new_passes = list(
+                    _passes_of(number, laps[heading.direction], run.recording, heading, smooth, fine, grid, abscissa)
+                )
+                passes += new_passes
+                laps[heading.direction] = max([laps[heading.direction], *(one.lap + 1 for one in new_passes)])
     if not passes:
         raise InputError("none of the runs touches the surface", why="there is no force to compare")
     grid.flags.writeable = False
@@ -344,44 +353,44 @@ def _advice(runs: Sequence[Run]) -> str:
     )
 
 
-def _smooth(recording: Recording) -> BoolArray:
+def _smooth_contact_steps(recording: Recording) -> BoolArray:
     """Return between which samples (n - 1,) the run is one smooth contact."""
     force, hip = recording.force, recording.hip
     contact = np.any(force != 0.0, axis=1) & recording.measured
     moved = np.linalg.norm(np.diff(hip, axis=0), axis=1)
-    both = contact[1:] & contact[:-1]
-    smooth: BoolArray = both & joined(recording)
+    both_touch = contact[1:] & contact[:-1]
+    smooth: BoolArray = both_touch & continuing_steps(recording)
     if "ihip" in recording.channels:
-        step = float(np.max(moved, where=both, initial=0.0))
-        jumped = np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)
-        smooth &= jumped <= LAG * step + recording.standoff
+        step = float(np.max(moved, where=both_touch, initial=0.0))
+        ihip_change = np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)
+        smooth &= ihip_change <= LAG * step + recording.standoff
         depth = np.linalg.norm(recording.ihip - hip, axis=1)
         pressed = contact & (depth > 0.0)
         if pressed.any():
             stiffness = float(np.median(np.linalg.norm(force[pressed], axis=1) / depth[pressed]))
-            turned = np.linalg.norm(np.diff(force, axis=0), axis=1)
+            force_change = np.linalg.norm(np.diff(force, axis=0), axis=1)
             # A spring between HIP and IHIP changes with the steps of both.
-            smooth &= turned <= stiffness * ((LAG + 1) * step + recording.standoff)
+            smooth &= force_change <= stiffness * ((LAG + 1) * step + recording.standoff)
     return smooth
 
 
-def _laps(
+def _passes_of(
     number: int,
     before: int,
     recording: Recording,
-    part: Segment,
+    heading: Segment,
     smooth: BoolArray,
     fine: Resolution,
     grid: Array,
     abscissa: Abscissa,
 ) -> Iterator[Pass]:
     """Yield the passes of a heading: one per lap, numbered on from those `before`."""
-    rows, along = part.rows[:: part.direction], part.along[:: part.direction]
+    rows, along = heading.rows[:: heading.direction], heading.along[:: heading.direction]
     low, high = 0, 0
     if abscissa.period is not None:
-        low, high = (math.floor((each - float(grid[0])) / abscissa.period) for each in (along[0], along[-1]))
+        low, high = (math.floor((end - float(grid[0])) / abscissa.period) for end in (along[0], along[-1]))
     broken = np.concatenate([[0], np.cumsum(~smooth)])
-    apart = part.apart[:: part.direction] | (np.diff(broken[rows]) != 0)
+    apart = heading.apart[:: heading.direction] | (np.diff(broken[rows]) != 0)
     touched = np.any(recording.force[rows] != 0.0, axis=1)
     for lap in range(low, high + 1):
         places = grid + (0.0 if abscissa.period is None else lap * abscissa.period)
@@ -392,15 +401,15 @@ def _laps(
         if not mask.any():
             continue
         share = np.clip((places - along[right - 1]) / (along[right] - along[right - 1]), 0.0, 1.0)
-        columns, bent = _columns(recording, rows[right - 1], rows[right], share, mask, abscissa.curve)
+        columns, bent = _columns_at(recording, rows[right - 1], rows[right], share, mask, abscissa.curve)
         # outside there is no force, which has no direction: no repeat may answer for it
         grains = {name: np.where(mask, fine.of(name, columns["magnitude"], bent), 0.0) for name in columns}
         times = recording.time[np.concatenate([rows[right[mask] - 1], rows[right[mask]]])]
         start, end = float(times.min()), float(times.max())
-        yield Pass(number, part.direction, before + lap - low, start, end, columns, grains, mask)
+        yield Pass(number, heading.direction, before + lap - low, start, end, columns, grains, mask)
 
 
-def _columns(
+def _columns_at(
     recording: Recording, before: IntArray, after: IntArray, share: Array, mask: BoolArray, curve: Curve | None
 ) -> tuple[dict[str, Array], Array | float]:
     """Return the columns, and the curvature (m,), 1/m, of the model at their places; 0 where none is known."""
@@ -412,16 +421,16 @@ def _columns(
     pushed, hip = at(recording.force), at(recording.hip)
     ihip = at(recording.ihip) if "ihip" in recording.channels else None
     bent: Array | float = 0.0
-    found = {"magnitude": at(np.linalg.norm(recording.force, axis=1))}
+    columns = {"magnitude": at(np.linalg.norm(recording.force, axis=1))}
     if pushed.shape[1] == 2:
         direction = np.arctan2(pushed[:, 1], pushed[:, 0])
         if curve is not None:
             foot = curve.nearest(hip if ihip is None else ihip)
             normal, bent = np.asarray(curve.normal(foot)), np.asarray(curve.curvature(foot))
             around = np.unwrap(np.arctan2(normal[:, 1], normal[:, 0]))
-            found["leaning"] = _wrapped(direction - around, TURN)
+            columns["leaning"] = _wrapped(direction - around, FULL_TURN)
         direction[mask] = np.unwrap(direction[mask])  # from one place with an answer to the next
-        found["direction"] = direction
+        columns["direction"] = direction
     if ihip is not None:
-        found["depth"] = np.linalg.norm(ihip - hip, axis=1)
-    return {name: np.where(mask, values, 0.0) for name, values in found.items()}, bent
+        columns["depth"] = np.linalg.norm(ihip - hip, axis=1)
+    return {name: np.where(mask, values, 0.0) for name, values in columns.items()}, bent

@@ -46,12 +46,12 @@ def difference(recording: Recording, reference: Recording) -> Difference:
             why="runs are compared sample by sample, and nothing is interpolated",
             todo="compare runs of different hands with `hapticeval compare`, by angle or arc length",
         )
-    found: dict[str, Apart | None] = {"ihip": None, "force": None}
-    for name in found.keys() & recording.channels.keys() & reference.channels.keys():
+    distances: dict[str, Apart | None] = {"ihip": None, "force": None}
+    for name in distances.keys() & recording.channels.keys() & reference.channels.keys():
         distance = np.linalg.norm(recording.channels[name][mine] - reference.channels[name][theirs], axis=1)
         at = int(np.argmax(distance))
         rms = float(np.sqrt(np.mean(distance**2)))
-        found[name] = Apart(rms, float(distance[at]), float(time[at]), int(theirs[at]))
-    both = all(value is not None for value in found.values())
+        distances[name] = Apart(rms, float(distance[at]), float(time[at]), int(theirs[at]))
+    both = all(value is not None for value in distances.values())
     contact = float(np.mean(recording.contact[mine] != reference.contact[theirs])) if both else None
-    return Difference(found["ihip"], found["force"], mine.size, contact)
+    return Difference(distances["ihip"], distances["force"], mine.size, contact)

@@ -42,14 +42,14 @@ class Distances:
         within = np.triu(sides[:, None] == sides[None, :], 1)
         return float(np.sqrt(np.mean(self.values[within] ** 2)))
 
-    def energies(self, everyone: Sequence[Unit], deals: Array) -> Array:
+    def energies(self, all_units: Sequence[Unit], deals: Array) -> Array:
         """The energy statistic of each deal (d, e), as a share of the mean distance, (d,).
 
         A deal has 1 where that repeat of `everyone` goes to the first renderer, and 0 where it goes to the second.
         The statistic is 0 where either is dealt none of the repeats that are here.
         """
         mean, out = float(np.mean(self.values)), np.zeros(len(deals))
-        first = deals[:, [everyone.index(unit) for unit in self.units]]
+        first = deals[:, [all_units.index(unit) for unit in self.units]]
         both = (first.max(axis=1) > 0.0) & (first.min(axis=1) < 1.0)
         if mean == 0.0 or not both.any():
             return out
@@ -89,25 +89,27 @@ def needed(first: int, second: int, *, tests: int, level: float) -> tuple[int, i
     return None
 
 
-def permuted(columns: Mapping[str, Distances], *, seed: int) -> tuple[Mapping[str, float], float]:
+def permutation_p(columns: Mapping[str, Distances], *, seed: int) -> tuple[Mapping[str, float], float]:
     """p of each column against the largest statistic of any of them in each deal, and the least that p can be."""
-    everyone = sorted({unit for each in columns.values() for unit in each.units})
-    if not everyone:
+    all_units = sorted({unit for distances in columns.values() for unit in distances.units})
+    if not all_units:
         return {}, 1.0
-    size, first = len(everyone), sum(side == 0 for side, _ in everyone)
-    every = math.comb(size, first)
-    exact = every <= DEALS
-    deals = np.zeros((every if exact else DEALS, size))
+    size, first = len(all_units), sum(side == 0 for side, _ in all_units)
+    deal_count = math.comb(size, first)
+    exact = deal_count <= DEALS
+    deals = np.zeros((deal_count if exact else DEALS, size))
     if exact:
         np.put_along_axis(deals, np.array(list(combinations(range(size), first))), 1.0, axis=1)
     else:
         deals[:, :first] = 1.0
         deals = np.random.default_rng(seed).permuted(deals, axis=1)
-    seen = np.array([[float(side == 0) for side, _ in everyone]])
-    largest = np.max([each.energies(everyone, deals) for each in columns.values()], axis=0)
-    found = {}
-    for column, each in columns.items():
-        beyond = int(np.count_nonzero(largest >= (1.0 - ROUNDING) * float(each.energies(everyone, seen)[0])))
+    observed = np.array([[float(side == 0) for side, _ in all_units]])
+    largest = np.max([distances.energies(all_units, deals) for distances in columns.values()], axis=0)
+    p_values = {}
+    for column, distances in columns.items():
+        at_least_as_large = int(
+            np.count_nonzero(largest >= (1.0 - ROUNDING) * float(distances.energies(all_units, observed)[0]))
+        )
         # the observed deal is one of all, and is added to the random ones
-        found[column] = beyond / every if exact else (beyond + 1) / (DEALS + 1)
-    return found, least_p(first, size - first)
+        p_values[column] = at_least_as_large / deal_count if exact else (at_least_as_large + 1) / (DEALS + 1)
+    return p_values, least_p(first, size - first)

@@ -20,12 +20,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.compare.align import COLUMNS, TURN, Aligned, Pass, Run
-from hapticeval.recordings.compare.permutation import LEVEL, Distances, needed, permuted
+from hapticeval.recordings.compare.align import COLUMNS, FULL_TURN, Aligned, Pass, Run
+from hapticeval.recordings.compare.permutation import LEVEL, Distances, needed, permutation_p
 from hapticeval.types import Array, BoolArray, IntArray
 
-HALF = 0.5  # a repeat covers at least this share of what the fullest one does: the end of a last lap is none
-COMMON = 0.05  # two curves must share this much of the grid for a distance, and two medians for a difference
+LEAST_COVERAGE = 0.5  # a repeat covers at least this share of what the fullest one does: the end of a last lap is none
+LEAST_COMMON = 0.05  # two curves must share this much of the grid for a distance, and two medians for a difference
 RUNS, LAPS = "runs", "laps of one run"
 COMPARED = ("direction", "leaning", "magnitude", "depth")
 
@@ -45,10 +45,10 @@ class Repeats(NamedTuple):
 
     def median(self, at_least: int = 1) -> tuple[Array, BoolArray]:
         """Return the median where so many repeats have an answer, else 0, and where that is, (m,) each."""
-        seen = self.masks.sum(axis=0) >= at_least
-        out = np.zeros(seen.size)
-        out[seen] = np.nanmedian(np.where(self.masks, self.values, np.nan)[:, seen], axis=0)
-        return out, seen
+        answered = self.masks.sum(axis=0) >= at_least
+        out = np.zeros(answered.size)
+        out[answered] = np.nanmedian(np.where(self.masks, self.values, np.nan)[:, answered], axis=0)
+        return out, answered
 
 
 def groups(aligned: Aligned) -> Iterator[tuple[str, int, Mapping[str, Repeats]]]:
@@ -60,20 +60,26 @@ def groups(aligned: Aligned) -> Iterator[tuple[str, int, Mapping[str, Repeats]]]
     branches: dict[str, tuple[Array, BoolArray]] = {}
     for direction in (1, -1):
         for column in COMPARED:
-            found = {}
+            passes_of = {}
             for renderer in dict.fromkeys(run.renderer for run in aligned.runs):
-                passes = [each for each in aligned.of(renderer, direction) if column in each.columns]
+                passes = [pass_ for pass_ in aligned.of(renderer, direction) if column in pass_.columns]
                 if passes:
-                    found[renderer] = passes
-            if not found:
+                    passes_of[renderer] = passes
+            if not passes_of:
                 continue
             branch = None
             if COLUMNS[column][0] == "rad":
-                branch, seen = _branch(column, [one for each in found.values() for one in each])
+                branch, answered = _branch(
+                    column, [one for renderer_passes in passes_of.values() for one in renderer_passes]
+                )
                 if column in branches:
-                    branch = branch + _whole_turns(*branches[column], branch, seen)
-                branches.setdefault(column, (branch, seen))
-            yield column, direction, {name: _repeats(each, column, branch) for name, each in found.items()}
+                    branch = branch + _offset_in_turns(*branches[column], branch, answered)
+                branches.setdefault(column, (branch, answered))
+            yield (
+                column,
+                direction,
+                {name: _repeats_of(renderer_passes, column, branch) for name, renderer_passes in passes_of.items()},
+            )
 
 
 def _branch(column: str, passes: Sequence[Pass]) -> tuple[Array, BoolArray]:
@@ -81,46 +87,50 @@ def _branch(column: str, passes: Sequence[Pass]) -> tuple[Array, BoolArray]:
 
     That is the mean direction over all passes, unwrapped along the way.
     """
-    masks = np.array([each.mask for each in passes])
+    masks = np.array([pass_.mask for pass_ in passes])
     turning = np.zeros(masks.shape[1], dtype=np.complex128)
-    for each in passes:
-        turning += np.where(each.mask, np.exp(1j * each.columns[column]), 0.0)
-    seen: BoolArray = np.any(masks, axis=0)
+    for pass_ in passes:
+        turning += np.where(pass_.mask, np.exp(1j * pass_.columns[column]), 0.0)
+    answered: BoolArray = np.any(masks, axis=0)
     out = np.zeros(masks.shape[1])
-    out[seen] = np.unwrap(np.angle(turning[seen]))
-    return out, seen
+    out[answered] = np.unwrap(np.angle(turning[answered]))
+    return out, answered
 
 
-def _whole_turns(one: Array, one_seen: BoolArray, other: Array, other_seen: BoolArray) -> float:
+def _offset_in_turns(one: Array, one_answered: BoolArray, other: Array, other_answered: BoolArray) -> float:
     """Return what whole turns, rad, bring `other` onto the branch of `one`."""
-    both = one_seen & other_seen
-    apart = np.median((one - other)[both]) if both.any() else np.median(one[one_seen]) - np.median(other[other_seen])
-    return TURN * round(float(apart) / TURN)
+    common = one_answered & other_answered
+    offset = (
+        np.median((one - other)[common])
+        if common.any()
+        else np.median(one[one_answered]) - np.median(other[other_answered])
+    )
+    return FULL_TURN * round(float(offset) / FULL_TURN)
 
 
-def _repeats(passes: Sequence[Pass], column: str, branch: Array | None) -> Repeats:
+def _repeats_of(passes: Sequence[Pass], column: str, branch: Array | None) -> Repeats:
     """Return what counts as repeats: the runs, at each place with the mean of their laps; of a single run, its laps.
 
     Laps of one run are by one hand in one mood, and no repeats of their own where there are several runs. `branch`
     (m,) is the one that angles are taken on.
     """
-    values = np.array([each.columns[column] for each in passes])
+    values = np.array([pass_.columns[column] for pass_ in passes])
     if branch is not None:
-        values = values - TURN * np.round((values - branch) / TURN)
-    masks = np.array([each.mask for each in passes])
-    grains = np.array([each.grains[column] for each in passes])
-    runs = np.array([each.run for each in passes])
+        values = values - FULL_TURN * np.round((values - branch) / FULL_TURN)
+    masks = np.array([pass_.mask for pass_ in passes])
+    grains = np.array([pass_.grains[column] for pass_ in passes])
+    runs = np.array([pass_.run for pass_ in passes])
     units, basis = np.unique(runs), RUNS
     if units.size == 1:
-        units, basis = np.array([each.lap for each in passes]), LAPS
+        units, basis = np.array([pass_.lap for pass_ in passes]), LAPS
     else:
         counts = np.array([masks[runs == run].sum(axis=0) for run in units])
         sums = np.array([np.where(masks[runs == run], values[runs == run], 0.0).sum(axis=0) for run in units])
         grains = np.array([grains[runs == run].max(axis=0) for run in units])
         values, masks = sums / np.maximum(counts, 1), counts > 0
     coverage = masks.mean(axis=1)
-    kept = coverage >= HALF * coverage.max()
-    return Repeats(values[kept], masks[kept], grains[kept], units[kept], basis)
+    long_enough = coverage >= LEAST_COVERAGE * coverage.max()
+    return Repeats(values[long_enough], masks[long_enough], grains[long_enough], units[long_enough], basis)
 
 
 @dataclass(frozen=True)
@@ -138,14 +148,18 @@ class Band:
 
 def bands(aligned: Aligned) -> tuple[Band, ...]:
     """Return median, lowest and highest of the repeats of each renderer, direction and column."""
-    found = []
+    repeat_bands = []
     for column, direction, repeats in groups(aligned):
-        for renderer, made in repeats.items():
-            median, seen = made.median()
-            low = np.where(seen, np.where(made.masks, made.values, np.inf).min(axis=0), 0.0)
-            high = np.where(seen, np.where(made.masks, made.values, -np.inf).max(axis=0), 0.0)
-            found.append(Band(renderer, direction, column, median, low, high, made.masks.sum(axis=0)))
-    return tuple(found)
+        for renderer, renderer_repeats in repeats.items():
+            median, answered = renderer_repeats.median()
+            low = np.where(answered, np.where(renderer_repeats.masks, renderer_repeats.values, np.inf).min(axis=0), 0.0)
+            high = np.where(
+                answered, np.where(renderer_repeats.masks, renderer_repeats.values, -np.inf).max(axis=0), 0.0
+            )
+            repeat_bands.append(
+                Band(renderer, direction, column, median, low, high, renderer_repeats.masks.sum(axis=0))
+            )
+    return tuple(repeat_bands)
 
 
 @dataclass(frozen=True)
@@ -211,35 +225,41 @@ def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
         )
     _refuse_copies(aligned.runs)
     families: dict[tuple[int, str, str], dict[str, tuple[Repeats, Repeats]]] = {}
-    most = dict.fromkeys(renderers, 1)
+    repeat_counts = dict.fromkeys(renderers, 1)
     met: set[tuple[int, str, str]] = set()
-    for column, direction, made in groups(aligned):
-        for (first, one), (second, other) in combinations(made.items(), 2):
+    for column, direction, repeats in groups(aligned):
+        for (first, one), (second, other) in combinations(repeats.items(), 2):
             met.add((direction, first, second))
             if min(len(one.values), len(other.values)) > 1:
                 families.setdefault((direction, first, second), {})[column] = one, other
-        most |= {renderer: max(most[renderer], len(each.values)) for renderer, each in made.items()}
-    found = [
+        repeat_counts |= {
+            renderer: max(repeat_counts[renderer], len(renderer_repeats.values))
+            for renderer, renderer_repeats in repeats.items()
+        }
+    comparisons = [
         one
         for (direction, first, second), columns in families.items()
-        for one in _compared(aligned.grid, direction, first, second, columns, len(families), seed)
+        for one in _compare_pair(aligned.grid, direction, first, second, columns, len(families), seed)
     ]
     for renderer in renderers:
-        if most[renderer] == 1:
-            raise _single(renderer, most, tests=max(len(met), 1))
-    if all(math.isnan(each.difference) for each in found):
+        if repeat_counts[renderer] == 1:
+            raise _single_repeat_error(renderer, repeat_counts, tests=max(len(met), 1))
+    if all(math.isnan(comparison.difference) for comparison in comparisons):
         raise InputError(
             "no two renderers were led over the same places in the same direction", why="nothing is common to compare"
         )
-    return tuple(found)
+    return tuple(comparisons)
 
 
-def _single(renderer: str, most: Mapping[str, int], *, tests: int) -> InputError:
+def _single_repeat_error(renderer: str, repeat_counts: Mapping[str, int], *, tests: int) -> InputError:
     """Describe what is wrong with a renderer of a single repeat, and how many it takes beside the others'."""
-    other = max((each for each in most if each != renderer), key=lambda each: most[each])
-    enough = needed(1, most[other], tests=tests, level=LEVEL)
-    what = f"'{renderer}' has a single repeat, '{other}' {most[other]}"
-    if most[other] == 1:
+    other = max(
+        (candidate for candidate in repeat_counts if candidate != renderer),
+        key=lambda candidate: repeat_counts[candidate],
+    )
+    enough = needed(1, repeat_counts[other], tests=tests, level=LEVEL)
+    what = f"'{renderer}' has a single repeat, '{other}' {repeat_counts[other]}"
+    if repeat_counts[other] == 1:
         what = f"one repeat of '{renderer}' and one of '{other}' are too few to compare"
     todo = "compare fewer renderers at once"
     if enough is not None:
@@ -251,9 +271,11 @@ def _single(renderer: str, most: Mapping[str, int], *, tests: int) -> InputError
 
 def _refuse_copies(runs: Sequence[Run]) -> None:
     """Refuse a run that is given twice: it would be a repeat without any spread."""
-    seen: dict[tuple[str, bytes], Run] = {}
+    run_of_contents: dict[tuple[str, bytes], Run] = {}
     for run in runs:
-        same = seen.setdefault((run.renderer, run.recording.hip.tobytes() + run.recording.force.tobytes()), run)
+        same = run_of_contents.setdefault(
+            (run.renderer, run.recording.hip.tobytes() + run.recording.force.tobytes()), run
+        )
         if same is not run:
             raise InputError(
                 f"{same.label} and {run.label} are the same run",
@@ -262,7 +284,7 @@ def _refuse_copies(runs: Sequence[Run]) -> None:
             )
 
 
-def _compared(
+def _compare_pair(
     grid: Array,
     direction: int,
     first: str,
@@ -272,48 +294,48 @@ def _compared(
     seed: int,
 ) -> Iterator[Comparison]:
     """Compare two renderers in one direction, in every column that both have."""
-    measured = {column: _distances(*both) for column, both in columns.items()}
+    measured = {column: _pairwise_distances(*both) for column, both in columns.items()}
     known = {column: np.isfinite(apart.values).all() for column, (apart, _) in measured.items()}
     tested = {name: apart for name, (apart, rounding) in measured.items() if known[name] and rounding > 1.0}
-    p, least = permuted(tested, seed=seed)
-    for column, both in columns.items():
-        (one, one_seen), (other, other_seen) = (each.median(at_least=2) for each in both)
-        common = one_seen & other_seen
-        share, basis = float(np.mean(common)), " and ".join(sorted({each.basis for each in both}))
-        sizes = len(both[0].values), len(both[1].values)
+    p, smallest_p = permutation_p(tested, seed=seed)
+    for column, pair in columns.items():
+        (one, one_answered), (other, other_answered) = (repeats.median(at_least=2) for repeats in pair)
+        common = one_answered & other_answered
+        share, basis = float(np.mean(common)), " and ".join(sorted({repeats.basis for repeats in pair}))
+        sizes = len(pair[0].values), len(pair[1].values)
         enough = needed(*sizes, tests=families, level=LEVEL)
         numbers = (math.nan, math.nan, 1.0, 1.0, math.nan, math.nan, math.nan)
-        if share >= COMMON and known[column]:
-            apart = np.where(common, one - other, 0.0)
-            worst = int(np.argmax(np.abs(apart)))
+        if share >= LEAST_COMMON and known[column]:
+            difference = np.where(common, one - other, 0.0)
+            worst = int(np.argmax(np.abs(difference)))
             numbers = (
-                float(np.sqrt(np.mean(apart[common] ** 2))),
+                float(np.sqrt(np.mean(difference[common] ** 2))),
                 measured[column][0].spread,
                 min(1.0, families * p.get(column, 1.0)),
-                min(1.0, families * least),
-                float(abs(apart[worst])),
+                min(1.0, families * smallest_p),
+                float(abs(difference[worst])),
                 float(grid[worst]),
                 measured[column][1],
             )
         yield Comparison(first, second, direction, column, sizes, enough, basis, *numbers, share)
 
 
-def _distances(one: Repeats, other: Repeats) -> tuple[Distances, float]:
+def _pairwise_distances(one: Repeats, other: Repeats) -> tuple[Distances, float]:
     """Return the distances of every two repeats, of either renderer, where both have an answer.
 
     They are root mean square differences, NaN where too little is common. And the largest difference of any two at a
     place, in what their numbers resolve there.
     """
-    values, masks, grains = (np.vstack(each) for each in zip(one[:3], other[:3], strict=True))
-    units = tuple((side, int(unit)) for side, each in enumerate((one, other)) for unit in each.units)
+    values, masks, grains = (np.vstack(pair) for pair in zip(one[:3], other[:3], strict=True))
+    units = tuple((side, int(unit)) for side, repeats in enumerate((one, other)) for unit in repeats.units)
     out = np.zeros((len(values), len(values)))
     largest = 0.0
     for i, j in combinations(range(len(values)), 2):
-        both = masks[i] & masks[j]
-        apart = values[i, both] - values[j, both]
-        out[i, j] = out[j, i] = np.sqrt(np.mean(apart**2)) if np.mean(both) >= COMMON else np.nan
+        common = masks[i] & masks[j]
+        difference = values[i, common] - values[j, common]
+        out[i, j] = out[j, i] = np.sqrt(np.mean(difference**2)) if np.mean(common) >= LEAST_COMMON else np.nan
         with np.errstate(divide="ignore"):
-            moved = apart != 0.0
-            shares = np.abs(apart[moved]) / (grains[i, both] + grains[j, both])[moved]
+            nonzero = difference != 0.0
+            shares = np.abs(difference[nonzero]) / (grains[i, common] + grains[j, common])[nonzero]
         largest = max(largest, float(shares.max(initial=0.0)))
     return Distances(out, units), largest

@@ -134,9 +134,9 @@ def _column(name: str, values: ArrayLike) -> NDArray[Any]:
         )
     if array.dtype in (np.float64, np.int64) and not array.flags.writeable and array.base is None:
         return array  # a column of a table already
-    kept = np.array(array, dtype=np.float64 if array.dtype.kind == "f" else np.int64)
-    kept.flags.writeable = False
-    return kept
+    numbers = np.array(array, dtype=np.float64 if array.dtype.kind == "f" else np.int64)
+    numbers.flags.writeable = False
+    return numbers
 
 
 def spread(name: str, values: NDArray[Any]) -> dict[str, NDArray[Any]]:
@@ -147,30 +147,30 @@ def spread(name: str, values: NDArray[Any]) -> dict[str, NDArray[Any]]:
     return {name if flat.shape[1] == 1 else f"{name}[{k}]": column for k, column in enumerate(flat.T)}
 
 
-def lies(shape: tuple[int, ...]) -> bool:
+def signals_in_rows(shape: tuple[int, ...]) -> bool:
     """Return whether a matrix of this shape has its signals in rows and its samples in columns."""
     return len(shape) == 2 and shape[1] > max(MOST_SIGNALS, shape[0])
 
 
-def lying(name: str, shape: tuple[int, ...]) -> str:
+def signals_in_rows_remark(name: str, shape: tuple[int, ...]) -> str:
     """Return the remark on a matrix whose rows and columns are swapped."""
     return f"{name} is {shape[0]} x {shape[1]}: its {shape[0]} rows are taken for the signals, its columns for samples"
 
 
-def upright(name: str, values: NDArray[Any], remarks: list[str]) -> NDArray[Any]:
+def samples_first(name: str, values: NDArray[Any], remarks: list[str]) -> NDArray[Any]:
     """Return an array with its samples along the first axis, as far as its shape alone shows it.
 
     A single row is a column that lies down. A matrix of many more columns than any device has signals, and of fewer
     rows than columns, has its signals in rows: a remark names that they were swapped.
     """
-    if values.ndim != 2 or (values.shape[0] > 1 and not lies(values.shape)):
+    if values.ndim != 2 or (values.shape[0] > 1 and not signals_in_rows(values.shape)):
         return values
     if values.shape[0] > 1:
-        remarks.append(lying(name, values.shape))
+        remarks.append(signals_in_rows_remark(name, values.shape))
     return values.T
 
 
-def damaged(path: Path, why: str) -> InputError:
+def damaged_error(path: Path, why: str) -> InputError:
     """Return the error of a foreign file that is not whole."""
     return InputError(f"{path} is cut short or damaged", why=why, todo="copy it again from where it was recorded")
 
@@ -180,10 +180,10 @@ def is_text(head: bytes) -> bool:
     if head.startswith((b"\xff\xfe", b"\xfe\xff", b"\xef\xbb\xbf")):
         return True
     control = any(byte < 32 and byte not in b"\t\n\f\r" for byte in head)
-    return bool(head) and not control and _kind(head) is None
+    return bool(head) and not control and _described_kind(head) is None
 
 
-def _kind(head: bytes) -> str | None:
+def _described_kind(head: bytes) -> str | None:
     """Return what the first bytes show a file to be, in words; None where they show nothing."""
     start = head.lstrip()[:200].lower()
     if start.startswith((b"<!doctype html", b"<html")):
@@ -213,7 +213,9 @@ class Format:
         """Return whether a file is of this format, by its first bytes where the format knows them, else by its name."""
         if self.recognises is None:
             return path.suffix.lower() in self.suffixes
-        with nullcontext() if self.ours else blaming(f"what recognises the format '{self.name}'", self.recognises):
+        with (
+            nullcontext() if self.ours else blame_importer(f"what recognises the format '{self.name}'", self.recognises)
+        ):
             return bool(self.recognises(head))
 
     @property
@@ -237,7 +239,7 @@ def importer(
 
     def register(read: Read) -> Read:
         known = KNOWN.get(name)
-        if known is not None and called(known.read) != called(read):
+        if known is not None and importer_name(known.read) != importer_name(read):
             why = f"{known.read.__module__} registered it"
             raise InputError(f"the format '{name}' is there already", why=why, todo="choose another name")
         KNOWN[name] = Format(name, about, read, tuple(suffix.lower() for suffix in suffixes), recognises)
@@ -251,10 +253,12 @@ def formats() -> Mapping[str, Format]:
     for module in ("arrays", "matlab5", "rosbag", "text"):
         import_module(f"{__name__}.{module}")
     for entry in entry_points(group=GROUP):
-        with blaming(f"the format '{entry.name}' of an installed package ({entry.value})"):
+        with blame_importer(f"the format '{entry.name}' of an installed package ({entry.value})"):
             entry.load()
-    others = [each for each in KNOWN.values() if not each.ours]
-    return MappingProxyType({each.name: each for each in (*others, *(KNOWN[name] for name in OWN))})
+    others = [known_format for known_format in KNOWN.values() if not known_format.ours]
+    return MappingProxyType(
+        {known_format.name: known_format for known_format in (*others, *(KNOWN[name] for name in OWN))}
+    )
 
 
 def read_table(path: Path | str, *, format: str | None = None) -> Table:
@@ -267,10 +271,10 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
     anything, or gives what is no sound table, with the line in its own file.
     """
     path = Path(path)
-    chosen = _detected(path) if format is None else _named(format)
-    files = (each for each in path.rglob("*") if each.is_file()) if path.is_dir() else (path,)
+    chosen = _detected_format(path) if format is None else _named_format(format)
+    files = (file for file in path.rglob("*") if file.is_file()) if path.is_dir() else (path,)
     reserve(sum(file.stat().st_size for file in files if file.exists()), str(path))
-    with nullcontext() if chosen.ours else blaming(f"the importer {called(chosen.read)}", chosen.read):
+    with nullcontext() if chosen.ours else blame_importer(f"the importer {importer_name(chosen.read)}", chosen.read):
         try:
             table = chosen.read(path)
         except OSError as error:
@@ -278,7 +282,7 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
                 raise
             raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
     if not chosen.ours:
-        _check(table, f"the importer {called(chosen.read)}")
+        _check(table, f"the importer {importer_name(chosen.read)}")
     if not table.columns:
         raise InputError(
             f"{path} holds no column of numbers",
@@ -288,14 +292,14 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
     return replace(table, format=format or chosen.name)
 
 
-def _detected(path: Path) -> Format:
+def _detected_format(path: Path) -> Format:
     head, known = first_bytes(path), formats()
-    for found in known.values():
-        if found.fits(path, head):
-            return found
+    for candidate in known.values():
+        if candidate.fits(path, head):
+            return candidate
     if is_text(head) and path.suffix.lower() in known["csv"].suffixes and len(head) == HEAD:
         return known["csv"]  # a header longer than what was looked at
-    words = _kind(head) or ("text without a row of numbers" if is_text(head) else None)
+    words = _described_kind(head) or ("text without a row of numbers" if is_text(head) else None)
     why = f"its name ends in '{path.suffix}', its first bytes are {head[:16]!r}"
     if head.startswith(FOLDER):
         words, inside = "a folder", head.decode(errors="replace").splitlines()[1:]
@@ -307,7 +311,7 @@ def _detected(path: Path) -> Format:
     )
 
 
-def _named(name: str) -> Format:
+def _named_format(name: str) -> Format:
     if ":" not in name:
         known = formats()
         if name not in known:
@@ -318,23 +322,23 @@ def _named(name: str) -> Format:
         raise InputError(f"'{name}' does not name an importer", todo="name it package.module:function")
     if str(Path.cwd()) not in sys.path:
         sys.path.insert(0, str(Path.cwd()))
-    with blaming(f"loading the format '{name}'"):
+    with blame_importer(f"loading the format '{name}'"):
         read = getattr(import_module(module), function)
     if not callable(read):
         raise InputError(f"'{name}' is of type {type(read).__name__}", todo="name a function from a path to a Table")
-    return next((each for each in KNOWN.values() if each.read is read), None) or Format(
+    return next((known_format for known_format in KNOWN.values() if known_format.read is read), None) or Format(
         name, f"the format {name}", read
     )
 
 
-def called(read: Any) -> str:
+def importer_name(read: Any) -> str:
     """Return a function's module and name, as `--format` takes it."""
     name = getattr(read, "__qualname__", type(read).__qualname__)
     return f"{getattr(read, '__module__', type(read).__module__)}:{name}"
 
 
 @contextmanager
-def blaming(what: str, function: Any = None) -> Iterator[None]:
+def blame_importer(what: str, function: Any = None) -> Iterator[None]:
     """Turn whatever foreign code raises in the block into an `InputError` of `what`, with the line of `function`."""
     try:
         yield
@@ -370,5 +374,5 @@ def _check(table: Any, who: str) -> None:
             todo="give a number in each row, nan where there is none; of signals on several clocks each its clock",
         )
     for name, unit in table.units.items():
-        with blaming(f"{who}, unit of the column '{name}'"):
+        with blame_importer(f"{who}, unit of the column '{name}'"):
             parse_unit(str(unit))

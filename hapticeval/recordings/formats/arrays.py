@@ -23,7 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.recordings.formats import Table, damaged, importer, lies, lying, spread, upright
+from hapticeval.recordings.formats import (
+    Table,
+    damaged_error,
+    importer,
+    samples_first,
+    signals_in_rows,
+    signals_in_rows_remark,
+    spread,
+)
 from hapticeval.recordings.hdf5 import SIGNATURE, lies_elsewhere
 from hapticeval.recordings.memory import reserve
 
@@ -67,7 +75,7 @@ class Arrays:
         elif values.size == 1:
             self.attributes[name] = values.ravel()[0].item()
         elif values.size:
-            self.columns |= spread(name, upright(f"'{name}'", values, self.remarks))
+            self.columns |= spread(name, samples_first(f"'{name}'", values, self.remarks))
 
     def table(self) -> Table:
         """Return all of them as a table."""
@@ -136,7 +144,7 @@ def opened(path: Path, warnings: list[str]) -> Iterator[Nodes]:
     except HapticevalError:
         raise
     except H5_DAMAGE as error:
-        raise damaged(path, str(error)) from error
+        raise damaged_error(path, str(error)) from error
 
 
 @importer("hdf5", about="an HDF5 file", recognises=lambda head: head.startswith(SIGNATURE))
@@ -144,38 +152,38 @@ def read_hdf5(path: Path) -> Table:
     """Return columns `group/dataset`, with the unit of the attribute `unit` or `units`; attributes as `path@name`."""
     import h5py
 
-    found = Arrays()
-    with opened(path, found.warnings) as nodes:
-        seen = {hash(nodes.file["/"].id)}
+    arrays = Arrays()
+    with opened(path, arrays.warnings) as nodes:
+        visited = {hash(nodes.file["/"].id)}
 
         def walk(place: str, node: Any, depth: int) -> None:
             stated = {f"{place}@{key}": _plain(node.attrs[key]) for key in node.attrs}
-            found.attributes.update(stated)
+            arrays.attributes.update(stated)
             if isinstance(node, h5py.Dataset):
-                before = set(found.columns)
-                _add_dataset(nodes, found, place, node)
-                unit = next((each for key in UNIT_NAMES if (each := stated.get(f"{place}@{key}"))), None)
-                found.units.update({name: str(unit) for name in found.columns.keys() - before if unit})
+                before = set(arrays.columns)
+                _add_dataset(nodes, arrays, place, node)
+                unit = next((text for key in UNIT_NAMES if (text := stated.get(f"{place}@{key}"))), None)
+                arrays.units.update({name: str(unit) for name in arrays.columns.keys() - before if unit})
             elif isinstance(node, h5py.Group):
                 for name, part in nodes.members(node, depth):
-                    if hash(part.id) not in seen:  # neither a second name of an object, nor a group in itself
-                        seen.add(hash(part.id))
+                    if hash(part.id) not in visited:  # neither a second name of an object, nor a group in itself
+                        visited.add(hash(part.id))
                         walk(f"{place}/{name}".lstrip("/"), part, depth + 1)
 
         walk("", nodes.file, 1)
-        return found.table()
+        return arrays.table()
 
 
-def _add_dataset(nodes: Nodes, found: Arrays, name: str, node: Any) -> None:
+def _add_dataset(nodes: Nodes, arrays: Arrays, name: str, node: Any) -> None:
     kinds = {part: node.dtype[part].base for part in node.dtype.names or ()} or {"": node.dtype}
     numeric = [part for part, kind in kinds.items() if kind.kind in "fiub"]
     for part, kind in kinds.items():
         if part not in numeric:
-            found.remarks.append(f"'{name}{'.' * bool(part)}{part}' is of type {kind}, which is left out")
+            arrays.remarks.append(f"'{name}{'.' * bool(part)}{part}' is of type {kind}, which is left out")
     if numeric and node.size:
         values = np.asarray(nodes.read(node, name, numeric if node.dtype.names else None))
         for part in numeric if values.size else ():
-            found.add(f"{name}.{part}" if part else name, values[part] if part else values)
+            arrays.add(f"{name}.{part}" if part else name, values[part] if part else values)
 
 
 def _plain(value: Any) -> Any:
@@ -194,7 +202,7 @@ def _is_npz(head: bytes) -> bool:
 @importer("npz", about="NumPy arrays (.npz)", recognises=_is_npz)
 def read_npz(path: Path) -> Table:
     """Return columns by the arrays' names; single numbers and texts as attributes; the unit of `x` is text `unit:x`."""
-    found = Arrays()
+    arrays = Arrays()
     place = "its index, which stands at its end"
     try:
         with zipfile.ZipFile(path) as archive:
@@ -207,20 +215,20 @@ def read_npz(path: Path) -> Table:
                 place = f"the array '{name}', from byte {entry.header_offset} on"
                 data = archive.read(entry)  # all of it, which has its checksum compared
                 if not data.startswith(np.lib.format.MAGIC_PREFIX):
-                    found.remarks.append(f"'{name}' is no array, and is left out")
+                    arrays.remarks.append(f"'{name}' is no array, and is left out")
                     continue
                 try:
-                    found.add(name, np.load(io.BytesIO(data), allow_pickle=False))
+                    arrays.add(name, np.load(io.BytesIO(data), allow_pickle=False))
                 except ValueError as error:
                     if "allow_pickle" not in str(error):
                         raise
                     what = f"the array '{name}' is left out: it holds pickled objects, which can run code"
-                    found.warnings.append(what)
+                    arrays.warnings.append(what)
     except NPZ_DAMAGE as error:
-        raise damaged(path, f"{place}: {error}") from error
-    units = {name: str(found.attributes.get(f"unit:{name}", "")) for name in found.columns}
-    found.units = {name: unit for name, unit in units.items() if unit}
-    return found.table()
+        raise damaged_error(path, f"{place}: {error}") from error
+    units = {name: str(arrays.attributes.get(f"unit:{name}", "")) for name in arrays.columns}
+    arrays.units = {name: unit for name, unit in units.items() if unit}
+    return arrays.table()
 
 
 # MATLAB
@@ -255,8 +263,10 @@ class Variables(Arrays):
         if values.ndim != 2 or values.shape[0] == 1:
             return values.T
         samples = self._samples(name)
-        if samples == values.shape[1] != values.shape[0] or (samples not in values.shape and lies(values.shape)):
-            self.remarks.append(lying(f"'{name}'", values.shape))
+        if samples == values.shape[1] != values.shape[0] or (
+            samples not in values.shape and signals_in_rows(values.shape)
+        ):
+            self.remarks.append(signals_in_rows_remark(f"'{name}'", values.shape))
             return values.T
         return values
 
@@ -265,9 +275,9 @@ class Variables(Arrays):
         while name:
             name = name.rpartition(".")[0]
             for leaf in ("time", "Time", "t"):
-                found = self.columns.get(f"{name}.{leaf}".lstrip("."))
-                if found is not None:
-                    return int(found.size)
+                times = self.columns.get(f"{name}.{leaf}".lstrip("."))
+                if times is not None:
+                    return int(times.size)
         return None
 
     def table(self) -> Table:
@@ -299,8 +309,8 @@ def read_matlab73(path: Path) -> Table:
     """
     import h5py
 
-    found = Variables()
-    with opened(path, found.warnings) as nodes:
+    variables = Variables()
+    with opened(path, variables.warnings) as nodes:
 
         def refers(node: Any) -> bool:
             return isinstance(node, h5py.Dataset) and h5py.check_ref_dtype(node.dtype) is not None
@@ -315,27 +325,27 @@ def read_matlab73(path: Path) -> Table:
         def add(name: str, node: Any, depth: int) -> None:
             kind = _plain(node.attrs.get("MATLAB_class", b""))
             if "MATLAB_object_decode" in node.attrs:
-                found.objects.append(f"{name} ({kind})")
+                variables.objects.append(f"{name} ({kind})")
             elif isinstance(node, h5py.Group):
                 parts = dict(nodes.members(node, depth + 1))
                 several = bool(parts) and all(map(refers, parts.values()))  # structures: each field holds references
-                for part, item in parts.items():
+                for part, member in parts.items():
                     if several:
-                        follow(item, name, "[]", f".{part}", depth + 1)
+                        follow(member, name, "[]", f".{part}", depth + 1)
                     else:
-                        add(f"{name}.{part}", item, depth + 1)
+                        add(f"{name}.{part}", member, depth + 1)
             elif refers(node):
                 follow(node, name, "{}", "", depth + 1)
             elif "MATLAB_empty" in node.attrs:
                 return
             elif kind == "char":
-                found.add(name, np.array(["".join(map(chr, np.asarray(nodes.read(node, name)).T.ravel()))]))
+                variables.add(name, np.array(["".join(map(chr, np.asarray(nodes.read(node, name)).T.ravel()))]))
             elif kind in NUMERIC:
-                found.add(name, np.asarray(nodes.read(node, name)).T)
+                variables.add(name, np.asarray(nodes.read(node, name)).T)
             else:
-                found.warnings.append(f"the variable '{name}' of class '{kind}' is left out")
+                variables.warnings.append(f"the variable '{name}' of class '{kind}' is left out")
 
         for name, node in nodes.members(nodes.file, 1):
             if not name.startswith("#"):
                 add(name, node, 1)
-        return found.table()
+        return variables.table()

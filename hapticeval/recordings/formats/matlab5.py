@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.formats import Table, damaged, importer
+from hapticeval.recordings.formats import Table, damaged_error, importer
 from hapticeval.recordings.formats.arrays import DEEPEST, MOST, Variables
 from hapticeval.recordings.memory import reserve
 
@@ -65,16 +65,16 @@ def read_matlab5(path: Path) -> Table:
     """Return every numeric array of two rows or more, as columns; numbers and texts as attributes."""
     data = path.read_bytes()
     if len(data) < HEADER:
-        raise damaged(path, f"its header has {HEADER} bytes, and {len(data)} are there")
+        raise damaged_error(path, f"its header has {HEADER} bytes, and {len(data)} are there")
     order = "<" if data[126:128] == b"IM" else ">"
     (subsystem,) = struct.unpack(order + "Q", data[116:124])  # where data of objects lie, which are no variable
-    variables, taken, parts = Variables(), 0, 0
+    variables, unpacked_bytes, parts = Variables(), 0, 0
     for offset, kind, content in _variables(path, memoryview(data), order):
         if offset == subsystem and subsystem:
             continue
         if kind == COMPRESSED:
-            content = _unpacked(path, offset, content, order, taken)
-            taken += len(content)
+            content = _unpacked(path, offset, content, order, unpacked_bytes)
+            unpacked_bytes += len(content)
         matrix = _Matrix(path, offset, order, parts)
         try:
             matrix.read(content, "", 1)
@@ -95,10 +95,12 @@ def _variables(path: Path, data: memoryview, order: str) -> Iterator[tuple[int, 
     while offset < len(data):
         kind, size = struct.unpack(order + "II", bytes(data[offset : offset + 8]).ljust(8, b"\0"))
         if kind not in (COMPRESSED, MATRIX):
-            raise damaged(path, f"at byte {offset} a variable should start, with {MATRIX} or {COMPRESSED}, not {kind}")
+            raise damaged_error(
+                path, f"at byte {offset} a variable should start, with {MATRIX} or {COMPRESSED}, not {kind}"
+            )
         end = offset + 8 + size
         if end > len(data):
-            raise damaged(
+            raise damaged_error(
                 path,
                 f"it ends at byte {len(data)}, within the variable that starts at byte {offset}: of its {size} bytes "
                 f"{max(0, len(data) - offset - 8)} are there",
@@ -107,24 +109,24 @@ def _variables(path: Path, data: memoryview, order: str) -> Iterator[tuple[int, 
         offset = end + (-size % 8 if kind == MATRIX else 0)
 
 
-def _unpacked(path: Path, offset: int, packed: memoryview, order: str, taken: int) -> memoryview:
+def _unpacked(path: Path, offset: int, packed: memoryview, order: str, unpacked_bytes: int) -> memoryview:
     """Return what a packed matrix holds; its size, which its tag states, is reserved first, beside `taken` bytes."""
     unpacking = zlib.decompressobj()
     try:
         tag = unpacking.decompress(packed, 8)
         kind, size = struct.unpack(order + "II", tag.ljust(8, b"\0"))
         if kind != MATRIX:
-            raise damaged(path, f"the variable at byte {offset} holds an element of kind {kind}, not {MATRIX}")
-        reserve(taken + size, f"{path}, as far as it was counted,")
-        matrix, filled, rest = bytearray(size), 0, unpacking.unconsumed_tail
-        while filled < size and (piece := unpacking.decompress(rest, min(PIECE, size - filled))):
+            raise damaged_error(path, f"the variable at byte {offset} holds an element of kind {kind}, not {MATRIX}")
+        reserve(unpacked_bytes + size, f"{path}, as far as it was counted,")
+        matrix, filled, remaining = bytearray(size), 0, unpacking.unconsumed_tail
+        while filled < size and (piece := unpacking.decompress(remaining, min(PIECE, size - filled))):
             matrix[filled : filled + len(piece)] = piece
-            filled, rest = filled + len(piece), unpacking.unconsumed_tail
-        unpacking.decompress(rest, 8)  # what pads it, and the checksum
+            filled, remaining = filled + len(piece), unpacking.unconsumed_tail
+        unpacking.decompress(remaining, 8)  # what pads it, and the checksum
     except zlib.error as error:
-        raise damaged(path, f"the variable at byte {offset} cannot be unpacked: {error}") from error
+        raise damaged_error(path, f"the variable at byte {offset} cannot be unpacked: {error}") from error
     if filled < size or not unpacking.eof:
-        raise damaged(path, f"the variable at byte {offset} breaks off")
+        raise damaged_error(path, f"the variable at byte {offset} breaks off")
     return memoryview(matrix)
 
 
@@ -170,20 +172,20 @@ class _Matrix:
         self.name = self.name or name
         if len(shape) < 2 or min(shape) < 0:
             raise OddError(f"'{name}' has the dimensions {shape}")
-        rest = data[stated.end :]
+        content = data[stated.end :]
         if kind in NUMBERS:
             if word & COMPLEX:
                 self.warnings.append(f"'{name}' holds complex numbers, which are left out")
             else:
-                element = self._next(rest, 0, "its numbers")
+                element = self._next(content, 0, "its numbers")
                 self.arrays.append((name, self._shaped(self._numbers(element, "its numbers"), shape, name)))
         elif kind == TEXT:
-            self.arrays.append((name, self._text(self._next(rest, 0, "its text"), shape, name)))
+            self.arrays.append((name, self._text(self._next(content, 0, "its text"), shape, name)))
         elif kind == CELL:
-            self._members(rest, name, shape, [""], depth)
+            self._members(content, name, shape, [""], depth)
         elif kind in (STRUCTURE, OBJECT):
-            at = self._next(rest, 0, "its class").end if kind == OBJECT else 0
-            self._structures(rest[at:], name, shape, depth)
+            at = self._next(content, 0, "its class").end if kind == OBJECT else 0
+            self._structures(content[at:], name, shape, depth)
         else:
             words = {SPARSE: "a sparse matrix", FUNCTION: "a function"}.get(kind, f"of class {kind}")
             self.warnings.append(f"'{name}' is {words}, which is left out")

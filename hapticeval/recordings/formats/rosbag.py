@@ -49,12 +49,12 @@ def read_rosbag(path: Path) -> Table:
                 counted[connection.topic] = counted.get(connection.topic, 0) + connection.msgcount
             for connection, received, raw in reader.messages():
                 topic = connection.topic
-                found: dict[str, int | float] = {f"{topic}.received": int(received)}
-                _flatten(topic, reader.deserialize(raw, connection.msgtype), found)
-                size += NUMBER * len(found)
+                numbers: dict[str, int | float] = {f"{topic}.received": int(received)}
+                _flatten(topic, reader.deserialize(raw, connection.msgtype), numbers)
+                size += NUMBER * len(numbers)
                 reserve(size, f"{path}, as far as it was read,")
                 expected = rows.setdefault(topic, 0)
-                for name, value in found.items():
+                for name, value in numbers.items():
                     topics[name] = topic
                     if len(columns.setdefault(name, [])) == expected:
                         columns[name].append(value)
@@ -80,20 +80,20 @@ def read_rosbag(path: Path) -> Table:
         del columns[name], topics[name]
     remarks = [f"'{name}' is not in every message of its topic, and is left out" for name in odd]
     units = {name: "ns" for name in columns if name.endswith((".received", ".stamp"))}
-    made = {name: np.array(values) for name, values in columns.items()}
-    return Table(made, units=units, warnings=warnings, remarks=remarks, topics=topics)
+    arrays = {name: np.array(values) for name, values in columns.items()}
+    return Table(arrays, units=units, warnings=warnings, remarks=remarks, topics=topics)
 
 
-def _flatten(name: str, value: Any, found: dict[str, int | float]) -> None:
+def _flatten(name: str, value: Any, numbers: dict[str, int | float]) -> None:
     """The numbers of a message by their path; a stamp becomes nanoseconds."""
     if isinstance(value, bool | int | float | np.number | np.bool_):
-        found[name] = value.item() if isinstance(value, np.generic) else value
+        numbers[name] = value.item() if isinstance(value, np.generic) else value
     elif hasattr(value, "nanosec") and hasattr(value, "sec"):
-        found[name] = int(value.sec) * 1_000_000_000 + int(value.nanosec)
+        numbers[name] = int(value.sec) * 1_000_000_000 + int(value.nanosec)
     elif isinstance(value, np.ndarray | list | tuple):
-        for place, item in enumerate(value if len(value) <= LONGEST else ()):
-            _flatten(f"{name}[{place}]", item, found)
+        for place, element in enumerate(value if len(value) <= LONGEST else ()):
+            _flatten(f"{name}[{place}]", element, numbers)
     elif hasattr(value, "__dataclass_fields__"):
         for part in value.__dataclass_fields__:
             if not part.startswith("__"):
-                _flatten(f"{name}.{part}", getattr(value, part), found)
+                _flatten(f"{name}.{part}", getattr(value, part), numbers)

@@ -22,7 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.formats import MOST_COLUMNS, Table, importer, is_text, lies, lying
+from hapticeval.recordings.formats import (
+    MOST_COLUMNS,
+    Table,
+    importer,
+    is_text,
+    signals_in_rows,
+    signals_in_rows_remark,
+)
 from hapticeval.recordings.importing.units import UNITS
 from hapticeval.recordings.memory import reserve
 
@@ -69,8 +76,8 @@ def whole_text(path: Path) -> tuple[bytes, tuple[str, ...]]:
     end = data.rfind(b"\n") + 1  # what follows the last line end is nothing, where that is the end of the file
     last = data[end:].decode()
     before = data[max(data.find(b"\n") + 1, end - LOOKED_AT) : end].decode(errors="replace").split("\n")[:-1]
-    whole = not last or is_whole(last, before)
-    data = data if whole else data[:end]
+    complete = not last or is_whole(last, before)
+    data = data if complete else data[:end]
     if not data or data.isspace():
         raise InputError(
             f"{path} has no whole line",
@@ -79,7 +86,7 @@ def whole_text(path: Path) -> tuple[bytes, tuple[str, ...]]:
         )
     number = data.count(b"\n") + 1
     cut = f"the file ends within line {number}, which is left out: a cut number reads like another number"
-    return data, () if whole or not last.strip() else (cut,)
+    return data, () if complete or not last.strip() else (cut,)
 
 
 def whole_lines(path: Path) -> tuple[list[str], tuple[str, ...]]:
@@ -107,8 +114,8 @@ def is_whole(last: str, before: list[str]) -> bool:
 
     def decimals(line: str) -> tuple[int, int]:
         cells = re.split(r"[,;\s]+", line.strip())
-        found = re.fullmatch(r"[+-]?\d+\.(\d+)", cells[-1])
-        return (len(cells), len(found[1])) if found else (0, 0)
+        fraction = re.fullmatch(r"[+-]?\d+\.(\d+)", cells[-1])
+        return (len(cells), len(fraction[1])) if fraction else (0, 0)
 
     ends = {decimals(line) for line in before[-20:]}
     return len(before) > 1 and ends == {decimals(last)} and ends != {(0, 0)}
@@ -126,10 +133,10 @@ class _Dialect:
         if self.separator == " ":
             line = line.strip()
         try:
-            found = next(csv.reader([line], delimiter=self.separator, skipinitialspace=True), [])
+            cells = next(csv.reader([line], delimiter=self.separator, skipinitialspace=True), [])
         except csv.Error:  # a null byte, or a cell of more than 131,072 characters
             return []
-        return [cell.strip() for cell in found] if self.separator != " " else [cell for cell in found if cell]
+        return [cell.strip() for cell in cells] if self.separator != " " else [cell for cell in cells if cell]
 
     def is_row(self, line: str) -> bool:
         """Return whether at least half of the cells that hold something are numbers: a column may be text."""
@@ -187,18 +194,18 @@ def read_delimited(path: Path) -> Table:
     dialect = _dialect(_together([lines[place] for place in rows[len(rows) // 2 :]]))
     names, units, first = _header(path, lines, rows, dialect)
     shape = data.count(b"\n") + 1 - first, len(names)
-    if len(names) > MOST_COLUMNS and not (names == _plain(len(names)) and lies(shape)):
+    if len(names) > MOST_COLUMNS and not (names == _plain(len(names)) and signals_in_rows(shape)):
         raise InputError(f"{path} has {len(names)} columns", why=f"at most {MOST_COLUMNS} are read")
     reserve(8 * shape[0] * shape[1], f"{path}, {shape[1]} columns of {shape[0]} rows,")
     frame = _frame(path, data, first, names, dialect)
     del data
     remarks: list[str] = []
-    if names == _plain(len(names)) and lies(frame.shape):
-        remarks.append(lying("the table", frame.shape))
+    if names == _plain(len(names)) and signals_in_rows(frame.shape):
+        remarks.append(signals_in_rows_remark("the table", frame.shape))
         labels, named = frame[names[0]], frame[names[0]].dtype.kind not in "fiub"
         frame = (frame.iloc[:, 1:] if named else frame).T
         frame.columns = labels.astype(str).str.strip().tolist() if named else _plain(frame.shape[1])
-        units = {name: found[2] for name in frame.columns if (found := UNIT.fullmatch(name))}
+        units = {name: match[2] for name in frame.columns if (match := UNIT.fullmatch(name))}
     columns: dict[str, Any] = {}
     lacking: dict[tuple[int, int, str], list[str]] = {}
     for name in frame.columns:
@@ -209,12 +216,12 @@ def read_delimited(path: Path) -> Table:
             continue
         if empty.size:
             cell = frame[name].iloc[int(empty[0])]
-            shown = f": {cell!r}" if isinstance(cell, str) else ", which is empty or NaN"
-            lacking.setdefault((empty.size, int(empty[0]), shown), []).append(f"'{name}'")
+            excerpt = f": {cell!r}" if isinstance(cell, str) else ", which is empty or NaN"
+            lacking.setdefault((empty.size, int(empty[0]), excerpt), []).append(f"'{name}'")
         columns[name] = values
     cells = tuple(
-        f"{count} cell{'s' * (count > 1)} without a number in {', '.join(alike)}, first at row {row}{shown}"
-        for (count, row, shown), alike in lacking.items()
+        f"{count} cell{'s' * (count > 1)} without a number in {', '.join(alike)}, first at row {row}{excerpt}"
+        for (count, row, excerpt), alike in lacking.items()
     )
     return Table(columns, units=units, warnings=(*cells, *cut), remarks=tuple(remarks), cells=cells)
 
@@ -283,13 +290,15 @@ def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) ->
     width = len(dialect.cells(lines[first]))
     comments = [line.lstrip("#% ") for line in lines[:first] if line.startswith(COMMENTS)]  # as numpy.savetxt has it
     words = [lines[place] for place in rows if place < first]
-    above, remarked = ([c for c in map(dialect.cells, each) if len(c) == width] for each in (words, comments[-1:]))
+    above, remarked = (
+        [c for c in map(dialect.cells, candidates) if len(c) == width] for candidates in (words, comments[-1:])
+    )
     above = above or remarked
     if not above:
         return _plain(width), {}, first
     names = [cell or f"c{k}" for k, cell in enumerate(above[0])]
-    units = {name: found[2].strip() for name in names if (found := UNIT.fullmatch(name)) and found[2].strip()}
-    units |= {name: found[1] for name in names if (found := SLASH.fullmatch(name)) and found[1] in UNITS}
+    units = {name: match[2].strip() for name in names if (match := UNIT.fullmatch(name)) and match[2].strip()}
+    units |= {name: match[1] for name in names if (match := SLASH.fullmatch(name)) and match[1] in UNITS}
     if len(above) > 1:
         second = [cell.strip(" []()") for cell in above[1]]
         units |= {name: cell for name, cell in zip(names, second, strict=True) if cell}
@@ -368,8 +377,8 @@ SVC_NOTES = {
 
 
 def _is_svc(head: bytes) -> bool:
-    first, _, rest = head.partition(b"\n")
-    second = rest.partition(b"\n")[0].split()
+    first, _, remainder = head.partition(b"\n")
+    second = remainder.partition(b"\n")[0].split()
     return bool(re.fullmatch(rb"\s*\d+\s*", first)) and len(second) == len(SVC_NOTES)
 
 
@@ -407,20 +416,20 @@ def read_hdurecord(path: Path) -> Table:
     another, so the mapping has to give it.
     """
     lines, cut = whole_lines(path)
-    found = [HDU_ROW.fullmatch(line) for line in lines]
-    if None in found:
-        row = found.index(None)
+    matches = [HDU_ROW.fullmatch(line) for line in lines]
+    if None in matches:
+        row = matches.index(None)
         raise InputError(
             f"{path}: row {row} is {lines[row]!r}",
             why="hduRecord writes a tick, three vectors and a text, separated by tabs",
             todo="mend or cut that row",
         )
-    rows = [each.groups() for each in found if each is not None]
+    rows = [match.groups() for match in matches if match is not None]
     columns = dict(zip(("tick", *HDU_UNITS), np.array([row[:-1] for row in rows], dtype=np.float64).T, strict=True))
     texts = [re.split(r"[,;\s]+", row[-1].strip()) for row in rows]
     if any(words not in ([""], ["(null)"]) for words in texts):
         try:
-            columns |= {f"text[{k}]": each for k, each in enumerate(np.array(texts, dtype=np.float64).T)}
+            columns |= {f"text[{k}]": column for k, column in enumerate(np.array(texts, dtype=np.float64).T)}
         except ValueError:
             cut += ("the application's text is left out: it is not as many numbers in every row",)
     notes = {"tick": "ticks of the scheduler: 1000 a second unless the application set another rate"}

@@ -62,20 +62,20 @@ def _foreign(path: Path, mapping: Path | str | None, format: str | None) -> Reco
             why="it does not state which column is what, in which unit and with which sign",
             todo=f"write a mapping: hapticeval inspect {path.name} --write-mapping mapping.toml; then give --mapping",
         )
-    made = read_mapping(mapping)
-    wanted = format or made.document.format
+    file_mapping = read_mapping(mapping)
+    format_name = format or file_mapping.document.format
     known, head = formats(), first_bytes(path)
-    stated = known.get(wanted or "")
+    stated = known.get(format_name or "")
     if format is None and stated is not None and stated.recognises and not stated.fits(path, head):
-        found = next((each for each in known.values() if each.fits(path, head)), None)
-        if found is not None:
+        detected = next((candidate for candidate in known.values() if candidate.fits(path, head)), None)
+        if detected is not None:
             raise InputError(
-                f"{path} is in the format '{found.name}' ({found.about}), and the mapping {Path(mapping).name} is for "
-                f"'{wanted}'",
+                f"{path} is in the format '{detected.name}' ({detected.about}), and the mapping {Path(mapping).name} "
+                f"is for '{format_name}'",
                 why="its columns have other names there",
                 todo=f"propose a mapping of its own: hapticeval inspect {path.name} --write-mapping mapping.toml",
             )
-    return convert(read_table(path, format=wanted), made, file=path.name)
+    return convert(read_table(path, format=format_name), file_mapping, file=path.name)
 
 
 def is_ours(path: Path | str) -> bool:
@@ -212,14 +212,14 @@ def _values(table: Table, mapping: FileMapping, name: str, source: Source, stamp
     if source.time is not None:
         stated, known = nanoseconds(table[source.time], mapping.factor)
         own = None if known.all() and np.array_equal(stated, stamps) else stated
-    made = []
+    columns = []
     for column, factor, offset in zip(source.columns, source.factor, source.offset, strict=True):
         with np.errstate(over="ignore"):  # what no number holds is masked, as a cell without a number
             values = factor * table[column].astype(np.float64) + offset
-        made.append(values if own is None else _resampled(name, source, own, values, stamps))
-    if len(made) == 1 and source.signal.frame not in ("world", "joint"):
-        return made[0]
-    return np.column_stack(made)
+        columns.append(values if own is None else _resampled(name, source, own, values, stamps))
+    if len(columns) == 1 and source.signal.frame not in ("world", "joint"):
+        return columns[0]
+    return np.column_stack(columns)
 
 
 def _resampled(name: str, source: Source, own: IntArray, values: Array, stamps: IntArray) -> Array:
@@ -234,10 +234,10 @@ def _resampled(name: str, source: Source, own: IntArray, values: Array, stamps: 
         raise InputError(f"the clock '{source.time}' of '{name}' is empty, or does not increase")
     inside = (stamps >= own[0]) & (stamps <= own[-1])
     if source.resample == "hold":
-        found = values[np.clip(np.searchsorted(own, stamps, side="right") - 1, 0, own.size - 1)]
+        resampled = values[np.clip(np.searchsorted(own, stamps, side="right") - 1, 0, own.size - 1)]
     else:
-        found = np.interp((stamps - own[0]).astype(np.float64), (own - own[0]).astype(np.float64), values)
-    return np.where(inside, found, np.nan)
+        resampled = np.interp((stamps - own[0]).astype(np.float64), (own - own[0]).astype(np.float64), values)
+    return np.where(inside, resampled, np.nan)
 
 
 def _same_clock(table: Table, time: TimeBase, column: str, stamps: IntArray) -> None:
@@ -288,11 +288,11 @@ def export(path: Path | str, recording: Recording) -> Path:
 
 def _exported(recording: Recording) -> dict[str, tuple[Array, str]]:
     """Return every column by name, with its unit: `hip.x`, `joint_torque.0`, `grip`."""
-    found: dict[str, tuple[Array, str]] = {"time": (recording.time, "s")}
-    found |= {name: (each.values, each.unit) for name, each in columns_of(recording).items()}
+    columns: dict[str, tuple[Array, str]] = {"time": (recording.time, "s")}
+    columns |= {name: (column.values, column.unit) for name, column in columns_of(recording).items()}
     if recording.valid is not None:
-        found["valid"] = (recording.valid.astype(np.float64), "1")
-    return found
+        columns["valid"] = (recording.valid.astype(np.float64), "1")
+    return columns
 
 
 def _csv(path: Path, recording: Recording) -> None:

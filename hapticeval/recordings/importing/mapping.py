@@ -162,24 +162,24 @@ def read_mapping(path: Path | str) -> FileMapping:
 
 def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> FileMapping:
     """Return the mapping of a document as TOML gives it. Raises `InputError`, naming the place, if not complete."""
-    made: Document = convert(document, Document, name, todo="see the head of a proposed mapping")
-    if made.format is not None and ":" in made.format:
+    parsed: Document = convert(document, Document, name, todo="see the head of a proposed mapping")
+    if parsed.format is not None and ":" in parsed.format:
         raise InputError(
-            f"{name}: format = '{made.format}' names code",
+            f"{name}: format = '{parsed.format}' names code",
             why="a mapping is data: it may name an installed format, and never a function to run",
-            todo=f"take it out of the mapping; if you trust that function, give --format {made.format} yourself",
+            todo=f"take it out of the mapping; if you trust that function, give --format {parsed.format} yourself",
         )
     with at(f"{name}: [time]"):
-        factor = made.time.factor()
+        factor = parsed.time.factor()
     sources = {}
-    for channel, table in made.channels.items():
+    for channel, table in parsed.channels.items():
         place = f"{name}: [channels.{channel}]"
         spec: Channel = convert(table, Channel, place)
         with at(place):
-            sources[channel] = _source(spec, channel, made.device)
-    if made.device is not None and not isinstance(made.device.get("kind"), str):
+            sources[channel] = _source(spec, channel, parsed.device)
+    if parsed.device is not None and not isinstance(parsed.device.get("kind"), str):
         raise InputError(f"{name}: [device] lacks its kind", todo='write for instance kind = "parallelogram-2dof"')
-    return FileMapping(made, factor, sources)
+    return FileMapping(parsed, factor, sources)
 
 
 def _source(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Source:
@@ -203,12 +203,12 @@ def _source(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> So
     return Source(spec.columns, tuple(int(sign) * factor for sign in signs), offset, signal, spec.time, spec.resample)
 
 
-def _factor(unit: str, wanted: str, *, scale: Quantity | None = None, divide: Quantity | None = None) -> float:
+def _factor(unit: str, target: str, *, scale: Quantity | None = None, divide: Quantity | None = None) -> float:
     """Return the factor from a unit, scaled and divided, to another. Raises `InputError` if the dimensions differ."""
-    made = parse_unit(unit)
+    combined = parse_unit(unit)
     for quantity, power in ((scale, 1), (divide, -1)):
-        made = made if quantity is None else made.times(parse_quantity(quantity), power)
-    return made.to(wanted)
+        combined = combined if quantity is None else combined.times(parse_quantity(quantity), power)
+    return combined.to(target)
 
 
 def _signal(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Signal:
@@ -268,8 +268,8 @@ def propose(table: Table, *, file: str = "FILE") -> str:
     sign of a force is `?`. A file that hapticeval wrote states everything, and its proposal can be used as it is.
     """
     ours = bool(table.attributes.get("hapticeval"))
-    found = clocks(table)
-    clock = found[0] if found else None
+    clock_names = clocks(table)
+    clock = clock_names[0] if clock_names else None
     lines = [
         f'# Proposed for {file} ({table.format}). Replace each "?"; lines after # are remarks.',
         f"# Channels: {', '.join(CHANNELS)}.",
@@ -280,11 +280,11 @@ def propose(table: Table, *, file: str = "FILE") -> str:
         else f"format = {_quoted(table.format)}",
         "",
         "[time]",
-        *_time(table, found),
+        *_time(table, clock_names),
     ]
     rows = table.rows(clock) if clock else max(table.rows(name) for name in table.columns)
     used = {clock}
-    for channel, (columns, own) in _channels(table, rows, found).items():
+    for channel, (columns, own) in _channels(table, rows, clock_names).items():
         used |= {*columns, own}
         lines += ["", *_channel(table, channel, columns, ours=ours)]
         if own is not None:
@@ -307,20 +307,20 @@ def _quoted(value: Any) -> str:
 
 def clocks(table: Table) -> list[str]:
     """Return the columns that may be a clock, by name and because they increase; the one with most companions first."""
-    found = []
+    clock_names = []
     for name, values in table.columns.items():
         leaf = re.split(r"[./]", BRACKETS.sub("", name))[-1].strip()
         steps = np.diff(np.asarray(values))
         if CLOCK.fullmatch(leaf) and steps.size and float(np.mean(steps > 0)) > 0.9:
-            found.append(name)
+            clock_names.append(name)
     sizes = [np.size(values) for values in table.columns.values()]
-    return sorted(found, key=lambda name: -sizes.count(table.rows(name)))
+    return sorted(clock_names, key=lambda name: -sizes.count(table.rows(name)))
 
 
-def _time(table: Table, found: list[str]) -> list[str]:
-    if not found:
+def _time(table: Table, clock_names: list[str]) -> list[str]:
+    if not clock_names:
         return ["rate = 0  # Hz: the file has no column that looks like a clock; or give column and unit"]
-    clock, *others = found
+    clock, *others = clock_names
     lines = [f"column = {_quoted(clock)}  # {_remark(table, clock)}"]
     others = [name for name in others if table.rows(name) == table.rows(clock)]
     if others:
@@ -333,18 +333,18 @@ def _time(table: Table, found: list[str]) -> list[str]:
     return [*lines, 'start = "zero"']
 
 
-def _channels(table: Table, rows: int, found: list[str]) -> dict[str, tuple[list[str], str | None]]:
+def _channels(table: Table, rows: int, clock_names: list[str]) -> dict[str, tuple[list[str], str | None]]:
     """Return channels with the first group of at most three columns that their words fit, and their own clock.
 
     That is None for columns on the clock of the time; columns of other topics come after those.
     """
-    topic = table.topics.get(found[0]) if found else None
-    clock_of = {table.topics[name]: name for name in reversed(found) if name in table.topics}
+    topic = table.topics.get(clock_names[0]) if clock_names else None
+    clock_of = {table.topics[name]: name for name in reversed(clock_names) if name in table.topics}
     groups: dict[tuple[str, str | None], list[str]] = {}
     for name in table.columns:
-        here = table.rows(name) == rows and table.topics.get(name) == topic
-        own = None if here else clock_of.get(table.topics.get(name, ""))
-        if name not in found and (here or own is not None):
+        on_time_clock = table.rows(name) == rows and table.topics.get(name) == topic
+        own = None if on_time_clock else clock_of.get(table.topics.get(name, ""))
+        if name not in clock_names and (on_time_clock or own is not None):
             plain = BRACKETS.sub("", name).removesuffix(f"/{table.units.get(name)}")
             part = PART.fullmatch(plain)
             groups.setdefault((part["stem"] if part else plain, own), []).append(name)
@@ -355,10 +355,10 @@ def _channels(table: Table, rows: int, found: list[str]) -> dict[str, tuple[list
             last = f"{re.split(r'[./]', stem)[-1]} {' '.join(table.notes.get(name, '') for name in columns)}"
             last = last.strip().lower() if stem else ""
             in_topic = f"{table.topics.get(columns[0], '')} {last}".strip().lower()
-            told = (
+            descriptions = (
                 (in_topic, last) if "joint" in in_topic else (last, in_topic)
             )  # a topic of joints has joint positions
-            channel = next((name for words in told for name, rule in RULES if re.search(rule, words)), "")
+            channel = next((name for words in descriptions for name, rule in RULES if re.search(rule, words)), "")
         if channel and len(columns) <= 3:
             channels.setdefault(channel, (columns, own))
     return channels
@@ -380,8 +380,8 @@ def _channel(table: Table, channel: str, columns: list[str], *, ours: bool) -> l
 
 def _unit(table: Table, name: str) -> str:
     """Return the unit that the file states, or that the label of a column ends with in brackets."""
-    found = STATED.search(table.notes.get(name, ""))
-    unit = table.units.get(name) or (found[1].strip() if found else UNKNOWN)
+    stated = STATED.search(table.notes.get(name, ""))
+    unit = table.units.get(name) or (stated[1].strip() if stated else UNKNOWN)
     try:
         parse_unit(unit)
     except HapticevalError:

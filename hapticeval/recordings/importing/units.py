@@ -53,12 +53,12 @@ class Unit:
         powers = tuple(a + power * b for a, b in zip(self.dimension, other.dimension, strict=True))
         return Unit(f"{self.text} {other.text}^{power}", factor, powers)
 
-    def to(self, wanted: str) -> float:
+    def to(self, si_unit: str) -> float:
         """Return the factor to the SI unit `wanted`. Raises `InputError` where the dimensions differ."""
-        target = parse_unit(wanted)
+        target = parse_unit(si_unit)
         if self.dimension != target.dimension:
             raise InputError(
-                f"'{self.text}' is no {wanted}",
+                f"'{self.text}' is no {si_unit}",
                 why="the dimensions differ, an angle being one of its own",
                 todo='give the factor between them with its unit, as in scale = "0.075 m/rad" or divide = "0.075 m"',
             )
@@ -85,17 +85,17 @@ def parse_unit(text: str) -> Unit:
             todo='write the unit that the author of the file states, as in unit = "mm"; of a pure number, unit = "1"',
         )
     leading = LEADING.match(text)
-    made = Unit(text, float(leading[1]) if leading else 1.0, (0,) * 6)
-    rest = text[leading.end() :] if leading else text
-    for place, part in enumerate(rest.replace("·", " ").replace("*", " ").replace("²", "^2").split("/")):
+    combined = Unit(text, float(leading[1]) if leading else 1.0, (0,) * 6)
+    remainder = text[leading.end() :] if leading else text
+    for place, part in enumerate(remainder.replace("·", " ").replace("*", " ").replace("²", "^2").split("/")):
         for word in part.replace("(", " ").replace(")", " ").split():
-            found = WORD.fullmatch(word)
-            if found is None or found[1] not in UNITS:
+            match = WORD.fullmatch(word)
+            if match is None or match[1] not in UNITS:
                 raise UnknownNameError("unit", word, UNITS)
-            made = made.times(UNITS[found[1]], int(found[2] or 1) * (-1 if place else 1))
-    if not math.isfinite(made.factor) or made.factor <= 0.0:
-        raise InputError(f"the unit '{text}' has the factor {made.factor}", why="it must be positive and finite")
-    return Unit(text, made.factor, made.dimension)
+            combined = combined.times(UNITS[match[1]], int(match[2] or 1) * (-1 if place else 1))
+    if not math.isfinite(combined.factor) or combined.factor <= 0.0:
+        raise InputError(f"the unit '{text}' has the factor {combined.factor}", why="it must be positive and finite")
+    return Unit(text, combined.factor, combined.dimension)
 
 
 def parse_quantity(value: float | str) -> Unit:
@@ -114,5 +114,5 @@ def parse_quantity(value: float | str) -> Unit:
             why="it is a number, finite and not zero, and a unit",
             todo='write it as "0.075 m"',
         )
-    found = parse_unit(unit or "1")
-    return Unit(f"{value}", factor * found.factor, found.dimension)
+    parsed = parse_unit(unit or "1")
+    return Unit(f"{value}", factor * parsed.factor, parsed.dimension)

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.integrity.issue import Issue, Severity, found, plural
+from hapticeval.recordings.integrity.issue import Issue, Severity, make_issue, plural
 from hapticeval.recordings.provenance import declared_floor
 from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Column, Recording, columns_of, runs_of
@@ -23,7 +23,7 @@ from hapticeval.types import Array, BoolArray
 
 STUCK_ROWS = 10  # so many equal values in a row may be a frozen sensor, where the value jumps when it wakes
 CLIPPED_ROWS = 5  # so many equal values at the extreme of a column, reached at speed, are clipped
-BESIDE = 8  # steps on either side of a jump, all of which it exceeds by SPIKE times
+NEIGHBOURING_STEPS = 8  # steps on either side of a jump, all of which it exceeds by SPIKE times
 SPIKE = 20.0  # a spike stands out of the noise by so many standard deviations of the second difference,
 ABOVE = 4.0  # and of what all rows but a hundredth bend by so many times: signals have quiet and busy stretches,
 FEW = 8  # at least so many rows not counted, as a spike bends three,
@@ -34,7 +34,7 @@ PLACES = np.array([-2.0, -1.0, 1.0, 2.0])
 TREND = PLACES / np.dot(PLACES, PLACES)
 """Two rows on either side of a spike, and the weights that give their slope."""
 
-HELD = ("N", "N m")
+FORCE_UNITS = ("N", "N m")
 """Units of what jumps by nature: forces and torques are zero for long, and are hit in one tick."""
 
 Span = tuple[int, int]
@@ -50,7 +50,9 @@ def faults_of_numbers(recording: Recording) -> Iterator[Issue]:
             lacking = [name for name, where in columns.items() if where[first:end].any()]
             parts = "" if len(lacking) == 1 else f" ({', '.join(name.rpartition('.')[2] for name in lacking)})"
             message = f"{plural(end - first, 'row')} without a number{parts}"
-            yield found(recording, "no number", message, lacking[0] if len(lacking) == 1 else channel, (first, end))
+            yield make_issue(
+                recording, "no number", message, lacking[0] if len(lacking) == 1 else channel, (first, end)
+            )
 
 
 def faults_of_values(recording: Recording) -> Iterator[Issue]:
@@ -63,27 +65,29 @@ def faults_of_values(recording: Recording) -> Iterator[Issue]:
         sound = recording.measured & np.isfinite(values)
         if not sound.any() or np.ptp(values[sound]) == 0.0:
             continue
-        step, held, proxy = numeric_step(values[sound]) or 0.0, unit in HELD, channel == "ihip"
+        step, is_force, proxy = numeric_step(values[sound]) or 0.0, unit in FORCE_UNITS, channel == "ihip"
         extremes = (float(values[sound].min()), float(values[sound].max()))
         for begin, stop in unbroken(sound, recording.time):
-            kept = values[begin:stop]
-            stuck = list(_stuck(kept, step))
+            part = values[begin:stop]
+            stuck = list(_stuck(part, step))
             woken = {end for _, end in stuck}
-            jumps = _jumps(kept, step) if unit in ("m", "rad") and not proxy else ()
+            jumps = _jumps(part, step) if unit in ("m", "rad") and not proxy else ()
             kinds: Mapping[str, Sequence[Span]] = {
                 "jump": [(row, row + 1) for row in jumps if row not in woken],
-                "stuck": [span for span in stuck if not (held and kept[span[0]] == 0.0)],
+                "stuck": [span for span in stuck if not (is_force and part[span[0]] == 0.0)],
                 "saturated": [
-                    span for span in _clipped(kept, step, extremes) if not (proxy or (held and kept[span[0]] == 0.0))
+                    span
+                    for span in _clipped(part, step, extremes)
+                    if not (proxy or (is_force and part[span[0]] == 0.0))
                 ],
-                "spike": [(row, row + 1) for row in _spikes(kept, step, held)],
+                "spike": [(row, row + 1) for row in _spikes(part, step, is_force)],
             }
             for kind, spans in kinds.items():
                 for first, end in spans:
-                    by, at = kept[first] - kept[first - 1], kept[first]
+                    by, at = part[first] - part[first - 1], part[first]
                     message = MESSAGES[kind].format(by=by, at=at)
-                    note = Severity.NOTE if held and kind == "saturated" else None
-                    yield found(recording, kind, message, name, (begin + first, begin + end), severity=note)
+                    note = Severity.NOTE if is_force and kind == "saturated" else None
+                    yield make_issue(recording, kind, message, name, (begin + first, begin + end), severity=note)
 
 
 MESSAGES = {
@@ -104,12 +108,12 @@ def unbroken(sound: BoolArray, time: Array) -> list[Span]:
     return [(int(part[0]), int(part[-1]) + 1) for part in np.split(rows, breaks)]
 
 
-def _repeats(values: Array, shortest: int) -> list[Span]:
+def _constant_runs(values: Array, shortest: int) -> list[Span]:
     """Return the rows [first, end) over which a column keeps one value, of as many rows at least."""
     return [(first, end + 1) for first, end in runs_of(np.diff(values) == 0.0) if end + 1 - first >= shortest]
 
 
-def _usual(steps: Array) -> float:
+def _usual_step(steps: Array) -> float:
     """Return the median of the steps that are none of rest, 0 where all are."""
     some = steps[steps > 0.0]
     return float(np.median(some)) if some.size else 0.0
@@ -119,7 +123,7 @@ def _stuck(values: Array, step: float) -> Iterator[Span]:
     """Yield runs of one value that end in a jump: by then the signal had moved on, at rest it would not have."""
     steps = np.abs(np.diff(values))
     lengths = np.diff(np.concatenate([[0], np.flatnonzero(steps) + 1, [values.size]]))
-    for first, end in _repeats(values, max(STUCK_ROWS, int(5 * float(np.median(lengths))) + 1)):
+    for first, end in _constant_runs(values, max(STUCK_ROWS, int(5 * float(np.median(lengths))) + 1)):
         around = np.concatenate([steps[max(0, first - 8) : first], steps[end : end + 8]]).max(initial=0.0)
         if end < values.size - 3 and abs(values[end] - values[first]) > max(4.0 * around, 4.0 * step):
             yield first, end
@@ -131,16 +135,18 @@ def _jumps(values: Array, step: float) -> Iterator[int]:
     A hand has mass: its steps grow and shrink by its acceleration, from row to row, and never stand alone.
     """
     steps = np.abs(np.diff(values))
-    for row in np.flatnonzero(steps > QUANTA * max(step, _usual(steps))).tolist():
-        beside = np.concatenate([steps[max(0, row - BESIDE) : row], steps[row + 1 : row + 1 + BESIDE]])
-        if BESIDE <= row < steps.size - BESIDE and steps[row] > SPIKE * float(beside.max()):
+    for row in np.flatnonzero(steps > QUANTA * max(step, _usual_step(steps))).tolist():
+        neighbours = np.concatenate(
+            [steps[max(0, row - NEIGHBOURING_STEPS) : row], steps[row + 1 : row + 1 + NEIGHBOURING_STEPS]]
+        )
+        if NEIGHBOURING_STEPS <= row < steps.size - NEIGHBOURING_STEPS and steps[row] > SPIKE * float(neighbours.max()):
             yield row + 1
 
 
 def _clipped(values: Array, step: float, extremes: tuple[float, float]) -> list[Span]:
     """Return runs at an extreme that the signal reaches and leaves at speed, as no smooth signal turns."""
     spans = []
-    for first, end in _repeats(values, CLIPPED_ROWS):
+    for first, end in _constant_runs(values, CLIPPED_ROWS):
         if values[first] not in extremes or first < 4 or end > values.size - 4:
             continue
         upward = np.sign(values[first] - values[first - 1])
@@ -153,7 +159,7 @@ def _clipped(values: Array, step: float, extremes: tuple[float, float]) -> list[
     return spans
 
 
-def _spikes(values: Array, step: float, held: bool) -> Iterator[int]:
+def _spikes(values: Array, step: float, is_force: bool) -> Iterator[int]:
     """Yield single rows off the line through their neighbours, whose neighbours agree."""
     if values.size < 8:
         return
@@ -163,17 +169,17 @@ def _spikes(values: Array, step: float, held: bool) -> Iterator[int]:
         SPIKE * 1.4826 * float(np.median(size)),
         ABOVE * float(np.partition(size, -(rare + 1))[-(rare + 1)]),
         QUANTA * step,
-        QUANTA * _usual(np.abs(np.diff(values))),
+        QUANTA * _usual_step(np.abs(np.diff(values))),
     )
     for row in (np.flatnonzero(size > floor) + 1).tolist():
         if row < 2 or row > values.size - 3:
             continue
-        beside = values[[row - 2, row - 1, row + 1, row + 2]]
-        if held and np.any(beside == 0.0):
+        neighbours = values[[row - 2, row - 1, row + 1, row + 2]]
+        if is_force and np.any(neighbours == 0.0):
             continue  # a collision: the tool was or is free
-        middle, slope = float(beside.mean()), float(np.dot(beside, TREND))
+        middle, slope = float(neighbours.mean()), float(np.dot(neighbours, TREND))
         off = abs(values[row] - middle)
-        if np.max(np.abs(beside - middle - slope * PLACES)) < AGREE * off and off > floor:
+        if np.max(np.abs(neighbours - middle - slope * PLACES)) < AGREE * off and off > floor:
             yield row
 
 
@@ -190,7 +196,7 @@ MEASURES: Mapping[str, str] = {"N": "force", "N m": "torque", "m/s": "speed", "r
 REFERENCES = ("hip", "measured_hip", "joint_position", "raw", "ihip")
 """Whose travel a column is held against: the first that was recorded."""
 
-OWN = {"velocity": "hip", "measured_velocity": "hip", "joint_velocity": "joint_position", "wall_force": "ihip"}
+REFERENCE_OF = {"velocity": "hip", "measured_velocity": "hip", "joint_velocity": "joint_position", "wall_force": "ihip"}
 """... but for these, which follow one channel: a speed its own component of it."""
 
 
@@ -204,22 +210,22 @@ def frozen(recording: Recording, known: Sequence[Issue]) -> Iterator[Issue]:
     columns = columns_of(recording)
     for name, column in columns.items():
         travel, other = _travel(recording, columns, name)
-        kept = column.values[recording.measured]
-        kept = kept[np.isfinite(kept)]
+        numbers = column.values[recording.measured]
+        numbers = numbers[np.isfinite(numbers)]
         if not other:
             continue
-        if kept.size and float(np.ptp(kept)) <= SAME * float(np.max(np.abs(kept))):
-            yield from _dead(recording, name, column, travel, other)
+        if numbers.size and float(np.ptp(numbers)) <= SAME * float(np.max(np.abs(numbers))):
+            yield from _constant_column(recording, name, column, travel, other)
         elif column.unit in MEASURES:
-            taken = [(each.first, each.end) for each in known if each.channel == name]
+            reported = [(issue.first, issue.end) for issue in known if issue.channel == name]
             place = columns[other].values if MEASURES[column.unit] == "speed" and other in columns else None
-            for first, end, moved, every in _frozen(recording, column, travel, place):
+            for first, end, moved, every in _frozen_runs(recording, column, travel, place):
                 message = (
                     f"it keeps {column.values[first]:.6g} over {end - first} rows, while {other} moves {moved:.3g} "
                     f"{_unit(recording, other)}; elsewhere it changes every {every:.2g}"
                 )
-                if not any(a is not None and b is not None and a < end and first < b for a, b in taken):
-                    yield found(recording, "stuck", message, name, (first, end), travel=moved)
+                if not any(a is not None and b is not None and a < end and first < b for a, b in reported):
+                    yield make_issue(recording, "stuck", message, name, (first, end), travel=moved)
 
 
 def _travel(recording: Recording, columns: Mapping[str, Column], name: str) -> tuple[Array, str]:
@@ -228,20 +234,22 @@ def _travel(recording: Recording, columns: Mapping[str, Column], name: str) -> t
     And the reference's name, empty where there is none. A column of the reference itself is held against its others.
     """
     channel = columns[name].channel
-    reference = OWN.get(channel) or next((each for each in REFERENCES if each in recording.channels), "")
+    reference = REFERENCE_OF.get(channel) or next(
+        (candidate for candidate in REFERENCES if candidate in recording.channels), ""
+    )
     if reference not in recording.channels:
         return np.zeros(0), ""
     values = recording.channels[reference]
-    parts = [each for each, column in columns.items() if column.channel == channel]
+    parts = [part for part, column in columns.items() if column.channel == channel]
     if channel == reference:
         parts.remove(name)
         if not parts:
             return np.zeros(0), ""
-        values = np.column_stack([columns[each].values for each in parts])
+        values = np.column_stack([columns[part].values for part in parts])
         reference = ", ".join(parts)
     elif channel.endswith("velocity") and values.shape == recording.channels[channel].shape:
         values = values[:, [parts.index(name)]]
-        reference = [each for each, column in columns.items() if column.channel == reference][parts.index(name)]
+        reference = [part for part, column in columns.items() if column.channel == reference][parts.index(name)]
     moved = np.linalg.norm(np.diff(values.reshape(len(recording), -1), axis=0), axis=1)
     both = recording.measured[1:] & recording.measured[:-1]
     return np.where(both & np.isfinite(moved), moved, 0.0), reference
@@ -252,20 +260,20 @@ def _unit(recording: Recording, reference: str) -> str:
     return recording.signals[first if first in recording.signals else first.rpartition(".")[0]].unit
 
 
-def _dead(recording: Recording, name: str, column: Column, travel: Array, other: str) -> Iterator[Issue]:
+def _constant_column(recording: Recording, name: str, column: Column, travel: Array, other: str) -> Iterator[Issue]:
     """Yield the finding on a column that never changes, where its reference does."""
     channel, unit, values = column
     if np.count_nonzero(travel) < MOVES or recording.signals[channel].frame not in ("world", "joint"):
         return
-    value, way = float(values[recording.measured][0]), float(np.sum(travel))
-    what = f"it is {value:.6g} {unit} throughout, while {other} moves {way:.3g} {_unit(recording, other)}"
+    value, distance = float(values[recording.measured][0]), float(np.sum(travel))
+    what = f"it is {value:.6g} {unit} throughout, while {other} moves {distance:.3g} {_unit(recording, other)}"
     if unit in MEASURES and value == 0.0 and not recording.channels[channel].any() and "velocity" not in channel:
         what += ": no contact, or a sensor that is not connected"
     note = None if unit in MEASURES and value != 0.0 else Severity.NOTE
-    yield found(recording, "constant", what, name, severity=note, value=value, travel=way)
+    yield make_issue(recording, "constant", what, name, severity=note, value=value, travel=distance)
 
 
-def _frozen(
+def _frozen_runs(
     recording: Recording, column: Column, travel: Array, place: Array | None
 ) -> Iterator[tuple[int, int, float, float]]:
     """Yield the rows [first, end) over which a column that changes elsewhere keeps its value, and the hand's travel.
@@ -278,30 +286,32 @@ def _frozen(
     both = measured[1:] & measured[:-1]
     same = both & (np.abs(np.diff(values)) <= rounding)
     path = np.concatenate([[0.0], np.cumsum(travel)])
-    runs = [(first, end + 1) for first, end in runs_of(same)]
-    moved = np.array([path[end - 1] - path[first] for first, end in runs])
-    long = np.array([end - first >= STUCK_ROWS for first, end in runs], dtype=bool)
+    constant_runs = [(first, end + 1) for first, end in runs_of(same)]
+    travel_in_run = np.array([path[end - 1] - path[first] for first, end in constant_runs])
+    long_enough = np.array([end - first >= STUCK_ROWS for first, end in constant_runs], dtype=bool)
     changes = int(np.count_nonzero(both & ~same))
-    elsewhere = float(path[-1] - moved[long].sum())  # how far the hand goes between all changes of the reading
-    for index in np.flatnonzero(long).tolist():
-        first, end = runs[index]
-        value, way = float(values[first]), float(moved[index])
+    travel_elsewhere = float(
+        path[-1] - travel_in_run[long_enough].sum()
+    )  # how far the hand goes between all changes of the reading
+    for index in np.flatnonzero(long_enough).tolist():
+        first, end = constant_runs[index]
+        value, distance = float(values[first]), float(travel_in_run[index])
         resting = np.count_nonzero(travel[first : end - 1]) < STUCK_ROWS
-        if resting or changes < STUCK_ROWS or way * changes < TIMES * elsewhere:
+        if resting or changes < STUCK_ROWS or distance * changes < TIMES * travel_elsewhere:
             continue
-        if _rests(recording, column, slice(first, end), value):
+        if _is_free_reading(recording, column, slice(first, end), value):
             continue
         if place is not None:
-            even = (place[end - 1] - place[first]) / (time[end - 1] - time[first])
-            if abs(even - value) <= EVEN * abs(value):
+            mean_speed = (place[end - 1] - place[first]) / (time[end - 1] - time[first])
+            if abs(mean_speed - value) <= EVEN * abs(value):
                 continue
-        alike = np.array([abs(values[a] - value) <= rounding for a, _ in runs])
+        alike = np.array([abs(values[a] - value) <= rounding for a, _ in constant_runs])
         alike[index] = False
-        if not np.any(moved[alike] >= RECURS * way):
-            yield first, end, way, elsewhere / changes
+        if not np.any(travel_in_run[alike] >= RECURS * distance):
+            yield first, end, distance, travel_elsewhere / changes
 
 
-def _rests(recording: Recording, column: Column, rows: slice, value: float) -> bool:
+def _is_free_reading(recording: Recording, column: Column, rows: slice, value: float) -> bool:
     """Return whether a constant reading is that of free motion: zero, or as good as zero to the sensor.
 
     Zero counts for a component alone: a surface across the axes has none of its force in one of them.
@@ -338,13 +348,13 @@ def repeated_rows(recording: Recording) -> Iterator[Issue]:
         return
     around = rows[:, np.newaxis] + np.delete(np.arange(-AROUND, AROUND + 1), AROUND)
     impossible = np.zeros(rows.size, dtype=bool)
-    for values, taken in zip(columns, steps.T, strict=True):
-        step = numeric_step(values[measured]) or float(np.quantile(np.abs(taken[taken != 0.0]), 0.01))
-        beside = taken[around]
-        large = np.abs(beside) > STEADY * step
-        one_way = np.all(beside >= 0.0, axis=1) | np.all(beside <= 0.0, axis=1)
+    for values, column_steps in zip(columns, steps.T, strict=True):
+        step = numeric_step(values[measured]) or float(np.quantile(np.abs(column_steps[column_steps != 0.0]), 0.01))
+        neighbours = column_steps[around]
+        large = np.abs(neighbours) > STEADY * step
+        one_way = np.all(neighbours >= 0.0, axis=1) | np.all(neighbours <= 0.0, axis=1)
         either = large[:, :AROUND].any(axis=1) & large[:, AROUND:].any(axis=1)
-        impossible |= one_way & either & np.all(large | (beside == 0.0), axis=1)
+        impossible |= one_way & either & np.all(large | (neighbours == 0.0), axis=1)
     count = int(impossible.sum())
     if count < FEWEST or count < SHARE * len(recording):
         return
@@ -353,4 +363,4 @@ def repeated_rows(recording: Recording) -> Iterator[Issue]:
         f"{int(again.sum())} of {len(recording)} rows repeat the row before in all {len(columns)} columns, {count} "
         f"of them in the middle of a motion, first row {first} ({recording.time[first]:.6g} s)"
     )
-    yield found(recording, "repeated rows", message, "time", rows=int(again.sum()), moving=count)
+    yield make_issue(recording, "repeated rows", message, "time", rows=int(again.sum()), moving=count)

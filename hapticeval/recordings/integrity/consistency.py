@@ -16,11 +16,11 @@ from typing import Protocol
 import numpy as np
 
 from hapticeval.geometry.model import Model
-from hapticeval.recordings.integrity.issue import Issue, found
+from hapticeval.recordings.integrity.issue import Issue, make_issue
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
 from hapticeval.recordings.quantization import coarsest
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import LAG, joined
+from hapticeval.recordings.stretches import LAG, continuing_steps
 from hapticeval.types import Array, IntArray
 
 QUANTA = 3.0
@@ -213,16 +213,16 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
         if at.size:
             largest, span = float(off[at].max()), (int(at[0]), int(at[-1]) + 1)
             message = f"{words}, by up to {1e3 * largest:.3g} mm, at {at.size} rows"
-            faults.append(found(recording, CONTACT, message, "force", span, residual=largest, rows=int(at.size)))
+            faults.append(make_issue(recording, CONTACT, message, "force", span, residual=largest, rows=int(at.size)))
     off = off[rows]
-    most, median = float(off.max(initial=0.0)), float(np.median(off))
-    return ConsistencyTest(CONTACT, "m", int(rows.size), most, median, allowed / QUANTA, tuple(faults))
+    largest_residual, median = float(off.max(initial=0.0)), float(np.median(off))
+    return ConsistencyTest(CONTACT, "m", int(rows.size), largest_residual, median, allowed / QUANTA, tuple(faults))
 
 
 def _through(recording: Recording, values: Array, extreme: np.ufunc) -> Array:
     """Return the extreme of each row and the `LAG` before it; NaN where one of these is missing, or behind a gap."""
     out = values.copy()
-    broken = np.concatenate([[True], ~joined(recording)])
+    broken = np.concatenate([[True], ~continuing_steps(recording)])
     for back in range(1, LAG + 1):
         before = np.concatenate([np.full(back, np.nan), values[:-back]])[: values.size]
         out = extreme(out, before)
@@ -259,7 +259,7 @@ def _checked(
         f"off by up to {largest:.3g} {unit}{quanta}, at {bad.size} of {rows.size} rows (typically {median:.3g} {unit})"
     )
     span = int(bad[0]), int(bad[-1]) + 1
-    fault = found(recording, name, message, channel, span, residual=largest, bound=bound, rows=int(bad.size))
+    fault = make_issue(recording, name, message, channel, span, residual=largest, bound=bound, rows=int(bad.size))
     return replace(check, faults=(fault,))
 
 
@@ -269,7 +269,7 @@ def _fitted(check: ConsistencyTest, declared: float, share: float, square: float
         return check
     words = f"; {share / square:.6g} N/m fits best, {declared:.6g} N/m is declared"
     faults = tuple(
-        replace(each, message=each.message + words, measures={**each.measures, "stiffness": share / square})
-        for each in check.faults
+        replace(fault, message=fault.message + words, measures={**fault.measures, "stiffness": share / square})
+        for fault in check.faults
     )
     return replace(check, faults=faults)

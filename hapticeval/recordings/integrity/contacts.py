@@ -113,12 +113,12 @@ def impacts(recording: Recording) -> Impacts:
     for first, end in runs_of((press > floor) & valid):
         if end - first < LEAST_ROWS:
             continue
-        speed, least = _speed(into, first - window, first, tick), step / (window * tick)
-        if speed > least:
+        speed, resolvable = _speed(into, first - window, first, tick), step / (window * tick)
+        if speed > resolvable:
             contacts.append(_impact(time, press, into, first, end, step))
             continue
         unexplained.append(float(time[first]))
-        if speed < -least:
+        if speed < -resolvable:
             retreats.append(float(time[first]))
     return Impacts(tuple(contacts), tuple(unexplained), tuple(retreats), floor)
 
@@ -127,41 +127,47 @@ def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: 
     """Measure the contact over rows [first, end) above the floor, before which the tool moves into the wall."""
     tick = float(np.median(np.diff(time)))
     window, before = max(2, round(SPEED_WINDOW / tick)), max(2, round(BEFORE / tick))
-    top = float(press[first:end].max())
-    touch, rest = first, float(np.median(press[max(0, first - 2 * before) : max(1, first - before)]))
+    largest = float(press[first:end].max())
+    touch, bias = first, float(np.median(press[max(0, first - 2 * before) : max(1, first - before)]))
     for _ in range(3):  # what the sensor reads before the touch says where the touch is, and the other way round
         touch = first
-        while touch > 0 and press[touch - 1] > rest + TOUCH * (top - rest):
+        while touch > 0 and press[touch - 1] > bias + TOUCH * (largest - bias):
             touch -= 1
-        rest = float(np.median(press[max(0, touch - 1 - before) : max(1, touch - 1)]))
-    top -= rest
-    leave = end
-    while leave < press.size and press[leave] > rest + TOUCH * top:
-        leave += 1
-    load = press[touch:leave] - rest
+        bias = float(np.median(press[max(0, touch - 1 - before) : max(1, touch - 1)]))
+    largest -= bias
+    release = end
+    while release < press.size and press[release] > bias + TOUCH * largest:
+        release += 1
+    load = press[touch:release] - bias
     peak = int(np.argmax(load))
     loading = load[: peak + 1]
-    rows = np.flatnonzero((loading >= LOADING[0] * top) & (loading <= LOADING[1] * top))
+    rows = np.flatnonzero((loading >= LOADING[0] * largest) & (loading <= LOADING[1] * largest))
     stiffness, error = _slope(into[touch + rows], load[rows])
-    duration = float(time[leave - 1] - time[touch])
-    after = [_speed(into, row, row + window, tick) for row in range(touch + peak, leave)]
-    back = min([each for each in after if math.isfinite(each)], default=math.nan) if duration <= HAND else math.nan
-    speed = max(_speed(into, row - window, row, tick) for row in range(max(window, touch - window), touch + 1))
-    spread = math.sqrt(2.0 / 12.0) * step / (window * tick)
+    duration = float(time[release - 1] - time[touch])
+    exit_speeds = [_speed(into, row, row + window, tick) for row in range(touch + peak, release)]
+    speed_after = (
+        min([exit_speed for exit_speed in exit_speeds if math.isfinite(exit_speed)], default=math.nan)
+        if duration <= HAND
+        else math.nan
+    )
+    speed_before = max(_speed(into, row - window, row, tick) for row in range(max(window, touch - window), touch + 1))
+    speed_error = math.sqrt(2.0 / 12.0) * step / (window * tick)
     return Impact(
         first=touch,
-        end=leave,
+        end=release,
         begin=float(time[touch]),
         duration=duration,
         peak=float(load[peak]),
-        depth=float(into[touch:leave].max() - into[touch]),
-        impulse=float(np.trapezoid(load, time[touch:leave])),
+        depth=float(into[touch:release].max() - into[touch]),
+        impulse=float(np.trapezoid(load, time[touch:release])),
         stiffness=stiffness,
         stiffness_error=error,
-        speed_before=speed,
-        speed_after=back,
-        restitution=-back / speed,
-        restitution_error=math.hypot(spread / speed, -back / speed * spread / speed),
+        speed_before=speed_before,
+        speed_after=speed_after,
+        restitution=-speed_after / speed_before,
+        restitution_error=math.hypot(
+            speed_error / speed_before, -speed_after / speed_before * speed_error / speed_before
+        ),
     )
 
 

@@ -60,7 +60,7 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.integrity.contacts import impacts, wall_channel
-from hapticeval.recordings.integrity.issue import SIGN, Issue, found
+from hapticeval.recordings.integrity.issue import SIGN, Issue, make_issue
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
 from hapticeval.recordings.quantization import coarsest, resolution
 from hapticeval.recordings.recording import Recording, runs_of
@@ -101,18 +101,18 @@ class PassivityViolation:
 class PassivityTest:
     """The largest gifts with the force as it is and with its sign turned, over a stretch."""
 
-    given: PassivityViolation
+    as_logged: PassivityViolation
     turned: PassivityViolation
 
     @property
     def sign(self) -> int:
         """1 if the logged sign is passive and the opposite one is not, -1 for the reverse, 0 if undecided."""
-        return int(self.given.passive) - int(self.turned.passive)
+        return int(self.as_logged.passive) - int(self.turned.passive)
 
     @property
     def active(self) -> PassivityViolation:
         """The gift with the sign that is not passive."""
-        return self.turned if self.sign > 0 else self.given
+        return self.turned if self.sign > 0 else self.as_logged
 
 
 def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> tuple[PassivityTest, ...]:
@@ -131,10 +131,10 @@ def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> t
         end = len(time) - lag
         port = _Port(place[:end], force[lag:], steps, floor, share)
         from_free = [row - lag for row in free if row >= lag]
-        given, turned = (port.largest(sign, rests[rests < end], from_free) for sign in (1.0, -1.0))
-        if given is None or turned is None:
+        as_logged, turned = (port.largest(sign, rests[rests < end], from_free) for sign in (1.0, -1.0))
+        if as_logged is None or turned is None:
             return ()
-        balances.append(PassivityTest(given, turned))
+        balances.append(PassivityTest(as_logged, turned))
     return tuple(balances)
 
 
@@ -167,38 +167,40 @@ class _Port:
 
     def largest(self, sign: float, rests: IntArray, free: list[int]) -> PassivityViolation | None:
         """Return the gift that is the furthest beyond what is open; None where no two rows bound what is stored."""
-        return max([*self._rests(sign, rests), *self._free(sign, free)], key=lambda each: each.excess, default=None)
+        return max(
+            [*self._rests(sign, rests), *self._free(sign, free)], key=lambda violation: violation.excess, default=None
+        )
 
     def _rests(self, sign: float, rests: IntArray) -> Iterator[PassivityViolation]:
         if rests.size < 2:
             return
-        a, b = (rests[each] for each in np.triu_indices(rests.size, 1))
+        a, b = (rests[indices] for indices in np.triu_indices(rests.size, 1))
         back = float(self.size.max()) * np.linalg.norm(self.place[b] - self.place[a], axis=1)
-        given, left = sign * (self.work[b] - self.work[a]) - back, self.open(a, b) + self.kinetic
-        best = int(np.argmax(given - left))
-        yield PassivityViolation(float(given[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both")
+        energy, left = sign * (self.work[b] - self.work[a]) - back, self.open(a, b) + self.kinetic
+        best = int(np.argmax(energy - left))
+        yield PassivityViolation(float(energy[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both")
 
     def _free(self, sign: float, free: list[int]) -> Iterator[PassivityViolation]:
         # But for the noise what is open adds up, and its best row is one for all that begin before it: no gift is
         # further beyond than that, and those are looked at in turn until no other could be.
         sums = sign * self.work - self.position * self.turned - self.reading * self.path - SHARE * self.crossed
         ends = np.maximum.accumulate((sums - self.position * self.size)[::-1])[::-1]
-        most = {
+        upper_bounds = {
             first: float(ends[first + 1] - sums[first] - self.position * self.size[first])
             for first in free
             if first + 1 < len(sums)
         }
         best: PassivityViolation | None = None
-        for first in sorted(most, key=most.__getitem__, reverse=True):
-            if best is not None and most[first] <= best.excess:
+        for first in sorted(upper_bounds, key=upper_bounds.__getitem__, reverse=True):
+            if best is not None and upper_bounds[first] <= best.excess:
                 break
             rows = slice(first + 1, None)
-            given, left = sign * (self.work[rows] - self.work[first]), self.open(first, rows)
-            row = int(np.argmax(given - left))
-            gift = PassivityViolation(
-                float(given[row]), float(left[row]), first, first + 1 + row, "free of force at the first"
+            energy, left = sign * (self.work[rows] - self.work[first]), self.open(first, rows)
+            row = int(np.argmax(energy - left))
+            violation = PassivityViolation(
+                float(energy[row]), float(left[row]), first, first + 1 + row, "free of force at the first"
             )
-            best = max(best or gift, gift, key=lambda each: each.excess)
+            best = max(best or violation, violation, key=lambda violation: violation.excess)
         if best is not None:
             yield best
 
@@ -252,12 +254,12 @@ def force_signs(recording: Recording) -> tuple[tuple[Sign, ...], list[Issue]]:
             continue
         if channel == "operator_force" and np.array_equal(force, -recording.channels.get("force", np.nan)):
             continue  # one column, mapped to both
-        made = _energy(recording, channel, place, sense)
-        if made[0].sign == 0 and channel == "force":
-            made = _pointing(recording) or made
-        if made[0].sign == 0 and recording.dimension == 1 and channel == wall_channel(recording):
-            made = _approach(recording, channel) or made
-        judged.append(made)
+        decision = _energy(recording, channel, place, sense)
+        if decision[0].sign == 0 and channel == "force":
+            decision = _pointing(recording) or decision
+        if decision[0].sign == 0 and recording.dimension == 1 and channel == wall_channel(recording):
+            decision = _approach(recording, channel) or decision
+        judged.append(decision)
     return tuple(sign for sign, _ in judged), [fault for _, fault in judged if fault is not None]
 
 
@@ -270,27 +272,30 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> Jud
         rows = stretch.rows
         force = sense * recording.channels[channel][rows]
         lags = balance(recording.channels[place][rows], force, recording.time[rows], floor=floor)
-        if lags and abs(sum(each.sign for each in lags)) == len(lags):
-            decided.append((stretch.first, min(lags, key=lambda each: each.active.excess)))
+        if lags and abs(sum(test.sign for test in lags)) == len(lags):
+            decided.append((stretch.first, min(lags, key=lambda test: test.active.excess)))
         elif lags:
             unclear.append(lags[0])
     if not decided:
         return Sign(channel, 0, _unclear(unclear)), None
-    if len({each.sign for _, each in decided}) > 1:
+    if len({test.sign for _, test in decided}) > 1:
         return Sign(channel, 0, "energy shows one sign in one part of the run and the other in another"), None
-    begin, best = max(decided, key=lambda each: each[1].active.excess)
+    begin, best = max(decided, key=lambda candidate: candidate[1].active.excess)
     active, span = best.active, (begin + best.active.first, begin + best.active.last + 1)
     who, to = ("the wall", "tool") if channel == "wall_force" else ("the environment", "hand")
-    would = f"{who} would have given {active.energy:.3g} J to the {to}"
+    claim = f"{who} would have given {active.energy:.3g} J to the {to}"
     where = (
         f"between {recording.time[span[0]]:.4g} and {recording.time[span[1] - 1]:.4g} s ({active.how}), and noise, "
         f"rounding and delay explain no more than {active.open:.2g} J of it"
     )
     if best.sign > 0:
-        return Sign(channel, 1, f"right: with the opposite sign {would} {where}"), None
+        return Sign(channel, 1, f"right: with the opposite sign {claim} {where}"), None
     todo = f"{SIGN}. A motor, a magnet or another hand behind it may give energy, too"
-    rest, measures = f" {where}; with the opposite sign it takes energy", {"energy": active.energy, "open": active.open}
-    return _suspected(recording, channel, would, rest, span, todo, **measures)
+    detail, measures = (
+        f" {where}; with the opposite sign it takes energy",
+        {"energy": active.energy, "open": active.open},
+    )
+    return _suspected(recording, channel, claim, detail, span, todo, **measures)
 
 
 def _suspected(
@@ -304,17 +309,17 @@ def _suspected(
 ) -> Judged:
     """Return a sign that seems wrong, in `words`, and the finding, with the `detail`."""
     message = f"the sign seems wrong: {words}{detail}"
-    fault = found(recording, "force sign", message, channel, span, todo=todo, **measures)
+    fault = make_issue(recording, "force sign", message, channel, span, todo=todo, **measures)
     return Sign(channel, -1, f"seems wrong: {words}"), fault
 
 
 def _unclear(balances: list[PassivityTest]) -> str:
     if not balances:
         return "undecided: the hand is not at rest twice, and was never free of force for long"
-    best = max(balances, key=lambda each: max(each.given.energy, each.turned.energy))
-    if not best.given.passive and not best.turned.passive:
+    best = max(balances, key=lambda test: max(test.as_logged.energy, test.turned.energy))
+    if not best.as_logged.passive and not best.turned.passive:
         return "undecided: with either sign the environment gives energy"
-    larger = max(best.given, best.turned, key=lambda each: each.energy)
+    larger = max(best.as_logged, best.turned, key=lambda violation: violation.energy)
     return (
         f"undecided: with neither sign would the environment give energy beyond doubt: {max(larger.energy, 0.0):.2g} J "
         f"at most, and noise, rounding and delay explain up to {larger.open:.2g} J"
@@ -358,5 +363,5 @@ def _approach(recording: Recording, channel: str) -> Judged | None:
     if not bdtr(into, into + out, 0.5) < LEVEL:
         return None
     words = f"{out} of {into + out} pushes begin as the tool moves away from what pushes it"
-    places = ", at " + ", ".join(f"{each:.4g} s" for each in touches.retreats[:8])
+    places = ", at " + ", ".join(f"{time:.4g} s" for time in touches.retreats[:8])
     return _suspected(recording, channel, words, places, None, into=into, out=out)

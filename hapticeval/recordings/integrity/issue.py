@@ -93,7 +93,7 @@ WORST = ("duplicate", "reversal", "no number")
 """Kinds that are faults. That a run ended is a note; all others are suspicious unless their detector knows better."""
 
 
-def found(
+def make_issue(
     recording: Recording,
     kind: str,
     message: str,

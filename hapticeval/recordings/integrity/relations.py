@@ -26,7 +26,7 @@ import numpy as np
 
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.integrity.columns import unbroken
-from hapticeval.recordings.integrity.issue import Issue, Severity, found
+from hapticeval.recordings.integrity.issue import Issue, Severity, make_issue
 from hapticeval.recordings.recording import Recording, columns_of
 from hapticeval.recordings.stretches import LAG, nominal_step
 from hapticeval.types import Array, BoolArray
@@ -72,7 +72,7 @@ def derivative_fit(position: Array, speed: Array, time: Array, sound: BoolArray)
 
     None where too little moves above the noise of the position.
     """
-    first, end = max(unbroken(sound, time), key=lambda each: each[1] - each[0], default=(0, 0))
+    first, end = max(unbroken(sound, time), key=lambda span: span[1] - span[0], default=(0, 0))
     first += 2 * LAGS  # a filter that starts there knows nothing of what was before
     position, speed, time = position[first:end], speed[first:end], time[first:end]
     if position.size == 0:
@@ -84,26 +84,26 @@ def derivative_fit(position: Array, speed: Array, time: Array, sound: BoolArray)
     best: Fit | None = None
     window = SHORTEST
     while position.size >= INDEPENDENT * window + LAGS:
-        moved, made = position[window:] - position[:-window], integral[window:] - integral[:-window]
+        moved, integrated = position[window:] - position[:-window], integral[window:] - integral[:-window]
         if np.std(moved) > NOISY * noise:
-            fit = _regressed(moved, made, window)
+            fit = _regressed(moved, integrated, window)
             if best is None or fit.correlation >= LIKE or fit.correlation > best.correlation:
                 best = fit
         window *= 2
     return best
 
 
-def _regressed(moved: Array, made: Array, window: int) -> Fit:
+def _regressed(moved: Array, integrated: Array, window: int) -> Fit:
     """Regress `made` on `moved` at the lag of the least size that explains as much as any; the correlation's size.
 
     Windows overlap, so one in several is enough. What noise leaves unexplained hardly depends on the lag.
     """
     stride = max(window // SHORTEST, moved.size // ENOUGH, 1)
     lags = sorted(range(-LAGS, LAGS + 1), key=abs)
-    pairs = [[each[::stride] for each in lagged(moved, made, lag)] for lag in lags]
+    pairs = [[series[::stride] for series in lagged(moved, integrated, lag)] for lag in lags]
     likes = np.abs([correlation(x, y) for x, y in pairs])
     place = int(np.argmax(1.0 - likes <= ALIKE * (1.0 - likes).min() + 1e-12))
-    x, y = (each - each.mean() for each in pairs[place])
+    x, y = (series - series.mean() for series in pairs[place])
     ratio = float(np.dot(x, y) / np.dot(x, x)) if np.any(x) else float("inf")
     return Fit(ratio, float(likes[place]), lags[place], window)
 
@@ -123,7 +123,7 @@ def velocities(recording: Recording) -> Iterator[Issue]:
             fit = derivative_fit(position, values, recording.time, recording.measured)
             message = "" if fit is None else _misfit(fit, place)
             if fit is not None and message:
-                yield found(recording, "velocity", message, name, **fit._asdict())
+                yield make_issue(recording, "velocity", message, name, **fit._asdict())
 
 
 def _misfit(fit: Fit, place: str) -> str:
@@ -202,8 +202,8 @@ def copies(recording: Recording) -> Iterator[Issue]:
     That two channels are one column of the file is a note where the mapping says so.
     """
     keep = recording.measured
-    columns = {name: (each.channel, each.values[keep]) for name, each in columns_of(recording).items()}
-    moving = {name: each for name, each in columns.items() if np.count_nonzero(np.diff(each[1])) >= COPY_ROWS}
+    columns = {name: (column.channel, column.values[keep]) for name, column in columns_of(recording).items()}
+    moving = {name: column for name, column in columns.items() if np.count_nonzero(np.diff(column[1])) >= COPY_ROWS}
     mapped = recording.meta.get("import", {}).get("columns", {})
     for (one, (a, values)), (other, (b, others)) in combinations(moving.items(), 2):
         if a != b and any({a, b} <= alike for alike in SAME_BY_MEANING):
@@ -215,7 +215,7 @@ def copies(recording: Recording) -> Iterator[Issue]:
             note = match.lag == 0 and a != b and bool(set(mapped.get(a, ())) & set(mapped.get(b, ())))
             why = ", as the mapping says" if note else ""
             measures: dict[str, Any] = {"rows": match.lag} if match.lag else {}
-            yield found(
+            yield make_issue(
                 recording,
                 "shifted copy" if match.lag else "copy",
                 f"it is {how}'{one}'{match.when or ' over again'}{match.share}{why}: no second measurement",
@@ -235,7 +235,7 @@ def of_another_run(recording: Recording, other: Recording, run: str) -> Iterator
             match = matched(theirs[name].values, column.values, ACROSS)
             if match is not None:
                 message = f"it is that of {run}{',' * bool(match.lag)}{match.when}{match.share}, bit for bit"
-                yield found(recording, "from another run", message, name)
+                yield make_issue(recording, "from another run", message, name)
 
 
 LINEAR = 0.95
@@ -251,17 +251,17 @@ def force_lag(recording: Recording) -> Iterator[Issue]:
     reach = np.diff((recording.ihip - recording.hip)[keep], axis=0)
     if len(force) < 4 * LAGS or not np.any(np.std(force, axis=0)) or not np.any(np.std(reach, axis=0)):
         return
-    best, at, there = 0.0, 0, 0.0
+    best, at, unlagged = 0.0, 0, 0.0
     for lag in range(-LAGS, LAGS + 1):
-        like = correlation(*(each.ravel() for each in lagged(reach, force, lag)))
-        there = like if lag == 0 else there
+        like = correlation(*(series.ravel() for series in lagged(reach, force, lag)))
+        unlagged = like if lag == 0 else unlagged
         if like > best + 1e-12:
             best, at = like, lag
-    if best < LINEAR or best - there < 1.0 - LINEAR or not LAG < abs(at) < LAGS:
+    if best < LINEAR or best - unlagged < 1.0 - LINEAR or not LAG < abs(at) < LAGS:
         return
     when = "after" if at > 0 else "before"
     message = f"the force comes {abs(at)} ticks {when} the IHIP - HIP that it is made of (correlation {best:.3f})"
-    yield found(recording, "force lag", message, "force", lag=at, correlation=best)
+    yield make_issue(recording, "force lag", message, "force", lag=at, correlation=best)
 
 
 LIMITS: Mapping[str, tuple[float, str]] = {
@@ -285,16 +285,16 @@ def units(recording: Recording) -> Iterator[Issue]:
     if recording.meta.get("source") == "hardware":
         todo = "see the wiring that it was recorded with: counts_per_turn, offsets and the other entries of [device]"
     for name, (channel, unit, values) in columns_of(recording).items():
-        kept = values[keep]
-        if kept.size == 0 or unit not in LIMITS:
+        numbers = values[keep]
+        if numbers.size == 0 or unit not in LIMITS:
             continue
-        size = float(np.ptp(kept) if unit in ("m", "rad") else np.max(np.abs(kept)))
+        size = float(np.ptp(numbers) if unit in ("m", "rad") else np.max(np.abs(numbers)))
         limit, message = LIMITS[unit]
         if size > limit:
-            yield found(recording, "unit", message.format(size), name, todo=todo, size=size)
+            yield make_issue(recording, "unit", message.format(size), name, todo=todo, size=size)
         elif channel == "hip" and 0.0 < size < LEAST and np.max(np.ptp(recording.hip[keep], axis=0)) < LEAST:
             message = f"the hand moves by {1e6 * size:.3g} um: is the unit larger than it was taken for?"
-            yield found(recording, "unit", message, name, todo=todo, size=size)
+            yield make_issue(recording, "unit", message, name, todo=todo, size=size)
 
 
 RATE = (10.0, 1e5)
@@ -331,13 +331,13 @@ def time_unit(recording: Recording) -> Iterator[Issue]:
         return
     now = f"{rate:.4g} Hz" + ("" if speed is None else f", and a hand that moves at {1e3 * speed:.3g} mm/s")
     others = [
-        f"were the times in {unit}, and taken for {taken}, it would be {words}"
-        for factor, (unit, taken) in FACTORS.items()
+        f"were the times in {unit}, and taken for {assumed}, it would be {words}"
+        for factor, (unit, assumed) in FACTORS.items()
         if (words := described(factor))
     ]
     message = "; ".join([now, *others]) if others else f"{now}: no haptic device has that"
     todo = "see the unit of [time] in the mapping"
-    yield found(recording, "unit", message, "time", todo=todo, rate=rate, speed=speed)
+    yield make_issue(recording, "unit", message, "time", todo=todo, rate=rate, speed=speed)
 
 
 def _speed(recording: Recording) -> float | None:

@@ -96,9 +96,9 @@ def examine(
     ordered = recording.measured
     facts = {}
     for name, column in columns_of(recording).items():
-        kept = column.values[ordered & np.isfinite(column.values)]
-        if kept.size:
-            facts[name] = ColumnFacts(column.unit, float(kept.min()), float(kept.max()), numeric_step(kept))
+        numbers = column.values[ordered & np.isfinite(column.values)]
+        if numbers.size:
+            facts[name] = ColumnFacts(column.unit, float(numbers.min()), float(numbers.max()), numeric_step(numbers))
     timing, faults = examine_timing(recording)
     faults += [*columns.faults_of_values(recording), *columns.faults_of_numbers(recording)]
     faults += columns.frozen(recording, list(faults))
@@ -132,8 +132,8 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
             keep[fault.first : fault.end] = False
             left.append(((fault.first, fault.end or 0), f"{fault.kind} in {fault.channel}"))
     sound = stretches(recording, keep)
-    for each in sound:
-        keep[each.rows] = False
+    for stretch in sound:
+        keep[stretch.rows] = False
     left += [(span, "a row by itself") for span in runs_of(keep)]
     return Soundness(recording, sound, tuple((Stretch(*span), why) for span, why in sorted(left)))
 
@@ -161,7 +161,7 @@ def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
           for name, (unit, low, high, step) in report.columns.items()),
     ])]  # fmt: skip
     lines += ["", *_faults(report), "", *_checks(report)]
-    lines += ["", *(f"sign of {each.channel}: {each.words}" for each in report.signs), *_intervals(report, soundness)]
+    lines += ["", *(f"sign of {sign.channel}: {sign.words}" for sign in report.signs), *_intervals(report, soundness)]
     return "\n".join(lines)
 
 
@@ -187,25 +187,25 @@ def _faults(report: Integrity) -> list[str]:
 
 def _checks(report: Integrity) -> list[str]:
     """Describe which inverse checks were made, with their residuals, and which were not."""
-    made = [check for check in report.checks if check.made]
+    checks_made = [check for check in report.checks if check.made]
     lines = aligned([
         ("inverse check", "what should hold", "largest residual", "in quanta", "rows", "found"),
         *((check.name, check.relation, f"{check.largest:.3g} {check.unit}",
            f"{check.largest / check.quantum:.3g}" if check.quantum > 0.0 else "-", f"{check.rows}",
-           "contradicted" if check.faults else "holds") for check in made),
-    ]) if made else []  # fmt: skip
+           "contradicted" if check.faults else "holds") for check in checks_made),
+    ]) if checks_made else []  # fmt: skip
     lines += [f"not checked: {check.name}: {check.why}" for check in report.checks if not check.made]
     return lines or ["inverse checks: none, as no device, model or stiffness is given or stated by the recording"]
 
 
 def _intervals(report: Integrity, soundness: Soundness) -> list[str]:
     spans = soundness.sound
-    shown = ", ".join(f"{span.times(soundness.recording)}{_lacking(report, span)}" for span in spans[:MOST])
+    listed = ", ".join(f"{span.times(soundness.recording)}{_lacking(report, span)}" for span in spans[:MOST])
     more = f" and {len(spans) - MOST} more, shown in the picture" if len(spans) > MOST else ""
     reasons: dict[str, list[int]] = {}
     for span, why in soundness.left_out:
         reasons.setdefault(why, []).append(len(span))
-    return [f"sound: {shown}{more}" if spans else "sound: nothing"] + [
+    return [f"sound: {listed}{more}" if spans else "sound: nothing"] + [
         f"left out: {plural(sum(rows), 'row')} in {plural(len(rows), 'place')}: {why}" for why, rows in reasons.items()
     ]
 
@@ -218,17 +218,17 @@ def _lacking(report: Integrity, span: Stretch) -> str:
 
 
 CONTACT_COLUMNS: Mapping[str, Callable[[Impact], str]] = {
-    "begin s": lambda each: f"{each.begin:.4f}",
-    "for ms": lambda each: f"{1e3 * each.duration:.3g}",
-    "peak N": lambda each: f"{each.peak:.3g}",
-    "depth mm": lambda each: f"{1e3 * each.depth:.3g}",
-    "impulse N s": lambda each: f"{each.impulse:.3g}",
-    "stiffness N/m": lambda each: _known(each.stiffness),
-    "std. error": lambda each: _known(each.stiffness_error, 2),
-    "in m/s": lambda each: f"{each.speed_before:.3g}",
-    "out m/s": lambda each: _known(each.speed_after),
-    "restitution": lambda each: _known(each.restitution),
-    "std. error ": lambda each: _known(each.restitution_error, 2),
+    "begin s": lambda contact: f"{contact.begin:.4f}",
+    "for ms": lambda contact: f"{1e3 * contact.duration:.3g}",
+    "peak N": lambda contact: f"{contact.peak:.3g}",
+    "depth mm": lambda contact: f"{1e3 * contact.depth:.3g}",
+    "impulse N s": lambda contact: f"{contact.impulse:.3g}",
+    "stiffness N/m": lambda contact: _known(contact.stiffness),
+    "std. error": lambda contact: _known(contact.stiffness_error, 2),
+    "in m/s": lambda contact: f"{contact.speed_before:.3g}",
+    "out m/s": lambda contact: _known(contact.speed_after),
+    "restitution": lambda contact: _known(contact.restitution),
+    "std. error ": lambda contact: _known(contact.restitution_error, 2),
 }
 """The columns of the table of contacts."""
 
@@ -242,7 +242,7 @@ def contacts(impacts: Impacts) -> str:
         lines[0] += f"; at {times} a force rose though the tool was not moving into the wall"
     if not impacts.contacts:
         return lines[0]
-    rows = [[shown(each) for shown in CONTACT_COLUMNS.values()] for each in impacts.contacts]
+    rows = [[text_of(contact) for text_of in CONTACT_COLUMNS.values()] for contact in impacts.contacts]
     lines += aligned([list(CONTACT_COLUMNS), *rows])
     lines.append("peak, impulse and stiffness are above what the sensor read just before each touch")
     for measure, unit in (("impulse", " N s"), ("stiffness", " N/m"), ("restitution", "")):
@@ -255,12 +255,12 @@ def contacts(impacts: Impacts) -> str:
 
 def converted(recording: Recording) -> str:
     """Describe what a conversion made: rows, channels, and which rows are no measurement."""
-    said = recording.meta.get("import", {})
+    notes = recording.meta.get("import", {})
     missed = None if recording.clock is None else recording.clock.missed
     return "\n".join([
         f"{len(recording)} rows, {recording.time[-1] - recording.time[0]:.6g} s: {', '.join(recording.channels)}",
-        *(f"no measurement: {plural(count, 'row')} {why}" for why, count in said.get("left out", {}).items()),
-        *(f"remark: {text}" for text in said.get("cells", ())),
+        *(f"no measurement: {plural(count, 'row')} {why}" for why, count in notes.get("left out", {}).items()),
+        *(f"remark: {text}" for text in notes.get("cells", ())),
         *([f"missed: {plural(missed, 'cycle')} of the loop without a row"] if missed else []),
         *(f"ended: {event.text}" for event in recording.events if event.kind == "ended"),
         *(f"suspicious: {text}" for text in describe_losses(recording) + describe_warnings(recording)),

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.recordings.integrity.issue import ADVICE, Issue, Severity, found
+from hapticeval.recordings.integrity.issue import ADVICE, Issue, Severity, make_issue
 from hapticeval.recordings.provenance import describe_losses, describe_warnings
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import GAP_STEPS, joined
+from hapticeval.recordings.stretches import GAP_STEPS, continuing_steps
 from hapticeval.types import IntArray
 
 CATCH_UP = 3
@@ -44,10 +44,10 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
     """Return the timing of a recording's stamps, in the order in which they were recorded, and what is wrong with it.
 
     A gap beside rows that are no measurement is a note. "bridged" in its measures and its advice follow from
-    `stretches.joined`. How many rows are missing follows from the cycle numbers, where there are any, or else from how
-    long the gap is; the rate is that of all cycles, or else that of the rows between gaps.
+    `stretches.continuing_steps`. How many rows are missing follows from the cycle numbers, where there are any, or else
+    from how long the gap is; the rate is that of all cycles, or else that of the rows between gaps.
     """
-    stamps, measured, bridges = recording.nanoseconds, recording.measured, joined(recording)
+    stamps, measured, bridges = recording.nanoseconds, recording.measured, continuing_steps(recording)
     sequence = None if recording.clock is None else recording.clock.sequence
     steps = np.diff(stamps)
     rising = steps[steps > 0]
@@ -60,17 +60,18 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
         if steps[row] < 0:
             kind, message = "reversal", f"the time goes back by {-1e-9 * steps[row]:.6g} s"
         todo = None if measured[row + 1] else "it is marked as no measurement already, and left out"
-        faults.append(found(recording, kind, message, "time", (row + 1, row + 2), todo=todo))
+        faults.append(make_issue(recording, kind, message, "time", (row + 1, row + 2), todo=todo))
     cycle, gaps = _gaps(stamps, steps, sequence, median)
     for row, count in gaps.items():
-        beside = bool(measured[row : row + 2].all())
-        bridged = beside and bool(bridges[row])
+        between_measurements = bool(measured[row : row + 2].all())
+        bridged = between_measurements and bool(bridges[row])
         message = (
             f"{'about ' * (sequence is None)}{count} row{'s' * (count != 1)} missing ({1e-9 * count * cycle:.4g} s)"
         )
         faults.append(
-            found(
-                recording, "gap", message, "time", (row, row + 2), severity=None if beside else Severity.NOTE,
+            make_issue(
+                recording, "gap", message, "time", (row, row + 2),
+                severity=None if between_measurements else Severity.NOTE,
                 todo=f"{BRIDGED if bridged else PARTED}; {ADVICE['gap']}", missing=count, bridged=bridged,
             )
         )  # fmt: skip
@@ -84,10 +85,10 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
         mean = 1e-9 * float(stamps[-1] - stamps[0]) / float(sequence[-1] - sequence[0])
     jitter = tuple(np.percentile(off, [50, 95, 99, 100]).tolist())
     timing = Timing(len(recording), median * 1e-9, 1.0 / mean, jitter, missing, 1e-9 * missing * cycle)
-    meant = recording.meta.get("dt")
-    if isinstance(meant, int | float) and abs(mean - meant) > SETTING * meant:
-        message = f"the loop was meant to take {1e3 * meant:.6g} ms, its rows are {1e3 * mean:.6g} ms apart"
-        faults.append(found(recording, "rate", message, "time", declared=float(meant), found=mean))
+    declared_step = recording.meta.get("dt")
+    if isinstance(declared_step, int | float) and abs(mean - declared_step) > SETTING * declared_step:
+        message = f"the loop was meant to take {1e3 * declared_step:.6g} ms, its rows are {1e3 * mean:.6g} ms apart"
+        faults.append(make_issue(recording, "rate", message, "time", declared=float(declared_step), found=mean))
     return timing, [*faults, *_said(recording)]
 
 
@@ -99,8 +100,8 @@ def _gaps(stamps: IntArray, steps: IntArray, sequence: IntArray | None, median: 
     """
     if sequence is None:
         late = np.flatnonzero(steps > (1.0 + HALF) * median).tolist()
-        lost = [row for row in late if not _caught_up(stamps, row, median)]
-        return median, {row: round(float(steps[row]) / median) - 1 for row in lost}
+        gap_rows = [row for row in late if not _caught_up(stamps, row, median)]
+        return median, {row: round(float(steps[row]) / median) - 1 for row in gap_rows}
     jumps = np.diff(sequence)
     counted = jumps > 0
     cycle = float(np.median(steps[counted] / jumps[counted])) if counted.any() else median
@@ -118,12 +119,12 @@ def _said(recording: Recording) -> Iterator[Issue]:
     """Yield what the clock counted, what the run's events and its import state, and a number of rows that differs."""
     missed = None if recording.clock is None else recording.clock.missed
     if missed:
-        yield found(recording, "missed", f"{missed} cycles of the loop have no row", "time")
+        yield make_issue(recording, "missed", f"{missed} cycles of the loop have no row", "time")
     for event in recording.events:
         if event.kind == "ended":
-            yield found(recording, "ended", event.text)
+            yield make_issue(recording, "ended", event.text)
     for kind, texts in (("lost", describe_losses(recording)), ("import", describe_warnings(recording))):
-        yield from (found(recording, kind, text) for text in texts)
+        yield from (make_issue(recording, kind, text) for text in texts)
     declared = recording.meta.get("rows")
     if isinstance(declared, int) and declared != len(recording):
-        yield found(recording, "rows", f"{declared} rows are declared, {len(recording)} are there")
+        yield make_issue(recording, "rows", f"{declared} rows are declared, {len(recording)} are there")
