@@ -5,8 +5,9 @@ from __future__ import annotations
 import io
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from types import MappingProxyType
 from typing import Annotated
 
 import typer
@@ -26,7 +27,7 @@ from hapticeval.commands import (
     texture,
     viewing,
 )
-from hapticeval.commands.arguments import Sections
+from hapticeval.commands.arguments import Grouped, Sections
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError, printable
 
@@ -55,11 +56,11 @@ app = typer.Typer(
     name="hapticeval",
     help=ABOUT,
     epilog=EXIT_CODES,
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    cls=Grouped,
 )
 
 
@@ -122,25 +123,46 @@ def _common(
     """Nothing is shared but `--version`."""
 
 
-for _command, _epilog, _short in (
-    (judging.run, judging.EXIT_CODES, "Run suites on renderers, judge, and report."),
-    (judging.list_, judging.LISTED, "List renderers, suites, cases, checks, effects, formats."),
-    (judging.explain, judging.LISTED, "Explain what a check asks, measures and allows, and why."),
-    (judging.merge, judging.MERGED, "Make one run of several, as of its shards."),
-    (authors.doctor, authors.EXAMINED, "Walk a renderer through the contract."),
-    (authors.new, authors.WRITTEN, "Write a renderer to start from."),
-    (authors.header, authors.PRINTED, "Print the C header for libraries."),
-    (judging.report, judging.REPORTED, "Write the reports of an earlier run anew, from its results."),
-    (diff.diff, diff.EXIT_CODES, "Compare two runs: verdicts, margins and times."),
-    (badge.badge, badge.EXIT_CODES, "Draw a badge of what a run found."),
-    (record.record, record.EXIT_CODES, "Run a renderer on a robot and record it."),
-    (recordings.inspect, recordings.INSPECTED, "Examine a recording: clock, channels, units, physics."),
-    (recordings.convert, recordings.CONVERTED, "Convert foreign files, journals and recordings."),
-    (judging.replay, judging.REPLAYED, "Lead renderers along a recorded hand path."),
-    (viewing.view, viewing.SHOWN, "Show a recording in a page, with a slider over time."),
-    (recordings.compare, recordings.COMPARED, "Compare the force of runs that no clock can align."),
-    (search.search, search.EXIT_CODES, "Find the smallest path that breaks a renderer."),
-    (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
+study = typer.Typer(
+    help="Studies of renderers, effects, models and robots: pictures and tables beside the verdicts.",
+    short_help="Pictures and tables of renderers, effects and robots.",
+    no_args_is_help=True,
+    cls=Grouped,
+)
+
+COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = MappingProxyType(
+    {
+        "Judge": (
+            (judging.run, judging.EXIT_CODES, "Run suites on renderers, judge, and report."),
+            (judging.list_, judging.LISTED, "List renderers, suites, cases, checks, effects, formats."),
+            (judging.explain, judging.LISTED, "Explain what a check asks, measures and allows, and why."),
+            (judging.report, judging.REPORTED, "Write the reports of an earlier run anew, from its results."),
+            (diff.diff, diff.EXIT_CODES, "Compare two runs: verdicts, margins and times."),
+            (search.search, search.EXIT_CODES, "Find the smallest path that breaks a renderer."),
+            (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
+        ),
+        "Write a renderer": (
+            (authors.new, authors.WRITTEN, "Write a renderer to start from."),
+            (authors.doctor, authors.EXAMINED, "Walk a renderer through the contract."),
+            (authors.header, authors.PRINTED, "Print the C header for libraries."),
+        ),
+        "Record and replay": (
+            (record.record, record.EXIT_CODES, "Run a renderer on a robot and record it."),
+            (recordings.inspect, recordings.INSPECTED, "Examine a recording: clock, channels, units, physics."),
+            (judging.replay, judging.REPLAYED, "Lead renderers along a recorded hand path."),
+            (viewing.view, viewing.SHOWN, "Show a recording in a page, with a slider over time."),
+            (recordings.convert, recordings.CONVERTED, "Convert foreign files, journals and recordings."),
+            (recordings.compare, recordings.COMPARED, "Compare the force of runs that no clock can align."),
+        ),
+        "Beside these": (
+            (judging.merge, judging.MERGED, "Make one run of several, as of its shards."),
+            (badge.badge, badge.EXIT_CODES, "Draw a badge of what a run found."),
+        ),
+    }
+)
+"""The commands as the first page of help groups them: each with its exit codes and its line there."""
+
+STUDIES: Sequence[tuple[Callable[..., None], str, str]] = (
     (bench.rates, bench.RATED, "Measure what a faster loop buys."),
     (effects.effects, effects.MEASURED, "Measure what the effects of scenes cost."),
     (texture.texture, texture.SHOWN, "Show a texture, or take over a toolkit's."),
@@ -149,5 +171,18 @@ for _command, _epilog, _short in (
     (draw.device, draw.DRAWN, "Show what the hand feels of a device, and its reach."),
     (draw.limits, draw.LIMITS, "Find the largest stiffness that stays stable."),
     (draw.integrators, draw.DRAWN, "Draw how exactly a robot's motion is integrated."),
-):
-    app.command(_command.__name__.rstrip("_"), cls=Sections, epilog=_epilog, short_help=_short)(_command)
+)
+
+
+def _name_of(function: Callable[..., None]) -> str:
+    return function.__name__.rstrip("_")
+
+
+for _group, _commands_of_group in COMMANDS.items():
+    for _function, _epilog, _short in _commands_of_group:
+        app.command(_name_of(_function), cls=Sections, epilog=_epilog, short_help=_short, rich_help_panel=_group)(
+            _function
+        )
+for _function, _epilog, _short in STUDIES:
+    study.command(_name_of(_function), cls=Sections, epilog=_epilog, short_help=_short)(_function)
+app.add_typer(study, name="study", rich_help_panel="Beside these")

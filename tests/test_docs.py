@@ -37,15 +37,19 @@ def test_every_command_has_the_options_that_are_written(line: str) -> None:
     words = list(takewhile(lambda word: word not in ("|", ">"), shlex.split(line, comments=True)))
     if words[0] != "hapticeval" or words[1].startswith("-"):
         return
-    command = PROGRAM.commands[words[1]]
-    command.make_context(words[1], words[2:])
+    group, *rest = words
+    program = PROGRAM
+    while rest and hasattr(program, "commands"):
+        group, program, rest = rest[0], program.commands[rest[0]], rest[1:]
+    program.make_context(group, rest)
 
 
 @pytest.mark.parametrize("page", PAGES)
 def test_every_command_that_is_named_exists(page: str) -> None:
     program: Any = typer.main.get_command(app)
-    named = set(re.findall(r"`hapticeval ([a-z]\w*)", PAGES[page].read_text(encoding="utf-8")))
-    assert named <= set(program.commands)
+    named = re.findall(r"`hapticeval ([a-z]\w*)(?: ([a-z]\w*))?", PAGES[page].read_text(encoding="utf-8"))
+    assert {first for first, _ in named} <= set(program.commands)
+    assert {second for first, second in named if first == "study"} <= set(program.commands["study"].commands)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page != "README"])

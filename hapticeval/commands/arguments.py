@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperCommand, TyperOption
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from hapticeval.errors import InputError, UnknownNameError
 
@@ -42,6 +42,21 @@ class Sections(TyperCommand):
         codes = re.findall(r"^  (\d)  (.*(?:\n     .*)*)", rest, re.MULTILINE)
         with formatter.section(title):
             formatter.write_dl([(code, " ".join(text.split())) for code, text in codes])
+
+
+class Grouped(TyperGroup):
+    """A group of commands whose help has a section for each `rich_help_panel` of them, in the order of the commands."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - click's
+        """Write a section for each panel."""
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for name, command in self.commands.items():
+            panel = getattr(command, "rich_help_panel", None)
+            title = panel if isinstance(panel, str) else "Commands"
+            panels.setdefault(title, []).append((name, command.get_short_help_str(formatter.width)))
+        for title, rows in panels.items():
+            with formatter.section(title):
+                formatter.write_dl(rows)
 
 
 option = partial(typer.Option, show_default=False)

@@ -128,8 +128,8 @@ def rates(
 
     \b
     Examples:
-      hapticeval rates -r minimum-distance@lut -r constraint -o pictures
-      hapticeval rates -r mymodule:factory
+      hapticeval study rates -r minimum-distance@lut -r constraint -o pictures
+      hapticeval study rates -r mymodule:factory
     """
     from hapticeval.discovery import own_renderers
     from hapticeval.quantity import aligned

@@ -82,10 +82,10 @@ def field(
 
     \b
     Examples:
-      hapticeval field minimum-distance star
-      hapticeval field constraint@curve cassinian --from 0.1,0
-      hapticeval field minimum-distance@polygon cassinian --knob vertices=80 -o pictures
-      hapticeval field mapping outline.wkt --within 2mm
+      hapticeval study field minimum-distance star
+      hapticeval study field constraint@curve cassinian --from 0.1,0
+      hapticeval study field minimum-distance@polygon cassinian --knob vertices=80 -o pictures
+      hapticeval study field mapping outline.wkt --within 2mm
     """
     from hapticeval.quantity import parse_length
     from hapticeval.reports.fields_figure import caption, write_field
@@ -120,9 +120,9 @@ def flow(
 
     \b
     Examples:
-      hapticeval flow cassinian
-      hapticeval flow star --velocity cap
-      hapticeval flow dumbbell:neck=0.3 -o pictures
+      hapticeval study flow cassinian
+      hapticeval study flow star --velocity cap
+      hapticeval study flow dumbbell:neck=0.3 -o pictures
     """
     from hapticeval.geometry.maps.flow import FlowSettings
     from hapticeval.geometry.maps.flow import run_flow as shrink
@@ -168,9 +168,9 @@ def device(
 
     \b
     Examples:
-      hapticeval device parallelogram-2dof
-      hapticeval device parallelogram-3dof --at 0.1,0.05,-0.05 -o pictures
-      hapticeval device parallelogram-3dof:base_inertia=cos,b1=0.4
+      hapticeval study device parallelogram-2dof
+      hapticeval study device parallelogram-3dof --at 0.1,0.05,-0.05 -o pictures
+      hapticeval study device parallelogram-3dof:base_inertia=cos,b1=0.4
     """
     import numpy as np
 
@@ -284,9 +284,9 @@ def limits(
 
     \b
     Examples:
-      hapticeval limits thesis/plane-press --device parallelogram-2dof
-      hapticeval limits dynamics-circle/circle-robot -r minimum-distance+pp-v -o pictures
-      hapticeval limits mysuite.toml/mycase --at 0.05,0.02
+      hapticeval study limits thesis/plane-press --device parallelogram-2dof
+      hapticeval study limits dynamics-circle/circle-robot -r minimum-distance+pp-v -o pictures
+      hapticeval study limits mysuite.toml/mycase --at 0.05,0.02
     """
     import numpy as np
 
@@ -327,7 +327,7 @@ def integrators(
 
     \b
     Example:
-      hapticeval integrators -o pictures
+      hapticeval study integrators -o pictures
     """
     from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
     from hapticeval.reports.precision_figure import write_precision

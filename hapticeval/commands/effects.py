@@ -1,4 +1,4 @@
-"""`hapticeval effects`: what scenes call for, what was assembled of it, and what that costs."""
+"""`hapticeval study effects`: what scenes call for, what was assembled of it, and what that costs."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ def effects(
 
     \b
     Examples:
-      hapticeval effects
-      hapticeval effects dynamics-line -r set-stabilisation
-      hapticeval effects mine.toml -k '*texture*' -o results
+      hapticeval study effects
+      hapticeval study effects dynamics-line -r set-stabilisation
+      hapticeval study effects mine.toml -k '*texture*' -o results
     """
     from hapticeval.runner.folder import prepared_folder
     from hapticeval.runner.planning import plan

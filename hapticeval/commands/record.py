@@ -53,7 +53,8 @@ def record(
     robot: Annotated[
         str | None,
         option(
-            metavar="NAME", help=f"Of the twin: what it simulates, as in `hapticeval device`; {ROBOT} if not given."
+            metavar="NAME",
+            help=f"Of the twin: what it simulates, as in `hapticeval study device`; {ROBOT} if not given.",
         ),
     ] = None,
     wiring: Annotated[
@@ -66,7 +67,7 @@ def record(
     stiffness: Annotated[float, typer.Option(metavar="N/M", help="K_p of the scene.")] = STIFFNESS,
     damping: Annotated[float, typer.Option(metavar="NS/M", help="K_d of the scene.")] = 0.0,
     model: Annotated[
-        str, typer.Option(metavar="MODEL", help="As in `hapticeval field`: circle, cassinian:size=0.15, ...")
+        str, typer.Option(metavar="MODEL", help="As in `hapticeval study field`: circle, cassinian:size=0.15, ...")
     ] = "circle",
     rate: Annotated[float, typer.Option(metavar="HZ", help="Cycles a second.", min=1.0)] = 1000.0,
     who: Annotated[str, typer.Option(metavar="NAME", help="The operator, for the recording.")] = "",

@@ -1,4 +1,4 @@
-"""`hapticeval texture`: what a texture holds, and a model file of the public toolkit as one of ours."""
+"""`hapticeval study texture`: what a texture holds, and a model file of the public toolkit as one of ours."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def texture(
 
     \b
     Examples:
-      hapticeval texture ribbed
-      hapticeval texture "Models_ABS Plastic.xml" --rate 1000 -o abs.toml
+      hapticeval study texture ribbed
+      hapticeval study texture "Models_ABS Plastic.xml" --rate 1000 -o abs.toml
     """
     import math
 

@@ -88,7 +88,7 @@ class Twin:
         if self.wiring.device.margin(self.joints) <= 0.0:
             raise HapticevalError(
                 f"the simulated robot hit a joint limit: joints {np.round(self.joints, 4).tolist()} rad",
-                todo="keep the hand's path inside the workspace: see hapticeval device",
+                todo="keep the hand's path inside the workspace: see hapticeval study device",
             )
 
     def _move(self, joints: Array, rates: Array, start: float, begin: float, finish: float, torque: Array) -> None:

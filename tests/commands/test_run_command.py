@@ -204,11 +204,12 @@ def test_the_cases_of_a_suite_are_listed_without_compiling(here, capsys, monkeyp
     assert "did you mean thesis?" in capsys.readouterr().err
 
 
-COMMANDS = [
-    "run", "list", "explain", "merge", "doctor", "new", "header", "report", "diff", "badge",
-    "record", "inspect", "convert", "replay", "view", "compare", "search", "bench", "rates",
-    "effects", "texture", "field", "flow", "device", "limits", "integrators",
+FIRST_PAGE = [
+    "run", "list", "explain", "report", "diff", "search", "bench", "new", "doctor", "header", "record", "inspect",
+    "replay", "view", "convert", "compare", "merge", "badge", "study",
 ]  # fmt: skip
+STUDIES = ["rates", "effects", "texture", "field", "flow", "device", "limits", "integrators"]
+COMMANDS = [*([name] for name in FIRST_PAGE if name != "study"), *(["study", name] for name in STUDIES)]
 
 
 def test_the_help_teaches_by_examples_and_has_every_command_on_a_line_of_80_columns(capsys, monkeypatch):
@@ -217,16 +218,20 @@ def test_the_help_teaches_by_examples_and_has_every_command_on_a_line_of_80_colu
     text = capsys.readouterr().out
     assert "hapticeval run -r mymodule:factory" in text
     assert re.findall(r"^ +(\d)  ", text, re.MULTILINE) == list("01234")
-    lines = text.split("Commands:\n", 1)[1].split("\n\n", 1)[0].splitlines()
-    assert [line.split()[0] for line in lines] == COMMANDS
+    sections = text.split("\nJudge:\n", 1)[1].split("\n  The --help of each", 1)[0]
+    lines = [line for line in sections.splitlines() if line.startswith("  ")]
+    assert [line.split()[0] for line in lines] == FIRST_PAGE
     assert all(line.endswith(".") and not line.endswith("...") and len(line) <= 80 for line in lines)
+    assert main(["study", "--help"]) == 0
+    listed = capsys.readouterr().out.split("Commands:\n", 1)[1].splitlines()
+    assert [line.split()[0] for line in listed if line.strip()] == STUDIES
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_the_help_of_a_command_has_an_example_and_its_exit_codes(capsys, command):
-    assert main([command, "--help"]) == 0
+    assert main([*command, "--help"]) == 0
     out = capsys.readouterr().out
-    assert f"  hapticeval {command}" in out.split("Example", 1)[1]
+    assert f"  hapticeval {' '.join(command)}" in out.split("Example", 1)[1]
     assert re.findall(r"^  (\d)  \w", out.split("\nExit codes:\n", 1)[1], re.MULTILINE)[0] == "0"
 
 

@@ -1,4 +1,4 @@
-"""`hapticeval device`: the table, the picture, and what is no device or no place."""
+"""`hapticeval study device`: the table, the picture, and what is no device or no place."""
 
 import re
 
@@ -12,7 +12,7 @@ from hapticeval.reports.device_figure import write_device
 
 
 def output(capsys, *arguments):
-    assert main(["device", *arguments]) == 0
+    assert main(["study", "device", *arguments]) == 0
     return re.sub(r"\s+", " ", capsys.readouterr().out)
 
 
@@ -84,6 +84,6 @@ def test_a_point_mass_has_no_picture(tmp_path, capsys):
     ],
 )
 def test_what_cannot_be_computed_ends_with_2(arguments, message, tmp_path, capsys):
-    assert main(["device", *arguments, "-o", str(tmp_path)]) == 2
+    assert main(["study", "device", *arguments, "-o", str(tmp_path)]) == 2
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -334,15 +334,15 @@ def test_a_toolkit_s_file_becomes_a_texture(tmp_path, name):
 def test_the_command_takes_a_toolkit_s_file_over(tmp_path, capsys):
     file = tmp_path / "Models_Ours.xml"
     file.write_text(toolkit_file(named("gritty")))
-    assert main(["texture", str(file), "--rate", "1000", "-o", str(tmp_path / "ours.toml")]) == 0
+    assert main(["study", "texture", str(file), "--rate", "1000", "-o", str(tmp_path / "ours.toml")]) == 0
     assert read_texture(tmp_path / "ours.toml") == read_toolkit(file, rate=1e3)
     shown = capsys.readouterr().out
     assert "Ours: 16 filters of 4 poles and 0 zeros for 1000 Hz" in shown
     assert "0.1 m/s        1 N   rms 4 m/s^2" in shown
-    assert main(["texture", str(file)]) == 2
+    assert main(["study", "texture", str(file)]) == 2
     assert "does not give its rate" in capsys.readouterr().err
-    assert main(["texture", "ribbed", "--rate", "1000"]) == 2
-    assert main(["texture", "ribbed"]) == 0
+    assert main(["study", "texture", "ribbed", "--rate", "1000"]) == 2
+    assert main(["study", "texture", "ribbed"]) == 0
 
 
 def read_texture_again(folder, texture):

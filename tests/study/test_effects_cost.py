@@ -92,7 +92,7 @@ def test_code_is_counted_by_what_it_is_compiled_for():
 
 
 def test_the_command_shows_every_scene(here, capsys):
-    assert main(["effects", "pushed.toml", "-o", "results"]) == 0
+    assert main(["study", "effects", "pushed.toml", "-o", "results"]) == 0
     out = capsys.readouterr().out
     lines = {line.split()[0]: line for line in out.splitlines() if line.startswith("pushed/")}
     assert "none" in lines["pushed/plain"]
@@ -106,15 +106,15 @@ def test_the_command_shows_every_scene(here, capsys):
     assert (led.plain.code, led.cost.code > 0, led.ticks > 100) == (None, True, True)
     assert refused.cost is None
     assert document.ladder is None
-    assert main(["effects", "pushed.toml", "-k", "plain", "-o", "results"]) == 0  # a folder of ours is written again
+    assert main(["study", "effects", "pushed.toml", "-k", "plain", "-o", "results"]) == 0  # written again
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["effects", "efects"], "unknown suite 'efects'"),
-        (["effects", "pushed.toml", "-r", "minimum-distence"], "minimum-distence"),
-        (["effects", "pushed.toml", "-k", "nothing"], "nothing matches -k 'nothing'"),
+        (["study", "effects", "efects"], "unknown suite 'efects'"),
+        (["study", "effects", "pushed.toml", "-r", "minimum-distence"], "minimum-distence"),
+        (["study", "effects", "pushed.toml", "-k", "nothing"], "nothing matches -k 'nothing'"),
     ],
 )
 def test_what_is_not_there_is_refused_by_name(here, capsys, arguments, words):

@@ -49,7 +49,7 @@ def test_a_folder_that_cannot_be_is_an_error(document, tmp_path):
 
 def test_the_command_shows_where_the_default_stands(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(integrators, "study_integrators", partial(integrators.study_integrators, ticks=5, rounds=1))
-    assert main(["integrators", "-o", str(tmp_path)]) == 0
+    assert main(["study", "integrators", "-o", str(tmp_path)]) == 0
     shown = capsys.readouterr().out
     assert "parallelogram-2dof: closed loops use cash-karp" in shown
     assert "parallelogram-3dof: closed loops use cash-karp" in shown

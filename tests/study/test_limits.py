@@ -222,7 +222,7 @@ def coarse(monkeypatch):
 
 @pytest.mark.usefixtures("coarse")
 def test_a_scene_without_the_bound_is_described_and_drawn(tmp_path, capsys):
-    assert main(["limits", "dynamics-circle/circle-robot", "-o", str(tmp_path)]) == 0
+    assert main(["study", "limits", "dynamics-circle/circle-robot", "-o", str(tmp_path)]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "none: a linearised inner loop compensates" in shown
     assert "(2.40) says nothing about it; without a hand the loop settles" in shown
@@ -230,7 +230,7 @@ def test_a_scene_without_the_bound_is_described_and_drawn(tmp_path, capsys):
 
 @pytest.mark.usefixtures("coarse")
 def test_the_command_describes_draws_and_ends_with_one_for_an_unstable_scene(tmp_path, capsys):
-    code = main(["limits", "thesis/plane-press", "--device", "parallelogram-2dof", "-o", str(tmp_path)])
+    code = main(["study", "limits", "thesis/plane-press", "--device", "parallelogram-2dof", "-o", str(tmp_path)])
     shown = " ".join(capsys.readouterr().out.split())
     assert code == 1
     assert "its 1000 N/m exceed the bound (2.40) of 561.3 N/m" in shown
@@ -243,7 +243,7 @@ def test_the_command_describes_draws_and_ends_with_one_for_an_unstable_scene(tmp
 @pytest.mark.usefixtures("coarse")
 def test_a_device_without_losses_has_a_limit_of_zero_with_its_reason(tmp_path, capsys):
     """The loop runs away long before its run is over: that is the answer, and no error."""
-    code = main(["limits", "thesis/plane-press", "--device", "point-mass:mass=0.1", "-o", str(tmp_path)])
+    code = main(["study", "limits", "thesis/plane-press", "--device", "point-mass:mass=0.1", "-o", str(tmp_path)])
     shown = " ".join(capsys.readouterr().out.split())
     assert code == 1
     assert "no stiffness is stable: a spring held over a step gives back more than it took" in shown
@@ -275,7 +275,7 @@ def test_a_renderer_that_breaks_is_no_unstable_loop():
     ],
 )
 def test_what_cannot_be_studied_is_refused_at_once(arguments, words, tmp_path, capsys):
-    assert main(["limits", *arguments, "-o", str(tmp_path)]) == 2
+    assert main(["study", "limits", *arguments, "-o", str(tmp_path)]) == 2
     assert words in capsys.readouterr().err
 
 

@@ -170,7 +170,7 @@ def test_models_by_name(tmp_path):
     ],
 )
 def test_wrong_usage_is_refused(options, message, tmp_path, capsys):
-    assert main(["field", "constraint", "cassinian", *options, "-o", str(tmp_path)]) == 2
+    assert main(["study", "field", "constraint", "cassinian", *options, "-o", str(tmp_path)]) == 2
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
