@@ -9,7 +9,20 @@ import numpy as np
 from hapticeval.closed_forms import Gains, transversal
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
-from hapticeval.phenomena.decisions import HOLD_TICKS, LAG_TICKS, SLOWER_SPEEDS, STANDARD_ERRORS, TELLING_SHARE
+from hapticeval.phenomena.decisions import (
+    BLOCK_TICKS,
+    EXPLAINING_PUSH,
+    HOLD_TICKS,
+    LAG_TICKS,
+    LEAST_CENTRIPETAL,
+    PLACE_ROUNDING,
+    REGRESSION_RANK,
+    REGRESSION_SAMPLES,
+    SLOWER_SPEEDS,
+    STANDARD_ERRORS,
+    START_DECAY,
+    TELLING_SHARE,
+)
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     evidence_at,
@@ -44,10 +57,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     terms = [_regression_terms(recording, scene) for recording in everything]
     ticks, errors, pushes, costs, rings, sizes = zip(*terms, strict=True)
     cost = np.concatenate(costs)
-    if cost.size < 8:
+    if cost.size < REGRESSION_SAMPLES:
         return undecided("the tool hardly touches the surface")
     largest = float(np.max(np.abs(cost)))
-    if largest <= 1e-12:
+    if largest <= LEAST_CENTRIPETAL:
         return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide over a curved surface")
     share, deviation = _fit_share(np.concatenate(errors), np.concatenate(pushes), cost, block_diag(*rings))
     bound = HOLD_TICKS * max(sizes) * base.dt
@@ -170,7 +183,7 @@ def _under_way(recording: Recording, scene: Scene, bearing: BoolArray) -> BoolAr
     """
     since = recording.time - recording.time[int(np.argmax(bearing))]
     rate = decay_rate(scene)
-    lasts = math.log(100.0) / rate if rate > 0.0 else 0.0
+    lasts = math.log(START_DECAY) / rate if rate > 0.0 else 0.0
     return np.asarray(since >= lasts if 2.0 * lasts <= since[-1] else since >= 0.0)
 
 
@@ -183,18 +196,18 @@ def _normal_turning(frame: ClosestPoint, velocity: Array) -> tuple[Array, Array]
 def _fit_share(error: Array, push: Array, cost: Array, rings: Array) -> tuple[float, float]:
     """Least squares of error = a cost + b push + c + what rings (columns of (n, k)): a and its standard error.
 
-    Samples of one oscillation are not independent, so the degrees of freedom are counted in blocks of 50 ticks.
+    Samples of one oscillation are not independent, so the degrees of freedom are counted in blocks of `BLOCK_TICKS`.
     """
     columns = [cost, np.ones_like(cost), *rings.T]
     # A push that varies by less than a millionth of the cost cannot explain it, and would spoil the rank.
-    if np.ptp(push) > 1e-6 * np.max(np.abs(cost)):
+    if np.ptp(push) > EXPLAINING_PUSH * np.max(np.abs(cost)):
         columns.append(push)
     design = np.column_stack(columns)
-    solution, _, rank, _ = np.linalg.lstsq(design, error, rcond=1e-10)
+    solution, _, rank, _ = np.linalg.lstsq(design, error, rcond=REGRESSION_RANK)
     if rank < design.shape[1]:
         return float(solution[0]), float("inf")
     residual = error - design @ solution
-    blocks = max(cost.size / 50.0 - design.shape[1], 1.0)
+    blocks = max(cost.size / BLOCK_TICKS - design.shape[1], 1.0)
     inverse = np.linalg.inv(design.T @ design / cost.size)
     variance = float(np.mean(residual**2)) * float(inverse[0, 0]) / blocks
     return float(solution[0]), float(np.sqrt(max(variance, 0.0)))
@@ -215,7 +228,7 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
     normal = frame.normal
     turning, speed2 = _normal_turning(frame, recording.velocity[ticks])
     required, unknown = scene.mass * speed2, np.zeros(len(normal))
-    if abs(frame.distance[0]) > 1e-9 * scene.model.size or not np.all(np.abs(required) > 0.0):
+    if abs(frame.distance[0]) > PLACE_ROUNDING * scene.model.size or not np.all(np.abs(required) > 0.0):
         return None
     outward_force = np.sum(recording.force[ticks] * normal, axis=1)
     if "operator_force" in recording.channels:

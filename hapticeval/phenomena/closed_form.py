@@ -7,7 +7,7 @@ import numpy as np
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
-from hapticeval.phenomena.decisions import FORM_TOLERANCE
+from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING, FORM_TOLERANCE
 from hapticeval.phenomena.refinement import extrapolated
 from hapticeval.phenomena.sampling import evidence_at, listed, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion
@@ -37,7 +37,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     travel = float(np.max(np.linalg.norm(expected - expected[0], axis=1)))
     apart = np.linalg.norm(hips - expected, axis=1)
     tick = int(np.argmax(apart))
-    bound = correction * np.sqrt(hips.shape[1]) + 1e-10 * travel
+    bound = correction * np.sqrt(hips.shape[1]) + EXTRAPOLATION_ROUNDING * travel
     distance = scene.model.boundary.signed_distance
     evidence: dict[str, object] = {
         **evidence_at(base, tick),

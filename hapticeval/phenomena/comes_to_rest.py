@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import ANSWER_CHANGE, QUIET_SAMPLES, RETURN_RATIO
+from hapticeval.phenomena.decisions import ANSWER_CHANGE, EARLY_SHARE, LATE_SHARE, QUIET_SAMPLES, RETURN_RATIO
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.quantity import number
@@ -26,7 +26,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     since = base.time[rows] - base.time[rows[0]]
     span = float(since[-1])
     speed = np.linalg.norm(base.velocity[rows], axis=1)
-    late, early = since > 0.5 * span, (since >= 0.25 * span) & (since <= 0.5 * span)
+    late, early = since > LATE_SHARE * span, (since >= EARLY_SHARE * span) & (since <= LATE_SHARE * span)
     if not (late.any() and early.any()):
         return undecided("rows are missing where the tool should come to rest")
     distance = np.abs(scene.model.boundary.signed_distance(base.hip))

@@ -7,7 +7,15 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import RETURN_RATIO
+from hapticeval.phenomena.decisions import (
+    EARLY_SHARE,
+    GROWS,
+    LATE_SHARE,
+    LENGTH_ROUNDING,
+    QUIET_SAMPLES,
+    RETURN_RATIO,
+    STANDS,
+)
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -25,17 +33,19 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     motion = SurfaceMotion(base, scene)
     first = int(np.flatnonzero(motion.pushed).max(initial=-1)) + 1
     free = base.time[first:] - base.time[min(first, len(base) - 1)]
-    if free.size < 8:
+    if free.size < QUIET_SAMPLES:
         if first > 0:
             return undecided("the operator pushes to the end, so nothing has to come to rest")
         return undecided(f"the run is too short to decide: {free.size} samples")
     if motion.footless is not None:
         return undecided(motion.footless)
     span, rate = float(free[-1]), decay_rate(scene)
-    late = free > 0.5 * span
-    early = (free >= 0.25 * span) & ~late
+    late = free > LATE_SHARE * span
+    early = (free >= EARLY_SHARE * span) & ~late
     distance = np.abs(motion.distance[first:])
-    floor = motion.held_distance(first + int(np.argmax(early))) + motion.sensor_error + 1e-12 * scene.model.size
+    floor = (
+        motion.held_distance(first + int(np.argmax(early))) + motion.sensor_error + LENGTH_ROUNDING * scene.model.size
+    )
     farthest = int(np.argmax(distance))
     evidence: dict[str, object] = {
         **evidence_at(base, first + farthest),
@@ -46,7 +56,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if distance[farthest] <= floor:
         message = f"the tool is never further off the surface than sampling and sensors may let it: {mm(floor)}"
         return undecided(message, evidence=evidence)
-    if rate > 0.0 and math.exp(-0.25 * rate * span) > RETURN_RATIO:
+    if rate > 0.0 and math.exp(-EARLY_SHARE * rate * span) > RETURN_RATIO:
         message = f"{span:.3g} s are too short: the assigned dynamics decay at {rate:.3g} 1/s themselves"
         return undecided(message, evidence=evidence)
     before, after = float(distance[early].max()), float(distance[late].max())
@@ -63,11 +73,11 @@ def _describe_failure(late: Array, before: float, after: float) -> str:
     """Describe in what way the tool does not come to the surface."""
     if after > before / RETURN_RATIO:
         return f"the distance grows: {mm(before)}, then {mm(after)}"
-    if float(np.ptp(late)) < 0.5 * after:
+    if float(np.ptp(late)) < STANDS * after:
         return f"the tool stands {mm(after)} off the surface and comes no nearer"
-    if min(float(late.max()), -float(late.min())) > 0.5 * after:
+    if min(float(late.max()), -float(late.min())) > STANDS * after:
         swing = f"the tool swings about the surface, {mm(after)} to either side"
-        if after > 1.01 * before:
+        if after > GROWS * before:
             return f"{swing}, after {mm(before)} before: it grows, as a held spring without damping does"
         return f"{swing}, and is not damped: marginal stability"
     return f"the tool does not come to the surface: up to {mm(before)} off, then up to {mm(after)}"

@@ -12,7 +12,7 @@ from hapticeval.devices.device import heaviest_mass
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import LAG_TICKS, STATIC_SHARE, TELLING_SHARE
+from hapticeval.phenomena.decisions import ANGLE_ROUNDING, LAG_TICKS, SINGLE_ROUNDINGS, STATIC_SHARE, TELLING_SHARE
 from hapticeval.phenomena.lag import delayed, find_lag, resting_ticks
 from hapticeval.phenomena.sampling import (
     above_force_floor,
@@ -248,7 +248,11 @@ def _rounding_angle(recording: Recording, scene: Scene, strong: IntArray) -> Arr
     """
     depth = _least_depth(recording, strong)
     stretch = np.divide(scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
-    angle = 1e-6 + 4.0 * SINGLE * np.maximum(stretch, 1.0) + _resolution_angle(recording, scene, strong)
+    angle = (
+        ANGLE_ROUNDING
+        + SINGLE_ROUNDINGS * SINGLE * np.maximum(stretch, 1.0)
+        + _resolution_angle(recording, scene, strong)
+    )
     if recording.meta.get("source") not in SIMULATED:
         force = recording.force[strong]
         off = 0.5 * float(np.linalg.norm([quantization_step(column) for column in recording.force.T]))
@@ -287,7 +291,7 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
         heaviest = heaviest_mass(scene.robot, recording.hip[-1])
         momentum = max(scene.mass, heaviest) * float(np.max(np.linalg.norm(velocity, axis=1)))
     allowed = 2.0 * momentum / ((count - 1) * recording.dt) + SINGLE * abs(push)
-    if push <= 0.0 or allowed > 0.1 * push:
+    if push <= 0.0 or allowed > TELLING_SHARE * push:
         return None
     return force - push, allowed, push
 

@@ -15,10 +15,14 @@ from hapticeval.phenomena.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import (
     CHORD_STEPS,
     COARSENINGS,
+    CONFIRMED_SHARE,
     CONFIRMING_RATES,
+    DESCENT_SHARE,
+    DETOUR_BOUNDS,
     HALF_LAG_STEPS,
     JUMP_SLOPE,
     LAG_TICKS,
+    MEDIAL_BENDING,
     MINI_JUMP_EDGES,
     POWER_LAW_SCATTER,
     REFINEMENTS,
@@ -278,7 +282,7 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
         return undecided(message, metric, bound, evidence)
     confirming = [jump_at_rate(factor, look, scene, place.tick) for factor in CONFIRMING_RATES]
     evidence["jumps_at_2_and_4_times_the_rate_m"] = confirming
-    if min(confirming) < 0.5 * place.remaining:
+    if min(confirming) < CONFIRMED_SHARE * place.remaining:
         message = f"depends on the sampling rate: the IHIP jumps {where}, and not at 2 and 4 times the rate"
     else:
         message = _pop_through_message(base, place.remaining, where, evidence)
@@ -296,9 +300,9 @@ def _with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: 
     for tick in np.flatnonzero(steps > bounds):
         before, now = base.ihip[tick - 1], base.ihip[tick]
         for hip in base.hip[max(int(tick) - LAG_TICKS, 0) : tick + 1]:
-            slid = pieces.descend(before, hip, step=0.1 * float(bounds[tick]))
+            slid = pieces.descend(before, hip, step=DESCENT_SHARE * float(bounds[tick]))
             detour = steps[tick] + distance_between(now, slid) - distance_between(before, slid)
-            if detour <= 2.0 * bounds[tick]:
+            if detour <= DETOUR_BOUNDS * bounds[tick]:
                 raised[tick] = steps[tick]
                 break
     return raised
@@ -361,7 +365,7 @@ def _judge_fixed(base: Recording, scene: Scene) -> Finding:
     ends = scene.model.boundary.closest_point(base.ihip[tick - 1 : tick + 1])
     depth = float(np.linalg.norm(base.hip[tick] - base.ihip[tick]))
     bent = depth * max(0.0, float(np.linalg.eigvalsh(ends.shape).max()))
-    on_axis = bent >= 0.9
+    on_axis = bent >= MEDIAL_BENDING
     stretch = 1.0 if on_axis else 1.0 / (1.0 - bent)
     bound = float(bounds[tick] + (stretch - 1.0) * LAG_TICKS * recent_steps(base)[tick])
     evidence = _jump_evidence(base, scene, tick)

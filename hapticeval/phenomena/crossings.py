@@ -13,7 +13,14 @@ from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import EDGE, FACE, PSEUDO, VERTEX
 from hapticeval.geometry.mesh_tool import IN_FREE_SPACE
-from hapticeval.phenomena.decisions import FACE_TURN_SHARE, LAG_TICKS
+from hapticeval.phenomena.decisions import (
+    BORDER_MISS,
+    BORDER_ROUNDING,
+    FACE_SAMPLES_SHARE,
+    FACE_TURN_SHARE,
+    LAG_TICKS,
+    SAME_NORMAL,
+)
 from hapticeval.phenomena.sampling import hip_steps, lacks_ihip, position_tolerance, resolution, rounding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -139,7 +146,7 @@ def _distance_to_face(recording: Recording, scene: Scene, corner: Corner, headin
         behind = [length % boundary.girth for length in behind]
     longest = min((length for length in behind if length > 0.0), default=boundary.girth)
     face = boundary.walk(corner.position, -heading * np.linspace(0.0, longest, SAMPLES)).foot
-    line = shapely.simplify(shapely.LineString(face), 1e-3 * within)
+    line = shapely.simplify(shapely.LineString(face), FACE_SAMPLES_SHARE * within)
     feet = boundary.closest_point(recording.ihip).foot
     return np.asarray(shapely.distance(shapely.points(feet), line))
 
@@ -156,7 +163,7 @@ def _comes_from_outside(
     if first > 0 and under[first - 1] < -slack:
         return True
     at = boundary.closest_point(recording.hip[first : first + 1])
-    return bool(at.normal[0] @ normal > 1.0 - 1e-9)
+    return bool(at.normal[0] @ normal > 1.0 - SAME_NORMAL)
 
 
 def _length_to_next_corner(boundary: Boundary, corner: Corner) -> float:
@@ -229,7 +236,7 @@ def _follow_with_rigid_tool(recording: Recording, mesh: Mesh) -> tuple[IntArray,
             flat = mesh.facets[across[triangle, feature - EDGE]] == faces[tick]
         else:
             mean = vertices[corners[triangle, feature - VERTEX], PSEUDO:]
-            flat = bool(np.linalg.norm(mean - mesh.normals[triangle]) <= 1e-9)
+            flat = bool(np.linalg.norm(mean - mesh.normals[triangle]) <= SAME_NORMAL)
         if not flat:
             faces[tick] = RESTS
     faces[features == IN_FREE_SPACE] = IN_FREE_SPACE
@@ -262,7 +269,7 @@ def _leave_face(mesh: Mesh, face: int, normal: Array, start: Array, end: Array) 
     places = start + share[:, np.newaxis] * (end - start)
     along = np.sum(ways[crosses] * (places - a[crosses]), axis=1)
     misses = np.maximum(np.maximum(-along, along - lengths[crosses]), np.maximum(before[crosses], 0.0))
-    if not misses.size or misses.min() > 1e-6 * float(np.linalg.norm(end - start)) + 1e-12:
+    if not misses.size or misses.min() > BORDER_MISS * float(np.linalg.norm(end - start)) + BORDER_ROUNDING:
         return None
     best = int(np.argmin(misses))
     return places[best], outward[crosses[best]], mesh.normals[neighbours[crosses[best]]]

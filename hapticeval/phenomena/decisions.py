@@ -37,6 +37,15 @@ COARSEST_RESOLUTION = 1.0 / 16.0
 """Share of the outline beyond which a declared resolution is not believed: 16 facets are no smooth surface. *Chosen*:
 doubled, an octagon counts as declared so."""
 
+SINGLE_ROUNDINGS = 4.0
+"""Roundings of single precision, `SINGLE` of a value each, by which what is made of rounded numbers may be off: two
+points that are subtracted, and a product and a sum that follow. *Chosen*: doubled, twice as much is granted to rounding
+everywhere."""
+
+PLACE_ROUNDING = 1e-9
+"""Share of the model's size by which rounding of doubles may move a place that in exact numbers is the same: 0.2 nm of
+the usual 200 mm. *Chosen*, four million roundings: doubled, a tool 0.4 nm off the surface counts as on it."""
+
 # lag
 
 LAG_STEPS = 4 * LAG_TICKS
@@ -67,22 +76,70 @@ STANDARD_ERRORS = 2.0
 """Standard errors of a fit within which a share is not told from its bound. *Chosen*: chance goes farther once in
 twenty. Doubled, more runs are undecided, and chance goes farther once in sixteen thousand."""
 
+REGRESSION_SAMPLES = 8
+"""Fewer samples in contact are no regression of two to five numbers. *Chosen*: doubled, contacts of 8
+to 15 samples are undecided."""
+
+LEAST_CENTRIPETAL = 1e-12
+"""Surface error, m, below which a missing centripetal force costs nothing: rounding of doubles alone. *Chosen*;
+doubled, a tool that slides at 0.03 mm/s over a curvature of 1 /m, held by 500 N/m a kg, is not asked any more."""
+
+EXPLAINING_PUSH = 1e-6
+"""Share of the centripetal cost by which the push has to vary to be a column of the regression: less would spoil its
+rank. *Chosen*; doubled, a push of one to two millionths is left out."""
+
+REGRESSION_RANK = 1e-10
+"""Singular values of the regression below this share of the largest count as zero. *Chosen*, far above rounding:
+doubled, columns that are twice as far from being dependent leave the share unknown."""
+
+BLOCK_TICKS = 50.0
+"""Ticks whose residuals count as one independent sample, since those of one oscillation hang together. *Chosen*:
+50 ms at 1 kHz, in which the usual dynamics (22 1/s) fade to a third. Doubled, standard errors are larger by 1.4."""
+
+START_DECAY = 100.0
+"""Factor to which the assigned dynamics fade before a contact counts as under way. *Chosen*: doubled, 15 per cent more
+of a run's beginning are left out."""
+
+# closed_form, surface_dynamics
+
+EXTRAPOLATION_ROUNDING = 1e-10
+"""Share of a length, of the way travelled or of the model's size, by which rounding may make an extrapolated place
+differ. *Chosen*, four hundred thousand roundings of a double: doubled, twice as much is granted."""
+
 # closed_form
 
 FORM_TOLERANCE = 1e-3
 """A tolerance above a thousandth of the way travelled compares nothing. *Chosen*: doubled, a law whose motion is known
 to two thousandths is judged."""
 
-# comes_to_rest
+# comes_to_rest, constraint_stability
+
+EARLY_SHARE, LATE_SHARE = 0.25, 0.5
+"""Shares of the quiet time at which the window to compare with, and the last one, begin. Derived: time doubles from one
+window to the next, which is what `RETURN_RATIO` supposes. Doubled, nothing is left to compare."""
 
 QUIET_SAMPLES = 8
 """Samples that a verdict takes at least. *Chosen*: doubled, runs of up to 15 samples are undecided."""
 
-# constraint_stability
-
 RETURN_RATIO = math.sqrt(0.5)
 """Between what stays, 1, and what falls as 1 / t, 1/2, while time doubles: the middle, as ratios are compared. Derived;
 doubled, a distance that grows by 41 per cent counts as coming home."""
+
+# constraint_stability
+
+GROWS = 1.01
+"""Ratio of the distance after to that before from which a swing is said to grow. *Chosen*, for words alone: doubled,
+only one that doubles is, and others are called marginal."""
+
+STANDS = 0.5
+"""Share of the distance: a tool that varies by less stands off the surface, and one that is off by more to either side
+swings about it. *Chosen*, for words alone: doubled, a decaying tool is said to stand, and no swing is named."""
+
+# constraint_stability, refinement
+
+LENGTH_ROUNDING = 1e-12
+"""Share of a length, or of another quantity's largest value, that a sum of doubles may be off: four thousand roundings.
+*Chosen*; doubled, twice as much is granted to rounding."""
 
 # contact_kept
 
@@ -102,6 +159,10 @@ against a search without an end: doubled, nothing changes where a tool is held b
 STATIC_SHARE = 0.2
 """Share of the run, at its end, over which a static equilibrium is looked for. *Chosen*: doubled, a hand that comes to
 rest in the last 40 per cent only is not judged any more."""
+
+ANGLE_ROUNDING = 1e-6
+"""Angle, rad, that is granted to every force beside the rounding of positions: its own components are rounded, too.
+*Chosen*, eight roundings of single precision: doubled, 1e-4 degrees are granted."""
 
 # continuous_contact
 
@@ -144,6 +205,22 @@ COARSENINGS = (1, 2, 4)
 """Every sample, every second, every fourth: what a fixed recording offers in place of finer ones. *Chosen*: a recording
 has no finer samples. Doubled, the places that are compared are twice as far apart."""
 
+CONFIRMED_SHARE = 0.5
+"""Share of a jump that is there at other rates as well, unless it depends on the rate. *Chosen*, for words alone:
+doubled, a jump that comes out a little shorter is said to depend on it."""
+
+MEDIAL_BENDING = 0.9
+"""Curvature times depth from which a nearest point counts as on the medial axis, where steps are stretched by ten.
+*Chosen*, 1 less a tenth: doubled, places behind the centre of curvature are judged, by a stretch that is negative."""
+
+DESCENT_SHARE = 0.1
+"""Step of a tool that slides on given pieces, as a share of the bound that it is compared with. *Chosen*: its place is
+off by a tenth of the bound at the most. Doubled, by a fifth."""
+
+DETOUR_BOUNDS = 2.0
+"""Bounds by which a step may be longer over the sliding tool's place than straight. Derived: a place that is off the
+way by a bound makes it longer by one there and one back. Doubled, steps may pass two bounds beside."""
+
 # corners
 
 HELD_FORCE_SHARE = 0.5
@@ -156,6 +233,18 @@ loss."""
 FACE_TURN_SHARE = 0.05
 """Share of the corner's turn within which a direction counts as a face's: far above rounding, far below a switch.
 *Chosen*: doubled, the corner of a conformal map that leaves a tenth of the turn open counts as switched."""
+
+FACE_SAMPLES_SHARE = 1e-3
+"""Share of the position tolerance by which a face may be off in a line of fewer points. *Chosen*, for time: doubled,
+two thousandths of the tolerance are lost."""
+
+SAME_NORMAL = 1e-9
+"""Cosine's distance from one, or difference of unit vectors, up to which normals are the same but for rounding.
+*Chosen*: 1e-9 of a cosine are 45 urad. Doubled, a face that is turned by up to 63 urad counts as the same."""
+
+BORDER_MISS, BORDER_ROUNDING = 1e-6, 1e-12
+"""Share of a step, and length (m), by which its way may miss the edge over which it leaves a face. *Chosen*, for the
+rounding of the foot in the face's plane. Doubled, ways count that pass twice as far beside the end of an edge."""
 
 # force_magnitude
 
@@ -202,6 +291,10 @@ SAME_FACE_COSINE = 0.995
 """Cosine, of 5.7 degrees, by which the normal may turn in that time: beyond, (3.5) along one normal says nothing.
 *Chosen*: the momentum that it may hide is a tenth (its sine). Doubled as an angle, a fifth."""
 
+IMPULSE_ROUNDING = 1e-6
+"""Share of the impulse that rounding of velocities in single precision may hide. *Chosen*, eight roundings: doubled,
+two millionths of the momentum may be missing."""
+
 # jumps
 
 LOOKS_BELOW_SINGLE = 2
@@ -240,6 +333,14 @@ TICKS_BEFORE_JUMP, TICKS_AFTER_JUMP = 512, 64
 """Ticks before and after a jump that are led along once more at a finer rate: half a second in which to get there.
 *Chosen*: proxies forget within it. Doubled, looks take twice as long."""
 
+FOLLOWING_TICKS = 8 * TICKS_AROUND
+"""Ticks on either side of a step over which it is looked whether the IHIP follows the hand. *Chosen*: most of
+these ticks decide it. Doubled, places farther along the way have a say in it."""
+
+LIMIT_SHARE = 0.5
+"""Share of the finest spread that its limit has to have for a jump: *chosen*, since of less the extrapolation makes
+most. Doubled, a limit below the finest spread would never be a jump."""
+
 # metamorphic
 
 SAME_ANSWER = 1e-12
@@ -253,6 +354,10 @@ it has to find, and in a corner ever more of them, until rounding ends them. *Ch
 granted."""
 
 # nudges
+
+NUDGE_SHARE = 0.25
+"""The shorter of the two lengths by which the hand is nudged each way, as a share of the longer. *Chosen*: a tie that
+the longer nudge leaves on one side the shorter may meet. Doubled, it meets fewer."""
 
 STEEP_FACTOR = 10.0
 """Times that an answer may change by what nudging the hand by its rounding changes it: a few roundings add up.
@@ -271,6 +376,18 @@ turn, a shift, a scale and the way back round once each. Doubled, twice as much 
 ANSWER_CHANGE = 1e-9
 """Share of the model's size by which an answer may change beside what rounding of the hand changes. *Chosen*: seven
 digits of the usual IHIP step of 0.1 mm at 200 mm are left. Doubled, 0.4 nm are granted."""
+
+MOVED_TURN, MOVED_SHIFT = 0.7, (1.3, -0.7, 0.9)
+"""Angle, rad, by which the scene is turned, and shares of its size by which it is shifted. *Chosen*: no axis falls on
+another, and all coordinates change their digits. Doubled, its coordinates are up to twice as large."""
+
+MOVED_SCALE = 7.0
+"""Factor by which the scene is made larger, and smaller. *Chosen*: no power of two, which would leave all digits as
+they are. Doubled, coordinates are twice as large, and their rounding too."""
+
+SUSPECT_SHARE = 1e-3
+"""Share of `ANSWER_CHANGE` up to which answers need no nudges to explain them. *Chosen*, for time: doubled, no verdict
+changes."""
 
 # passivity
 
@@ -291,6 +408,12 @@ FINER_RATES = (4, 8, 16)
 SETTLING_RATIO = 0.75
 """Halving the tick halves a first-order effect and quarters a second-order one; what shrinks less is no such effect.
 Derived: in the middle between 1/2 and 1. Doubled, what grows with finer ticks is extrapolated."""
+
+# surface_dynamics, surface_motion
+
+SPEED_ROUNDING = 1e-9
+"""Share of a speed that rounding may make. *Chosen*, far above that of doubles: doubled, two parts in a thousand
+million are granted."""
 
 # surface_dynamics
 
@@ -371,6 +494,12 @@ sampling leaves open, which is its difference from whole ticks, stays."""
 SLIP_WORK = 1e-9
 """Work, J, of a lap under which nothing slips: a micronewton over a millimetre. *Chosen*: doubled, laps in which the
 friction takes 1 to 2 nJ are not judged."""
+
+# effects: order
+
+TOLD_APART = 10.0
+"""Times what rounding leaves open that an effect has to add, for its order to be seen. *Chosen*, the inverse of
+`TELLING_SHARE`: doubled, effects of up to twenty times rounding are undecided."""
 
 # effects: relief, friction_force
 

@@ -15,6 +15,7 @@ from hapticeval.phenomena.decisions import (
     FINE_GROUPS,
     GROUP_SAMPLES,
     LAG_TICKS,
+    SINGLE_ROUNDINGS,
     SPIKE_SHARE,
     TELLING_SHARE,
     UNDECLARED_RANGE,
@@ -166,7 +167,7 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
     if "spring" not in base.meta:
         bending = scene.mass * _curvature_acceleration(base, scene, velocity, now)
     coarse = _force_coarseness(base, size)
-    apart = 4.0 * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
+    apart = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
     other_force = bending + coarse + scene.stiffness * apart
     with np.errstate(divide="ignore"):
         allowed, allowed_in_lag = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import SAME_FACE_COSINE, UNKNOWN_MOMENTUM, WINDOW_TICKS
+from hapticeval.phenomena.decisions import IMPULSE_ROUNDING, SAME_FACE_COSINE, UNKNOWN_MOMENTUM, WINDOW_TICKS
 from hapticeval.phenomena.sampling import evidence_at, open_loop_reason, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -78,7 +78,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         evidence["apparent_restitution"] = leaving / approach
         evidence["impulse_over_contact_Ns"] = scene.mass * float(along[struck + leaves[0]] - along[struck])
         fails += f" and leaves with restitution {leaving / approach:.2f}"
-    return compared(Metric(CHECK.metric, missing, ""), turning / approach + 1e-6, evidence, passes=message, fails=fails)
+    return compared(
+        Metric(CHECK.metric, missing, ""), turning / approach + IMPULSE_ROUNDING, evidence, passes=message, fails=fails
+    )
 
 
 def _meets_another_face(base: Recording, scene: Scene, normal: Array, struck: int, end: int) -> bool:

@@ -15,12 +15,15 @@ from hapticeval.phenomena.check import Closer
 from hapticeval.phenomena.decisions import (
     COARSER_THAN_DOUBLE,
     FEW_PARTS,
+    FOLLOWING_TICKS,
     JUMP_SPREAD_SHARE,
     LAG_TICKS,
     LEAST_EXPONENT,
+    LIMIT_SHARE,
     LOOKS_BELOW_SINGLE,
     MANY_PARTS,
     ROWS_OF_A_LOOK,
+    SINGLE_ROUNDINGS,
     SMOOTH_EXPONENT,
     TICKS_AFTER_JUMP,
     TICKS_AROUND,
@@ -156,7 +159,7 @@ def look_closer(look: Closer, scene: Scene, *, bounds: Array, standoff: float) -
     A place that is steep is the answer only where no other stays or is unresolved.
     """
     # What single precision resolves of the whole path's coordinates: those of a place may be as near to 0 as one looks.
-    rounded = 4.0 * SINGLE * float(np.max(np.abs(look.recording.hip)))
+    rounded = SINGLE_ROUNDINGS * SINGLE * float(np.max(np.abs(look.recording.hip)))
     place = _look_into_stretches(look, scene, bounds, standoff, rounded, (), lambda row: row)
     if place is None:
         return None
@@ -260,7 +263,7 @@ def _measure_scale(recording: Recording, scene: Scene, steps: Array, row: int, b
     points = recording.ihip[near][touching(recording, scene)[near]]
     spread = float(np.max(np.linalg.norm(points[:, np.newaxis] - points[np.newaxis], axis=2), initial=0.0))
     hip_step = float(np.max(np.linalg.norm(np.diff(recording.hip[near], axis=0), axis=1)))
-    surroundings = slice(max(row - 8 * TICKS_AROUND, 0), row + 8 * TICKS_AROUND)
+    surroundings = slice(max(row - FOLLOWING_TICKS, 0), row + FOLLOWING_TICKS)
     led = np.any(np.diff(recording.hip[surroundings], axis=0) != 0.0, axis=1)
     moved = np.any(np.diff(recording.ihip[surroundings], axis=0) != 0.0, axis=1)
     halvings = math.log2(before[0].hip_step / hip_step) if before and hip_step > 0.0 else 0.0
@@ -350,7 +353,7 @@ def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, rounded: f
         return JumpPlace(Remains.STAYS, tick, finest_resolved.jump, slope, scales) if rise < rounded else None
     if len(below) == LOOKS_BELOW_SINGLE:
         limit = aitken(finest_resolved.spread, below[0].spread, below[1].spread)
-        if limit > max(bound, 0.5 * below[1].spread):
+        if limit > max(bound, LIMIT_SHARE * below[1].spread):
             return JumpPlace(Remains.STAYS, tick, limit, slope, scales)
     if slope >= LEAST_EXPONENT:
         return None

@@ -19,6 +19,7 @@ from hapticeval.phenomena.decisions import (
     LAG_TICKS,
     SAME_ANSWER,
     SAME_SIMULATED_ANSWER,
+    SINGLE_ROUNDINGS,
     STEEP_FACTOR,
 )
 from hapticeval.phenomena.nudges import answers_apart, has_answer, steepness
@@ -73,9 +74,9 @@ def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
     if not has_answer(base).any():
         return undecided("the hand never touches the model")
     # What `run` answers at once, `step` may answer to single precision.
-    step = rounding(scene) + 4.0 * SINGLE * float(np.abs(base.hip).max())
+    step = rounding(scene) + SINGLE_ROUNDINGS * SINGLE * float(np.abs(base.hip).max())
     force = (1.0 + 2.0 * scene.damping / (scene.stiffness * base.dt)) * step
-    force += 4.0 * SINGLE * float(np.abs(base.force).max()) / scene.stiffness
+    force += SINGLE_ROUNDINGS * SINGLE * float(np.abs(base.force).max()) / scene.stiffness
     scatter = [float(base.meta.get(f"{name}_scatter", 0.0)) for name in ("ihip", "force")]
     allowed = np.full(len(base), max(step, force) + max(scatter[0], scatter[1] / scene.stiffness))
     off = answers_apart(runs, other, scene)

@@ -8,6 +8,7 @@ import numpy as np
 
 from hapticeval.geometry.motion import scaling
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.decisions import NUDGE_SHARE
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -56,4 +57,4 @@ def _directions(dimension: int) -> Array:
     """Return unit vectors along the axes and the diagonals, and the same at a quarter of the length: (k, N)."""
     signs = np.array([sign for sign in itertools.product((-1.0, 0.0, 1.0), repeat=dimension) if any(sign)])
     units = signs / np.linalg.norm(signs, axis=1, keepdims=True)
-    return np.vstack([units, 0.25 * units])
+    return np.vstack([units, NUDGE_SHARE * units])

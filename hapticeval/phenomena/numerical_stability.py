@@ -8,7 +8,16 @@ import numpy as np
 
 from hapticeval.geometry.motion import Motion, rigid_motion, scaling
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import AMPLIFIED_FACTOR, ANSWER_CHANGE, HAND_ROUNDING, STEEP_FACTOR
+from hapticeval.phenomena.decisions import (
+    AMPLIFIED_FACTOR,
+    ANSWER_CHANGE,
+    HAND_ROUNDING,
+    MOVED_SCALE,
+    MOVED_SHIFT,
+    MOVED_TURN,
+    STEEP_FACTOR,
+    SUSPECT_SHARE,
+)
 from hapticeval.phenomena.nudges import answers_apart, has_answer, steepness
 from hapticeval.phenomena.sampling import (
     believed_standoff,
@@ -31,11 +40,11 @@ EPS = float(np.finfo(np.float64).eps)
 def motions(scene: Scene) -> tuple[tuple[str, Motion], ...]:
     """Return the motions that the scene is looked at under, with words for each. No scale is a power of two."""
     dimension, size = scene.model.dimension, scene.model.size
-    shift = size * np.array([1.3, -0.7, 0.9])[:dimension]
+    shift = size * np.array(MOVED_SHIFT)[:dimension]
     return (
-        ("turned and shifted", rigid_motion(0.7, shift)),
-        ("seven times as large", scaling(7.0, dimension)),
-        ("a seventh as large", scaling(1.0 / 7.0, dimension)),
+        ("turned and shifted", rigid_motion(MOVED_TURN, shift)),
+        ("seven times as large", scaling(MOVED_SCALE, dimension)),
+        ("a seventh as large", scaling(1.0 / MOVED_SCALE, dimension)),
     )
 
 
@@ -62,7 +71,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         [answers_apart(runs, run, scene, forces=motion.scale == 1.0) for _, motion, run in answering_runs], axis=0
     )
     # Where no answer is off by more than a thousandth of the bound there is nothing that nudges need explain.
-    suspect = bool(off.max() > hand + declared + 1e-3 * ANSWER_CHANGE * size)
+    suspect = bool(off.max() > hand + declared + SUSPECT_SHARE * ANSWER_CHANGE * size)
     steep = steepness(runs, hand + declared, scene) if suspect else np.zeros(len(base))
     allowed = hand + declared + STEEP_FACTOR * steep
     on_surface = np.zeros(len(base))

@@ -15,6 +15,7 @@ from hapticeval.phenomena.decisions import (
     RIGID_WORK_SHARE,
     SAME_POINT,
     SETTLING_RATIO,
+    SINGLE_ROUNDINGS,
     TELLING_SHARE,
     UNDECLARED_RANGE,
 )
@@ -435,7 +436,7 @@ def _hold_failure(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
 
 def _rounding_work(base: Recording, sampled: SampledWork, scene: Scene) -> Array:
     largest = float(np.max(np.abs(base.hip)))
-    return 4.0 * SINGLE * (scene.stiffness * largest * sampled.path + sampled.effort)
+    return SINGLE_ROUNDINGS * SINGLE * (scene.stiffness * largest * sampled.path + sampled.effort)
 
 
 def _millijoules(energy: float) -> str:

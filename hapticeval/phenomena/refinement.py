@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.decisions import SETTLING_RATIO
+from hapticeval.phenomena.decisions import LENGTH_ROUNDING, SETTLING_RATIO
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
@@ -45,7 +45,7 @@ def richardson_two_level(runs: Runs, measure: Callable[[Recording], Array]) -> E
     base, half, quarter = base[:common], half[:common], quarter[:common]
     before, after = half - base, quarter - half
     first, last, bent = (_largest(step) for step in (before, after, 2.0 * after - before))
-    rounding = 1e-12 * _largest(base)
+    rounding = LENGTH_ROUNDING * _largest(base)
     if last <= SETTLING_RATIO * first or last <= rounding:
         return Extrapolated(2.0 * quarter - half, max(last, 0.5 * bent), True)
     return Extrapolated(base, last, False)

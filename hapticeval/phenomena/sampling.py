@@ -6,7 +6,14 @@ import weakref
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import COARSEST_RESOLUTION, FARTHEST_STANDOFF, FORCE_DEPTH, LAG_TICKS
+from hapticeval.phenomena.decisions import (
+    COARSEST_RESOLUTION,
+    FARTHEST_STANDOFF,
+    FORCE_DEPTH,
+    LAG_TICKS,
+    PLACE_ROUNDING,
+    SINGLE_ROUNDINGS,
+)
 from hapticeval.quantity import number
 from hapticeval.recordings.recording import SINGLE, Recording, runs_of
 from hapticeval.scene import Scene
@@ -136,7 +143,7 @@ def standoff(recording: Recording, scene: Scene) -> float:
 
 def rounding(scene: Scene) -> float:
     """How well single precision places two points of the model's size, m."""
-    return 4.0 * SINGLE * scene.model.size
+    return SINGLE_ROUNDINGS * SINGLE * scene.model.size
 
 
 def resolution(recording: Recording, scene: Scene) -> float:
@@ -184,7 +191,7 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     if distance.size == 0:
         return False
     off = np.abs(distance)
-    tolerance = LAG_TICKS * hip_step(recording, scene) + 1e-9 * scene.model.size
+    tolerance = LAG_TICKS * hip_step(recording, scene) + PLACE_ROUNDING * scene.model.size
     return bool(off.max() > tolerance + believed_standoff(recording, scene) or np.ptp(off) > tolerance)
 
 

@@ -10,7 +10,15 @@ import numpy as np
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import FORCE_SENSOR, FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
-from hapticeval.phenomena.decisions import DIED_OUT_SHARE, SLIDE_SHARE, TELLING_SHARE
+from hapticeval.phenomena.decisions import (
+    CAUSE_SHARE,
+    DIED_OUT_SHARE,
+    EXTRAPOLATION_ROUNDING,
+    PLACE_ROUNDING,
+    SLIDE_SHARE,
+    SPEED_ROUNDING,
+    TELLING_SHARE,
+)
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion
@@ -39,7 +47,7 @@ def judge_output_invariance(runs: Runs, scene: Scene) -> Finding:
     tick = int(np.argmax(distance))
     cost = float(np.max(np.abs(motion.centripetal))) / scene.stiffness
     bound = remains.change if remains.settled else motion.held_distance()
-    bound += motion.sensor_error + 1e-10 * scene.model.size
+    bound += motion.sensor_error + EXTRAPOLATION_ROUNDING * scene.model.size
     evidence: dict[str, object] = {
         **evidence_at(base, tick),
         "distance_at_this_sampling_m": float(np.max(np.abs(motion.distance))),
@@ -62,7 +70,7 @@ def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
         return undecided(motion.footless)
     distance = np.abs(motion.distance)
     farthest = float(distance.max())
-    if farthest <= motion.held_distance() + motion.sensor_error + 1e-9 * scene.model.size:
+    if farthest <= motion.held_distance() + motion.sensor_error + PLACE_ROUNDING * scene.model.size:
         return undecided("the tool does not move across the surface")
     if motion.pushed.any():
         return undecided("the operator pushes, which changes the speed too")
@@ -74,7 +82,7 @@ def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
     deviation = np.abs(remains.values[: last + 1])
     tick = int(np.argmax(deviation))
     metric = Metric(DECOUPLING.metric, float(deviation[tick]), "")
-    bound = (remains.change if remains.settled else float(motion.held_speed[last]) / start) + 1e-9
+    bound = (remains.change if remains.settled else float(motion.held_speed[last]) / start) + SPEED_ROUNDING
     evidence: dict[str, object] = {
         **evidence_at(base, tick),
         "largest_distance_m": farthest,
@@ -119,7 +127,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
     tick = int(np.argmax(excess))
     metric = Metric(TANGENTIAL_DYNAMICS.metric, float(excess[tick]), "")
     bound = remains.change * np.sqrt(remains.values.shape[1]) if remains.settled else float(motion.held_speed[-1])
-    bound = bound / top + 1e-9
+    bound = bound / top + SPEED_ROUNDING
     viscosity = _apparent_viscosity(motion)
     evidence: dict[str, object] = {
         **evidence_at(base, tick),
@@ -144,7 +152,7 @@ def _describe_unexplained(motion: SurfaceMotion, unexplained: Array, viscosity: 
     assigned = motion.scene.viscosity
     slid = np.cumsum(moved * motion.recording.dt, axis=0)
     remainder = unexplained + (viscosity - assigned) / motion.scene.mass * slid
-    if np.sum(remainder**2) <= 0.5 * np.sum(unexplained**2):
+    if np.sum(remainder**2) <= CAUSE_SHARE * np.sum(unexplained**2):
         return f", as if the surface had a viscosity of {viscosity:.3g} kg/s instead of {assigned:.3g}"
     along = float(np.sum(unexplained[tick] * moved[tick]))
     return f": by t = {motion.recording.time[tick]:.4g} s the tool is {'driven on' if along > 0.0 else 'braked'}"

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
-from hapticeval.phenomena.decisions import FOCAL_EIGENVALUE, HOLD_TICKS, SLIDE_SHARE
+from hapticeval.phenomena.decisions import FOCAL_EIGENVALUE, HOLD_TICKS, PLACE_ROUNDING, SLIDE_SHARE, SPEED_ROUNDING
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -119,8 +119,8 @@ class SurfaceMotion:
     @property
     def starts_on_surface(self) -> bool:
         """Whether the tool starts on the surface and moves along it, to rounding."""
-        near = abs(self.distance[0]) <= 1e-9 * self.scene.model.size
-        return bool(near and abs(self.across[0]) <= 1e-9 * np.linalg.norm(self.recording.velocity[0]))
+        near = abs(self.distance[0]) <= PLACE_ROUNDING * self.scene.model.size
+        return bool(near and abs(self.across[0]) <= SPEED_ROUNDING * np.linalg.norm(self.recording.velocity[0]))
 
     def held_distance(self, since: int = 0) -> float:
         """How far (m) a held force lets a perfect law drift off the surface, from the tick `since` on.

@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import STEEPER_THAN_SPRING
+from hapticeval.phenomena.decisions import SINGLE_ROUNDINGS, STEEPER_THAN_SPRING
 from hapticeval.phenomena.effects.friction_load import judge_with_lag, load_of, reason_not_judged, viscous_coefficient
 from hapticeval.phenomena.sampling import evidence_at, touching
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
@@ -39,7 +39,7 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     before = np.concatenate([[0.0], length[:-1]])
     strength = np.linalg.norm(base.force[:-1], axis=1)
     allowed = 0.5 * scene.stiffness * length**2 + steep + damping / base.dt * length * before
-    allowed += 4.0 * SINGLE * strength * length
+    allowed += SINGLE_ROUNDINGS * SINGLE * strength * length
     gained = np.sum(base.force[:-1] * moved, axis=1)
     worst, gain, granted = None, 0.0, 0.0
     for begin in begins:

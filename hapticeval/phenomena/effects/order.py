@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
-from hapticeval.phenomena.decisions import LAG_TICKS
+from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TOLD_APART
 from hapticeval.phenomena.effects.shading import SHADING
 from hapticeval.phenomena.effects.texture import TEXTURE
 from hapticeval.phenomena.effects.texture_work import BUMP
@@ -37,11 +37,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     pressed[:LAG_TICKS] = False
     largest = float(np.max(np.abs(base.hip)))
     strength = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
-    allowed = 4.0 * SINGLE * (strength + scene.stiffness * largest) + force_floor(scene)
+    allowed = SINGLE_ROUNDINGS * SINGLE * (strength + scene.stiffness * largest) + force_floor(scene)
     off, added = (
         _vibration_deviation(base, plain, scene) if last == TEXTURE else _drag_deviation(base, plain, scene, pressed)
     )
-    if not (pressed & (added > 10.0 * allowed)).any():
+    if not (pressed & (added > TOLD_APART * allowed)).any():
         return undecided(f"the {last} adds nothing to be told from rounding, where the tool is pressed")
     worst = int(np.argmax(np.where(pressed, off - allowed, -np.inf)))
     return compared(

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
-from hapticeval.phenomena.decisions import LAG_TICKS, OTHER_WEIGHTS, TELLING_SHARE
+from hapticeval.phenomena.decisions import LAG_TICKS, OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -51,7 +51,7 @@ def expect_shading(runs: Runs, scene: Scene) -> ExpectedShading | Finding:
     if not contact.any():
         return undecided("no force above the floor: the tool never presses on the surface")
     size = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
-    rounding = 4.0 * SINGLE * (size + scene.stiffness * float(np.max(np.abs(base.hip))))
+    rounding = SINGLE_ROUNDINGS * SINGLE * (size + scene.stiffness * float(np.max(np.abs(base.hip))))
     return ExpectedShading(plain.force, turned(plain.force, normals), contact, rounding)
 
 

@@ -14,6 +14,7 @@ from hapticeval.phenomena.decisions import (
     CLEAR_DECIBELS,
     POWER_PARTS,
     SHORTEST_STRETCH,
+    SINGLE_ROUNDINGS,
     SLOWEST_LOW_PASS,
     STEADY_SHARE,
     TELLING_SHARE,
@@ -337,7 +338,7 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
             f"the texture's own filters still ring with {left:.2g} of it {TEXTURE_SETTLES:g} s after a stop"
         )
     size = max(float(np.linalg.norm(recording.force[tick])) for recording in (base, plain))
-    allowed = left * largest_moving + 4.0 * SINGLE * (size + scene.stiffness * largest)
+    allowed = left * largest_moving + SINGLE_ROUNDINGS * SINGLE * (size + scene.stiffness * largest)
     return compared(
         Metric(REST.metric, float(added[tick]), "N"),
         allowed,

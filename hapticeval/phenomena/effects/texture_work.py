@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN
+from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN, SINGLE_ROUNDINGS
 from hapticeval.phenomena.passivity import SampledWork, laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at
 from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
@@ -43,7 +43,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             sums[last] - sums[first]
             for sums in (half.smooth, full.smooth, full.error, full.crossed, full.path, full.effort)
         )
-        allowed = np.abs(work - before) + error + 4.0 * SINGLE * (scene.stiffness * largest * path + effort)
+        allowed = (
+            np.abs(work - before) + error + SINGLE_ROUNDINGS * SINGLE * (scene.stiffness * largest * path + effort)
+        )
         gains = work > allowed
         if gains.any() or np.all(allowed <= LOOP_KNOWN * crossed):
             break

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, TELLING_SHARE
+from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, SINGLE_ROUNDINGS, TELLING_SHARE
 from hapticeval.phenomena.effects.vibration import fit
 from hapticeval.phenomena.sampling import evidence_at, force_floor, touching
 from hapticeval.phenomena.sampling import rounding as rounding_of
@@ -80,7 +80,7 @@ def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) 
     added = base.force - plain.force
     single = bool(np.all(base.force.astype(np.float32) == base.force))
     largest = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
-    rounding = 4.0 * (SINGLE if single else DOUBLE) * largest
+    rounding = SINGLE_ROUNDINGS * (SINGLE if single else DOUBLE) * largest
     struck = []
     for touch in edges[touches[edges]].tolist():
         end = int(min(edges[edges > touch], default=len(base)))
