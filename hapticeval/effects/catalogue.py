@@ -36,8 +36,8 @@ class Entry(NamedTuple):
     def of(self) -> type[Effect]:
         """The class, which is imported now at the latest."""
         module, _, name = self.place.partition(":")
-        found: type[Effect] = getattr(import_module(module, __package__), name)
-        return found
+        effect_type: type[Effect] = getattr(import_module(module, __package__), name)
+        return effect_type
 
 
 VISCOSITY, FORCE_SENSOR = "viscosity", "force-sensor"
@@ -99,24 +99,26 @@ def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[
     coefficient = 0.3 }]`, see `Entry.short`. Raises `UnknownNameError` for an unknown kind, number or short form, and
     `InputError` for numbers that an effect lacks or cannot have.
     """
-    listed = [dict(each) for entry in (LISTED, EACH) for each in table.get(entry, ())]
+    listed = [dict(document) for entry in (LISTED, EACH) for document in table.get(entry, ())]
     groups = {key.partition(".")[0] for entry in EFFECTS.values() for key in entry.short if "." in key}
     short = {key: value for key, value in table.items() if key not in groups}
     short |= {f"{group}.{key}": value for group in groups for key, value in table.get(group, {}).items()}
-    known = {key: (kind, field) for kind, entry in EFFECTS.items() for key, field in entry.short.items()}
-    gathered: dict[str, dict[str, Any]] = {}
+    field_of = {key: (kind, field) for kind, entry in EFFECTS.items() for key, field in entry.short.items()}
+    documents_by_kind: dict[str, dict[str, Any]] = {}
     for key, value in short.items():
-        if key in known:
-            kind, field = known[key]
-            gathered.setdefault(kind, {"kind": kind}).update({field: value} if field else value)
+        if key in field_of:
+            kind, field = field_of[key]
+            documents_by_kind.setdefault(kind, {"kind": kind}).update({field: value} if field else value)
         elif "." in key:
             group = key.partition(".")[0]
-            names = [each.rpartition(".")[2] for each in known if each.startswith(f"{group}.")]
+            names = [short_form.rpartition(".")[2] for short_form in field_of if short_form.startswith(f"{group}.")]
             raise UnknownNameError(f"entry of {group}", key.removeprefix(f"{group}."), names)
-    rest = {
-        key: value for key, value in short.items() if key not in known and "." not in key and key not in (LISTED, EACH)
+    other_entries = {
+        key: value
+        for key, value in short.items()
+        if key not in field_of and "." not in key and key not in (LISTED, EACH)
     }
-    return rest, tuple(make_effect(each, folder) for each in [*listed, *gathered.values()])
+    return other_entries, tuple(make_effect(document, folder) for document in [*listed, *documents_by_kind.values()])
 
 
 def short_forms() -> dict[str, bool]:
@@ -129,25 +131,27 @@ def make_effect(document: Mapping[str, Any], folder: Path = Path()) -> Effect:
     kind = document.get("kind")
     if kind not in EFFECTS:
         raise UnknownNameError("effect", str(kind), EFFECTS)
-    made = EFFECTS[kind].of
-    numbers = made.read({name: value for name, value in document.items() if name != "kind"}, folder)
-    names = [each.name for each in fields(made)]
+    effect_type = EFFECTS[kind].of
+    numbers = effect_type.read({name: value for name, value in document.items() if name != "kind"}, folder)
+    names = [field.name for field in fields(effect_type)]
     for name in numbers:
         if name not in names:
             raise UnknownNameError(f"number of effect '{kind}'", name, names)
     try:
-        return made(**numbers)
+        return effect_type(**numbers)
     except TypeError as error:
         raise InputError(f"effect '{kind}' lacks a number", why=str(error), todo=f"give {', '.join(names)}") from error
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     """Return effects in the catalogue's order, without those that are off. Raises `InputError` for two of a kind."""
-    found: dict[str, Effect] = {}
-    for each in effects:
-        if each.kind in found:
-            raise InputError(f"the scene lists two effects '{each.kind}'", todo="leave one out")
-        found[each.kind] = each
+    effect_of: dict[str, Effect] = {}
+    for effect in effects:
+        if effect.kind in effect_of:
+            raise InputError(f"the scene lists two effects '{effect.kind}'", todo="leave one out")
+        effect_of[effect.kind] = effect
     order = list(EFFECTS)
-    kept = (each for each in found.values() if not each.off)
-    return tuple(sorted(kept, key=lambda each: order.index(each.kind) if each.kind in order else len(order)))
+    active_effects = (effect for effect in effect_of.values() if not effect.off)
+    return tuple(
+        sorted(active_effects, key=lambda effect: order.index(effect.kind) if effect.kind in order else len(order))
+    )

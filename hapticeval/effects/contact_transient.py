@@ -51,20 +51,20 @@ class ContactTransient(Effect):
     linear: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        given = (self.amplitude, self.decay, self.frequency)
+        own_numbers = (self.amplitude, self.decay, self.frequency)
         if self.material is not None:
             if self.material not in MATERIALS:
                 raise UnknownNameError("material", str(self.material), MATERIALS)
-            own = MATERIALS[self.material]
-            if given not in ((None, None, None), own):
+            of_material = MATERIALS[self.material]
+            if own_numbers not in ((None, None, None), of_material):
                 raise InputError(
                     f"a contact-transient of {self.material}, and numbers of its own",
                     why="a material is an amplitude, a decay and a frequency",
                     todo="give one or the other",
                 )
-            for name, value in own._asdict().items():
+            for name, value in of_material._asdict().items():
                 object.__setattr__(self, name, value)
-        elif None in given:
+        elif None in own_numbers:
             raise InputError(
                 "a contact-transient without amplitude, decay or frequency",
                 why="a decaying sinusoid needs all three",
@@ -107,5 +107,5 @@ class ContactTransient(Effect):
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe how it rings."""
         numbers = ((self.amplitude, "N s/m"), (self.decay, "1/s"), (self.frequency, "Hz"))
-        found = ", ".join(quantity(value, unit) for value, unit in numbers if value is not None)
-        return f"contact transients ({found}){capped(self.cap)}"
+        numbers_with_units = ", ".join(quantity(value, unit) for value, unit in numbers if value is not None)
+        return f"contact transients ({numbers_with_units}){capped(self.cap)}"

@@ -37,11 +37,13 @@ class Delay(Effect):
 
     def part(self, ticks: int, size: int, dt: float) -> Part:  # noqa: ARG002 - as every effect
         """Assemble the line of torques: `params` are whole ticks and the seconds beyond them."""
-        lag = self.time / dt
-        whole = math.floor(lag + STEADY)
-        rest = lag - whole
+        delay_in_ticks = self.time / dt
+        whole_ticks = math.floor(delay_in_ticks + STEADY)
+        part_of_tick = delay_in_ticks - whole_ticks
         return Part(
-            hold_back, np.array([whole, rest * dt if rest > STEADY else 0.0]), state=np.zeros((whole + 2, size))
+            hold_back,
+            np.array([whole_ticks, part_of_tick * dt if part_of_tick > STEADY else 0.0]),
+            state=np.zeros((whole_ticks + 2, size)),
         )
 
     def active(self, damping: float) -> str | None:  # noqa: ARG002 - as every effect
@@ -55,9 +57,9 @@ class Delay(Effect):
 
 def hold_back(params: Array, samples: Array, state: Array, tick: int, dt: float, torque: Array, before: Array) -> float:  # noqa: ARG001
     """Replace `torque` by what the motors get in this tick, and `before` by what they had until the switch."""
-    line, whole = state.shape[0], int(params[0])
+    line_length, whole_ticks = state.shape[0], int(params[0])
     for i in range(torque.shape[0]):
-        state[tick % line, i] = torque[i]
-        before[i] = state[(tick - whole - 1) % line, i]
-        torque[i] = state[(tick - whole) % line, i]
+        state[tick % line_length, i] = torque[i]
+        before[i] = state[(tick - whole_ticks - 1) % line_length, i]
+        torque[i] = state[(tick - whole_ticks) % line_length, i]
     return float(params[1])

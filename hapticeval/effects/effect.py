@@ -98,8 +98,8 @@ class Effect:
     """Whether the sampled loop around rest stays linear with it."""
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            value, allowed = getattr(self, each.name), each.metadata
+        for number_field in fields(self):
+            value, allowed = getattr(self, number_field.name), number_field.metadata
             if not allowed or value is None:
                 continue
             sound = isinstance(value, int | float) and (
@@ -108,7 +108,7 @@ class Effect:
             if not sound or (allowed["finite"] and not math.isfinite(value)):
                 bound = "not negative" if allowed["at"] else "positive"
                 raise InputError(
-                    f"{self.named(each.name)} = {value!r} {unit_of(allowed['unit'])}".rstrip(),
+                    f"{self.named(number_field.name)} = {value!r} {unit_of(allowed['unit'])}".rstrip(),
                     why=f"it must be {'finite and ' if allowed['finite'] else ''}{bound}",
                     todo="leave it out for none",
                 )
@@ -172,20 +172,20 @@ class Effect:
 
     def document(self) -> dict[str, Any]:
         """Return kind and numbers as JSON values, without those that have their default."""
-        kept = {each.name: getattr(self, each.name) for each in fields(self)}
+        value_of = {field.name: getattr(self, field.name) for field in fields(self)}
         return {"kind": self.kind} | {
-            each.name: kept[each.name]
-            for each in fields(self)
-            if each.compare and kept[each.name] is not None and kept[each.name] != each.default
+            field.name: value_of[field.name]
+            for field in fields(self)
+            if field.compare and value_of[field.name] is not None and value_of[field.name] != field.default
         }
 
     def describe(self, *, turning: bool) -> str:
         """Describe the effect in a few words, numbers with units; `turning`: the device has joints that turn."""
         return (self.words or self.kind).format(
             **{
-                each.name: quantity(getattr(self, each.name), unit_of(each.metadata["unit"], turning=turning))
-                for each in fields(self)
-                if each.metadata
+                field.name: quantity(getattr(self, field.name), unit_of(field.metadata["unit"], turning=turning))
+                for field in fields(self)
+                if field.metadata
             }
         )
 

@@ -38,12 +38,12 @@ class ForceSensor(Effect):
 
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe what of it is not ideal."""
-        given = [
+        imperfections = [
             f"{word} {quantity(size, 'N')}" for word, size in (("quantum", self.step), ("noise", self.noise)) if size
         ]
         if math.isfinite(self.cutoff):
-            given.append(f"low-passed at {quantity(self.cutoff, 'Hz')}")
-        return "force sensor" + (f" ({', '.join(given)})" if given else ", ideal")
+            imperfections.append(f"low-passed at {quantity(self.cutoff, 'Hz')}")
+        return "force sensor" + (f" ({', '.join(imperfections)})" if imperfections else ", ideal")
 
 
 def measure(params: Array, samples: Array, state: Array, tick: int, dt: float, force: Array, unused: Array) -> float:  # noqa: ARG001

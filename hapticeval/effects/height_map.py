@@ -52,7 +52,7 @@ class Relief(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("profile", "direction"):
-            object.__setattr__(self, name, tuple(float(each) for each in getattr(self, name)))
+            object.__setattr__(self, name, tuple(float(component) for component in getattr(self, name)))
             if not np.isfinite(getattr(self, name)).all():
                 raise InputError(f"the {self.kind}'s {name} has numbers that are not finite")
         if (self.amplitude is None) is (not self.profile):
@@ -88,8 +88,8 @@ class Relief(Effect):
         """The shortest wavelength (m) that is felt: of a profile that of its highest harmonic that is not faint."""
         if not self.profile:
             return self.wavelength
-        share = np.abs(np.fft.rfft(self.profile))[1:]
-        return self.wavelength / float(1 + np.flatnonzero(share >= FAINT * share.max())[-1])
+        harmonics = np.abs(np.fft.rfft(self.profile))[1:]
+        return self.wavelength / float(1 + np.flatnonzero(harmonics >= FAINT * harmonics.max())[-1])
 
     def fastest(self, dt: float) -> float:
         """Return the speed (m/s) along the waves beyond which samples every `dt` s alias them: finest / (2 dt)."""
@@ -97,8 +97,8 @@ class Relief(Effect):
 
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe the relief with its size and wavelength."""
-        high = self.amplitude if self.amplitude is not None else 0.5 * float(np.ptp(self.profile))
-        return f"{self.kind} of {quantity(1e6 * high, 'um')} every {quantity(1e3 * self.wavelength, 'mm')}"
+        amplitude = self.amplitude if self.amplitude is not None else 0.5 * float(np.ptp(self.profile))
+        return f"{self.kind} of {quantity(1e6 * amplitude, 'um')} every {quantity(1e3 * self.wavelength, 'mm')}"
 
     def fits(self, scene: Calling) -> None:
         """Raise `InputError` for a direction in the plane, and for one in space that is none."""
@@ -115,39 +115,41 @@ class Relief(Effect):
     def check_path(self, scene: Calling, hips: Array) -> None:
         """Raise `InputError` where HIPs (n, N), m, cross the waves faster than their samples can show."""
         dt, boundary = scene.sampling_time, scene.model.boundary
-        found = boundary.closest_point(hips)
-        high = self.amplitude if self.amplitude is not None else max(self.profile)
-        pressed = (found.distance < high) | scene.bilateral
-        along = np.diff(found.foot, axis=0)
-        bend = np.abs(np.linalg.eigvalsh(found.shape)).max(axis=1)
-        slack = np.maximum(1.0 - bend * np.abs(found.distance), ALIKE)
-        length, hand = np.linalg.norm(along, axis=1), np.linalg.norm(np.diff(hips, axis=0), axis=1)
-        slides = pressed[1:] & pressed[:-1] & (length <= TWICE * hand / np.minimum(slack[1:], slack[:-1]))
-        crossed = np.abs(along @ self._unit) if scene.model.dimension == 3 else length
+        surface = boundary.closest_point(hips)
+        highest = self.amplitude if self.amplitude is not None else max(self.profile)
+        pressed = (surface.distance < highest) | scene.bilateral
+        foot_step = np.diff(surface.foot, axis=0)
+        curvature = np.abs(np.linalg.eigvalsh(surface.shape)).max(axis=1)
+        stretch = np.maximum(1.0 - curvature * np.abs(surface.distance), ALIKE)
+        foot_length, hand_length = np.linalg.norm(foot_step, axis=1), np.linalg.norm(np.diff(hips, axis=0), axis=1)
+        slides = (
+            pressed[1:] & pressed[:-1] & (foot_length <= TWICE * hand_length / np.minimum(stretch[1:], stretch[:-1]))
+        )
+        crossed = np.abs(foot_step @ self._unit) if scene.model.dimension == 3 else foot_length
         speed = np.where(slides, crossed, 0.0) / dt
         worst = int(np.argmax(speed, axis=0)) if speed.size else 0
         if not speed.size or speed[worst] <= self.fastest(dt) * (1.0 + ALIKE):
             return
-        beat = float(speed[worst]) / self.finest
-        felt = abs(beat - round(beat * dt) / dt)
+        frequency = float(speed[worst]) / self.finest
+        alias = abs(frequency - round(frequency * dt) / dt)
         raise InputError(
             f"the path crosses the {self.kind}'s waves of {1e3 * self.finest:g} mm at {speed[worst]:.4g} m/s, "
             f"{worst * dt:.4g} s after its start",
-            why=f"that is {beat:.4g} Hz: sampled every {1e3 * dt:g} ms it would be felt as {felt:.4g} Hz",
+            why=f"that is {frequency:.4g} Hz: sampled every {1e3 * dt:g} ms it would be felt as {alias:.4g} Hz",
             todo=f"stay below wavelength / (2 dt) = {self.fastest(dt):.4g} m/s, sample faster, or take longer waves",
         )
 
     @property
     def _unit(self) -> Array:
-        given = np.array(self.direction or (1.0, 0.0, 0.0))
-        return np.asarray(given / np.linalg.norm(given))
+        direction = np.array(self.direction or (1.0, 0.0, 0.0))
+        return np.asarray(direction / np.linalg.norm(direction))
 
     def _part(self, scene: Calling, function: Callable[..., int]) -> Part:
         """Assemble a change: `params` as `relief_kernels` names them, the spline's cells, and rows of N to work in."""
         from hapticeval.geometry.closest_kernels import closest_of
 
         boundary, size = scene.model.boundary, scene.model.dimension
-        wave, unit = self.wavelength, self._unit
+        wavelength, unit = self.wavelength, self._unit
         if size == 2:
             if closest_of(boundary) is None:
                 raise RefusalError(
@@ -156,7 +158,7 @@ class Relief(Effect):
                 )
             unit = np.zeros(3)
             if boundary.closed:
-                wave = boundary.girth / max(1, round(boundary.girth / wave))
+                wavelength = boundary.girth / max(1, round(boundary.girth / wavelength))
         cells = np.empty((0, 0))
         if self.profile:
             from scipy.interpolate import CubicSpline
@@ -164,7 +166,7 @@ class Relief(Effect):
             count = len(self.profile)
             spline = CubicSpline(np.arange(count + 1.0), [*self.profile, self.profile[0]], bc_type="periodic")
             cells = np.ascontiguousarray(spline.c.T)
-        params = np.array([scene.stiffness, float(scene.bilateral), wave, self.amplitude or 0.0, *unit])
+        params = np.array([scene.stiffness, float(scene.bilateral), wavelength, self.amplitude or 0.0, *unit])
         return Part(function, params, cells, np.zeros((5 + size, size)))
 
 

@@ -35,24 +35,27 @@ def line_spectrum(coefficients: Sequence[float] | Array) -> Array:
             why="it is stable only with all poles inside the unit circle",
             todo="give coefficients of a stable filter",
         )
-    forth, back = np.append(a, 0.0), np.append(0.0, a[::-1])
-    even, odd = forth + back, forth - back
+    padded, reversed_ = np.append(a, 0.0), np.append(0.0, a[::-1])
+    sum_polynomial, difference_polynomial = padded + reversed_, padded - reversed_
     if order % 2 == 0:
-        even, odd = np.polydiv(even, [1.0, 1.0])[0], np.polydiv(odd, [1.0, -1.0])[0]
+        sum_polynomial, difference_polynomial = (
+            np.polydiv(sum_polynomial, [1.0, 1.0])[0],
+            np.polydiv(difference_polynomial, [1.0, -1.0])[0],
+        )
     else:
-        odd = np.polydiv(odd, [1.0, 0.0, -1.0])[0]
-    angles = [np.angle(np.roots(each)) for each in (even, odd)]
-    return np.sort(np.concatenate([each[each > 0.0] for each in angles]))
+        difference_polynomial = np.polydiv(difference_polynomial, [1.0, 0.0, -1.0])[0]
+    angles_of = [np.angle(np.roots(polynomial)) for polynomial in (sum_polynomial, difference_polynomial)]
+    return np.sort(np.concatenate([root_angles[root_angles > 0.0] for root_angles in angles_of]))
 
 
 def stable(coefficients: Sequence[float] | Array) -> bool:
     """Return whether all zeros of A lie inside the unit circle, by Schur and Cohn's recursion, without its roots."""
     a = np.asarray(coefficients, dtype=np.float64)
     while a.size:
-        last = float(a[-1])
-        if not abs(last) < 1.0:
+        reflection = float(a[-1])
+        if not abs(reflection) < 1.0:
             return False
-        a = (a[:-1] - last * a[-2::-1]) / (1.0 - last * last)
+        a = (a[:-1] - reflection * a[-2::-1]) / (1.0 - reflection * reflection)
     return True
 
 
@@ -65,9 +68,12 @@ def coefficients_of(spectrum: Sequence[float]) -> Array:
         for angle in angles[first::2]:
             product = np.convolve(product, [1.0, -2.0 * np.cos(angle), 1.0])
         parts.append(product)
-    even, odd = parts
+    sum_polynomial, difference_polynomial = parts
     if angles.size % 2 == 0:
-        even, odd = np.convolve(even, [1.0, 1.0]), np.convolve(odd, [1.0, -1.0])
+        sum_polynomial, difference_polynomial = (
+            np.convolve(sum_polynomial, [1.0, 1.0]),
+            np.convolve(difference_polynomial, [1.0, -1.0]),
+        )
     else:
-        odd = np.convolve(odd, [1.0, 0.0, -1.0])
-    return np.asarray(0.5 * (even + odd)[1 : angles.size + 1])
+        difference_polynomial = np.convolve(difference_polynomial, [1.0, 0.0, -1.0])
+    return np.asarray(0.5 * (sum_polynomial + difference_polynomial)[1 : angles.size + 1])

@@ -78,10 +78,10 @@ class LuGre(Effect):
 
     def fits(self, scene: Calling) -> None:
         """Raise `InputError` in a scene that calls for another friction."""
-        for each in scene.effects:
-            if each.kind in (FRICTION, VISCOUS_FRICTION):
+        for effect in scene.effects:
+            if effect.kind in (FRICTION, VISCOUS_FRICTION):
                 raise InputError(
-                    f"the scene calls for '{self.kind}' and '{each.kind}'",
+                    f"the scene calls for '{self.kind}' and '{effect.kind}'",
                     why="LuGre is a whole model of friction, dry and viscous, and both would count it twice",
                     todo="leave one out",
                 )
@@ -134,38 +134,50 @@ def bend(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: A
     are z, m, and place and normal of the IHIP.
     """
     stiffness, damping, viscosity, static, kinetic = numbers.params[:5]
-    z, normal, size = numbers.state[0], numbers.state[2], hip.shape[0]
-    error, strength = 0.0, 0.0
-    for i in range(size):
-        error += (ihip[i] - hip[i]) ** 2
-        strength += force[i] ** 2
-    if strength == 0.0:
-        z[:] = 0.0
+    deflection, normal, dimension = numbers.state[0], numbers.state[2], hip.shape[0]
+    error_squared, force_squared = 0.0, 0.0
+    for i in range(dimension):
+        error_squared += (ihip[i] - hip[i]) ** 2
+        force_squared += force[i] ** 2
+    if force_squared == 0.0:
+        deflection[:] = 0.0
         return 0
     closest.function(closest.data, ihip, numbers.state[1:3])
-    press, across, sliding, bent, lifted = 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(size):
-        press += force[i] * (ihip[i] - hip[i])
-        across += force[i] * normal[i]
-        sliding += velocity[i] * normal[i]
-        lifted += z[i] * normal[i]
-        bent += z[i] ** 2
+    normal_force, force_on_normal, velocity_on_normal, deflection_length, deflection_on_normal = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(dimension):
+        normal_force += force[i] * (ihip[i] - hip[i])
+        force_on_normal += force[i] * normal[i]
+        velocity_on_normal += velocity[i] * normal[i]
+        deflection_on_normal += deflection[i] * normal[i]
+        deflection_length += deflection[i] ** 2
     # The force along the error or along the normal, whichever it is more along.
-    press = abs(press) / np.sqrt(error) if error > 0.0 else 0.0
-    press = max(press, abs(across)) if across > 0.0 or numbers.params[7] == 1.0 else 0.0
+    normal_force = abs(normal_force) / np.sqrt(error_squared) if error_squared > 0.0 else 0.0
+    normal_force = max(normal_force, abs(force_on_normal)) if force_on_normal > 0.0 or numbers.params[7] == 1.0 else 0.0
     # The bristles turn with the surface, and keep their length, but for what the press does not hold.
-    laid, speed = 0.0, 0.0
-    for i in range(size):
-        laid += (z[i] - lifted * normal[i]) ** 2
-        speed += (velocity[i] - sliding * normal[i]) ** 2
-    laid, speed, bent = np.sqrt(laid), np.sqrt(speed), min(np.sqrt(bent), static * press / stiffness)
-    limit = press * (kinetic + (static - kinetic) * np.exp(-((speed / numbers.params[5]) ** 2)))
+    tangential_length, speed = 0.0, 0.0
+    for i in range(dimension):
+        tangential_length += (deflection[i] - deflection_on_normal * normal[i]) ** 2
+        speed += (velocity[i] - velocity_on_normal * normal[i]) ** 2
+    tangential_length, speed, deflection_length = (
+        np.sqrt(tangential_length),
+        np.sqrt(speed),
+        min(np.sqrt(deflection_length), static * normal_force / stiffness),
+    )
+    sliding_force = normal_force * (kinetic + (static - kinetic) * np.exp(-((speed / numbers.params[5]) ** 2)))
     damping *= np.exp(-((speed / numbers.params[6]) ** 2))
-    rate = stiffness * speed / limit if limit > 0.0 else 0.0
-    for i in range(size):
-        along = velocity[i] - sliding * normal[i]
-        z[i] = (z[i] - lifted * normal[i]) * (bent / laid if laid > 0.0 else 0.0)
-        if limit > 0.0 and speed > 0.0:
-            z[i] += (limit * along / (stiffness * speed) - z[i]) * -np.expm1(-rate * dt)
-        force[i] -= stiffness * z[i] + damping * (along - rate * z[i] if limit > 0.0 else 0.0) + viscosity * along
+    relaxation_rate = stiffness * speed / sliding_force if sliding_force > 0.0 else 0.0
+    for i in range(dimension):
+        tangential_velocity = velocity[i] - velocity_on_normal * normal[i]
+        deflection[i] = (deflection[i] - deflection_on_normal * normal[i]) * (
+            deflection_length / tangential_length if tangential_length > 0.0 else 0.0
+        )
+        if sliding_force > 0.0 and speed > 0.0:
+            deflection[i] += (sliding_force * tangential_velocity / (stiffness * speed) - deflection[i]) * -np.expm1(
+                -relaxation_rate * dt
+            )
+        force[i] -= (
+            stiffness * deflection[i]
+            + damping * (tangential_velocity - relaxation_rate * deflection[i] if sliding_force > 0.0 else 0.0)
+            + viscosity * tangential_velocity
+        )
     return 0

@@ -66,8 +66,8 @@ class RecordedImpulse(Effect):
         if "pulse" in numbers or "step" in numbers:
             raise InputError("a recorded-impulse with a file, and a pulse or a step", todo="give one or the other")
         pulse, step = read_pulse(below(folder, str(numbers["file"])))
-        rest = {name: value for name, value in numbers.items() if name != "file"}
-        return {"pulse": pulse.tolist(), "step": step, **rest}
+        other_numbers = {name: value for name, value in numbers.items() if name != "file"}
+        return {"pulse": pulse.tolist(), "step": step, **other_numbers}
 
     def fits(self, scene: Calling) -> None:
         """Refuse a contact that never begins."""
@@ -88,8 +88,8 @@ class RecordedImpulse(Effect):
 
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe the pulse by its length and impulse."""
-        lasts, impulse = quantity(1e3 * len(self.pulse) * self.step, "ms"), math.fsum(self.pulse) * self.step
-        return f"recorded impulses ({lasts}, {quantity(1e3 * impulse, 'mN s')}){capped(self.cap)}"
+        duration, impulse = quantity(1e3 * len(self.pulse) * self.step, "ms"), math.fsum(self.pulse) * self.step
+        return f"recorded impulses ({duration}, {quantity(1e3 * impulse, 'mN s')}){capped(self.cap)}"
 
 
 def read_pulse(file: Path) -> tuple[Array, float]:

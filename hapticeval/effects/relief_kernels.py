@@ -25,29 +25,32 @@ FLAT = 1e-9
 def relief(params: Array, cells: Array, frame: Array, slope: Array) -> float:
     """Return the height (m) over the foot of `frame` (see `CLOSEST`), and write its gradient along the surface (N,)."""
     count, wave = slope.shape[0], params[WAVE]
-    along = 0.0
+    unit_on_normal = 0.0
     if count == 2:
-        at = frame[SHAPE + 2, 0]
+        coordinate = frame[SHAPE + 2, 0]
     else:
-        at = 0.0
+        coordinate = 0.0
         for i in range(count):
-            at += params[UNIT + i] * frame[FOOT, i]
-            along += params[UNIT + i] * frame[NORMAL, i]
+            coordinate += params[UNIT + i] * frame[FOOT, i]
+            unit_on_normal += params[UNIT + i] * frame[NORMAL, i]
     if cells.shape[0] == 0:
-        angle = 2.0 * math.pi * (at / wave)
-        height, rise = params[AMPLITUDE] * math.sin(angle), params[AMPLITUDE] * 2.0 * math.pi / wave * math.cos(angle)
+        angle = 2.0 * math.pi * (coordinate / wave)
+        height, rise_rate = (
+            params[AMPLITUDE] * math.sin(angle),
+            params[AMPLITUDE] * 2.0 * math.pi / wave * math.cos(angle),
+        )
     else:
-        turns = at / wave
+        turns = coordinate / wave
         x = (turns - math.floor(turns)) * cells.shape[0]
         k = min(int(x), cells.shape[0] - 1)
         x -= k
         height = ((cells[k, 0] * x + cells[k, 1]) * x + cells[k, 2]) * x + cells[k, 3]
-        rise = ((3.0 * cells[k, 0] * x + 2.0 * cells[k, 1]) * x + cells[k, 2]) * cells.shape[0] / wave
+        rise_rate = ((3.0 * cells[k, 0] * x + 2.0 * cells[k, 1]) * x + cells[k, 2]) * cells.shape[0] / wave
     if count == 2:
-        slope[0], slope[1] = -rise * frame[NORMAL, 1], rise * frame[NORMAL, 0]
+        slope[0], slope[1] = -rise_rate * frame[NORMAL, 1], rise_rate * frame[NORMAL, 0]
     else:
         for i in range(count):
-            slope[i] = rise * (params[UNIT + i] - along * frame[NORMAL, i])
+            slope[i] = rise_rate * (params[UNIT + i] - unit_on_normal * frame[NORMAL, i])
     return float(height)
 
 
@@ -64,13 +67,13 @@ def spread(frame: Array, depth: float, slope: Array) -> bool:
     a, b, c = 1.0 - depth * frame[SHAPE, 0], -depth * frame[SHAPE, 1], -depth * frame[SHAPE, 2]
     e, f, i = 1.0 - depth * frame[SHAPE + 1, 1], -depth * frame[SHAPE + 1, 2], 1.0 - depth * frame[SHAPE + 2, 2]
     p, q, r = e * i - f * f, c * f - b * i, b * f - c * e
-    whole = a * p + b * q + c * r
-    if whole <= FLAT:
+    determinant = a * p + b * q + c * r
+    if determinant <= FLAT:
         return False
     x, y, z = slope[0], slope[1], slope[2]
-    slope[0] = (p * x + q * y + r * z) / whole
-    slope[1] = (q * x + (a * i - c * c) * y + (b * c - a * f) * z) / whole
-    slope[2] = (r * x + (b * c - a * f) * y + (a * e - b * b) * z) / whole
+    slope[0] = (p * x + q * y + r * z) / determinant
+    slope[1] = (q * x + (a * i - c * c) * y + (b * c - a * f) * z) / determinant
+    slope[2] = (r * x + (b * c - a * f) * y + (a * e - b * b) * z) / determinant
     return True
 
 
@@ -88,21 +91,21 @@ def raise_surface(
     frame, slope = numbers.state[: 3 + count], numbers.state[3 + count]
     depth = -closest.function(closest.data, hip, frame)
     height = relief(params, numbers.samples, frame, slope)
-    both, stiffness = params[BILATERAL] != 0.0, params[STIFFNESS]
-    if not both and depth + height <= 0.0:
+    bilateral, stiffness = params[BILATERAL] != 0.0, params[STIFFNESS]
+    if not bilateral and depth + height <= 0.0:
         for i in range(count):
             ihip[i], force[i] = hip[i], 0.0
         return 0
-    held, off = both or depth > 0.0, 0.0
+    in_contact, foot_error_squared = bilateral or depth > 0.0, 0.0
     for i in range(count):
-        off += (ihip[i] - frame[FOOT, i]) ** 2
-    if held and math.sqrt(off) > NEAR * params[WAVE]:
+        foot_error_squared += (ihip[i] - frame[FOOT, i]) ** 2
+    if in_contact and math.sqrt(foot_error_squared) > NEAR * params[WAVE]:
         return 1
     if not spread(frame, depth, slope):
         return 2
     for i in range(count):
-        own = force[i] if held else stiffness * depth * frame[NORMAL, i]
-        force[i] = own + stiffness * (height * frame[NORMAL, i] - (depth + height) * slope[i])
+        renderer_force = force[i] if in_contact else stiffness * depth * frame[NORMAL, i]
+        force[i] = renderer_force + stiffness * (height * frame[NORMAL, i] - (depth + height) * slope[i])
         ihip[i] = frame[FOOT, i] + height * frame[NORMAL, i]
     return 0
 
@@ -121,11 +124,11 @@ def turn_normal(
     frame, slope = numbers.state[: 3 + count], numbers.state[3 + count]
     closest.function(closest.data, ihip, frame)
     relief(numbers.params, numbers.samples, frame, slope)
-    press, steep = 0.0, 0.0
+    force_on_normal, slope_squared = 0.0, 0.0
     for i in range(count):
-        press += force[i] * frame[NORMAL, i]
-        steep += slope[i] * slope[i]
-    size = math.sqrt(1.0 + steep)
+        force_on_normal += force[i] * frame[NORMAL, i]
+        slope_squared += slope[i] * slope[i]
+    length = math.sqrt(1.0 + slope_squared)
     for i in range(count):
-        force[i] += press * ((frame[NORMAL, i] - slope[i]) / size - frame[NORMAL, i])
+        force[i] += force_on_normal * ((frame[NORMAL, i] - slope[i]) / length - frame[NORMAL, i])
     return 0

@@ -74,15 +74,15 @@ class Shading(Effect):
 
             corners = mesh_corners(scene.model.boundary, self.crease)
             return Part(kernels.shade_mesh, np.empty(0), corners, np.zeros((kernels.ROWS, 3)))
-        found = facets(scene.model.boundary, self.crease)
-        if found is None:
+        facet_table = facets(scene.model.boundary, self.crease)
+        if facet_table is None:
             raise RefusalError(
                 f"shading on model '{scene.model.name}', which has no facets",
                 why="normals are interpolated between the vertices of a polygon or a mesh",
                 todo="give the model as one; a renderer that shades facets of its own declares that in supports",
             )
-        ends = found[-1, START] + found[-1, LENGTH]
-        return Part(shade, np.array([AT_VERTEX * ends]), samples=found, state=np.zeros((ROWS, 2)))
+        ends = facet_table[-1, START] + facet_table[-1, LENGTH]
+        return Part(shade, np.array([AT_VERTEX * ends]), samples=facet_table, state=np.zeros((ROWS, 2)))
 
     def active(self, damping: float) -> str | None:
         """Give energy away on some loops always."""
@@ -124,21 +124,21 @@ def mesh_corners(mesh: Mesh, crease: float) -> Array:
     count = len(triangles)
     cosine = np.sum(normals[:, np.newaxis] * normals[neighbours], axis=2)
     smooth = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) <= crease * (1.0 + ROUNDING)
-    here, edge = np.nonzero(smooth)
-    there = neighbours[here, edge]
-    joined = []
+    triangle, edge = np.nonzero(smooth)
+    neighbour = neighbours[triangle, edge]
+    corner_pairs = []
     for corner in (edge, (edge + 1) % 3):
-        beside = np.argmax(triangles[there] == triangles[here, corner][:, np.newaxis], axis=1)
-        joined.append(np.column_stack([3 * here + corner, 3 * there + beside]))
-    rows, columns = np.concatenate(joined).T
+        same_corner = np.argmax(triangles[neighbour] == triangles[triangle, corner][:, np.newaxis], axis=1)
+        corner_pairs.append(np.column_stack([3 * triangle + corner, 3 * neighbour + same_corner]))
+    rows, columns = np.concatenate(corner_pairs).T
     graph = coo_array((np.ones(rows.size), (rows, columns)), shape=(3 * count, 3 * count))
-    parts, part = connected_components(graph, directed=False)
+    group_count, group = connected_components(graph, directed=False)
     sides = mesh.vertices[np.roll(triangles, -1, axis=1)] - mesh.vertices[triangles]
-    back = -np.roll(sides, 1, axis=1)
-    angle = np.arctan2(np.linalg.norm(np.cross(sides, back), axis=2), np.sum(sides * back, axis=2))
-    sums = np.zeros((parts, 3))
-    np.add.at(sums, part, (angle[..., np.newaxis] * normals[:, np.newaxis]).reshape(-1, 3))
-    return np.column_stack([_unit(sums)[part].reshape(count, 9), smooth.astype(np.float64)])
+    sides_back = -np.roll(sides, 1, axis=1)
+    angle = np.arctan2(np.linalg.norm(np.cross(sides, sides_back), axis=2), np.sum(sides * sides_back, axis=2))
+    sums = np.zeros((group_count, 3))
+    np.add.at(sums, group, (angle[..., np.newaxis] * normals[:, np.newaxis]).reshape(-1, 3))
+    return np.column_stack([_unit(sums)[group].reshape(count, 9), smooth.astype(np.float64)])
 
 
 class Normals(NamedTuple):
@@ -150,29 +150,29 @@ class Normals(NamedTuple):
 
 def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayLike) -> Normals:
     """Return the normals at IHIPs (n, N), m, of HIPs (n, N), m, as `shade` has them; both the same without facets."""
-    ihips, hips = (np.array(each, dtype=np.float64, order="C") for each in (ihips, hips))
+    ihips, hips = (np.array(points, dtype=np.float64, order="C") for points in (ihips, hips))
     if isinstance(boundary, Mesh):
         return _on_mesh(boundary, crease, ihips, hips)
     table, curve = facets(boundary, crease), as_curve(boundary)
     if table is None or curve is None:
         own = boundary.closest_point(ihips).normal
         return Normals(own, own)
-    along = curve.arc_length(curve.nearest(ihips))
-    row = table[np.searchsorted(table[:, START], along, side="right") - 1]
-    since = along - row[:, START]
-    share = (since / row[:, LENGTH])[:, np.newaxis]
-    own, first, last = row[:, FACE:FIRST], row[:, FIRST:LAST], row[:, LAST:]
+    arc_length = curve.arc_length(curve.nearest(ihips))
+    facet = table[np.searchsorted(table[:, START], arc_length, side="right") - 1]
+    from_start = arc_length - facet[:, START]
+    share = (from_start / facet[:, LENGTH])[:, np.newaxis]
+    own, first, last = facet[:, FACE:FIRST], facet[:, FIRST:LAST], facet[:, LAST:]
     shaded = _unit((1.0 - share) * first + share * last)
-    near = AT_VERTEX * curve.length
-    begins, ends = since <= near, row[:, LENGTH] - since <= near
+    tolerance = AT_VERTEX * curve.length
+    begins, ends = from_start <= tolerance, facet[:, LENGTH] - from_start <= tolerance
     corner = np.where(begins[:, np.newaxis], first, last)
     error = ihips - hips
-    size = np.hypot(error[:, 0], error[:, 1])
-    there = (begins | ends) & (size > 0.0)
+    error_length = np.hypot(error[:, 0], error[:, 1])
+    at_corner = (begins | ends) & (error_length > 0.0)
     with np.errstate(invalid="ignore"):
-        aside = np.where(there[:, np.newaxis], error / size[:, np.newaxis], own)
-    sharp = there & np.all(corner == own, axis=1)
-    return Normals(aside, np.where(sharp[:, np.newaxis], aside, shaded))
+        error_direction = np.where(at_corner[:, np.newaxis], error / error_length[:, np.newaxis], own)
+    sharp = at_corner & np.all(corner == own, axis=1)
+    return Normals(error_direction, np.where(sharp[:, np.newaxis], error_direction, shaded))
 
 
 def _on_mesh(mesh: Mesh, crease: float, ihips: Array, hips: Array) -> Normals:
@@ -180,21 +180,21 @@ def _on_mesh(mesh: Mesh, crease: float, ihips: Array, hips: Array) -> Normals:
 
     table, closest, frame = mesh_corners(mesh, crease), mesh.compiled_closest, np.zeros((kernels.ROWS, 3))
     faces, vertices, _ = mesh.tables
-    found = np.empty((2, *ihips.shape))
+    normals = np.empty((2, *ihips.shape))
     for row, (ihip, hip) in enumerate(zip(ihips, hips, strict=True)):
         closest.function(closest.data, ihip, frame)
         kernels.lean(faces, vertices, table, int(closest.data.state[0]), ihip, hip, frame)
-        found[:, row] = frame[kernels.OWN], frame[kernels.SHADED]
-    return Normals(*found)
+        normals[:, row] = frame[kernels.OWN], frame[kernels.SHADED]
+    return Normals(*normals)
 
 
 def turned(forces: Array, normals: Normals) -> Array:
     """Return vectors (n, N), turned as each own normal is turned on to the shaded one."""
     own, shaded = normals
-    both = own + shaded
-    along = np.sum(forces * own, axis=1)
-    share = np.sum(forces * both, axis=1) / (1.0 + np.sum(own * shaded, axis=1))
-    return np.asarray(forces - share[:, np.newaxis] * both + 2.0 * along[:, np.newaxis] * shaded)
+    normals_sum = own + shaded
+    force_on_own = np.sum(forces * own, axis=1)
+    reflection = np.sum(forces * normals_sum, axis=1) / (1.0 + np.sum(own * shaded, axis=1))
+    return np.asarray(forces - reflection[:, np.newaxis] * normals_sum + 2.0 * force_on_own[:, np.newaxis] * shaded)
 
 
 def _unit(vectors: Array) -> Array:
@@ -207,30 +207,30 @@ def shade(
     """Turn `force`, see `Shading`: `normals_at` and `turned` for one answer."""
     if force[0] == 0.0 and force[1] == 0.0:
         return 0
-    near, frame, table = numbers.params[0], numbers.state, numbers.samples
+    tolerance, frame, table = numbers.params[0], numbers.state, numbers.samples
     closest.function(closest.data, ihip, frame)
-    along = frame[ALONG, 0]
-    k = max(np.searchsorted(table[:, START], along, side="right") - 1, 0)
-    since = along - table[k, START]
-    share = since / table[k, LENGTH]
+    arc_length = frame[ALONG, 0]
+    k = max(np.searchsorted(table[:, START], arc_length, side="right") - 1, 0)
+    from_start = arc_length - table[k, START]
+    share = from_start / table[k, LENGTH]
     x = (1.0 - share) * table[k, FIRST] + share * table[k, LAST]
     y = (1.0 - share) * table[k, FIRST + 1] + share * table[k, LAST + 1]
     size = math.hypot(x, y)
     x, y = x / size, y / size
     own_x, own_y = table[k, FACE], table[k, FACE + 1]
-    begins = since <= near
-    if begins or table[k, LENGTH] - since <= near:
+    begins = from_start <= tolerance
+    if begins or table[k, LENGTH] - from_start <= tolerance:
         # In a notch the tool rests on both facets, and a spring's force is anywhere between their normals.
         corner = FIRST if begins else LAST
         if table[k, corner] == own_x and table[k, corner + 1] == own_y:
             return 0
-        aside_x, aside_y = ihip[0] - hip[0], ihip[1] - hip[1]
-        size = math.hypot(aside_x, aside_y)
+        error_x, error_y = ihip[0] - hip[0], ihip[1] - hip[1]
+        size = math.hypot(error_x, error_y)
         if size > 0.0:
-            own_x, own_y = aside_x / size, aside_y / size
-    pressed = force[0] * own_x + force[1] * own_y
-    both_x, both_y = own_x + x, own_y + y
-    share = (force[0] * both_x + force[1] * both_y) / (1.0 + own_x * x + own_y * y)
-    force[0] += 2.0 * pressed * x - share * both_x
-    force[1] += 2.0 * pressed * y - share * both_y
+            own_x, own_y = error_x / size, error_y / size
+    force_on_own = force[0] * own_x + force[1] * own_y
+    sum_x, sum_y = own_x + x, own_y + y
+    share = (force[0] * sum_x + force[1] * sum_y) / (1.0 + own_x * x + own_y * y)
+    force[0] += 2.0 * force_on_own * x - share * sum_x
+    force[1] += 2.0 * force_on_own * y - share * sum_y
     return 0

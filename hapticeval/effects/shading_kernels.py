@@ -27,40 +27,40 @@ def lean(faces: Array, vertices: Array, table: Array, k: int, ihip: Array, hip: 
     `table` is that of `shading.mesh_corners`. On a smooth edge the tool rests on both faces, and the own normal is the
     direction from the hand to it, as in a notch in the plane.
     """
-    edge, size, normal = -1, 0.0, faces[k, NORMAL : NORMAL + 3]
-    whole = 0.0
+    touched_edge, length, normal = -1, 0.0, faces[k, NORMAL : NORMAL + 3]
+    double_area = 0.0
     for axis in range(3):
         frame[OWN, axis], frame[SHADED, axis] = normal[axis], 0.0
         y, z = (axis + 1) % 3, (axis + 2) % 3
         a, b, c = int(faces[k, CORNER]), int(faces[k, CORNER + 1]), int(faces[k, CORNER + 2])
-        whole += normal[axis] * (
+        double_area += normal[axis] * (
             (vertices[b, y] - vertices[a, y]) * (vertices[c, z] - vertices[a, z])
             - (vertices[b, z] - vertices[a, z]) * (vertices[c, y] - vertices[a, y])
         )
     for i in range(3):
-        on, last = int(faces[k, CORNER + (i + 1) % 3]), int(faces[k, CORNER + (i + 2) % 3])
-        share = 0.0
+        next_corner, last_corner = int(faces[k, CORNER + (i + 1) % 3]), int(faces[k, CORNER + (i + 2) % 3])
+        area_share = 0.0
         for axis in range(3):
             y, z = (axis + 1) % 3, (axis + 2) % 3
-            share += normal[axis] * (
-                (vertices[on, y] - frame[FOOT, y]) * (vertices[last, z] - frame[FOOT, z])
-                - (vertices[on, z] - frame[FOOT, z]) * (vertices[last, y] - frame[FOOT, y])
+            area_share += normal[axis] * (
+                (vertices[next_corner, y] - frame[FOOT, y]) * (vertices[last_corner, z] - frame[FOOT, z])
+                - (vertices[next_corner, z] - frame[FOOT, z]) * (vertices[last_corner, y] - frame[FOOT, y])
             )
-        share = max(share / whole, 0.0)
+        area_share = max(area_share / double_area, 0.0)
         for axis in range(3):
-            frame[SHADED, axis] += share * table[k, 3 * i + axis]
-        if share <= ON_EDGE and table[k, SMOOTH + (i + 1) % 3] == 1.0:
-            edge = i
+            frame[SHADED, axis] += area_share * table[k, 3 * i + axis]
+        if area_share <= ON_EDGE and table[k, SMOOTH + (i + 1) % 3] == 1.0:
+            touched_edge = i
     for i in range(3):
-        size += frame[SHADED, i] ** 2
-    size = math.sqrt(size)
+        length += frame[SHADED, i] ** 2
+    length = math.sqrt(length)
     for i in range(3):
-        frame[SHADED, i] /= size
-    if edge >= 0:
-        size = math.sqrt((ihip[0] - hip[0]) ** 2 + (ihip[1] - hip[1]) ** 2 + (ihip[2] - hip[2]) ** 2)
-        if size > 0.0:
+        frame[SHADED, i] /= length
+    if touched_edge >= 0:
+        length = math.sqrt((ihip[0] - hip[0]) ** 2 + (ihip[1] - hip[1]) ** 2 + (ihip[2] - hip[2]) ** 2)
+        if length > 0.0:
             for i in range(3):
-                frame[OWN, i] = (ihip[i] - hip[i]) / size
+                frame[OWN, i] = (ihip[i] - hip[i]) / length
 
 
 def shade_mesh(
@@ -72,12 +72,12 @@ def shade_mesh(
     frame, data = numbers.state, closest.data
     closest.function(data, ihip, frame)
     lean(data.segments, data.vertices, numbers.samples, int(data.state[0]), ihip, hip, frame)
-    pressed, both, cosine = 0.0, 0.0, 0.0
+    force_on_own, force_on_sum, cosine = 0.0, 0.0, 0.0
     for i in range(3):
-        pressed += force[i] * frame[OWN, i]
-        both += force[i] * (frame[OWN, i] + frame[SHADED, i])
+        force_on_own += force[i] * frame[OWN, i]
+        force_on_sum += force[i] * (frame[OWN, i] + frame[SHADED, i])
         cosine += frame[OWN, i] * frame[SHADED, i]
-    both /= 1.0 + cosine
+    force_on_sum /= 1.0 + cosine
     for i in range(3):
-        force[i] += 2.0 * pressed * frame[SHADED, i] - both * (frame[OWN, i] + frame[SHADED, i])
+        force[i] += 2.0 * force_on_own * frame[SHADED, i] - force_on_sum * (frame[OWN, i] + frame[SHADED, i])
     return 0

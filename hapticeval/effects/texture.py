@@ -61,9 +61,9 @@ class Texture(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 raise InputError(f"rate = {self.rate!r} Hz", why="it must be finite and positive")
             if self.friction is not None and not (math.isfinite(self.friction) and self.friction >= 0.0):
                 raise InputError(f"friction = {self.friction!r}", why="it must be finite and not negative")
-            for number, each in enumerate(self.filters):
+            for number, filter_ in enumerate(self.filters):
                 with at(f"filter {number}"):
-                    _check(each, self.filters[0])
+                    _check(filter_, self.filters[0])
             corners = np.array(self.triangles, dtype=np.int64).reshape(-1, 3)
             if corners.size and not (corners.min() >= 0 and corners.max() < len(self.filters)):
                 raise InputError(
@@ -90,7 +90,7 @@ class Texture(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     def places(self) -> Array:
         """Return the speeds (m/s) and forces (N) of the filters, (m, 2)."""
-        return np.array([(each.speed, each.force) for each in self.filters], dtype=np.float64)
+        return np.array([(filter_.speed, filter_.force) for filter_ in self.filters], dtype=np.float64)
 
     def scale(self) -> Array:
         """Return the largest speed and force, (2,), in shares of which the plane is measured."""
@@ -124,11 +124,13 @@ class Texture(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         first, corners = self.filters[0], self.corners()
         count, width = len(self.filters), max(4 + len(first.ar) + len(first.ma), 14)
         rows = np.zeros((count + len(corners), width))
-        for row, each in zip(rows, self.filters, strict=False):
-            row[: 4 + len(each.ar) + len(each.ma)] = (
-                each.speed, each.force, each.variance, each.gain, *each.ar, *each.ma,
+        for row, filter_ in zip(rows, self.filters, strict=False):
+            row[: 4 + len(filter_.ar) + len(filter_.ma)] = (
+                filter_.speed, filter_.force, filter_.variance, filter_.gain, *filter_.ar, *filter_.ma,
             )  # fmt: skip
-        edges = [tuple(sorted((one, other))) for a, b, c in corners.tolist() for one, other in ((b, c), (c, a), (a, b))]
+        sorted_edges = [
+            tuple(sorted((one, other))) for a, b, c in corners.tolist() for one, other in ((b, c), (c, a), (a, b))
+        ]
         scaled = self.places() / self.scale()
         for k, triangle in enumerate(corners):
             row = rows[count + k]
@@ -138,24 +140,24 @@ class Texture(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             for i in range(2):
                 row[3 + 3 * i : 6 + 3 * i] = inverse[i] / np.array([1.0, *self.scale()])
             # The sides that no other triangle shares are the hull: of each the corner that it lies across from.
-            row[9:12] = [edges.count(edges[3 * k + i]) == 1 for i in range(3)]
+            row[9:12] = [sorted_edges.count(sorted_edges[3 * k + i]) == 1 for i in range(3)]
         rows[count:, 12:14] = self.scale()
         return rows
 
 
-def _check(given: Filter, first: Filter) -> None:
-    for name, value in (("speed", given.speed), ("force", given.force), ("variance", given.variance)):
+def _check(filter_: Filter, first: Filter) -> None:
+    for name, value in (("speed", filter_.speed), ("force", filter_.force), ("variance", filter_.variance)):
         if not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name} = {value!r}", why="it must be finite and not negative")
-    if not given.gain * given.gain * given.variance <= LOUDEST:
+    if not filter_.gain * filter_.gain * filter_.variance <= LOUDEST:
         raise InputError(
-            f"gain = {given.gain!r}, variance = {given.variance!r}",
+            f"gain = {filter_.gain!r}, variance = {filter_.variance!r}",
             why=f"gain squared times the variance must be finite, and {LOUDEST:g} (m/s^2)^2 at the most",
         )
-    for name, spectrum, like in (("ar", given.ar, first.ar), ("ma", given.ma, first.ma)):
-        if len(spectrum) != len(like) or len(spectrum) > LONGEST:
+    for name, spectrum, spectrum_of_first in (("ar", filter_.ar, first.ar), ("ma", filter_.ma, first.ma)):
+        if len(spectrum) != len(spectrum_of_first) or len(spectrum) > LONGEST:
             raise InputError(
-                f"{name} has {len(spectrum)} frequencies, and that of the first filter {len(like)}",
+                f"{name} has {len(spectrum)} frequencies, and that of the first filter {len(spectrum_of_first)}",
                 why=f"all filters of a texture have as many, {LONGEST} at the most",
             )
         if not np.all(np.diff([0.0, *spectrum, math.pi]) > 0.0):
@@ -167,21 +169,21 @@ def _check(given: Filter, first: Filter) -> None:
             )
 
 
-def power_spectrum(given: Filter, rate: float, frequencies: Array) -> Array:
+def power_spectrum(filter_: Filter, rate: float, frequencies: Array) -> Array:
     """Return the one-sided power spectral density (k,), (m/s^2)^2/Hz, of a filter at frequencies (k,), Hz."""
-    turn = np.exp(-2j * np.pi * frequencies / rate)
-    above, below = (
-        np.abs(np.polynomial.polynomial.polyval(turn, np.concatenate([[1.0], coefficients_of(each)]))) ** 2
-        for each in (given.ma, given.ar)
+    unit_delay = np.exp(-2j * np.pi * frequencies / rate)
+    numerator, denominator = (
+        np.abs(np.polynomial.polynomial.polyval(unit_delay, np.concatenate([[1.0], coefficients_of(spectrum)]))) ** 2
+        for spectrum in (filter_.ma, filter_.ar)
     )
-    return np.asarray(2.0 / rate * given.gain**2 * given.variance * above / below)
+    return np.asarray(2.0 / rate * filter_.gain**2 * filter_.variance * numerator / denominator)
 
 
-def autocovariance(given: Filter, count: int) -> Array:
+def autocovariance(filter_: Filter, count: int) -> Array:
     """Return the covariance (count,), (m/s^2)^2, of a filter's vibrations with themselves 0, 1, ... samples later."""
-    fine = 16 * max(count, 4096)
-    half = power_spectrum(given, 1.0, np.arange(fine // 2 + 1) / fine)
-    return np.asarray(np.fft.irfft(0.5 * half, fine)[:count])
+    fft_length = 16 * max(count, 4096)
+    half = power_spectrum(filter_, 1.0, np.arange(fft_length // 2 + 1) / fft_length)
+    return np.asarray(np.fft.irfft(0.5 * half, fft_length)[:count])
 
 
 def shipped() -> dict[str, Path]:
@@ -207,18 +209,18 @@ def read_texture(file: Path) -> Texture:
 def as_document(texture: Texture) -> dict[str, Any]:
     """Return a texture as JSON values, without what has its default."""
     document: dict[str, Any] = json.decode(json.encode(texture))
-    defaults = {each.name: each.default for each in structs.fields(Texture)}
+    defaults = {field.name: field.default for field in structs.fields(Texture)}
     return {name: value for name, value in document.items() if value not in (defaults[name], [])}
 
 
 def as_toml(texture: Texture, *, comments: Iterable[str] = ()) -> str:
     """Return a texture as the text of a TOML file that `read_texture` reads, to the last bit."""
-    lines = [f"# {each}" for each in comments]
+    lines = [f"# {comment}" for comment in comments]
     document = as_document(texture)
     filters = document.pop("filters")
     lines += [f"{name} = {_value(value)}" for name, value in document.items()]
-    for each in filters:
-        lines += ["", "[[filters]]", *(f"{name} = {_value(value)}" for name, value in each.items() if value != [])]
+    for filter_ in filters:
+        lines += ["", "[[filters]]", *(f"{name} = {_value(value)}" for name, value in filter_.items() if value != [])]
     return "\n".join(lines) + "\n"
 
 

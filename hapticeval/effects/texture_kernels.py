@@ -46,9 +46,9 @@ ON_TIME = 1e-6
 def philox(low: int, high: int, key: int) -> tuple[int, int]:
     """Return two random 32-bit words of a counter of two words and a key: philox2x32-10 of Salmon et al. (2011)."""
     for _ in range(ROUNDS):
-        small, large = MULTIPLIER * (low & HALF), MULTIPLIER * (low >> 16)
-        product = (((large & HALF) << 16) + small) & WORD
-        low, high = ((large + (small >> 16)) >> 16) ^ key ^ high, product
+        product_low, product_high = MULTIPLIER * (low & HALF), MULTIPLIER * (low >> 16)
+        product = (((product_high & HALF) << 16) + product_low) & WORD
+        low, high = ((product_high + (product_low >> 16)) >> 16) ^ key ^ high, product
         key = (key + WEYL) & WORD
     return low, high
 
@@ -75,7 +75,7 @@ def look_up(rows: Array, count: int, speed: float, force: float, guess: int) -> 
         three = 1.0 - one - two
         if one >= INSIDE and two >= INSIDE and three >= INSIDE:
             return k, one, two, three
-    nearest, best, side, share = math.inf, 0, 0, 0.0
+    nearest_squared, nearest_triangle, nearest_side, nearest_share = math.inf, 0, 0, 0.0
     for k in range(triangles):
         row = count + k
         for i in range(3):
@@ -86,30 +86,30 @@ def look_up(rows: Array, count: int, speed: float, force: float, guess: int) -> 
             ax, ay = rows[a, SPEED] / rows[row, SCALE], rows[a, PRESS] / rows[row, SCALE + 1]
             bx, by = rows[b, SPEED] / rows[row, SCALE] - ax, rows[b, PRESS] / rows[row, SCALE + 1] - ay
             along = min(max(((x - ax) * bx + (y - ay) * by) / (bx * bx + by * by), 0.0), 1.0)
-            away = (x - ax - along * bx) ** 2 + (y - ay - along * by) ** 2
-            if away < nearest:
-                nearest, best, side, share = away, k, i, along
-    first = 1.0 - share if side == 2 else (share if side == 1 else 0.0)
-    second = 1.0 - share if side == 0 else (share if side == 2 else 0.0)
-    return best, first, second, 1.0 - first - second
+            distance_squared = (x - ax - along * bx) ** 2 + (y - ay - along * by) ** 2
+            if distance_squared < nearest_squared:
+                nearest_squared, nearest_triangle, nearest_side, nearest_share = distance_squared, k, i, along
+    first = 1.0 - nearest_share if nearest_side == 2 else (nearest_share if nearest_side == 1 else 0.0)
+    second = 1.0 - nearest_share if nearest_side == 0 else (nearest_share if nearest_side == 2 else 0.0)
+    return nearest_triangle, first, second, 1.0 - first - second
 
 
 @borrowing
 def weighted(
-    rows: Array, count: int, found: tuple[int, float, float, float], column: int
+    rows: Array, count: int, location: tuple[int, float, float, float], column: int
 ) -> float:  # fmt: skip
     """Return the mean of a column of filters over a triangle's corners, by their shares."""
-    row = count + found[0]
+    row = count + location[0]
     total = 0.0
     for i in range(3):
-        share = found[1] if i == 0 else (found[2] if i == 1 else found[3])
+        share = location[1] if i == 0 else (location[2] if i == 1 else location[3])
         total += share * rows[int(rows[row, i]), column]
     return total
 
 
 @borrowing
 def tail(
-    rows: Array, count: int, found: tuple[int, float, float, float], first: int, order: int, work: Array, column: int
+    rows: Array, count: int, location: tuple[int, float, float, float], first: int, order: int, work: Array, column: int
 ) -> float:  # fmt: skip
     """Return a_1 x_1 + ... + a_p x_p for the filter whose frequencies begin in column `first`, of order p.
 
@@ -118,44 +118,46 @@ def tail(
     """
     if order == 0:
         return 0.0
-    base = work.shape[0] - LONGEST_WORK
+    scratch_row = work.shape[0] - LONGEST_WORK
     for part in range(2):
-        work[base, part] = 1.0
-        size = 0
+        work[scratch_row, part] = 1.0
+        degree = 0
         for k in range(part, order, 2):
-            middle = -2.0 * math.cos(weighted(rows, count, found, first + k))
-            work[base + size + 1, part], work[base + size + 2, part] = 0.0, 0.0
-            size += 2
-            for i in range(size, 0, -1):
-                before = work[base + i - 2, part] if i > 1 else 0.0
-                work[base + i, part] += middle * work[base + i - 1, part] + before
+            middle_coefficient = -2.0 * math.cos(weighted(rows, count, location, first + k))
+            work[scratch_row + degree + 1, part], work[scratch_row + degree + 2, part] = 0.0, 0.0
+            degree += 2
+            for i in range(degree, 0, -1):
+                before_last = work[scratch_row + i - 2, part] if i > 1 else 0.0
+                work[scratch_row + i, part] += middle_coefficient * work[scratch_row + i - 1, part] + before_last
         if order % 2 == 0:
             sign = 1.0 if part == 0 else -1.0
-            work[base + size + 1, part] = 0.0
-            size += 1
-            for i in range(size, 0, -1):
-                work[base + i, part] += sign * work[base + i - 1, part]
+            work[scratch_row + degree + 1, part] = 0.0
+            degree += 1
+            for i in range(degree, 0, -1):
+                work[scratch_row + i, part] += sign * work[scratch_row + i - 1, part]
         elif part == 1:
-            work[base + size + 1, part], work[base + size + 2, part] = 0.0, 0.0
-            size += 2
-            for i in range(size, 1, -1):
-                work[base + i, part] -= work[base + i - 2, part]
+            work[scratch_row + degree + 1, part], work[scratch_row + degree + 2, part] = 0.0, 0.0
+            degree += 2
+            for i in range(degree, 1, -1):
+                work[scratch_row + i, part] -= work[scratch_row + i - 2, part]
     total = 0.0
     for i in range(1, order + 1):
-        total += 0.5 * (work[base + i, 0] + work[base + i, 1]) * work[i - 1, column]
+        total += 0.5 * (work[scratch_row + i, 0] + work[scratch_row + i, 1]) * work[i - 1, column]
     return total
 
 
 @borrowing
-def sample(params: Array, rows: Array, found: tuple[int, float, float, float], number: int, work: Array) -> float:
+def sample(params: Array, rows: Array, location: tuple[int, float, float, float], number: int, work: Array) -> float:
     """Return the next vibration, m/s^2, y = gain (w + b_1 w_1 + ...) - a_1 y_1 - ..., and keep it in `work`."""
     poles, zeros, count = int(params[POLES]), int(params[ZEROS]), int(params[FILTERS])
-    excited = math.sqrt(max(weighted(rows, count, found, VARIANCE), 0.0)) * normal_noise(number, int(params[SEED]))
-    value = excited + tail(rows, count, found, LINES + poles, zeros, work, 1)
-    value = weighted(rows, count, found, GAIN) * value - tail(rows, count, found, LINES, poles, work, 0)
+    excitation = math.sqrt(max(weighted(rows, count, location, VARIANCE), 0.0)) * normal_noise(
+        number, int(params[SEED])
+    )
+    value = excitation + tail(rows, count, location, LINES + poles, zeros, work, 1)
+    value = weighted(rows, count, location, GAIN) * value - tail(rows, count, location, LINES, poles, work, 0)
     for i in range(work.shape[0] - LONGEST_WORK - 1, 0, -1):
         work[i, 0], work[i, 1] = work[i - 1, 0], work[i - 1, 1]
-    work[0, 0], work[0, 1] = value, excited
+    work[0, 0], work[0, 1] = value, excitation
     return value
 
 
@@ -164,49 +166,49 @@ def vibrate(
 ) -> int:
     """Shake an answer as `StochasticTexture` has it: see `Effect.change`."""
     params, rows, state, count = numbers.params, numbers.samples, numbers.state, hip.shape[0]
-    frame, work, way = state[:2], state[BEFORE:], state[LAST]
-    press = 0.0
+    frame, work, direction = state[:2], state[BEFORE:], state[LAST]
+    normal_force = 0.0
     for i in range(count):
-        press += abs(force[i])
-    if press > 0.0:
+        normal_force += abs(force[i])
+    if normal_force > 0.0:
         closest.function(closest.data, ihip, frame)
-        press, across = 0.0, 0.0
+        normal_force, velocity_on_normal = 0.0, 0.0
         for i in range(count):
-            press += force[i] * frame[NORMAL, i]
-            across += velocity[i] * frame[NORMAL, i]
-    if press <= 0.0:  # what rings is gone by the next contact
+            normal_force += force[i] * frame[NORMAL, i]
+            velocity_on_normal += velocity[i] * frame[NORMAL, i]
+    if normal_force <= 0.0:  # what rings is gone by the next contact
         for i in range(work.shape[0]):
             work[i, 0], work[i, 1] = 0.0, 0.0
         state[KEPT, 1], state[SMOOTH, 0] = 0.0, -1.0
         return 0
     speed = 0.0
     for i in range(count):
-        speed += (velocity[i] - across * frame[NORMAL, i]) ** 2
+        speed += (velocity[i] - velocity_on_normal * frame[NORMAL, i]) ** 2
     speed = math.sqrt(speed)
     if params[WAY] == NORMALLY:
         for i in range(count):
-            way[i] = frame[NORMAL, i]
+            direction[i] = frame[NORMAL, i]
     elif speed > 0.0:
         for i in range(count):
-            way[i] = (velocity[i] - across * frame[NORMAL, i]) / speed
+            direction[i] = (velocity[i] - velocity_on_normal * frame[NORMAL, i]) / speed
         if params[WAY] == ACROSS:
-            x, y, z = way[0], way[1], way[2]
-            way[0] = y * frame[NORMAL, 2] - z * frame[NORMAL, 1]
-            way[1] = z * frame[NORMAL, 0] - x * frame[NORMAL, 2]
-            way[2] = x * frame[NORMAL, 1] - y * frame[NORMAL, 0]
+            x, y, z = direction[0], direction[1], direction[2]
+            direction[0] = y * frame[NORMAL, 2] - z * frame[NORMAL, 1]
+            direction[1] = z * frame[NORMAL, 0] - x * frame[NORMAL, 2]
+            direction[2] = x * frame[NORMAL, 1] - y * frame[NORMAL, 0]
     state[CLOCK, 0] += dt * params[RATE]
-    share = 1.0 if state[SMOOTH, 0] < 0.0 else -math.expm1(-2.0 * math.pi * CUTOFF / params[RATE])
+    smoothing = 1.0 if state[SMOOTH, 0] < 0.0 else -math.expm1(-2.0 * math.pi * CUTOFF / params[RATE])
     while state[CLOCK, 0] >= 1.0 - ON_TIME:
-        state[SMOOTH, 0] += share * (speed - state[SMOOTH, 0])
-        state[SMOOTH, 1] += share * (press - state[SMOOTH, 1])
-        found = look_up(rows, int(params[FILTERS]), state[SMOOTH, 0], state[SMOOTH, 1], int(state[KEPT, 0]))
-        state[KEPT, 0] = found[0]
-        state[KEPT, 1] = sample(params, rows, found, int(state[CLOCK, 1]), work)
+        state[SMOOTH, 0] += smoothing * (speed - state[SMOOTH, 0])
+        state[SMOOTH, 1] += smoothing * (normal_force - state[SMOOTH, 1])
+        location = look_up(rows, int(params[FILTERS]), state[SMOOTH, 0], state[SMOOTH, 1], int(state[KEPT, 0]))
+        state[KEPT, 0] = location[0]
+        state[KEPT, 1] = sample(params, rows, location, int(state[CLOCK, 1]), work)
         state[CLOCK, 0] -= 1.0
         state[CLOCK, 1] += 1.0
     push = params[MASS] * state[KEPT, 1]
     if params[WAY] == NORMALLY:
-        push = max(push, -press)
+        push = max(push, -normal_force)
     for i in range(count):
-        force[i] += push * way[i]
+        force[i] += push * direction[i]
     return 0

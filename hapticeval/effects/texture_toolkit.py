@@ -51,9 +51,9 @@ def read_toolkit(file: Path, *, rate: float) -> Texture:
         for name, count in counts.items():
             if round(_number(root, name)) != count:
                 raise InputError(f"{name} is {_number(root, name):g}, and it has {count}")
-        filters = tuple(_filter(each, number) for number, each in enumerate(models, 1))
+        filters = tuple(_filter(model, number) for number, model in enumerate(models, 1))
         order = _order(filters, speeds, forces)
-        triangles = [_triangle(each, number) for number, each in enumerate(root.findall("tri"), 1)]
+        triangles = [_triangle(entry, number) for number, entry in enumerate(root.findall("tri"), 1)]
         return Texture(
             title=file.stem.removeprefix("Models_"),
             rate=rate,
@@ -80,8 +80,8 @@ def _order(filters: tuple[Filter, ...], speeds: tuple[float, ...], forces: tuple
     """Return the models in the order of the two lists, which is what triangles count in."""
     order = []
     for speed, force in zip(speeds, forces, strict=False):
-        near = [math.hypot(each.speed - 1e-3 * speed, each.force - force) for each in filters]
-        order.append(near.index(min(near)))
+        distances = [math.hypot(filter_.speed - 1e-3 * speed, filter_.force - force) for filter_ in filters]
+        order.append(distances.index(min(distances)))
     if not len(speeds) == len(forces) == len(filters) or sorted(order) != list(range(len(filters))):
         raise InputError(
             f"its lists have {len(speeds)} speeds and {len(forces)} forces for {len(filters)} models",
@@ -92,27 +92,27 @@ def _order(filters: tuple[Filter, ...], speeds: tuple[float, ...], forces: tuple
 
 def _triangle(entry: Element, number: int) -> tuple[int, int, int]:
     with at(f"tri {number}"):
-        corners = [_float(each.text) for each in entry.findall("value")]
-        if len(corners) != 3 or not all(each == round(each) for each in corners):
+        corners = [_float(element.text) for element in entry.findall("value")]
+        if len(corners) != 3 or not all(corner == round(corner) for corner in corners):
             raise InputError(f"it has the values {corners}", why="a triangle is three models, counted from 1")
-        one, two, three = (round(each) - 1 for each in corners)
+        one, two, three = (round(corner) - 1 for corner in corners)
         return one, two, three
 
 
 def _numbers(entry: Element, name: str) -> tuple[float, ...]:
-    found = entry.find(name)
-    if found is None:
+    element = entry.find(name)
+    if element is None:
         raise InputError(f"it has no {name}")
     with at(name):
-        return tuple(_float(each.text) for each in found.findall("value"))
+        return tuple(_float(value.text) for value in element.findall("value"))
 
 
 def _number(entry: Element, name: str) -> float:
-    found = entry.find(name)
-    if found is None:
+    element = entry.find(name)
+    if element is None:
         raise InputError(f"it has no {name}")
     with at(name):
-        return _float(found.text)
+        return _float(element.text)
 
 
 def _float(text: str | None) -> float:

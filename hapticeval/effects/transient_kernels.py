@@ -38,21 +38,21 @@ def meet(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Arra
     Contact is a force, or a tool apart from a hand that is inside: one that lags behind it in free space is not. When
     it begins direction, time and speed are written, the speed zero where the hand does not approach.
     """
-    touches, apart = False, False
+    touches, lags = False, False
     for i in range(hip.shape[0]):
         touches = touches or force[i] != 0.0
-        apart = apart or ihip[i] != hip[i]
-    if apart and not touches:
+        lags = lags or ihip[i] != hip[i]
+    if lags and not touches:
         touches = closest.function(closest.data, hip, state[:DIRECTION]) < 0.0
-    before = state[CONTACT, 0]
+    previous = state[CONTACT, 0]
     state[CONTACT, 0] = TOUCHES if touches else FREE
     if not touches:
         return UNKNOWN
-    if before == TOUCHES:
+    if previous == TOUCHES:
         return TOUCHES
     speed = 0.0
     state[CONTACT, 1], state[PULSE, 0] = 0.0, 0.0
-    if before == FREE:
+    if previous == FREE:
         closest.function(closest.data, ihip, state[:DIRECTION])
         for i in range(hip.shape[0]):
             state[DIRECTION, i] = state[NORMAL, i]
@@ -62,14 +62,14 @@ def meet(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Arra
 
 
 @borrowing
-def give(numbers: Numbers, asked: float, dt: float, force: Array) -> None:
+def give(numbers: Numbers, requested: float, dt: float, force: Array) -> None:
     """Add `asked` (N) and what was held back to `force`, along the direction, up to the cap."""
     state, cap = numbers.state, numbers.params[CAP]
-    wanted = asked + state[PULSE, 0] / dt
-    given = min(max(wanted, -cap), cap)
-    state[PULSE, 0] = (wanted - given) * dt
+    total = requested + state[PULSE, 0] / dt
+    given_force = min(max(total, -cap), cap)
+    state[PULSE, 0] = (total - given_force) * dt
     for i in range(force.shape[0]):
-        force[i] += given * state[DIRECTION, i]
+        force[i] += given_force * state[DIRECTION, i]
 
 
 def strike(
@@ -80,24 +80,24 @@ def strike(
     Params are the cap, 1 + e, and a point's mass or a parallelogram's constants.
     """
     state, params = numbers.state, numbers.params
-    found = meet(state, closest, hip, velocity, ihip, force)
-    if found == UNKNOWN:
+    phase = meet(state, closest, hip, velocity, ihip, force)
+    if phase == UNKNOWN:
         return 0
-    asked = 0.0
-    if found == FREE and state[PULSE, 1] > 0.0:
+    requested = 0.0
+    if phase == FREE and state[PULSE, 1] > 0.0:
         mass = params[2] if params.shape[0] == 3 else linkage_mass(params[2:], hip, state[DIRECTION])
         if not mass > 0.0:
             return 1
-        asked = params[1] * mass * state[PULSE, 1] / dt
-    give(numbers, asked, dt, force)
+        requested = params[1] * mass * state[PULSE, 1] / dt
+    give(numbers, requested, dt, force)
     return 0
 
 
 @borrowing
 def rung(decay: float, omega: float, time: float) -> float:
     """Return the integral of e^(-Bt) sin(wt), s, up to `time` less that over all time."""
-    turning = decay * math.sin(omega * time) + omega * math.cos(omega * time)
-    return -math.exp(-decay * time) * turning / (decay * decay + omega * omega)
+    oscillation = decay * math.sin(omega * time) + omega * math.cos(omega * time)
+    return -math.exp(-decay * time) * oscillation / (decay * decay + omega * omega)
 
 
 def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
@@ -106,23 +106,23 @@ def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: fl
     if meet(state, closest, hip, velocity, ihip, force) == UNKNOWN:
         return 0
     time, decay, omega = state[CONTACT, 1], params[2], params[3]
-    asked = 0.0
+    requested = 0.0
     if decay * time < SPENT and state[PULSE, 1] > 0.0:
         area = rung(decay, omega, time + dt) - rung(decay, omega, time)
-        asked = params[1] * state[PULSE, 1] * area / dt
+        requested = params[1] * state[PULSE, 1] * area / dt
     state[CONTACT, 1] = time + dt
-    give(numbers, asked, dt, force)
+    give(numbers, requested, dt, force)
     return 0
 
 
 @borrowing
 def given_until(pulse: Array, step: float, time: float) -> float:
     """Return the impulse (N s) of samples held for `step` s each, `pulse` row 0, up to `time`; row 1 are their sums."""
-    whole = int(np.floor(time / step))
-    last = pulse.shape[1] - 1
-    if whole >= last:
-        return float(pulse[1, last] * step)
-    return float((pulse[1, whole] + (time / step - whole) * pulse[0, whole]) * step)
+    whole_samples = int(np.floor(time / step))
+    last_sample = pulse.shape[1] - 1
+    if whole_samples >= last_sample:
+        return float(pulse[1, last_sample] * step)
+    return float((pulse[1, whole_samples] + (time / step - whole_samples) * pulse[0, whole_samples]) * step)
 
 
 def replay(
@@ -136,13 +136,13 @@ def replay(
     if meet(state, closest, hip, velocity, ihip, force) == UNKNOWN:
         return 0
     time = state[CONTACT, 1]
-    asked = 0.0
+    requested = 0.0
     if state[PULSE, 1] > 0.0:
         tick = int(np.rint(time / step))
         if abs(dt - step) <= SAME * step and abs(time - tick * step) <= SAME * (time + step):
-            asked = pulse[0, min(tick, pulse.shape[1] - 1)]
+            requested = pulse[0, min(tick, pulse.shape[1] - 1)]
         else:
-            asked = (given_until(pulse, step, time + dt) - given_until(pulse, step, time)) / dt
+            requested = (given_until(pulse, step, time + dt) - given_until(pulse, step, time)) / dt
     state[CONTACT, 1] = time + dt
-    give(numbers, asked, dt, force)
+    give(numbers, requested, dt, force)
     return 0

@@ -44,9 +44,9 @@ def brake(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: 
     if not touching:
         return 0
     closest.function(closest.data, ihip, numbers.state)
-    across = 0.0
+    velocity_on_normal = 0.0
     for i in range(hip.shape[0]):
-        across += velocity[i] * numbers.state[1, i]
+        velocity_on_normal += velocity[i] * numbers.state[1, i]
     for i in range(hip.shape[0]):
-        force[i] -= numbers.params[0] * (velocity[i] - across * numbers.state[1, i])
+        force[i] -= numbers.params[0] * (velocity[i] - velocity_on_normal * numbers.state[1, i])
     return 0
