@@ -98,40 +98,43 @@ class Boundary(Protocol):
         """The corners of a plane boundary in order; empty in space."""
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
-        """Return the closest boundary points of (n, N) points, with normals, signed distances and curvature."""
+        """Return the closest boundary points of points (n, N), m, with normals, signed distances (m) and curvature."""
 
     def signed_distance(self, points: ArrayLike) -> Array:
-        """Return the distances (n,), m, of (n, N) points, negative inside."""
+        """Return the distances (n,), m, of points (n, N), m, from the boundary: negative inside the model."""
 
     def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:
-        """Return the boundary point (N,) at which the segment between two points (N,) first goes inside, or None.
+        """Return the boundary point (N,), m, at which a segment between two points (N,), m, first goes inside, or None.
 
-        A boundary may miss what the segment has inside over less than `grain` (m). A start on the surface, or inside
-        by its rounding, is no crossing where the next point of the segment is outside.
+        A boundary may miss what the segment has inside over less than `grain` (m). A start on the surface, or inside by
+        its rounding, is no crossing where the next point of the segment is outside.
         """
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
-        """Return how to measure by how much directions leave the true normals around each of (n, N) points.
+        """Return a function that measures by how much directions leave the true normals around points (n, N), m.
 
         True normals are those of the boundary within `reach` (n,), m, along it: one on a face, and on an edge or a
-        corner the fan between those of the faces. The function takes directions (n, N) and returns angles (n,), rad,
-        0 inside the cone.
+        corner the fan between those of the faces. The function takes directions (n, N) and returns angles (n,), rad, 0
+        inside the cone.
         """
 
     def points(self, n: int) -> Array:
         """Return n boundary points (n, N), spread over all of it, the same at each call."""
 
     def walk(self, start: Array, lengths: Array) -> ClosestPoint:
-        """Return the boundary points (k, N) at `lengths` (k,), m, along it from the one nearest to `start` (N,).
+        """Return the boundary points (k, N), m, at `lengths` (k,), m, along it from the one nearest to `start` (N,), m.
 
         Negative lengths go the other way; `distance` is zero. In space the way is straight, and ends are projected.
         """
 
     def around(self, point: Array, reach: float) -> Array:
-        """Return boundary points (k, N) about `reach` metres along from `point` (N,): to either side, or all round."""
+        """Return boundary points (k, N), m, about `reach` metres along from `point` (N,), m.
+
+        In the plane they lie to either side of it, in space all round.
+        """
 
     def descend(self, start: Array, goal: Array, *, step: float) -> Array:
-        """Slide along the boundary from `start` (N,) downhill in distance to `goal` (N,): the local minimum (N,).
+        """Slide from `start` (N,), m, downhill in distance to `goal` (N,), m: a local minimum (N,) on the boundary.
 
         `step` (m) is how exactly that is placed.
         """
@@ -146,11 +149,13 @@ _MEMBERS = [name for name in vars(Boundary) if not name.startswith("_")]
 
 
 def march_to_crossing(boundary: Boundary, start: Array, end: Array, grain: float) -> Array | None:
-    """Answer `Boundary.first_crossing` by closest points alone, in steps of `grain` where the surface is near.
+    """Return where a segment first goes inside, (N,), m, or None: found by closest points alone.
 
-    Clear stretches are passed in steps as long as the distance from the surface.
+    `start` and `end` (N,), m, as in `Boundary.first_crossing`. Steps of `grain` (m) where the surface is near; clear
+    stretches are passed in steps as long as the distance from the surface.
     """
     length = distance_between(start, end)
+    # a segment of no length has no direction
     if length == 0.0:
         return None
     covered = 0.0
@@ -158,15 +163,17 @@ def march_to_crossing(boundary: Boundary, start: Array, end: Array, grain: float
         lengths = np.minimum(covered + grain * np.arange(SEARCH_BATCH + 1), length)
         points = start + lengths[:, np.newaxis] * ((end - start) / length)
         frame = boundary.closest_point(points)
+        # the start may be inside by its rounding; a point is inside from 1e-6 grain on
         inside = np.flatnonzero(frame.distance[1:] < -1e-6 * grain)
         if inside.size:
             return np.asarray(frame.foot[inside[0]])
+        # nothing of the surface lies within a point's distance: skip that far ahead
         covered = float(lengths[-1]) + max(float(frame.distance[-1]), 0.0)
     return None
 
 
 def distance_between(a: Array, b: Array) -> float:
-    """Return the distance (m) of two points (N,)."""
+    """Return the distance (m) of two points (N,), m."""
     return float(np.linalg.norm(a - b))
 
 
@@ -187,7 +194,7 @@ class SurfaceInSpace:
         raise NotImplementedError
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
-        """See `Boundary.closest_point`."""
+        """Answer `Boundary.closest_point` for points (n, 3), m: what each surface has of its own."""
         raise NotImplementedError
 
     @property
@@ -197,28 +204,33 @@ class SurfaceInSpace:
         return math.pi * float(np.max(high - low))
 
     def signed_distance(self, points: ArrayLike) -> Array:
-        """See `Boundary.signed_distance`."""
+        """Return the signed distances (n,), m, of points (n, 3), m: see `Boundary.signed_distance`."""
         return self.closest_point(points).distance
 
     def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:
-        """See `Boundary.first_crossing`."""
+        """Return where the segment from `start` to `end` (3,), m, first goes inside: see `Boundary.first_crossing`."""
         return march_to_crossing(self, start, end, grain)
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
-        """See `Boundary.normal_cone`: a circular cone round the normal, as wide as the surface turns within reach.
+        """Answer `Boundary.normal_cone` for points (n, 3), m: circular cones round the normals, of a smooth surface.
 
-        Along a path of length s the normal turns by at most the largest |W| on the way times s.
+        Each is as wide (rad) as the surface turns within `reach` (n,), m: along a path of length s the normal turns by
+        at most the largest |W| on the way times s.
         """
         frame = self.closest_point(points)
+        # the last two right singular vectors of the normal, as a row, span the tangent plane
         tangents = np.linalg.svd(frame.normal[:, np.newaxis, :])[2][:, 1:, :]
+        # the curvature is sampled at the foot and at RING_DIRECTIONS points one reach away
         steps = [np.zeros_like(frame.foot)]
         for angle in np.linspace(0.0, 2.0 * np.pi, RING_DIRECTIONS, endpoint=False):
             steps.append(reach[:, np.newaxis] * (np.cos(angle) * tangents[:, 0] + np.sin(angle) * tangents[:, 1]))
         shapes = [self.closest_point(frame.foot + step).shape for step in steps]
+        # half the opening: reach times the largest |principal curvature| seen
         half_angle = reach * np.max([np.abs(np.linalg.eigvalsh(shape)).max(axis=1) for shape in shapes], axis=0)
 
         def angle_outside(directions: Array) -> Array:
             across = np.linalg.norm(np.cross(frame.normal, directions), axis=1)
+            # atan2 and not acos: exact for small angles too
             angle = np.arctan2(across, np.sum(frame.normal * directions, axis=1))
             return np.asarray(np.maximum(0.0, angle - half_angle))
 
@@ -230,32 +242,44 @@ class SurfaceInSpace:
         return self.closest_point(0.5 * (low + high) + 0.5 * (high - low) * spread_over_sphere(n)).foot
 
     def walk(self, start: Array, lengths: Array) -> ClosestPoint:
-        """See `Boundary.walk`: along the axis that lies flattest to the surface."""
+        """Return the points (k, 3), m, at `lengths` (k,), m, along the surface from the one nearest to `start` (3,), m.
+
+        The way is straight, along the coordinate axis that lies flattest to the surface: see `Boundary.walk`.
+        """
         begin = self.closest_point(start[np.newaxis])
         along = np.zeros(3)
+        # the axis whose normal component is smallest, less its part along the normal
         along[int(np.argmin(np.abs(begin.normal[0])))] = 1.0
         along -= (along @ begin.normal[0]) * begin.normal[0]
         ends = self.closest_point(begin.foot + lengths[:, np.newaxis] * along / np.linalg.norm(along))
         return ends._replace(distance=np.zeros_like(ends.distance))
 
     def around(self, point: Array, reach: float) -> Array:
-        """See `Boundary.around`."""
+        """Return points (k, 3), m, all round and `reach` (m) from the foot of a `point` (3,), m: see `Boundary.around`.
+
+        There are RING_DIRECTIONS of them.
+        """
         frame = self.closest_point(point[np.newaxis])
         across = np.linalg.svd(frame.normal)[2][1:]
         angle = np.linspace(0.0, 2.0 * np.pi, RING_DIRECTIONS, endpoint=False)
         return self.closest_point(frame.foot + reach * np.column_stack([np.cos(angle), np.sin(angle)]) @ across).foot
 
     def descend(self, start: Array, goal: Array, *, step: float) -> Array:
-        """See `Boundary.descend`: by the part of the error along the surface, halved where that leads uphill."""
+        """Answer `Boundary.descend` for `start` and `goal` (3,), m: by the part of the error along the surface.
+
+        A step is halved where it leads uphill.
+        """
         share = 1.0
         frame = self.closest_point(start[np.newaxis])
         distance = distance_between(goal, frame.foot[0])
         for _ in range(MOST_SLIDE_STEPS):
             foot, normal = frame.foot[0], frame.normal[0]
             error = goal - foot
+            # the tangential part of the way to the goal: zero at a local minimum of the distance
             error = error - (error @ normal) * normal
             error_length = float(np.linalg.norm(error))
             largest_curvature = float(np.abs(np.linalg.eigvalsh(frame.shape[0])).max())
+            # no farther than a share of the bend radius 1 / |W|, so as to stay on this sheet
             length = share * min(
                 error_length, STEP_PER_BEND_RADIUS / largest_curvature if largest_curvature > 0.0 else math.inf
             )
@@ -263,6 +287,7 @@ class SurfaceInSpace:
                 break
             next_frame = self.closest_point((foot + length / error_length * error)[np.newaxis])
             next_distance = distance_between(goal, next_frame.foot[0])
+            # overshot: shorten this and all later steps
             if next_distance >= distance:
                 share *= 0.5
                 continue

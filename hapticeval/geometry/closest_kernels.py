@@ -39,32 +39,39 @@ def closest_in_python(boundary: Boundary) -> Callable[[object, Array, Array], fl
 
 
 def closest_of_curve(pieces: Array, samples: Array, vertices: Array, tree: Array) -> Closest:
-    """Return that of a plane curve, given what `curve_kernels.locate_point` looks a point up in."""
+    """Return the compiled closest point of a plane curve, given what `curve_kernels.locate_point` looks a point up in.
+
+    `pieces` (n, 9), `samples` (m, 8), `vertices` (v, 2), m, and `tree` (k, 6): tables that do not apply are empty.
+    """
     return Closest(closest_in_plane, law_data(segments=pieces, lookup=samples, vertices=vertices, tree=tree))
 
 
 def closest_of_surface(row: Array) -> Closest:
-    """Return that of a surface, given its row of `surface_kernels`."""
+    """Return the compiled closest point of a surface, given its row (4,) of `surface_kernels`: lengths in m."""
     return Closest(closest_in_space, law_data(segments=row[np.newaxis]))
 
 
 @compiled
 def closest_in_plane(data: LawData, point: Array, frame: Array) -> float:
-    """See `CLOSEST`: on a curve, or on a polygon by its tree."""
+    """Answer `CLOSEST` for a point (2,), m, on a curve, or on a polygon by its tree, into rows of `frame` (k, 2)."""
     pieces = data.segments
     u, distance, side = locate_point(pieces, data.lookup, data.vertices, data.tree, point[0], point[1])
+    # the end of a closed curve is its start
     if pieces[0, KIND] != UNBOUNDED and not u < pieces[pieces.shape[0] - 1, U1]:
         u = pieces[0, U0]
     k = piece_index(pieces, u)
     x, y, dx, dy, ddx, ddy = evaluate(pieces[k], u)
     speed = math.hypot(dx, dy)
     tx, ty = dx / speed, dy / speed
+    # outward normal: the tangent turned clockwise, as curves run anticlockwise
     frame[FOOT, 0], frame[FOOT, 1], frame[NORMAL, 0], frame[NORMAL, 1] = x, y, ty, -tx
     if frame.shape[0] > SHAPE:
+        # W = kappa t t^T
         curvature = (dx * ddy - dy * ddx) / math.pow(speed, 3.0)
         frame[SHAPE, 0], frame[SHAPE, 1] = curvature * tx * tx, curvature * tx * ty
         frame[SHAPE + 1, 0], frame[SHAPE + 1, 1] = curvature * ty * tx, curvature * ty * ty
     if frame.shape[0] > SHAPE + 2:
+        # arc length: u itself on lines and arcs, else from the row of the table before u
         along = u if pieces[0, KIND] == UNBOUNDED else u - pieces[0, U0]
         if data.lookup.shape[0] > 0:
             i = max(int(np.searchsorted(data.lookup[:, 0], u, side="right")) - 1, 0)
@@ -75,7 +82,7 @@ def closest_in_plane(data: LawData, point: Array, frame: Array) -> float:
 
 @compiled
 def closest_in_space(data: LawData, point: Array, frame: Array) -> float:
-    """See `CLOSEST`: on a surface in space; there is no arc length."""
+    """Answer `CLOSEST` for a point (3,), m, on a surface in space, into `frame` (k, 3); there is no arc length."""
     row = data.segments[0]
     foot, normal, distance = closest_on_surface(row, (point[0], point[1], point[2]))
     for i in range(3):
@@ -87,20 +94,28 @@ def closest_in_space(data: LawData, point: Array, frame: Array) -> float:
             frame[SHAPE + i, 0], frame[SHAPE + i, 1], frame[SHAPE + i, 2] = apply_matrix(w, unit)
     if frame.shape[0] > SHAPE + 3:
         for i in range(3):
+            # the row of the arc length
             frame[SHAPE + 3, i] = np.nan
     return distance
 
 
 def closest_of_mesh(faces: Array, vertices: Array, tree: Array) -> Closest:
-    """Return that of a triangle mesh, given its tables of `mesh_kernels`, which are shared; it remembers a triangle."""
+    """Return the compiled closest point of a triangle mesh, given its tables of `mesh_kernels`, which are shared.
+
+    `faces` (t, 9), `vertices` (v, 6), m, and `tree` (k, 11). Its state is the triangle of the last answer.
+    """
     return Closest(closest_on_mesh, law_data(segments=faces, vertices=vertices, tree=tree, state=1))
 
 
 @compiled
 def closest_on_mesh(data: LawData, point: Array, frame: Array) -> float:
-    """See `CLOSEST`: on a triangle mesh, which bends in no face; there is no arc length."""
+    """Answer `CLOSEST` for a point (3,), m, on a triangle mesh, into `frame` (k, 3).
+
+    A mesh bends in no face, and has no arc length.
+    """
     p = (point[0], point[1], point[2])
     k, foot, normal, distance = nearest_on_mesh(data.segments, data.vertices, data.tree, p, int(data.state[0]))
+    # the next point is looked for from here: it saves time and changes no answer
     data.state[0] = k
     for i in range(3):
         frame[FOOT, i], frame[NORMAL, i] = foot[i], normal[i]

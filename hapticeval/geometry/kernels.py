@@ -26,6 +26,7 @@ from hapticeval.compiled import compiled
 from hapticeval.types import Array
 
 LINE, ARC, CASSINIAN, ELLIPSE, UNBOUNDED = 0.0, 1.0, 2.0, 3.0, 4.0
+# columns of a piece, see the table above
 KIND, U0, U1, A, B, C, D, E = range(8)
 PIECE_COLUMNS = 9
 
@@ -38,21 +39,29 @@ def cassinian_root(lobes: float, above: float, u: float) -> tuple[float, float, 
     that its product loses (Dekker 1971), and root^2 = above + cos^2.
     """
     turn = lobes * u
+    # Dekker's split: 2^27 + 1 leaves in `high` the upper 26 bits of u
     high = 134217729.0 * u
     high -= high - u
+    # turn + product_error is n_l u exactly
     product_error = (lobes * high - turn) + lobes * (u - high)
     sin_n, cos_n = math.sin(turn), math.cos(turn)
+    # the angle-sum formulas for an angle as small as product_error
     sin_n, cos_n = sin_n + product_error * cos_n, cos_n - product_error * sin_n
     root = math.sqrt(above + cos_n * cos_n)
+    # cos + root = above / (root - cos): no cancellation where cos < 0
     return sin_n, cos_n, root, cos_n + root if cos_n > 0.0 else above / (root - cos_n)
 
 
 @compiled
 def evaluate(piece: Array, u: float) -> tuple[float, float, float, float, float, float]:
-    """Position and its first two derivatives by u on one piece: (x, y, x', y', x'', y'')."""
+    """Return position and its first two derivatives by u on one piece (9,): (x, y, x', y', x'', y'').
+
+    Positions are in m, derivatives in m per unit of u: arc length (m) on lines and arcs, an angle (rad) on the others.
+    """
     kind = piece[KIND]
     if kind in (LINE, UNBOUNDED):
         along = u - piece[U0]
+        # its range begins at -infinity: u itself is the arc length from its point
         if kind == UNBOUNDED:
             along = u
         return piece[A] + along * piece[C], piece[B] + along * piece[D], piece[C], piece[D], 0.0, 0.0
@@ -60,6 +69,7 @@ def evaluate(piece: Array, u: float) -> tuple[float, float, float, float, float,
         radius = piece[C]
         angle = piece[D] + piece[E] * (u - piece[U0]) / radius
         cos, sin = math.cos(angle), math.sin(angle)
+        # +1 anticlockwise, -1 clockwise
         turn = piece[E]
         return (
             piece[A] + radius * cos,
@@ -77,6 +87,7 @@ def evaluate(piece: Array, u: float) -> tuple[float, float, float, float, float,
         g = -sin_n / root
         g1 = -lobes * ratio * cos_n / (root * root * root)
         cos, sin = math.cos(u), math.sin(u)
+        # y = r e^(iu): y'' = r (g^2 + g' - 1 + 2 i g) e^(iu)
         second = g * g - 1.0 + g1
         return (
             radius * cos,
@@ -86,17 +97,19 @@ def evaluate(piece: Array, u: float) -> tuple[float, float, float, float, float,
             radius * (second * cos - 2.0 * g * sin),
             radius * (second * sin + 2.0 * g * cos),
         )
+    # what is left is an ellipse: (a cos u, b sin u)
     cos, sin = math.cos(u), math.sin(u)
     return piece[A] * cos, piece[B] * sin, -piece[A] * sin, piece[B] * cos, -piece[A] * cos, -piece[B] * sin
 
 
 @compiled
 def curvature_rate(piece: Array, u: float) -> float:
-    """How fast the signed curvature changes along one piece, dκ/ds, 1/m^2: zero on lines and arcs."""
+    """Return how fast the signed curvature changes along one piece (9,), dκ/ds, 1/m^2: zero on lines and arcs."""
     kind = piece[KIND]
     if kind == ELLIPSE:
         cos, sin = math.cos(u), math.sin(u)
         long, short = piece[A], piece[B]
+        # κ = a b / speed^3, so dκ/ds = -3 a b speed' / speed^5, and speed speed' = (a^2 - b^2) sin cos
         speed_squared = (long * sin) ** 2 + (short * cos) ** 2
         speed_to_sixth = speed_squared * speed_squared * speed_squared
         return float(-3.0 * long * short * (long * long - short * short) * sin * cos / speed_to_sixth)
@@ -119,8 +132,12 @@ def curvature_rate(piece: Array, u: float) -> float:
 
 @compiled
 def piece_index(pieces: Array, u: float) -> int:
-    """Index of the piece that holds u (the later one at a joint); u must lie in the curve's range."""
+    """Return the index of the piece of `pieces` (n, 9) that holds u, the later one at a joint.
+
+    u must lie in the curve's range: in m of arc length on lines and arcs.
+    """
     low, high = 0, pieces.shape[0] - 1
+    # bisection over the starts, which rise
     while low < high:
         middle = (low + high + 1) // 2
         if pieces[middle, U0] <= u:
@@ -132,7 +149,7 @@ def piece_index(pieces: Array, u: float) -> int:
 
 @compiled
 def evaluate_many(pieces: Array, us: Array) -> Array:
-    """`evaluate` at each u: shape (len(us), 6)."""
+    """Return `evaluate` at each of `us` (n,): rows (n, 6) of position (m) and first two derivatives by u."""
     out = np.empty((us.shape[0], 6))
     for i in range(us.shape[0]):
         x, y, dx, dy, ddx, ddy = evaluate(pieces[piece_index(pieces, us[i])], us[i])
@@ -142,7 +159,7 @@ def evaluate_many(pieces: Array, us: Array) -> Array:
 
 @compiled
 def check_finite(points: Array) -> None:
-    """Raise `ValueError` for points of which a coordinate is not finite: who calls words it, by row."""
+    """Raise `ValueError` for points (n, N), m, of which a coordinate is not finite: who calls words it, by row."""
     for i in range(points.shape[0]):
         for k in range(points.shape[1]):
             if not math.isfinite(points[i, k]):
@@ -150,9 +167,10 @@ def check_finite(points: Array) -> None:
 
 
 def line_pieces(vertices: Array) -> Array:
-    """Return LINE pieces through the vertices (n, 2), m, and back to the first: (n, COLUMNS)."""
+    """Return LINE pieces (n, PIECE_COLUMNS) through the vertices (n, 2), m, and back to the first."""
     edges = np.roll(vertices, -1, axis=0) - vertices
     lengths = np.hypot(edges[:, 0], edges[:, 1])
+    # u is the arc length from the first vertex
     ends = np.cumsum(lengths)
     pieces = np.zeros((vertices.shape[0], PIECE_COLUMNS))
     pieces[:, KIND] = LINE
@@ -172,6 +190,7 @@ def line_piece(start: Sequence[float], end: Sequence[float]) -> Array:
 
 def arc_piece(centre: Sequence[float], radius: float, start: float, sweep: float) -> Array:
     """Return one ARC piece from angle `start` through `sweep` (rad, negative is clockwise), with u from 0."""
+    # E takes the sense of the sweep, u runs over the arc length
     length = abs(sweep) * radius
     return np.array([ARC, 0.0, length, centre[0], centre[1], radius, start, np.sign(sweep), 0.0])
 

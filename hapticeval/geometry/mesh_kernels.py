@@ -65,14 +65,14 @@ def _scaled(factor: float, a: Triple) -> Triple:
 
 @inner
 def position_of(vertices: Array, row: float) -> Triple:
-    """Return the position of a vertex."""
+    """Return the position (m) of a vertex: the row of `vertices` (v, 6)."""
     k = int(row)
     return vertices[k, 0], vertices[k, 1], vertices[k, 2]
 
 
 @inner
 def normal_of(faces: Array, k: int) -> Triple:
-    """Return the outward unit normal of triangle k."""
+    """Return the outward unit normal of triangle k of `faces` (t, 9); lengths are in m."""
     return faces[k, NORMAL], faces[k, NORMAL + 1], faces[k, NORMAL + 2]
 
 
@@ -80,6 +80,7 @@ def normal_of(faces: Array, k: int) -> Triple:
 def _on_segment(ap: Triple, bp: Triple, ab: Triple) -> tuple[float, float]:
     """Return the squared distance of a point from a segment, and where on it, in [0, 1], the closest point lies."""
     along, length_squared = dot(ap, ab), dot(ab, ab)
+    # before the start and past the end the ends themselves are closest
     if along <= 0.0:
         return dot(ap, ap), 0.0
     if along >= length_squared:
@@ -93,11 +94,12 @@ def _on_segment(ap: Triple, bp: Triple, ab: Triple) -> tuple[float, float]:
 def distance_to_triangle(
     faces: Array, vertices: Array, k: int, p: Triple, limit_squared: float
 ) -> tuple[float, int, float]:
-    """Return the squared distance of p from triangle k, the feature that is closest, and where on that edge.
+    """Return the squared distance (m^2) of p from triangle k, the feature that is closest, and where on that edge.
 
-    Infinity where its plane is farther away than `beyond2`, squared. Whether p lies over the triangle is decided by its
-    normal, which is exact to rounding for any sliver, and the closest point of an edge by that edge alone: so errors
-    are roundings of the coordinates, whatever the triangle's shape.
+    `faces` (t, 9) and `vertices` (v, 6), m, are the mesh. The distance is infinite where the triangle's plane is
+    farther away than `limit_squared`. Whether p lies over the triangle is decided by its normal, which is exact to
+    rounding for any sliver, and the closest point of an edge by that edge alone: so errors are roundings of the
+    coordinates, whatever the triangle's shape.
     """
     a, n = position_of(vertices, faces[k, CORNER]), normal_of(faces, k)
     ap = _minus(p, a)
@@ -108,9 +110,11 @@ def distance_to_triangle(
     b, c = position_of(vertices, faces[k, CORNER + 1]), position_of(vertices, faces[k, CORNER + 2])
     ab, bc, ca = _minus(b, a), _minus(c, b), _minus(a, c)
     bp, cp = _minus(p, b), _minus(p, c)
+    # (n x edge) . (p - corner): negative outside of that edge
     first, second, third = dot(_cross(n, ab), ap), dot(_cross(n, bc), bp), dot(_cross(n, ca), cp)
     if first >= 0.0 and second >= 0.0 and third >= 0.0:
         return best_squared, FACE, 0.0
+    # outside: the closest of the edges that p lies outside of
     best_squared, feature, share = math.inf, FACE, 0.0
     if first < 0.0:
         best_squared, share = _on_segment(ap, bp, ab)
@@ -123,6 +127,7 @@ def distance_to_triangle(
         edge_squared, along = _on_segment(cp, ap, ca)
         if edge_squared < best_squared:
             best_squared, feature, share = edge_squared, EDGE + 2, along
+    # an end of an edge is the vertex there
     if share == 0.0:
         return best_squared, feature - EDGE + VERTEX, 0.0
     if share == 1.0:
@@ -132,12 +137,13 @@ def distance_to_triangle(
 
 @inner
 def box_middle(tree: Array, i: int) -> Triple:
-    """Return the middle of box i."""
+    """Return the middle (m) of box i of `tree` (2 m, 11)."""
     return 0.5 * (tree[i, 0] + tree[i, 3]), 0.5 * (tree[i, 1] + tree[i, 4]), 0.5 * (tree[i, 2] + tree[i, 5])
 
 
 @inner
 def _disc_distance_squared(tree: Array, i: int, p: Triple) -> float:
+    # a disc is a flat cylinder: the excess over its half thickness, and over its radius aside
     q, n = _minus(p, box_middle(tree, i)), (tree[i, DISC], tree[i, DISC + 1], tree[i, DISC + 2])
     aside = _cross(n, q)
     height_excess = max(abs(dot(n, q)) - tree[i, DISC + 4], 0.0)
@@ -164,10 +170,11 @@ def _box_distance_squared(tree: Array, i: int, p: Triple) -> float:
 def nearest_triangle(
     faces: Array, vertices: Array, tree: Array, p: Triple, start: int
 ) -> tuple[int, int, float, float]:
-    """Return the triangle closest to p, its feature, where on that edge, and the squared distance.
+    """Return the triangle closest to p (m), its feature, where on that edge, and the squared distance (m^2).
 
-    `start` is a triangle to begin with, such as the closest one of a moment ago: it saves time, and the answer is the
-    same for any. Of triangles that are equally close it is the first.
+    `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) are the mesh. `start` is a triangle to begin with, such as
+    the closest one of a moment ago: it saves time, and the answer is the same for any. Of triangles that are equally
+    close it is the first.
     """
     n, m = faces.shape[0], tree.shape[0] // 2
     best = start
@@ -175,6 +182,7 @@ def nearest_triangle(
     stack = np.empty((STACK_DEPTH, 2))
     i, top = 1, 0
     while True:
+        # down into the nearer half, with the other on the stack, as long as either may be closer
         while 0 < i < m:
             near_child, far_child = 2 * i, 2 * i + 1
             limit = best_squared * PRUNING_SLACK
@@ -188,6 +196,7 @@ def nearest_triangle(
                 stack[top, 0], stack[top, 1] = far_child, far_squared
                 top += 1
             i = near_child if near_squared <= limit else 0
+        # a leaf: measure its triangles
         if i > 0:
             j = i - m
             for k in range(j * n // m, (j + 1) * n // m):
@@ -195,6 +204,7 @@ def nearest_triangle(
                 if squared < best_squared or (squared == best_squared and k < best):
                     best_squared, best, feature, share = squared, k, other, along
         i = 0
+        # back to the last half put off, but for those that are by now too far
         while top > 0 and i == 0:
             top -= 1
             if stack[top, 1] <= best_squared * PRUNING_SLACK:
@@ -207,17 +217,18 @@ def nearest_triangle(
 def closest_on_mesh(
     faces: Array, vertices: Array, tree: Array, p: Triple, start: int
 ) -> tuple[int, Triple, Triple, float]:
-    """Return the closest triangle, the foot on it, the outward unit normal there, and the signed distance of p.
+    """Return the closest triangle, the foot (m) on it, the outward unit normal there, and the signed distance (m) of p.
 
-    The side is that of the pseudonormal of the feature (Baerentzen and Aanaes 2005), which is right for any closed
-    mesh. On an edge or a vertex the normal is the direction between p and the foot, or where these coincide the
-    pseudonormal.
+    `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) are the mesh; the search begins at triangle `start`. The side
+    is that of the pseudonormal of the feature (Baerentzen and Aanaes 2005), which is right for any closed mesh. On an
+    edge or a vertex the normal is the direction between p and the foot, or where these coincide the pseudonormal.
     """
     k, feature, share, distance_squared = nearest_triangle(faces, vertices, tree, p, start)
     n, a = normal_of(faces, k), position_of(vertices, faces[k, CORNER])
     if feature == FACE:
         height = dot(n, _minus(p, a))
         foot = plus(p, -height, n)
+        # the foot once more onto the plane: far from the face the first has lost digits
         return k, plus(foot, -dot(n, _minus(foot, a)), n), n, height
     if feature < VERTEX:
         i = feature - EDGE
@@ -233,7 +244,10 @@ def closest_on_mesh(
 
 @compiled
 def closest_feature(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> tuple[int, int, Triple]:
-    """Return the triangle closest to p, the feature of it, and the foot."""
+    """Return the triangle closest to p (m), the feature of it, and the foot (m); tables as in `nearest_triangle`.
+
+    These are `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11).
+    """
     k, feature, _, _ = nearest_triangle(faces, vertices, tree, p, start)
     k, foot, _, _ = closest_on_mesh(faces, vertices, tree, p, k)
     return k, feature, foot
@@ -243,11 +257,15 @@ def closest_feature(faces: Array, vertices: Array, tree: Array, p: Triple, start
 def side_and_normal(
     faces: Array, vertices: Array, k: int, feature: int, foot: Triple, q: Triple
 ) -> tuple[float, Triple]:
-    """Return on which side of a feature of triangle k the point foot + q lies, 1 or -1 inside, and the normal there."""
+    """Return the side of a feature of triangle k on which foot + q (m) lies, -1 inside or 1, and the normal there.
+
+    `faces` (t, 9) and `vertices` (v, 6) are the mesh.
+    """
     n = normal_of(faces, k)
     if feature == FACE:
         return (-1.0 if dot(n, q) < 0.0 else 1.0), n
     if feature < VERTEX:
+        # an edge's pseudonormal is the mean of both normals, a vertex's is in the table
         mean = plus(n, 1.0, normal_of(faces, int(faces[k, ACROSS + feature - EDGE])))
         mean = _scaled(1.0 / math.sqrt(dot(mean, mean)), mean)
     else:
@@ -255,9 +273,11 @@ def side_and_normal(
         mean = (vertices[row, PSEUDO], vertices[row, PSEUDO + 1], vertices[row, PSEUDO + 2])
     side = -1.0 if dot(mean, q) < 0.0 else 1.0
     bent = _minus(mean, n)
+    # faces of one plane: an inner edge is no edge
     if dot(bent, bent) <= ONE_PLANE:
         return side, n
     length = math.sqrt(dot(q, q))
+    # beside the feature: the direction to p, turned outwards
     if length > ON_FEATURE * (abs(foot[0]) + abs(foot[1]) + abs(foot[2])):
         return side, _scaled(side / length, q)
     return side, mean
@@ -265,11 +285,15 @@ def side_and_normal(
 
 @compiled
 def closest_points(faces: Array, vertices: Array, tree: Array, points: Array) -> ClosestPoint:
-    """Return the `ClosestPoint` of points (n, 3): faces and edges have no shape. Raises as `check_finite` does."""
+    """Return the `ClosestPoint` of points (n, 3), m: faces and edges have no shape. Raises as `check_finite` does.
+
+    `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) are the mesh.
+    """
     check_finite(points)
     n, k = points.shape[0], 0
     feet, normals, signed, shapes = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.zeros((n, 3, 3))
     for row in range(n):
+        # each search begins where the last ended: paths move little from tick to tick
         k, foot, normal, signed[row] = closest_on_mesh(
             faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k
         )
@@ -280,7 +304,10 @@ def closest_points(faces: Array, vertices: Array, tree: Array, points: Array) ->
 
 @compiled
 def signed_distances(faces: Array, vertices: Array, tree: Array, points: Array) -> Array:
-    """Return the signed distances (n,), m, of points (n, 3). Raises as `check_finite` does."""
+    """Return the signed distances (n,), m, of points (n, 3), m. Raises as `check_finite` does.
+
+    `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) are the mesh.
+    """
     check_finite(points)
     out, k = np.empty(points.shape[0]), 0
     for row in range(points.shape[0]):
@@ -291,6 +318,7 @@ def signed_distances(faces: Array, vertices: Array, tree: Array, points: Array) 
 @inner
 def _product_error(a: float, b: float, product: float) -> float:
     """Return what the rounded product a b lost (Dekker 1971): a b is exactly `product` and this."""
+    # 2^27 + 1 splits a double in two halves whose products are exact
     high = 134217729.0 * a
     a1 = high - (high - a)
     a2 = a - a1
@@ -309,9 +337,11 @@ def _signed_area(x1: float, y1: float, x2: float, y2: float) -> tuple[float, int
     """
     first, second = x1 * y2, x2 * y1
     area = first - second
+    # the rounded products agree: what they lost decides
     if area == 0.0:
         area = _product_error(x1, y2, first) - _product_error(x2, y1, second)
     sign = area
+    # exactly on the origin: shift that by (d, d^2), whose first order is d (y1 - y2)
     if sign == 0.0:
         sign = y1 - y2
         if sign == 0.0:
@@ -322,12 +352,15 @@ def _signed_area(x1: float, y1: float, x2: float, y2: float) -> tuple[float, int
 @inner
 def _misses_box(tree: Array, i: int, middle: Triple, half: Triple, pad: float) -> bool:
     """Whether a segment, by its middle and half its way, misses box i widened by `pad`: by separating axes."""
+    # half sides of the box, and the segment's middle seen from the box's
     hx, hy, hz = 0.5 * (tree[i, 3] - tree[i, 0]), 0.5 * (tree[i, 4] - tree[i, 1]), 0.5 * (tree[i, 5] - tree[i, 2])
     x, y, z = middle[0] - tree[i, 0] - hx, middle[1] - tree[i, 1] - hy, middle[2] - tree[i, 2] - hz
     hx, hy, hz = hx + pad, hy + pad, hz + pad
     ax, ay, az = abs(half[0]), abs(half[1]), abs(half[2])
+    # separated by a face of the box
     if abs(x) > hx + ax or abs(y) > hy + ay or abs(z) > hz + az:
         return True
+    # separated by a plane along the segment and an edge of the box
     return bool(
         abs(y * half[2] - z * half[1]) > hy * az + hz * ay
         or abs(z * half[0] - x * half[2]) > hz * ax + hx * az
@@ -339,26 +372,31 @@ def _misses_box(tree: Array, i: int, middle: Triple, half: Triple, pad: float) -
 def first_triangle_hit(
     faces: Array, vertices: Array, tree: Array, start: Triple, direction: Triple, low: float, high: float
 ) -> tuple[int, float]:
-    """Return the first triangle through which the line start + s way goes for s in [low, high], and s.
+    """Return the first triangle through which the line start + s direction goes for s in [low, high], and s.
 
-    (-1, high) if there is none. Woop, Benthin and Wald's watertight test (2013): each vertex is projected along the way
-    once and for all, and on which side an edge passes the line has one exact answer for both triangles that share it.
-    So no line slips through between triangles, and each goes as often in as out.
+    `faces` (t, 9), `vertices` (v, 6), m, and `tree` (2 m, 11) are the mesh. (-1, high) if there is none. Woop, Benthin
+    and Wald's watertight test (2013): each vertex is projected along the line once and for all, and on which side an
+    edge passes the line has one exact answer for both triangles that share it. So no line slips through between
+    triangles, and each goes as often in as out.
     """
     n, m = faces.shape[0], tree.shape[0] // 2
+    # the axis along which the line runs fastest becomes z; the others keep their sense
     kz = 0
     if abs(direction[1]) > abs(direction[kz]):
         kz = 1
     if abs(direction[2]) > abs(direction[kz]):
         kz = 2
     kx, ky = (kz + 1) % 3, (kz + 2) % 3
+    # a line that runs towards -z sees x and y the other way round
     if direction[kz] < 0.0:
         kx, ky = ky, kx
+    # shear: x - sx z and y - sy z are zero on the whole line
     sx, sy, sz = direction[kx] / direction[kz], direction[ky] / direction[kz], 1.0 / direction[kz]
     reach = 0.0
     for i in range(3):
         reach = max(reach, abs(tree[1, i] - start[i]), abs(tree[1, 3 + i] - start[i]))
         reach = max(reach, 0.5 * abs(start[i]), abs(direction[i]) * max(abs(low), abs(high)))
+    # rounding of the sheared coordinates, by which boxes are widened
     pad = 1e-14 * reach
     best, first = -1, high
     stack = np.empty(STACK_DEPTH, np.int64)
@@ -373,6 +411,7 @@ def first_triangle_hit(
         if i < m:
             ahead = 0.0
             for axis in range(3):
+                # twice the middles of both halves: the one that comes first along the line is looked into first
                 first_sum = tree[2 * i, axis] + tree[2 * i, 3 + axis]
                 second_sum = tree[2 * i + 1, axis] + tree[2 * i + 1, 3 + axis]
                 ahead += direction[axis] * (second_sum - first_sum)
@@ -381,6 +420,7 @@ def first_triangle_hit(
             continue
         j = i - m
         for k in range(j * n // m, (j + 1) * n // m):
+            # the origin of the sheared plane is the line: a triangle is hit where it holds it
             a = _minus(position_of(vertices, faces[k, CORNER]), start)
             b = _minus(position_of(vertices, faces[k, CORNER + 1]), start)
             c = _minus(position_of(vertices, faces[k, CORNER + 2]), start)
@@ -388,13 +428,16 @@ def first_triangle_hit(
             u, side = _signed_area(bx, by, ax, ay)
             cx, cy = c[kx] - sx * c[kz], c[ky] - sy * c[kz]
             v, other = _signed_area(cx, cy, bx, by)
+            # all three edges pass the line on one side, or it is missed
             if other != side:
                 continue
             w, other = _signed_area(ax, ay, cx, cy)
             if other != side or side == 0:
                 continue
+            # barycentric coordinates u, v, w of the point that is hit, times the sheared area
             total = u + v + w
             s = sz * a[kz]
+            # an area of zero: the triangle is seen edge on, and its first corner's depth will do
             if total != 0.0:
                 s = sz * ((v * a[kz] + w * b[kz] + u * c[kz]) / total)
             if low <= s <= high and (s < first or best < 0 or (s == first and k < best)):
@@ -406,24 +449,29 @@ def first_triangle_hit(
 def first_entry(
     faces: Array, vertices: Array, tree: Array, start: Triple, end: Triple, touch: float, k: int
 ) -> tuple[bool, int, Triple, float]:
-    """Return where the segment from start, outside or on the mesh, to end first goes inside: triangle, foot, share.
+    """Return where the segment from start to end (m) first goes inside: whether it does, triangle, foot (m), share.
 
-    False in front if it never does; then the triangle is one close to the start. The search begins at triangle `k`. To
-    be inside means by more than `touch` (m): so a start on the mesh to rounding counts by where the segment goes, and
-    what only grazes an edge or a face is passed. Between two of its crossings with the mesh, which may be several in
-    one vertex, it is inside as a whole or not at all.
+    `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) are the mesh. If it never does, the triangle is one close to
+    the start. The search begins at triangle `k`.
+
+    To be inside means by more than `touch` (m): so a start on the mesh to rounding counts by where the segment goes,
+    and what only grazes an edge or a face is passed. Between two of its crossings with the mesh, which may be several
+    in one vertex, it is inside as a whole or not at all.
     """
     direction = _minus(end, start)
     length = math.sqrt(dot(direction, direction))
     k, foot, _, depth = closest_on_mesh(faces, vertices, tree, start, k)
+    # too far away to be reached
     if length == 0.0 or depth > length + touch:
         return False, k, foot, 0.0
+    # it begins inside
     if depth < -touch:
         return True, k, foot, 0.0
     begin, low, near = 0.0, -touch / length, touch / length
     outside = depth > touch
     while True:
         hit, s = first_triangle_hit(faces, vertices, tree, start, direction, low, 1.0)
+        # depths at quarters of the stretch up to the next crossing tell on which side it is
         for quarter in (2, 1, 3, 4):
             if outside or (quarter == 4 and hit >= 0):
                 break
@@ -435,6 +483,7 @@ def first_entry(
                 return True, k, foot, begin
         if hit < 0:
             return False, k, foot, 0.0
+        # go on past this crossing, by more than its rounding
         k, begin, low, outside = hit, max(s, 0.0), s + near, False
 
 
@@ -442,7 +491,7 @@ def first_entry(
 def first_entries(
     faces: Array, vertices: Array, tree: Array, starts: Array, ends: Array, touch: float
 ) -> tuple[IntArray, Array]:
-    """Answer `first_entry` for segments from starts to ends (n, 3): triangles (n,) and shares (n,)."""
+    """Answer `first_entry` for segments from starts to ends (n, 3), m: triangles (n,), -1 for none, and shares (n,)."""
     n = starts.shape[0]
     hits, shares, k = np.empty(n, np.int64), np.empty(n), 0
     for row in range(n):
@@ -454,9 +503,10 @@ def first_entries(
 
 @compiled
 def normals_in_reach(faces: Array, vertices: Array, tree: Array, points: Array, reach: Array) -> tuple[IntArray, Array]:
-    """Return the normals of the triangles within `reach` (n,), m, along the mesh from the feet of points (n, 3).
+    """Return the normals of the triangles within `reach` (n,), m, along the mesh from the feet of points (n, 3), m.
 
-    As (n + 1,) starts and all normals (total, 3), one after the other, each direction once.
+    As (n + 1,) starts and all normals (total, 3), one after the other, each direction once. `faces` (t, 9), `vertices`
+    (v, 6) and `tree` (2 m, 11) are the mesh.
     """
     n = points.shape[0]
     visited_for, queue = np.full(faces.shape[0], -1), np.empty(faces.shape[0], np.int64)
@@ -464,18 +514,21 @@ def normals_in_reach(faces: Array, vertices: Array, tree: Array, points: Array, 
     for row in range(n):
         k, foot, _, _ = closest_on_mesh(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
         near = reach[row] + ON_FEATURE * (abs(foot[0]) + abs(foot[1]) + abs(foot[2]))
+        # breadth first over neighbours that come within reach of the foot
         queue[0], visited_for[k] = k, row
         count, done = 1, 0
         while done < count:
             face = queue[done]
             done += 1
             new = normal_of(faces, face)
+            # a direction that is there already is not added again
             for other in range(starts[row], total):
                 bent = _minus(new, (normals[other, 0], normals[other, 1], normals[other, 2]))
                 if dot(bent, bent) <= ONE_PLANE:
                     break
             else:
                 if total == normals.shape[0]:
+                    # the table is full: double it
                     more = np.empty((2 * total, 3))
                     more[:total] = normals
                     normals = more
@@ -497,8 +550,9 @@ def normals_in_reach(faces: Array, vertices: Array, tree: Array, points: Array, 
 def closest_in_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
     """Return the point of the cone that rows first to last of unit `normals` (k, 3) span which is closest to d.
 
-    Each round adds the direction that leads closest to the rest, and keeps of it and the up to two before it those
-    whose cone comes closest: no more than three carry a vector in space. The rest shrinks with each round.
+    d is a vector in any unit, such as N or m, and so is the answer. Each round adds the direction that leads closest to
+    the rest, and keeps of it and the up to two before it those whose cone comes closest: no more than three carry a
+    vector in space. The rest shrinks with each round.
     """
     limit = 1e-15 * math.sqrt(dot(d, d))
     carriers = np.zeros((3, 3))
@@ -510,18 +564,22 @@ def closest_in_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
             along = normals[k, 0] * residual[0] + normals[k, 1] * residual[1] + normals[k, 2] * residual[2]
             if along > steepest:
                 steepest, chosen = along, k
+        # no direction leads closer: the optimality condition of the nearest point of a cone
         if chosen < 0:
             break
         new = (normals[chosen, 0], normals[chosen, 1], normals[chosen, 2])
         residual_squared = dot(residual, residual)
         along = max(dot(new, d), 0.0)
+        # the new direction alone
         closest, count_kept, which = _scaled(along, new), 1, 0
         residual = _minus(d, closest)
         least_squared = dot(residual, residual)
+        # the new direction with one of those before: the foot of d on their plane, if between them
         for other in range(count):
             side = (carriers[other, 0], carriers[other, 1], carriers[other, 2])
             across = _cross(new, side)
             across_squared = dot(across, across)
+            # (anti)parallel: no plane
             if across_squared <= 1e-30:
                 continue
             flat = plus(d, -dot(across, d) / across_squared, across)
@@ -530,11 +588,13 @@ def closest_in_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
             residual = _minus(d, flat)
             if dot(residual, residual) < least_squared:
                 least_squared, closest, count_kept, which = dot(residual, residual), flat, 2, other
+        # all three: if d lies within their cone it is its own closest point
         if count == 2:
             one = (carriers[0, 0], carriers[0, 1], carriers[0, 2])
             two = (carriers[1, 0], carriers[1, 1], carriers[1, 2])
             volume = dot(new, _cross(one, two))
             sense = 1.0 if volume > 0.0 else -1.0
+            # Cramer's rule: the parts of d along each of the three, up to the volume
             shares = (
                 sense * dot(d, _cross(one, two)),
                 sense * dot(d, _cross(two, new)),
@@ -542,6 +602,7 @@ def closest_in_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
             )
             if volume != 0.0 and min(shares) >= 0.0:
                 return d
+        # rounding: it gets no closer
         if least_squared >= residual_squared:
             break
         if count_kept == 2:
@@ -557,12 +618,14 @@ def closest_in_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
 def angles_outside_cones(starts: IntArray, normals: Array, directions: Array) -> Array:
     """Return the angles (n,), rad, by which directions (n, 3) leave the cones that `normals_in_reach` gives; 0 inside.
 
-    Beyond a right angle from all of a cone the closest of its directions is one of the normals that span it.
+    `starts` (n + 1,) and `normals` (total, 3) are these. Beyond a right angle from all of a cone the closest of its
+    directions is one of the normals that span it.
     """
     out = np.zeros(directions.shape[0])
     for row in range(directions.shape[0]):
         d = (directions[row, 0], directions[row, 1], directions[row, 2])
         inside = closest_in_cone(normals, starts[row], starts[row + 1], d)
+        # within a right angle: the angle to the closest direction of the cone
         if dot(inside, inside) > 0.0:
             off = _cross(inside, d)
             out[row] = math.atan2(math.sqrt(dot(off, off)), dot(inside, d))

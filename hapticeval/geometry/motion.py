@@ -25,19 +25,21 @@ class Motion:
 
     def __post_init__(self) -> None:
         matrix, shift = np.array(self.matrix, dtype=np.float64), np.array(self.shift, dtype=np.float64)
+        # R R^T = I holds for turns and mirrors, and for nothing else
         if matrix.shape != (shift.size, shift.size) or not np.allclose(matrix @ matrix.T, np.eye(shift.size)):
             raise InputError(f"a motion with the matrix {matrix.tolist()} and the shift {shift.tolist()}")
         if not (math.isfinite(self.scale) and self.scale > 0.0):
             raise InputError(f"a motion of scale {self.scale!r}", why="it makes nothing of a model")
+        # the class is frozen: this is its own constructor
         object.__setattr__(self, "matrix", matrix)
         object.__setattr__(self, "shift", shift)
 
     def __call__(self, points: Array) -> Array:
-        """Return points (n, N), m, moved."""
+        """Return points (n, N), m, moved: scale R x + shift."""
         return np.asarray(self.scale * (points @ self.matrix.T) + self.shift)
 
     def back(self, points: Array) -> Array:
-        """Return moved points (n, N), m, where they were."""
+        """Return moved points (n, N), m, where they were: R^T (y - shift) / scale."""
         return np.asarray(((points - self.shift) / self.scale) @ self.matrix)
 
     def turned(self, vectors: Array) -> Array:
@@ -56,6 +58,7 @@ class Motion:
     @property
     def mirrors(self) -> bool:
         """Whether it makes a left hand of a right one."""
+        # det R is 1 for a turn and -1 for a mirror
         return bool(np.linalg.det(self.matrix) < 0.0)
 
     @property
@@ -89,6 +92,8 @@ def rigid_motion(angle: float, shift: ArrayLike) -> Motion:
     c, s = math.cos(angle), math.sin(angle)
     if shift.size == 2:
         return Motion(np.array([[c, -s], [s, c]]), 1.0, shift)
+    # |(1, 2, 3)| = sqrt 14: a direction that no symmetry of a model shares
     axis = np.array([1.0, 2.0, 3.0]) / math.sqrt(14.0)
+    # Rodrigues: R = cos I + sin [axis]x + (1 - cos) axis axis^T
     cross = np.cross(np.eye(3), -axis)
     return Motion(c * np.eye(3) + s * cross + (1.0 - c) * np.outer(axis, axis), 1.0, shift)

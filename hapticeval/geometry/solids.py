@@ -64,19 +64,24 @@ def icosphere(subdivisions: int, radius: float) -> Triangles:
 
     golden = 0.5 * (1.0 + math.sqrt(5.0))
     signs = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]) * [1.0, golden]
+    # the twelve corners are those of three golden rectangles, square to each other
     rectangle = np.column_stack([signs, np.zeros(4)])
     points = np.concatenate([np.roll(rectangle, turn, axis=1) for turn in range(3)])
     rows = ConvexHull(points).simplices.astype(np.int64)
+    # the hull's triangles have no sense: turn those that run clockwise from outside
     a, b, c = points[rows.T]
     inward = np.sum(np.cross(b - a, c - a) * a, axis=1) < 0.0
     rows[inward] = rows[inward][:, ::-1]
     points = points / np.linalg.norm(points, axis=1)[:, np.newaxis]
     for _ in range(subdivisions):
+        # each edge once, by the number of both its ends: neighbours share the new corner in its middle
         ends = np.sort(np.concatenate([rows[:, [0, 1]], rows[:, [1, 2]], rows[:, [2, 0]]]), axis=1)
         edges, middle = np.unique(ends[:, 0] * len(points) + ends[:, 1], return_inverse=True)
+        # the numbers of the three middles of each triangle
         first, second, third = len(points) + middle.reshape(3, -1)
         new = points[edges // len(points)] + points[edges % len(points)]
         a, b, c = rows.T
+        # a triangle becomes the three at its corners and the one between its middles
         faces = ((a, first, third), (first, b, second), (third, second, c), (first, second, third))
         rows = np.concatenate([np.column_stack(face) for face in faces])
         points = np.concatenate([points, new / np.linalg.norm(new, axis=1)[:, np.newaxis]])

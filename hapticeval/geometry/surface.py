@@ -50,6 +50,7 @@ class Surface(SurfaceInSpace):
 
     def moved(self, motion: Motion) -> Surface | None:
         """Return the surface scaled, its own mirror image; None where it is turned or shifted: it is bound to axes."""
+        # the kernels know surfaces about the origin and along the axes only
         if not motion.keeps_axes:
             return None
         return Surface(self.name, self.kind, tuple(motion.scale * length for length in self.reals))
@@ -58,21 +59,26 @@ class Surface(SurfaceInSpace):
     def bounds(self) -> tuple[float, ...]:
         """(xmin, ymin, zmin, xmax, ymax, zmax), m."""
         extents = tuple(self.reals)  # three semi-axes, or a sphere's one radius
+        # the tube's outer equator in x and y, the tube alone in z
         if self.kind == "torus":
             extents = (extents[0] + extents[1], extents[0] + extents[1], extents[1])
+        # a sphere's one radius counts for all three axes
         extents = extents * (3 // len(extents))
         return (*(-extent for extent in extents), *extents)
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
-        """See `Boundary.closest_point`: one compiled call."""
+        """Return the closest points, normals, distances and shapes of points (n, 3), m: one compiled call.
+
+        See `Boundary.closest_point`.
+        """
         return answer_by_kernel(kernels.closest_points, (self.row,), points, 3)
 
     def signed_distance(self, points: ArrayLike) -> Array:
-        """See `Boundary.signed_distance`."""
+        """Return the signed distances (n,), m, of points (n, 3), m, in one call: see `Boundary.signed_distance`."""
         return answer_by_kernel(kernels.signed_distances, (self.row,), points, 3)
 
     def medial_distance(self, points: ArrayLike) -> Array:
-        """Return (n, 2), m: from the foot of each of points (n, 3), how far the medial set lies in- and outwards.
+        """Return (n, 2), m: from the foot of each of points (n, 3), m, how far the medial set lies in- and outwards.
 
         Along the normal, infinite where there is none: between them each point of the normal has this foot, and I + nW
         is positive.
@@ -85,7 +91,9 @@ class Surface(SurfaceInSpace):
         if self.kind != "torus":
             return np.asarray(spread_over_sphere(n) * np.array(self.reals))
         major, minor = self.reals
+        # equal shares of area: a ring of the tube has an area that goes with its distance from the axis
         angle = _tube_angle((np.arange(n) + 0.5) / n, minor / major)
+        # golden angles about the axis keep the points apart, as in `spread_over_sphere`
         out, turn = major + minor * np.cos(angle), np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
         return np.column_stack([out * np.cos(turn), out * np.sin(turn), minor * np.sin(angle)])
 
@@ -94,6 +102,7 @@ def _tube_angle(share: Array, ratio: float) -> Array:
     """Round the tube, the angle below which that share of the area lies: angle + ratio sin(angle) = 2 pi share."""
     target = 2.0 * math.pi * share
     low, high = np.zeros_like(target), np.full_like(target, 2.0 * math.pi)
+    # bisection: the left side rises with the angle, as ratio < 1
     for _ in range(60):
         middle = 0.5 * (low + high)
         below = middle + ratio * np.sin(middle) < target

@@ -61,9 +61,10 @@ def apply_matrix(w: Symmetric, v: Triple) -> Triple:
 
 @compiled
 def closest_on_surface(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
-    """The globally nearest surface point, the outward unit normal there, and the signed distance, negative inside.
+    """Return the globally nearest surface point, the outward unit normal there, and the signed distance (m) of y.
 
-    On the medial set, where several are nearest, it is one of them, always the same: y = foot + distance normal holds.
+    `reals` (ROW_LENGTH,) is the surface; y is a point (m); negative is inside. On the medial set, where several points
+    are nearest, it is one of them, always the same: y = foot + distance normal holds.
     """
     if reals[KIND] == SPHERE:
         return _on_sphere(reals[FIRST], y)
@@ -75,6 +76,7 @@ def closest_on_surface(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
 @compiled
 def _on_sphere(radius: float, y: Triple) -> tuple[Triple, Triple, float]:
     length = math.sqrt(dot(y, y))
+    # at the centre every point is nearest: the pole is taken
     if length == 0.0:
         return (0.0, 0.0, radius), (0.0, 0.0, 1.0), -radius
     normal = (y[0] / length, y[1] / length, y[2] / length)
@@ -84,10 +86,12 @@ def _on_sphere(radius: float, y: Triple) -> tuple[Triple, Triple, float]:
 @compiled
 def _on_torus(major: float, minor: float, y: Triple) -> tuple[Triple, Triple, float]:
     across = math.hypot(y[0], y[1])
+    # e points from the axis to y; on the axis, where any direction will do, along x
     ex, ey = 1.0, 0.0
     if across > 0.0:
         ex, ey = y[0] / across, y[1] / across
     length = math.hypot(across - major, y[2])
+    # the same about the core circle, for y on it
     cos, sin = 1.0, 0.0
     if length > 0.0:
         cos, sin = (across - major) / length, y[2] / length
@@ -114,6 +118,7 @@ def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
     for i in range(3):
         if zs[i] > ZERO_SHARE and qs[i] > 0.0:
             inner += (rs[i] * zs[i] / qs[i]) ** 2
+    # y lies on the medial disc, across the smallest semi-axis e: the root would be g = 0
     medial = g <= ZERO_SHARE and inner <= 1.0
     if not medial:
         for _ in range(MOST_ROOT_STEPS):
@@ -123,14 +128,17 @@ def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
                     w = rs[i] * zs[i] / (qs[i] + g)
                     norm_squared += w * w
                     slope += w * w / (qs[i] + g)
+            # Newton on 1 / norm - 1, whose derivative by g is slope / norm^3
             step = (math.sqrt(norm_squared) - 1.0) * norm_squared / slope
             g += step
+            # it climbs from below: a step that is rounding, or back, is the end
             if not step > 1e-16 * g:
                 break
     x0 = rs[0] * y[0] / (qs[0] + g) if zs[0] > ZERO_SHARE else 0.0
     x1 = rs[1] * y[1] / (qs[1] + g) if zs[1] > ZERO_SHARE else 0.0
     x2 = rs[2] * y[2] / (qs[2] + g) if zs[2] > ZERO_SHARE else 0.0
     if medial:
+        # what the quadratic form leaves for the coordinate along e, on the side of y
         low = e * math.sqrt(max(0.0, 1.0 - inner))
         if c == e:
             x2 = math.copysign(low, y[2])
@@ -139,6 +147,7 @@ def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
         else:
             x0 = math.copysign(low, y[0])
     xs = (x0, x1, x2)
+    # outward normal: the gradient of sum (x_i / e_i)^2 / 2
     gradient = (xs[0] / a / a, xs[1] / b / b, xs[2] / c / c)
     size = math.sqrt(dot(gradient, gradient))
     return xs, (gradient[0] / size, gradient[1] / size, gradient[2] / size), (g - 1.0) * e * e * size
@@ -146,15 +155,20 @@ def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
 
 @compiled
 def shape_operator(reals: Array, p: Triple, normal: Triple) -> Symmetric:
-    """The shape operator W (1/m) at the surface point p: symmetric, W normal = 0, positive where convex."""
+    """Return the shape operator W (1/m) at the surface point p (m): symmetric, W normal = 0, positive where convex.
+
+    `reals` (ROW_LENGTH,) is the surface. A foot that moves with velocity ṗ turns the normal by W ṗ.
+    """
     x, y, z = normal
     if reals[KIND] == SPHERE:
+        # W = (I - normal normal^T) / radius
         k = 1.0 / reals[FIRST]
         return k * (1.0 - x * x), -k * x * y, -k * x * z, k * (1.0 - y * y), -k * y * z, k * (1.0 - z * z)
     if reals[KIND] == TORUS:
         major, minor = reals[FIRST], reals[SECOND]
         k = 1.0 / minor
         across = math.hypot(p[0], p[1])
+        # unit tangent of the parallel
         ax, ay = -p[1] / across, p[0] / across
         # 1/minor on the whole tangent plane, less the difference of the two principal curvatures along the parallel
         less = major / (minor * across)
@@ -166,6 +180,7 @@ def shape_operator(reals: Array, p: Triple, normal: Triple) -> Symmetric:
             -k * y * z,
             k * (1.0 - z * z),
         )
+    # W = P H P / |grad|, with P = I - normal normal^T and H = diag(1 / e_i^2)
     d, s = _quadric_terms(reals, p)
     h = (d[0] * x, d[1] * y, d[2] * z)
     hn = dot(h, normal)
@@ -181,10 +196,12 @@ def shape_operator(reals: Array, p: Triple, normal: Triple) -> Symmetric:
 
 @compiled
 def shape_operator_change(reals: Array, p: Triple, normal: Triple, v: Triple, w: Triple) -> Triple:
-    """(∇_v W) w, the covariant derivative of W along v applied to w, 1/m^2 times both; v and w tangent at p.
+    """Return (∇_v W) w, by how much the shape operator W (1/m) changes along v, applied to w: 1/m^2 times both.
 
-    It is symmetric in v and w (Codazzi).
+    `reals` (ROW_LENGTH,) is the surface; v and w are tangent at the point p (m). The covariant derivative is symmetric
+    in v and w (Codazzi).
     """
+    # a sphere bends alike everywhere
     if reals[KIND] == SPHERE:
         return 0.0, 0.0, 0.0
     if reals[KIND] == TORUS:
@@ -195,11 +212,13 @@ def shape_operator_change(reals: Array, p: Triple, normal: Triple, v: Triple, w:
         along = (-ey, ex, 0.0)
         up = (-sin * ex, -sin * ey, cos)
         factor = -major * sin / (minor * across * across)
+        # parts along the parallel and up the meridian: W is cos / across there, and 1 / minor
         va, vu, wa, wu = dot(v, along), dot(v, up), dot(w, along), dot(w, up)
         return _combination(factor * (vu * wa + va * wu), along, factor * va * wa, up)
     d, s = _quadric_terms(reals, p)
     h = (d[0] * normal[0], d[1] * normal[1], d[2] * normal[2])
     e = plus(h, -dot(h, normal), normal)
+    # tangential part of H normal, over |grad|: dot(e, v) is how fast log |grad| changes along v
     e = (e[0] / s, e[1] / s, e[2] / s)
     shape = shape_operator(reals, p, normal)
     wv, ww = apply_matrix(shape, v), apply_matrix(shape, w)
@@ -217,22 +236,26 @@ def _quadric_terms(reals: Array, p: Triple) -> tuple[Triple, float]:
     """Half the second derivatives of the ellipsoid's quadratic form, and half the length of its gradient at p."""
     a, b, c = reals[FIRST], reals[SECOND], reals[THIRD]
     d = (1.0 / a / a, 1.0 / b / b, 1.0 / c / c)
+    # the gradient of sum (x_i / e_i)^2 / 2 at p
     g = (d[0] * p[0], d[1] * p[1], d[2] * p[2])
     return d, math.sqrt(dot(g, g))
 
 
 @compiled
 def medial_reach(reals: Array, p: Triple, normal: Triple) -> tuple[float, float]:
-    """How far (m) from the surface point p the medial set lies: along the normal inwards, and outwards.
+    """Return how far (m) from the surface point p (m) the medial set lies: along the normal inwards, and outwards.
 
-    Up to there p is the one nearest point. The medial set of the torus is its core circle inside, its axis outside.
+    `reals` (ROW_LENGTH,) is the surface. Up to there p is the one nearest point. The medial set of the torus is its
+    core circle inside, its axis outside.
     """
     if reals[KIND] == SPHERE:
         return reals[FIRST], math.inf
     if reals[KIND] == TORUS:
         across = math.hypot(p[0], p[1])
         cos = (normal[0] * p[0] + normal[1] * p[1]) / across
+        # outwards only the inner half of the tube looks at the axis
         return reals[SECOND], across / -cos if cos < 0.0 else math.inf
+    # from g = 0 in `_on_ellipsoid`: the distance there is -e^2 |grad|
     e = min(reals[FIRST], reals[SECOND], reals[THIRD])
     _, s = _quadric_terms(reals, p)
     return e * e * s, math.inf
@@ -240,7 +263,10 @@ def medial_reach(reals: Array, p: Triple, normal: Triple) -> tuple[float, float]
 
 @compiled
 def signed_distances(reals: Array, points: Array) -> Array:
-    """Signed distances (n,), m, of points (n, 3). Raises as `check_finite` does."""
+    """Return the signed distances (n,), m, of points (n, 3), m, from a surface `reals` (ROW_LENGTH,).
+
+    Raises as `check_finite` does.
+    """
     check_finite(points)
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
@@ -250,7 +276,10 @@ def signed_distances(reals: Array, points: Array) -> Array:
 
 @compiled
 def closest_points(reals: Array, points: Array) -> ClosestPoint:
-    """The `ClosestPoint` of points (n, 3). Raises as `check_finite` does."""
+    """Return the `ClosestPoint` of points (n, 3), m, on a surface `reals` (ROW_LENGTH,).
+
+    Raises as `check_finite` does.
+    """
     check_finite(points)
     n = points.shape[0]
     feet, normals, signed, shapes = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty((n, 3, 3))
@@ -259,6 +288,7 @@ def closest_points(reals: Array, points: Array) -> ClosestPoint:
         w = shape_operator(reals, p, normal)
         for k in range(3):
             feet[i, k], normals[i, k] = p[k], normal[k]
+            # W times each axis gives its columns, which are its rows
             unit = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0)
             shapes[i, k, 0], shapes[i, k, 1], shapes[i, k, 2] = apply_matrix(w, unit)
     return ClosestPoint(feet, normals, signed, shapes)
@@ -266,7 +296,7 @@ def closest_points(reals: Array, points: Array) -> ClosestPoint:
 
 @compiled
 def medial_reaches(reals: Array, feet: Array, normals: Array) -> Array:
-    """`medial_reach` for each of feet (n, 3) with their normals (n, 3): (n, 2)."""
+    """Return `medial_reach` (n, 2), m, for each of feet (n, 3), m, with their unit normals (n, 3)."""
     out = np.empty((feet.shape[0], 2))
     for i in range(feet.shape[0]):
         p, normal = (feet[i, 0], feet[i, 1], feet[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
