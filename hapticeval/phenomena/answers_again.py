@@ -31,9 +31,11 @@ def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
     base, back = runs.base, runs.reverse()
     if lacks_ihip(base, scene):
         return without_ihip(base)
+    # For each HIP the nearest one of the way back; the sampled points need not be the same.
     distance, match = map(np.asarray, cKDTree(back.hip).query(base.hip))
     contact = touching(base, scene) | touching(back, scene)[match]
     answered = (np.arange(len(base)) < len(base) - LAG_TICKS) & (match < len(back) - LAG_TICKS)
+    # Within a HIP step, in contact on either path, and with the rows in which a late answer may stand.
     common = np.flatnonzero((distance <= hip_step(base, scene)) & contact & answered)
     if common.size == 0:
         return undecided("no HIP in contact is reached along both paths")
@@ -58,11 +60,12 @@ def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
 
 
 def _closest_answers(base: Recording, back: Recording, common: IntArray, match: IntArray) -> tuple[Array, IntArray]:
-    """Return how far apart the answers to one HIP are on the two paths, m, and which row of the other has the closest.
+    """Return how far apart the answers to one HIP are on the two paths, (n,), m, and the row of the other's closest.
 
     The answer to a HIP is given in its own row or up to three later, on either path.
     """
     late = np.arange(LAG_TICKS + 1)
+    # All pairs of a lag on one path and a lag on the other: (n, lags, lags, N).
     first = base.ihip[common[:, np.newaxis, np.newaxis] + late[:, np.newaxis]]
     other = match[:, np.newaxis] + late
     distance = np.linalg.norm(first - back.ihip[other[:, np.newaxis]], axis=3).reshape(common.size, -1)
@@ -86,6 +89,7 @@ def judge_reset_clears(runs: Runs, scene: Scene) -> Finding:
     if rows == 0:
         return undecided("the hand of the second run is elsewhere from the start")
     apart = {name: _apart(base, again, name, rows) for name in ("ihip", "force")}
+    # To the bit without a declared scatter: a reset that leaves nothing repeats every operation.
     exceeds = {name: apart[name] > scatter[name] for name in apart}
     off = exceeds["ihip"] | exceeds["force"]
     named, name, unit = ("IHIP", "ihip", "m") if exceeds["ihip"].any() and not exceeds["force"].any() else FORCE
@@ -127,6 +131,7 @@ def _believed_scatter(base: Recording, scene: Scene) -> dict[str, float]:
     """
     largest = float(np.max(np.linalg.norm(base.force, axis=1), initial=0.0))
     limits = {"ihip": farthest_standoff(scene), "force": TELLING_SHARE * largest}
+    # What is declared beyond that is cut off there, and so fails where it is used.
     return {name: min(float(base.meta.get(f"{name}_scatter", 0.0)), limit) for name, limit in limits.items()}
 
 
@@ -140,6 +145,7 @@ def _apart(base: Recording, again: Recording, name: str, rows: int) -> Array:
 def _force_ratio(first: Array, second: Array) -> float | None:
     """Return the second run's force as a share of the first's (least squares); None without a force."""
     square = float(np.sum(first**2))
+    # g of second = g first: <f, s> / <f, f>
     return float(np.sum(first * second)) / square if square > 0.0 else None
 
 

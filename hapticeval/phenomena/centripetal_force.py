@@ -53,6 +53,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         message = "the tool is not held: off a surface that holds from both sides there is no force on it"
         return undecided(message, evidence=evidence_at(base, loose))
     slower = SLOWER_SPEEDS if runs.at_speed is not None else ()
+    # Slower runs tell v^2 from what else the error may grow with.
     everything = [base, *(runs.at_speed(factor) for factor in slower if runs.at_speed is not None)]
     terms = [_regression_terms(recording, scene) for recording in everything]
     ticks, errors, pushes, costs, rings, sizes = zip(*terms, strict=True)
@@ -62,7 +63,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     largest = float(np.max(np.abs(cost)))
     if largest <= LEAST_CENTRIPETAL:
         return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide over a curved surface")
+    # block_diag: each run rings with a phase of its own.
     share, deviation = _fit_share(np.concatenate(errors), np.concatenate(pushes), cost, block_diag(*rings))
+    # In the time that a force is held the normal turns by this angle, and so the force leans.
     bound = HOLD_TICKS * max(sizes) * base.dt
     tick = int(ticks[0][np.argmax(np.abs(costs[0]))]) if ticks[0].size else int(np.argmax(touching(base, scene)))
     evidence: dict[str, object] = {
@@ -78,6 +81,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     lacking = abs(at_zero or 0.0)
     value = max(abs(share), lacking)
     metric = Metric(CHECK.metric, value, "")
+    # A share that is not told from its bound decides nothing, unless the force at zero error already does.
     unclear = not np.isfinite(deviation) or abs(abs(share) - bound) <= STANDARD_ERRORS * deviation
     if bound > TELLING_SHARE or (unclear and lacking <= bound):
         message = "too slow, or too much else going on, to separate the centripetal part of the error from the rest"
@@ -93,10 +97,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def _unheld_tick(recording: Recording, scene: Scene) -> int | None:
-    """The tick at which a tool on a bilateral constraint is farthest off it without a force; None where one is held.
+    """Return the tick at which a tool on a bilateral constraint is farthest off it without a force; None where held.
 
-    A spring gives K_p times the distance. A damper takes that away where the tool comes home slowly, so that it counts
-    only over more than a tenth of the run, and beyond the distance that a late answer leaves.
+    A spring gives K_p times the distance. A damper takes that away where the tool comes home slowly. So a missing force
+    counts over more than a tenth of the run only, and beyond the distance that a late answer leaves.
     """
     if not scene.bilateral:
         return None
@@ -106,18 +110,22 @@ def _unheld_tick(recording: Recording, scene: Scene) -> int | None:
 
 
 def _regression_terms(recording: Recording, scene: Scene) -> tuple[IntArray, Array, Array, Array, Array, float]:
-    """Per sample in contact, once under way: its tick, and surface error, the operator's share of it, the centripetal
-    cost (all m).
+    """Return the columns of the regression over the samples in contact, once the tool is under way.
 
-    The cost is what a spring pays when it alone supplies (3.8): kappa v_t^2 m / K_p, outwards, as the assigned dynamics
-    answer to it. Then how a spring without damper rings, see `_ringing_columns`, and the largest |kappa| v_t, rad/s,
-    the rate at which the normal turns.
+    - The tick of each, (n,); then three errors, (n,), m:
+    - the distance from the surface, outwards;
+    - the part of it that the operator's push makes;
+    - the centripetal cost, kappa v_t^2 m / K_p, outwards: what a spring pays that supplies (3.8) alone, as the assigned
+      dynamics answer to it.
+    - How a spring without a damper rings, (n, 2) or (n, 0): see `_ringing_columns`.
+    - The largest |kappa| v_t, rad/s: the rate at which the normal turns.
     """
     frame = scene.model.boundary.closest_point(recording.hip)
     turning, speed2 = _normal_turning(frame, recording.velocity)
     push = np.zeros(len(recording))
     if "operator_force" in recording.channels:
         push = np.sum(recording.channels["operator_force"] * frame.normal, axis=1)
+    # (3.8) and the push, both as the error that they make: what the spring alone would have to give.
     cost, share = (_assigned_response(force, recording, scene) for force in (speed2 * scene.mass, push))
     bearing = touching(recording, scene)
     judged = bearing
@@ -132,7 +140,7 @@ def _regression_terms(recording: Recording, scene: Scene) -> tuple[IntArray, Arr
 
 
 def _after_strike(bearing: BoolArray) -> BoolArray:
-    """Where a force that was not there begins, (n,), and as many ticks after that as an answer may lag.
+    """Return where a force that was not there begins, (n,), and as many ticks after that as an answer may lag.
 
     A tool that is struck flies at that sample yet: how far it is off the surface is a way that it has still to go.
     """
@@ -150,11 +158,12 @@ def _ringing_columns(time: Array, scene: Scene) -> Array:
     """
     turn = math.sqrt(scene.stiffness / scene.mass) * time
     rings = np.column_stack([np.cos(turn), np.sin(turn)])
+    # Less than a period cannot be told from a constant and a slope.
     return rings if turn.size and turn[-1] - turn[0] >= 2.0 * np.pi else rings[:, :0]
 
 
 def _assigned_response(force: Array, recording: Recording, scene: Scene) -> Array:
-    """The error (n,), m, with which m n'' + K_d n' + K_p n answers to an outward force (n,), N, held between samples.
+    """Return the error (n,), m, of m n'' + K_d n' + K_p n = F for an outward force F (n,), N, held between samples.
 
     It starts in equilibrium with the first. Undamped dynamics never come to an answer: then it is the static one.
     """
@@ -177,9 +186,9 @@ def _assigned_response(force: Array, recording: Recording, scene: Scene) -> Arra
 
 
 def _under_way(recording: Recording, scene: Scene, bearing: BoolArray) -> BoolArray:
-    """Without the start of the contact (n,): until the assigned dynamics have died out to a hundredth.
+    """Return which rows (n,) come after the start of the contact, when the assigned dynamics have died out.
 
-    Before, error has other causes. Of a run shorter than twice that, all of it.
+    Before, the error has other causes. Of a run shorter than twice that, all of it.
     """
     since = recording.time - recording.time[int(np.argmax(bearing))]
     rate = decay_rate(scene)
@@ -188,16 +197,21 @@ def _under_way(recording: Recording, scene: Scene, bearing: BoolArray) -> BoolAr
 
 
 def _normal_turning(frame: ClosestPoint, velocity: Array) -> tuple[Array, Array]:
-    """|W v| (n,), rad/s, the rate at which the normal turns, and <W v, v> (n,), m/s^2: kappa v_t^2 in the plane."""
+    """Return |W v| (n,), rad/s, the rate at which the normal turns, and <W v, v> (n,), m/s^2: kappa v_t^2 in the plane.
+
+    W is the shape operator (n, N, N), 1/m, and v (n, N), m/s.
+    """
     turning = np.einsum("kij,kj->ki", frame.shape, velocity)
     return np.linalg.norm(turning, axis=1), np.asarray(np.sum(turning * velocity, axis=1))
 
 
 def _fit_share(error: Array, push: Array, cost: Array, rings: Array) -> tuple[float, float]:
-    """Least squares of error = a cost + b push + c + what rings (columns of (n, k)): a and its standard error.
+    """Return a and its standard error in error = a cost + b push + c + what rings, by least squares.
 
-    Samples of one oscillation are not independent, so the degrees of freedom are counted in blocks of `BLOCK_TICKS`.
+    All columns are (n,), m; what rings (n, k). Samples of one oscillation are not independent, so that the degrees of
+    freedom are counted in blocks of `BLOCK_TICKS`.
     """
+    # error = a cost + c + ring columns [+ b push]; a is the share that is asked for.
     columns = [cost, np.ones_like(cost), *rings.T]
     # A push that varies by less than a millionth of the cost cannot explain it, and would spoil the rank.
     if np.ptp(push) > EXPLAINING_PUSH * np.max(np.abs(cost)):
@@ -209,17 +223,20 @@ def _fit_share(error: Array, push: Array, cost: Array, rings: Array) -> tuple[fl
     residual = error - design @ solution
     blocks = max(cost.size / BLOCK_TICKS - design.shape[1], 1.0)
     inverse = np.linalg.inv(design.T @ design / cost.size)
+    # var(a) = s^2 (X'X)^-1 [a, a], with the freedom of the independent blocks.
     variance = float(np.mean(residual**2)) * float(inverse[0, 0]) / blocks
     return float(solution[0]), float(np.sqrt(max(variance, 0.0)))
 
 
 def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
-    """Share of m kappa v^2 that the force lacks at the start, if that lies on a bilateral constraint.
+    """Return the share of m kappa v^2 that the force lacks at the start, if that lies on a bilateral constraint.
 
-    There the position error is zero, so the force must be the centripetal one alone (3.8): that of the sample, or of
-    some time until the next one, where it is a mean. The best of the first counts, as many as a proxy may lag. What the
-    operator pushes with is a force of one direction, of which the turning normal has another share in that time: by so
-    much it may differ.
+    There the position error is zero, so the force must be the centripetal one alone (3.8).
+
+    - It is that of the sample, or of some time until the next one, where it is a mean.
+    - The best of the first ticks counts, as many as a proxy may lag.
+    - The operator pushes in one direction, of which the turning normal has another share in that time: by so much it
+      may differ.
     """
     if not scene.bilateral or len(recording) < LAG_TICKS + 2:
         return None
@@ -235,9 +252,11 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
         push = recording.channels["operator_force"][ticks]
         outward_force += np.sum(push * normal, axis=1)
         unknown = HOLD_TICKS * recording.dt * turning * np.linalg.norm(push, axis=1)
+    # The required force is inward: the value between two samples that the given one comes nearest to.
     nearest = np.clip(-outward_force[:-1], *np.sort([required[:-1], required[1:]], axis=0))
     if not np.all(np.abs(nearest) > 0.0):
         return None
+    # 1 - |given| / |required|: 0 where all is given, 1 where nothing is.
     missing = 1.0 + outward_force[:-1] / nearest
     missing = np.sign(missing) * np.maximum(np.abs(missing) - unknown[:-1] / np.abs(nearest), 0.0)
     return float(missing[np.argmin(np.abs(missing))])

@@ -19,32 +19,36 @@ from hapticeval.scene import Scene
 
 
 class Closer(Protocol):
-    """A recording of which any part can be looked at in finer steps: see `hapticeval.simulation.playback.Closeup`."""
+    """A path of which any part can be run again in finer steps: see `hapticeval.simulation.playback.Closeup`."""
 
     recording: Recording
 
     def closer(self, first: int, last: int, factor: int, *, lag: int) -> Closer:
-        """From row `first` to row `last`, each step in `factor`; the hand rests before, and for `lag` ticks after."""
+        """Run rows `first` to `last`, each step in `factor`; the hand rests before, and for `lag` ticks after."""
 
 
 @dataclass(frozen=True, eq=False)
 class Runs:
     """The recording that is judged, and the ways to get its siblings where the runner can make them.
 
-    `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along the
-    same points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same
-    renderer, which is reset in between; `look` is `base` with a way to refine a part of it; `without(kind)` leads the
-    hand along the same path, of a closed loop along the HIPs that were recorded, through the renderer made for the
-    scene without the effect of that kind; `moved(motion,
-    nudge)` is the stimulus, off by `nudge` (m), in the scene moved, as it looks when it is moved back, or None where
-    the model cannot be moved so or the renderer refuses it there; `reordered()` is the path in the scene with the
-    model's vertices in another order, or None likewise; `subdivided()` leads the hand from each HIP to the next in two
-    steps of half the time, and returns both rows a step; `in_turns()` is the path through a renderer that takes turns
-    with another of the same factory, on a model of half the size, led backwards; `pieces` are the edges or triangles
-    that the renderer was given for a smooth model, None where it was given none. Each is None where it cannot be had:
-    a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case
-    gives for this renderer, or that the law has which it declares to be, if there is one. Raises `InputError` for a
-    recording with rows that are not valid.
+    Each sibling is None where it cannot be had: a recorded hardware run has none.
+
+    - `refine(k)`: the same stimulus at k times the sampling rate.
+    - `reverse()`: the hand is led backwards along the same points.
+    - `at_speed(f)`: the experiment starts f times as fast.
+    - `law`: the name of a closed form (`hapticeval.closed_forms`), which the case gives or the renderer declares.
+    - `again()`: once more through the same renderer, which is reset in between.
+    - `look`: `base` with a way to refine a part of it.
+    - `moved(motion, nudge)`: the stimulus, off by `nudge` (m), in the moved scene, and the result moved back. It
+      returns None where the model cannot be moved so or the renderer refuses it there.
+    - `without(kind)`: the same path, of a closed loop the recorded HIPs, without the effect of that kind.
+    - `reordered()`: the path with the model's vertices in another order; None like `moved`.
+    - `subdivided()`: each step of the hand in two of half the time; both rows of a step are returned.
+    - `in_turns()`: the path through a renderer that takes turns with another of the same factory, which is led
+      backwards on a model of half the size.
+    - `pieces`: the edges or triangles that the renderer was given for a smooth model.
+
+    Raises `InputError` for a recording with rows that are not valid.
     """
 
     base: Recording
@@ -72,6 +76,7 @@ class Runs:
     def remembered(self) -> Runs:
         """The same runs, each sibling made once at the most."""
         siblings: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
+        # A sibling with arguments is cached by them: `refine(2)` and `refine(4)` are two runs.
         caching: dict[str, Any] = {name: cache(make) for name, make in siblings.items() if callable(make)}
         return replace(self, **caching)
 
@@ -105,7 +110,7 @@ class Situation(StrEnum):
 
 
 def situations(runs: Runs, scene: Scene) -> frozenset[Situation]:
-    """Return the situations that runs in a scene are in."""
+    """Return the situations that runs in a scene are in: checks name those in which they have no question."""
     source = runs.base.meta.get("source")
     convex, concave = has_corners(scene.model.boundary)
     holds = {
@@ -137,6 +142,7 @@ def without_ihip(recording: Recording) -> Finding:
     if declares_force_only(recording):
         message = "the renderer declares that it has a force and no contact point, which this check is about"
         return Finding(Outcome.NOT_APPLICABLE, message)
+    # Nothing was declared: an IHIP may have been forgotten, and what it would show is open.
     return undecided("the renderer gives a force but no IHIP: its contact point cannot be judged")
 
 
@@ -185,6 +191,7 @@ class Check:
 
     def __call__(self, runs: Runs, scene: Scene) -> Finding:
         """Judge `runs` in `scene`, where the check applies and has what it needs."""
+        # In this order: what the scene does not ask, what this run cannot show, what is missing.
         if self.effects and not any(effect.kind in self.effects for effect in scene.effects):
             return Finding(Outcome.NOT_APPLICABLE, f"the scene calls for no {' or '.join(self.effects)}")
         other = next((effect.kind for effect in scene.effects if effect.kind in self.not_with), None)

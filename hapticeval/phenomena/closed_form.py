@@ -33,10 +33,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided(UNREPEATABLE)
     hips, correction = extrapolation
     time = base.time - base.time[0]
+    # From the recorded start: the closed form solves the same initial value problem.
     expected = form.motion(scene, base.hip[0], base.velocity[0], time).hip
     travel = float(np.max(np.linalg.norm(expected - expected[0], axis=1)))
     apart = np.linalg.norm(hips - expected, axis=1)
     tick = int(np.argmax(apart))
+    # The correction is that of the worst coordinate: over all N of them a length is sqrt(N) times that.
     bound = correction * np.sqrt(hips.shape[1]) + EXTRAPOLATION_ROUNDING * travel
     distance = scene.model.boundary.signed_distance
     evidence: dict[str, object] = {
@@ -56,6 +58,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         ],
     }
     metric = Metric(CHECK.metric, float(apart[tick]), "m")
+    # Written so that an infinite or undefined bound is undecided, too.
     if not bound <= FORM_TOLERANCE * travel:
         message = f"refinement does not settle the run: it is known to {mm(bound)} only"
         return undecided(message, metric, bound, evidence)

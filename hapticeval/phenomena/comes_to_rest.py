@@ -23,6 +23,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     rows = np.flatnonzero(base.time >= quiet)
     if rows.size < QUIET_SAMPLES:
         return undecided(f"the operator keeps still for {rows.size} samples only")
+    # Two windows of the quiet time: its second quarter, and its last half, which begins at twice the time.
     since = base.time[rows] - base.time[rows[0]]
     span = float(since[-1])
     speed = np.linalg.norm(base.velocity[rows], axis=1)
@@ -31,6 +32,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("rows are missing where the tool should come to rest")
     distance = np.abs(scene.model.boundary.signed_distance(base.hip))
     farthest = int(np.argmax(distance))
+    # A tool that is farther off than it was at the start, by the model's size, is driven away.
     reach = size + float(distance[0])
     worst = int(rows[late][np.argmax(speed[late])])
     before, after = float(speed[early].max()), float(speed[late].max())
@@ -41,6 +43,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "farthest_m": float(distance[farthest]),
     }
     metric = Metric(CHECK.metric, after, CHECK.unit)
+    # Below a speed of 1e-9 of the model's size a second it rests, whatever it did before.
     bound = max(RETURN_RATIO * before, ANSWER_CHANGE * size)
     if distance[farthest] > reach:
         message = f"the tool gets {mm(distance[farthest])} off the surface, farther than the model is large"

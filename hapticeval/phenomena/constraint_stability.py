@@ -31,6 +31,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         message = f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
         return Finding(Outcome.FAIL, message, evidence={**evidence_at(base, len(base) - 1), "ended": dict(ended)})
     motion = SurfaceMotion(base, scene)
+    # Judged from the last push on: while it is pushed a tool may well be off.
     first = int(np.flatnonzero(motion.pushed).max(initial=-1)) + 1
     free = base.time[first:] - base.time[min(first, len(base) - 1)]
     if free.size < QUIET_SAMPLES:
@@ -40,9 +41,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if motion.footless is not None:
         return undecided(motion.footless)
     span, rate = float(free[-1]), decay_rate(scene)
+    # Two windows: the second quarter of the free time, and its last half, which begins at twice the time.
     late = free > LATE_SHARE * span
     early = (free >= EARLY_SHARE * span) & ~late
     distance = np.abs(motion.distance[first:])
+    # Nearer than this no law can hold it: a held force, and what the sensors are off by.
     floor = (
         motion.held_distance(first + int(np.argmax(early))) + motion.sensor_error + LENGTH_ROUNDING * scene.model.size
     )
@@ -56,6 +59,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if distance[farthest] <= floor:
         message = f"the tool is never further off the surface than sampling and sensors may let it: {mm(floor)}"
         return undecided(message, evidence=evidence)
+    # n'' = -(K_p / m) n - (K_d / m) n' would itself not be home by then.
     if rate > 0.0 and math.exp(-EARLY_SHARE * rate * span) > RETURN_RATIO:
         message = f"{span:.3g} s are too short: the assigned dynamics decay at {rate:.3g} 1/s themselves"
         return undecided(message, evidence=evidence)
@@ -73,8 +77,10 @@ def _describe_failure(late: Array, before: float, after: float) -> str:
     """Describe in what way the tool does not come to the surface."""
     if after > before / RETURN_RATIO:
         return f"the distance grows: {mm(before)}, then {mm(after)}"
+    # `late` is signed: a constant distance, on one side of the surface.
     if float(np.ptp(late)) < STANDS * after:
         return f"the tool stands {mm(after)} off the surface and comes no nearer"
+    # Far off on either side: an undamped spring that is held for a tick gains energy.
     if min(float(late.max()), -float(late.min())) > STANDS * after:
         swing = f"the tool swings about the surface, {mm(after)} to either side"
         if after > GROWS * before:

@@ -16,20 +16,22 @@ from hapticeval.scene import Scene
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
-    """Compare the answers of each later lap with those of the second, tick by tick."""
+    """Compare the answers of each later lap with those of the second, tick by tick, where a path is repeated."""
     base, size = runs.base, scene.model.size
     contact = touching(base, scene)
     if contact.any() and np.array_equal(base.ihip, base.hip) and not lacks_ihip(base, scene):
         return undecided("the tool is rigid: its force is what the hand pushes then, and no answer to where it is")
-    ways = [
+    # Three laps at least: the first settles, the second is what later ones are compared with.
+    lap_runs = [
         lap_run
         for lap_run in laps(base.hip, size)
         if lap_run[2] > 2 and contact[lap_run[0] : lap_run[0] + lap_run[1] * lap_run[2]].any()
     ]
-    if not ways:
+    if not lap_runs:
         return undecided("the hand never goes round a closed loop three times in contact")
     largest_excess, off, worst, number = -1.0, -1.0, 0, 0
-    for first, period, count in ways:
+    for first, period, count in lap_runs:
+        # (laps - 1, period, N), from the second lap on; forces as lengths, by the stiffness.
         rows = slice(first + period, first + count * period)
         hip, ihip, force = (
             channel[rows].reshape(count - 1, period, -1)
@@ -37,13 +39,16 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         )
         apart, *answers = (np.linalg.norm(channel - channel[0], axis=2) for channel in (hip, ihip, force))
         changed = np.maximum(*answers)
+        # Points are the same within `SAME_POINT` only: what that may change of a steep answer is no drift.
         excess = np.maximum(changed - STEEP_FACTOR * apart, 0.0)
+        # Without any drift the tick with the largest change is shown.
         row = int(np.argmax(np.where(excess.max() > 0.0, excess, changed)))
         excess_and_change = float(excess.flat[row]), float(changed.flat[row])
         if excess_and_change > (largest_excess, off):
             (largest_excess, off), worst, number = excess_and_change, first + period + row, count
+    # Digits of the model's size that the answers keep, 16 at the most.
     digits = -math.log10(max(off / size, EPS))
-    ticks = sum(period * count for _, period, count in ways)
+    ticks = sum(period * count for _, period, count in lap_runs)
     evidence = {**evidence_at(base, worst), "digits": digits, "off_m": off, "laps": number, "ticks": ticks}
     return compared(
         Metric(CHECK.metric, largest_excess / size, CHECK.unit),

@@ -40,6 +40,7 @@ def find_lag(recording: Recording, scene: Scene) -> Lag:
     without one has none, and neither has what no single lag explains: a latency that changes from tick to tick.
     """
     known = _LAGS.get(recording)
+    # Kept as long as the recording is, for the scene that was asked last.
     if known is None or known[0]() is not scene:
         known = _LAGS[recording] = weakref.ref(scene), _find_lag(recording, scene)
     return known[1]
@@ -56,13 +57,14 @@ def _find_lag(recording: Recording, scene: Scene) -> Lag:
 
 
 def delayed(values: Array, rows: IntArray, back: float = 0.0) -> Array:
-    """Return `values` (n, N) `back` ticks before `rows` (k,): between two of them on the straight way.
+    """Return `values` (n, N), as m or N, `back` ticks before `rows` (k,): between two of them on the straight way.
 
     Rows before the first are the first, and rows after the last the last.
     """
     place = np.clip(rows.astype(np.float64) - back, 0.0, len(values) - 1.0)
     before = np.floor(place).astype(np.int64)
     after = np.minimum(before + 1, len(values) - 1)
+    # v = (1 - s) v_before + s v_after
     share = (place - before)[:, np.newaxis]
     return np.asarray((1.0 - share) * values[before] + share * values[after])
 
@@ -73,10 +75,11 @@ def _spread_rows(rows: IntArray) -> IntArray:
 
 
 def resting_ticks(values: Array) -> IntArray:
-    """Return how many ticks each of `values` (n, N) has stood still, (n,), at most `LAG_TICKS`.
+    """Return how many ticks each of `values` (n, N), as m or N, has stood still, (n,), at most `LAG_TICKS`.
 
     A proxy that moves in every second tick only is a tick later where it rests, and shows it.
     """
+    # The first row counts as moved: it differs from a row of NaN.
     moved = np.any(np.diff(values, axis=0, prepend=np.nan) != 0.0, axis=1)
     rows = np.arange(len(values))
     return np.asarray(np.minimum(rows - np.maximum.accumulate(np.where(moved, rows, 0)), LAG_TICKS))
@@ -91,6 +94,7 @@ def least_misfit(misfit: Callable[[float], float]) -> float:
     misfits = np.array([misfit(float(lag)) for lag in lags])
     best = int(np.argmin(misfits))
     low, high = float(lags[max(best - 1, 0)]), float(lags[min(best + 1, LAG_STEPS)])
+    # Golden section: of the two inner points one is kept at each narrowing, and one misfit is new.
     golden = 0.5 * (np.sqrt(5.0) - 1.0)
     left, right = high - golden * (high - low), low + golden * (high - low)
     at_left, at_right = misfit(left), misfit(right)
@@ -103,6 +107,7 @@ def least_misfit(misfit: Callable[[float], float]) -> float:
             low, left, at_left = left, right, at_right
             right = low + golden * (high - low)
             at_right = misfit(right)
+    # A whole quarter of a tick that fits as well is the lag: rounding would move it.
     between = 0.5 * (low + high)
     return float(lags[best]) if misfits[best] <= misfit(between) else float(between)
 
@@ -116,6 +121,7 @@ def believed_lag(misfit: Callable[[float], float], exact: float) -> tuple[float,
     if without <= exact:
         return 0.0, without
     lag = least_misfit(misfit)
+    # The share of the misfit that the lag does not explain decides whether it is one.
     left = misfit(lag)
     return (lag, left) if left <= TELLING_SHARE * without else (0.0, without)
 
@@ -136,8 +142,10 @@ def _find_ihip_lag(recording: Recording, scene: Scene) -> float:
     off = scene.model.boundary.normal_cone(ihip[inside], np.full(inside.size, rounding(scene)))
 
     def misfit(lag: float, since: IntArray) -> float:
+        """Return the mean way (m) from IHIPs (k, N) to the HIPs `lag` ticks before the rows `since` (k,)."""
         errors = ihip - delayed(recording.hip, since, lag)
         left = np.linalg.norm(errors, axis=1)
+        # In contact only what leans out of the normal cone counts: the depth is no misfit.
         angles = off(errors[inside])
         if scene.bilateral:
             angles = np.minimum(angles, off(-errors[inside]))
@@ -147,6 +155,7 @@ def _find_ihip_lag(recording: Recording, scene: Scene) -> float:
     exact = rounding(scene)
     if misfit(0.0, rows) <= exact:
         return 0.0
+    # A proxy that rests answers the HIP of the tick in which it last moved.
     since = rows - resting_ticks(recording.ihip)[rows]
     return believed_lag(lambda lag: misfit(lag, since), exact)[0]
 
@@ -164,20 +173,25 @@ def _find_force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
     force = recording.force[rows]
 
     def misfit(hip: float, ihip: float) -> float:
+        """Return the mean force (N) that the spring between HIP and IHIP of these lags (ticks) does not explain."""
         errors = delayed(recording.ihip, rows, ihip) - delayed(recording.hip, rows, hip)
         depth = np.linalg.norm(errors, axis=1, keepdims=True)
+        # Two laws: F ~ e, a linear spring, and F ~ e / sqrt|e|, a root of the depth.
         roots = np.divide(errors, np.sqrt(depth), out=np.zeros_like(errors), where=depth > 0.0)
         laws = np.column_stack([errors.ravel(), roots.ravel()])
         laws /= np.maximum(np.linalg.norm(laws, axis=0), np.finfo(float).tiny)
+        # Normal equations of F = g1 e + g2 e / sqrt|e|, on columns of unit length.
         gains = np.linalg.lstsq(laws.T @ laws, laws.T @ force.ravel(), rcond=1e-9)[0]
         return float(np.linalg.norm(force - (laws @ gains).reshape(force.shape), axis=1).mean())
 
     exact = scene.stiffness * rounding(scene)
     if misfit(0.0, 0.0) <= exact:
         return 0.0, 0.0
+    # Lags of (HIP, IHIP) in units of one: all of the answer late, the force late, the IHIP recorded late.
     kinds = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, -1.0)])
 
     def fit(kind: Array) -> tuple[float, float]:
+        """Return lag (ticks) and misfit (N) of a `kind` (2,): what the HIP's and the IHIP's lags are in units of it."""
         return believed_lag(lambda lag: misfit(*(lag * kind)), exact)
 
     fits = np.array([fit(kind) for kind in kinds])

@@ -31,6 +31,7 @@ def answers_apart(runs: Runs, other: Recording, scene: Scene, *, forces: bool = 
     base = runs.base
     off = np.linalg.norm(base.ihip - other.ihip, axis=1)
     if forces:
+        # A force F held for dt moves a mass m by F dt^2 / m: as a length it is F / (m / dt^2).
         event_stiffness = 0.0 if runs.subdivided is not None else scene.mass / base.dt**2
         off = np.maximum(off, np.linalg.norm(base.force - other.force, axis=1) / max(scene.stiffness, event_stiffness))
     return np.asarray(off)
@@ -48,6 +49,7 @@ def steepness(runs: Runs, reach: float, scene: Scene) -> Array:
     for nudge in reach * _directions(scene.model.dimension):
         near = runs.moved(identity, tuple(nudge.tolist()))
         if near is not None:
+            # One nudge may miss the edge that another crosses: the largest change of all counts.
             steep = np.maximum(steep, answers_apart(runs, near, scene))
     # In a closed loop the hand is elsewhere from then on.
     return steep if runs.at_speed is None else np.maximum.accumulate(steep)

@@ -28,21 +28,26 @@ class Extrapolated:
 
 
 def richardson_two_level(runs: Runs, measure: Callable[[Recording], Array]) -> Extrapolated:
-    """Linear extrapolation from half and a quarter of the tick: 2 q(T/4) - q(T/2).
+    """Extrapolate what `measure` returns, (n,) or (n, N), to a tick of zero length: 2 q(T/4) - q(T/2).
 
-    A held force lags by half a tick, an effect of first order in T, which this removes. What it leaves of an effect of
-    any single higher order is less than d' = q(T/4) - q(T/2); where a first and a second order cancel in d', it is a
-    third of |2 d' - d|, d = q(T/2) - q(T), which Richardson's next step would correct by. `change` is the larger of
-    |d'| and half of |2 d' - d|.
+    A held force lags by half a tick, an effect of first order in T (s), which this removes. With d = q(T/2) - q(T) and
+    d' = q(T/4) - q(T/2), what it leaves is
+
+    - less than d' of an effect of any single higher order;
+    - a third of |2 d' - d| where a first and a second order cancel in d': Richardson's next correction.
+
+    `change` is the larger of |d'| and half of |2 d' - d|, in the unit of q.
     """
     base = measure(runs.base)
     if runs.refine is None:
         return Extrapolated(base, float("inf"), False)
     half, quarter = (_at_base(measure(runs.refine(factor)), base.shape[0], factor) for factor in (2, 4))
     common = min(half.shape[0], quarter.shape[0])
+    # A finer run that is shorter shows less, unless the base run itself has ended early.
     if common < base.shape[0] and ("ended" not in runs.base.meta or common < 2):
         return Extrapolated(base, float("inf"), False)
     base, half, quarter = base[:common], half[:common], quarter[:common]
+    # d and d'; their ratio is 1/2 for a first-order effect and 1/4 for a second-order one.
     before, after = half - base, quarter - half
     first, last, bent = (_largest(step) for step in (before, after, 2.0 * after - before))
     rounding = LENGTH_ROUNDING * _largest(base)
@@ -61,19 +66,21 @@ def _at_base(values: Array, count: int, factor: int) -> Array:
 
 
 def extrapolated(runs: Runs, measure: Callable[[Recording], Array], *, halvings: int = 3) -> tuple[Array, float] | None:
-    """Richardson's extrapolation over `halvings` of the tick, and its last correction.
+    """Extrapolate what `measure` returns, (n, N), over `halvings` of the tick (s), and return the last correction too.
 
-    For errors in whole powers of the tick. The correction is the error of the last but one value, and bounds that of
-    the one given. None without siblings, or where one of them has ended early.
+    Richardson's scheme, for errors in whole powers of the tick. The correction is the error of the last but one value,
+    and bounds that of the one given. None without siblings, or where one of them has ended early.
     """
     if runs.refine is None:
         return None
     base = measure(runs.base)
+    # The first column of Richardson's table: T, T/2, T/4, ...
     row = [base] + [_at_base(measure(runs.refine(2**k)), base.shape[0], 2**k) for k in range(1, halvings + 1)]
     if any(values.shape != base.shape for values in row):
         return None
     correction = float("inf")
     for order in range(1, halvings + 1):
+        # q + (q - q_coarse) / (2^p - 1) removes the order p; the column gets one shorter each time.
         better = [fine + (fine - coarse) / (2.0**order - 1.0) for coarse, fine in pairwise(row)]
         correction = float(np.max(np.abs(better[-1] - row[-1]), initial=0.0))
         row = better

@@ -30,6 +30,7 @@ def region_of(recording: Recording, scene: Scene, tick: int) -> Region:
     those of a model in the plane. The nearest point jumps where it moves farther than that since the tick before.
     """
     boundary = scene.model.boundary
+    # Nothing finer can be placed on the surface than a lag's way and the standoff.
     near = LAG_TICKS * hip_step(recording, scene) + believed_standoff(recording, scene)
     frame = boundary.closest_point(recording.hip[max(tick - 1, 0) : tick + 1])
     if frame.distance[-1] > near:
@@ -37,4 +38,5 @@ def region_of(recording: Recording, scene: Scene, tick: int) -> Region:
     for corner in boundary.corners:
         if np.linalg.norm(frame.foot[-1] - corner.position) <= near:
             return Region.CONVEX if corner.convex else Region.CONCAVE
+    # The model's own nearest point jumps: what a renderer does here is about two branches of it.
     return Region.MEDIAL if np.linalg.norm(frame.foot[-1] - frame.foot[0]) > near else Region.SURFACE

@@ -24,18 +24,21 @@ LED = ("playback", "replay")
 
 
 def hip_steps(recording: Recording) -> Array:
-    """Distance that the HIP moves from each sample to the next: (n - 1,), m."""
+    """Return the distance that the HIP moves from each sample to the next: (n - 1,), m."""
     return np.asarray(np.linalg.norm(np.diff(recording.hip, axis=0), axis=1))
 
 
 def touching(recording: Recording, scene: Scene) -> BoolArray:
-    """Where the tool is in contact, (n,): on a bilateral constraint always, also where no force is called for.
+    """Return where the tool is in contact, (n,): what all checks mean by contact, found once for a recording.
 
-    This is what all checks mean by contact. On a surface that only pushes it is a force above the floor, whatever is
-    reported; without one, what the renderer reports, or, of one that reports nothing, an IHIP apart from the HIP unless
-    it trails the hand in free space: see `trailing`. Found once for a recording, which most checks ask for it.
+    On a bilateral constraint that is always, also where no force is called for. On a surface that only pushes:
+
+    - a force above the floor, whatever is reported;
+    - without one, what the renderer reports;
+    - of one that reports nothing, an IHIP apart from the HIP that does not trail the hand: see `trailing`.
     """
     known = _TOUCHING.get(recording)
+    # Kept as long as the recording is, for the scene that was asked last.
     if known is None or known[0]() is not scene:
         known = _TOUCHING[recording] = weakref.ref(scene), _touching(recording, scene)
     return known[1].copy()
@@ -50,6 +53,7 @@ def _touching(recording: Recording, scene: Scene) -> BoolArray:
         return np.ones(len(recording), dtype=bool)
     if "force" not in recording.channels:
         return recording.contact
+    # A force is contact whatever else is said; the others only add rows without one.
     contact = above_force_floor(recording, scene)
     if "contact" in recording.channels:
         contact |= recording.contact
@@ -59,7 +63,7 @@ def _touching(recording: Recording, scene: Scene) -> BoolArray:
 
 
 def trailing(recording: Recording, scene: Scene) -> BoolArray:
-    """Where the IHIP is apart from the HIP in free space, (n,): no contact, but a tool that does not follow the hand.
+    """Return where the IHIP is apart from the HIP in free space, (n,): there a tool does not follow the hand.
 
     There is no force above the floor, no contact is reported, and the HIP is outside of the model, or the IHIP farther
     outside than any contact point may lie. Nowhere on a bilateral constraint, and where force or IHIP was not recorded.
@@ -72,13 +76,14 @@ def trailing(recording: Recording, scene: Scene) -> BoolArray:
     if silent.size:
         distance = scene.model.boundary.signed_distance
         steps = hip_steps(recording)
+        # An IHIP as far outside as this may still be a contact point: late, or off by what is declared.
         farthest = LAG_TICKS * float(steps.max(initial=0.0)) + believed_standoff(recording, scene) + rounding(scene)
         trails[silent] = (distance(recording.hip[silent]) > 0.0) | (distance(recording.ihip[silent]) > farthest)
     return trails
 
 
 def lingering(recording: Recording, scene: Scene) -> BoolArray:
-    """Where a force is still felt though the tool is free again, (n,): what a late force leaves of a contact.
+    """Return where a force is still felt though the tool is free again, (n,): what a late force leaves of a contact.
 
     The IHIP is with the HIP outside of the model, after a row in which it was apart, for `LAG_TICKS` ticks at the most;
     a force that stays longer is none of these. There is no contact point there.
@@ -86,6 +91,7 @@ def lingering(recording: Recording, scene: Scene) -> BoolArray:
     late = np.zeros(len(recording), dtype=bool)
     if scene.bilateral or not {"ihip", "force"} <= recording.channels.keys():
         return late
+    # A force with the IHIP at the HIP, after a contact whose IHIP was elsewhere: the force alone is late.
     free = above_force_floor(recording, scene) & ~recording.apart
     for first, end in runs_of(free):
         rows = slice(first, end)
@@ -107,12 +113,13 @@ def hip_step(recording: Recording, scene: Scene) -> float:
     Over the whole recording where no two samples in a row are in contact.
     """
     steps, contact = hip_steps(recording), touching(recording, scene)
+    # Both ends in contact: the approach in free space may be faster.
     pressed = steps[contact[1:] & contact[:-1]]
     return float((pressed if pressed.size else steps).max(initial=0.0))
 
 
 def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:
-    """How far the IHIP in contact lies off the model at the most, m, and at which tick (0 without contact).
+    """Return how far the IHIP in contact lies off the model at the most, m, and at which tick (0 without contact).
 
     Where a force only lingers there is no contact point.
     """
@@ -142,7 +149,7 @@ def standoff(recording: Recording, scene: Scene) -> float:
 
 
 def rounding(scene: Scene) -> float:
-    """How well single precision places two points of the model's size, m."""
+    """Return how well single precision places two points of the model's size, m."""
     return SINGLE_ROUNDINGS * SINGLE * scene.model.size
 
 
@@ -152,7 +159,7 @@ def resolution(recording: Recording, scene: Scene) -> float:
 
 
 def position_tolerance(recording: Recording, scene: Scene) -> float:
-    """How well a contact point can be placed: three ticks of lag and the standoff, m."""
+    """Return how well a contact point can be placed, m: three ticks of lag and the standoff."""
     return LAG_TICKS * hip_step(recording, scene) + standoff(recording, scene)
 
 
@@ -162,28 +169,31 @@ def force_depth(scene: Scene) -> float:
 
 
 def force_floor(scene: Scene) -> float:
-    """Below this force (N) no direction is judged: the spring's force at `force_depth`."""
+    """Return the force (N) below which no direction is judged: the spring's at `force_depth`."""
     return scene.stiffness * force_depth(scene)
 
 
 def above_force_floor(recording: Recording, scene: Scene) -> BoolArray:
-    """Where the force is above the floor: (n,)."""
+    """Return where the force is above the floor of `force_floor`: (n,)."""
     strong: BoolArray = np.linalg.norm(recording.force, axis=1) > force_floor(scene)
     return strong
 
 
 def lacks_ihip(recording: Recording, scene: Scene) -> bool:
-    """Return whether a force is felt inside the model while the IHIP stays with the HIP: no contact point is given.
+    """Return whether a renderer gives a force and no contact point: one inside the model, with the IHIP at the HIP.
 
-    Or it is declared that none is, and no IHIP contradicts that. A rigid contact has a force and no depth: its HIP lies
-    on the renderer's surface, which is off the model by as much everywhere, up to the declared standoff. Nor is a force
-    outside a lack, of one that gives its IHIP elsewhere.
+    Or it declares that it gives none, and no IHIP contradicts that. These are no lack:
+
+    - a rigid contact, which has a force and no depth: its HIP lies on the renderer's surface, which is off the model
+      by as much everywhere, up to the declared standoff;
+    - a force outside of the model, of a renderer that gives its IHIP elsewhere.
     """
     if "force" not in recording.channels:
         return False
     with_hand = np.all(recording.ihip == recording.hip, axis=1)
     if declares_force_only(recording) and with_hand.all():
         return True
+    # HIPs, (k, N), at which a force comes with an IHIP that is the HIP.
     silent = np.flatnonzero(above_force_floor(recording, scene) & with_hand)
     distance = scene.model.boundary.signed_distance(recording.hip[silent])
     if recording.apart.any():
@@ -191,7 +201,9 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     if distance.size == 0:
         return False
     off = np.abs(distance)
+    # What a rigid contact's HIPs may differ by in depth: a lag's way and rounding.
     tolerance = LAG_TICKS * hip_step(recording, scene) + PLACE_ROUNDING * scene.model.size
+    # Deeper than a declared standoff, or not equally deep: these HIPs lie on no surface of their own.
     return bool(off.max() > tolerance + believed_standoff(recording, scene) or np.ptp(off) > tolerance)
 
 

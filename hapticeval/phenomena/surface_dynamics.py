@@ -42,9 +42,11 @@ def judge_output_invariance(runs: Runs, scene: Scene) -> Finding:
         return undecided("the operator pushes: what follows is the answer to that")
     if motion.footless is not None or not motion.slides:
         return undecided(motion.footless or DOES_NOT_SLIDE)
+    # Problem 7.1 (b): n(0) = n'(0) = 0 implies n(t) = 0. What shrinks with the tick is the sampling's.
     remains = richardson_two_level(runs, lambda recording: SurfaceMotion(recording, scene).distance)
     distance = np.abs(remains.values)
     tick = int(np.argmax(distance))
+    # m kappa v^2 / K_p: what a law without a centripetal term would stand off.
     cost = float(np.max(np.abs(motion.centripetal))) / scene.stiffness
     bound = remains.change if remains.settled else motion.held_distance()
     bound += motion.sensor_error + EXTRAPOLATION_ROUNDING * scene.model.size
@@ -63,7 +65,7 @@ def judge_output_invariance(runs: Runs, scene: Scene) -> Finding:
 
 
 def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
-    """Measure how far the foot's speed strays from the assigned one while the tool moves across."""
+    """Measure how far the foot's speed strays from the assigned one while the tool moves across the surface."""
     base = runs.base
     motion = SurfaceMotion(base, scene)
     if motion.footless is not None:
@@ -78,6 +80,7 @@ def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
     if start * (base.time[-1] - base.time[0]) <= SLIDE_SHARE * scene.model.size:
         return undecided(DOES_NOT_SLIDE)
     remains = richardson_two_level(runs, lambda recording: _speed_deviation(recording, scene))
+    # Judged while the tool moves across: from the start until it is nearly home.
     last = min(int(np.flatnonzero(distance > DIED_OUT_SHARE * farthest)[-1]), len(remains.values) - 1)
     deviation = np.abs(remains.values[: last + 1])
     tick = int(np.argmax(deviation))
@@ -106,6 +109,7 @@ def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
 def _speed_deviation(recording: Recording, scene: Scene) -> Array:
     """Return |p'| over the assigned one less 1, where b_d alone slows the foot: (n,)."""
     speed = SurfaceMotion(recording, scene).foot_speed
+    # |p'(t)| = |p'(0)| exp(-b_d t / m)
     assigned = speed[0] * np.exp(-scene.viscosity / scene.mass * (recording.time - recording.time[0]))
     return np.asarray(speed / assigned - 1.0)
 
@@ -116,6 +120,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
     motion = SurfaceMotion(base, scene)
     if motion.footless is not None or not motion.slides:
         return undecided(motion.footless or DOES_NOT_SLIDE)
+    # A point mass obeys the push as the law says; a robot's own inertia has to be told by a sensor (8.9).
     sensed = isinstance(scene.robot, PointMass) or scene.effect(FORCE_SENSOR) is not None
     if motion.pushed.any() and not sensed:
         return undecided(
@@ -147,9 +152,10 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
 
 
 def _describe_unexplained(motion: SurfaceMotion, unexplained: Array, viscosity: float, tick: int) -> str:
-    """Say what the unexplained velocity, (n, N - 1), m/s, is like: a viscosity (kg/s) where that makes most of it."""
+    """Say what the unexplained velocity, (n, N - 1), m/s, is like: another viscosity (kg/s) where that makes most."""
     moved = motion.components(motion.foot_velocity)[: len(unexplained)]
     assigned = motion.scene.viscosity
+    # A viscosity b' instead of b takes (b' - b) / m of the velocity per second of sliding.
     slid = np.cumsum(moved * motion.recording.dt, axis=0)
     remainder = unexplained + (viscosity - assigned) / motion.scene.mass * slid
     if np.sum(remainder**2) <= CAUSE_SHARE * np.sum(unexplained**2):
@@ -167,23 +173,27 @@ def _pushed_along(motion: SurfaceMotion) -> Array:
     if push is None:
         return np.zeros_like(motion.foot_velocity)
     normal = motion.frame.normal
+    # P_T F_o / m
     along = (push - np.sum(push * normal, axis=1)[:, np.newaxis] * normal) / motion.scene.mass
     sensed = motion.scene.effect(FORCE_SENSOR) is not None
     return along if sensed else motion.pulled_back(along)
 
 
 def _unexplained_velocity(recording: Recording, scene: Scene) -> Array:
-    """Return p'(t) - p'(0) less the integral of the assigned acceleration, in transported bases: (n, N - 1), m/s.
+    """Return the velocity that nothing assigned explains, in transported bases: (n, N - 1), m/s.
 
-    That acceleration is -(b_d / m) p' (7.18), and what the hand adds. Viscous terms by the trapezoidal rule; the
+    That is p'(t) - p'(0) less the integral of the assigned acceleration: -(b_d / m) p' (7.18), and what the hand adds.
+    Viscous terms by the trapezoidal rule; the
     operator's force is recorded as its mean until the next sample.
     """
     motion = SurfaceMotion(recording, scene)
     moved = motion.components(motion.foot_velocity)
+    # Transported components: their rate of change is the covariant acceleration Dp'/dt.
     viscous = -(scene.viscosity / scene.mass) * moved
     assigned = -(scene.viscosity / scene.mass) * motion.foot_velocity + _pushed_along(motion)
     pushed = motion.components(assigned) - viscous
     step = np.diff(recording.time)[:, np.newaxis]
+    # Trapezoid of the viscous part; the push of a row holds until the next.
     gained = np.cumsum(step * (0.5 * (viscous[:-1] + viscous[1:]) + pushed[:-1]), axis=0)
     return np.asarray(moved - moved[0] - np.vstack([np.zeros((1, moved.shape[1])), gained]))
 
@@ -198,6 +208,7 @@ def _apparent_viscosity(motion: SurfaceMotion) -> float:
     step = np.diff(recording.time)
     viscous = (scene.viscosity / scene.mass) * motion.foot_velocity
     driven = -viscous + _pushed_along(motion) + viscous
+    # <p', dp'> = d|p'|^2 / 2 = <p', push / m> dt - (b / m) |p'|^2 dt, summed and solved for b.
     work = float(np.sum(step * np.sum(motion.foot_velocity * driven, axis=1)[:-1]))
     slid = float(np.sum(step * 0.5 * (speed2[:-1] + speed2[1:])))
     return scene.mass * (work - 0.5 * float(speed2[-1] - speed2[0])) / slid if slid > 0.0 else 0.0

@@ -23,6 +23,8 @@ from hapticeval.types import Array, BoolArray
 def find_aside(base: Recording, scene: Scene) -> Finding | None:
     """Return a failure where an IHIP in contact stands farther aside of the hand than its depth explains; else None.
 
+    Aside is how far the IHIP is from the model's point nearest to the HIP, m.
+
     The nearest point moves by up to `STRETCHED_STEPS` HIP steps in a tick, and an IHIP may be three ticks late; the
     surface that is rendered may lie off the model, and be blurred along it, by what is declared.
     """
@@ -33,6 +35,7 @@ def find_aside(base: Recording, scene: Scene) -> Finding | None:
         return None
     across = across_allowed(base, scene)
     recent = recent_steps(base)
+    # Aside grows with the depth; beside that a lag's way, what is declared, and what a branch may have hidden.
     allowed = (
         ASIDE_DEPTHS * (depth + across)
         + across
@@ -56,21 +59,25 @@ def find_aside(base: Recording, scene: Scene) -> Finding | None:
 def _followed_rows(base: Recording, scene: Scene, feet: Array, distance: Array) -> tuple[BoolArray, Array]:
     """Return in which rows a contact has followed the hand's nearest point since it began, and how far it may be off.
 
-    From where the hand comes in, or the run begins, up to where it is outside again or its nearest point jumps: there
-    are then two branches of what is nearest, and a god-object may be on either. What a shorter step of the nearest
-    point may have hidden so is the second, (n,), m.
+    `feet` (n, N), m, are the model's points nearest to the HIPs, and `distance` (n,), m, is signed. A contact follows
+    from where the hand comes in, or the run begins, up to where it is outside again or its nearest point jumps: there
+    are then two branches of what is nearest, and a god-object may be on either. The second result, (n,), m, is what a
+    shorter step of the nearest point may have hidden in that way.
     """
     contact = touching(base, scene) & ~lingering(base, scene)
     steps = np.concatenate([[0.0], hip_steps(base)])
     moved = np.concatenate([[0.0], np.linalg.norm(np.diff(feet, axis=0), axis=1)])
+    # A nearest point moves by 1 / (1 - kappa d) HIP steps; more than `STRETCHED_STEPS` is another branch.
     jumps = moved > STRETCHED_STEPS * steps + rounding(scene)
     near = LAG_TICKS * recent_steps(base) + across_allowed(base, scene)
     outside = (distance > near) & (not scene.bilateral)
     judged, branch_doubt = np.zeros(len(base), dtype=bool), np.zeros(len(base))
     for first, end in runs_of(contact):
+        # Of a contact that a log begins with it is not known where it began.
         known = base.meta.get("source") in SIMULATED if first == 0 else abs(distance[first]) <= near[first]
         left = np.flatnonzero((jumps | outside)[first + 1 : end])
         last = first + 1 + int(left[0]) if left.size else end
+        # Up to the first jump, or the first row outside.
         judged[first:last] = known
         branch_doubt[first:last] = np.maximum.accumulate(np.maximum(moved - steps, 0.0)[first:last])
     return judged & (scene.bilateral | (distance < 0.0)), branch_doubt

@@ -37,7 +37,7 @@ class Metric:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a check function returns: the verdict without the names of renderer, suite, case and check.
+    """What a check found in one run: the verdict without the names of renderer, suite, case and check.
 
     `bound` has the metric's unit, and a metric up to it passes. `evidence` says where and when: `time` (s),
     `hip` and `ihip` (m) where they make sense, and what else the check measured, as plain JSON values.
@@ -73,6 +73,7 @@ def undecided(
 
 def compared(metric: Metric, bound: float, evidence: Mapping[str, Any], *, passes: str, fails: str) -> Finding:
     """Return the finding of a check that passes up to `bound` and fails beyond, with the message for either."""
+    # On the bound passes; a metric that is not a number is on neither side, and fails.
     passed = metric.value <= bound
     return Finding(Outcome.PASS if passed else Outcome.FAIL, passes if passed else fails, metric, bound, evidence)
 
@@ -105,6 +106,7 @@ class Verdict:
         An error stops it, and at level `must` so do a failed check and one that could not decide: a renderer that never
         touches the surface has not passed. Others are reported.
         """
+        # A suite that publishes a failure expects it: a pass is then the surprise.
         if self.published is not None:
             return self.outcome == self.published
         if self.outcome is Outcome.ERROR:
