@@ -46,6 +46,7 @@ class Mesh(SurfaceInSpace):
         self.name = name
         positions = checked_positions(vertices)
         rows = checked_triangles(triangles, positions.shape[0])
+        # each check needs what the one before has made sure of
         across = check_closed(positions, rows)
         order = build.leaf_order(positions, rows)
         faces, table, problem, triangle = build.build_tables(positions, rows, across, order)
@@ -88,6 +89,7 @@ class Mesh(SurfaceInSpace):
 
     def moved(self, motion: Motion) -> Mesh:
         """Return the mesh moved, its vertices rounded anew."""
+        # a mirror turns corners clockwise: their order is turned back
         return Mesh(self.name, motion(self.vertices), self.triangles[:, :: -1 if motion.mirrors else 1])
 
     def reordered(self) -> Mesh:
@@ -103,20 +105,26 @@ class Mesh(SurfaceInSpace):
         return closest_of_mesh(*self.tables)
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
-        """See `Boundary.closest_point`: one compiled call. On an edge the normal is that which points to the point."""
+        """Return the closest points of points (n, 3), m: one compiled call, see `Boundary.closest_point`.
+
+        On an edge the normal is that which points to the point.
+        """
         return answer_by_kernel(kernels.closest_points, self.tables, points, 3)
 
     def signed_distance(self, points: ArrayLike) -> Array:
-        """See `Boundary.signed_distance`."""
+        """Return the signed distances (n,), m, of points (n, 3), m: see `Boundary.signed_distance`."""
         return answer_by_kernel(kernels.signed_distances, self.tables, points, 3)
 
     def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:  # noqa: ARG002 - the protocol's
-        """See `Boundary.first_crossing`: exact, so that nothing is too thin."""
+        """Return where the segment from `start` to `end` (3,), m, first goes inside, exactly: nothing is too thin.
+
+        See `Boundary.first_crossing`.
+        """
         inside, _, foot, _ = kernels.first_entry(*self.tables, _triple(start), _triple(end), self.touch, 0)
         return np.array(foot) if inside else None
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
-        """See `Boundary.normal_cone`: the cone that the normals of all triangles in reach span."""
+        """Answer `Boundary.normal_cone` for points (n, 3), m: cones that the normals of all triangles in reach span."""
         starts, normals = kernels.normals_in_reach(*self.tables, for_kernels(points), for_kernels(reach))
 
         def angle_outside(directions: Array) -> Array:
@@ -125,7 +133,7 @@ class Mesh(SurfaceInSpace):
         return angle_outside
 
     def descend(self, start: Array, goal: Array, *, step: float) -> Array:  # noqa: ARG002 - the protocol's
-        """See `Boundary.descend`: exact, over faces and along edges."""
+        """Answer `Boundary.descend` for `start` and `goal` (3,), m: exact, over faces and along edges."""
         k, feature, foot = kernels.closest_feature(*self.tables, _triple(start), 0)
         _, _, _, foot = walk_downhill(*self.tables[:2], False, k, feature, foot, _triple(goal))
         return np.array(foot, dtype=np.float64)
@@ -141,7 +149,9 @@ class Mesh(SurfaceInSpace):
         from scipy.sparse.csgraph import connected_components
 
         faces, neighbours = np.repeat(np.arange(len(self.triangles)), 3), self.neighbours.ravel()
+        # |n - p|^2 is the squared angle between the normals, for small ones
         flat = np.sum((self.normals[faces] - self.normals[neighbours]) ** 2, axis=1) <= kernels.ONE_PLANE
+        # triangles joined over flat edges are one face of the solid
         joined = coo_array((flat[flat], (faces[flat], neighbours[flat])), shape=(len(self.triangles),) * 2)
         return np.asarray(connected_components(joined, directed=False)[1], dtype=np.int64)
 
@@ -151,15 +161,18 @@ class Mesh(SurfaceInSpace):
         face, edge = np.divmod(np.arange(3 * len(self.triangles)), 3)
         neighbour = self.neighbours[face, edge]
         start, end = self.vertices[self.triangles[face, edge]], self.vertices[self.triangles[face, (edge + 1) % 3]]
+        # (n x p) . edge < 0 where the neighbour turns up from the face
         turned = np.sum(np.cross(self.normals[face], self.normals[neighbour]) * (end - start), axis=1)
         return bool(np.any((turned < 0.0) & (self.facets[face] != self.facets[neighbour])))
 
     def points(self, n: int) -> Array:
-        """See `Boundary.points`: as many to equal areas."""
+        """Return n points (n, 3), m, of the mesh, as many to equal areas: see `Boundary.points`."""
         a, b, c = self.vertices[self.triangles.T]
         areas = np.cumsum(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+        # a triangle for each equal share of the area
         rows = np.minimum(np.searchsorted(areas, (np.arange(n) + 0.5) / n * areas[-1]), areas.size - 1)
         u, v = ((0.5 + step * np.arange(n)) % 1.0 for step in SPREADING_STEPS)
+        # the half of the square beyond the diagonal is folded back into the triangle
         u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
         a, b, c = a[rows], b[rows], c[rows]
         return np.asarray(a + u[:, np.newaxis] * (b - a) + v[:, np.newaxis] * (c - a))
@@ -174,6 +187,7 @@ class Mesh(SurfaceInSpace):
             np.concatenate(table.T) for table in (triangles, np.roll(triangles, -1, 1), neighbours)
         )
         face = np.tile(np.arange(len(triangles)), 3)
+        # each edge once, by the lower of its two triangles
         sharp = (face < neighbour) & (np.sum(normals[face] * normals[neighbour], axis=1) < math.cos(angle))
         visible = sharp & (np.maximum(normals[face] @ eye, normals[neighbour] @ eye) > 0.0)
         return np.stack([self.vertices[first[visible]], self.vertices[last[visible]]], axis=1)

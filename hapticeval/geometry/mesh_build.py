@@ -43,6 +43,7 @@ SEPARATION_ROUNDING = 1e-14
 def _difference(a: float, b: float) -> tuple[float, float]:
     """Return a - b as the rounded difference and what that lost (Knuth)."""
     high = a - b
+    # -b as far as the sum took it in; what is missing of both is the error
     back = high - a
     return high, (a - (high - back)) - (b + back)
 
@@ -54,12 +55,13 @@ def _difference_of_products(
     """Return a b - c d of numbers in two parts, to rounding even where the products nearly cancel."""
     first, second = a[0] * b[0], c[0] * d[0]
     product_error = _product_error(a[0], b[0], first) - _product_error(c[0], d[0], second)
+    # the exact products and the cross terms of the second parts; what is left is below rounding
     return (first - second) + (product_error + (a[0] * b[1] + a[1] * b[0] - c[0] * d[1] - c[1] * d[0]))
 
 
 @inner
 def area_normal(a: Triple, b: Triple, c: Triple) -> Triple:
-    """Return (b - a) x (c - a) to rounding, for slivers too."""
+    """Return (b - a) x (c - a) (m^2) to rounding, for slivers too: the normal of a triangle, twice its area long."""
     x, y, z = _difference(b[0], a[0]), _difference(b[1], a[1]), _difference(b[2], a[2])
     u, v, w = _difference(c[0], a[0]), _difference(c[1], a[1]), _difference(c[2], a[2])
     return _difference_of_products(y, w, z, v), _difference_of_products(z, u, x, w), _difference_of_products(x, v, y, u)
@@ -67,17 +69,20 @@ def area_normal(a: Triple, b: Triple, c: Triple) -> Triple:
 
 @compiled
 def join_neighbours(count: int, triangles: IntArray) -> tuple[IntArray, int, int, int]:
-    """Return the neighbours (t, 3) of triangles over `count` vertices, and the first problem: what, triangle, corner.
+    """Return the neighbours (t, 3) of triangles (t, 3) over `count` vertices, and the first problem.
 
-    Neighbour i lies across the edge from corner i to the next, and runs along it the other way.
+    Neighbour i lies across the edge from corner i to the next, and runs along it the other way. A problem is what is
+    wrong (`SOUND` if nothing), the triangle and its corner.
     """
     t = triangles.shape[0]
+    # the corners at each vertex, one vertex after the other: counted, added up, filled in
     starts = np.zeros(count + 1, np.int64)
     for k in range(t):
         for i in range(3):
             starts[triangles[k, i] + 1] += 1
     for row in range(count):
         starts[row + 1] += starts[row]
+    # an entry is 3 k + i: corner i of triangle k
     filled, fan = starts[:-1].copy(), np.empty(3 * t, np.int32)
     for k in range(t):
         for i in range(3):
@@ -88,6 +93,7 @@ def join_neighbours(count: int, triangles: IntArray) -> tuple[IntArray, int, int
     for k in range(t):
         for i in range(3):
             a, b = triangles[k, i], triangles[k, (i + 1) % 3]
+            # triangles that run along this edge the same way, itself included, and the other way
             same, other = 0, 0
             for place in range(starts[a], starts[a + 1]):
                 if triangles[fan[place] // 3, (fan[place] + 1) % 3] == b:
@@ -102,6 +108,7 @@ def join_neighbours(count: int, triangles: IntArray) -> tuple[IntArray, int, int
                 return across, FLIPPED, k, i
             if other == 0:
                 return across, OPEN, k, i
+    # once round each vertex over the edges: fewer triangles than have it are one of several fans
     for row in range(count):
         if starts[row + 1] == starts[row]:
             continue
@@ -120,11 +127,12 @@ def join_neighbours(count: int, triangles: IntArray) -> tuple[IntArray, int, int
 
 @compiled
 def other_component(across: IntArray) -> int:
-    """Return a triangle that no way over edges joins to triangle 0, or -1."""
+    """Return a triangle that no way over edges joins to triangle 0, or -1; `across` (t, 3) are the neighbours."""
     t = across.shape[0]
     reached, queue = np.zeros(t, np.bool_), np.empty(t, np.int32)
     reached[0], queue[0] = True, 0
     count, done = 1, 0
+    # breadth first from triangle 0
     while done < count:
         for i in range(3):
             neighbour = across[queue[done], i]
@@ -140,8 +148,12 @@ def other_component(across: IntArray) -> int:
 
 @compiled
 def volume(vertices: Array, triangles: IntArray) -> float:
-    """Return the volume (m^3) that triangles enclose whose corners run anticlockwise seen from outside."""
+    """Return the volume (m^3) that triangles (t, 3) over vertices (v, 3), m, enclose.
+
+    It is positive where the corners run anticlockwise seen from outside.
+    """
     total = 0.0
+    # tetrahedra to one vertex, not to the origin of coordinates: no digits are lost far from it
     origin = position_of(vertices, triangles[0, 0])
     for k in range(triangles.shape[0]):
         a = _minus(position_of(vertices, triangles[k, 0]), origin)
@@ -162,6 +174,7 @@ def _partition(keys: Array, order: IntArray, low: int, high: int, middle: int, a
     """Put the rows from low up to high in such an order that none before `middle` has a larger key (Hoare)."""
     high -= 1
     while low < high:
+        # Hoare's selection: only the part that holds `middle` is divided further
         pivot = keys[(low + high) // 2, axis]
         i, j = low, high
         while i <= j:
@@ -183,7 +196,10 @@ def _partition(keys: Array, order: IntArray, low: int, high: int, middle: int, a
 
 @compiled
 def leaf_order(vertices: Array, triangles: IntArray) -> IntArray:
-    """Return the triangles (t,) in the order of a tree's leaves: halves along the longest side of their middles."""
+    """Return the triangles (t,) in the order of a tree's leaves: halved along the longest side of their middles.
+
+    `vertices` (v, 3), m, and `triangles` (t, 3) are those of the mesh.
+    """
     n = triangles.shape[0]
     m = leaf_count(n)
     middles, order = np.empty((n, 3)), np.arange(n)
@@ -194,6 +210,7 @@ def leaf_order(vertices: Array, triangles: IntArray) -> IntArray:
             middles[k, axis] = 0.5 * (min(first, second, third) + max(first, second, third))
     level = 1
     while level < m:
+        # runs of a level are cut where `build_tree` expects: at j n // level
         for j in range(level):
             low, high = j * n // level, (j + 1) * n // level
             longest, axis = -1.0, 0
@@ -212,6 +229,7 @@ def leaf_order(vertices: Array, triangles: IntArray) -> IntArray:
 def leaf_count(n: int) -> int:
     """Return the number of leaves of a tree over n triangles."""
     m = 1
+    # a power of two, with LEAF triangles or more in each
     while m * 2 * LEAF <= n:
         m *= 2
     return m
@@ -221,17 +239,23 @@ def leaf_count(n: int) -> int:
 def build_tables(
     positions: Array, triangles: IntArray, across: IntArray, order: IntArray
 ) -> tuple[Array, Array, int, int]:
-    """Return `faces` and `vertices` in a given order, and the first problem: what, and the triangle as it is given."""
+    """Return `faces` (t, 9) and `vertices` (v, 6), see `mesh_kernels`, and the first problem: what, and which triangle.
+
+    They are made of `positions` (p, 3), m, `triangles` (t, 3) and their neighbours `across` (t, 3), in the given
+    `order` (t,). The triangle of a problem has the number that it has in `triangles`.
+    """
     n = triangles.shape[0]
     faces, vertices = np.empty((n, 9)), np.zeros((positions.shape[0], 6))
     rank, row_of = np.empty(n, np.int32), np.full(positions.shape[0], -1, np.int32)
     for k in range(n):
+        # where each triangle comes to stand
         rank[order[k]] = k
     used = 0
     for k in range(n):
         triangle = order[k]
         for i in range(3):
             vertex = triangles[triangle, i]
+            # vertices in the order of their first use; those that no triangle has get no row
             if row_of[vertex] < 0:
                 row_of[vertex] = used
                 for axis in range(3):
@@ -247,11 +271,13 @@ def build_tables(
         area = math.sqrt(dot(normal, normal))
         edges = (_minus(b, a), _minus(c, b), _minus(a, c))
         lengths_squared = (dot(edges[0], edges[0]), dot(edges[1], edges[1]), dot(edges[2], edges[2]))
+        # twice the area over the longest edge is the height of the triangle
         if not area > THINNEST * max(lengths_squared):
             return faces, vertices, FLAT_TRIANGLE, triangle
         for axis in range(3):
             faces[k, NORMAL + axis] = normal[axis] / area
         for i in range(3):
+            # the angle at corner i, between its two edges: sin and cos of it times both lengths
             angle = math.atan2(area, -dot(edges[i], edges[(i + 2) % 3]))
             row = int(faces[k, CORNER + i])
             for axis in range(3):
@@ -260,9 +286,11 @@ def build_tables(
         for i in range(3):
             this, that = normal_of(faces, k), normal_of(faces, int(faces[k, ACROSS + i]))
             mean = (this[0] + that[0], this[1] + that[1], this[2] + that[2])
+            # normals nearly opposite: n + p is as long as the angle between the triangles
             if dot(mean, mean) <= LEAST_OPENING * LEAST_OPENING:
                 return faces, vertices, FOLDED, order[k]
     for row in range(used):
+        # a unit pseudonormal of each vertex
         size = 0.0
         for axis in range(3):
             size = math.hypot(size, vertices[row, PSEUDO + axis])
@@ -273,10 +301,14 @@ def build_tables(
 
 @compiled
 def build_tree(faces: Array, vertices: Array) -> Array:
-    """Return the tree over triangles in the order of its leaves."""
+    """Return the tree (2 m, 11) over triangles in the order of its leaves, see `mesh_kernels`: boxes and discs, m.
+
+    `faces` (t, 9) and `vertices` (v, 6) are the tables of the mesh.
+    """
     n = faces.shape[0]
     m = leaf_count(n)
     tree = np.zeros((2 * m, DISC + 5))
+    # from the leaves up: a box holds those of its halves
     for i in range(2 * m - 1, 0, -1):
         for axis in range(3):
             if i < m:
@@ -289,6 +321,7 @@ def build_tree(faces: Array, vertices: Array) -> Array:
                     coordinate = vertices[int(faces[k, CORNER + corner]), axis]
                     lowest, highest = min(lowest, coordinate), max(highest, coordinate)
             tree[i, axis], tree[i, 3 + axis] = lowest, highest
+    # boxes are widened by the rounding of coordinates as large as these
     slack = 0.0
     for axis in range(3):
         slack = max(slack, abs(tree[1, axis]), abs(tree[1, 3 + axis]), tree[1, 3 + axis] - tree[1, axis])
@@ -305,11 +338,13 @@ def build_tree(faces: Array, vertices: Array) -> Array:
 def _write_disc(faces: Array, vertices: Array, tree: Array, i: int, slack: float) -> None:
     """Write the disc of row i, square to the mean of the normals of its run, with `slack` (m) for rounding."""
     n, m = faces.shape[0], tree.shape[0] // 2
+    # down to the leaves of this run, and so to its triangles
     first, last = i, i + 1
     while first < m:
         first, last = 2 * first, 2 * last
     begin, end = (first - m) * n // m, (last - m) * n // m
     tree[i, DISC + 3] = tree[i, DISC + 4] = math.inf
+    # no disc, infinite: too many triangles to be flat, or too bent
     if end - begin > LONGEST_DISC_RUN:
         return
     mean = (0.0, 0.0, 0.0)
@@ -337,6 +372,7 @@ def _separates(axis: Triple, first: Array, second: Array, from_one: int) -> bool
 
     Of triangles that share a corner, which is the origin and the first row of both, one may touch the plane with more.
     """
+    # rounding of the products goes with the axis's and the coordinates' sizes
     size = abs(axis[0]) + abs(axis[1]) + abs(axis[2])
     extent = 0.0
     low, high, below, above = math.inf, -math.inf, math.inf, -math.inf
@@ -347,8 +383,10 @@ def _separates(axis: Triple, first: Array, second: Array, from_one: int) -> bool
         for i in range(3):
             extent = max(extent, abs(first[row, i]), abs(second[row, i]))
     gap = SEPARATION_ROUNDING * size * extent
+    # nothing shared: a gap, to either side
     if from_one == 0:
         return bool(below - high > gap or low - above > gap)
+    # with the shared corner in the plane, one triangle may touch it and the other not
     small = 0.1 * gap
     return bool(
         (high <= small and below > gap)
@@ -366,8 +404,10 @@ def _meet_as_neighbours(faces: Array, vertices: Array, j: int, k: int, first: Ar
         for h in range(3):
             if faces[j, CORNER + i] == faces[k, CORNER + h]:
                 shared, one, two = shared + 1, i, h
+    # two shared corners: neighbours over an edge, which `FOLDED` has decided
     if shared > 1:
         return True
+    # both triangles seen from the shared corner, which is exact then
     origin = position_of(vertices, faces[j, CORNER + one])
     for i in range(3):
         a = _minus(position_of(vertices, faces[j, CORNER + (one + i) % 3]), origin)
@@ -375,6 +415,7 @@ def _meet_as_neighbours(faces: Array, vertices: Array, j: int, k: int, first: Ar
         for axis in range(3):
             first[i, axis], second[i, axis] = a[axis], b[axis]
     n, p = normal_of(faces, j), normal_of(faces, k)
+    # separating axes of two triangles: both normals, then products of edges
     if _separates(n, first, second, shared) or _separates(p, first, second, shared):
         return True
     for i in range(3):
@@ -397,10 +438,10 @@ def _meet_as_neighbours(faces: Array, vertices: Array, j: int, k: int, first: Ar
 
 @compiled
 def suspect_pairs(faces: Array, vertices: Array, tree: Array, begin: int, most_pairs: int) -> tuple[IntArray, int]:
-    """Return pairs (up to `most`, 2) of triangles that may cross or touch, and where to go on.
+    """Return pairs (up to `most_pairs`, 2) of triangles that may cross or touch, and where to go on.
 
-    The first of each is triangle `begin` or a later one. Pairs that are not returned are separated by a
-    plane, by more than rounding.
+    `faces` (t, 9), `vertices` (v, 6), m, and `tree` (2 m, 11) are the mesh. The first of each pair is triangle `begin`
+    or a later one. Pairs that are not returned are separated by a plane, by more than rounding.
     """
     n, m = faces.shape[0], tree.shape[0] // 2
     pairs, count = np.empty((most_pairs, 2), np.int64), 0
@@ -418,10 +459,12 @@ def suspect_pairs(faces: Array, vertices: Array, tree: Array, begin: int, most_p
         while top > 0:
             top -= 1
             i = stack[top]
+            # the boxes are apart
             if xl > tree[i, 3] or yl > tree[i, 4] or zl > tree[i, 5]:
                 continue
             if xh < tree[i, 0] or yh < tree[i, 1] or zh < tree[i, 2]:
                 continue
+            # all triangles of this run come before j: their pairs have been looked at
             last = i
             while last < m:
                 last = 2 * last + 1
@@ -434,6 +477,7 @@ def suspect_pairs(faces: Array, vertices: Array, tree: Array, begin: int, most_p
             for k in range(max((i - m) * n // m, j + 1), (i - m + 1) * n // m):
                 if _meet_as_neighbours(faces, vertices, j, k, first, second):
                     continue
+                # full: give back the pairs of whole triangles, and begin again with this one
                 if count == most_pairs:
                     return (pairs[:before], j) if before > 0 else (pairs, j + 1)
                 pairs[count, 0], pairs[count, 1] = j, k

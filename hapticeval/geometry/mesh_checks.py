@@ -103,6 +103,7 @@ def checked_triangles(triangles: object, count: int) -> IntArray:
             todo="" if array.shape[0] < 4 else "simplify it: quadric decimation keeps the shape",
         )
     check_corners_named(array, count)
+    # one vertex for two corners: no area
     twice = np.flatnonzero((array == np.roll(array, 1, axis=1)).any(axis=1))
     if twice.size:
         refuse_triangle(build.FLAT_TRIANGLE, int(twice[0]), array)
@@ -120,11 +121,16 @@ def check_corners_named(triangles: IntArray, count: int) -> None:
 
 
 def check_closed(positions: Array, triangles: IntArray) -> IntArray:
-    """Return the neighbours (t, 3) of the triangles of a closed, connected, outward manifold. Raises `InputError`."""
+    """Return the neighbours (t, 3) of the triangles (t, 3) of a closed, connected, outward manifold.
+
+    `positions` (v, 3), m. Raises `InputError`, naming the triangle and how to mend it, for any other.
+    """
     used = np.zeros(positions.shape[0], dtype=bool)
     used[triangles] = True
+    # vertices that no triangle has do not count
     check_range(positions[used])
     across, problem, triangle, corner = build.join_neighbours(positions.shape[0], triangles)
+    # a T-junction leaves edges open too, and has a message of its own
     if problem == build.OPEN:
         _refuse_t_junction(positions, triangles, triangle, corner)
     if problem:
@@ -146,9 +152,11 @@ def _refuse_t_junction(positions: Array, triangles: IntArray, triangle: int, cor
     rows = np.repeat(np.arange(len(triangles)), 3)
     edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
     _, numbers, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    # edges that one triangle alone has
     is_open = counts[numbers.ravel()] == 1
     this = edges[3 * triangle + corner][None]
     rows, edges = rows[is_open][:SUSPECT_BATCH], edges[is_open][:SUSPECT_BATCH]
+    # vertices of this edge on another open one, and other vertices on this one
     pairs = [(edge, row, vertex) for vertex in this.ravel() for edge, row in zip(edges, rows, strict=True)]
     pairs += [(this[0], triangle, vertex) for vertex in np.unique(edges)]
     for edge, row, vertex in pairs:
@@ -166,23 +174,28 @@ def _lies_on(point: Array, start: Array, end: Array) -> bool:
     edge, size = end - start, float(np.max(np.abs([start, end])))
     length = max(float(np.linalg.norm(edge)), SMALLEST_SIZE)
     share = float((point - start) @ edge) / length**2
+    # between the ends, and as far from the line as single precision rounds coordinates
     return 0.0 < share < 1.0 and float(np.linalg.norm(point - start - share * edge)) <= ON_EDGE * max(size, length)
 
 
 def check_crossings(faces: Array, vertices: Array, tree: Array, order: IntArray) -> None:
-    """Raise `InputError`, naming two triangles, where a mesh crosses or touches itself.
+    """Raise `InputError`, naming two triangles, where a mesh crosses or touches itself, with the place (m).
 
-    Pairs that no plane separates by more than rounding are decided in exact arithmetic.
+    `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) are the mesh, `order` (t,) the triangles' numbers as they
+    were given. Pairs that no plane separates by more than rounding are decided in exact arithmetic.
     """
     begin = 0
     while begin < faces.shape[0]:
         pairs, begin = build.suspect_pairs(faces, vertices, tree, begin, SUSPECT_BATCH)
         for one, two in pairs.tolist():
             first, second = (
-                [tuple(map(Fraction, vertices[int(row), :3].tolist())) for row in faces[k, :3]] for k in (one, two)
+                # a double is a fraction: no rounding from here on
+                [tuple(map(Fraction, vertices[int(row), :3].tolist())) for row in faces[k, :3]]
+                for k in (one, two)
             )
             shared = set(first) & set(second)
             for place in meeting_points(first, second):
+                # neighbours meet in the corners that they share
                 if place not in shared:
                     at = ", ".join(f"{float(x):.6g}" for x in place)
                     low, high = sorted((int(order[one]), int(order[two])))
@@ -194,7 +207,7 @@ def check_crossings(faces: Array, vertices: Array, tree: Array, order: IntArray)
 
 
 def refuse_triangle(problem: int, triangle: int, triangles: IntArray, corner: int = 0) -> NoReturn:
-    """Raise the error that names the triangle and how to mend it."""
+    """Raise the `InputError` that names the triangle, a row of `triangles` (t, 3), and how to mend it."""
     what, why, todo = PROBLEMS[problem]
     row = triangles[triangle]
     words = {
@@ -216,12 +229,15 @@ def meeting_points(first: Sequence[ExactPoint], second: Sequence[ExactPoint]) ->
     """
     for one, two in ((first, second), (second, first)):
         normal = _cross(_difference(two[1], two[0]), _difference(two[2], two[0]))
+        # the plane is looked at along the axis that it faces most: no area vanishes
         axis = max(range(3), key=lambda i: abs(normal[i]))
         for start, end in ((one[0], one[1]), (one[1], one[2]), (one[2], one[0])):
             low, high = _dot(normal, _difference(start, two[0])), _dot(normal, _difference(end, two[0]))
+            # the edge lies in the other triangle's plane
             if low == high == 0:
                 yield from _meeting_points_in_plane(start, end, two, axis)
             elif min(low, high) <= 0 <= max(low, high):
+                # where the edge passes the plane
                 share = low / (low - high)
                 place = tuple(a + share * (b - a) for a, b in zip(start, end, strict=True))
                 if _contains(two, place, axis):
@@ -238,6 +254,7 @@ def _meeting_points_in_plane(
     for i in range(3):
         a, b = triangle[i], triangle[(i + 1) % 3]
         low, high = _doubled_area(a, b, start, axis), _doubled_area(a, b, end, axis)
+        # parallel, or both ends on one side: no crossing
         if low == high or min(low, high) > 0 or max(low, high) < 0:
             continue
         share = low / (low - high)
@@ -250,6 +267,7 @@ def _meeting_points_in_plane(
 def _contains(triangle: Sequence[ExactPoint], place: ExactPoint, axis: int) -> bool:
     """Whether a triangle holds a point of its plane, seen along an axis."""
     turns = [_doubled_area(triangle[i], triangle[(i + 1) % 3], place, axis) for i in range(3)]
+    # on one side of all edges, whichever way the triangle runs seen along the axis
     return min(turns) >= 0 or max(turns) <= 0
 
 

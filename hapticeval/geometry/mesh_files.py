@@ -67,6 +67,7 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
             loaded: Any = trimesh.load(
                 io.BytesIO(content), file_type=file.suffix[1:].lower(), process=False, force="mesh", skip_materials=True
             )
+        # `process=False`: corners come as they are in the file
         vertices, triangles = np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces, dtype=np.int64)
     except MemoryError as error:
         raise InputError(damaged, why="its header announces more than memory holds") from error
@@ -95,6 +96,7 @@ def _stl_fault(content: bytes) -> str:
     """Return why the bytes are neither a binary STL file nor one in text; "" for those that may be one."""
     (count,) = struct.unpack("<I", content[STL_HEADER - 4 : STL_HEADER].ljust(4, b"\0"))
     size = STL_HEADER + STL_TRIANGLE * count
+    # the size alone tells a binary file: text ones may begin with "solid" and so may binary ones
     if len(content) == size:
         return ""
     if content.lstrip()[:5].lower() == b"solid" and b"\0" not in content:
@@ -105,11 +107,16 @@ def _stl_fault(content: bytes) -> str:
 
 
 def merge_equal_vertices(vertices: Array, triangles: IntArray) -> tuple[Array, IntArray]:
-    """Return the same triangles over vertices that differ: STL writes each corner of each triangle again."""
+    """Return the same triangles (t, 3) over vertices that differ: STL writes each corner of each triangle again.
+
+    `vertices` (v, 3) are in the file's own unit, m or another; equal means equal to the last bit.
+    """
     vertices = vertices + 0.0  # no negative zero
+    # equal vertices come to stand next to each other
     order = np.lexsort(vertices.T)
     ranked = vertices[order]
     new = np.concatenate([[True], (ranked[1:] != ranked[:-1]).any(axis=1)])
     number = np.empty(len(vertices), np.int64)
+    # the new number of each old vertex: how many different ones come before
     number[order] = np.cumsum(new) - 1
     return ranked[new], number[triangles]
