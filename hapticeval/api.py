@@ -90,22 +90,22 @@ def run(
     On Ctrl-C what is finished is kept, and the results are not `complete`. Raises `InputError` for arguments that are
     none of these, and as `plan` and `prepare` do; what a renderer gets wrong is in the results.
     """
-    named = _named(renderers)
-    factories = {name: made for name, made in named.items() if not isinstance(made, str)}
-    for what, value, least in (("seed", seed, 0), ("workers", 0 if workers is None else workers, 0)):
-        if not isinstance(value, int) or value < least:
+    named = _name_renderers(renderers)
+    factories = {name: factory for name, factory in named.items() if not isinstance(factory, str)}
+    for what, value, minimum in (("seed", seed, 0), ("workers", 0 if workers is None else workers, 0)):
+        if not isinstance(value, int) or value < minimum:
             raise InputError(f"{what} = {value!r}", why="it is a whole number, and not negative")
     if workers or scheduler is not None:
-        _refuse_bound(factories)
+        _refuse_unpicklable(factories)
     if resume and output is None:
         raise InputError("there is nothing to resume", why="results lie in no folder", todo="name one: output=...")
     if not timeout > 0.0:
         raise InputError(f"timeout = {timeout!r}", why="it is seconds that a case may take, and positive")
     planned = plan(
-        _listed(suites, "suites", (str, Suite)),
+        _as_tuple(suites, "suites", (str, Suite)),
         tuple(named),
         factories=factories,
-        select=_listed(select, "select", (str,)),
+        select=_as_tuple(select, "select", (str,)),
         seed=seed,
         strict=strict,
         known=NONE_KNOWN if known is None else read_known(Path(known)),
@@ -156,18 +156,18 @@ def judge(
 
     See `run` for the rest.
     """
-    listed = _listed(cases, "cases", (str, Case))
-    given = tuple(each for each in listed if isinstance(each, Case))
-    globs = tuple(each for each in listed if isinstance(each, str))
-    made = Suite(name="cases", title="Cases", citation="", cases=given, rows=())
+    listed = _as_tuple(cases, "cases", (str, Case))
+    chosen_cases = tuple(case for case in listed if isinstance(case, Case))
+    globs = tuple(glob for glob in listed if isinstance(glob, str))
+    suite = Suite(name="cases", title="Cases", citation="", cases=chosen_cases, rows=())
     options: dict[str, Any] = {
         **{"output": output, "seed": seed, "strict": strict, "known": known, "exit_first": exit_first},
         **{"workers": workers, "timeout": timeout, "watch": watch},
     }
-    if given and globs:
+    if chosen_cases and globs:
         raise InputError("cases are globs and `Case`s", why="these come from different suites", todo="give one kind")
-    if given:
-        return run([renderer], suites=made, **options)
+    if chosen_cases:
+        return run([renderer], suites=suite, **options)
     return run([renderer], suites=tuple(find_suites()), select=globs, **options)
 
 
@@ -183,12 +183,12 @@ def carry_out(
     scheduler: str | None = None,
 ) -> Results:
     """Carry a plan out: see `run`, and `execute` for `work`."""
-    kept = finished_jobs(planned, output) if resume and output is not None else None
+    earlier_jobs = finished_jobs(planned, output) if resume and output is not None else None
     recordings: dict[RunKey, Recording] = {}
     stopped = False
     with nullcontext() if output is None else prepared_folder(output):
         for event in execute(
-            planned, output, workers=workers, work=work, timeout=timeout, scheduler=scheduler, earlier_jobs=kept
+            planned, output, workers=workers, work=work, timeout=timeout, scheduler=scheduler, earlier_jobs=earlier_jobs
         ):
             if watch is not None:
                 watch(event)
@@ -332,7 +332,7 @@ class Results:
             progress=progress,
             workers=cores(),
             stopped=stopped,
-            counterexamples=_counterexamples(folder),
+            counterexamples=_read_counterexamples(folder),
         )
         return [self.file, *written, *drawn]
 
@@ -344,7 +344,7 @@ class Results:
         listed = read_known(Path(file)) if Path(file).exists() else Known(source=Path(file).name)
         listed = listed.renewed(self.document)
         write_listed(Path(file), listed)
-        current = [replace(each, known=None) if each.outdated else each for each in self.verdicts]
+        current = [replace(verdict, known=None) if verdict.outdated else verdict for verdict in self.verdicts]
         document = replace(self.document, verdicts=list(map(listed.marked, current)))
         if self.folder is not None:
             write_results(self.folder, document)
@@ -353,58 +353,63 @@ class Results:
     def __repr__(self) -> str:
         document = self.document
         counts = Counter(verdict.outcome for verdict in self.verdicts)
-        found = ", ".join(f"{counts[outcome]} {outcome}" for outcome in Outcome if counts[outcome])
+        tally = ", ".join(f"{counts[outcome]} {outcome}" for outcome in Outcome if counts[outcome])
         incomplete = "" if self.complete else f", incomplete: {document.reason}"
-        return f"<Results of {', '.join(document.renderers)}: {found or 'no verdicts'}{incomplete}>"
+        return f"<Results of {', '.join(document.renderers)}: {tally or 'no verdicts'}{incomplete}>"
 
     def _repr_html_(self) -> str:
         """Return the summary and the verdicts as HTML tables, for a notebook."""
         from html import escape
 
-        shown = self.frame()[["case", "renderer", "check", "outcome", "metric", "value", "unit", "bound", "message"]]
+        verdicts = self.frame()[["case", "renderer", "check", "outcome", "metric", "value", "unit", "bound", "message"]]
         table = self.table()
-        tables = [each.to_html(na_rep="", index=each is table) for each in (table, shown) if not each.empty]
+        tables = [frame.to_html(na_rep="", index=frame is table) for frame in (table, verdicts) if not frame.empty]
         return "\n".join([f"<p>{escape(repr(self)[1:-1])}</p>", *tables])
 
     def _run(self, case: str | None, renderer: str | None) -> RunEntry:
         runs = [run for run in self.document.runs if case in (None, run.case, f"{run.suite}/{run.case}")]
         if not runs:
             raise UnknownNameError("case", str(case), {run.case for run in self.document.runs})
-        found = [run for run in runs if renderer in (None, run.renderer)]
-        if not found:
+        matching_runs = [run for run in runs if renderer in (None, run.renderer)]
+        if not matching_runs:
             raise UnknownNameError(
                 f"renderer on {case}" if case else "renderer", str(renderer), {run.renderer for run in runs}
             )
-        if len(found) > 1:
+        if len(matching_runs) > 1:
             raise InputError(
-                f"{len(found)} runs are of the case '{case}'" if case else f"there are {len(found)} runs",
-                why=f"they are {', '.join(f'{run.renderer} on {run.suite}' for run in found)}",
+                f"{len(matching_runs)} runs are of the case '{case}'"
+                if case
+                else f"there are {len(matching_runs)} runs",
+                why=f"they are {', '.join(f'{run.renderer} on {run.suite}' for run in matching_runs)}",
                 todo="name suite/case, and the renderer",
             )
-        return found[0]
+        return matching_runs[0]
 
 
-def _named(renderers: Any) -> dict[str, str | RendererFactory]:
+def _name_renderers(renderers: Any) -> dict[str, str | RendererFactory]:
     """Return a name for each renderer, and the factory behind those that are no names themselves."""
     if isinstance(renderers, Mapping):
-        made = {str(name): _factory(each) for name, each in renderers.items()}
-        return {name: resolve(each) if isinstance(each, str) and each != name else each for name, each in made.items()}
+        factories = {str(name): _factory_of(renderer) for name, renderer in renderers.items()}
+        return {
+            name: resolve(factory) if isinstance(factory, str) and factory != name else factory
+            for name, factory in factories.items()
+        }
     listed = list(renderers) if isinstance(renderers, list | tuple) else [renderers]
     named: dict[str, str | RendererFactory] = {}
-    for each in listed:
-        kind = each if hasattr(each, "__name__") else type(each)
-        name = each if isinstance(each, str) else kind.__name__
-        if name in named and named[name] is not each:
+    for renderer in listed:
+        kind = renderer if hasattr(renderer, "__name__") else type(renderer)
+        name = renderer if isinstance(renderer, str) else kind.__name__
+        if name in named and named[name] is not renderer:
             raise InputError(
                 f"two renderers are called '{name}'",
                 why="verdicts and recordings are told apart by the name",
                 todo="give a mapping from names to renderers",
             )
-        named[name] = _factory(each)
+        named[name] = _factory_of(renderer)
     return named
 
 
-def _factory(renderer: Any) -> str | RendererFactory:
+def _factory_of(renderer: Any) -> str | RendererFactory:
     """Return a name or a factory as it is, and a factory for a renderer that is made."""
     if isinstance(renderer, str):
         return renderer
@@ -419,7 +424,7 @@ def _factory(renderer: Any) -> str | RendererFactory:
     )
 
 
-def _refuse_bound(factories: Mapping[str, RendererFactory]) -> None:
+def _refuse_unpicklable(factories: Mapping[str, RendererFactory]) -> None:
     """Raise `InputError` for a factory that cannot travel to another process."""
     for name, factory in factories.items():
         try:
@@ -432,24 +437,24 @@ def _refuse_bound(factories: Mapping[str, RendererFactory]) -> None:
             ) from error
 
 
-def _listed(given: Any, what: str, kinds: tuple[type, ...]) -> tuple[Any, ...]:
+def _as_tuple(values: Any, what: str, kinds: tuple[type, ...]) -> tuple[Any, ...]:
     """Return one or several as a tuple. Raises `InputError` for what is of none of the `kinds`."""
-    listed = tuple(given) if isinstance(given, list | tuple | set | frozenset) else (given,)
-    for each in listed:
-        if not isinstance(each, kinds):
-            raise InputError(f"{what}: {each!r}", why=f"it is no {' or '.join(kind.__name__ for kind in kinds)}")
+    listed = tuple(values) if isinstance(values, list | tuple | set | frozenset) else (values,)
+    for value in listed:
+        if not isinstance(value, kinds):
+            raise InputError(f"{what}: {value!r}", why=f"it is no {' or '.join(kind.__name__ for kind in kinds)}")
     return listed
 
 
-def _counterexamples(folder: Path) -> list[Any]:
+def _read_counterexamples(folder: Path) -> list[Any]:
     """Return what a search into the folder counterexamples/ has left there, for the report; nothing without one."""
-    found = folder / "counterexamples"
-    if not found.is_dir():
+    searched = folder / "counterexamples"
+    if not searched.is_dir():
         return []
     from hapticeval.reports.index import Counterexample
     from hapticeval.search.counterexample import listed
 
     return [
-        Counterexample(each.kept.renderer, each.line, each.suite.relative_to(folder), each.picture)
-        for each in listed(found)
+        Counterexample(entry.kept.renderer, entry.line, entry.suite.relative_to(folder), entry.picture)
+        for entry in listed(searched)
     ]

@@ -64,7 +64,7 @@ app = typer.Typer(
 )
 
 
-INTERRUPTED = 130
+INTERRUPTED_CODE = 130
 """What typer leaves with, without a word, where Ctrl-C has met nobody who does something about it."""
 
 
@@ -79,15 +79,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     interrupted = signal.getsignal(signal.SIGINT)
     try:
-        _commands()(args=None if arguments is None else list(arguments), prog_name="hapticeval")
+        _typer_command()(args=None if arguments is None else list(arguments), prog_name="hapticeval")
     except HapticevalError as error:
         print(printable(f"error: {error}"), file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
-        return _interrupted()
+        return _interrupted_code()
     except SystemExit as stop:
-        if stop.code == INTERRUPTED:
-            return _interrupted()
+        if stop.code == INTERRUPTED_CODE:
+            return _interrupted_code()
         return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 1
     finally:
         if arguments is not None and signal.getsignal(signal.SIGINT) is not interrupted:
@@ -96,28 +96,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 @cache
-def _commands() -> Callable[..., object]:
+def _typer_command() -> Callable[..., object]:
     """What typer makes of `app`, which costs as much as a small command: made once a process."""
     return typer.main.get_command(app)
 
 
-def _interrupted() -> int:
+def _interrupted_code() -> int:
     """The exit code of a command that was interrupted; nothing disturbs the end of it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     print("interrupted", file=sys.stderr)
     return 1
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _print_version(is_requested: bool) -> None:
+    if is_requested:
         say(f"hapticeval {__version__}")
         raise typer.Exit
 
 
 @app.callback()
-def _common(
+def _common_options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Nothing is shared but `--version`."""

@@ -24,7 +24,7 @@ from hapticeval.renderer import SCHEMES
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-RELATIVE, ABSOLUTE = 3e-14, 1e-16
+RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 3e-14, 1e-16
 """Tolerances of the integration (DOP853) where no formula solves the equations."""
 
 Rates = Callable[[float, Array], Sequence[float]]
@@ -59,16 +59,16 @@ def formula(shape: str, scheme: str) -> tuple[str, str]:
     """
     polar = shape in ("circle", "sphere")
     damping = "" if scheme == "pp" else f" − d {'r' if polar else 'n'}′"  # noqa: RUF001
-    given = scheme == "pp-pd-c"
+    adds_centripetal = scheme == "pp-pd-c"
     if scheme == "set-stabilisation":
         return ("r″ = −k (r − R) − d r′", "θ″ = −b θ′") if polar else ("n″ = −k n − d n′", "s″ = −b s′")  # noqa: RUF001
     if shape == "line":
         return f"n″ = −k n{damping}", f"s″ = {'−d s′' if scheme == 'pp-v' else '0'}"  # noqa: RUF001
     if polar:
         drag = {"pp-v": "(2 r′ + d r)", "pp-d": "(2 r′ + d (r − R))"}.get(scheme, "2 r′")  # noqa: RUF001
-        return f"r″ = −k (r − R) + r θ′²{' − (r θ′)² / R' if given else ''}{damping}", f"θ″ = −{drag} θ′ / r"  # noqa: RUF001
+        return f"r″ = −k (r − R) + r θ′²{' − (r θ′)² / R' if adds_centripetal else ''}{damping}", f"θ″ = −{drag} θ′ / r"  # noqa: RUF001
     drag = {"pp-v": " − d w", "pp-d": " − d n κ s′"}.get(scheme, "")  # noqa: RUF001
-    return f"n″ = κ w s′{' − κ w²' if given else ''} − k n{damping}", f"w′ = −κ n′ s′{drag}"  # noqa: RUF001
+    return f"n″ = κ w s′{' − κ w²' if adds_centripetal else ''} − k n{damping}", f"w′ = −κ n′ s′{drag}"  # noqa: RUF001
 
 
 def drag(scheme: str, gains: Gains) -> float:
@@ -76,14 +76,14 @@ def drag(scheme: str, gains: Gains) -> float:
     return {"pp-v": gains.d, "set-stabilisation": gains.b}.get(scheme, 0.0)
 
 
-def sliding(drag: float, speed: float, time: Array) -> tuple[Array, Array]:
+def sliding_motion(drag: float, speed: float, time: Array) -> tuple[Array, Array]:
     """s(t) and its rate for s'' = -drag s', s(0) = 0."""
     if drag == 0.0:
         return speed * time, np.full_like(time, speed)
     return -speed / drag * np.expm1(-drag * time), speed * np.exp(-drag * time)
 
 
-def transversal(gains: Gains, scheme: str, start: float, rate: float, time: Array) -> tuple[Array, Array]:
+def transversal_motion(gains: Gains, scheme: str, start: float, rate: float, time: Array) -> tuple[Array, Array]:
     """n(t) and its rate for n'' = -k n - d n' (7.28), (7.38); d counts for nothing under PP (6.19)."""
     d = 0.0 if scheme == "pp" else gains.d
     half = 0.5 * d
@@ -111,8 +111,8 @@ def polar_rates(scheme: str, gains: Gains, radius: float) -> Rates:
             return r_rate, -k * (r - radius) - d * r_rate, rate, -b * rate
         damping = 0.0 if scheme == "pp" else d * r_rate
         drag = {"pp-v": d * r, "pp-d": d * (r - radius)}.get(scheme, 0.0)
-        given = (r * rate) ** 2 / radius if scheme == "pp-pd-c" else 0.0
-        return r_rate, -k * (r - radius) + r * rate**2 - given - damping, rate, -(2.0 * r_rate + drag) * rate / r
+        centripetal = (r * rate) ** 2 / radius if scheme == "pp-pd-c" else 0.0
+        return r_rate, -k * (r - radius) + r * rate**2 - centripetal - damping, rate, -(2.0 * r_rate + drag) * rate / r
 
     return rates
 
@@ -131,22 +131,30 @@ def curve_rates(scheme: str, gains: Gains, curve: Curve) -> Rates:
         rate = w / (1.0 + n * kappa)
         damping = 0.0 if scheme == "pp" else d * n_rate
         drag = {"pp-v": d * w, "pp-d": d * n * kappa * rate}.get(scheme, 0.0)
-        given = kappa * w * w if scheme == "pp-pd-c" else 0.0
-        return n_rate, kappa * w * rate - given - k * n - damping, rate, -kappa * n_rate * rate - drag
+        centripetal = kappa * w * w if scheme == "pp-pd-c" else 0.0
+        return n_rate, kappa * w * rate - centripetal - k * n - damping, rate, -kappa * n_rate * rate - drag
 
     return rates
 
 
-def integrated(rates: Rates, start: Sequence[float], time: Array) -> Array:
+def integrate_rates(rates: Rates, start: Sequence[float], time: Array) -> Array:
     """The states (k, n) at `time` (n,), by DOP853 at its tightest tolerance. Raises `InputError` where it cannot."""
     from scipy.integrate import solve_ivp
 
     if time.size < 2:
         return np.tile(np.array(start, dtype=np.float64)[:, np.newaxis], (1, time.size))
-    found = solve_ivp(rates, (time[0], time[-1]), start, method="DOP853", t_eval=time, rtol=RELATIVE, atol=ABSOLUTE)
-    if not found.success:
-        raise InputError("the closed form cannot be integrated", why=str(found.message))
-    return np.asarray(found.y, dtype=np.float64)
+    solution = solve_ivp(
+        rates,
+        (time[0], time[-1]),
+        start,
+        method="DOP853",
+        t_eval=time,
+        rtol=RELATIVE_TOLERANCE,
+        atol=ABSOLUTE_TOLERANCE,
+    )
+    if not solution.success:
+        raise InputError("the closed form cannot be integrated", why=str(solution.message))
+    return np.asarray(solution.y, dtype=np.float64)
 
 
 class Motion(NamedTuple):
@@ -192,7 +200,9 @@ class ClosedForm:
             raise InputError(
                 f"the closed form {self.name} is about a {self.shape}, and the model is '{name}'",
                 why="it holds for smooth curves alone" if self.shape == "curve" else "",
-                todo=f"for this shape there are: {', '.join(_about(name))}" if _about(name) else "leave it out",
+                todo=f"for this shape there are: {', '.join(_forms_about(name))}"
+                if _forms_about(name)
+                else "leave it out",
             )
         if not scene.bilateral:
             raise InputError(
@@ -213,18 +223,20 @@ class ClosedForm:
         across = float(velocity @ normal)
         along = velocity - across * normal
         if self.shape == "curve":
-            return _on_curve(self.scheme, gains, scene.model.curve, foot, (distance, across), velocity, time)
+            return _motion_on_curve(self.scheme, gains, scene.model.curve, foot, (distance, across), velocity, time)
         speed = float(np.linalg.norm(along))
         tangent = along / speed if speed > 0.0 else _any_tangent(normal)
         if self.shape == "line":
-            n, n_rate = transversal(gains, self.scheme, distance, across, time)
-            s, s_rate = sliding(drag(self.scheme, gains), speed, time)
+            n, n_rate = transversal_motion(gains, self.scheme, distance, across, time)
+            s, s_rate = sliding_motion(drag(self.scheme, gains), speed, time)
             return Motion(
                 foot + np.outer(s, tangent) + np.outer(n, normal), np.outer(s_rate, tangent) + np.outer(n_rate, normal)
             )
         radius = float((frame.foot.shape[1] - 1) / np.trace(frame.shape[0]))
         centre = foot - radius * normal
-        polar = _polar(self.scheme, gains, radius, (radius + distance, across, speed / (radius + distance)), time)
+        polar = _polar_motion(
+            self.scheme, gains, radius, (radius + distance, across, speed / (radius + distance)), time
+        )
         r, r_rate, angle, rate = polar
         out = np.outer(np.cos(angle), normal) + np.outer(np.sin(angle), tangent)
         aside = np.outer(np.cos(angle), tangent) - np.outer(np.sin(angle), normal)
@@ -240,32 +252,32 @@ def _any_tangent(normal: Array) -> Array:
     return np.asarray(tangent / np.linalg.norm(tangent))
 
 
-def _polar(
+def _polar_motion(
     scheme: str, gains: Gains, radius: float, start: tuple[float, float, float], time: Array
 ) -> tuple[Array, Array, Array, Array]:
     """(r, r', theta, theta') from (r, r', theta') at angle zero."""
     r, r_rate, rate = start
     if scheme == "set-stabilisation":
-        n, n_rate = transversal(gains, scheme, r - radius, r_rate, time)
-        angle, turning = sliding(gains.b, rate, time)
+        n, n_rate = transversal_motion(gains, scheme, r - radius, r_rate, time)
+        angle, turning = sliding_motion(gains.b, rate, time)
         return radius + n, n_rate, angle, turning
-    solved = integrated(polar_rates(scheme, gains, radius), (r, r_rate, 0.0, rate), time)
+    solved = integrate_rates(polar_rates(scheme, gains, radius), (r, r_rate, 0.0, rate), time)
     return solved[0], solved[1], solved[2], solved[3]
 
 
-def _on_curve(
+def _motion_on_curve(
     scheme: str, gains: Gains, curve: Curve, foot: Array, start: tuple[float, float], velocity: Array, time: Array
 ) -> Motion:
     u = float(curve.nearest(foot[np.newaxis])[0])
     s0, kappa = float(curve.arc_length(u)), float(curve.curvature(u))
     w0 = float(velocity @ curve.tangent(u))
     if scheme == "set-stabilisation":
-        n, n_rate = transversal(gains, scheme, *start, time)
-        travelled, rate = sliding(gains.b, w0 / (1.0 + start[0] * kappa), time)
+        n, n_rate = transversal_motion(gains, scheme, *start, time)
+        travelled, rate = sliding_motion(gains.b, w0 / (1.0 + start[0] * kappa), time)
         s = s0 + travelled
         w = rate * (1.0 + n * curve.curvature(curve.parameter(s)))
     else:
-        n, n_rate, s, w = integrated(curve_rates(scheme, gains, curve), (*start, s0, w0), time)
+        n, n_rate, s, w = integrate_rates(curve_rates(scheme, gains, curve), (*start, s0, w0), time)
     at = curve.parameter(s)
     normal, tangent = curve.normal(at), curve.tangent(at)
     return Motion(
@@ -273,12 +285,12 @@ def _on_curve(
     )
 
 
-def _about(model: str) -> list[str]:
+def _forms_about(model: str) -> list[str]:
     shapes = {"line": ("line", "curve"), "circle": ("circle", "curve"), "sphere": ("sphere",)}.get(model, ("curve",))
     return [form.name for form in CLOSED_FORMS.values() if form.shape in shapes]
 
 
-FORMS = (
+FORM_ROWS = (
     ("6.19", "pp", "line", "thesis Table 6.1, (6.19)"),
     ("6.20", "pp-v", "line", "thesis Table 6.1, (6.20)"),
     ("6.21", "pp-pd", "line", "thesis Table 6.1, (6.21), PP+D and PP+PD"),
@@ -288,13 +300,16 @@ FORMS = (
     ("6.27", "pp-d", "circle", "thesis Table 6.2, (6.27)"),
     ("7.28", "set-stabilisation", "line", "thesis (7.28), with (7.18)"),
     ("7.38", "set-stabilisation", "circle", "thesis (7.38), with (7.18)"),
-    *((f"{each}-on-curve", each, "curve", "thesis 6.3 and 7.2 in the curve's own frame") for each in SCHEMES),
-    *((f"{each}-on-sphere", each, "sphere", "thesis 7.4: along a great circle, as on the circle") for each in SCHEMES),
+    *((f"{scheme}-on-curve", scheme, "curve", "thesis 6.3 and 7.2 in the curve's own frame") for scheme in SCHEMES),
+    *(
+        (f"{scheme}-on-sphere", scheme, "sphere", "thesis 7.4: along a great circle, as on the circle")
+        for scheme in SCHEMES
+    ),
 )
-CLOSED_FORMS: Mapping[str, ClosedForm] = MappingProxyType({row[0]: ClosedForm(*row) for row in FORMS})
+CLOSED_FORMS: Mapping[str, ClosedForm] = MappingProxyType({row[0]: ClosedForm(*row) for row in FORM_ROWS})
 """Every closed form by the name that a suite gives it."""
 
-ALIKE = ("pp-d", "pp-pd", "pp-pd-c")
+ALIKE_ON_A_LINE = ("pp-d", "pp-pd", "pp-pd-c")
 """Laws that differ on curved surfaces alone: about a line all are (6.21)."""
 
 
@@ -306,7 +321,7 @@ def form_of(scheme: str, scene: Scene) -> ClosedForm | None:
     linear = scene.inner_loop is InnerLoop.LINEARISED or scene.robot == PointMass(scene.mass, scene.model.dimension)
     if not linear or not {effect.kind for effect in scene.effects} <= {VISCOSITY, FORCE_SENSOR}:
         return None
-    law = "pp-pd" if scene.model.name == "line" and scheme in ALIKE else scheme
+    law = "pp-pd" if scene.model.name == "line" and scheme in ALIKE_ON_A_LINE else scheme
     for form in CLOSED_FORMS.values():
         if form.scheme == law:
             with suppress(InputError):

@@ -50,7 +50,7 @@ EFFECT = types.float64(VECTOR, MATRIX, MATRIX, types.int64, types.float64, VECTO
 """(params, samples, state, tick, dt, first, second): one tick of an effect, see `hapticeval.effects.effect.Part`."""
 
 
-NOTHING: Array = np.empty((0, 0))
+EMPTY_TABLE: Array = np.empty((0, 0))
 """The table that a law has no use for."""
 
 
@@ -75,18 +75,18 @@ class LawData(NamedTuple):
 def law_data(
     params: ArrayLike = (),
     *,
-    segments: ArrayLike = NOTHING,
-    joints: ArrayLike = NOTHING,
-    lookup: ArrayLike = NOTHING,
-    vertices: ArrayLike = NOTHING,
-    tree: ArrayLike = NOTHING,
+    segments: ArrayLike = EMPTY_TABLE,
+    joints: ArrayLike = EMPTY_TABLE,
+    lookup: ArrayLike = EMPTY_TABLE,
+    vertices: ArrayLike = EMPTY_TABLE,
+    tree: ArrayLike = EMPTY_TABLE,
     state: int = 0,
 ) -> LawData:
     """Return what a law works on, of the type that `LAW` asks for; `state` is its size.
 
     Tables that have that type are shared: a mesh has many megabytes of them.
     """
-    tables = (for_kernels(np.asarray(each, dtype=np.float64)) for each in (segments, joints, lookup, vertices, tree))
+    tables = (for_kernels(np.asarray(table, dtype=np.float64)) for table in (segments, joints, lookup, vertices, tree))
     return LawData._make([np.array(params, dtype=np.float64), *tables, np.zeros(state)])
 
 
@@ -126,9 +126,9 @@ class Numbers(NamedTuple):
     state: Array
 
 
-_NUMBERS = types.NamedTuple((VECTOR, MATRIX, MATRIX), Numbers)  # type: ignore[no-untyped-call]
-_CLOSEST = types.NamedTuple((types.FunctionType(CLOSEST), LAW_DATA), Closest)  # type: ignore[no-untyped-call]
-CHANGE = types.int64(_NUMBERS, _CLOSEST, VECTOR, VECTOR, types.float64, VECTOR, VECTOR)
+_NUMBERS_TYPE = types.NamedTuple((VECTOR, MATRIX, MATRIX), Numbers)  # type: ignore[no-untyped-call]
+_CLOSEST_TYPE = types.NamedTuple((types.FunctionType(CLOSEST), LAW_DATA), Closest)  # type: ignore[no-untyped-call]
+CHANGE = types.int64(_NUMBERS_TYPE, _CLOSEST_TYPE, VECTOR, VECTOR, types.float64, VECTOR, VECTOR)
 """(numbers, closest, hip, velocity, dt, ihip, force): an effect's change of an answer, in place, after each tick.
 
 Returns 0, or the number of the refusal that the effect's `refusals` words.
@@ -186,7 +186,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     Without that each would do all the work, and two that add to a cache at once may leave an entry of its index that
     leads to other code.
     """
-    return _compiled(function, _nrt=True)
+    return _compile_once_on_disk(function, _nrt=True)
 
 
 @cache
@@ -200,20 +200,20 @@ def borrowing(function: Callable[P, R]) -> Callable[P, R]:
 
     A kernel that is given a tuple of many arrays would else spend more time on counting than on its work.
     """
-    return _compiled(function, _nrt=False)
+    return _compile_once_on_disk(function, _nrt=False)
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that borrows its arrays, by itself and into the kernels that call it by its name."""
-    return _compiled(function, _nrt=False, forceinline=True)
+    return _compile_once_on_disk(function, _nrt=False, forceinline=True)
 
 
 def inner(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that borrows its arrays, into the kernels that call it: it has no way in from Python."""
-    return _compiled(function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    return _compile_once_on_disk(function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
-def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
+def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     kernel: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT is set
         return function
@@ -225,7 +225,7 @@ def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
             return compile_(signature)
         # A process that compiles a kernel waits for nothing but what that calls: no two wait for each other. Nor do two
         # threads of one, which take numba's own lock first.
-        with global_compiler_lock, compiling(), _alone(lock):
+        with global_compiler_lock, compiling(), _lock_file(lock):
             return compile_(signature)
 
     kernel.compile = compile_alone
@@ -236,7 +236,7 @@ def specialised(kernel: Callable[P, R], *arguments: Any) -> Callable[P, R]:
     """Return the code of a kernel for arguments of the types of these, which skips to look types up at each call."""
     if not hasattr(kernel, "overloads"):  # NUMBA_DISABLE_JIT is set
         return kernel
-    signature = tuple(numba.typeof(each) for each in arguments)  # type: ignore[no-untyped-call]
+    signature = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
     kernel.compile(signature)  # type: ignore[attr-defined]
     return kernel.overloads[signature].entry_point  # type: ignore[no-any-return]
 
@@ -250,24 +250,26 @@ def machine_code(kernel: Callable[..., Any], *arguments: Any) -> bytes:
     from llvmlite.binding import ObjectFileRef
 
     own: Any = kernel
-    signature = tuple(each if isinstance(each, types.Type) else numba.typeof(each) for each in arguments)  # type: ignore[no-untyped-call]
+    signature = tuple(
+        argument if isinstance(argument, types.Type) else numba.typeof(argument) for argument in arguments
+    )  # type: ignore[no-untyped-call]
     own.compile(signature)
-    kept = own._cache._cache_file.load(own._cache._index_key(signature, own.targetctx.codegen()))
-    (_, _, (code, _)), *_ = kept
-    return b"".join(each.data() for each in ObjectFileRef.from_data(code).sections() if each.is_text())
+    cache_entry = own._cache._cache_file.load(own._cache._index_key(signature, own.targetctx.codegen()))
+    (_, _, (code, _)), *_ = cache_entry
+    return b"".join(section.data() for section in ObjectFileRef.from_data(code).sections() if section.is_text())
 
 
 @contextmanager
-def _alone(path: Path) -> Iterator[None]:
+def _lock_file(path: Path) -> Iterator[None]:
     """While it lasts, other processes wait here. The system ends it with the process, whatever ends that.
 
     Where a file system has no locks, nobody waits.
     """
-    with ExitStack() as held:
+    with ExitStack() as stack:
         if fcntl is not None:
             with suppress(OSError):
                 path.parent.mkdir(parents=True, exist_ok=True)
-                fcntl.flock(held.enter_context(path.open("a")), fcntl.LOCK_EX)
+                fcntl.flock(stack.enter_context(path.open("a")), fcntl.LOCK_EX)
         yield
 
 

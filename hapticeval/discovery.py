@@ -25,14 +25,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
-from hapticeval.errors import InputError, UnknownNameError, described, renderer_errors
+from hapticeval.errors import InputError, UnknownNameError, describe_error, renderer_errors
 
 if TYPE_CHECKING:
     from hapticeval.renderer import RendererFactory
 
 GROUP = "hapticeval.renderers"
 
-OUTSIDE = {"lib": "hapticeval.adapters.library:library", "cmd": "hapticeval.adapters.process:process"}
+ADAPTERS = {"lib": "hapticeval.adapters.library:library", "cmd": "hapticeval.adapters.process:process"}
 """Names of renderers that are no Python: what stands before the colon, to what makes a factory of the rest."""
 LIBRARIES = (".so", ".dll", ".dylib")
 """How the files of shared libraries end."""
@@ -54,9 +54,9 @@ def parse(name: str) -> Name:
 
     What is no Python has no variants: a path and a command are taken as they are.
     """
-    kind, colon, rest = name.partition(":")
-    if colon and kind in OUTSIDE:
-        if not rest.strip():
+    kind, colon, address = name.partition(":")
+    if colon and kind in ADAPTERS:
+        if not address.strip():
             raise InputError(f"'{name}' does not name a renderer", todo="write lib:./libmine.so, or cmd:./mine")
         return Name(name, None, None)
     front, at, representation = name.partition("@")
@@ -77,8 +77,8 @@ def known_renderers() -> Mapping[str, EntryPoint]:
 
 @lru_cache(maxsize=1)
 def _installed(folders: tuple[str, ...]) -> Mapping[str, EntryPoint]:  # noqa: ARG001 - where entry points lie
-    found = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
-    return MappingProxyType({entry.name: entry for entry in found})
+    entries = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
+    return MappingProxyType({entry.name: entry for entry in entries})
 
 
 def own_renderers() -> tuple[str, ...]:
@@ -138,13 +138,13 @@ def resolve_installed(name: str, *, source: str) -> RendererFactory:
 
 def load(base: str, *, kind: str = "renderer") -> Any:
     """Return what is called to make what `base` names: `package.module:factory`, or an entry point of renderers, or
-    what is no Python, see `OUTSIDE`.
+    what is no Python, see `ADAPTERS`.
 
     `kind` is what it is in messages; a driver of hardware is named as renderers are. Raises as `resolve` does.
     """
     module, colon, attribute = base.partition(":")
-    if colon and kind == "renderer" and module in OUTSIDE:
-        place, _, name = OUTSIDE[module].partition(":")
+    if colon and kind == "renderer" and module in ADAPTERS:
+        place, _, name = ADAPTERS[module].partition(":")
         return getattr(import_module(place), name)(attribute)
     if colon or kind != "renderer":
         if not module or not attribute:
@@ -157,19 +157,19 @@ def load(base: str, *, kind: str = "renderer") -> Any:
         known = known_renderers()
         if base not in known:
             error = UnknownNameError("renderer", base, known)
-            meant = _meant(base)
+            likely_names = _likely_names(base)
             error.todo = (
-                f"did you mean {' or '.join(meant)}?"
-                if meant
+                f"did you mean {' or '.join(likely_names)}?"
+                if likely_names
                 else f"{error.todo}{'' if error.todo.endswith('?') else '.'} A renderer of your own is named "
                 "package.module:factory"
             )
             raise error
         module, _, attribute = known[base].value.partition(":")
-    return _factory(base, module.strip(), attribute.strip(), kind)
+    return _import_factory(base, module.strip(), attribute.strip(), kind)
 
 
-def _meant(base: str) -> list[str]:
+def _likely_names(base: str) -> list[str]:
     """Return the names that a file may be meant by: `mine`, `mine.py`, `mine.Nearest` in this folder, a library."""
     if Path(base).suffix in LIBRARIES:
         return [f"lib:{base if Path(base).parent.name or base.startswith(('.', '/')) else f'./{base}'}"]
@@ -178,14 +178,14 @@ def _meant(base: str) -> list[str]:
         file = Path(f"{module.replace('.', '/')}.py")
         if module and file.is_file():
             public = re.findall(r"^(?:class|def) ([^\W_]\w*)", file.read_text(encoding="utf-8", errors="replace"), re.M)
-            return [f"{module}:{each}" for each in ([attribute] if attribute else public[:8])]
+            return [f"{module}:{public_name}" for public_name in ([attribute] if attribute else public[:8])]
     return []
 
 
-def _factory(base: str, module: str, attribute: str, kind: str) -> Any:
+def _import_factory(base: str, module: str, attribute: str, kind: str) -> Any:
     """Import, look up, and see that it can be called; each failure says which step it was."""
     try:
-        found: Any = import_module(module)
+        target: Any = import_module(module)
     except (Exception, SystemExit) as error:
         todo = f"see that `python -c 'import {module}'` works in the folder where you start hapticeval"
         close = difflib.get_close_matches(module, [file.stem for file in Path().glob("*.py")], n=1)
@@ -193,35 +193,37 @@ def _factory(base: str, module: str, attribute: str, kind: str) -> Any:
             todo = f"did you mean {close[0]}:{attribute}?"
         raise InputError(
             f"{kind} '{base}': cannot import the module '{module}'",
-            why=_cause(error),
-            todo=_module_of(module, attribute) if module.endswith(".py") else todo,
+            why=_describe_cause(error),
+            todo=_advise_module(module, attribute) if module.endswith(".py") else todo,
         ) from error
     for part in attribute.split("."):
         try:
-            found = getattr(found, part)
+            target = getattr(target, part)
         except AttributeError as error:
-            here = {name: value for name, value in vars(found).items() if not name.startswith("_") and callable(value)}
-            public = [name for name, value in here.items() if getattr(value, "__module__", module) == module]
+            callables = {
+                name: value for name, value in vars(target).items() if not name.startswith("_") and callable(value)
+            }
+            public = [name for name, value in callables.items() if getattr(value, "__module__", module) == module]
             close = difflib.get_close_matches(part, public, n=1)
             raise InputError(
                 f"{kind} '{base}': the module '{module}' has no '{attribute}'",
                 why=str(error),
                 todo=f"did you mean {module}:{close[0]}?"
                 if close
-                else f"it has: {', '.join(public[:8] or here)}"
-                if here
-                else f"write it in {getattr(found, '__file__', module)}, where there is no class and no function yet",
+                else f"it has: {', '.join(public[:8] or callables)}"
+                if callables
+                else f"write it in {getattr(target, '__file__', module)}, where there is no class and no function yet",
             ) from error
-    if not callable(found):
+    if not callable(target):
         takes = "a factory takes a scene and returns a renderer" if kind == "renderer" else "it must be a class"
         raise InputError(
             f"{kind} '{base}': '{attribute}' of '{module}' cannot be called",
-            why=f"it is a {type(found).__name__}; {takes}",
+            why=f"it is a {type(target).__name__}; {takes}",
         )
-    return found
+    return target
 
 
-def _module_of(file: str, attribute: str) -> str:
+def _advise_module(file: str, attribute: str) -> str:
     """Return how a factory in a file is named: by its module, in the folder where that can be imported."""
     path = Path(file)
     inside = Path.cwd() if path.is_absolute() else Path()
@@ -231,9 +233,9 @@ def _module_of(file: str, attribute: str) -> str:
     return f"name the module, not its file: {'.'.join(relative.with_suffix('').parts)}:{attribute}"
 
 
-def _cause(error: BaseException) -> str:
+def _describe_cause(error: BaseException) -> str:
     """The cause's own text, and the line of the user's file at which it was raised."""
-    text = described(error)
+    text = describe_error(error)
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "importlib" not in frame.filename]
     if isinstance(error, SyntaxError) or len(frames) < 2:
         return text
@@ -242,6 +244,6 @@ def _cause(error: BaseException) -> str:
 
 def see_current_directory() -> None:
     """Let a module in the current directory be imported, as pytest and `python -m` do."""
-    here = str(Path.cwd())
-    if here not in sys.path and "" not in sys.path:
-        sys.path.insert(0, here)
+    folder = str(Path.cwd())
+    if folder not in sys.path and "" not in sys.path:
+        sys.path.insert(0, folder)

@@ -16,10 +16,10 @@ from hapticeval.errors import InputError, UnknownNameError, at
 
 T = TypeVar("T")
 
-SHOWN = 80
+LONGEST_QUOTE = 80
 """Characters of a value that a message shows."""
 
-DEEPEST = 64
+DEEPEST_NESTING = 64
 """Tables and lists within each other, *chosen*: ours have ten at the most, and Python's stack ends at some hundreds."""
 
 
@@ -53,21 +53,23 @@ def parse_json(text: str | bytes, place: str) -> Any:
 
 
 def check_depth(document: Any, place: str) -> None:
-    """Raise `InputError` for plain values nested deeper than `DEEPEST`, which no reader takes apart by recursion."""
+    """Raise `InputError` for plain values nested deeper than `DEEPEST_NESTING`, before a reader recurses into them."""
     level, depth = [document], 0
-    while level := [item for value in level for item in _items(value)]:
+    while level := [entry for value in level for entry in _children(value)]:
         depth += 1
-        if depth > DEEPEST:
+        if depth > DEEPEST_NESTING:
             raise too_deep(place)
 
 
-def _items(value: Any) -> Iterable[Any]:
+def _children(value: Any) -> Iterable[Any]:
     return value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
 
 
 def too_deep(place: str) -> InputError:
     """Return the error of a document with too many tables and lists within each other."""
-    return InputError(f"{place} is nested more than {DEEPEST} levels deep", why="no document of ours needs that many")
+    return InputError(
+        f"{place} is nested more than {DEEPEST_NESTING} levels deep", why="no document of ours needs that many"
+    )
 
 
 def convert(data: Any, kind: type[T] | Any, place: str, *, todo: str = "") -> T:
@@ -77,15 +79,15 @@ def convert(data: Any, kind: type[T] | Any, place: str, *, todo: str = "") -> T:
     choice that is not known is an `UnknownNameError` with the closest known ones; for the rest `todo` is the advice.
     """
     try:
-        made: T = msgspec.convert(data, kind)
+        converted: T = msgspec.convert(data, kind)
     except OverflowError as error:
         raise InputError(f"{place} holds a whole number that no float can hold", why=str(error), todo=todo) from error
     except msgspec.ValidationError as error:
         what, _, path = str(error).partition(" - at `$")
         steps = _steps(data, re.findall(r"\.?([^.\[\]`]+|\.\.\.)", path), what)
-        with at(":".join([place, *_places(data, steps)])):
-            raise _misfit(data, kind, steps, what, todo) from error
-    return made
+        with at(":".join([place, *_readable_places(data, steps)])):
+            raise _misfit_error(data, kind, steps, what, todo) from error
+    return converted
 
 
 def _steps(data: Any, path: list[str], what: str) -> list[str]:
@@ -96,77 +98,79 @@ def _steps(data: Any, path: list[str], what: str) -> list[str]:
         if step == "..." and quoted is not None and isinstance(data, Mapping):
             step = next((str(key) for key, value in data.items() if quoted[0] in repr(value)), step)
         steps.append(step)
-        data = _entry(data, step)
+        data = _entry_at(data, step)
     return steps
 
 
-def _places(data: Any, steps: list[str]) -> Iterator[str]:
+def _readable_places(data: Any, steps: list[str]) -> Iterator[str]:
     """Yield the way to an entry, as in ` case 'press'` and ` trajectory.depth`: an item of a list by its name."""
-    way = ""
+    place = ""
     for step in steps:
-        data = _entry(data, step)
+        data = _entry_at(data, step)
         names = [data[key] for key in ("name", "title", "label") if key in data] if isinstance(data, Mapping) else []
         if step.isdigit() and names:
-            yield f" {way} '{names[0]}'"
-            way = ""
+            yield f" {place} '{names[0]}'"
+            place = ""
         else:
-            way += f"[{step}]" if step.isdigit() else f".{step}" if way else step
-    if way:
-        yield f" {way}"
+            place += f"[{step}]" if step.isdigit() else f".{step}" if place else step
+    if place:
+        yield f" {place}"
 
 
-def _entry(data: Any, step: str) -> Any:
+def _entry_at(data: Any, step: str) -> Any:
     try:
         return data[int(step)] if isinstance(data, list) else data[step]
     except (KeyError, IndexError, TypeError, ValueError):
         return None
 
 
-def _misfit(data: Any, kind: Any, steps: list[str], what: str, todo: str) -> InputError:
+def _misfit_error(data: Any, kind: Any, steps: list[str], what: str, todo: str) -> InputError:
     """Return the error for the entry at `steps` of `data`, which msgspec refuses with the words `what`."""
     value, expected = data, inspect.type_info(kind)
     for step in steps:
-        expected, value = _expected(expected, value, step), _entry(value, step)
+        expected, value = _entry_type(expected, value, step), _entry_at(value, step)
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
-        struct = _of_kind(expected, value)
-        known = [each.encode_name for each in struct.fields] if isinstance(struct, inspect.StructType) else []
+        struct = _matching_type(expected, value)
+        known = [field.encode_name for field in struct.fields] if isinstance(struct, inspect.StructType) else []
         return UnknownNameError("entry", unknown[1], known)
     choices = list(_choices(expected))
     if what.startswith("Invalid") and choices:
         return UnknownNameError("kind" if steps[-1:] == ["kind"] else "choice", str(value), choices)
     text = repr(value)
-    text = text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
-    shown = "" if isinstance(value, Mapping | list) or value is None else f", and it is {text}"
-    return InputError(what[0].lower() + what[1:] + shown, todo=todo)
+    text = text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}..."
+    quoted_value = "" if isinstance(value, Mapping | list) or value is None else f", and it is {text}"
+    return InputError(what[0].lower() + what[1:] + quoted_value, todo=todo)
 
 
-def _expected(expected: Any, value: Any, step: str) -> Any:
+def _entry_type(expected: Any, value: Any, step: str) -> Any:
     """Return the type of the entry `step` of a `value` of type `expected`, or None; of `kind` the whole union."""
-    expected = _of_kind(expected, value)
+    expected = _matching_type(expected, value)
     if isinstance(expected, inspect.StructType):
-        return next((each.type for each in expected.fields if each.encode_name == step), None)
+        return next((field.type for field in expected.fields if field.encode_name == step), None)
     if isinstance(expected, inspect.UnionType) and step == "kind":
         return expected
     return getattr(expected, "value_type", getattr(expected, "item_type", None))
 
 
-def _of_kind(expected: Any, value: Any) -> Any:
+def _matching_type(expected: Any, value: Any) -> Any:
     """Return which of several types a value is of, by its kind or its being a table or a list; else `expected`."""
     if not isinstance(expected, inspect.UnionType):
         return expected
-    structs: list[Any] = [each for each in expected.types if isinstance(each, inspect.StructType)]
-    tagged = [each for each in structs if isinstance(value, Mapping) and value.get(str(each.tag_field)) == each.tag]
-    lists: list[Any] = [each for each in expected.types if isinstance(value, list) and hasattr(each, "item_type")]
+    structs: list[Any] = [member for member in expected.types if isinstance(member, inspect.StructType)]
+    tagged = [
+        struct for struct in structs if isinstance(value, Mapping) and value.get(str(struct.tag_field)) == struct.tag
+    ]
+    lists: list[Any] = [member for member in expected.types if isinstance(value, list) and hasattr(member, "item_type")]
     return next(iter(tagged + lists + structs[:1] * (len(structs) == 1)), expected)
 
 
 def _choices(expected: Any) -> Iterator[str]:
     """Yield the kinds of tables, or the words, that a type allows."""
-    for each in expected.types if isinstance(expected, inspect.UnionType) else [expected]:
-        if isinstance(each, inspect.StructType) and each.tag is not None:
-            yield str(each.tag)
-        elif isinstance(each, inspect.LiteralType):
-            yield from map(str, each.values)
-        elif isinstance(each, inspect.EnumType):
-            yield from (str(choice.value) for choice in each.cls)
+    for member in expected.types if isinstance(expected, inspect.UnionType) else [expected]:
+        if isinstance(member, inspect.StructType) and member.tag is not None:
+            yield str(member.tag)
+        elif isinstance(member, inspect.LiteralType):
+            yield from map(str, member.values)
+        elif isinstance(member, inspect.EnumType):
+            yield from (str(choice.value) for choice in member.cls)

@@ -17,7 +17,7 @@ UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e
 
 def printable(text: str) -> str:
     """Return a text with its control characters written out, as `\\x1b`: those of others could rewrite a terminal."""
-    return UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return UNPRINTABLE.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 class HapticevalError(Exception):
@@ -125,7 +125,7 @@ class RunawayError(RendererError):
 
 def in_mm(point: Iterable[float]) -> str:
     """Return a point (m) as messages show it, for instance `(8.84, 64.7) mm`."""
-    return f"({', '.join(f'{1e3 * each:.6g}' for each in point)}) mm"
+    return f"({', '.join(f'{1e3 * coordinate:.6g}' for coordinate in point)}) mm"
 
 
 @contextmanager
@@ -144,7 +144,7 @@ def renderer_errors(
     except BaseException as error:
         if not is_foreign(error):
             raise
-        raise blamed(call, error, tick=tick, hip=hip, why=why, todo=todo) from error
+        raise blame_renderer(call, error, tick=tick, hip=hip, why=why, todo=todo) from error
 
 
 def is_foreign(error: BaseException) -> bool:
@@ -154,7 +154,7 @@ def is_foreign(error: BaseException) -> bool:
     return isinstance(error, Exception | SystemExit)
 
 
-def blamed(
+def blame_renderer(
     call: str,
     error: BaseException,
     *,
@@ -164,9 +164,9 @@ def blamed(
     todo: str = "",
 ) -> RendererError:
     """Return the `RendererError` for what a renderer's `call` raised: see `renderer_errors`."""
-    what = f"the renderer's {call} raised {described(error)}"
+    what = f"the renderer's {call} raised {describe_error(error)}"
     frames = traceback.extract_tb(error.__traceback__)
-    if call in CALLS and isinstance(error, TypeError) and all(_is_ours(PurePath(each.filename)) for each in frames):
+    if call in CALLS and isinstance(error, TypeError) and all(_is_ours(PurePath(frame.filename)) for frame in frames):
         why, todo = f"it is called as {CALLS[call]}", "let it take these arguments; see docs/write-a-renderer.md"
     return RendererError(what, tick=tick, hip=hip, why=why or origin(error), todo=todo)
 
@@ -196,7 +196,7 @@ def at(place: str) -> Iterator[None]:
         raise
 
 
-def described(error: BaseException) -> str:
+def describe_error(error: BaseException) -> str:
     """Return the type and the text of an exception of foreign code, whose text may not be readable or printable."""
     try:
         text = str(error).encode("utf-8", "backslashreplace").decode()
@@ -207,13 +207,13 @@ def described(error: BaseException) -> str:
 
 def origin(error: BaseException, file: str | None = None) -> str:
     """Where in foreign code an exception came from: the innermost frame in `file`, else of all, as an error's `why`."""
-    frames = [each for each in traceback.extract_tb(error.__traceback__) if "importlib" not in each.filename]
-    for last in ([each for each in frames if each.filename == file] or frames)[-1:]:
-        return _place(last)
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "importlib" not in frame.filename]
+    for last in ([frame for frame in frames if frame.filename == file] or frames)[-1:]:
+        return _describe_frame(last)
     return ""
 
 
-def caught_in(stack: Sequence[tuple[str, int, str]]) -> str:
+def place_in_stack(stack: Sequence[tuple[str, int, str]]) -> str:
     """Return where a process was whose `stack` is that, outermost frame first; "" for an empty one.
 
     Foreign code begins where ours calls it: of its frames the innermost is named that lies in the same folder, and not
@@ -223,7 +223,7 @@ def caught_in(stack: Sequence[tuple[str, int, str]]) -> str:
     foreign = next((at for at, (file, *_) in enumerate(code) if not _is_ours(PurePath(file))), 0)
     for file, line, name in reversed(code[foreign:]):
         if PurePath(file).is_relative_to(PurePath(code[foreign][0]).parent):
-            return _place(traceback.FrameSummary(file, line, name))
+            return _describe_frame(traceback.FrameSummary(file, line, name))
     return ""
 
 
@@ -238,6 +238,6 @@ def _is_standard(file: PurePath) -> bool:
     return file.is_relative_to(sysconfig.get_path("stdlib")) and not {"site-packages", "dist-packages"} & {*file.parts}
 
 
-def _place(frame: traceback.FrameSummary) -> str:
+def _describe_frame(frame: traceback.FrameSummary) -> str:
     place = f"in {PurePath(frame.filename).name}, line {frame.lineno}, in {frame.name}"
     return f"{place}: {frame.line}" if frame.line else place

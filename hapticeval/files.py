@@ -19,7 +19,7 @@ from hapticeval.errors import HapticevalError, InputError, printable
 
 T = TypeVar("T")
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|-?inf|nan", re.IGNORECASE)
-SAFE = re.compile(r"[a-z0-9][a-z0-9._-]{0,59}")
+SAFE_STEM = re.compile(r"[a-z0-9][a-z0-9._-]{0,59}")
 
 
 @contextmanager
@@ -51,10 +51,10 @@ def creating(path: Path) -> Iterator[Path]:
         try:
             os.link(temporary, path)
         except FileExistsError:
-            raise existing(path) from None
+            raise existing_file_error(path) from None
         except OSError:  # a file system without links: the look and the renaming are two steps there
             if path.exists():
-                raise existing(path) from None
+                raise existing_file_error(path) from None
             temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -63,10 +63,10 @@ def creating(path: Path) -> Iterator[Path]:
 def refuse_existing(path: Path) -> None:
     """Raise `InputError` where something stands at `path`."""
     if path.exists() or path.is_symlink():
-        raise existing(path)
+        raise existing_file_error(path)
 
 
-def existing(path: Path) -> InputError:
+def existing_file_error(path: Path) -> InputError:
     """Return the error of a file that must not be there yet."""
     why = "nothing is written over an existing file"
     return InputError(f"{path} is there already", why=why, todo="give another name")
@@ -79,10 +79,10 @@ def file_stem(name: str) -> str:
     be kept is followed by "~" and a digest of the whole. File systems that ignore case are the reason why
     capitals count as unsafe.
     """
-    if SAFE.fullmatch(name) and not name.endswith("."):
+    if SAFE_STEM.fullmatch(name) and not name.endswith("."):
         return name
-    kept = re.sub(r"[^a-z0-9._-]+", "-", name.lower()).strip("-.")[:40]
-    return f"{kept}~{hashlib.sha256(name.encode('utf-8', 'surrogatepass')).hexdigest()[:12]}"
+    safe_part = re.sub(r"[^a-z0-9._-]+", "-", name.lower()).strip("-.")[:40]
+    return f"{safe_part}~{hashlib.sha256(name.encode('utf-8', 'surrogatepass')).hexdigest()[:12]}"
 
 
 def csv_cell(text: str) -> str:
@@ -117,9 +117,9 @@ def plain(value: Any, place: str = "value") -> Any:
     if isinstance(value, np.generic | np.ndarray):
         return plain(value.tolist(), place)
     if isinstance(value, Mapping):
-        return {str(key): plain(item, f"{place}.{key}") for key, item in value.items()}
+        return {str(key): plain(entry, f"{place}.{key}") for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item, f"{place}[{index}]") for index, item in enumerate(value)]
+        return [plain(entry, f"{place}[{index}]") for index, entry in enumerate(value)]
     raise InputError(
         f"{place} is a {type(value).__name__}",
         why="only numbers, text, lists and mappings can be written as JSON",
@@ -131,21 +131,21 @@ def without_non_finite(value: Any, place: str = "value") -> tuple[Any, list[str]
     """A plain value with null for each NaN or infinity, and what these were: ["evidence.gain = inf", ...]."""
     if isinstance(value, float) and not math.isfinite(value):
         return None, [f"{place} = {value}"]
-    lost: list[str] = []
+    non_finite: list[str] = []
     if isinstance(value, dict):
         mapping = {}
-        for key, item in value.items():
-            mapping[key], more = without_non_finite(item, f"{place}.{key}")
-            lost += more
-        return mapping, lost
+        for key, entry in value.items():
+            mapping[key], more = without_non_finite(entry, f"{place}.{key}")
+            non_finite += more
+        return mapping, non_finite
     if isinstance(value, list):
         items = []
-        for index, item in enumerate(value):
-            kept, more = without_non_finite(item, f"{place}[{index}]")
-            items.append(kept)
-            lost += more
-        return items, lost
-    return value, lost
+        for index, entry in enumerate(value):
+            finite, more = without_non_finite(entry, f"{place}[{index}]")
+            items.append(finite)
+            non_finite += more
+        return items, non_finite
+    return value, non_finite
 
 
 def write_json(path: Path, document: Any) -> Path:
@@ -184,7 +184,7 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
         why = "it is a file" if folder.exists() else "there is no such folder"
         raise InputError(f"no result folder '{folder}'", why=why, todo=todo)
     try:
-        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
+        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except FileNotFoundError as error:
         raise InputError(
             f"'{folder}' holds no {path.name}", why=f"`hapticeval {command}` writes it", todo=todo
@@ -196,11 +196,11 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
         raise InputError(f"{path} is not JSON: {place}", why=error.msg, todo=again) from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is not JSON text", why=str(error), todo=again) from error
-    found = document.get("format_version") if isinstance(document, dict) else version
-    if found != version:
-        newer = isinstance(found, int) and found > version
+    file_version = document.get("format_version") if isinstance(document, dict) else version
+    if file_version != version:
+        newer = isinstance(file_version, int) and file_version > version
         raise InputError(
-            f"{path} has format {found!r}; this hapticeval reads format {version}",
+            f"{path} has format {file_version!r}; this hapticeval reads format {version}",
             why="a newer hapticeval wrote it" if newer else "no such format was released",
             todo="update hapticeval" if newer else again,
         )
@@ -209,11 +209,11 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
     return convert(document, kind, str(path), todo=f"run `hapticeval {command}` again, or mend that entry")
 
 
-def _no_constant(name: str) -> NoReturn:
+def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"it holds {name}, which is no JSON number")
 
 
-def below(folder: Path, name: str) -> Path:
+def file_below(folder: Path, name: str) -> Path:
     """The file that a suite names. Raises `InputError` unless it lies below the suite's folder, links followed."""
     file = folder / name
     if not file.resolve().is_relative_to(folder.resolve()):

@@ -36,8 +36,8 @@ Settings = Mapping[str, float]
 """Values by knob."""
 
 
-def refuse_unknown(given: Mapping[str, object], known: Mapping[str, Knob], *, name: str) -> None:
+def refuse_unknown(settings: Mapping[str, object], known: Mapping[str, Knob], *, name: str) -> None:
     """Raise `UnknownNameError` for the first of `given` that is no knob of the renderer `name`."""
-    for knob in given:
+    for knob in settings:
         if knob not in known:
             raise UnknownNameError(f"knob of {name}", knob, known)

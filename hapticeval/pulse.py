@@ -13,37 +13,37 @@ from typing import TypeAlias
 Pulse: TypeAlias = MutableSequence[int]
 """Two numbers that processes share, as `multiprocessing.RawArray` makes them: answers, and compilations under way."""
 
-Asked: TypeAlias = MutableSequence[float]
+PendingStep: TypeAlias = MutableSequence[float]
 """What is asked of a renderer now, shared likewise: how many coordinates the HIP has, 0 between two steps; the tick;
 and up to three coordinates (m)."""
 
 _pulse: Pulse = [0, 0]
-_asked: Asked = [0.0] * 5
+_pending: PendingStep = [0.0] * 5
 
 
-def count_in(pulse: Pulse, asked: Asked) -> None:
-    """Count this process's answers in `pulse`, and keep what is asked in `asked`, from now on."""
-    global _pulse, _asked
-    _pulse, _asked = pulse, asked
+def share_pulse(pulse: Pulse, pending: PendingStep) -> None:
+    """Count this process's answers in `pulse`, and note the step under way in `pending`, from now on."""
+    global _pulse, _pending
+    _pulse, _pending = pulse, pending
 
 
-def ask(tick: int, hip: Sequence[float]) -> None:
-    """Note which step a renderer is asked for, until `beat`."""
-    _asked[1] = tick
-    _asked[2 : 2 + len(hip)] = hip
-    _asked[0] = len(hip)
+def note_pending(tick: int, hip: Sequence[float]) -> None:
+    """Note which step a renderer is asked for, until `count_answer`."""
+    _pending[1] = tick
+    _pending[2 : 2 + len(hip)] = hip
+    _pending[0] = len(hip)
 
 
-def asked_in(asked: Asked) -> tuple[int, tuple[float, ...]] | None:
+def unanswered_step(pending: PendingStep) -> tuple[int, tuple[float, ...]] | None:
     """Return the tick and HIP (m) of a step that was not answered; None where there was none."""
-    count = int(asked[0])
-    return (int(asked[1]), tuple(asked[2 : 2 + count])) if count else None
+    count = int(pending[0])
+    return (int(pending[1]), tuple(pending[2 : 2 + count])) if count else None
 
 
-def beat() -> None:
+def count_answer() -> None:
     """Count an answer of a renderer."""
     _pulse[0] += 1
-    _asked[0] = 0
+    _pending[0] = 0
 
 
 @contextmanager

@@ -57,21 +57,23 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
-LISTED = "hapticeval-known"
+KNOWN_PROPERTY = "hapticeval-known"
 """The property of a test with a list of known failures: its file, renderer and suite, and what is outdated on it."""
 
-WANTED = pytest.StashKey[list[str]]()
+CHOSEN_IDS = pytest.StashKey[list[str]]()
 """The ids that the command line names."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Register the marker, and take ids of ours from the arguments, which are paths otherwise."""
     config.addinivalue_line("markers", MARKER)
-    config.stash[WANTED] = [each for each in config.args if each == ROOT or each.startswith(f"{ROOT}::")]
+    config.stash[CHOSEN_IDS] = [
+        argument for argument in config.args if argument == ROOT or argument.startswith(f"{ROOT}::")
+    ]
     if config.getoption("hapticeval"):
-        config.args[:] = [each for each in config.args if each not in config.stash[WANTED]]
-    elif any("::" in each for each in config.stash[WANTED]):
-        raise pytest.UsageError(f"{config.stash[WANTED][0]} needs --hapticeval RENDERER")
+        config.args[:] = [argument for argument in config.args if argument not in config.stash[CHOSEN_IDS]]
+    elif any("::" in node_id for node_id in config.stash[CHOSEN_IDS]):
+        raise pytest.UsageError(f"{config.stash[CHOSEN_IDS][0]} needs --hapticeval RENDERER")
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -95,7 +97,7 @@ class Renderers(pytest.Collector):
         try:
             for name in options("hapticeval"):
                 resolve(name)
-            asked = Asked.of(
+            selection = Selection.of(
                 options("hapticeval_suite") or DEFAULT_SUITE,
                 options("hapticeval_select") or (),
                 options("hapticeval_known"),
@@ -104,53 +106,58 @@ class Renderers(pytest.Collector):
             )
         except HapticevalError as error:
             raise self.CollectError(str(error)) from error
-        suites = {suite.name: suite for suite, _ in asked.cases}
-        found = [_Suite.from_parent(self, name=name, asked=asked) for name in suites]
-        wanted = [each for each in self.config.stash[WANTED] if each != ROOT]
-        ids = [item.nodeid for suite in found for case in suite.collect() for item in case.collect()]
-        for each in wanted:
-            if not any(_within(one, each) for one in ids):
+        suites = {suite.name: suite for suite, _ in selection.cases}
+        suite_collectors = [_Suite.from_parent(self, name=name, selection=selection) for name in suites]
+        chosen_ids = [node_id for node_id in self.config.stash[CHOSEN_IDS] if node_id != ROOT]
+        ids = [
+            verdict_item.nodeid
+            for suite in suite_collectors
+            for case in suite.collect()
+            for verdict_item in case.collect()
+        ]
+        for chosen_id in chosen_ids:
+            if not any(_within(one, chosen_id) for one in ids):
                 raise self.CollectError(
-                    f"no verdict has the id {each}: `pytest --hapticeval ... --collect-only` has all"
+                    f"no verdict has the id {chosen_id}: `pytest --hapticeval ... --collect-only` has all"
                 )
-        yield from found
+        yield from suite_collectors
 
 
-def _within(nodeid: str, wanted: str) -> bool:
+def _within(nodeid: str, chosen_id: str) -> bool:
     """Return whether an id is the wanted one or below it; that of a check may lack its renderer."""
-    return nodeid == wanted or nodeid.startswith((f"{wanted}::", f"{wanted}["))
+    return nodeid == chosen_id or nodeid.startswith((f"{chosen_id}::", f"{chosen_id}["))
 
 
 class _Suite(pytest.Collector):
     """A suite."""
 
-    def __init__(self, *, asked: Asked, **names: Any) -> None:
+    def __init__(self, *, selection: Selection, **names: Any) -> None:
         super().__init__(**names)
-        self.asked = asked
+        self.selection = selection
 
     def collect(self) -> Iterator[_Case]:
-        for suite, case in self.asked.cases:
+        for suite, case in self.selection.cases:
             if suite.name == self.name:
-                yield _Case.from_parent(self, name=case.name, asked=self.asked, suite=suite, case=case)
+                yield _Case.from_parent(self, name=case.name, selection=self.selection, suite=suite, case=case)
 
 
 class _Case(pytest.Collector):
     """A case of a suite."""
 
-    def __init__(self, *, asked: Asked, suite: Suite, case: Case, **names: Any) -> None:
+    def __init__(self, *, selection: Selection, suite: Suite, case: Case, **names: Any) -> None:
         super().__init__(**names)
-        self.asked, self.suite, self.case = asked, suite, case
+        self.selection, self.suite, self.case = selection, suite, case
 
     def collect(self) -> Iterator[VerdictItem]:
-        wanted = [each for each in self.config.stash[WANTED] if each != ROOT]
+        chosen_ids = [node_id for node_id in self.config.stash[CHOSEN_IDS] if node_id != ROOT]
         for renderer in self.config.getoption("hapticeval"):
             for check in self.case.checks:
                 name = f"{check}[{renderer}]"
                 # Given whole, for an id of its parts is not the one that pytest reads of --last-failed.
                 nodeid = f"{self.nodeid}::{name}"
-                item = VerdictItem.from_parent(self, name=name, nodeid=nodeid, renderer=renderer, check=check)
-                if not wanted or any(_within(item.nodeid, each) for each in wanted):
-                    yield item
+                verdict_item = VerdictItem.from_parent(self, name=name, nodeid=nodeid, renderer=renderer, check=check)
+                if not chosen_ids or any(_within(verdict_item.nodeid, chosen_id) for chosen_id in chosen_ids):
+                    yield verdict_item
 
 
 class VerdictItem(pytest.Item):
@@ -159,19 +166,19 @@ class VerdictItem(pytest.Item):
     def __init__(self, *, parent: _Case, renderer: str, check: str, **names: Any) -> None:
         super().__init__(parent=parent, **names)
         self.case, self.renderer, self.check = parent, renderer, check
-        asked, place = parent.asked, f"{parent.suite.name}/{parent.case.name}/{check}"
+        selection, place = parent.selection, f"{parent.suite.name}/{parent.case.name}/{check}"
         self.add_marker(pytest.mark.hapticeval)
         if self.config.pluginmanager.hasplugin("xdist"):
             self.add_marker(pytest.mark.xdist_group(f"{renderer} {parent.suite.name}/{parent.case.name}"))
-        entry = asked.known.entries.get((renderer, place))
+        entry = selection.known.entries.get((renderer, place))
         if entry is not None:
-            self.add_marker(pytest.mark.xfail(reason=entry.reason, raises=KnownFailure, strict=asked.strict))
+            self.add_marker(pytest.mark.xfail(reason=entry.reason, raises=KnownFailure, strict=selection.strict))
 
     def runtest(self) -> None:
         """Judge the case, unless the item before was of it, and take the verdict."""
         case = self.case
-        results = _judged(self.config, self.renderer, case.suite, case.case)
-        conclude(self, results, self.check, case.asked)
+        results = _judge_case(self.config, self.renderer, case.suite, case.case)
+        conclude(self, results, self.check, case.selection)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """Return the verdict in words, without a traceback of ours."""
@@ -183,13 +190,13 @@ class VerdictItem(pytest.Item):
 
 
 @dataclass(frozen=True)
-class Asked:
+class Selection:
     """What is to be judged: the cases with their suites, and what is known to fail."""
 
     cases: Sequence[tuple[Suite, Case]]
     known: Known
     strict: bool
-    listed: Path | None = None
+    known_file: Path | None = None
     """The file of what is known."""
 
     @classmethod
@@ -201,24 +208,24 @@ class Asked:
         *,
         folder: Path,
         strict: bool,
-    ) -> Asked:
+    ) -> Selection:
         """Load suites and the list of known failures, whose paths count from `folder`. Raises `HapticevalError`."""
         from hapticeval.runner.known import NONE_KNOWN, read_known
         from hapticeval.suite.reading import load_suites
         from hapticeval.suite.selection import select as selected
 
-        names = [str(folder / name) if name.endswith(".toml") else name for name in _several(suite)]
+        names = [str(folder / name) if name.endswith(".toml") else name for name in _as_names(suite)]
         suites = load_suites(names)
         listed = NONE_KNOWN if known is None else read_known(folder / known)
         listed.check(suites)
-        return cls(selected(suites, _several(select)), listed, strict, None if known is None else folder / known)
+        return cls(selected(suites, _as_names(select)), listed, strict, None if known is None else folder / known)
 
 
-def _several(given: str | Sequence[str]) -> Sequence[str]:
-    return (given,) if isinstance(given, str) else tuple(given)
+def _as_names(names: str | Sequence[str]) -> Sequence[str]:
+    return (names,) if isinstance(names, str) else tuple(names)
 
 
-class _Last(NamedTuple):
+class _LastJudged(NamedTuple):
     """The case that was judged last, of which the next item is as well if it is of the same renderer."""
 
     renderer: object
@@ -226,56 +233,56 @@ class _Last(NamedTuple):
     results: Results
 
 
-LAST = pytest.StashKey[_Last]()
+LAST_JUDGED = pytest.StashKey[_LastJudged]()
 
 
-def _judged(config: pytest.Config, renderer: AnyRenderer, suite: Suite, case: Case) -> Results:
+def _judge_case(config: pytest.Config, renderer: AnyRenderer, suite: Suite, case: Case) -> Results:
     """Return what the checks of a case find, judged once for items that follow one another."""
     from hapticeval import api
 
-    last = config.stash.get(LAST, None)
+    last = config.stash.get(LAST_JUDGED, None)
     if last is None or last.renderer is not renderer or last.place != (suite.name, case):
         results = api.run([renderer], suites=replace(suite, cases=(case,), rows=()), workers=0)
         if results.stopped:
             raise KeyboardInterrupt
-        last = config.stash[LAST] = _Last(renderer, (suite.name, case), results)
+        last = config.stash[LAST_JUDGED] = _LastJudged(renderer, (suite.name, case), results)
     return last.results
 
 
-def conclude(node: pytest.Item, results: Results, check: str, asked: Asked) -> VerdictEntry:
+def conclude(node: pytest.Item, results: Results, check: str, selection: Selection) -> VerdictEntry:
     """Raise, skip or expect a failure as the verdict of a check has it; return one that is as required.
 
     Raises `KnownFailure` and `NotConforming`; what only warns, or fails as published, is expected to fail.
     """
     __tracebackhide__ = True
-    verdict = asked.known.marked(next(each for each in results.verdicts if each.check == check))
-    _note(node, asked.listed, [verdict])
-    if verdict.stops(strict=asked.strict) and not (verdict.outdated and verdict.outcome == "pass"):
-        raise NotConforming(described(node.config, results, verdict))
+    verdict = selection.known.marked(next(entry for entry in results.verdicts if entry.check == check))
+    _note_known(node, selection.known_file, [verdict])
+    if verdict.stops(strict=selection.strict) and not (verdict.outdated and verdict.outcome == "pass"):
+        raise NotConforming(describe_verdict(node.config, results, verdict))
     if verdict.outcome == "not-applicable":
         pytest.skip(verdict.message)
     if verdict.standing == "known":
-        raise KnownFailure(described(node.config, results, verdict))
+        raise KnownFailure(describe_verdict(node.config, results, verdict))
     if verdict.outcome != "pass":
         standing = "as published" if verdict.published else f"level {verdict.level}"
         pytest.xfail(f"{verdict.outcome}, {standing}: {verdict.message}")
     return verdict
 
 
-def described(config: pytest.Config, results: Results, verdict: VerdictEntry) -> str:
+def describe_verdict(config: pytest.Config, results: Results, verdict: VerdictEntry) -> str:
     """Return verdict, metric, bound, place, the picture's path, and how to see it again."""
     lines = [f"{verdict.check} on {verdict.renderer}, {verdict.suite}/{verdict.case}: {verdict.outcome}"]
-    lines += [f"  {text}" for text in (verdict.message, verdict.measured, _where(verdict)) if text]
+    lines += [f"  {text}" for text in (verdict.message, verdict.measured, _describe_place(verdict)) if text]
     if verdict.published and not verdict.known:
         lines.append(f"  published: {verdict.published}")
     if verdict.outdated:
         lines.append(f"  known to fail, and does not any more: take it off the list ({verdict.known})")
-    lines.append(f"  picture: {_picture(config, results, verdict)}")
+    lines.append(f"  picture: {_draw_picture(config, results, verdict)}")
     lines.append(f"  explained by: hapticeval explain {verdict.check}")
     return "\n".join(lines)
 
 
-def _where(verdict: VerdictEntry) -> str:
+def _describe_place(verdict: VerdictEntry) -> str:
     """Return time, HIP and IHIP of the evidence, for instance `at t = 2.572 s, HIP (10, 20) mm`."""
     from hapticeval.errors import in_mm
 
@@ -283,12 +290,12 @@ def _where(verdict: VerdictEntry) -> str:
     parts = [f"t = {evidence['time']:.4g} s"] if isinstance(evidence.get("time"), float) else []
     for name in ("hip", "ihip"):
         point = evidence.get(name)
-        if isinstance(point, list) and all(isinstance(each, float) for each in point):
+        if isinstance(point, list) and all(isinstance(coordinate, float) for coordinate in point):
             parts.append(f"{name.upper()} {in_mm(point)}")
     return f"at {', '.join(parts)}" if parts else ""
 
 
-def _picture(config: pytest.Config, results: Results, verdict: VerdictEntry) -> str:
+def _draw_picture(config: pytest.Config, results: Results, verdict: VerdictEntry) -> str:
     """Draw the run with its marks below pytest's cache, and return the path, or why there is none."""
     from hapticeval.files import file_stem
 
@@ -304,7 +311,7 @@ def _picture(config: pytest.Config, results: Results, verdict: VerdictEntry) -> 
     return os.path.relpath(file)
 
 
-def _asked(marker: pytest.Mark, folder: Path) -> Asked:
+def _selection_of(marker: pytest.Mark, folder: Path) -> Selection:
     """Return what a marker asks for. Raises `UsageError` for what it cannot mean."""
     from hapticeval.errors import HapticevalError
 
@@ -312,7 +319,9 @@ def _asked(marker: pytest.Mark, folder: Path) -> Asked:
     if marker.args or len(options) > 5:
         raise pytest.UsageError(f"@pytest.mark.hapticeval takes no others than {MARKER.partition(':')[0]}")
     try:
-        return Asked.of(options["suite"], options["select"], options["known"], folder=folder, strict=options["strict"])
+        return Selection.of(
+            options["suite"], options["select"], options["known"], folder=folder, strict=options["strict"]
+        )
     except HapticevalError as error:
         raise pytest.UsageError(f"@pytest.mark.hapticeval: {error}") from error
 
@@ -322,8 +331,8 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     marker = metafunc.definition.get_closest_marker("hapticeval")
     if marker is None or "hapticeval" not in metafunc.fixturenames:
         return
-    asked = _asked(marker, metafunc.definition.path.parent)
-    places = [(asked, suite, case, check) for suite, case in asked.cases for check in case.checks]
+    selection = _selection_of(marker, metafunc.definition.path.parent)
+    places = [(selection, suite, case, check) for suite, case in selection.cases for check in case.checks]
     ids = [f"{suite.name}/{case.name}/{check}" for _, suite, case, check in places]
     metafunc.parametrize("hapticeval", places, ids=ids, indirect=True)
 
@@ -335,34 +344,34 @@ def hapticeval(request: pytest.FixtureRequest) -> Callable[..., Any]:
     With the marker `hapticeval` a test is one verdict: `hapticeval(Mine)` returns it, or fails as it does. Without, it
     judges all cases that `suite` and `select` name, fails with all that is not as required, and returns the results.
     """
-    given = getattr(request, "param", None)
+    place = getattr(request, "param", None)
     config = request.config
-    if given is None:
+    if place is None:
 
         def judge_all(renderer: AnyRenderer, **options: Any) -> Results:
             __tracebackhide__ = True
-            return _whole(request.node, request.path.parent, renderer, **options)
+            return _judge_all(request.node, request.path.parent, renderer, **options)
 
         return judge_all
-    asked, suite, case, check = given
+    selection, suite, case, check = place
     marker = request.node.get_closest_marker("hapticeval")
 
     def judge(renderer: AnyRenderer | None = None) -> VerdictEntry:
         __tracebackhide__ = True
-        wanted = marker.kwargs.get("renderer") if renderer is None else renderer
-        if wanted is None:
+        judged_renderer = marker.kwargs.get("renderer") if renderer is None else renderer
+        if judged_renderer is None:
             raise pytest.UsageError("hapticeval(RENDERER): no renderer is given, and none by the marker")
-        results = _judged(config, wanted, suite, case)
+        results = _judge_case(config, judged_renderer, suite, case)
         name = results.document.renderers[0]
-        entry = asked.known.entries.get((name, f"{suite.name}/{case.name}/{check}"))
+        entry = selection.known.entries.get((name, f"{suite.name}/{case.name}/{check}"))
         if entry is not None:
-            request.applymarker(pytest.mark.xfail(reason=entry.reason, raises=KnownFailure, strict=asked.strict))
-        return conclude(request.node, results, check, asked)
+            request.applymarker(pytest.mark.xfail(reason=entry.reason, raises=KnownFailure, strict=selection.strict))
+        return conclude(request.node, results, check, selection)
 
     return judge
 
 
-def _whole(
+def _judge_all(
     node: pytest.Item,
     folder: Path,
     renderer: AnyRenderer,
@@ -376,43 +385,43 @@ def _whole(
     from hapticeval import api
 
     __tracebackhide__ = True
-    names = [str(folder / name) if name.endswith(".toml") else name for name in _several(suite)]
+    names = [str(folder / name) if name.endswith(".toml") else name for name in _as_names(suite)]
     listed = None if known is None else folder / known
     results = api.run(
         [renderer],
         suites=names,
-        select=_several(select),
+        select=_as_names(select),
         known=listed,
         strict=strict,
         workers=0,
     )
     if results.stopped:
         raise KeyboardInterrupt
-    _note(node, listed, results.verdicts)
-    wrong = _worst_first(each for each in results.verdicts if results.document.stops(each))
+    _note_known(node, listed, results.verdicts)
+    wrong = _worst_first(verdict for verdict in results.verdicts if results.document.stops(verdict))
     if wrong:
-        raise NotConforming("\n".join(described(node.config, results, each) for each in wrong))
+        raise NotConforming("\n".join(describe_verdict(node.config, results, verdict) for verdict in wrong))
     return results
 
 
-def _note(node: pytest.Item, listed: Path | None, verdicts: Iterable[VerdictEntry]) -> None:
+def _note_known(node: pytest.Item, listed: Path | None, verdicts: Iterable[VerdictEntry]) -> None:
     """Leave with a test what the terminal summary says of its list of known failures, also where xdist is between."""
     from hapticeval.runner.known import describe_outdated
 
     if listed is None:
         return
     notes = [
-        (str(listed), each.renderer, each.suite, *(describe_outdated(each) if each.outdated else ()))
-        for each in verdicts
+        (str(listed), verdict.renderer, verdict.suite, *(describe_outdated(verdict) if verdict.outdated else ()))
+        for verdict in verdicts
     ]
-    node.user_properties += [(LISTED, note) for note in dict.fromkeys(notes)]
+    node.user_properties += [(KNOWN_PROPERTY, note) for note in dict.fromkeys(notes)]
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Print what lists of known failures have about renderers and suites that did not run, and what is outdated."""
     reports = [report for reports in terminalreporter.stats.values() for report in reports]
-    properties = [each for report in reports for each in getattr(report, "user_properties", ())]
-    notes = dict.fromkeys(tuple(value) for name, value in properties if name == LISTED)
+    properties = [user_property for report in reports for user_property in getattr(report, "user_properties", ())]
+    notes = dict.fromkeys(tuple(value) for name, value in properties if name == KNOWN_PROPERTY)
     if not notes:
         return
     from hapticeval.runner.known import read_known
@@ -420,7 +429,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     lines: list[str] = []
     for file in dict.fromkeys(note[0] for note in notes):
         ran = [note[1:3] for note in notes if note[0] == file]
-        renderers, suites = ({each[at] for each in ran} for at in (0, 1))
+        renderers, suites = ({pair[at] for pair in ran} for at in (0, 1))
         known = read_known(Path(file))
         lines += known.unplanned(sorted(renderers), sorted(suites)) + known.unsized()
     lines += [f"{head}\n  {todo}" for _, _, _, head, todo in (note for note in notes if len(note) > 3)]
@@ -431,4 +440,4 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def _worst_first(verdicts: Iterable[VerdictEntry]) -> list[VerdictEntry]:
-    return sorted(verdicts, key=lambda each: each.severity, reverse=True)
+    return sorted(verdicts, key=lambda verdict: verdict.severity, reverse=True)

@@ -24,12 +24,12 @@ def parse_duration(text: str, *, option: str) -> float:
 
 
 def _parsed(text: str, units: Mapping[str, float], option: str, example: str) -> float:
-    found = NUMBER.fullmatch(text)
+    match = NUMBER.fullmatch(text)
     try:
-        number = float(found[1]) if found else math.nan
+        number = float(match[1]) if match else math.nan
     except ValueError:
         number = math.nan
-    unit = found[2] if found else ""
+    unit = match[2] if match else ""
     if math.isfinite(number) and number > 0.0 and unit in units:
         return number * units[unit]
     if not math.isfinite(number):
@@ -49,8 +49,8 @@ def number(value: float, digits: int = 4) -> str:
     if not e:
         return text
     if 0 < int(power) < 6:
-        whole = int(float(text))
-        return f"{whole:,}" if abs(whole) >= 10_000 else f"{whole}"
+        count = int(float(text))
+        return f"{count:,}" if abs(count) >= 10_000 else f"{count}"
     return f"{mantissa}e{int(power)}"
 
 

@@ -73,13 +73,13 @@ class Declaration:
     @property
     def meta(self) -> dict[str, Any]:
         """What the metadata of a recording holds of it; a largest stiffness that is infinite is left out."""
-        said: dict[str, Any] = {} if self.spring is None else {"spring": Spring(self.spring).value}
+        entries: dict[str, Any] = {} if self.spring is None else {"spring": Spring(self.spring).value}
         if self.stiffness_range is not None:
-            least, largest = map(float, self.stiffness_range)
-            said |= {"stiffness_least": least} | ({"stiffness_largest": largest} if largest < math.inf else {})
-        said |= {"contact_point": "none"} if self.force_only else {}
+            smallest, largest = map(float, self.stiffness_range)
+            entries |= {"stiffness_least": smallest} | ({"stiffness_largest": largest} if largest < math.inf else {})
+        entries |= {"contact_point": "none"} if self.force_only else {}
         scatters = {"ihip_scatter": float(self.ihip_scatter), "force_scatter": float(self.force_scatter)}
-        return said | {"force_resolution": float(self.force_resolution)} | scatters
+        return entries | {"force_resolution": float(self.force_resolution)} | scatters
 
 
 def _is_number(value: object) -> bool:
@@ -218,23 +218,23 @@ def abilities_of(renderer: object) -> Abilities:
     Raises `RendererError` for what is no renderer, for an attribute that raises or is not what it should be, and
     `UnknownNameError`, with the closest names, for a requirement that there is not.
     """
-    known = _READ.get(id(renderer))
+    known = _KNOWN_ABILITIES.get(id(renderer))
     if known is not None and known[0]() is renderer:
         return known[1]
     with renderer_errors("attributes"):
-        found = _read(renderer)
+        abilities = _read_abilities(renderer)
     with suppress(TypeError):  # what cannot be referred to weakly is read again
         key = id(renderer)
-        _READ[key] = weakref.ref(renderer, lambda _: _READ.pop(key, None)), found
-    return found
+        _KNOWN_ABILITIES[key] = weakref.ref(renderer, lambda _: _KNOWN_ABILITIES.pop(key, None)), abilities
+    return abilities
 
 
-_READ: dict[int, tuple[weakref.ref[object], Abilities]] = {}
+_KNOWN_ABILITIES: dict[int, tuple[weakref.ref[object], Abilities]] = {}
 
 
-def _read(renderer: object) -> Abilities:
-    steps = _has(renderer, "reset") and _has(renderer, "step")
-    if not steps and not _has(renderer, "simulate"):
+def _read_abilities(renderer: object) -> Abilities:
+    steps = _has_method(renderer, "reset") and _has_method(renderer, "step")
+    if not steps and not _has_method(renderer, "simulate"):
         raise RendererError(
             f"the factory made a {type(renderer).__name__}, which is no renderer",
             why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
@@ -259,29 +259,29 @@ def _read(renderer: object) -> Abilities:
         )
     return Abilities(
         steps=steps,
-        run=_has(renderer, "run"),
-        lead=_has(renderer, "lead"),
-        observe_force=_has(renderer, "observe_force"),
+        run=_has_method(renderer, "run"),
+        lead=_has_method(renderer, "lead"),
+        observe_force=_has_method(renderer, "observe_force"),
         contact=hasattr(renderer, "contact"),
-        diagnostics=_has(renderer, "diagnostics"),
+        diagnostics=_has_method(renderer, "diagnostics"),
         law=law,
         surface=surface,
         pieces=pieces,
-        resolution=_length(renderer, "resolution"),
-        standoff=_length(renderer, "standoff"),
+        resolution=_declared_length(renderer, "resolution"),
+        standoff=_declared_length(renderer, "standoff"),
         declares=promise,
-        supports=_supported(renderer),
+        supports=_declared_support(renderer),
     )
 
 
-def _has(renderer: object, name: str) -> bool:
+def _has_method(renderer: object, name: str) -> bool:
     method = getattr(renderer, name, None)
     if method is not None and not callable(method):
         raise RendererError(f"the renderer's {name} is a {type(method).__name__}", why=f"{name}() is called")
     return method is not None
 
 
-def _length(renderer: object, name: str) -> float:
+def _declared_length(renderer: object, name: str) -> float:
     value = getattr(renderer, name, 0.0)
     try:
         length = float(value)
@@ -296,7 +296,7 @@ def _length(renderer: object, name: str) -> float:
     return length
 
 
-def _supported(declaring: object) -> frozenset[str] | None:
+def _declared_support(declaring: object) -> frozenset[str] | None:
     """Return the requirements that a renderer, or its factory, declares to support; None where it declares nothing."""
     names = getattr(declaring, "supports", None)
     if isinstance(declaring, type) and not isinstance(names, Collection):
@@ -363,18 +363,18 @@ class Choices:
 def choices_of(factory: object) -> Choices:
     """Return what a factory offers. Raises `RendererError` for an attribute that raises or is not what it should be."""
     with renderer_errors("factory's attributes"):
-        found: dict[str, Any] = {each: getattr(factory, each, None) for each in Choices.__dataclass_fields__}
-        for each in ("regulations", "representations"):
-            found[each] = None if found[each] is None else tuple(found[each])
-        knobs = found["knobs"] if isinstance(found["knobs"], Mapping) else {}
-        if knobs and not callable(found["with_knobs"]):
+        attributes: dict[str, Any] = {name: getattr(factory, name, None) for name in Choices.__dataclass_fields__}
+        for name in ("regulations", "representations"):
+            attributes[name] = None if attributes[name] is None else tuple(attributes[name])
+        knobs = attributes["knobs"] if isinstance(attributes["knobs"], Mapping) else {}
+        if knobs and not callable(attributes["with_knobs"]):
             raise InputError(
                 f"the factory {factory!r} declares the knobs {', '.join(knobs)} and cannot set them",
                 why="it has no with_knobs(**values)",
                 todo="add with_knobs(**values), which returns the factory with those values",
             )
-        summary = found["summary"] or (factory.__doc__ or "").strip().partition("\n")[0]
-        return Choices(**{**found, "summary": summary, "supports": _supported(factory), "knobs": knobs})
+        summary = attributes["summary"] or (factory.__doc__ or "").strip().partition("\n")[0]
+        return Choices(**{**attributes, "summary": summary, "supports": _declared_support(factory), "knobs": knobs})
 
 
 def configured(factory: RendererFactory, settings: Mapping[str, float], *, name: str) -> RendererFactory:

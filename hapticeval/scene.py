@@ -65,13 +65,13 @@ class Scene:
                 why="a collision that creates energy is not passive: c_r of (3.5) lies between 0 and 1",
             )
         object.__setattr__(self, "effects", in_order(self.effects))
-        for each in self.effects:
-            each.check(self.robot)
-            each.fits(self)
+        for effect in self.effects:
+            effect.check(self.robot)
+            effect.fits(self)
 
-    def on_answers_beside(self, *kinds: str) -> list[str]:
+    def answer_effects_except(self, *kinds: str) -> list[str]:
         """Return the kinds of the effects that change answers, but for these."""
-        return [each.kind for each in self.effects if each.stage is Stage.ANSWER and each.kind not in kinds]
+        return [effect.kind for effect in self.effects if effect.stage is Stage.ANSWER and effect.kind not in kinds]
 
     @overload
     def effect(self, kind: type[E]) -> E | None: ...
@@ -85,31 +85,31 @@ class Scene:
         By its kind an effect is asked for without importing it.
         """
         of = kind if isinstance(kind, str) else kind.kind
-        return next((each for each in self.effects if each.kind == of), None)
+        return next((effect for effect in self.effects if effect.kind == of), None)
 
     @property
     def viscosity(self) -> float:
         """Return b_d of (7.18) of the surface, kg/s; zero where the scene calls for none."""
-        found = self.effect(VISCOSITY)
-        return 0.0 if found is None else float(found.coefficient)
+        effect = self.effect(VISCOSITY)
+        return 0.0 if effect is None else float(effect.coefficient)
 
     def with_effects(self, *effects: Effect) -> Scene:
         """Return the scene with these effects, in place of its own of the same kinds."""
-        kinds = {each.kind for each in effects}
-        return replace(self, effects=(*(each for each in self.effects if each.kind not in kinds), *effects))
+        kinds = {effect.kind for effect in effects}
+        return replace(self, effects=(*(effect for effect in self.effects if effect.kind not in kinds), *effects))
 
     def without(self, kind: str) -> Scene:
         """Return the scene without its effect of that kind."""
-        return replace(self, effects=tuple(each for each in self.effects if each.kind != kind))
+        return replace(self, effects=tuple(effect for effect in self.effects if effect.kind != kind))
 
     @property
     def requirements(self) -> dict[str, str]:
         """Return what this scene asks of a renderer: name -> meaning, to complete "the scene asks for NAME: ..."."""
-        asked = [PLANE if self.model.dimension == 2 else SPACE]
-        asked += [BILATERAL] if self.bilateral else []
-        asked += [each.kind for each in self.effects if each.stage is not Stage.ANSWER]
+        names = [PLANE if self.model.dimension == 2 else SPACE]
+        names += [BILATERAL] if self.bilateral else []
+        names += [effect.kind for effect in self.effects if effect.stage is not Stage.ANSWER]
         known = requirements()
-        return {name: known[name] for name in asked if name in known}
+        return {name: known[name] for name in names if name in known}
 
     @property
     def robot(self) -> Device:

@@ -29,23 +29,23 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeAlias, TypeVar, cast
 
 from hapticeval.errors import HapticevalError
-from hapticeval.pulse import Asked, Pulse, asked_in, count_in
+from hapticeval.pulse import PendingStep, Pulse, share_pulse, unanswered_step
 
 T = TypeVar("T")
 
 Frame: TypeAlias = tuple[str, int, str]
 """File, line and function."""
 
-GRACE = 1.0
+IDLE_GRACE = 1.0
 """Seconds that a process without a call has to end by itself, before it is killed."""
 
-DYING = 10.0
+EXIT_PATIENCE = 10.0
 """Seconds that a process has until it is gone whose pipe is closed: longer than the system takes, also a busy one."""
 
 STACK_SIGNAL = getattr(signal, "SIGUSR1", None)
 """At this signal a process writes its Python stack, even from within compiled code."""
 
-SPELLED = 0.2
+STACK_PATIENCE = 0.2
 """Seconds that processes have to write their stacks."""
 
 
@@ -57,11 +57,11 @@ def cores() -> int:
 TRIES = 3
 """Processes that a job may see killed from outside before it counts as what has them killed."""
 
-WATCH = 1.0
+PARENT_CHECK_PERIOD = 1.0
 """Seconds between two looks of a process at whether its parent is still there."""
 
 
-def _waited(worker: _Worker) -> float:
+def _processor_wait(worker: _Worker) -> float:
     """Return the seconds that a process has waited for a processor so far; 0.0 where it is not known."""
     try:
         return 1e-9 * int(Path(f"/proc/{worker.process.pid}/schedstat").read_bytes().split()[1])
@@ -72,18 +72,18 @@ def _waited(worker: _Worker) -> float:
 class Ended(Exception):
     """The process that worked on a call has ended without an answer, with that exit `code` where it ended by itself.
 
-    The code is negative for a signal, as that of `subprocess.Popen`. `asked` are tick and HIP (m) of the step that a
-    renderer was asked for then, and `stack` the frames of a crash, as of `Overdue`, as far as they are known.
+    The code is negative for a signal, as that of `subprocess.Popen`. `pending_step` holds tick and HIP (m) of the step
+    that a renderer was asked for then, and `stack` the frames of a crash, as of `Overdue`, as far as they are known.
     """
 
     def __init__(
         self,
         code: int | None = None,
-        asked: tuple[int, tuple[float, ...]] | None = None,
+        pending: tuple[int, tuple[float, ...]] | None = None,
         stack: tuple[Frame, ...] = (),
     ) -> None:
-        super().__init__(code, asked, stack)
-        self.code, self.asked, self.stack = code, asked, stack
+        super().__init__(code, pending, stack)
+        self.code, self.pending_step, self.stack = code, pending, stack
 
     @property
     def killed(self) -> bool:
@@ -93,7 +93,7 @@ class Ended(Exception):
     @property
     def how(self) -> str:
         """How it ended, in words."""
-        return ending(self.code)
+        return describe_exit(self.code)
 
 
 class Overdue(Exception):
@@ -112,7 +112,7 @@ class LostError(HapticevalError):
     """Who was to make the calls is gone, and no answer will come."""
 
 
-def ending(code: int | None) -> str:
+def describe_exit(code: int | None) -> str:
     """Return how a process ended, in words: the name of the signal that killed it, or its exit code."""
     if code is not None and code < 0:
         try:
@@ -181,7 +181,7 @@ class _Worker:
     """Where its stack comes out."""
     pulse: Pulse
     """Where it counts the answers of renderers, unless it has an interpreter of its own."""
-    asked: Asked
+    pending_step: PendingStep
     """Where it keeps what is asked of a renderer, likewise."""
 
     def ask_for_stack(self) -> None:
@@ -254,26 +254,26 @@ class Workers(Generic[T]):
         self._tries = tries
         self._fresh = fresh
         self._idle: list[_Worker] = []
-        self._at: dict[int, _Call] = {}
-        self._here: list[Answer[T]] = []
+        self._begun: dict[int, _Call] = {}
+        self._local_answers: list[Answer[T]] = []
 
     def __enter__(self) -> Workers[T]:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for call in self._at.values():
+        for call in self._begun.values():
             call.worker.end(0.0)
         for worker in self._idle:
             worker.pipe.close()
         for worker in self._idle:
-            worker.end(GRACE)
-        self._at.clear()
+            worker.end(IDLE_GRACE)
+        self._begun.clear()
         self._idle.clear()
 
     @property
     def busy(self) -> int:
         """How many calls have begun, of which no answer has been taken."""
-        return len(self._at) + len(self._here)
+        return len(self._begun) + len(self._local_answers)
 
     @property
     def free(self) -> int:
@@ -283,7 +283,7 @@ class Workers(Generic[T]):
     def begin(self, call: int, *arguments: Any) -> None:
         """Have a free process, or a new one, call the function."""
         if self._count == 0:
-            self._here.append(Answer(call, *_called(partial(self._function, *arguments))))
+            self._local_answers.append(Answer(call, *_call_result(partial(self._function, *arguments))))
         else:
             self._begin(call, arguments, 0)
 
@@ -298,32 +298,32 @@ class Workers(Generic[T]):
             except Exception:  # the arguments cannot travel, and nothing of them was sent
                 self._idle.append(worker)
                 raise
-            worker.asked[0] = 0
-            self._at[call] = _Call(worker, arguments, killed, time.monotonic(), _waited(worker))
+            worker.pending_step[0] = 0
+            self._begun[call] = _Call(worker, arguments, killed, time.monotonic(), _processor_wait(worker))
             return
 
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
         """Return the answers that there are, after waiting for the first, for at most `timeout` seconds if given."""
-        found, self._here = self._here, []
-        calls = {each.worker.pipe: call for call, each in self._at.items()}
+        answers, self._local_answers = self._local_answers, []
+        calls = {begun.worker.pipe: call for call, begun in self._begun.items()}
         for pipe in multiprocessing.connection.wait(list(calls), timeout) if calls else ():
             call = calls[cast("Connection", pipe)]
-            worker, arguments, killed, *_ = self._at.pop(call)
+            worker, arguments, killed, *_ = self._begun.pop(call)
             try:
                 answer = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
-                stack, asked = worker.stack(time.monotonic()), asked_in(worker.asked)
-                ended = Ended(worker.end(DYING), asked, stack)
+                stack, pending = worker.stack(time.monotonic()), unanswered_step(worker.pending_step)
+                ended = Ended(worker.end(EXIT_PATIENCE), pending, stack)
                 if ended.killed and killed + 1 < self._tries:
                     self._begin(call, arguments, killed + 1)
                 else:
-                    found.append(Answer(call, None, ended))
+                    answers.append(Answer(call, None, ended))
             else:
                 self._idle.append(worker)
-                found.append(Answer(call, *pickle.loads(answer)))
-        if not found and self._at and timeout is None:
+                answers.append(Answer(call, *pickle.loads(answer)))
+        if not answers and self._begun and timeout is None:
             return self.answers()  # what was killed has begun anew
-        return found
+        return answers
 
     def give_up(self, seconds: float) -> list[Answer[T]]:
         """Kill the processes that have worked on a call for longer than `seconds`; return an answer for each.
@@ -331,12 +331,12 @@ class Workers(Generic[T]):
         What they have waited for a processor meanwhile does not count, see `starved`.
         """
         end = time.monotonic() - seconds
-        old = [(call, at) for call, at in self._at.items() if at.begun < end]
-        late = [call for call, at in old if at.begun + _waited(at.worker) - at.waited < end]
-        workers = {call: self._at.pop(call).worker for call in late}
+        old = [(call, at) for call, at in self._begun.items() if at.begun < end]
+        late = [call for call, at in old if at.begun + _processor_wait(at.worker) - at.waited < end]
+        workers = {call: self._begun.pop(call).worker for call in late}
         for worker in workers.values():
             worker.ask_for_stack()
-        until = time.monotonic() + SPELLED
+        until = time.monotonic() + STACK_PATIENCE
         given_up: list[Answer[T]] = []
         for call, worker in workers.items():
             given_up.append(Answer(call, None, Overdue(worker.stack(until))))
@@ -353,15 +353,15 @@ class Workers(Generic[T]):
         What shares a machine with others is late for them: who waits for an answer need not count that. 0.0 where it is
         not known, and for a call that is answered.
         """
-        at = self._at.get(call)
-        return 0.0 if at is None else _waited(at.worker)
+        at = self._begun.get(call)
+        return 0.0 if at is None else _processor_wait(at.worker)
 
     def pulse(self, call: int) -> tuple[int, bool]:
         """Return how many answers renderers have given in the process at a call, and whether it compiles now.
 
         Both stay nothing with `fresh`, and for a call that is answered.
         """
-        at = self._at.get(call)
+        at = self._begun.get(call)
         answers, compilations = (0, 0) if at is None else at.worker.pulse
         return answers, compilations > 0
 
@@ -369,7 +369,7 @@ class Workers(Generic[T]):
         ours, theirs = multiprocessing.Pipe()
         stack_pipe, stack_end = multiprocessing.Pipe(duplex=False)
         process: BaseProcess | subprocess.Popen[bytes]
-        pulse, asked = multiprocessing.RawArray("q", 2), multiprocessing.RawArray("d", 5)
+        pulse, pending = multiprocessing.RawArray("q", 2), multiprocessing.RawArray("d", 5)
         if self._fresh:
             pipes = [theirs.fileno(), stack_end.fileno()]
             command = [sys.executable, "-c", SERVE, *map(str, pipes), str(os.getpid())]
@@ -377,12 +377,12 @@ class Workers(Generic[T]):
             with contextlib.suppress(OSError):  # it has ended: that is seen at the first call
                 ours.send((sys.path, pickle.dumps(self._function)))
         else:
-            arguments = (theirs, stack_end, (ours, stack_pipe), self._function, pulse, asked)
-            process = multiprocessing.Process(target=_forked, args=arguments)
+            arguments = (theirs, stack_end, (ours, stack_pipe), self._function, pulse, pending)
+            process = multiprocessing.Process(target=_serve_forked, args=arguments)
             process.start()
         theirs.close()
         stack_end.close()
-        return _Worker(process, ours, stack_pipe, pulse, asked)
+        return _Worker(process, ours, stack_pipe, pulse, pending)
 
 
 SERVE = "import sys; from hapticeval.workers import serve; serve(*map(int, sys.argv[1:]))"
@@ -393,30 +393,30 @@ def serve(pipe: int, stack_end: int, parent: int) -> None:
 
     The stack goes to the pipe `stack_end`.
     """
-    _end_with(parent)
+    _end_with_parent(parent)
     with contextlib.suppress(EOFError, OSError):
         connection = Connection(pipe)
         sys.path[:], function = connection.recv()
         _serve(connection, Connection(stack_end, readable=False), pickle.loads(function))
 
 
-def _forked(
+def _serve_forked(
     pipe: Connection,
     stack_end: Connection,
     others: tuple[Connection, ...],
     function: Callable[..., Any],
     pulse: Pulse,
-    asked: Asked,
+    pending: PendingStep,
 ) -> None:
     """Answer calls in a copy of the parent, as long as that lives."""
-    _end_with(os.getppid())
-    count_in(pulse, asked)
+    _end_with_parent(os.getppid())
+    share_pulse(pulse, pending)
     for other in others:
         other.close()  # else this process would keep its own pipe open
     _serve(pipe, stack_end, function)
 
 
-def _end_with(parent: int) -> None:
+def _end_with_parent(parent: int) -> None:
     """End this process when its parent is gone, also in the middle of a call that never ends.
 
     Compiled code that keeps Python's lock for ever keeps it from that.
@@ -424,7 +424,7 @@ def _end_with(parent: int) -> None:
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(WATCH)
+            time.sleep(PARENT_CHECK_PERIOD)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
@@ -439,12 +439,12 @@ def _serve(pipe: Connection, stack_end: Connection, function: Callable[..., Any]
     try:
         while True:
             received = pipe.recv_bytes()
-            pipe.send_bytes(_packed(*_called(lambda: function(*pickle.loads(received)))))  # noqa: B023 - called at once
+            pipe.send_bytes(_pickled_answer(*_call_result(lambda: function(*pickle.loads(received)))))  # noqa: B023 - called at once
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
 
 
-def _called(call: Callable[[], T]) -> tuple[T | None, Exception | None]:
+def _call_result(call: Callable[[], T]) -> tuple[T | None, Exception | None]:
     """Return the value, or the error that was raised."""
     try:
         return call(), None
@@ -452,7 +452,7 @@ def _called(call: Callable[[], T]) -> tuple[T | None, Exception | None]:
         return None, error
 
 
-def _packed(value: Any, error: Exception | None) -> bytes:
+def _pickled_answer(value: Any, error: Exception | None) -> bytes:
     """Return value and error, ready to travel; what cannot becomes an error with its traceback as text."""
     try:
         if error is None:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import NOTHING, LawData, compiled, for_kernels
+from hapticeval.compiled import EMPTY_TABLE, LawData, compiled, for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.level_set import LevelSet
 from hapticeval.geometry.model import Model
@@ -62,7 +62,7 @@ def contour_of(level_set: LevelSet) -> tuple[Contour, Polygon]:
     cell = np.array([(x[-1] - x[0]) / (x.size - 1), (y[-1] - y[0]) / (y.size - 1)])
     middles = 0.5 * (ends + np.roll(ends, -1, axis=0))
     cells = np.clip(np.floor((middles - origin) / cell), 0, np.array([x.size - 2, y.size - 2]))
-    bare = Contour(np.hstack([ends, cells]), for_kernels(level_set.values), NOTHING, NOTHING, *origin, *cell)
+    bare = Contour(np.hstack([ends, cells]), for_kernels(level_set.values), EMPTY_TABLE, EMPTY_TABLE, *origin, *cell)
     outline = Polygon(_cut(bare))
     return bare._replace(vertices=for_kernels(outline.vertices), tree=for_kernels(outline.tree)), outline
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import NOTHING, LawData, borrowing, compiled, for_kernels, inner
+from hapticeval.compiled import EMPTY_TABLE, LawData, borrowing, compiled, for_kernels, inner
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn, project
 from hapticeval.geometry.kernels import (
@@ -276,7 +276,7 @@ def outline_of(curve: Curve) -> Outline:
         return Outline(pieces, joints, for_kernels(curve.samples), np.empty((0, 2)), np.empty((0, 6)), 0.0)
     joints[:, TURN], joints[:, CHORD] = _turns(pieces), np.arange(count)
     if isinstance(curve, Polygon):
-        return Outline(pieces, joints, NOTHING, for_kernels(curve.vertices), for_kernels(curve.tree), 0.0)
+        return Outline(pieces, joints, EMPTY_TABLE, for_kernels(curve.vertices), for_kernels(curve.tree), 0.0)
     start, end = curve.u_range
     cuts = np.ones(count, dtype=np.int64)
     curved = pieces[:, KIND] != LINE

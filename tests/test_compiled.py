@@ -32,7 +32,7 @@ class Seen(list):
         super().__setitem__(place, value)
         print(*self)
 
-pulse.count_in(Seen([0, 0]), [0.0] * 5)
+pulse.share_pulse(Seen([0, 0]), [0.0] * 5)
 print(kernel(np.arange(4.0)), kernel(np.arange(4.0)))
 """
 

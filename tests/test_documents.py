@@ -2,7 +2,7 @@
 
 import pytest
 
-from hapticeval.documents import DEEPEST, convert, parse_json, read_toml
+from hapticeval.documents import DEEPEST_NESTING, convert, parse_json, read_toml
 from hapticeval.errors import InputError
 
 
@@ -10,7 +10,7 @@ from hapticeval.errors import InputError
     ("text", "words"),
     [
         ("a = " + "[" * 5000 + "]" * 5000, "levels deep"),
-        (".".join("a" * (DEEPEST + 1)) + " = 1", "levels deep"),
+        (".".join("a" * (DEEPEST_NESTING + 1)) + " = 1", "levels deep"),
         ("a = " + "1" * 5000, "is not TOML"),
         ("a = \ud800".encode("utf-8", "surrogatepass"), "is not TOML"),
     ],
@@ -23,7 +23,8 @@ def test_toml_beyond_reason_is_refused(tmp_path, text, words):
 
 
 @pytest.mark.parametrize(
-    "text", ["[" * 100_000, '{"a":' * (DEEPEST + 1) + "1" + "}" * (DEEPEST + 1), "1" * 5000, "{", b"\xff"]
+    "text",
+    ["[" * 100_000, '{"a":' * (DEEPEST_NESTING + 1) + "1" + "}" * (DEEPEST_NESTING + 1), "1" * 5000, "{", b"\xff"],
 )
 def test_json_beyond_reason_is_refused(text):
     with pytest.raises(InputError, match="the text is "):
@@ -32,8 +33,8 @@ def test_json_beyond_reason_is_refused(text):
 
 def test_what_is_as_deep_as_allowed_is_read(tmp_path):
     file = tmp_path / "a.toml"
-    file.write_text(".".join("a" * DEEPEST) + " = 1")
-    assert read_toml(file) == parse_json('{"a":' * DEEPEST + "1" + "}" * DEEPEST, "the text")
+    file.write_text(".".join("a" * DEEPEST_NESTING) + " = 1")
+    assert read_toml(file) == parse_json('{"a":' * DEEPEST_NESTING + "1" + "}" * DEEPEST_NESTING, "the text")
 
 
 def test_a_number_that_no_float_holds_is_refused():

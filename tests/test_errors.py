@@ -8,7 +8,7 @@ import pytest
 
 import hapticeval.errors
 from hapticeval.cli import main
-from hapticeval.errors import caught_in, kind_of, printable
+from hapticeval.errors import kind_of, place_in_stack, printable
 
 OURS = hapticeval.errors.__file__
 WAITS = f"{sysconfig.get_path('stdlib')}/threading.py"
@@ -27,11 +27,11 @@ LIBRARY = f"{sysconfig.get_path('purelib')}/numpy/linalg.py"
     ],
 )
 def test_the_line_of_the_foreign_code_is_named(files, named):
-    assert caught_in([(file, at, "step") for at, file in enumerate(files)]).startswith(f"in {named} in step")
+    assert place_in_stack([(file, at, "step") for at, file in enumerate(files)]).startswith(f"in {named} in step")
 
 
 def test_no_stack_says_nothing():
-    assert caught_in(()) == ""
+    assert place_in_stack(()) == ""
 
 
 def test_errors_are_of_one_kind_whatever_their_numbers():

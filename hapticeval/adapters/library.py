@@ -26,7 +26,7 @@ from hapticeval.errors import DomainError, InputError, RefusalError, RendererErr
 from hapticeval.renderer import CompiledStep, Declaration, Response, Spring
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
-from hapticeval.workers import ending
+from hapticeval.workers import describe_exit
 
 HEADER = Path(__file__).with_name("hapticeval.h")
 
@@ -110,7 +110,7 @@ def _asked(path: Path, changed: int) -> dict[str, Any]:  # noqa: ARG001 - a libr
     last = done.stdout.rpartition("\nhapticeval ")[2]
     if done.returncode or not last.startswith("{"):
         raise InputError(
-            f"the library {path} ends the process that loads it: {ending(done.returncode)}",
+            f"the library {path} ends the process that loads it: {describe_exit(done.returncode)}",
             why="what it does when it is loaded, hr_abi() or hr_info_get(NULL, info) crashes",
             todo="hr_info_get is first called with self NULL, before a scene: write flags and max_error then",
         )

@@ -31,7 +31,7 @@ from hapticeval.errors import DomainError, InputError, RefusalError, RendererErr
 from hapticeval.renderer import Declaration, Response, Spring
 from hapticeval.scene import Scene, requirements
 from hapticeval.types import Array, BoolArray
-from hapticeval.workers import ending
+from hapticeval.workers import describe_exit
 
 VERSION = 1
 """Of the protocol."""
@@ -156,7 +156,7 @@ class Child:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(GRACE)
         code = self._process.poll()
-        how = "closed its stdout" if code is None else f"ended: {ending(code)}"
+        how = "closed its stdout" if code is None else f"ended: {describe_exit(code)}"
         self.fail(f"{how}, with '{call}' to answer", todo="let it read messages until 'bye' or the end of its stdin")
 
     def fail(self, what: str, *, why: str = "", todo: str = "") -> NoReturn:

@@ -12,7 +12,7 @@ import typer
 
 from hapticeval.commands.arguments import option
 from hapticeval.commands.terminal import Terminal, say
-from hapticeval.errors import HapticevalError, InputError, described, origin, printable
+from hapticeval.errors import HapticevalError, InputError, describe_error, origin, printable
 
 if TYPE_CHECKING:
     from hapticeval.hardware.device import HardwareDevice
@@ -308,7 +308,7 @@ def _driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
         raise
     except Exception as error:
         raise HapticevalError(
-            f"the driver '{name}' could not be opened: {described(error)}", why=origin(error)
+            f"the driver '{name}' could not be opened: {describe_error(error)}", why=origin(error)
         ) from error
     if not isinstance(driver, HardwareDevice):
         raise InputError(

@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from hapticeval.commands.terminal import plural
-from hapticeval.discovery import OUTSIDE, known_renderers, parse, see_current_directory
+from hapticeval.discovery import ADAPTERS, known_renderers, parse, see_current_directory
 from hapticeval.errors import HapticevalError, printable
 from hapticeval.runner.interrupts import Interrupts
 
@@ -71,7 +71,7 @@ def files_behind(renderers: Iterable[str]) -> list[Path]:
 
 def _sources(base: str) -> Iterator[Path]:
     kind, _, rest = base.partition(":")
-    if kind in OUTSIDE:  # a library, or a command with files among its words
+    if kind in ADAPTERS:  # a library, or a command with files among its words
         yield from (file for word in shlex.split(rest) if (file := Path(word)).is_file())
         return
     entry = known_renderers().get(base)

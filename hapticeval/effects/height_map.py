@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Ask, Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError, RefusalError
-from hapticeval.files import below
+from hapticeval.files import file_below
 from hapticeval.quantity import quantity
 from hapticeval.types import Array
 
@@ -75,7 +75,7 @@ class Relief(Effect):
             return numbers
         from hapticeval.recordings.formats import read_table
 
-        heights = read_table(below(folder, str(numbers["file"])))["h"]
+        heights = read_table(file_below(folder, str(numbers["file"])))["h"]
         return {name: value for name, value in numbers.items() if name != "file"} | {"profile": heights}
 
     @property

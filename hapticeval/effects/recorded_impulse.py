@@ -13,7 +13,7 @@ import numpy as np
 from hapticeval.effects.contact_impulse import capped, refuse_bilateral
 from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError
-from hapticeval.files import below
+from hapticeval.files import file_below
 from hapticeval.quantity import quantity
 from hapticeval.types import Array
 
@@ -65,7 +65,7 @@ class RecordedImpulse(Effect):
             return numbers
         if "pulse" in numbers or "step" in numbers:
             raise InputError("a recorded-impulse with a file, and a pulse or a step", todo="give one or the other")
-        pulse, step = read_pulse(below(folder, str(numbers["file"])))
+        pulse, step = read_pulse(file_below(folder, str(numbers["file"])))
         other_numbers = {name: value for name, value in numbers.items() if name != "file"}
         return {"pulse": pulse.tolist(), "step": step, **other_numbers}
 

@@ -13,7 +13,7 @@ from hapticeval.documents import convert
 from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
 from hapticeval.effects.texture import Texture, as_document, named, read_texture
 from hapticeval.errors import InputError
-from hapticeval.files import below
+from hapticeval.files import file_below
 from hapticeval.quantity import quantity
 
 DIRECTIONS = ("along", "across", "normal")
@@ -67,7 +67,7 @@ class StochasticTexture(Effect):
             return numbers
         if "texture" in numbers:
             raise InputError(f"a {cls.kind} with a file and a texture", todo="give one or the other")
-        texture = read_texture(below(folder, str(numbers["file"])))
+        texture = read_texture(file_below(folder, str(numbers["file"])))
         return {name: value for name, value in numbers.items() if name != "file"} | {"texture": texture}
 
     @property

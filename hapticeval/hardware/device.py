@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError, described, origin
+from hapticeval.errors import HapticevalError, describe_error, origin
 from hapticeval.types import Array
 
 
@@ -130,7 +130,7 @@ class Guarded:
             raise
         except Exception as error:
             raise HapticevalError(
-                f"the driver's {what} raised {described(error)} in cycle {self._cycle}",
+                f"the driver's {what} raised {describe_error(error)} in cycle {self._cycle}",
                 why=origin(error),
             ) from error
 
@@ -150,7 +150,7 @@ class Guarded:
             if isinstance(cause, HapticevalError):
                 ended = [f"the run had ended because {cause.what}"] * (cause.what not in problems) + [cause.why]
             elif cause is not None:
-                ended = [f"the run had ended by {described(cause)}"]
+                ended = [f"the run had ended by {describe_error(cause)}"]
             raise HapticevalError(
                 "the motors may still be on", why="; ".join(filter(None, problems + ended)), todo="switch them off"
             ) from cause

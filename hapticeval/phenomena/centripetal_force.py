@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from hapticeval.closed_forms import Gains, transversal
+from hapticeval.closed_forms import Gains, transversal_motion
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.decisions import (
@@ -171,8 +171,8 @@ def _assigned_response(force: Array, recording: Recording, scene: Scene) -> Arra
         return force / scene.stiffness
     gains, dt = Gains(scene.stiffness / scene.mass, scene.damping / scene.mass, 0.0), recording.dt
     # How a deflection dies out in one tick and in two gives the recursion that a held force is answered by.
-    once, twice = transversal(gains, "pp-pd", 1.0, 0.0, np.array([dt, 2.0 * dt]))[0]
-    carried = transversal(gains, "pp-pd", 0.0, 1.0, np.array([dt]))[1][0]
+    once, twice = transversal_motion(gains, "pp-pd", 1.0, 0.0, np.array([dt, 2.0 * dt]))[0]
+    carried = transversal_motion(gains, "pp-pd", 0.0, 1.0, np.array([dt]))[1][0]
     back, further = -once - carried, math.exp(-gains.d * dt)
     first, second = (1.0 - once) / scene.stiffness, (1.0 - twice) / scene.stiffness
     second = second - first + back * first

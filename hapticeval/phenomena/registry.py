@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from importlib.metadata import EntryPoint, entry_points
 
-from hapticeval.errors import InputError, described
+from hapticeval.errors import InputError, describe_error
 from hapticeval.phenomena import (
     answers_again,
     centripetal_force,
@@ -127,7 +127,7 @@ def _loaded(entry: EntryPoint) -> Check:
         check = entry.load()
     # A package of others may raise anything while it is imported.
     except Exception as error:
-        why = described(error)
+        why = describe_error(error)
     else:
         if isinstance(check, Check) and check.id == entry.name:
             read_page(check)  # one that cannot say what it asks is refused before it judges

@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from hapticeval.errors import HapticevalError, InputError, described
+from hapticeval.errors import HapticevalError, InputError, describe_error
 from hapticeval.files import refuse_existing
 from hapticeval.recordings.channels import Signal, check_metadata
 from hapticeval.recordings.journal import HEADERS, UNCLOSED, Kind, Layout, block_head, opening
@@ -451,7 +451,7 @@ class Recorder:
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if error is not None:
-            self.event("ended", described(error).replace("\0", " "))
+            self.event("ended", describe_error(error).replace("\0", " "))
         self.close()
 
     def _misfit(self, values: tuple[Any, ...], at: Any) -> InputError:

@@ -12,7 +12,7 @@ import numpy as np
 from hapticeval.closed_forms import form_of
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
-from hapticeval.errors import DomainError, HapticevalError, RefusalError, RunawayError, described, renderer_errors
+from hapticeval.errors import DomainError, HapticevalError, RefusalError, RunawayError, describe_error, renderer_errors
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs, without_channel
@@ -356,7 +356,7 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     except HapticevalError:
         raise
     except Exception as defect:  # the boundary behind which one faulty check must not take the run along
-        finding = Finding(Outcome.ERROR, f"the check itself failed: {described(defect)}")
+        finding = Finding(Outcome.ERROR, f"the check itself failed: {describe_error(defect)}")
     if ended is None or finding.outcome in (Outcome.NOT_APPLICABLE, Outcome.ERROR):
         return finding
     if ended.get("ran_away"):

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hapticeval.errors import RefusalError, RendererError, caught_in
+from hapticeval.errors import RefusalError, RendererError, place_in_stack
 from hapticeval.files import digest_of, plain
 from hapticeval.recordings.hdf5 import recording_bytes
 from hapticeval.runner.events import JobFinished
@@ -51,8 +51,8 @@ def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:
             todo="run it alone and watch its memory",
         )
     else:
-        tick, hip = how.asked or (None, None)
-        place = caught_in(how.stack)
+        tick, hip = how.pending_step or (None, None)
+        place = place_in_stack(how.stack)
         error = RendererError(
             f"the renderer ended the process that it ran in: {how.how}",
             tick=tick,
@@ -65,7 +65,7 @@ def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:
 
 def outcome_of_overdue(job: Job, seconds: float, how: Overdue) -> JobFinished:
     """Return what is left of a job that took longer than so many seconds and was ended."""
-    place = caught_in(how.stack)
+    place = place_in_stack(how.stack)
     error = RendererError(
         f"the renderer was ended after {seconds:g} s in this case",
         why=f"it hangs, or takes longer than --timeout{place and f': it was {place}'}",

@@ -12,7 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
-from hapticeval.errors import RendererError, caught_in, kind_of
+from hapticeval.errors import RendererError, kind_of, place_in_stack
 from hapticeval.phenomena.verdict import Level, Outcome, fault_kind
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import RendererFactory
@@ -188,7 +188,7 @@ class Bench:
                 return cast("T", answer.value)
             for answer in self._workers.give_up(patience) if watch.silent > patience else ():
                 self._end()
-                place = caught_in(answer.error.stack) if isinstance(answer.error, Overdue) else ""
+                place = place_in_stack(answer.error.stack) if isinstance(answer.error, Overdue) else ""
                 said = f"the renderer gives no answer in {patience:.3g} s{place and f': it is {place}'}"
                 return Fault(RENDERER, "hangs", said)
             if self._over():

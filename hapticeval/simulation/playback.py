@@ -17,14 +17,14 @@ from hapticeval.errors import (
     HapticevalError,
     RefusalError,
     RendererError,
-    blamed,
-    described,
+    blame_renderer,
+    describe_error,
     in_mm,
     is_foreign,
     renderer_errors,
 )
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.pulse import ask, beat
+from hapticeval.pulse import count_answer, note_pending
 from hapticeval.recordings.channels import REQUIRED
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.renderer import Batch, Renderer, TrajectoryRenderer, abilities_of
@@ -243,7 +243,7 @@ def _all_at_once(renderer: Renderer, hips: Array, velocity: Array, dt: float, fi
         try:
             answer = cast("Batch", renderer).run(hips.copy(), dt)
             ihips, forces = (np.asarray(part, dtype=np.float64) for part in answer)
-            beat()
+            count_answer()
         except (Exception, SystemExit) as error:
             if isinstance(error, HapticevalError) and not isinstance(error, RefusalError):
                 raise
@@ -318,10 +318,10 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
     The renderer gets copies too: what it does to its arguments, and to its answers later, must not reach the recording.
     Raises `RendererError`, with tick and HIP, unless it answers two finite vectors like `hip`.
     """
-    ask(tick, hip.tolist())
+    note_pending(tick, hip.tolist())
     try:
         answer = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
-        beat()
+        count_answer()
     except RendererError as error:
         raise error.placed(tick, hip) from error
     except HapticevalError:
@@ -329,7 +329,7 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
     except BaseException as error:
         if not is_foreign(error):
             raise
-        raise blamed("step()", error, tick=tick, hip=hip) from error
+        raise blame_renderer("step()", error, tick=tick, hip=hip) from error
     try:
         first, second = answer
         ihip, force = np.array(first, dtype=np.float64), np.array(second, dtype=np.float64)
@@ -338,7 +338,7 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
             f"the renderer's step() returned {type(answer).__name__}, no pair of an IHIP and a force",
             tick=tick,
             hip=hip,
-            why=described(error),
+            why=describe_error(error),
             todo="return hapticeval.Response(ihip, force), or any pair of two vectors",
         ) from error
     if ihip.shape != hip.shape or force.shape != hip.shape:
@@ -668,6 +668,6 @@ def _led_at_once(renderer: Renderer, rows: _Rows, answers: Answers) -> int:
         with suppress(Exception):  # it does not say where it broke; single steps do
             answers.ihip[:], answers.force[:] = renderer.lead(*(column.copy() for column in rows))  # type: ignore[attr-defined]
             answers.contact[:] = _reported_contacts(renderer, count)
-            beat()
+            count_answer()
             return count
     return 0

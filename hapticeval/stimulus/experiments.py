@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from hapticeval.errors import InputError
-from hapticeval.files import below
+from hapticeval.files import file_below
 from hapticeval.stimulus.paths import Point, Positive, as_array, read_path, read_rows
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 from hapticeval.types import Array
@@ -30,7 +30,7 @@ class HandPath(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def path(self, folder: FilePath) -> Path:
         """Return the path; a file counts from `folder`."""
         if self.file is not None:
-            return read_path(below(folder, self.file))
+            return read_path(file_below(folder, self.file))
         assert self.points is not None
         assert self.duration is not None
         points = as_array(self.points, "the points of the hand's path")
@@ -82,5 +82,5 @@ class ExperimentTable(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
             return as_array(self.force or [[0.0] * (len(self.position) + 1)], "the rows of force")
         if self.force is not None:
             raise InputError("both force and force_file are given", why="they say the same", todo="leave one out")
-        file = below(folder, self.force_file)
+        file = file_below(folder, self.force_file)
         return read_rows(file, "force", "a time in seconds and newtons", ("t", "fx", "fy", "fz"))

@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Meta, Struct, field
 
 from hapticeval.errors import InputError, at
-from hapticeval.files import below
+from hapticeval.files import file_below
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.stimulus.stimulus import Path
@@ -235,7 +235,7 @@ class FromFile(Trajectory, frozen=True, kw_only=True, tag="file"):
 
     def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path; see `Trajectory.path`."""
-        return read_path(below(folder, self.file))
+        return read_path(file_below(folder, self.file))
 
 
 def as_array(rows: Sequence[Sequence[float]], what: str) -> Array:

@@ -20,9 +20,9 @@ from hapticeval.errors import (
     HapticevalError,
     RefusalError,
     RendererError,
-    caught_in,
-    described,
+    describe_error,
     origin,
+    place_in_stack,
     renderer_errors,
 )
 from hapticeval.geometry.catalogue import make_model
@@ -144,7 +144,7 @@ def _answer(crew: Workers[Answered], patience: float, waiting: Waiting | None, a
             waiting(asked, time.monotonic() - begun - (crew.starved(0) - starved), patience)
     answer = found[0]
     if isinstance(answer.error, Overdue):
-        place = caught_in(answer.error.stack)
+        place = place_in_stack(answer.error.stack)
         raise Broke(f"no answer in {patience:g} s: it hangs{place and f', {place}'}; no more is asked", None, last=True)
     if isinstance(answer.error, Ended):
         text = f"it ends the process that it runs in: {answer.error.how}"
@@ -167,7 +167,7 @@ def _asked(name: str, kind: str, what: str) -> Answered:
     except HapticevalError as error:
         raise Broke("; ".join(filter(None, (error.what, error.why))), Problem.of(error).kind) from None
     except Exception as error:  # of a property, or of what an answer was taken for
-        text = f"it raised {described(error)}; {origin(error)}"
+        text = f"it raised {describe_error(error)}; {origin(error)}"
         raise Broke(text, text) from None
 
 

@@ -12,7 +12,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.documents import convert, read_toml
 from hapticeval.errors import InputError, UnknownNameError, at
-from hapticeval.files import below
+from hapticeval.files import file_below
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.stimulus.paths import Positive
 from hapticeval.suite.case import Case, CaseEntries, Published
@@ -144,7 +144,7 @@ def _cases(table: CaseTable, variants: Mapping[str, Variant], folder: FilePath) 
     entries["shows"] = " ".join(table.shows.split())
     if isinstance(table.model.get("file"), str):
         with at(f"case '{table.name}'"):
-            entries["model"] = {**table.model, "file": str(below(folder, table.model["file"]).resolve())}
+            entries["model"] = {**table.model, "file": str(file_below(folder, table.model["file"]).resolve())}
     case = Case(**entries, folder=folder)
     with at(f"case '{case.name}'"):
         _check_known("check", case.checks, CHECKS)

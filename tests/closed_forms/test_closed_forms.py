@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.closed_forms import CLOSED_FORMS, SCHEMES, Gains, integrated, polar_rates, transversal
+from hapticeval.closed_forms import CLOSED_FORMS, SCHEMES, Gains, integrate_rates, polar_rates, transversal_motion
 from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, line, star
@@ -110,7 +110,7 @@ def test_a_tenth_of_the_circle_at_a_tenth_of_the_speed_is_a_tenth_of_the_orbit(n
 
 
 def test_set_stabilisation_brings_the_tool_home_as_the_golden_numbers_say():
-    found, _ = transversal(GAINS, "set-stabilisation", 0.1, 0.0, np.array([0.05, 0.1, 0.2]))
+    found, _ = transversal_motion(GAINS, "set-stabilisation", 0.1, 0.0, np.array([0.05, 0.1, 0.2]))
     np.testing.assert_allclose(found, [0.069235893235141, 0.034567393786025, 0.0062344935637], atol=1e-14)
 
 
@@ -150,8 +150,8 @@ def test_motion_about_the_line_has_the_golden_numbers(name):
 @pytest.mark.parametrize(("k", "d"), [(500.0, 44.7), (500.0, 2.0 * np.sqrt(500.0)), (500.0, 90.0), (500.0, 0.0)])
 def test_the_transversal_formula_solves_its_equation_under_over_and_critically_damped(k, d):
     time = np.linspace(0.0, 0.4, 9)
-    n, rate = transversal(Gains(k, d, 0.0), "pp-pd", 0.03, -2.0, time)
-    by_steps = integrated(lambda t, y: (y[1], -k * y[0] - d * y[1]), (0.03, -2.0), time)
+    n, rate = transversal_motion(Gains(k, d, 0.0), "pp-pd", 0.03, -2.0, time)
+    by_steps = integrate_rates(lambda t, y: (y[1], -k * y[0] - d * y[1]), (0.03, -2.0), time)
     np.testing.assert_allclose(np.array([n, rate]), by_steps, atol=1e-12)
 
 
@@ -187,7 +187,7 @@ def test_on_the_cassinian_they_solve_the_force_laws_themselves(scheme):
     time = np.linspace(0.0, 0.4, 9)
     position, velocity = np.array([1.02, 0.05]), np.array([0.3, 2.0])
     form = CLOSED_FORMS[f"{scheme}-on-curve"].motion(scene, position, velocity, time)
-    plain = integrated(cartesian(scheme, model.curve, 500.0, 44.7), (*position, *velocity), time)
+    plain = integrate_rates(cartesian(scheme, model.curve, 500.0, 44.7), (*position, *velocity), time)
     np.testing.assert_allclose(form.hip, plain[:2].T, atol=1e-10)
     np.testing.assert_allclose(form.velocity, plain[2:].T, atol=1e-9)
 

@@ -14,7 +14,7 @@ from sympy.parsing.sympy_parser import (
     standard_transformations,
 )
 
-from hapticeval.closed_forms import CLOSED_FORMS, Gains, curve_rates, polar_rates, sliding, transversal
+from hapticeval.closed_forms import CLOSED_FORMS, Gains, curve_rates, polar_rates, sliding_motion, transversal_motion
 from hapticeval.geometry.catalogue import make_model
 
 GAINS = Gains(k=500.0, d=44.7, b=3.0)
@@ -63,9 +63,9 @@ def test_the_equations_on_a_curve_are_those_integrated(name):
 def test_the_equations_on_a_line_have_the_solutions_given(name):
     scheme, step = CLOSED_FORMS[name].scheme, 1e-5
     time = 0.01 + step * np.array([-1.0, 0.0, 1.0])
-    n, n1 = transversal(GAINS, scheme, 0.02, 0.5, time)
+    n, n1 = transversal_motion(GAINS, scheme, 0.02, 0.5, time)
     drag = {"6.20": GAINS.d, "7.28": GAINS.b}.get(name, 0.0)
-    _, s1 = sliding(drag, 0.4, time)
+    _, s1 = sliding_motion(drag, 0.4, time)
     shown = right_hand_sides(name, {**GAINS._asdict(), "n": n[1], "n1": n1[1], "s1": s1[1]})
     assert shown["n″"] == pytest.approx((n1[2] - n1[0]) / (2.0 * step), rel=1e-6)
     assert shown["s″"] == pytest.approx((s1[2] - s1[0]) / (2.0 * step), rel=1e-6)

@@ -78,7 +78,7 @@ def test_a_recording_names_no_code(tmp_path, capsys, name):
 
 @pytest.mark.parametrize("where", ["../outside.csv", "{absolute}", "link.csv"])
 def test_a_suite_reads_below_its_folder(tmp_path, where):
-    from hapticeval.stimulus.paths import below
+    from hapticeval.stimulus.paths import file_below
 
     (tmp_path / "suite").mkdir()
     outside = tmp_path / "outside.csv"
@@ -86,8 +86,8 @@ def test_a_suite_reads_below_its_folder(tmp_path, where):
     (tmp_path / "suite" / "link.csv").symlink_to(outside)
     (tmp_path / "suite" / "path.csv").write_text(outside.read_text())
     with pytest.raises(InputError, match="is not below the suite's folder"):
-        below(tmp_path / "suite", where.format(absolute=outside))
-    assert below(tmp_path / "suite", "path.csv").is_file()
+        file_below(tmp_path / "suite", where.format(absolute=outside))
+    assert file_below(tmp_path / "suite", "path.csv").is_file()
 
 
 def bomb_h5(path):

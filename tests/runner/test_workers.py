@@ -144,7 +144,7 @@ def test_a_call_that_takes_too_long_is_given_up_and_its_place_is_free():
 
 
 def test_several_late_calls_show_their_stacks_in_the_time_of_one(monkeypatch):
-    monkeypatch.setattr(workers, "SPELLED", 1.0)
+    monkeypatch.setattr(workers, "STACK_PATIENCE", 1.0)
     with Workers(act, 4) as crew:
         for call in range(4):
             crew.begin(call, "wait")
@@ -176,7 +176,7 @@ def test_a_process_that_is_stopped_in_the_middle_of_an_answer_does_not_hold_up_t
     with Workers(act, 2) as crew:
         crew.begin(0, "double", "x" * 10_000_000)
         crew.begin(1, "wait")
-        assert crew._at[0].worker.pipe.poll(60.0)
+        assert crew._begun[0].worker.pipe.poll(60.0)
     assert crew.busy == 0
 
 

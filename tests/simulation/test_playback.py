@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hapticeval.discovery import resolve
-from hapticeval.errors import DomainError, RefusalError, RendererError, described
+from hapticeval.errors import DomainError, RefusalError, RendererError, describe_error
 from hapticeval.geometry.catalogue import cassinian, line
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Declaration, Response, abilities_of
@@ -156,7 +156,7 @@ def test_so_is_one_of_a_factory_and_of_a_stimulus_answered_whole():
 
 
 def test_a_text_that_no_file_can_take_is_escaped():
-    assert described(ValueError("\udcb5m")) == r"ValueError: \udcb5m"
+    assert describe_error(ValueError("\udcb5m")) == r"ValueError: \udcb5m"
 
 
 def test_a_renderer_with_a_step_is_asked_step_by_step_whatever_else_it_has():

@@ -115,7 +115,7 @@ def judge_with_lag(
 
 def reason_not_judged(base: Recording, scene: Scene) -> Finding | None:
     """Return why a check of friction has no question, or no answer, here; None where it can be judged."""
-    others = scene.on_answers_beside(*FRICTIONS)
+    others = scene.answer_effects_except(*FRICTIONS)
     if others:
         message = f"the scene calls for {' and '.join(others)} too, whose force along the surface is no friction"
         return Finding(Outcome.NOT_APPLICABLE, message)

@@ -24,7 +24,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare what the later of friction and another effect adds to the answer of the earlier one with its law."""
     assert runs.without is not None
     base = runs.base
-    others = scene.on_answers_beside(FRICTION)
+    others = scene.answer_effects_except(FRICTION)
     if len(others) != 1 or others[0] not in (*BEFORE_FRICTION, TEXTURE):
         one = ", ".join((*BEFORE_FRICTION, TEXTURE))
         message = f"it is asked of friction and one of {one}, not of {others or 'it alone'}"

@@ -139,7 +139,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare force and IHIP of every tick with those that the relief makes of the path."""
     base = runs.base
     relief: Any = next(effect for effect in scene.effects if effect.kind in CHECK.effects)
-    others = scene.on_answers_beside(relief.kind)
+    others = scene.answer_effects_except(relief.kind)
     if others:
         message = f"the scene calls for {' and '.join(others)} too, whose force is another: a relief is judged alone"
         return Finding(Outcome.NOT_APPLICABLE, message)

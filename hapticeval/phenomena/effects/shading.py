@@ -39,7 +39,7 @@ def expect_shading(runs: Runs, scene: Scene) -> ExpectedShading | Finding:
     base, shading = runs.base, scene.effect(Shading)
     assert shading is not None
     assert runs.without is not None
-    others = scene.on_answers_beside(SHADING)
+    others = scene.answer_effects_except(SHADING)
     if others:
         message = f"the scene calls for {' and '.join(others)} too, whose force is not turned: shading is judged alone"
         return Finding(Outcome.NOT_APPLICABLE, message)

@@ -50,7 +50,7 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     base, effect = runs.base, scene.effect(StochasticTexture)
     assert effect is not None
     assert runs.without is not None
-    others = scene.on_answers_beside(TEXTURE)
+    others = scene.answer_effects_except(TEXTURE)
     if others:
         message = f"the scene calls for {' and '.join(others)} too, which answer vibrations: texture is judged alone"
         return Finding(Outcome.NOT_APPLICABLE, message)
@@ -308,7 +308,7 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     base, effect = runs.base, scene.effect(StochasticTexture)
     assert effect is not None
     assert runs.without is not None
-    others = scene.on_answers_beside(TEXTURE)
+    others = scene.answer_effects_except(TEXTURE)
     if others:
         message = f"the scene calls for {' and '.join(others)} too, which answer vibrations: texture is judged alone"
         return Finding(Outcome.NOT_APPLICABLE, message)

@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hapticeval.errors import HapticevalError, InputError, UnknownNameError, described, origin
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error, origin
 from hapticeval.recordings.importing.units import parse_unit
 from hapticeval.recordings.memory import FOLDER, HEAD, first_bytes, reserve
 
@@ -348,7 +348,7 @@ def blame_importer(what: str, function: Any = None) -> Iterator[None]:
         if isinstance(error, HapticevalError):
             why = "; ".join(filter(None, (error.why, place)))
             raise InputError(f"{what}: {error.what}", why=why, todo=error.todo) from error
-        raise InputError(f"{what} raised {described(error)}", why=place, todo="mend it there") from error
+        raise InputError(f"{what} raised {describe_error(error)}", why=place, todo="mend it there") from error
 
 
 def _check(table: Any, who: str) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hapticeval.discovery import own_renderers, resolve
-from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, described
+from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, describe_error
 from hapticeval.geometry.facets import triangulate_surface
 from hapticeval.knob import Settings
 from hapticeval.phenomena.sampling import force_floor
@@ -297,7 +297,7 @@ class Sweep:
             entry.failure = error
             entry.problem = " ".join(part for part in (f"{error.what}.", error.why) if part)
         except Exception as error:
-            entry.failure = RendererError(f"measuring it raised {described(error)}", tick=0, hip=())
+            entry.failure = RendererError(f"measuring it raised {describe_error(error)}", tick=0, hip=())
             entry.problem = entry.failure.what
 
     def _measure(self, entry: _Entry) -> None:
