@@ -20,7 +20,7 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
-from hapticeval.study.integrators import Runner, integration_benchmark
+from hapticeval.study.integrators import Integrator, integration_benchmark
 
 DT, SECONDS = 1e-3, 10.0
 ALLOWED = 3.0
@@ -69,7 +69,7 @@ def set_up(case, controller, hand):
 def motion_alone(device):
     """The motion of a device drawn round a circle, ready to be integrated, and its ticks."""
     benchmark, method = integration_benchmark(device), default_method()
-    return Runner(benchmark, method, control(method)), len(benchmark.torque)
+    return Integrator(benchmark, method, control(method)), len(benchmark.torque)
 
 
 def best(*runs, rounds=20):

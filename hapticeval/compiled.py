@@ -250,9 +250,8 @@ def machine_code(kernel: Callable[..., Any], *arguments: Any) -> bytes:
     from llvmlite.binding import ObjectFileRef
 
     own: Any = kernel
-    signature = tuple(
-        argument if isinstance(argument, types.Type) else numba.typeof(argument) for argument in arguments
-    )  # type: ignore[no-untyped-call]
+    typeof: Any = numba.typeof
+    signature = tuple(argument if isinstance(argument, types.Type) else typeof(argument) for argument in arguments)
     own.compile(signature)
     cache_entry = own._cache._cache_file.load(own._cache._index_key(signature, own.targetctx.codegen()))
     (_, _, (code, _)), *_ = cache_entry

@@ -85,8 +85,8 @@ def bench(
     from hapticeval.runner.folder import prepared_folder
     from hapticeval.runner.results import FILE as RESULTS
     from hapticeval.study.bench.compare import compare_benches
-    from hapticeval.study.bench.document import beside, read_bench, read_samples, write_bench
-    from hapticeval.study.bench.judge import judged
+    from hapticeval.study.bench.document import join_benches, read_bench, read_samples, write_bench
+    from hapticeval.study.bench.judge import judge_bench
     from hapticeval.study.bench.sweep import Sweep, settings_by_model
     from hapticeval.study.bench.text import describe
 
@@ -105,8 +105,8 @@ def bench(
         if before is not None:
             results = replace(results, comparison=compare_benches(results, samples, *before))
         with suppress(InputError):  # one that is not there, or of another version, has nothing to keep
-            results, samples = beside(results, samples, read_bench(directory), read_samples(directory))
-        results = judged(results, within=wanted, budget=limit)
+            results, samples = join_benches(results, samples, read_bench(directory), read_samples(directory))
+        results = judge_bench(results, within=wanted, budget=limit)
         written = write_bench(directory, results, samples)
     there = (directory / RESULTS).exists()
     hint = f"hapticeval report {directory} puts it into the report of the run that lies there" if there else ""

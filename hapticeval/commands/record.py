@@ -91,7 +91,7 @@ def record(
     from hapticeval.recordings.recorder import Recorder
     from hapticeval.renderer import Renderer, abilities_of
     from hapticeval.runner.judging import make_renderer
-    from hapticeval.study.limits.search import too_stiff
+    from hapticeval.study.limits.search import describe_instability
 
     journal = output.with_suffix(".journal")
     if output.suffix.lower() not in SUFFIXES:
@@ -112,7 +112,7 @@ def record(
             f"'{renderer}' cannot run on hardware", why="it has physics of its own", todo="choose another with -r"
         )
     warm(wired, made, scene)
-    warning = too_stiff(factory, scene, cutoff=CUTOFF)
+    warning = describe_instability(factory, scene, cutoff=CUTOFF)
     if warning:
         typer.echo(printable(f"warning: {warning}"), err=True)
     cycles = max(1, round(seconds * rate))

@@ -40,15 +40,15 @@ from hapticeval.workers import Ended, Overdue, Workers
 
 MODELS = {"plane": "circle", "space": "cube"}
 
-OURS = 600.0
+MODEL_PATIENCE = 600.0
 """Seconds for what is asked of no renderer: the models' kernels may have to be compiled."""
 
-POLL = 0.1
+POLL_PERIOD = 0.1
 
-DEPTH, PACE, REST = 1e-2, 1e-3, 20
+LEAD_DEPTH, LEAD_STEP, REST_TICKS = 1e-2, 1e-3, 20
 """How deep the hand is led in, and how far it goes in a tick, in sizes of the model; and ticks that it rests there."""
 
-TIMED = 500
+TIMED_TICKS = 500
 """Ticks that are timed."""
 
 
@@ -61,7 +61,7 @@ class State(StrEnum):
     BROKE = "broke"
 
 
-class Found(NamedTuple):
+class ContractFinding(NamedTuple):
     """An answer: what was asked, on which kind of model ("plane", "space" or ""), its state, and the words."""
 
     what: str
@@ -70,14 +70,14 @@ class Found(NamedTuple):
     text: str
 
 
-Answered = tuple[State, str]
+StateAndText = tuple[State, str]
 """What a question returns."""
 
 Waiting = Callable[[str, float, float], None]
 """Takes what is waited for, for how many seconds so far, and for how many at the most."""
 
 
-class Broke(Exception):
+class RendererBroke(Exception):
     """The renderer broke at a question: `text` says how, `cause` what such breaks have in common."""
 
     def __init__(self, text: str, cause: object, *, last: bool = False) -> None:
@@ -85,7 +85,7 @@ class Broke(Exception):
         self.text, self.cause, self.last = text, cause, last
 
 
-class Way(NamedTuple):
+class HandPath(NamedTuple):
     """A hand's way (n, N), m, from free space to the deepest point at row `deep`, a rest there, and out again."""
 
     hips: Array
@@ -100,10 +100,10 @@ class Case(NamedTuple):
 
     renderer: Renderer
     scene: Scene
-    way: Way
+    path: HandPath
 
 
-def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> Iterator[Found]:
+def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> Iterator[ContractFinding]:
     """Ask the renderer of that name all questions, and yield what is found. Raises as `resolve` does.
 
     An answer is waited for at most `patience` seconds; one that does not come is the last. What breaks in the same way
@@ -112,70 +112,76 @@ def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> It
     resolve(name)
     refused = 0
     first: dict[object, str] = {}
-    with Workers(_asked, 1) as crew:
+    with Workers(_put_question, 1) as crew:
         for kind in MODELS:
-            _answer(crew, OURS, waiting, f"preparing the {MODELS[kind]}", name, kind, "")
+            _await_answer(crew, MODEL_PATIENCE, waiting, f"preparing the {MODELS[kind]}", name, kind, "")
             for what in QUESTIONS:
                 place = f"'{what}' in {'the ' * (kind == 'plane')}{kind}"
                 try:
-                    state, text = _answer(crew, patience, waiting, f"waiting for {place}", name, kind, what)
-                except Broke as broke:
+                    state, text = _await_answer(crew, patience, waiting, f"waiting for {place}", name, kind, what)
+                except RendererBroke as broke:
                     state, text = State.BROKE, broke.text
                     if broke.cause in first:
                         text = f"as at {first[broke.cause]}"
                     first.setdefault(broke.cause, place)
                     if broke.last:
-                        yield Found(what, kind, state, text)
+                        yield ContractFinding(what, kind, state, text)
                         return
-                yield Found(what, kind, state, text)
+                yield ContractFinding(what, kind, state, text)
                 if what == "made" and state is not State.OK:
                     refused += state is State.NOTE
                     break
     if refused == len(MODELS):
-        yield Found("dimension", "", State.MISSING, "it refuses models in the plane and in space: there is no other")
+        yield ContractFinding(
+            "dimension", "", State.MISSING, "it refuses models in the plane and in space: there is no other"
+        )
 
 
-def _answer(crew: Workers[Answered], patience: float, waiting: Waiting | None, asked: str, *question: str) -> Answered:
-    """Return the answer to a question. Raises `Broke`."""
+def _await_answer(
+    crew: Workers[StateAndText], patience: float, waiting: Waiting | None, asked_for: str, *question: str
+) -> StateAndText:
+    """Return the answer to a question. Raises `RendererBroke`."""
     crew.begin(0, *question)
     begun, starved = time.monotonic(), crew.starved(0)
-    while not (found := crew.answers(POLL) or crew.give_up(patience)):
+    while not (answers := crew.answers(POLL_PERIOD) or crew.give_up(patience)):
         if waiting is not None:
-            waiting(asked, time.monotonic() - begun - (crew.starved(0) - starved), patience)
-    answer = found[0]
+            waiting(asked_for, time.monotonic() - begun - (crew.starved(0) - starved), patience)
+    answer = answers[0]
     if isinstance(answer.error, Overdue):
         place = place_in_stack(answer.error.stack)
-        raise Broke(f"no answer in {patience:g} s: it hangs{place and f', {place}'}; no more is asked", None, last=True)
+        raise RendererBroke(
+            f"no answer in {patience:g} s: it hangs{place and f', {place}'}; no more is asked", None, last=True
+        )
     if isinstance(answer.error, Ended):
         text = f"it ends the process that it runs in: {answer.error.how}"
-        raise Broke(text, text)
+        raise RendererBroke(text, text)
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None
     return answer.value
 
 
-def _asked(name: str, kind: str, what: str) -> Answered:
-    """Put one question, in a process of its own; "" only prepares. Raises `Broke` for whatever the renderer raises."""
+def _put_question(name: str, kind: str, what: str) -> StateAndText:
+    """Put one question, in a process of its own; "" only prepares. Raises `RendererBroke` for all that it raises."""
     if not what:
         _scene(kind)
         return State.OK, ""
     try:
         if what == "made":
-            return _made(name, kind)
+            return _check_made(name, kind)
         return QUESTIONS[what](_case(name, kind))
     except HapticevalError as error:
-        raise Broke("; ".join(filter(None, (error.what, error.why))), Problem.of(error).kind) from None
+        raise RendererBroke("; ".join(filter(None, (error.what, error.why))), Problem.of(error).kind) from None
     except Exception as error:  # of a property, or of what an answer was taken for
         text = f"it raised {describe_error(error)}; {origin(error)}"
-        raise Broke(text, text) from None
+        raise RendererBroke(text, text) from None
 
 
 @lru_cache(maxsize=2)
 def _case(name: str, kind: str) -> Case:
     scene = _scene(kind)
     renderer = cast("Renderer", make_renderer(resolve(name), scene))
-    return Case(renderer, scene, _way(scene, abilities_of(renderer).standoff))
+    return Case(renderer, scene, _hand_path(scene, abilities_of(renderer).standoff))
 
 
 @lru_cache
@@ -183,45 +189,53 @@ def _scene(kind: str) -> Scene:
     """Return a scene, with all that is asked of its model."""
     scene = Scene(model=make_model(MODELS[kind]))
     Outside(scene).tool(scene.model.boundary.points(1)[0])
-    _way(scene, 0.0)
+    _hand_path(scene, 0.0)
     return scene
 
 
-def _made(name: str, kind: str) -> Answered:
+def _check_made(name: str, kind: str) -> StateAndText:
     """Whether a renderer is made of a scene, and what it declares."""
     try:
         case = _case(name, kind)
     except RefusalError as refusal:
         return State.NOTE, f"it refuses the model: {refusal.what}; {refusal.why}"
-    can = abilities_of(case.renderer)
-    if not can.steps:
+    abilities = abilities_of(case.renderer)
+    if not abilities.steps:
         return State.NOTE, "it answers a stimulus whole, by simulate(): there are no ticks to ask for"
     parts = [f"model '{case.scene.model.name}'"]
-    parts += [f"{each} {getattr(can, each):.3g} m" for each in ("standoff", "resolution") if getattr(can, each)]
-    parts.append(f"supports {', '.join(sorted(can.supports)) if can.supports else 'what every renderer must'}")
-    if can.declares is not None and can.declares.spring is not None:
-        parts.append(f"a spring along the {can.declares.spring}")
-    ways = [each for each in ("run", "lead", "law") if getattr(can, each)]
+    parts += [
+        f"{length} {getattr(abilities, length):.3g} m"
+        for length in ("standoff", "resolution")
+        if getattr(abilities, length)
+    ]
+    parts.append(
+        f"supports {', '.join(sorted(abilities.supports)) if abilities.supports else 'what every renderer must'}"
+    )
+    if abilities.declares is not None and abilities.declares.spring is not None:
+        parts.append(f"a spring along the {abilities.declares.spring}")
+    ways = [offered for offered in ("run", "lead", "law") if getattr(abilities, offered)]
     parts.append(f"offers {', '.join(ways) if ways else 'single steps'}")
     return State.OK, "; ".join(parts)
 
 
-def _way(scene: Scene, standoff: float) -> Way:
+def _hand_path(scene: Scene, standoff: float) -> HandPath:
     """Return a way in along a normal, away from corners, from where one with this `standoff` (m) is free."""
     model = scene.model
     size = model.size
     low, high = np.reshape(model.boundary.bounds, (2, -1))
-    beside = 0.5 * (low + high) + 0.05 * size * np.arange(1, low.size + 1) / low.size
-    beside[0] = high[0] + 0.1 * size
-    frame = model.boundary.closest_point(beside[np.newaxis])
+    start = 0.5 * (low + high) + 0.05 * size * np.arange(1, low.size + 1) / low.size
+    start[0] = high[0] + 0.1 * size
+    frame = model.boundary.closest_point(start[np.newaxis])
     foot, normal = frame.foot[0], frame.normal[0]
-    heights = np.arange(0.5 * DEPTH + standoff / size, -DEPTH, -PACE) * size
-    heights = np.concatenate([heights, np.full(REST, -DEPTH * size), heights[::-1], np.full(REST, heights[0])])
-    deep = int(np.argmin(heights)) + REST - 1
-    return Way(foot + heights[:, np.newaxis] * normal, deep, len(heights) - REST, foot, normal)
+    heights = np.arange(0.5 * LEAD_DEPTH + standoff / size, -LEAD_DEPTH, -LEAD_STEP) * size
+    heights = np.concatenate(
+        [heights, np.full(REST_TICKS, -LEAD_DEPTH * size), heights[::-1], np.full(REST_TICKS, heights[0])]
+    )
+    deep = int(np.argmin(heights)) + REST_TICKS - 1
+    return HandPath(foot + heights[:, np.newaxis] * normal, deep, len(heights) - REST_TICKS, foot, normal)
 
 
-def _led(case: Case, hips: Array, dt: float) -> tuple[Array, Array]:
+def _answers_along(case: Case, hips: Array, dt: float) -> tuple[Array, Array]:
     """Return the answers, (n, N) each, of a reset and a step a row."""
     velocity = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
     reset_checked(case.renderer, hips[0])
@@ -229,19 +243,19 @@ def _led(case: Case, hips: Array, dt: float) -> tuple[Array, Array]:
     return np.array([ihip for ihip, _ in answers]), np.array([force for _, force in answers])
 
 
-def _rounding(hips: Array) -> float:
+def _rounding_of(hips: Array) -> float:
     return 4.0 * SINGLE * float(np.abs(hips).max())
 
 
-def _free(case: Case) -> Answered:
+def _check_free_space(case: Case) -> StateAndText:
     """In free space the IHIP is the HIP, and the force zero."""
-    hips = case.way.hips[:3]
-    ihips, forces = _led(case, hips, case.scene.sampling_time)
+    hips = case.path.hips[:3]
+    ihips, forces = _answers_along(case, hips, case.scene.sampling_time)
     off, force = float(np.linalg.norm(ihips - hips, axis=1).max()), float(np.linalg.norm(forces, axis=1).max())
     if force > 0.0:
         return State.MISSING, f"a force of {force:.3g} N in free space: return zero there"
-    if off > _rounding(hips):
-        if _thousandfold(ihips, hips):
+    if off > _rounding_of(hips):
+        if _is_thousandfold(ihips, hips):
             return State.MISSING, "the IHIP is a thousand times the HIP: points are in m, not in mm"
         return State.MISSING, f"the IHIP is {1e3 * off:.3g} mm from the HIP in free space: return the HIP there"
     if getattr(case.renderer, "contact", None):
@@ -249,74 +263,75 @@ def _free(case: Case) -> Answered:
     return State.OK, "the IHIP is the HIP, and the force zero"
 
 
-def _contact(case: Case) -> Answered:
+def _check_contact(case: Case) -> StateAndText:
     """Under the surface the IHIP is on it, and the force pushes out."""
-    scene, way = case.scene, case.way
-    ihips, forces = _led(case, way.hips[: way.deep + 1], scene.sampling_time)
+    scene, path = case.scene, case.path
+    ihips, forces = _answers_along(case, path.hips[: path.deep + 1], scene.sampling_time)
     touches = getattr(case.renderer, "contact", None)
-    depth = DEPTH * scene.model.size
-    outwards = float(forces[-1] @ way.normal)
-    if not forces[-1].any() and np.linalg.norm(ihips[-1] - way.hips[way.deep]) <= _rounding(way.hips):
+    depth = LEAD_DEPTH * scene.model.size
+    outwards = float(forces[-1] @ path.normal)
+    if not forces[-1].any() and np.linalg.norm(ihips[-1] - path.hips[path.deep]) <= _rounding_of(path.hips):
         return (
             State.MISSING,
             f"no contact {1e3 * depth:.3g} mm under the surface: neither a force nor an IHIP of its own",
         )
     if not outwards > 0.0:
-        return State.MISSING, f"the force {forces[-1]} N does not push the hand out, along {way.normal}: turn its sign"
+        return State.MISSING, f"the force {forces[-1]} N does not push the hand out, along {path.normal}: turn its sign"
     if touches is False:
         return State.MISSING, f"it reports free space {1e3 * depth:.3g} mm under the surface"
     off = abs(float(scene.model.boundary.signed_distance(ihips[-1:])[0]))
-    can, farthest = abilities_of(case.renderer), farthest_standoff(scene)
+    abilities, farthest = abilities_of(case.renderer), farthest_standoff(scene)
     force = f"{outwards:.3g} N at {1e3 * depth:.3g} mm, of {scene.stiffness * depth:.3g} N of a spring"
-    if np.array_equal(ihips[-1], way.hips[way.deep]):
-        return State.NOTE, f"{force}; it has no IHIP of its own: {_told_of_none(can.declares)}"
-    if _thousandfold(ihips[-1], way.foot):
+    if np.array_equal(ihips[-1], path.hips[path.deep]):
+        return State.NOTE, f"{force}; it has no IHIP of its own: {_advise_without_ihip(abilities.declares)}"
+    if _is_thousandfold(ihips[-1], path.foot):
         return State.MISSING, "the IHIP is a thousand times the surface point: points are in m, not in mm"
-    if can.standoff > farthest:
+    if abilities.standoff > farthest:
         return (
             State.MISSING,
-            f"it declares a standoff of {mm(can.standoff)}, of which {mm(farthest)} count, a fiftieth of the model's "
-            "size: what lies farther off is another surface. A smaller tool, or a larger model, is judged fairly",
+            f"it declares a standoff of {mm(abilities.standoff)}, of which {mm(farthest)} count, a fiftieth of the "
+            "model's size: what lies farther off is another surface. A smaller tool, or a larger model, is judged "
+            "fairly",
         )
-    if off > can.standoff + _rounding(way.hips) + 1e-3 * depth:
+    if off > abilities.standoff + _rounding_of(path.hips) + 1e-3 * depth:
         return (
             State.MISSING,
             f"the IHIP is {1e3 * off:.3g} mm off the surface: declare a standoff of that, or put it there",
         )
-    if _thousandfold(scene.stiffness * depth * way.normal, forces[-1]) or _thousandfold(
-        forces[-1], scene.stiffness * depth * way.normal
+    if _is_thousandfold(scene.stiffness * depth * path.normal, forces[-1]) or _is_thousandfold(
+        forces[-1], scene.stiffness * depth * path.normal
     ):
         return State.NOTE, f"{force}: a factor of 1000, as where N/m are taken for N/mm; all units are SI"
     return State.OK, f"{force}; the IHIP is {1e3 * off:.2g} mm off the surface"
 
 
-def _told_of_none(declared: Declaration | None) -> str:
+def _advise_without_ihip(declared: Declaration | None) -> str:
     """Return what follows of an IHIP that is always the HIP."""
     if declared is not None and declared.force_only:
         return "checks of the contact point are not applicable, as declared"
     return "checks of the contact point are inconclusive, until it declares force_only"
 
 
-def _thousandfold(given: Array, right: Array) -> bool:
+def _is_thousandfold(values: Array, right: Array) -> bool:
     """Whether numbers are a thousand times the right ones, as where a unit is taken for another."""
-    return bool(np.linalg.norm(given - 1e3 * right) <= 0.1 * np.linalg.norm(1e3 * right))
+    return bool(np.linalg.norm(values - 1e3 * right) <= 0.1 * np.linalg.norm(1e3 * right))
 
 
-def _leaving(case: Case) -> Answered:
+def _check_leaving(case: Case) -> StateAndText:
     """Out again it lets go, within the lag that is granted."""
-    way = case.way
-    ihips, forces = _led(case, way.hips, case.scene.sampling_time)
-    last = slice(way.out + LAG_TICKS, None)
-    if forces[last].any() or np.linalg.norm(ihips[last] - way.hips[last], axis=1).max() > _rounding(way.hips):
+    path = case.path
+    ihips, forces = _answers_along(case, path.hips, case.scene.sampling_time)
+    last = slice(path.out + LAG_TICKS, None)
+    if forces[last].any() or np.linalg.norm(ihips[last] - path.hips[last], axis=1).max() > _rounding_of(path.hips):
         return State.MISSING, "it still holds the hand that has left the model: compare with the surface in each tick"
     return State.OK, "it lets go of the hand"
 
 
-def _again(case: Case) -> Answered:
+def _check_reset(case: Case) -> StateAndText:
     """A reset begins anew: the same way gives the same bits."""
     dt = case.scene.sampling_time
-    first = _led(case, case.way.hips[: case.way.deep + 1], dt)
-    second = _led(case, case.way.hips[: case.way.deep + 1], dt)
+    first = _answers_along(case, case.path.hips[: case.path.deep + 1], dt)
+    second = _answers_along(case, case.path.hips[: case.path.deep + 1], dt)
     apart = [float(np.abs(a - b).max()) for a, b in zip(first, second, strict=True)]
     declared = abilities_of(case.renderer).declares
     allowed = (0.0, 0.0) if declared is None else (declared.ihip_scatter, declared.force_scatter)
@@ -328,92 +343,94 @@ def _again(case: Case) -> Answered:
     return State.OK, "a reset begins anew"
 
 
-def _inside(case: Case) -> Answered:
+def _check_reset_inside(case: Case) -> StateAndText:
     """A reset with the hand inside, as closed loops do, begins in contact."""
-    hip = case.way.hips[case.way.deep]
-    _, forces = _led(case, np.repeat(hip[np.newaxis], LAG_TICKS + 1, axis=0), case.scene.sampling_time)
-    if forces[-1] @ case.way.normal < 0.0:
+    hip = case.path.hips[case.path.deep]
+    _, forces = _answers_along(case, np.repeat(hip[np.newaxis], LAG_TICKS + 1, axis=0), case.scene.sampling_time)
+    if forces[-1] @ case.path.normal < 0.0:
         return State.MISSING, "after a reset with the hand inside the force pulls the hand in: turn its sign"
-    if not forces[-1] @ case.way.normal > 0.0:
+    if not forces[-1] @ case.path.normal > 0.0:
         return State.MISSING, "no force after a reset with the hand inside: start the tool at the nearest surface point"
     return State.OK, "a reset with the hand inside begins in contact"
 
 
-def _batch(case: Case) -> Answered:
+def _check_batch(case: Case) -> StateAndText:
     """A batch is a reset and a step a row."""
     if not abilities_of(case.renderer).run:
         return State.NOTE, "there is no run(hips, dt): each tick is a call"
     dt = case.scene.sampling_time
-    single = _led(case, case.way.hips, dt)
+    single = _answers_along(case, case.path.hips, dt)
     with renderer_errors("run()"):
-        given = cast("Batch", case.renderer).run(case.way.hips.copy(), dt)
-        batch = [np.asarray(each, dtype=np.float64) for each in given]
-    shapes = [each.shape for each in batch]
-    if shapes != [case.way.hips.shape] * 2:
-        raise RendererError(f"the renderer's run() answered shapes {shapes}, not two of {case.way.hips.shape}")
+        answer = cast("Batch", case.renderer).run(case.path.hips.copy(), dt)
+        batch = [np.asarray(values, dtype=np.float64) for values in answer]
+    shapes = [values.shape for values in batch]
+    if shapes != [case.path.hips.shape] * 2:
+        raise RendererError(f"the renderer's run() answered shapes {shapes}, not two of {case.path.hips.shape}")
     apart = [float(np.abs(a - b).max()) for a, b in zip(single, batch, strict=True)]
-    if not apart[0] <= _rounding(case.way.hips) or not apart[1] <= case.scene.stiffness * _rounding(case.way.hips):
+    if not apart[0] <= _rounding_of(case.path.hips) or not apart[1] <= case.scene.stiffness * _rounding_of(
+        case.path.hips
+    ):
         return State.MISSING, f"run() differs from single steps by {apart[0]:.3g} m and {apart[1]:.3g} N"
     return State.OK, "run() is equal to single steps" + (", to the bit" if not any(apart) else "")
 
 
-def _not_finite(case: Case) -> Answered:
+def _check_non_finite(case: Case) -> StateAndText:
     """A HIP that is not finite is refused, and leaves nothing behind."""
-    dt, hips = case.scene.sampling_time, case.way.hips[: case.way.deep + 1]
-    before = _led(case, hips, dt)
+    dt, hips = case.scene.sampling_time, case.path.hips[: case.path.deep + 1]
+    before = _answers_along(case, hips, dt)
     nowhere = np.full_like(hips[0], np.nan)
     try:
         answer = case.renderer.step(nowhere, np.zeros_like(nowhere), dt)
-        finite = all(np.isfinite(np.asarray(each, dtype=np.float64)).all() for each in answer)
+        finite = all(np.isfinite(np.asarray(values, dtype=np.float64)).all() for values in answer)
     except Exception:  # as it should
         finite = False
-    if not all(map(np.array_equal, before, _led(case, hips, dt))):
+    if not all(map(np.array_equal, before, _answers_along(case, hips, dt))):
         return State.MISSING, "after a HIP that is not finite, and a reset, it answers otherwise than before"
     if finite:
         return State.MISSING, "it answers finite numbers to a HIP that is not finite: refuse it, so that a motor stops"
     return State.OK, "a HIP that is not finite is not answered"
 
 
-def _speed(case: Case) -> Answered:
+def _check_speed(case: Case) -> StateAndText:
     """It keeps up with the sampling time."""
-    dt, hips = case.scene.sampling_time, case.way.hips
+    dt, hips = case.scene.sampling_time, case.path.hips
     reset_checked(case.renderer, hips[0])
-    rest, spent = np.zeros_like(hips[0]), []
-    for k in range(TIMED):
+    still, spent = np.zeros_like(hips[0]), []
+    for k in range(TIMED_TICKS):
         with renderer_errors("step()", tick=k, hip=hips[k % len(hips)]):
             begun = time.perf_counter()
-            case.renderer.step(hips[k % len(hips)], rest, dt)
+            case.renderer.step(hips[k % len(hips)], still, dt)
             spent.append(time.perf_counter() - begun)
-    usual, most = (float(np.percentile(spent, share)) for share in (50, 99))
-    words = f"{duration(usual)} a step, 99 % in {duration(most)}, through Python; a tick has {duration(dt)}"
+    usual, p99 = (float(np.percentile(spent, share)) for share in (50, 99))
+    words = f"{duration(usual)} a step, 99 % in {duration(p99)}, through Python; a tick has {duration(dt)}"
     return (State.OK, words) if usual < dt else (State.MISSING, f"{words}: too slow for a robot, not for verdicts")
 
 
-def _bilateral(case: Case) -> Answered:
+def _check_bilateral(case: Case) -> StateAndText:
     """Whether it can hold the tool from both sides."""
     if "bilateral" in (abilities_of(case.renderer).supports or ()):
         return State.OK, "declares that it holds the tool from both sides"
     return State.NOTE, "it does not declare 'bilateral': cases that hold the tool from both sides are not applicable"
 
 
-QUESTIONS: Mapping[str, Callable[..., Answered]] = MappingProxyType(
+QUESTIONS: Mapping[str, Callable[..., StateAndText]] = MappingProxyType(
     {
-        "made": _made,
-        "free space": _free,
-        "contact": _contact,
-        "leaving": _leaving,
-        "reset": _again,
-        "reset inside": _inside,
-        "batch": _batch,
-        "non-finite": _not_finite,
-        "bilateral": _bilateral,
-        "speed": _speed,
+        "made": _check_made,
+        "free space": _check_free_space,
+        "contact": _check_contact,
+        "leaving": _check_leaving,
+        "reset": _check_reset,
+        "reset inside": _check_reset_inside,
+        "batch": _check_batch,
+        "non-finite": _check_non_finite,
+        "bilateral": _check_bilateral,
+        "speed": _check_speed,
     }
 )
 """All questions in order, by name; the first makes the renderer."""
 
 
-def exit_code(found: list[Found]) -> int:
+def exit_code(findings: list[ContractFinding]) -> int:
     """Return 3 where it broke, 1 where something is missing, and else 0."""
-    states = {each.state for each in found}
+    states = {finding.state for finding in findings}
     return 3 if State.BROKE in states else int(State.MISSING in states)

@@ -19,10 +19,10 @@ from hapticeval.types import Array
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 """Of the rule for the work along one side of a cell."""
 
-TURNS = 20_000
+LOOP_POINTS = 20_000
 """Points of a loop whose work is measured."""
 
-CANDIDATES = 12
+MEASURED_LOOPS = 12
 """Loops of a scan that are measured."""
 
 
@@ -58,20 +58,20 @@ def energy_field(renderer: Batch, curve: Curve, *, cell: float = 1e-3) -> Energy
     shares, weights = 0.5 * cell * (1.0 + NODES), 0.5 * cell * WEIGHTS
     along_x = np.stack(np.broadcast_arrays(xs[:-1, np.newaxis] + shares, ys[:, np.newaxis, np.newaxis]), axis=-1)
     along_y = np.stack(np.broadcast_arrays(xs[:, np.newaxis], (ys[:-1, np.newaxis] + shares)[:, np.newaxis]), axis=-1)
-    right = _forces(renderer, along_x)[..., 0] @ weights
-    up = _forces(renderer, along_y)[..., 1] @ weights
+    right = _forces_at(renderer, along_x)[..., 0] @ weights
+    up = _forces_at(renderer, along_y)[..., 1] @ weights
     round_about = right[:-1] + up[:, 1:] - right[1:] - up[:, :-1]
     return EnergyField(centres, cell, np.where(depth > cell, round_about / cell**2, np.nan), depth)
 
 
-def _forces(renderer: Batch, points: Array) -> Array:
+def _forces_at(renderer: Batch, points: Array) -> Array:
     rows = np.ascontiguousarray(points.reshape(-1, 2))
     return np.asarray(renderer.run(rows, 1.0)[1]).reshape(points.shape)
 
 
 def work_round(renderer: Batch, centre: tuple[float, float], radius: float) -> Loop:
-    """Lead a renderer once round a circle (m), by the trapezoid over `TURNS` points."""
-    angles = np.linspace(0.0, 2.0 * np.pi, TURNS + 1)
+    """Lead a renderer once round a circle (m), by the trapezoid over `LOOP_POINTS` points."""
+    angles = np.linspace(0.0, 2.0 * np.pi, LOOP_POINTS + 1)
     hips = np.asarray(centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     _, forces = renderer.run(hips, 1.0)
     work = float(np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(hips, axis=0)))
@@ -100,15 +100,15 @@ def worst_loop(
     """Find the circle of a radius (m) wholly inside by which the hand gains most, in either sense: scanned, measured.
 
     Its centre is between two `depths`, m. Where a force jumps the scan is off by the rule's error at the jump, and so
-    the `CANDIDATES` best are measured. Raises `InputError` where no such circle is inside.
+    the `MEASURED_LOOPS` best are measured. Raises `InputError` where no such circle is inside.
     """
     works = np.abs(works_at(field, radius))
     works[(field.depth < depths[0]) | (field.depth > depths[1])] = np.nan
-    order = np.argsort(np.where(np.isnan(works), -1.0, works), axis=None)[::-1][:CANDIDATES]
-    chosen = [tuple(field.centres.reshape(-1, 2)[each].tolist()) for each in order if works.flat[each] >= 0.0]
+    order = np.argsort(np.where(np.isnan(works), -1.0, works), axis=None)[::-1][:MEASURED_LOOPS]
+    chosen = [tuple(field.centres.reshape(-1, 2)[index].tolist()) for index in order if works.flat[index] >= 0.0]
     if not chosen:
         raise InputError(
             f"no circle of {1e3 * radius:g} mm is inside at these depths",
             todo="choose a smaller radius, or finer cells",
         )
-    return max((work_round(renderer, each, radius) for each in chosen), key=lambda each: abs(each.work))
+    return max((work_round(renderer, centre, radius) for centre in chosen), key=lambda loop: abs(loop.work))

@@ -52,29 +52,31 @@ def integration_benchmark(device: Device, *, ticks: int = 300, dt: float = TICK)
     torque = 0.2 * np.random.default_rng(0).standard_normal((ticks, size))
     states = np.zeros((ticks + 1, 2 * size))
     for k in range(ticks):
-        states[k + 1] = moved(device, states[k], torque[k], path[k : k + 2], grip, dt)
+        states[k + 1] = advance_reference(device, states[k], torque[k], path[k : k + 2], grip, dt)
     return IntegrationBenchmark(device, dt, torque, path, grip, states)
 
 
-def moved(device: Device, state: Array, torque: Array, path: Array, grip: Array, dt: float) -> Array:
+def advance_reference(device: Device, state: Array, torque: Array, path: Array, grip: Array, dt: float) -> Array:
     """Return the state (2 N,) after a tick, by scipy's DOP853."""
     from scipy.integrate import solve_ivp
 
     slope = partial(_slope, device=device, torque=torque, path=path, grip=grip, dt=dt)
-    found = solve_ivp(slope, (0.0, dt), state, method="DOP853", rtol=3e-14, atol=1e-16)
-    return np.asarray(found.y[:, -1])
+    solution = solve_ivp(slope, (0.0, dt), state, method="DOP853", rtol=3e-14, atol=1e-16)
+    return np.asarray(solution.y[:, -1])
 
 
 def _slope(t: float, state: Array, *, device: Device, torque: Array, path: Array, grip: Array, dt: float) -> Array:
     joints, rates = np.split(state, 2)
     jacobian = device.jacobian(joints)
-    way = path[1] - path[0]
-    push = grip[0] * (path[0] + t / dt * way - device.position(joints)) + grip[1] * (way / dt - jacobian @ rates)
+    displacement = path[1] - path[0]
+    push = grip[0] * (path[0] + t / dt * displacement - device.position(joints)) + grip[1] * (
+        displacement / dt - jacobian @ rates
+    )
     net = torque + jacobian.T @ push - device.bias(joints, rates)
     return np.concatenate([rates, np.linalg.solve(device.inertia(joints), net)])
 
 
-class Runner:
+class Integrator:
     """Integrates a benchmark by one method, with the kernel of the closed loop; `knobs` are from `control`."""
 
     def __init__(self, benchmark: IntegrationBenchmark, method: Method, knobs: Array) -> None:
@@ -92,7 +94,7 @@ class Runner:
         return states, int(steps)
 
 
-def errors(states: Array, reference: Array) -> Array:
+def relative_errors(states: Array, reference: Array) -> Array:
     """Return the error after each tick (n,), relative to the largest joint and the largest rate of the tick."""
     size = states.shape[1] // 2
     astray = np.abs(states - reference)[1:]
@@ -113,28 +115,33 @@ def study_integrators(devices: Sequence[Device], *, ticks: int = 300, rounds: in
         "dt": TICK,
         "default": {"method": DEFAULT, "tolerance": TOLERANCE},
         "devices": [
-            {"device": device.name, "methods": _methods(integration_benchmark(device, ticks=ticks), rounds)}
+            {"device": device.name, "methods": _measure_methods(integration_benchmark(device, ticks=ticks), rounds)}
             for device in devices
         ],
     }
 
 
-def _methods(task: IntegrationBenchmark, rounds: int) -> list[dict[str, Any]]:
+def _measure_methods(task: IntegrationBenchmark, rounds: int) -> list[dict[str, Any]]:
     return [
-        {"name": name, "order": method.order, "adaptive": method.adaptive, "points": _points(task, method, rounds)}
+        {
+            "name": name,
+            "order": method.order,
+            "adaptive": method.adaptive,
+            "points": _measure_settings(task, method, rounds),
+        }
         for name, method in ((name, make()) for name, make in METHODS.items())
     ]
 
 
-def _points(task: IntegrationBenchmark, method: Method, rounds: int) -> list[dict[str, Any]]:
+def _measure_settings(task: IntegrationBenchmark, method: Method, rounds: int) -> list[dict[str, Any]]:
     points = []
     ticks = task.torque.shape[0]
     for value in TOLERANCES if method.adaptive else SUBSTEPS:
         knob = "tolerance" if method.adaptive else "substeps"
         knobs = control(method, tolerance=value) if method.adaptive else control(method, substeps=int(value))
-        run = Runner(task, method, knobs)
+        run = Integrator(task, method, knobs)
         states, _ = run(afresh=True)
-        found = errors(states, task.states)
+        tick_errors = relative_errors(states, task.states)
         _, steps = run(afresh=False)
         best = math.inf
         for _ in range(rounds):
@@ -144,8 +151,8 @@ def _points(task: IntegrationBenchmark, method: Method, rounds: int) -> list[dic
         points.append(
             {
                 knob: value,
-                "error": float(found.max()),
-                "median_error": float(np.median(found)),
+                "error": float(tick_errors.max()),
+                "median_error": float(np.median(tick_errors)),
                 "steps_per_tick": steps / ticks,
                 "seconds_per_second": best / (ticks * task.dt),
             }

@@ -17,7 +17,7 @@ from hapticeval.runner.judging import judge
 from hapticeval.runner.results import environment
 from hapticeval.study.limits.loop import Place, SampledLoop, passive_stiffness, robot_at
 from hapticeval.study.limits.search import eigenvalue_limit, family_of
-from hapticeval.study.limits.study import Progress, finite
+from hapticeval.study.limits.study import Progress, finite_or_none
 from hapticeval.suite.reading import case_named
 
 RATES = (1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6)
@@ -33,10 +33,10 @@ CASES: Mapping[str, str] = {
 }
 """A case of the thesis for each phenomenon."""
 
-PRESSED, ROBOT, HELD = "thesis/plane-press", "parallelogram-2dof", "minimum-distance"
+PRESS_CASE, ROBOT, SPRING_RENDERER = "thesis/plane-press", "parallelogram-2dof", "minimum-distance"
 """The limit is that of the robot against a plane, under a spring: the same for every renderer with one."""
 
-SECONDS = 20.0
+LONGEST_RUN = 20.0
 """Seconds for one renderer and phenomenon beyond which a rate is left out, as the two rates before predict them."""
 
 
@@ -51,25 +51,25 @@ def study_rates(renderers: Sequence[str], rates: Sequence[float], progress: Prog
     rows = []
     for done, (name, check) in enumerate((name, check) for name in factories for check in CASES):
         progress(done, total, f"{name}: {check}")
-        rows += _rows(name, factories[name], check, rates)
+        rows += _judge_at_rates(name, factories[name], check, rates)
     progress(total, total, "")
     return {
         "environment": environment(),
         "rates": list(rates),
         "cases": dict(CASES),
         "rows": rows,
-        "limit": {"device": ROBOT, "place": PRESSED, "rows": [_limit(rate) for rate in rates]},
+        "limit": {"device": ROBOT, "place": PRESS_CASE, "rows": [_stiffness_limit(rate) for rate in rates]},
     }
 
 
-def _rows(name: str, factory: Any, check: str, rates: Sequence[float]) -> list[dict[str, Any]]:
+def _judge_at_rates(name: str, factory: Any, check: str, rates: Sequence[float]) -> list[dict[str, Any]]:
     """One row per rate, until one would take too long: what a tick takes follows from the two rates before."""
     case = case_named(CASES[check])
     rows: list[dict[str, Any]] = []
     took: list[tuple[float, float]] = []
     for rate in rates:
         row: dict[str, Any] = {"renderer": name, "check": check, "rate": rate}
-        if (expected := _expected(took, rate)) > SECONDS:
+        if (expected := _expected_seconds(took, rate)) > LONGEST_RUN:
             rows.append({**row, "left_out": f"it would take some {expected:.0f} s"})
             continue
         faster = msgspec.structs.replace(case, checks=(check,), scene={**case.scene, "sampling_time": 1.0 / rate})
@@ -86,7 +86,7 @@ def _rows(name: str, factory: Any, check: str, rates: Sequence[float]) -> list[d
     return rows
 
 
-def _expected(took: Sequence[tuple[float, float]], rate: float) -> float:
+def _expected_seconds(took: Sequence[tuple[float, float]], rate: float) -> float:
     """Extrapolate seconds from the last two of `took`, each a rate and its seconds; 0 where there are no two."""
     if len(took) < 2:
         return 0.0
@@ -94,12 +94,12 @@ def _expected(took: Sequence[tuple[float, float]], rate: float) -> float:
     return slow + max(slow - quick, 0.0) / (second - first) * (rate - second)
 
 
-def _limit(rate: float) -> dict[str, float | None]:
+def _stiffness_limit(rate: float) -> dict[str, float | None]:
     """Find the largest stiffness (N/m) of the robot's loop at a rate: by its eigenvalues, and by (2.40)."""
-    case = case_named(PRESSED)
+    case = case_named(PRESS_CASE)
     scene = replace(case.build_scene(), device=device_named(ROBOT), sampling_time=1.0 / rate)
     frame = scene.model.boundary.closest_point(np.zeros((1, scene.model.dimension)))
     place = Place(frame.foot[0], frame.normal[0])
     robot = robot_at(scene.robot, place.point)
-    stable = eigenvalue_limit(SampledLoop(scene, robot), family_of(resolve(HELD), scene, place))
-    return {"rate": rate, "stable": finite(stable), "passive": passive_stiffness(scene, robot, place.normal)}
+    stable = eigenvalue_limit(SampledLoop(scene, robot), family_of(resolve(SPRING_RENDERER), scene, place))
+    return {"rate": rate, "stable": finite_or_none(stable), "passive": passive_stiffness(scene, robot, place.normal)}

@@ -15,10 +15,10 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.study.integrators import (
     TARGET,
     IntegrationBenchmark,
-    Runner,
-    errors,
+    Integrator,
+    advance_reference,
     integration_benchmark,
-    moved,
+    relative_errors,
 )
 
 DT = 1e-3
@@ -33,7 +33,7 @@ def test_a_method_has_its_order(name):
     astray = []
     counts = (1, 2) if method.order == 8 else (4, 8)
     for substeps in counts:
-        states, steps = Runner(task, method, np.array([0.0, 0.0, float(substeps)]))(afresh=True)
+        states, steps = Integrator(task, method, np.array([0.0, 0.0, float(substeps)]))(afresh=True)
         assert steps == 4 * substeps
         astray.append(np.abs(states - task.states)[2:].max())
     assert math.log2(astray[0] / astray[1]) == pytest.approx(method.order, abs=0.6)
@@ -52,19 +52,19 @@ def test_the_default_keeps_its_promise_between_samples(seed, robot):
     path = robot.position(joints) + 5e-3 * rng.standard_normal((2, size))
     start = np.concatenate([joints, rates])
     task = IntegrationBenchmark(
-        robot, DT, torque[None], path, grip, np.vstack([start, moved(robot, start, torque, path, grip, DT)])
+        robot, DT, torque[None], path, grip, np.vstack([start, advance_reference(robot, start, torque, path, grip, DT)])
     )
     method = default_method()
-    states, _ = Runner(task, method, control(method))(afresh=True)
-    assert errors(states, task.states)[0] < TARGET
+    states, _ = Integrator(task, method, control(method))(afresh=True)
+    assert relative_errors(states, task.states)[0] < TARGET
 
 
 def test_the_default_keeps_its_promise_along_a_motion():
     for robot in ROBOTS:
         task = integration_benchmark(robot, ticks=60)
         method = default_method()
-        states, _ = Runner(task, method, control(method))(afresh=True)
-        assert errors(states, task.states).max() < TARGET
+        states, _ = Integrator(task, method, control(method))(afresh=True)
+        assert relative_errors(states, task.states).max() < TARGET
 
 
 class Tick:

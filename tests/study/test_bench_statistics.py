@@ -6,9 +6,17 @@ import math
 import numpy as np
 import pytest
 
-from hapticeval.study.bench.compare import LEVEL, Shift, _rank, compare_benches, holm, shift, verdict
+from hapticeval.study.bench.compare import (
+    SIGNIFICANCE,
+    Shift,
+    _outside_count,
+    compare_benches,
+    estimate_shift,
+    holm,
+    judge_shift,
+)
 from hapticeval.study.bench.document import BenchResults, SettingEntry
-from hapticeval.study.bench.judge import cheapest, front, order
+from hapticeval.study.bench.judge import cheapest_setting, convergence_order, pareto_front
 
 ROUNDS = 8
 
@@ -49,16 +57,16 @@ def test_two_benches_of_the_same_code_hardly_ever_differ():
         alarms += any(
             each.verdict != "not significant" for each in compare_benches(document(now), now, document(before), before)
         )
-    assert alarms <= LEVEL * runs
+    assert alarms <= SIGNIFICANCE * runs
 
 
 def test_the_rank_test_itself_holds_its_level_without_the_least_worth():
     random = np.random.default_rng(2)
     ps = [
-        shift(np.median(autocorrelated(random), axis=1), np.median(autocorrelated(random), axis=1)).p
+        estimate_shift(np.median(autocorrelated(random), axis=1), np.median(autocorrelated(random), axis=1)).p
         for _ in range(400)
     ]
-    assert 0.02 < np.mean(np.array(ps) < LEVEL) < 0.08
+    assert 0.02 < np.mean(np.array(ps) < SIGNIFICANCE) < 0.08
 
 
 @pytest.mark.parametrize(("factor", "expected"), [(1.3, "worse"), (0.75, "better")])
@@ -79,7 +87,7 @@ def test_the_interval_covers_the_ratio():
     for _ in range(300):
         now = 1.2 * np.exp(0.05 * random.standard_normal(ROUNDS))
         before = np.exp(0.05 * random.standard_normal(ROUNDS))
-        found = shift(now, before)
+        found = estimate_shift(now, before)
         assert found.low <= found.ratio <= found.high
         covered += found.low <= 1.2 <= found.high
     assert 0.92 <= covered / 300 <= 0.985
@@ -92,12 +100,14 @@ def test_the_rank_of_the_interval_is_exact(n, m):
         sum(a > b for a in chosen for b in set(range(n + m)) - set(chosen))
         for chosen in itertools.combinations(range(n + m), n)
     ]
-    largest = max((c for c in range(n * m + 1) if np.mean(np.array(statistics) <= c - 1) <= LEVEL / 2.0), default=0)
-    assert _rank(n, m) == largest
+    largest = max(
+        (c for c in range(n * m + 1) if np.mean(np.array(statistics) <= c - 1) <= SIGNIFICANCE / 2.0), default=0
+    )
+    assert _outside_count(n, m) == largest
 
 
 def test_few_rounds_give_no_bounded_interval():
-    found = shift(np.array([2.0, 2.1, 2.2]), np.array([1.0, 1.1, 1.2]))
+    found = estimate_shift(np.array([2.0, 2.1, 2.2]), np.array([1.0, 1.1, 1.2]))
     assert (found.low, found.high) == (0.0, math.inf)
     assert found.p == pytest.approx(0.1)
 
@@ -109,9 +119,9 @@ def test_holm():
 
 
 def test_a_small_shift_is_not_called_however_sure():
-    assert verdict(Shift(1.05, 1.04, 1.06, 1e-9), 1e-9, worth=0.1) == "not significant"
-    assert verdict(Shift(1.2, 1.1, 1.3, 1e-9), 1e-9, worth=0.1) == "worse"
-    assert verdict(Shift(1.2, 0.9, 1.5, 0.2), 0.2, worth=0.1) == "not significant"
+    assert judge_shift(Shift(1.05, 1.04, 1.06, 1e-9), 1e-9, worth=0.1) == "not significant"
+    assert judge_shift(Shift(1.2, 1.1, 1.3, 1e-9), 1e-9, worth=0.1) == "worse"
+    assert judge_shift(Shift(1.2, 0.9, 1.5, 0.2), 0.2, worth=0.1) == "not significant"
 
 
 def test_errors_are_compared_as_they_are():
@@ -145,32 +155,32 @@ def brute_front(times, errors):
 @pytest.mark.parametrize("seed", range(5))
 def test_the_front_is_what_none_beats(seed):
     times, errors = np.random.default_rng(seed).integers(1, 12, (2, 40)).tolist()
-    found = front(times, errors)
+    found = pareto_front(times, errors)
     assert sorted(found) == brute_front(times, errors)
     assert [times[k] for k in found] == sorted(times[k] for k in found)
 
 
 def test_a_time_that_is_not_finite_is_never_on_the_front():
-    assert front([math.inf, 1.0], [0.0, 1.0]) == [1]
-    assert front([], []) == []
+    assert pareto_front([math.inf, 1.0], [0.0, 1.0]) == [1]
+    assert pareto_front([], []) == []
 
 
 def test_the_cheapest_setting_that_will_do():
     times, errors = [1.0, 2.0, 2.04, 9.0], [1.0, 0.09, 0.01, 0.0]
-    assert cheapest(times, errors, within=0.1) == 2  # as quick as the one before, and more accurate
-    assert cheapest(times, errors, within=2.0) == 0
-    assert cheapest(times, errors, within=0.001) == 3
-    assert cheapest(times, errors, within=0.001, budget=5.0) is None
-    assert cheapest([], [], within=1.0) is None
+    assert cheapest_setting(times, errors, within=0.1) == 2  # as quick as the one before, and more accurate
+    assert cheapest_setting(times, errors, within=2.0) == 0
+    assert cheapest_setting(times, errors, within=0.001) == 3
+    assert cheapest_setting(times, errors, within=0.001, budget=5.0) is None
+    assert cheapest_setting([], [], within=1.0) is None
 
 
 @pytest.mark.parametrize("p", [0.5, 1.0, 2.0])
 def test_the_order_of_a_power_law(p):
     counts, cells = [20, 40, 80], [4e-3, 2e-3, 1e-3]
-    assert order(counts, [7.0 * n**-p for n in counts]) == pytest.approx(p)
-    assert order(cells, [7.0 * h**p for h in cells]) == pytest.approx(p)
+    assert convergence_order(counts, [7.0 * n**-p for n in counts]) == pytest.approx(p)
+    assert convergence_order(cells, [7.0 * h**p for h in cells]) == pytest.approx(p)
 
 
 def test_no_order_of_two_settings_or_of_exact_ones():
-    assert order([10, 20], [1.0, 0.5]) is None
-    assert order([10, 20, 40], [1.0, 0.5, 0.0]) is None
+    assert convergence_order([10, 20], [1.0, 0.5]) is None
+    assert convergence_order([10, 20, 40], [1.0, 0.5, 0.0]) is None

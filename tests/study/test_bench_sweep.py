@@ -17,21 +17,21 @@ from hapticeval.renderers import minimum_distance
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.bench import sweep as sweeping
 from hapticeval.study.bench.accuracy import (
-    DEEPEST,
+    DEEPEST_HAND,
     Answers,
-    answers,
-    errors,
+    answers_to,
+    errors_against,
     fresh_scene,
     interior_points,
-    meshed,
     nearest_of_ours,
     reference_of,
     refinements,
+    with_mesh,
     workload,
 )
-from hapticeval.study.bench.document import FILE, SAMPLES, beside, read_bench, read_samples, write_bench
-from hapticeval.study.bench.judge import judged, unproven
-from hapticeval.study.bench.measure import array_bytes, batch_times, step_times, timed_build, track
+from hapticeval.study.bench.document import FILE, SAMPLES, join_benches, read_bench, read_samples, write_bench
+from hapticeval.study.bench.judge import describe_unproven, judge_bench
+from hapticeval.study.bench.measure import array_bytes, batch_times, sample_track, step_times, time_builds
 from hapticeval.study.bench.sweep import (
     Effort,
     Setting,
@@ -110,12 +110,14 @@ def test_the_points_are_inside_and_away_from_discontinuities():
 
 
 def test_errors_of_a_known_offset(work):
-    exact = answers(minimum_distance(work.scene), work)
-    found = errors(Answers(exact.ihip + np.array([3e-4, 4e-4]), exact.force), exact, floor=1e-3)
+    exact = answers_to(minimum_distance(work.scene), work)
+    found = errors_against(Answers(exact.ihip + np.array([3e-4, 4e-4]), exact.force), exact, floor=1e-3)
     assert found["ihip"] == pytest.approx({"rms": 5e-4, "p99": 5e-4, "max": 5e-4})
     assert found["force"]["max"] == found["normal"]["max"] == 0.0
     turned = exact.force @ np.array([[np.cos(0.1), np.sin(0.1)], [-np.sin(0.1), np.cos(0.1)]])
-    assert errors(Answers(exact.ihip, turned), exact, floor=1e-3)["normal"]["rms"] == pytest.approx(np.degrees(0.1))
+    assert errors_against(Answers(exact.ihip, turned), exact, floor=1e-3)["normal"]["rms"] == pytest.approx(
+        np.degrees(0.1)
+    )
 
 
 class _Settling(_Blurred):
@@ -133,7 +135,7 @@ class _Settling(_Blurred):
 
 def test_the_answer_of_a_proxy_is_the_one_that_it_gets_to(work):
     exact = minimum_distance(work.scene)
-    found, wanted = (answers(made, work) for made in (_Settling(exact, 0.0, 1000.0), exact))
+    found, wanted = (answers_to(made, work) for made in (_Settling(exact, 0.0, 1000.0), exact))
     count = len(work.points)
     np.testing.assert_array_equal(found.ihip[:count], wanted.ihip[:count])
 
@@ -144,7 +146,7 @@ def test_a_projection_is_measured_against_itself_on_the_exact_curve(work):
     assert reference.what == "the exact curve"
     assert reference.disagreement is None
     coarse, fine = (
-        errors(answers(on_polygon.with_knobs(vertices=n)(work.scene), work), reference.answers, floor=1e-3)
+        errors_against(answers_to(on_polygon.with_knobs(vertices=n)(work.scene), work), reference.answers, floor=1e-3)
         for n in (40, 320)
     )
     assert coarse["ihip"]["rms"] > 4.0 * fine["ihip"]["rms"] > 0.0
@@ -155,7 +157,9 @@ def test_a_projection_is_measured_against_itself_on_the_exact_curve(work):
 def test_a_reference_that_has_converged_proves_the_errors_above_it(work):
     reference = reference_of("blurred", Blurred(lambda n: 1e-3 * 100.0**-n), work)
     assert "n 4" in reference.what
-    coarse = errors(answers(Blurred(lambda n: 1e-3 * 100.0**-n)(work.scene), work), reference.answers, floor=1e-6)
+    coarse = errors_against(
+        answers_to(Blurred(lambda n: 1e-3 * 100.0**-n)(work.scene), work), reference.answers, floor=1e-6
+    )
     assert coarse["ihip"]["max"] == pytest.approx(1e-5, rel=1e-3)
     assert reference.proves(coarse)
     assert reference.claims(coarse)["ihip"] == coarse["ihip"]
@@ -165,17 +169,17 @@ def test_a_reference_that_has_not_converged_is_not_called_accurate(work):
     factory = Blurred(lambda n: 1e-3 / n)
     reference = reference_of("blurred", factory, work)
     apart = 1e-3 / 2.0 - 1e-3 / 4.0
-    finest = errors(answers(factory.with_knobs(n=4.0)(work.scene), work), reference.answers, floor=1e-6)
+    finest = errors_against(answers_to(factory.with_knobs(n=4.0)(work.scene), work), reference.answers, floor=1e-6)
     assert finest["ihip"]["max"] == 0.0
     assert not reference.proves(finest)
     assert reference.claims(finest)["ihip"]["p99"] == pytest.approx(10.0 * apart)
 
 
 def test_the_reference_of_a_renderer_without_exact_form_or_knob_is_the_nearest_of_ours(work):
-    found = answers(Blurred(lambda n: 1e-4)(work.scene), work)
+    found = answers_to(Blurred(lambda n: 1e-4)(work.scene), work)
     reference = nearest_of_ours(found, work)
     assert "of ours the nearest" in reference.what
-    assert errors(found, reference.answers, floor=1e-6)["ihip"]["max"] == pytest.approx(1e-4)
+    assert errors_against(found, reference.answers, floor=1e-6)["ihip"]["max"] == pytest.approx(1e-4)
 
 
 def test_a_quick_reference_is_the_setting_after_the_last_quick_one():
@@ -195,10 +199,10 @@ def test_a_renderer_without_exact_form_or_knob_has_no_reference_of_its_own(work)
 def test_the_bench_says_so_and_holds_back_its_answer(run):
     slow = Blurred(lambda n: 1e-3 / n)
     settings = [Setting("blurred", {"n": n}, slow, slow.with_knobs(n=n), {"n": ""}) for n in (1.0, 2.0, 4.0)]
-    costs = judged(run(settings).results(), within=1e-4)
+    costs = judge_bench(run(settings).results(), within=1e-4)
     assert all(each.proven is False for each in costs.settings)
     assert [each.label for each in costs.answers] == [None] * 4
-    (cassini, starred) = unproven(costs)
+    (cassini, starred) = describe_unproven(costs)
     assert "has not converged" in cassini
     assert "n 4" in cassini
     assert "star" in starred
@@ -229,7 +233,7 @@ def test_knob_options_that_say_nothing_are_refused(text):
 def test_a_bench_from_end_to_end(run, tmp_path):
     settings = settings_of(["minimum-distance@polygon", "ideal"], quick=True)
     bench = run(settings)
-    costs = judged(bench.results())
+    costs = judge_bench(bench.results())
     cassini = [each for each in costs.settings if each.model == "cassinian" and not each.problem]
     assert [each.settings for each in cassini] == [{"vertices": n} for n in (40, 160, 640)]
     rms = [each.errors["ihip"]["rms"] for each in cassini]
@@ -260,16 +264,16 @@ def test_a_bench_from_end_to_end(run, tmp_path):
 def test_settings_of_other_renderers_stay_beside_new_ones(run):
     old, new = (run(settings_of([name], quick=True)) for name in ("minimum-distance@polygon", "constraint@curve"))
     before, after = old.results(), new.results()
-    joined, samples = beside(after, new.samples(), before, old.samples())
+    joined, samples = join_benches(after, new.samples(), before, old.samples())
     assert [each.kept for each in joined.settings] == [True] * len(before.settings) + [False] * len(after.settings)
     assert {each.renderer for each in joined.references} == {"minimum-distance@polygon", "constraint@curve"}
     assert len({each.key for each in joined.settings}) == len(joined.settings)
     for each, once in zip(joined.settings, before.settings, strict=False):
         np.testing.assert_array_equal(samples[f"{each.key}/step"], old.samples()[f"{once.key}/step"])
-    again, _ = beside(after, new.samples(), joined, samples)
+    again, _ = join_benches(after, new.samples(), joined, samples)
     assert [each.label for each in again.settings] == [each.label for each in joined.settings]
     elsewhere = msgspec.structs.replace(before, machine={**before.machine, "processor": "another"})
-    assert beside(after, new.samples(), elsewhere, old.samples())[0] == after
+    assert join_benches(after, new.samples(), elsewhere, old.samples())[0] == after
 
 
 def test_ctrl_c_keeps_what_was_measured(run):
@@ -277,7 +281,7 @@ def test_ctrl_c_keeps_what_was_measured(run):
         if "round 3" in what:
             raise KeyboardInterrupt
 
-    costs = judged(run(settings_of(["minimum-distance"], quick=True), stop).results())
+    costs = judge_bench(run(settings_of(["minimum-distance"], quick=True), stop).results())
     assert (costs.complete, costs.reason, costs.rounds) == (False, "interrupted by the user", 2)
     assert costs.settings[0].step is not None
     assert "incomplete: interrupted" in describe(costs)
@@ -304,16 +308,16 @@ def test_timing_asks_for_as_many_steps_as_it_says(work):
             return hip, velocity
 
     renderer = Counting()
-    samples = step_times(renderer, track(work.slide, work.dt), 30, first=1990)
+    samples = step_times(renderer, sample_track(work.slide, work.dt), 30, first=1990)
     assert samples.shape == (30,)
     assert renderer.calls == 30 + 200
-    assert batch_times(renderer, track(work.slide, work.dt), 5) is None
+    assert batch_times(renderer, sample_track(work.slide, work.dt), 5) is None
 
 
 def test_a_build_is_timed_on_a_fresh_model_each_time():
     seen = []
     scenes = (fresh_scene("star", k) for k in range(3))
-    made, taken, before = timed_build(len, lambda scene: seen.append(scene.model) or seen, scenes, 3)
+    made, taken, before = time_builds(len, lambda scene: seen.append(scene.model) or seen, scenes, 3)
     assert made == 1, "the first, of what was given for it"
     assert len(before) == len(taken) == len({model.parameters["size"] for model in seen}) == 3
 
@@ -364,21 +368,23 @@ def test_missing_or_cut_samples_are_refused(tmp_path):
 
 
 def test_on_meshes_a_renderer_is_off_by_what_their_triangles_are(run):
-    costs = judged(run(settings_by_model(["sphere"], ["minimum-distance", "constraint"], quick=True)).results())
+    costs = judge_bench(run(settings_by_model(["sphere"], ["minimum-distance", "constraint"], quick=True)).results())
     of = {
         name: [each for each in costs.settings if each.renderer == name] for name in ("minimum-distance", "constraint")
     }
     for name, found in of.items():
         assert [each.settings["triangles"] for each in found] == [80, 320, 1280], name
         for each, finer in zip(found, TINY.finer, strict=True):
-            mesh = meshed(fresh_scene("sphere", 0), finer).model.boundary
+            mesh = with_mesh(fresh_scene("sphere", 0), finer).model.boundary
             a, b, c = mesh.vertices[mesh.triangles.T]
             sides = [np.linalg.norm(one - other, axis=1) for one, other in ((a, b), (b, c), (c, a))]
             area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
             widest = float(np.max(np.prod(sides, axis=0) / (4.0 * area)))  # of the circles round the triangles
-            turned = np.arcsin(widest / (0.1 - DEEPEST))  # a face against the sphere's normal, at most, as deep as that
+            turned = np.arcsin(
+                widest / (0.1 - DEEPEST_HAND)
+            )  # a face against the sphere's normal, at most, as deep as that
             sagitta = 0.1 - np.sqrt(0.1**2 - widest**2)
-            assert 0.5 * sagitta < each.errors["ihip"]["max"] < sagitta + DEEPEST * np.tan(turned)
+            assert 0.5 * sagitta < each.errors["ihip"]["max"] < sagitta + DEEPEST_HAND * np.tan(turned)
             assert each.errors["normal"]["max"] < np.degrees(turned)
             assert each.proven
     assert all(0.5 < line.orders["ihip"] < 1.0 for line in costs.orders), "of the area: between length and its square"
@@ -409,7 +415,7 @@ def test_a_model_that_no_bench_has_is_refused():
 def test_a_refusal_is_no_fault_while_something_is_measured_and_is_noted(run):
     bench = run(settings_by_model(["sphere"], ["mapping", "minimum-distance"], quick=True))
     assert bench.failures == []
-    noted = describe(judged(bench.results())).partition("Not measured:\n")[2].splitlines()
+    noted = describe(judge_bench(bench.results())).partition("Not measured:\n")[2].splitlines()
     assert noted[0].startswith("   mapping (3 settings) on the sphere: ")
     assert noted[1] == ""
 

@@ -20,7 +20,7 @@ from hapticeval.simulation import kernels
 from hapticeval.simulation.closed_loop import loop_of
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.study.effects.document import read_costs
-from hapticeval.study.effects.flags import ask, flagged
+from hapticeval.study.effects.flags import answer_rows, flagged_law
 
 SUITE = """
 title = "Pushed"
@@ -69,12 +69,14 @@ def here(tmp_path, monkeypatch):
 def test_an_engine_that_tests_flags_shows_what_is_on_and_nothing_else(on):
     scene = Scene(model=make_model("circle"), effects=(Suction(0.2),))
     renderer = make_renderer(resolve("minimum-distance"), scene)
-    engine, flags = flagged(renderer.law.data)
+    engine, flags = flagged_law(renderer.law.data)
     flags[:] = on
     hips = np.linspace([0.11, 0.0], [0.08, 0.02], 60)
     ihips, forces = np.zeros((2, 60, 2))
     renderer.reset(hips[0])
-    assert ask(law_value(engine.function, engine.data), engine.data, hips, 0 * hips, np.zeros(2), 1e-3, ihips, forces)
+    assert answer_rows(
+        law_value(engine.function, engine.data), engine.data, hips, 0 * hips, np.zeros(2), 1e-3, ihips, forces
+    )
     expected = make_renderer(resolve("minimum-distance"), scene if on else replace(scene, effects=()))
     assert np.array_equal((ihips, forces), expected.run(hips, 1e-3))
     assert np.abs(forces).max() > 0.0

@@ -11,7 +11,7 @@ from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, ellipse, star
 from hapticeval.scene import Scene
-from hapticeval.study.energy_field import TURNS, energy_field, work_round, works_at, worst_loop
+from hapticeval.study.energy_field import LOOP_POINTS, energy_field, work_round, works_at, worst_loop
 
 
 class Vortex:
@@ -59,5 +59,5 @@ def test_which_renderers_have_a_loop_that_gains(name, model):
         assert work_round(renderer, loop.centre, 2e-3).work == pytest.approx(loop.work / 4.0, rel=0.4)
     else:
         jumps = model.name == "star" or name == "minimum-distance"
-        step = math.tau * loop.radius / TURNS
+        step = math.tau * loop.radius / LOOP_POINTS
         assert abs(loop.work) < (8.0 * step * 1000.0 * 0.035 if jumps else 1e-7)

@@ -18,7 +18,7 @@ from hapticeval.study.projection_field.field import (
     lines_of_constant_projection,
     shallow_angles,
 )
-from hapticeval.study.projection_field.study import Projector, has_memory, projector, study_field, surface_of
+from hapticeval.study.projection_field.study import Projector, has_memory, make_projector, study_field, surface_of
 
 MM = 1e-3
 
@@ -26,7 +26,7 @@ MM = 1e-3
 def field(model, *, name="minimum-distance", start=None, cells=120):
     renderer = resolve(name)(Scene(model=model))
     surface = surface_of(renderer, model.curve)
-    return field_of(projector(renderer, surface, dt=1e-3, origin=start), surface, cells=cells, start=start)
+    return field_of(make_projector(renderer, surface, dt=1e-3, origin=start), surface, cells=cells, start=start)
 
 
 def test_a_circle_is_singular_at_its_centre_alone():
@@ -40,7 +40,7 @@ def test_a_circle_amplifies_as_its_radius_over_the_distance_from_the_centre():
     found = field(circle())
     lattice = found.lattice
     radius = np.hypot(*np.moveaxis(lattice.nodes, -1, 0))
-    kept = lattice.held & (radius > 2 * MM)
+    kept = lattice.contact & (radius > 2 * MM)
     np.testing.assert_allclose(found.amplification[kept], 0.1 / radius[kept], rtol=5e-3)
     assert found.summary(within=MM)["amplification"]["median"] == pytest.approx(math.sqrt(2.0), rel=0.01)
 
@@ -131,7 +131,7 @@ def test_memory_is_noticed():
         assert has_memory(renderer, surface, dt=1e-3) is remembers
         origin = None if remembers else np.array([0.1, 0.0])
         with pytest.raises(InputError, match="remembers" if remembers else "no memory"):
-            projector(renderer, surface, dt=1e-3, origin=origin)
+            make_projector(renderer, surface, dt=1e-3, origin=origin)
 
 
 def test_a_batch_and_single_ticks_give_one_field():

@@ -29,8 +29,8 @@ def test_a_faster_loop_buys_stiffness_and_no_phenomenon(tmp_path):
 
 
 def test_a_rate_that_would_take_too_long_is_left_out(monkeypatch):
-    assert rates._expected([(1e3, 1.0), (3e3, 3.0)], 1e4) == pytest.approx(10.0)
-    monkeypatch.setattr(rates, "SECONDS", -1.0)
+    assert rates._expected_seconds([(1e3, 1.0), (3e3, 3.0)], 1e4) == pytest.approx(10.0)
+    monkeypatch.setattr(rates, "LONGEST_RUN", -1.0)
     document = study_rates(["constraint"], [1e3], lambda *_: None)
     assert all("it would take" in row["left_out"] for row in document["rows"])
 

@@ -30,13 +30,13 @@ from hapticeval.simulation.playback import play, reset_checked, step_checked
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.stimulus.trajectories import build_path
 from hapticeval.study.bench.document import Errors
-from hapticeval.study.projection_field.field import sampled, singular_geometry, singular_set
+from hapticeval.study.projection_field.field import sample_projection, singular_geometry, singular_set
 from hapticeval.types import Array
 
 POINTS = 1000
-SIZE = 0.2
-AWAY = 2e-3  # distance (m) of the points from discontinuities
-CELLS = 100  # lattice steps in which these are looked for
+MODEL_SIZE = 0.2
+CLEARANCE = 2e-3  # distance (m) of the points from discontinuities
+JUMP_CELLS = 100  # lattice steps in which these are looked for
 SLIDE_SECONDS = 2.0
 MARGIN = 10.0  # refinements of the reference must agree to the tenth of an error for it to be believed
 ROUNDING = 1e-12  # errors below this share of a model's size are rounding
@@ -51,7 +51,7 @@ PLANE: Mapping[str, Mapping[str, Any]] = {
 SPACE = ("sphere", "torus")
 """The models in space: renderers are given meshes of them, and errors count from the smooth surface."""
 
-DEEPEST = 0.010
+DEEPEST_HAND = 0.010
 """Depth (m) of a hand in space: 10 N at 1 kN/m. No common desktop device pushes back with more."""
 
 SLIDE_DEPTH = 0.004
@@ -82,7 +82,7 @@ def workload(kind: str, *, seed: int) -> Workload:
         table = {**PLANE[kind], "duration": SLIDE_SECONDS}
     else:
         points = points_under(boundary, POINTS, seed=seed)
-        table = {"kind": "points", "points": way_under(boundary).tolist(), "duration": SLIDE_SECONDS}
+        table = {"kind": "points", "points": path_under(boundary).tolist(), "duration": SLIDE_SECONDS}
     return Workload(kind, scene, points, build_path(table, boundary, FilePath()))
 
 
@@ -92,11 +92,11 @@ def fresh_scene(kind: str, number: int) -> Scene:
     Model number n is n parts in 1e12 larger than the others.
     """
     grown = 1.0 + 1e-12 * number
-    sizes = {"major": 0.07 * grown, "minor": 0.03 * grown} if kind == "torus" else {"size": SIZE * grown}
+    sizes = {"major": 0.07 * grown, "minor": 0.03 * grown} if kind == "torus" else {"size": MODEL_SIZE * grown}
     return Scene(model=make_model(kind, **sizes))
 
 
-def meshed(scene: Scene, finer: float) -> Scene:
+def with_mesh(scene: Scene, finer: float) -> Scene:
     """Return the scene with a mesh of its model, `finer` than the coarsest: see `triangulate_surface`."""
     model = scene.model
     mesh = Mesh(model.name, *triangulate_surface(model.surface, finer))
@@ -107,15 +107,15 @@ def points_under(boundary: Boundary, count: int, *, seed: int) -> Array:
     """Draw `count` points evenly in the layer of 10 mm under a surface in space, (count, 3), m."""
     low, high = np.reshape(boundary.bounds, (2, 3))
     random = np.random.default_rng(seed)
-    found = np.empty((0, 3))
-    while found.shape[0] < count:
+    points = np.empty((0, 3))
+    while points.shape[0] < count:
         drawn = random.uniform(low, high, (4 * count, 3))
         depth = -boundary.signed_distance(drawn)
-        found = np.vstack([found, drawn[(depth > 0.0) & (depth < DEEPEST)]])
-    return np.ascontiguousarray(found[:count])
+        points = np.vstack([points, drawn[(depth > 0.0) & (depth < DEEPEST_HAND)]])
+    return np.ascontiguousarray(points[:count])
 
 
-def way_under(boundary: Boundary) -> Array:
+def path_under(boundary: Boundary) -> Array:
     """Return points (n, 3), m, 4 mm under a surface: under a straight line that passes beside it, askew to all axes."""
     reach = np.array(boundary.bounds[3:])
     along = np.linspace(-0.5, 0.5, 41)[:, np.newaxis]
@@ -135,15 +135,15 @@ def interior_points(model: Model, count: int, *, seed: int) -> Array:
     def nearest(points: Array) -> Array:
         return curve.position(curve.nearest(points))
 
-    jumps = singular_geometry(singular_set(nearest, sampled(nearest, curve, cells=CELLS)))
+    jumps = singular_geometry(singular_set(nearest, sample_projection(nearest, curve, cells=JUMP_CELLS)))
     xmin, ymin, xmax, ymax = curve.bounds
     random = np.random.default_rng(seed)
-    found = np.empty((0, 2))
-    while found.shape[0] < count:
+    points = np.empty((0, 2))
+    while points.shape[0] < count:
         drawn = random.uniform((xmin, ymin), (xmax, ymax), (2 * count, 2))
         drawn = drawn[curve.contains(drawn)]
-        found = np.vstack([found, drawn[~shapely.dwithin(jumps, shapely.points(drawn), AWAY)]])
-    return np.ascontiguousarray(found[:count])
+        points = np.vstack([points, drawn[~shapely.dwithin(jumps, shapely.points(drawn), CLEARANCE)]])
+    return np.ascontiguousarray(points[:count])
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,7 @@ class Answers:
     force: Array
 
 
-def answers(renderer: Renderer, work: Workload) -> Answers:
+def answers_to(renderer: Renderer, work: Workload) -> Answers:
     """Ask a renderer for all of a workload. Every point is a run of its own, for one with memory as for any.
 
     The hand rests at the point for as long as an answer may be late, and the last answer counts: a proxy gets there.
@@ -171,20 +171,22 @@ def answers(renderer: Renderer, work: Workload) -> Answers:
     return Answers(np.vstack([ihips, slid.ihip]), np.vstack([forces, slid.force]))
 
 
-def errors(found: Answers, reference: Answers, *, floor: float) -> Errors:
+def errors_against(measured: Answers, reference: Answers, *, floor: float) -> Errors:
     """Return the root mean square, 99 per cent quantile and maximum of each metric's error.
 
     Where one tool is free its IHIP is at the hand, and counts there. Directions are compared where both forces exceed
     the `floor`, N.
     """
-    size, wanted = (np.linalg.norm(each.force, axis=1) for each in (found, reference))
-    pressed = np.minimum(size, wanted) > floor
-    a, b = (np.pad(each.force[pressed], ((0, 0), (0, 3 - each.force.shape[1]))) for each in (found, reference))
+    size, reference_size = (np.linalg.norm(answers.force, axis=1) for answers in (measured, reference))
+    pressed = np.minimum(size, reference_size) > floor
+    a, b = (
+        np.pad(answers.force[pressed], ((0, 0), (0, 3 - answers.force.shape[1]))) for answers in (measured, reference)
+    )
     angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)))
     return {
-        "ihip": _summary(np.linalg.norm(found.ihip - reference.ihip, axis=1)),
+        "ihip": _summary(np.linalg.norm(measured.ihip - reference.ihip, axis=1)),
         "normal": _summary(angle),
-        "force": _summary(np.linalg.norm(found.force - reference.force, axis=1)),
+        "force": _summary(np.linalg.norm(measured.force - reference.force, axis=1)),
     }
 
 
@@ -209,19 +211,22 @@ class Reference:
     answers: Answers
     disagreement: Errors | None
 
-    def claims(self, found: Errors) -> Errors:
+    def claims(self, measured: Errors) -> Errors:
         """Return the errors that the reference can demonstrate: none smaller than ten times the disagreement."""
         if self.disagreement is None:
-            return found
+            return measured
         return {
-            metric: {each: max(value[each], MARGIN * self.disagreement[metric][each]) for each in STATISTICS}
-            for metric, value in found.items()
+            metric: {
+                statistic: max(value[statistic], MARGIN * self.disagreement[metric][statistic])
+                for statistic in STATISTICS
+            }
+            for metric, value in measured.items()
         }
 
-    def proves(self, found: Errors) -> bool:
+    def proves(self, measured: Errors) -> bool:
         """Return whether the reference has converged to a tenth of the IHIP errors found."""
         return self.disagreement is None or all(
-            found["ihip"][each] >= MARGIN * self.disagreement["ihip"][each] for each in STATISTICS
+            measured["ihip"][statistic] >= MARGIN * self.disagreement["ihip"][statistic] for statistic in STATISTICS
         )
 
 
@@ -243,17 +248,17 @@ def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: 
     knobs = choices_of(exact).knobs
     if not knobs:
         known = choices_of(exact).representation == "curve"
-        return Reference("the exact curve", _asked(exact, work), None) if known else None
+        return Reference("the exact curve", _answers_of_factory(exact, work), None) if known else None
     before, last = refinements(knobs, quick=quick)
-    coarse, fine = (_asked(configured(exact, each, name=name), work) for each in (before, last))
+    coarse, fine = (_answers_of_factory(configured(exact, settings, name=name), work) for settings in (before, last))
     return Reference(
         f"itself at {', '.join(f'{knob} {value:g}' for knob, value in last.items())}",
         fine,
-        errors(coarse, fine, floor=force_floor(work.scene)),
+        errors_against(coarse, fine, floor=force_floor(work.scene)),
     )
 
 
-def nearest_of_ours(found: Answers, work: Workload) -> Reference | None:
+def nearest_of_ours(measured: Answers, work: Workload) -> Reference | None:
     """Return the answers of that renderer of ours on the exact curve whose IHIPs are nearest to those found.
 
     For a renderer with neither an exact form nor a knob: most approximate a projection that one of ours computes.
@@ -265,12 +270,12 @@ def nearest_of_ours(found: Answers, work: Workload) -> Reference | None:
         choices = choices_of(exact)
         if choices.representation == "curve" and not choices.knobs:
             with suppress(HapticevalError):
-                known[name] = _asked(exact, work)
+                known[name] = _answers_of_factory(exact, work)
     if not known:
         return None
 
     def apart(name: str) -> float:
-        return errors(found, known[name], floor=force_floor(work.scene))["ihip"]["p99"]
+        return errors_against(measured, known[name], floor=force_floor(work.scene))["ihip"]["p99"]
 
     nearest = min(known, key=apart)
     return Reference(f"{nearest} on the exact curve, of ours the nearest to it", known[nearest], None)
@@ -296,5 +301,5 @@ def refinements(knobs: Mapping[str, Knob], *, quick: bool = False) -> tuple[Sett
     return {name: pair[0] for name, pair in chosen.items()}, {name: pair[1] for name, pair in chosen.items()}
 
 
-def _asked(factory: Callable[..., object], work: Workload) -> Answers:
-    return answers(cast("Renderer", factory(work.scene)), work)
+def _answers_of_factory(factory: Callable[..., object], work: Workload) -> Answers:
+    return answers_to(cast("Renderer", factory(work.scene)), work)

@@ -19,7 +19,7 @@ import numpy as np
 from hapticeval.study.bench.document import BenchResults, Change, Samples, SettingEntry
 from hapticeval.types import Array
 
-LEVEL = 0.05
+SIGNIFICANCE = 0.05
 ERROR_WORTH = 1e-6  # errors are not random: they have changed where they differ by more than this share
 WORTH = {"step": 0.10, "batch": 0.25}
 """A ratio of times closer to one than this is not called better or worse: the same code reached 0.03 and 0.22."""
@@ -34,7 +34,7 @@ class Shift(NamedTuple):
     p: float
 
 
-def shift(now: Array, before: Array) -> Shift:
+def estimate_shift(now: Array, before: Array) -> Shift:
     """Estimate the shift between blocks (n,) and (m,) of positive numbers, on a logarithmic scale.
 
     With very few blocks no interval of 95 per cent exists: it is then unbounded, and `p` cannot be small either.
@@ -44,13 +44,13 @@ def shift(now: Array, before: Array) -> Shift:
     a, b = np.log(now), np.log(before)
     p = float(mannwhitneyu(a, b, alternative="two-sided", method="auto").pvalue)
     apart = np.sort(np.subtract.outer(a, b).ravel())
-    outside = _rank(a.size, b.size)
+    outside = _outside_count(a.size, b.size)
     low = float(np.exp(apart[outside - 1])) if outside else 0.0
     high = float(np.exp(apart[apart.size - outside])) if outside else math.inf
     return Shift(float(np.exp(np.median(apart))), low, high, p)
 
 
-def _rank(n: int, m: int) -> int:
+def _outside_count(n: int, m: int) -> int:
     """Count the n m ordered differences that lie beyond each end of the 95 per cent interval.
 
     The largest c with P(U <= c - 1) <= 0.025 under the hypothesis of no shift, from the exact distribution of U.
@@ -62,11 +62,11 @@ def _rank(n: int, m: int) -> int:
         for j in range(k, n * m + 1):
             counts[j] += counts[j - k]
     below = np.cumsum(counts) / math.comb(n + m, n)
-    return int(np.searchsorted(below, LEVEL / 2.0, side="right"))
+    return int(np.searchsorted(below, SIGNIFICANCE / 2.0, side="right"))
 
 
 def holm(ps: Sequence[float]) -> list[float]:
-    """Return Holm's adjusted p values: below `LEVEL` where the shift is significant among all that were tested."""
+    """Return Holm's adjusted p values: below `SIGNIFICANCE` for shifts that are significant among all tested."""
     order = sorted(range(len(ps)), key=lambda index: ps[index])
     adjusted = [1.0] * len(ps)
     largest = 0.0
@@ -76,11 +76,11 @@ def holm(ps: Sequence[float]) -> list[float]:
     return adjusted
 
 
-def verdict(found: Shift, adjusted: float, *, worth: float) -> Literal["better", "worse", "not significant"]:
+def judge_shift(estimate: Shift, adjusted: float, *, worth: float) -> Literal["better", "worse", "not significant"]:
     """Return `better`, `worse` or `not significant` for a shift of times; `worth` is the least share that counts."""
-    if adjusted >= LEVEL or abs(math.log(found.ratio)) <= math.log1p(worth):
+    if adjusted >= SIGNIFICANCE or abs(math.log(estimate.ratio)) <= math.log1p(worth):
         return "not significant"
-    return "better" if found.ratio < 1.0 else "worse"
+    return "better" if estimate.ratio < 1.0 else "worse"
 
 
 def compare_benches(now: BenchResults, samples: Samples, before: BenchResults, earlier: Samples) -> list[Change]:
@@ -88,36 +88,36 @@ def compare_benches(now: BenchResults, samples: Samples, before: BenchResults, e
 
     Returns one change per setting and kind of time present in both, plus one per setting whose error has changed.
     """
-    past = {(each.model, each.label): each for each in before.settings if each.problem is None}
+    past = {(setting.model, setting.label): setting for setting in before.settings if setting.problem is None}
     pairs = [
-        (each, past[each.model, each.label])
-        for each in now.settings
-        if each.problem is None and (each.model, each.label) in past
+        (setting, past[setting.model, setting.label])
+        for setting in now.settings
+        if setting.problem is None and (setting.model, setting.label) in past
     ]
-    found: list[tuple[SettingEntry, str, Shift]] = []
-    for each, old in pairs:
+    shifts: list[tuple[SettingEntry, str, Shift]] = []
+    for setting, old in pairs:
         for kind in WORTH:
-            blocks = [_blocks(some, one.key, kind) for some, one in ((samples, each), (earlier, old))]
+            blocks = [_round_medians(some, one.key, kind) for some, one in ((samples, setting), (earlier, old))]
             if blocks[0].size >= 2 and blocks[1].size >= 2:
-                found.append((each, kind, shift(blocks[0], blocks[1])))
-    adjusted = holm([some.p for _, _, some in found])
+                shifts.append((setting, kind, estimate_shift(blocks[0], blocks[1])))
+    adjusted = holm([some.p for _, _, some in shifts])
     times = [
         Change(
-            model=each.model,
-            label=each.label,
+            model=setting.model,
+            label=setting.label,
             what=kind,
             ratio=some.ratio,
             low=some.low,
             high=some.high if math.isfinite(some.high) else None,
             p=p,
-            verdict=verdict(some, p, worth=WORTH[kind]),
+            verdict=judge_shift(some, p, worth=WORTH[kind]),
         )
-        for (each, kind, some), p in zip(found, adjusted, strict=True)
+        for (setting, kind, some), p in zip(shifts, adjusted, strict=True)
     ]
-    return times + [changed for each, old in pairs for changed in _error_change(each, old)]
+    return times + [changed for setting, old in pairs for changed in _error_change(setting, old)]
 
 
-def _blocks(samples: Samples, key: str, kind: str) -> Array:
+def _round_medians(samples: Samples, key: str, kind: str) -> Array:
     """Return the median of each round."""
     rounds = samples.get(f"{key}/{kind}")
     return np.empty(0) if rounds is None else np.maximum(np.median(rounds, axis=1), 1.0)

@@ -32,11 +32,11 @@ Samples = Mapping[str, IntArray]
 """`<key>/step` (rounds, n), ns, and `<key>/batch` (rounds, n), ps per step, by an entry's key."""
 
 
-class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class _DocumentPart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Base of the document's objects."""
 
 
-class Times(_Part, frozen=True):
+class Times(_DocumentPart, frozen=True):
     """Seconds per step by statistic; `tick_share` is the 99.9 per cent quantile as a share of the tick of 1 ms."""
 
     median: float
@@ -46,13 +46,13 @@ class Times(_Part, frozen=True):
     tick_share: float
 
 
-class SettingEntry(_Part, frozen=True):
+class SettingEntry(_DocumentPart, frozen=True):
     """A renderer with values of its knobs on a model.
 
     `errors` count from the reference, and `claims` are those that it can prove, None without one; `step` and `batch`
     are None where not measured; `front` has the kinds of time on whose Pareto front the setting lies; `problem` is why
-    an entry has nothing else; `kept` entries are of an earlier bench, see `beside`. `build_seconds` are of each build
-    of the renderer, and `mesh_seconds` of the mesh that it was given for it: triangulated, checked, and its tree.
+    an entry has nothing else; `kept` entries are of an earlier bench, see `join_benches`. `build_seconds` are of each
+    build of the renderer, and `mesh_seconds` of the mesh that it was given for it: triangulated, checked, and its tree.
     """
 
     renderer: str
@@ -77,7 +77,7 @@ class SettingEntry(_Part, frozen=True):
         return self.step if kind == "step" else self.batch
 
 
-class ReferenceEntry(_Part, frozen=True):
+class ReferenceEntry(_DocumentPart, frozen=True):
     """What the errors of a renderer on a model count from, and how far its last refinement moved it; None if exact."""
 
     renderer: str
@@ -86,7 +86,7 @@ class ReferenceEntry(_Part, frozen=True):
     disagreement: Errors | None
 
 
-class OrderEntry(_Part, frozen=True):
+class OrderEntry(_DocumentPart, frozen=True):
     """The observed order of convergence of each error by a knob over its `values`, the `others` as they are."""
 
     renderer: str
@@ -97,7 +97,7 @@ class OrderEntry(_Part, frozen=True):
     orders: dict[str, float | None]
 
 
-class Answer(_Part, frozen=True):
+class Answer(_DocumentPart, frozen=True):
     """The cheapest setting within an error (m) and a time (s); `key` and `label` are None where there is none."""
 
     model: str
@@ -108,7 +108,7 @@ class Answer(_Part, frozen=True):
     label: str | None
 
 
-class Change(_Part, frozen=True):
+class Change(_DocumentPart, frozen=True):
     """A setting against an earlier bench: its ratio of times or errors, with the interval and p of the times."""
 
     model: str
@@ -121,7 +121,7 @@ class Change(_Part, frozen=True):
     verdict: Literal["better", "worse", "not significant"]
 
 
-class BenchResults(_Part, frozen=True):
+class BenchResults(_DocumentPart, frozen=True):
     """A bench: what was measured, on which machine, by which command, and what follows from it."""
 
     complete: bool
@@ -142,24 +142,26 @@ class BenchResults(_Part, frozen=True):
 
     def by_model(self) -> dict[str, list[SettingEntry]]:
         """Return the settings on each model."""
-        found: dict[str, list[SettingEntry]] = {}
-        for each in self.settings:
-            found.setdefault(each.model, []).append(each)
-        return found
+        by_model: dict[str, list[SettingEntry]] = {}
+        for setting in self.settings:
+            by_model.setdefault(setting.model, []).append(setting)
+        return by_model
 
     def left_out(self) -> list[str]:
         """Return a sentence for each renderer and model of which a setting was not measured, with the reason."""
-        found: dict[tuple[str, str, str], list[str]] = {}
-        for each in self.settings:
-            if each.problem is not None:
-                found.setdefault((each.renderer, each.model, each.problem), []).append(each.label)
+        labels_by_problem: dict[tuple[str, str, str], list[str]] = {}
+        for setting in self.settings:
+            if setting.problem is not None:
+                labels_by_problem.setdefault((setting.renderer, setting.model, setting.problem), []).append(
+                    setting.label
+                )
         return [
             f"{labels[0] if len(labels) == 1 else f'{name} ({len(labels)} settings)'} on the {model}: {problem}"
-            for (name, model, problem), labels in found.items()
+            for (name, model, problem), labels in labels_by_problem.items()
         ]
 
 
-def beside(
+def join_benches(
     results: BenchResults, samples: Samples, before: BenchResults, earlier: Samples
 ) -> tuple[BenchResults, Samples]:
     """Add the settings of an earlier bench of other renderers or models, so that new ones stand among them.
@@ -176,13 +178,17 @@ def beside(
         )
     ):
         return results, samples
-    measured = {(each.renderer, each.model) for each in results.settings}
+    measured = {(setting.renderer, setting.model) for setting in results.settings}
     keys = {
-        each.key: f"k{number:03d}"
-        for number, each in enumerate(each for each in before.settings if (each.renderer, each.model) not in measured)
+        setting.key: f"k{number:03d}"
+        for number, setting in enumerate(
+            setting for setting in before.settings if (setting.renderer, setting.model) not in measured
+        )
     }
-    settings = [replace(each, key=keys[each.key], kept=True) for each in before.settings if each.key in keys]
-    references = [each for each in before.references if (each.renderer, each.model) not in measured]
+    settings = [
+        replace(setting, key=keys[setting.key], kept=True) for setting in before.settings if setting.key in keys
+    ]
+    references = [reference for reference in before.references if (reference.renderer, reference.model) not in measured]
     old = {
         f"{keys[key]}/{kind}": rows
         for (key, _, kind), rows in ((name.partition("/"), rows) for name, rows in earlier.items())
@@ -197,13 +203,13 @@ def write_bench(directory: Path, results: BenchResults, samples: Samples) -> lis
 
     Raises `HapticevalError` where a file cannot be written.
     """
-    kept = directory / SAMPLES
+    samples_file = directory / SAMPLES
     try:
-        with replacing(kept) as temporary, temporary.open("wb") as stream:
-            np.savez_compressed(stream, **{name: np.asarray(each) for name, each in samples.items()})  # type: ignore[arg-type]
+        with replacing(samples_file) as temporary, temporary.open("wb") as stream:
+            np.savez_compressed(stream, **{name: np.asarray(rows) for name, rows in samples.items()})  # type: ignore[arg-type]
     except OSError as error:
         raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
-    return [write_json(directory / FILE, results), kept]
+    return [write_json(directory / FILE, results), samples_file]
 
 
 def read_bench(directory: Path) -> BenchResults:

@@ -36,14 +36,14 @@ class Track:
     dt: float
 
 
-def track(path: Path, dt: float) -> Track:
+def sample_track(path: Path, dt: float) -> Track:
     """Sample the positions and velocities along a path."""
     at, hips = path.sampled(dt)
     return Track(hips, list(zip(hips, backward_difference(hips, at), strict=True)), dt)
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
+def without_garbage_collection() -> Iterator[None]:
     """Collect no garbage in the block: the collector's pauses are Python's, not the renderer's."""
     enabled = gc.isenabled()
     gc.collect()
@@ -102,67 +102,67 @@ def clock_cost() -> float:
     return float(np.median(samples))
 
 
-def timed_build(
-    factory: RendererFactory, given: Callable[[Scene], Scene], scenes: Iterator[Scene], repeats: int
+def time_builds(
+    factory: RendererFactory, prepare: Callable[[Scene], Scene], scenes: Iterator[Scene], repeats: int
 ) -> tuple[Any, list[float], list[float]]:
-    """Build a renderer again and again, each time for what is `given` of a new scene.
+    """Build a renderer again and again, each time for what `prepare` makes of a new scene.
 
     Return the first, the seconds of each build, and the seconds of making what it was given. What takes long is not
     repeated.
     """
     clock = time.perf_counter_ns
-    taken: list[float] = []
+    build_seconds: list[float] = []
     before: list[float] = []
-    made: Any = None
-    while len(taken) < repeats and (not taken or before[0] + taken[0] < LONG_BUILD):
+    first_built: Any = None
+    while len(build_seconds) < repeats and (not build_seconds or before[0] + build_seconds[0] < LONG_BUILD):
         scene = next(scenes)
-        with quiet():
-            asked = clock()
-            shown = given(scene)
+        with without_garbage_collection():
+            preparing = clock()
+            prepared = prepare(scene)
             begun = clock()
-            built = factory(shown)
-            taken.append((clock() - begun) * 1e-9)
-            before.append((begun - asked) * 1e-9)
-        made = built if made is None else made
-    return made, taken, before
+            built = factory(prepared)
+            build_seconds.append((clock() - begun) * 1e-9)
+            before.append((begun - preparing) * 1e-9)
+        first_built = built if first_built is None else first_built
+    return first_built, build_seconds, before
 
 
-def array_bytes(thing: object) -> int:
+def array_bytes(root: object) -> int:
     """Count the bytes of all arrays that can be reached from an object through attributes, containers and slots.
 
     Memory that two arrays share counts once. Python's own objects and what compiled libraries hold do not count. A
     memory-mapped file counts whole, as it would be if all of it were read.
     """
-    seen: set[int] = set()
+    visited: set[int] = set()
     buffers: dict[int, int] = {}
-    stack = [thing]
+    stack = [root]
     while stack:
-        each = stack.pop()
-        if id(each) in seen:
+        current = stack.pop()
+        if id(current) in visited:
             continue
-        seen.add(id(each))
-        if isinstance(each, np.ndarray):
-            owner = each
+        visited.add(id(current))
+        if isinstance(current, np.ndarray):
+            owner = current
             while isinstance(owner.base, np.ndarray):
                 owner = owner.base
             buffers[owner.__array_interface__["data"][0]] = owner.nbytes
-        elif isinstance(each, Mapping):
-            stack += each.values()
-        elif isinstance(each, list | tuple | set | frozenset):
-            stack += each
-        elif isinstance(each, FunctionType):
-            stack += [cell.cell_contents for cell in each.__closure__ or () if cell.cell_contents is not None]
-        elif isinstance(each, MethodType):
-            stack.append(each.__self__)
-        elif not isinstance(each, type | ModuleType) and not type(each).__module__.startswith("numba"):
-            stack += vars(each).values() if hasattr(each, "__dict__") else []
-            stack += [getattr(each, name) for name in _slots(each) if hasattr(each, name)]
+        elif isinstance(current, Mapping):
+            stack += current.values()
+        elif isinstance(current, list | tuple | set | frozenset):
+            stack += current
+        elif isinstance(current, FunctionType):
+            stack += [cell.cell_contents for cell in current.__closure__ or () if cell.cell_contents is not None]
+        elif isinstance(current, MethodType):
+            stack.append(current.__self__)
+        elif not isinstance(current, type | ModuleType) and not type(current).__module__.startswith("numba"):
+            stack += vars(current).values() if hasattr(current, "__dict__") else []
+            stack += [getattr(current, name) for name in _slots(current) if hasattr(current, name)]
     return sum(buffers.values())
 
 
-def _slots(thing: object) -> list[str]:
-    named = [getattr(kind, "__slots__", ()) for kind in type(thing).__mro__]
-    return [name for each in named for name in ((each,) if isinstance(each, str) else each)]
+def _slots(instance: object) -> list[str]:
+    named = [getattr(kind, "__slots__", ()) for kind in type(instance).__mro__]
+    return [name for slots in named for name in ((slots,) if isinstance(slots, str) else slots)]
 
 
 def machine() -> dict[str, Any]:

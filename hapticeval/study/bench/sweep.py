@@ -27,17 +27,25 @@ from hapticeval.study.bench.accuracy import (
     Answers,
     Reference,
     Workload,
-    answers,
-    errors,
+    answers_to,
+    errors_against,
     fresh_scene,
-    meshed,
     nearest_of_ours,
     on_the_exact_curve,
     reference_of,
+    with_mesh,
     workload,
 )
 from hapticeval.study.bench.document import BenchResults, Errors, ReferenceEntry, Samples, SettingEntry, Times
-from hapticeval.study.bench.measure import array_bytes, batch_times, machine, quiet, step_times, timed_build, track
+from hapticeval.study.bench.measure import (
+    array_bytes,
+    batch_times,
+    machine,
+    sample_track,
+    step_times,
+    time_builds,
+    without_garbage_collection,
+)
 from hapticeval.types import IntArray
 
 TICK = 1e-3
@@ -77,17 +85,19 @@ class Setting:
     units: Mapping[str, str] = field(default_factory=dict)
     finer: int = 0
 
-    def given(self, scene: Scene) -> Scene:
+    def prepare(self, scene: Scene) -> Scene:
         """Return what the renderer is given of a scene."""
-        return meshed(scene, self.finer) if self.finer else scene
+        return with_mesh(scene, self.finer) if self.finer else scene
 
     @property
     def label(self) -> str:
         """For instance `constraint@polygon vertices 80`, `minimum-distance@lut cell 0.5mm`."""
-        return " ".join([self.renderer, *(_text(knob, value, self.units[knob]) for knob, value in self.values.items())])
+        return " ".join(
+            [self.renderer, *(_knob_text(knob, value, self.units[knob]) for knob, value in self.values.items())]
+        )
 
 
-def _text(knob: str, value: float, unit: str) -> str:
+def _knob_text(knob: str, value: float, unit: str) -> str:
     return f"{knob} {1e3 * value:g}mm" if unit == "m" else f"{knob} {value:.12g}{unit}"
 
 
@@ -96,13 +106,13 @@ def own_variants() -> list[str]:
     names = []
     for name in own_renderers():
         offered = choices_of(resolve(name)).representations
-        names += [f"{name}@{each}" for each in offered] if offered else [name]
+        names += [f"{name}@{representation}" for representation in offered] if offered else [name]
     return names
 
 
 def own_on_meshes() -> list[str]:
     """Name the renderers that come with hapticeval and take meshes: each as it is, and as a table where it has one."""
-    coarsest = meshed(fresh_scene(SPACE[0], 0), 1)
+    coarsest = with_mesh(fresh_scene(SPACE[0], 0), 1)
     names = []
     for name in own_renderers():
         with suppress(RefusalError):
@@ -126,26 +136,26 @@ def settings_of(
     """
     factories = {name: resolve(name) for name in dict.fromkeys(renderers)}
     knobs = {name: choices_of(factory).knobs for name, factory in factories.items()}
-    asked = dict(chosen or {})
-    known = {knob for each in knobs.values() for knob in each}
-    for knob in asked:
+    chosen_values = dict(chosen or {})
+    known = {knob for definitions in knobs.values() for knob in definitions}
+    for knob in chosen_values:
         if knob not in known:
             raise UnknownNameError(f"knob of {', '.join(factories)}", knob, known)
-    found = []
+    settings = []
     for name, factory in factories.items():
-        wanted = {knob: values for knob, values in asked.items() if knob in knobs[name]}
-        if wanted:
-            every = [dict(zip(wanted, values, strict=True)) for values in product(*wanted.values())]
+        swept = {knob: values for knob, values in chosen_values.items() if knob in knobs[name]}
+        if swept:
+            every = [dict(zip(swept, values, strict=True)) for values in product(*swept.values())]
         else:
             every = [
                 {knob: value}
-                for knob, each in islice(knobs[name].items(), 1 if quick else None)
-                for value in (each.quick if quick and each.quick else each.values)
+                for knob, definition in islice(knobs[name].items(), 1 if quick else None)
+                for value in (definition.quick if quick and definition.quick else definition.values)
             ]
-        units = {knob: each.unit for knob, each in knobs[name].items()}
+        units = {knob: definition.unit for knob, definition in knobs[name].items()}
         for setting in every or [{}]:
-            found.append(Setting(name, setting, factory, configured(factory, setting, name=name), units))
-    return found
+            settings.append(Setting(name, setting, factory, configured(factory, setting, name=name), units))
+    return settings
 
 
 def settings_on_meshes(
@@ -158,19 +168,23 @@ def settings_on_meshes(
     """
     surface = fresh_scene(model, 0).model.surface
     meshes = [(finer, len(triangulate_surface(surface, finer)[1])) for finer in (QUICK if quick else FULL).finer]
-    found = []
+    settings = []
     for name in dict.fromkeys(renderers):
-        cells = {knob: each.values[:1] for knob, each in choices_of(resolve(name)).knobs.items() if each.unit == "m"}
-        wanted = {**cells, **(chosen or {})}
-        for each in settings_of([name], quick=quick, chosen=wanted) if wanted else [_bare(name)]:
-            units = {"triangles": "", **each.units}
+        cells = {
+            knob: definition.values[:1]
+            for knob, definition in choices_of(resolve(name)).knobs.items()
+            if definition.unit == "m"
+        }
+        swept = {**cells, **(chosen or {})}
+        for setting in settings_of([name], quick=quick, chosen=swept) if swept else [_setting_without_knobs(name)]:
+            units = {"triangles": "", **setting.units}
             for finer, triangles in meshes[-1:] if cells else meshes:
-                values = {"triangles": float(triangles), **each.values}
-                found.append(replace(each, values=values, units=units, finer=finer))
-    return found
+                values = {"triangles": float(triangles), **setting.values}
+                settings.append(replace(setting, values=values, units=units, finer=finer))
+    return settings
 
 
-def _bare(name: str) -> Setting:
+def _setting_without_knobs(name: str) -> Setting:
     factory = resolve(name)
     return Setting(name, {}, factory, factory)
 
@@ -186,15 +200,15 @@ def settings_by_model(
 
     Raises `UnknownNameError` for a model that is none of `PLANE` and `SPACE`, and as `settings_of` does.
     """
-    found = {}
+    settings = {}
     for model in dict.fromkeys(models or (QUICK if quick else FULL).models):
         if model in PLANE:
-            found[model] = settings_of(renderers or own_variants(), quick=quick, chosen=chosen)
+            settings[model] = settings_of(renderers or own_variants(), quick=quick, chosen=chosen)
         elif model in SPACE:
-            found[model] = settings_on_meshes(model, renderers or own_on_meshes(), quick=quick, chosen=chosen)
+            settings[model] = settings_on_meshes(model, renderers or own_on_meshes(), quick=quick, chosen=chosen)
         else:
             raise UnknownNameError("model of a bench", model, (*PLANE, *SPACE))
-    return found
+    return settings
 
 
 @dataclass
@@ -215,25 +229,27 @@ class _Entry:
     steps: list[IntArray] = field(default_factory=list)
     batches: list[IntArray] = field(default_factory=list)
 
-    def described(self) -> SettingEntry:
+    def document_entry(self) -> SettingEntry:
         """Return the entry of the document; errors that are rounding count as none."""
-        found, reference, scene = self.errors, self.reference, self.work.scene
-        if found is not None:
+        rounded, reference, scene = self.errors, self.reference, self.work.scene
+        if rounded is not None:
             floors = {"ihip": scene.model.size, "normal": 180.0, "force": scene.model.size * scene.stiffness}
-            found = {
-                metric: {each: value if value > ROUNDING * floors[metric] else 0.0 for each, value in every.items()}
-                for metric, every in found.items()
+            rounded = {
+                metric: {
+                    statistic: value if value > ROUNDING * floors[metric] else 0.0 for statistic, value in every.items()
+                }
+                for metric, every in rounded.items()
             }
         return SettingEntry(
             renderer=self.setting.renderer,
             model=self.work.name,
             settings=dict(self.setting.values),
             label=self.setting.label,
-            errors=found,
-            claims=None if found is None or reference is None else reference.claims(found),
-            proven=None if found is None or reference is None else reference.proves(found),
-            step=_times(self.steps, 1e-9),
-            batch=_times(self.batches, 1e-12),
+            errors=rounded,
+            claims=None if rounded is None or reference is None else reference.claims(rounded),
+            proven=None if rounded is None or reference is None else reference.proves(rounded),
+            step=_time_statistics(self.steps, 1e-9),
+            batch=_time_statistics(self.batches, 1e-12),
             memory_bytes=self.memory,
             build_seconds=self.builds,
             mesh_seconds=self.meshes,
@@ -255,7 +271,7 @@ class Sweep:
         self.effort = QUICK if quick else FULL
         self.works = [workload(kind, seed=seed) for kind in settings]
         pairs = [(work, setting) for work in self.works for setting in settings[work.name]]
-        self.factories = {each.renderer: each.base for _, each in pairs}
+        self.factories = {setting.renderer: setting.base for _, setting in pairs}
         self.entries = [_Entry(setting, work, f"s{k:03d}") for k, (work, setting) in enumerate(pairs)]
         self.references: dict[tuple[str, str], Reference | None] = {}
         self.rounds = 0
@@ -275,7 +291,7 @@ class Sweep:
             order = np.random.default_rng(self.seed)
             for done in range(self.effort.rounds):
                 progress(len(self.entries) + done, total, f"timing, round {done + 1} of {self.effort.rounds}")
-                with quiet():
+                with without_garbage_collection():
                     self._round(done, order)
             progress(total, total, "")
         except KeyboardInterrupt:
@@ -285,9 +301,9 @@ class Sweep:
     @property
     def failures(self) -> list[HapticevalError]:
         """The errors that stopped single settings; a refusal is none, unless nothing else came out."""
-        found = [entry.failure for entry in self.entries if entry.failure is not None]
-        broken = [each for each in found if not isinstance(each, RefusalError)]
-        return found if len(found) == len(self.entries) else broken
+        failures = [entry.failure for entry in self.entries if entry.failure is not None]
+        broken = [failure for failure in failures if not isinstance(failure, RefusalError)]
+        return failures if len(failures) == len(self.entries) else broken
 
     def _prepare(self, entry: _Entry) -> None:
         try:
@@ -302,7 +318,7 @@ class Sweep:
 
     def _measure(self, entry: _Entry) -> None:
         setting, work = entry.setting, entry.work
-        first = meshed(work.scene, 1) if setting.finer else work.scene
+        first = with_mesh(work.scene, 1) if setting.finer else work.scene
         warm = make_renderer(setting.factory, first)  # what is compiled on first use is compiled now
         if not isinstance(warm, Renderer):
             raise _NotBenched(
@@ -310,15 +326,15 @@ class Sweep:
                 why="it answers a whole stimulus at once",
             )
         scenes = (fresh_scene(work.name, next(self._fresh)) for _ in range(self.effort.builds))
-        entry.renderer, entry.builds, took = timed_build(setting.factory, setting.given, scenes, self.effort.builds)
+        entry.renderer, entry.builds, took = time_builds(setting.factory, setting.prepare, scenes, self.effort.builds)
         entry.meshes = took if setting.finer else []
-        found = answers(entry.renderer if setting.finer else warm, work)
-        entry.reference = self._reference(setting, work, found)
+        measured = answers_to(entry.renderer if setting.finer else warm, work)
+        entry.reference = self._reference(setting, work, measured)
         if entry.reference is not None:
-            entry.errors = errors(found, entry.reference.answers, floor=force_floor(work.scene))
+            entry.errors = errors_against(measured, entry.reference.answers, floor=force_floor(work.scene))
         entry.memory = array_bytes(entry.renderer)
 
-    def _reference(self, setting: Setting, work: Workload, found: Answers) -> Reference | None:
+    def _reference(self, setting: Setting, work: Workload, measured: Answers) -> Reference | None:
         """Return the reference of a setting, which renderers share that are the same on the exact curve."""
         key = (setting.renderer, work.name)
         if key not in self.references:
@@ -326,22 +342,22 @@ class Sweep:
             shared = [
                 reference
                 for (name, model), reference in self.references.items()
-                if model == work.name and _same(base, on_the_exact_curve(self.factories[name]))
+                if model == work.name and _equal_by_value(base, on_the_exact_curve(self.factories[name]))
             ]
             if shared:
                 self.references[key] = shared[0]
             else:
-                made = None
+                reference = None
                 with suppress(RefusalError):  # of what takes meshes alone
-                    made = reference_of(setting.renderer, setting.factory, work, quick=self.quick)
-                self.references[key] = made or nearest_of_ours(found, work)
+                    reference = reference_of(setting.renderer, setting.factory, work, quick=self.quick)
+                self.references[key] = reference or nearest_of_ours(measured, work)
         return self.references[key]
 
     def _round(self, number: int, order: np.random.Generator) -> None:
         """Time every setting once, in an order of its own. A round that is cut short is dropped whole."""
         live = [entry for entry in self.entries if entry.renderer is not None]
         took: dict[str, tuple[IntArray, IntArray | None]] = {}
-        tracks = {work.name: track(work.slide, work.dt) for work in self.works}
+        tracks = {work.name: sample_track(work.slide, work.dt) for work in self.works}
         for k in order.permutation(len(live)):
             entry = live[k]
             along = tracks[entry.work.name]
@@ -358,16 +374,16 @@ class Sweep:
 
     def samples(self) -> Samples:
         """Return the raw samples of the rounds that were finished."""
-        found: dict[str, IntArray] = {}
+        samples: dict[str, IntArray] = {}
         for entry in self.entries:
             for kind, rounds in (("step", entry.steps), ("batch", entry.batches)):
                 if rounds:
-                    shortest = min(each.size for each in rounds)
-                    found[f"{entry.key}/{kind}"] = np.stack([each[:shortest] for each in rounds])
-        return found
+                    shortest = min(batch.size for batch in rounds)
+                    samples[f"{entry.key}/{kind}"] = np.stack([batch[:shortest] for batch in rounds])
+        return samples
 
     def results(self) -> BenchResults:
-        """Return what was measured as a document; `judge.judged` adds fronts, orders and answers."""
+        """Return what was measured as a document; `judge.judge_bench` adds fronts, orders and answers."""
         return BenchResults(
             complete=self.reason is None,
             reason=self.reason,
@@ -386,7 +402,7 @@ class Sweep:
                 )
                 for (name, model), reference in self.references.items()
             ],
-            settings=[entry.described() for entry in self.entries],
+            settings=[entry.document_entry() for entry in self.entries],
             orders=[],
             answers=[],
             timing={"wall_seconds": self.wall},
@@ -399,12 +415,12 @@ class _NotBenched(InputError):
     exit_code = 0
 
 
-def _same(one: Any, other: Any) -> bool:
+def _equal_by_value(one: Any, other: Any) -> bool:
     """Return whether two factories are equal by value: they share one reference then."""
     return bool(one is other or (type(one) is type(other) and one == other))
 
 
-def _times(rounds: Sequence[IntArray], second: float) -> Times | None:
+def _time_statistics(rounds: Sequence[IntArray], second: float) -> Times | None:
     """Return statistics of a step's time from samples in units of `second` seconds; None without samples."""
     if not rounds:
         return None

@@ -7,24 +7,26 @@ from functools import partial
 
 from hapticeval import quantity
 from hapticeval.study.bench.document import BenchResults, Change, SettingEntry
-from hapticeval.study.bench.judge import unproven
+from hapticeval.study.bench.judge import describe_unproven
 
 length, duration = partial(quantity.length, micro="u"), partial(quantity.duration, micro="u")
 """On a terminal, units are spelt as options take them."""
 
 COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
-    "": lambda each: "*" if "step" in each.front else "",
-    "setting": lambda each: each.label,
-    "IHIP 99%": lambda each: "~" * (each.proven is False) + length(each.claims["ihip"]["p99"]) if each.claims else None,
-    "normal 99%": lambda each: f"{each.claims['normal']['p99']:.2g} deg" if each.claims else None,
-    "force 99%": lambda each: f"{each.claims['force']['p99']:.2g} N" if each.claims else None,
-    "step median": lambda each: duration(each.step.median) if each.step else None,
-    "99.9%": lambda each: duration(each.step.p999) if each.step else None,
-    "of tick": lambda each: f"{quantity.number(100 * each.step.tick_share, 2)} %" if each.step else None,
-    "batch": lambda each: duration(each.batch.median) if each.batch else None,
-    "memory": lambda each: None if each.memory_bytes is None else quantity.size(each.memory_bytes),
-    "mesh": lambda each: duration(min(each.mesh_seconds)) if each.mesh_seconds else None,
-    "build": lambda each: duration(min(each.build_seconds)) if each.build_seconds else None,
+    "": lambda setting: "*" if "step" in setting.front else "",
+    "setting": lambda setting: setting.label,
+    "IHIP 99%": lambda setting: (
+        "~" * (setting.proven is False) + length(setting.claims["ihip"]["p99"]) if setting.claims else None
+    ),
+    "normal 99%": lambda setting: f"{setting.claims['normal']['p99']:.2g} deg" if setting.claims else None,
+    "force 99%": lambda setting: f"{setting.claims['force']['p99']:.2g} N" if setting.claims else None,
+    "step median": lambda setting: duration(setting.step.median) if setting.step else None,
+    "99.9%": lambda setting: duration(setting.step.p999) if setting.step else None,
+    "of tick": lambda setting: f"{quantity.number(100 * setting.step.tick_share, 2)} %" if setting.step else None,
+    "batch": lambda setting: duration(setting.batch.median) if setting.batch else None,
+    "memory": lambda setting: None if setting.memory_bytes is None else quantity.size(setting.memory_bytes),
+    "mesh": lambda setting: duration(min(setting.mesh_seconds)) if setting.mesh_seconds else None,
+    "build": lambda setting: duration(min(setting.build_seconds)) if setting.build_seconds else None,
 }
 """The columns of a table of settings; what is not known is None, and a column of that alone is left out."""
 
@@ -36,7 +38,7 @@ def describe(results: BenchResults) -> str:
     parts = [
         *_tables(results),
         "\n".join(_orders(results)),
-        "\n".join(unproven(results)),
+        "\n".join(describe_unproven(results)),
         "\n".join(_through_python(results)),
         "\n".join(_left_out(results)),
         "\n".join(_answers(results)),
@@ -50,12 +52,12 @@ def describe(results: BenchResults) -> str:
 
 def _tables(results: BenchResults) -> Iterator[str]:
     for model, settings in results.by_model().items():
-        measured = [each for each in settings if not each.problem]
-        columns = {title: [cell(each) for each in measured] for title, cell in COLUMNS.items()}
-        filled = {title: cells for title, cells in columns.items() if any(each is not None for each in cells)}
+        measured = [setting for setting in settings if not setting.problem]
+        columns = {title: [cell(setting) for setting in measured] for title, cell in COLUMNS.items()}
+        filled = {title: cells for title, cells in columns.items() if any(cell is not None for cell in cells)}
         if not filled:
             continue
-        rows = [["-" if each is None else each for each in row] for row in zip(*filled.values(), strict=True)]
+        rows = [["-" if cell is None else cell for cell in row] for row in zip(*filled.values(), strict=True)]
         head = f"{model} (* on the Pareto front, one step at a time; ~ not proven)"
         yield "\n".join([head, *quantity.aligned([list(filled), *rows], left=2)])
 
@@ -78,39 +80,39 @@ def _left_out(results: BenchResults) -> Iterator[str]:
 
 
 def _kept(results: BenchResults) -> str:
-    kept = sum(each.kept for each in results.settings)
-    return f"; {kept} of them kept from an earlier bench" if kept else ""
+    earlier = sum(setting.kept for setting in results.settings)
+    return f"; {earlier} of them kept from an earlier bench" if earlier else ""
 
 
 def _orders(results: BenchResults) -> Iterator[str]:
-    for each in results.orders:
-        found = ", ".join(f"{ORDERS[name]} {value:.2f}" for name, value in each.orders.items() if value is not None)
-        yield f"order of convergence, {each.renderer} on the {each.model} by {each.knob}: {found}"
+    for entry in results.orders:
+        orders = ", ".join(f"{ORDERS[name]} {value:.2f}" for name, value in entry.orders.items() if value is not None)
+        yield f"order of convergence, {entry.renderer} on the {entry.model} by {entry.knob}: {orders}"
 
 
 def _answers(results: BenchResults) -> Iterator[str]:
     kinds = {"step": "one step at a time", "batch": "in batch"}
-    by_key = {each.key: each for each in results.settings}
-    for each in results.answers:
-        budget = f" within {duration(each.budget_s)}" if each.budget_s else ""
-        found = "no setting"
-        if each.key is not None:
-            entry = by_key[each.key]
-            claims, took = entry.claims, entry.times(each.what)
+    by_key = {setting.key: setting for setting in results.settings}
+    for answer in results.answers:
+        budget = f" within {duration(answer.budget_s)}" if answer.budget_s else ""
+        words = "no setting"
+        if answer.key is not None:
+            entry = by_key[answer.key]
+            claims, took = entry.claims, entry.times(answer.what)
             if claims is not None and took is not None:
-                error, median, most = length(claims["ihip"]["p99"]), duration(took.median), duration(took.p99)
-                found = f"{each.label} ({error} in {median}, 99 % of steps in {most})"
-        yield f"{each.model}, {length(each.within_m)}{budget}, {kinds[each.what]}: {found}"
+                error, median, p99 = length(claims["ihip"]["p99"]), duration(took.median), duration(took.p99)
+                words = f"{answer.label} ({error} in {median}, 99 % of steps in {p99})"
+        yield f"{answer.model}, {length(answer.within_m)}{budget}, {kinds[answer.what]}: {words}"
 
 
-def _comparison(found: Sequence[Change]) -> Iterator[str]:
-    for each in found:
-        if each.verdict != "not significant":
-            by = "" if each.ratio is None else f": {each.ratio:.3g} times"
-            if each.p is not None:
-                high = "" if each.high is None else f"{each.high:.3g}"
-                by += f" [{each.low:.3g}, {high}], p = {each.p:.2g}"
-            yield f"{each.verdict}: {each.label} on the {each.model}, {each.what}{by}"
-    if found:
-        quiet = sum(each.verdict == "not significant" for each in found)
-        yield f"compared: {quiet} of {len(found)} not significant"
+def _comparison(changes: Sequence[Change]) -> Iterator[str]:
+    for change in changes:
+        if change.verdict != "not significant":
+            by = "" if change.ratio is None else f": {change.ratio:.3g} times"
+            if change.p is not None:
+                high = "" if change.high is None else f"{change.high:.3g}"
+                by += f" [{change.low:.3g}, {high}], p = {change.p:.2g}"
+            yield f"{change.verdict}: {change.label} on the {change.model}, {change.what}{by}"
+    if changes:
+        quiet = sum(change.verdict == "not significant" for change in changes)
+        yield f"compared: {quiet} of {len(changes)} not significant"

@@ -26,12 +26,12 @@ class Flagged(NamedTuple):
     closest: Closest
 
 
-def flagged(composed: Composed) -> tuple[CompiledStep, Array]:
+def flagged_law(composed: Composed) -> tuple[CompiledStep, Array]:
     """Return a step that shows those effects of a composed law whose flag is not 0, and the flags (n,), all 0."""
-    functions: list[Any] = [each.function for each in composed.changes]
-    chain = _chain([each.kernel for each in functions])
+    functions: list[Any] = [change.function for change in composed.changes]
+    chain = _chain([function.kernel for function in functions])
 
-    @_inlining
+    @_compile_inlining
     def answer(data: Flagged, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array) -> int:
         refusal = data.law(data.data, hip, velocity, push, dt, ihip, force)
         if refusal != 0:
@@ -39,7 +39,7 @@ def flagged(composed: Composed) -> tuple[CompiledStep, Array]:
         return chain(data, hip, velocity, dt, ihip, force)
 
     flags = np.zeros(len(functions))
-    numbers = tuple(each.numbers for each in composed.changes)
+    numbers = tuple(change.numbers for change in composed.changes)
     data: Any = Flagged(composed.law, composed.data, numbers, flags, composed.closest)
     return CompiledStep(answer, data, {}), flags
 
@@ -47,10 +47,10 @@ def flagged(composed: Composed) -> tuple[CompiledStep, Array]:
 def _chain(functions: Sequence[Callable[..., int]]) -> Callable[..., int]:
     """Return a kernel that calls each change, in order, whose flag is not 0."""
     if not functions:
-        return _nothing
+        return _change_nothing
     before, change, last = _chain(functions[:-1]), functions[-1], len(functions) - 1
 
-    @_inlining
+    @_compile_inlining
     def all_of(data: Flagged, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
         refusal = before(data, hip, velocity, dt, ihip, force)
         if refusal != 0:
@@ -62,7 +62,7 @@ def _chain(functions: Sequence[Callable[..., int]]) -> Callable[..., int]:
     return all_of
 
 
-def _inlining(function: Callable[..., int]) -> Callable[..., int]:
+def _compile_inlining(function: Callable[..., int]) -> Callable[..., int]:
     """Compile a function that names other kernels as they are now: no cache would know it again."""
     compile_: Any = numba.njit
     kernel: Callable[..., int] = compile_(error_model="numpy", _nrt=False)(function)
@@ -70,12 +70,12 @@ def _inlining(function: Callable[..., int]) -> Callable[..., int]:
 
 
 @borrowing
-def _nothing(data: Flagged, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:  # noqa: ARG001
+def _change_nothing(data: Flagged, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:  # noqa: ARG001
     return 0
 
 
 @borrowing
-def ask(
+def answer_rows(
     law: Callable[..., int], data: Any, hips: Array, velocities: Array, push: Array, dt: float, ihips: Array,
     forces: Array,
 ) -> int:  # fmt: skip

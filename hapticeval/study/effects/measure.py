@@ -22,7 +22,7 @@ from hapticeval.simulation.answers import Affected
 from hapticeval.simulation.closed_loop import loop_of, simulate_closed_loop
 from hapticeval.simulation.playback import play, way_in
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
-from hapticeval.study.bench.measure import machine, quiet
+from hapticeval.study.bench.measure import machine, without_garbage_collection
 from hapticeval.study.effects.document import Cost, EffectsDocument, Ladder, Rung, SceneEntry
 from hapticeval.types import Array
 
@@ -30,17 +30,17 @@ if TYPE_CHECKING:
     from hapticeval.compiled import FirstClass
 
 ROUNDS = 30
-LONG = 1.0
-"""Seconds that the rounds of one run may take together, once there are `FEW`."""
-FEW = 3
+LONGEST_ROUNDS = 1.0
+"""Seconds that the rounds of one run may take together, once there are `FEWEST_ROUNDS`."""
+FEWEST_ROUNDS = 3
 
-NOTHING: Array = np.empty(0)
+NO_FLAGS: Array = np.empty(0)
 
 Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)
-class Ready:
+class TimedRun:
     """A run that is ready to be timed: `once` makes it and returns its seconds and ticks.
 
     `kernels` are those of ours that it runs, each with its arguments or their types; none for a renderer's own.
@@ -54,7 +54,9 @@ class Ready:
         """Bytes of machine code of the kernels; None without any."""
         from hapticeval.compiled import machine_code
 
-        return sum(len(machine_code(kernel, *given)) for kernel, given in self.kernels) if self.kernels else None
+        return (
+            sum(len(machine_code(kernel, *arguments)) for kernel, arguments in self.kernels) if self.kernels else None
+        )
 
 
 def measure(jobs: Sequence[Job], progress: Progress) -> EffectsDocument:
@@ -67,11 +69,11 @@ def measure(jobs: Sequence[Job], progress: Progress) -> EffectsDocument:
         progress(len(scenes), len(jobs) + 1, f"{job.renderer} on {job.suite}/{job.case.name}")
         scenes.append(measure_scene(job))
     climbed = [len(entry.assembled.get(Stage.ANSWER, ())) if entry.cost and entry.cost.code else 0 for entry in scenes]
-    most = int(np.argmax(climbed))
+    tallest = int(np.argmax(climbed))
     ladder = None
-    if climbed[most] > 1:
-        progress(len(jobs), len(jobs) + 1, f"{jobs[most].suite}/{jobs[most].case.name} effect by effect")
-        ladder = measure_ladder(jobs[most])
+    if climbed[tallest] > 1:
+        progress(len(jobs), len(jobs) + 1, f"{jobs[tallest].suite}/{jobs[tallest].case.name} effect by effect")
+        ladder = measure_ladder(jobs[tallest])
     progress(len(jobs) + 1, len(jobs) + 1, "")
     return EffectsDocument(scenes, ladder, ROUNDS, environment(), machine())
 
@@ -79,28 +81,30 @@ def measure(jobs: Sequence[Job], progress: Progress) -> EffectsDocument:
 def measure_scene(job: Job) -> SceneEntry:
     """Measure a scene with its effects and without; what stops that is its entry's `problem`."""
     scene = job.case.build_scene()
-    named = (job.suite, job.case.name, job.renderer, [each.kind for each in scene.effects])
+    named = (job.suite, job.case.name, job.renderer, [effect.kind for effect in scene.effects])
     plain = replace(scene, effects=())
     try:
-        renderer, stimulus = made(job, scene)
-        runs = [ready(renderer, stimulus, scene)]
+        renderer, stimulus = make_run(job, scene)
+        runs = [prepare_run(renderer, stimulus, scene)]
         if scene.effects:
-            runs.append(ready(*made(job, plain), plain))
-        ticks, found = shortest(runs)
-        costs = [Cost(each, run.code) for each, run in zip(found, runs, strict=True)]
+            runs.append(prepare_run(*make_run(job, plain), plain))
+        ticks, seconds = shortest_times(runs)
+        costs = [Cost(tick, run.code) for tick, run in zip(seconds, runs, strict=True)]
     except HapticevalError as error:
         return SceneEntry(*named, {}, problem=error.what)
-    return SceneEntry(*named, assembled(renderer, scene), ticks[0], costs[0], costs[1] if scene.effects else None)
+    return SceneEntry(
+        *named, effects_by_stage(renderer, scene), ticks[0], costs[0], costs[1] if scene.effects else None
+    )
 
 
-def assembled(renderer: object, scene: Scene) -> dict[str, list[str]]:
+def effects_by_stage(renderer: object, scene: Scene) -> dict[str, list[str]]:
     """Return the kinds of the scene's effects by the stage that they take part in; the renderer's own by "renderer"."""
-    put_on = {each.kind for each in renderer.effects} if isinstance(renderer, Affected) else set()
-    found: dict[str, list[str]] = {}
-    for each in scene.effects:
-        own = each.stage is None or (each.stage is Stage.ANSWER and each.kind not in put_on)
-        found.setdefault("renderer" if own else str(each.stage), []).append(each.kind)
-    return found
+    put_on = {effect.kind for effect in renderer.effects} if isinstance(renderer, Affected) else set()
+    by_stage: dict[str, list[str]] = {}
+    for effect in scene.effects:
+        own = effect.stage is None or (effect.stage is Stage.ANSWER and effect.kind not in put_on)
+        by_stage.setdefault("renderer" if own else str(effect.stage), []).append(effect.kind)
+    return by_stage
 
 
 def measure_ladder(job: Job) -> Ladder:
@@ -108,74 +112,78 @@ def measure_ladder(job: Job) -> Ladder:
 
     The answers are those along the way of the hand in the scene, without the robot.
     """
-    from hapticeval.study.effects.flags import flagged
+    from hapticeval.study.effects.flags import flagged_law
 
     scene = job.case.build_scene()
-    surface = [each for each in scene.effects if each.stage is Stage.ANSWER]
-    whole, stimulus = made(job, scene)
+    surface = [effect for effect in scene.effects if effect.stage is Stage.ANSWER]
+    complete, stimulus = make_run(job, scene)
     dt = scene.sampling_time
-    led = play(whole, stimulus, dt) if isinstance(stimulus, Path) else simulate_closed_loop(whole, stimulus, scene, dt)
-    data: Any = _law(whole).data
-    engine, flags = flagged(data)
+    led = (
+        play(complete, stimulus, dt)
+        if isinstance(stimulus, Path)
+        else simulate_closed_loop(complete, stimulus, scene, dt)
+    )
+    data: Any = _law_of(complete).data
+    engine, flags = flagged_law(data)
     kinds, runs = [], []
     for count in range(len(surface) + 1):
-        kinds.append([each.kind for each in surface[:count]])
-        some = made(job, replace(scene, effects=tuple(surface[:count])))[0]
-        runs.append(_asked(some, _law(some), led, dt))
+        kinds.append([effect.kind for effect in surface[:count]])
+        some = make_run(job, replace(scene, effects=tuple(surface[:count])))[0]
+        runs.append(_prepare_law(some, _law_of(some), led, dt))
         on = np.array([float(k < count) for k in range(len(surface))])
-        runs.append(_asked(whole, engine, led, dt, flags=flags, on=on))
-    _, ticks = shortest(runs)
+        runs.append(_prepare_law(complete, engine, led, dt, flags=flags, on=on))
+    _, ticks = shortest_times(runs)
     return Ladder(
         job.suite,
         job.case.name,
         job.renderer,
-        [Rung(*each) for each in zip(kinds, ticks[::2], ticks[1::2], strict=True)],
+        [Rung(*row) for row in zip(kinds, ticks[::2], ticks[1::2], strict=True)],
     )
 
 
-def _law(renderer: object) -> CompiledStep:
-    found = abilities_of(renderer).law
-    assert found is not None
-    return found
+def _law_of(renderer: object) -> CompiledStep:
+    law = abilities_of(renderer).law
+    assert law is not None
+    return law
 
 
-def _asked(
-    renderer: Renderer, law: CompiledStep, led: Recording, dt: float, *, flags: Array = NOTHING, on: Array = NOTHING
-) -> Ready:
+def _prepare_law(
+    renderer: Renderer, law: CompiledStep, led: Recording, dt: float, *, flags: Array = NO_FLAGS, on: Array = NO_FLAGS
+) -> TimedRun:
     """Prepare a compiled step along the HIPs of a recording, with `flags` as in `on`."""
     from hapticeval.compiled import for_kernels, law_value, specialised
-    from hapticeval.study.effects.flags import ask
+    from hapticeval.study.effects.flags import answer_rows
 
     value = law_value(law.function, law.data)
     hips, velocities = for_kernels(led.hip), for_kernels(led.velocity)
     out, push = np.zeros((2, *hips.shape)), np.zeros(hips.shape[1])
-    asked = specialised(ask, value, law.data, hips, velocities, push, dt, out[0], out[1])
+    answer_all = specialised(answer_rows, value, law.data, hips, velocities, push, dt, out[0], out[1])
 
     def once() -> tuple[float, int]:
         renderer.reset(hips[0])
         flags[:] = on
-        return _timed(lambda: asked(value, law.data, hips, velocities, push, dt, out[0], out[1]))
+        return _time_run(lambda: answer_all(value, law.data, hips, velocities, push, dt, out[0], out[1]))
 
-    return Ready(once)
+    return TimedRun(once)
 
 
-def made(job: Job, scene: Scene) -> tuple[Renderer, Stimulus]:
+def make_run(job: Job, scene: Scene) -> tuple[Renderer, Stimulus]:
     """Make the job's renderer for a scene, and what it is asked."""
     renderer = make_renderer(job.factory or resolve(job.renderer), scene)
     return cast("Renderer", renderer), job.case.build_stimulus(scene, renderer)
 
 
-def ready(renderer: Renderer, stimulus: Stimulus, scene: Scene) -> Ready:
+def prepare_run(renderer: Renderer, stimulus: Stimulus, scene: Scene) -> TimedRun:
     """Prepare runs of a renderer: of a path by `run`, or by steps; of an experiment compiled, or through Python."""
     dt, law = scene.sampling_time, abilities_of(renderer).law
     if isinstance(stimulus, Path):
-        return _path(renderer, stimulus, scene)
+        return _prepare_path(renderer, stimulus, scene)
     if law is None:
-        return Ready(lambda: _timed(lambda: len(simulate_closed_loop(renderer, stimulus, scene, dt))))
-    return _loop(renderer, law, stimulus, scene)
+        return TimedRun(lambda: _time_run(lambda: len(simulate_closed_loop(renderer, stimulus, scene, dt))))
+    return _prepare_loop(renderer, law, stimulus, scene)
 
 
-def _loop(renderer: Renderer, law: CompiledStep, experiment: Experiment, scene: Scene) -> Ready:
+def _prepare_loop(renderer: Renderer, law: CompiledStep, experiment: Experiment, scene: Scene) -> TimedRun:
     """Prepare the compiled loop with a law: only `run` is under the clock, not what assembles the loop."""
     from hapticeval.compiled import law_value, specialised
     from hapticeval.simulation import kernels
@@ -187,13 +195,13 @@ def _loop(renderer: Renderer, law: CompiledStep, experiment: Experiment, scene: 
     def once() -> tuple[float, int]:
         loop = loop_of(experiment, scene, scene.sampling_time)
         renderer.reset(loop.out[kernels.MEASURED_HIP, 0])
-        return _timed(lambda: run(value, law.data, loop)[0])
+        return _time_run(lambda: run(value, law.data, loop)[0])
 
-    hooks = [each.function for hook in (loop.sensors, loop.feeling, loop.motors) for each in hook or ()]
-    return Ready(once, [(kernels.run, (value, law.data, loop)), *_called(value, *_functions(law), *hooks)])
+    hooks = [effect.function for hook in (loop.sensors, loop.feeling, loop.motors) for effect in hook or ()]
+    return TimedRun(once, [(kernels.run, (value, law.data, loop)), *_kernels_of(value, *_functions_of(law), *hooks)])
 
 
-def _path(renderer: Renderer, path: Path, scene: Scene) -> Ready:
+def _prepare_path(renderer: Renderer, path: Path, scene: Scene) -> TimedRun:
     """Prepare a path, with the way in."""
     from hapticeval.simulation.answer_kernels import change_rows
 
@@ -212,41 +220,43 @@ def _path(renderer: Renderer, path: Path, scene: Scene) -> Ready:
         return len(hips)
 
     law = abilities_of(renderer).law
-    functions = list(_functions(law)) if law is not None else []
+    functions = list(_functions_of(law)) if law is not None else []
     if law is None or not functions:
-        return Ready(lambda: _timed(asked))
+        return TimedRun(lambda: _time_run(asked))
     data: Any = law.data
-    given = (data.changes, data.closest, hips, velocities, dt, hips, hips)
-    return Ready(lambda: _timed(asked), [(change_rows, given), *_called(*functions[1:])])
+    arguments = (data.changes, data.closest, hips, velocities, dt, hips, hips)
+    return TimedRun(lambda: _time_run(asked), [(change_rows, arguments), *_kernels_of(*functions[1:])])
 
 
-def _functions(law: CompiledStep) -> Iterator[FirstClass]:
+def _functions_of(law: CompiledStep) -> Iterator[FirstClass]:
     """Yield what a composed law calls: the renderer's own, the closest point, and each effect; nothing for another."""
     from hapticeval.compiled import Composed
 
     data: Any = law.data
     if isinstance(data, Composed):
-        yield from (data.law, data.closest.function, *(each.function for each in data.changes))  # type: ignore[misc]
+        yield from (data.law, data.closest.function, *(change.function for change in data.changes))  # type: ignore[misc]
 
 
-def _called(*functions: FirstClass) -> Iterator[tuple[Any, Sequence[Any]]]:
+def _kernels_of(*functions: FirstClass) -> Iterator[tuple[Any, Sequence[Any]]]:
     """Yield compiled functions that are values, each once, with the types of their arguments."""
-    yield from {id(each.kernel): (each.kernel, each.signature().args) for each in functions}.values()
+    yield from {id(function.kernel): (function.kernel, function.signature().args) for function in functions}.values()
 
 
-def _timed(run: Callable[[], int]) -> tuple[float, int]:
+def _time_run(run: Callable[[], int]) -> tuple[float, int]:
     """Return the seconds of a run, of this thread's own time, and its ticks."""
     began = time.thread_time()
     ticks = run()
     return time.thread_time() - began, ticks
 
 
-def shortest(runs: Sequence[Ready]) -> tuple[list[int], list[float]]:
+def shortest_times(runs: Sequence[TimedRun]) -> tuple[list[int], list[float]]:
     """Return the ticks of each run, and the shortest time of one, s: all once outside the clock, then in turns."""
     ticks = [run.once()[1] for run in runs]
     times: list[list[float]] = []
     began = time.perf_counter()
-    with quiet():
-        while len(times) < ROUNDS and (len(times) < FEW or time.perf_counter() - began < LONG * len(runs)):
+    with without_garbage_collection():
+        while len(times) < ROUNDS and (
+            len(times) < FEWEST_ROUNDS or time.perf_counter() - began < LONGEST_ROUNDS * len(runs)
+        ):
             times.append([seconds / max(ticks, 1) for seconds, ticks in (run.once() for run in runs)])
-    return ticks, [float(each) for each in np.min(times, axis=0)]
+    return ticks, [float(seconds) for seconds in np.min(times, axis=0)]

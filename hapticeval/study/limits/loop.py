@@ -54,10 +54,10 @@ def gains_of(renderer: Renderer, place: Place, dt: float) -> Gains:
         return np.asarray(renderer.step(now, velocity, dt)[1], dtype=np.float64)
 
     def inside(depth: float) -> Array:
-        rest = place.point - depth * place.normal
-        now = slope_of(lambda move: force(rest, rest + move, still), size, PROBE)
-        before = slope_of(lambda move: force(rest + move, rest, still), size, PROBE)
-        return -np.array([now, before, slope_of(lambda move: force(rest, rest, move), size, PROBE / dt)])
+        rest_point = place.point - depth * place.normal
+        now = jacobian_of(lambda move: force(rest_point, rest_point + move, still), size, PROBE)
+        before = jacobian_of(lambda move: force(rest_point + move, rest_point, still), size, PROBE)
+        return -np.array([now, before, jacobian_of(lambda move: force(rest_point, rest_point, move), size, PROBE / dt)])
 
     a, b, c = (inside(depth * PROBE) for depth in (2.0, 4.0, 6.0))
     return Gains(*(3.0 * a - 3.0 * b + c))
@@ -74,7 +74,7 @@ class Robot(NamedTuple):
 def robot_at(device: Device, point: Array) -> Robot:
     """Describe the device with its hand at rest at `point` (N,), m. Raises `DomainError` outside its workspace."""
     joints = device.joints(point)
-    losses = slope_of(lambda rates: device.bias(joints, rates), device.dimension)
+    losses = jacobian_of(lambda rates: device.bias(joints, rates), device.dimension)
     return Robot(device.jacobian(joints), device.inertia(joints), losses)
 
 
@@ -89,34 +89,40 @@ class SampledLoop:
         dt = scene.sampling_time
         self.scene = scene
         self.robot = robot
-        whole, rest = divmod(lateness(scene) / dt, 1.0)
-        self.held = int(whole) + 1
-        self.early = _transition(robot, rest * dt)
-        self.late = _transition(robot, (1.0 - rest) * dt)
+        whole_ticks, fraction = divmod(loop_delay(scene) / dt, 1.0)
+        self.held_count = int(whole_ticks) + 1
+        self.first_part = _transition(robot, fraction * dt)
+        self.second_part = _transition(robot, (1.0 - fraction) * dt)
         velocity = scene.effect(VelocityFilter)
-        self.kept = None if velocity is None else float(np.exp(-2.0 * np.pi * velocity.cutoff * dt))
+        self.filter_share = None if velocity is None else float(np.exp(-2.0 * np.pi * velocity.cutoff * dt))
 
     def matrix(self, gains: Gains) -> tuple[Array, Array]:
         """Return the matrices from state to next state (n, n), and from state to force (N, n), N."""
-        scene, dt, held = self.scene, self.scene.sampling_time, self.held
+        scene, dt, held_count = self.scene, self.scene.sampling_time, self.held_count
         jacobian, inertia, losses = self.robot.jacobian, self.robot.inertia, self.robot.losses
-        count = len(inertia)
-        state = np.eye((4 + held) * count)
-        q, rates, q_before, slow = (state[i * count : (i + 1) * count] for i in range(4))
-        torques = [state[(4 + i) * count : (5 + i) * count] for i in range(held)]
-        seen = rates
-        if self.kept is not None:
-            seen = slow = self.kept * slow + (1.0 - self.kept) * (q - q_before) / dt
-        force = -gains.now @ jacobian @ q - gains.before @ jacobian @ q_before - gains.rate @ jacobian @ seen
+        size = len(inertia)
+        state = np.eye((4 + held_count) * size)
+        joints, rates, joints_before, filtered_rates = (state[i * size : (i + 1) * size] for i in range(4))
+        torques = [state[(4 + i) * size : (5 + i) * size] for i in range(held_count)]
+        sensed_rates = rates
+        if self.filter_share is not None:
+            sensed_rates = filtered_rates = (
+                self.filter_share * filtered_rates + (1.0 - self.filter_share) * (joints - joints_before) / dt
+            )
+        force = (
+            -gains.now @ jacobian @ joints
+            - gains.before @ jacobian @ joints_before
+            - gains.rate @ jacobian @ sensed_rates
+        )
         torque = jacobian.T @ force
         if scene.inner_loop is InnerLoop.LINEARISED:
             torque = inertia @ np.linalg.solve(jacobian, force / scene.mass)
         if scene.inner_loop is not InnerLoop.STATIC:
-            torque = torque + losses @ seen
-        line = [torque, *torques]
-        moved = self.early[0] @ np.vstack([q, rates]) + self.early[1] @ line[held]
-        moved = self.late[0] @ moved + self.late[1] @ line[held - 1]
-        return np.vstack([moved, q, slow, *line[:held]]), force
+            torque = torque + losses @ sensed_rates
+        torque_queue = [torque, *torques]
+        next_state = self.first_part[0] @ np.vstack([joints, rates]) + self.first_part[1] @ torque_queue[held_count]
+        next_state = self.second_part[0] @ next_state + self.second_part[1] @ torque_queue[held_count - 1]
+        return np.vstack([next_state, joints, filtered_rates, *torque_queue[:held_count]]), force
 
     def growth(self, gains: Gains) -> float:
         """Return the growth per tick of the fastest mode, below 1 if stable; motion along the surface is left out."""
@@ -127,7 +133,7 @@ class SampledLoop:
         return float(np.max(np.abs(values[~free]), initial=0.0))
 
 
-def slope_of(answer: Callable[[Array], Array], count: int, step: float = 1e-6) -> Array:
+def jacobian_of(answer: Callable[[Array], Array], count: int, step: float = 1e-6) -> Array:
     """Return the Jacobian (N, count) of `simulate` at zero, by central differences of `step`."""
     return np.column_stack([(answer(step * axis) - answer(-step * axis)) / (2.0 * step) for axis in np.eye(count)])
 
@@ -162,9 +168,9 @@ def port_damping(robot: Robot, normal: Array, dt: float) -> float:
     return float(np.min((1.0 / (admittance @ normal)).real))
 
 
-def lateness(scene: Scene) -> float:
+def loop_delay(scene: Scene) -> float:
     """Return the seconds from a sample to the motors' answer."""
-    return sum((each.late for each in scene.effects), 0.0)
+    return sum((effect.late for effect in scene.effects), 0.0)
 
 
 def passive_stiffness(scene: Scene, robot: Robot, normal: Array) -> float | None:
@@ -177,4 +183,4 @@ def passive_stiffness(scene: Scene, robot: Robot, normal: Array) -> float | None
     if scene.inner_loop is not InnerLoop.STATIC:
         return None
     damping = port_damping(robot, normal, scene.sampling_time)
-    return max(0.0, 2.0 * (damping - scene.damping) / (scene.sampling_time + 2.0 * lateness(scene)))
+    return max(0.0, 2.0 * (damping - scene.damping) / (scene.sampling_time + 2.0 * loop_delay(scene)))

@@ -21,17 +21,21 @@ from hapticeval.study.limits.loop import Gains, Place, SampledLoop, gains_of, ro
 from hapticeval.types import Array
 
 SOFTEST, STIFFEST = 1.0, 1e7  # N/m between which limits are looked for
-STEPS = 40  # halvings: until rounding of the limit's own digits
-PUSH = 1e-5  # m off the surface at which the loop is let go: small, so that the device stays at its pose
-NEAR = 100.0 * PUSH  # m from where it is let go: farther off is another place, with another pose and another limit
-RESTS = 1e-7  # share of `PUSH` below which what is left of it is rounding: the loop has settled
-TICKS = 20_000  # of a run: a mode that grows by 1e-6 per tick grows by 2 per cent
+HALVINGS = 40  # halvings: until rounding of the limit's own digits
+RELEASE_OFFSET = 1e-5  # m off the surface at which the loop is let go: small, so that the device stays at its pose
+NEAR_DISTANCE = (
+    100.0 * RELEASE_OFFSET
+)  # m from where it is let go: farther off is another place, with another pose and another limit
+SETTLED_SHARE = 1e-7  # share of `RELEASE_OFFSET` below which what is left of it is rounding: the loop has settled
+RUN_TICKS = 20_000  # of a run: a mode that grows by 1e-6 per tick grows by 2 per cent
 PLACES = 12  # points of the boundary that a warning tries: the robot's inertia at the hand varies over centimetres
-NOTHING = 1e-6  # share of the scene's stiffness below which a spring is rounding: gains are differences of forces
+ROUNDING_SHARE = (
+    1e-6  # share of the scene's stiffness below which a spring is rounding: gains are differences of forces
+)
 
 
 @dataclass(frozen=True)
-class Family:
+class GainFamily:
     """A renderer's gains as a function of its stiffness K, offset + K slope, (3, N, N) each, as measured at `place`."""
 
     offset: Array
@@ -42,19 +46,19 @@ class Family:
         """Return the gains at a stiffness, N/m."""
         return Gains(*(self.offset + stiffness * self.slope))
 
-    def facing(self, place: Place) -> Family:
+    def facing(self, place: Place) -> GainFamily:
         """Return the same renderer's gains at another place, rotated with the normal."""
         turn = _rotation(self.place.normal, place.normal)
-        return Family(turn @ self.offset @ turn.T, turn @ self.slope @ turn.T, place)
+        return GainFamily(turn @ self.offset @ turn.T, turn @ self.slope @ turn.T, place)
 
 
-def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
+def family_of(factory: RendererFactory, scene: Scene, place: Place) -> GainFamily:
     """Measure the gains of what `factory` makes as a function of its stiffness.
 
     Two stiffnesses far below the scene's give the line, a third one shows that it is one. Raises `InputError` for a
     renderer whose gains do not grow in proportion, or that has no `step`.
     """
-    found = []
+    gains_by_share = []
     for share in (1.0 / 64.0, 1.0 / 32.0, 1.0 / 16.0):
         # Gains are the renderer's alone and need no robot; inside they are the same for one that cannot hold both ways.
         alone = replace(scene, device=None, stiffness=share * scene.stiffness, bilateral=True)
@@ -67,11 +71,11 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
                 "the renderer has physics of its own, and no gains to look for a limit of",
                 todo="choose one that answers tick by tick, such as minimum-distance",
             )
-        found.append(np.array(gains_of(renderer, place, scene.sampling_time)))
+        gains_by_share.append(np.array(gains_of(renderer, place, scene.sampling_time)))
     low, high = scene.stiffness / 64.0, scene.stiffness / 32.0
-    slope = (found[1] - found[0]) / (high - low)
-    family = Family(found[0] - low * slope, slope, place)
-    for predicted, measured in zip(family.at(2.0 * high), found[2], strict=True):
+    slope = (gains_by_share[1] - gains_by_share[0]) / (high - low)
+    family = GainFamily(gains_by_share[0] - low * slope, slope, place)
+    for predicted, measured in zip(family.at(2.0 * high), gains_by_share[2], strict=True):
         if np.max(np.abs(predicted - measured)) > 1e-3 * max(np.max(np.abs(measured)), scene.damping, 1e-9):
             raise InputError(
                 "the renderer's force does not grow in proportion to the scene's stiffness",
@@ -81,13 +85,13 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
     return family
 
 
-def eigenvalue_limit(loop: SampledLoop, family: Family, *, steps: int = STEPS) -> float:
+def eigenvalue_limit(loop: SampledLoop, family: GainFamily, *, steps: int = HALVINGS) -> float:
     """Find the stiffness (N/m) up to which all modes of the loop decay: 0 where none does, inf beyond `STIFFEST`."""
-    return largest(lambda stiffness: loop.growth(family.at(stiffness)) < 1.0, steps=steps)
+    return largest_stable(lambda stiffness: loop.growth(family.at(stiffness)) < 1.0, steps=steps)
 
 
 def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> float:
-    """Find the same limit by running the sampled closed loop, let go `PUSH` off the surface, to see whether it settles.
+    """Find the same limit by running the sampled closed loop, let go `RELEASE_OFFSET` off the surface: does it settle?
 
     Effects that are not linear are left out, such as encoders, torque limits and friction: a limit cycle of a count is
     no instability, motors that saturate bound one, and friction holds a loop at rest that would not stay there.
@@ -95,11 +99,11 @@ def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> flo
     Raises `RefusalError` for a renderer that does not hold from both sides: let go at the surface, its tool leaves, and
     shows nothing.
     """
-    smooth = replace(scene, effects=tuple(each for each in scene.effects if each.linear))
-    return largest(lambda stiffness: _settles(factory, smooth, place, stiffness), steps=14)
+    smooth = replace(scene, effects=tuple(effect for effect in scene.effects if effect.linear))
+    return largest_stable(lambda stiffness: _settles(factory, smooth, place, stiffness), steps=14)
 
 
-def largest(stable: Callable[[float], bool], *, steps: int = STEPS) -> float:
+def largest_stable(stable: Callable[[float], bool], *, steps: int = HALVINGS) -> float:
     """Find the end of the first range of stable stiffnesses (N/m), on a grid of half-decades and by halving."""
     grid = np.geomspace(SOFTEST, STIFFEST, 15)
     verdicts = []
@@ -124,30 +128,30 @@ def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: fl
     Of the run as long as the tool is near the place: the anisotropic inertia of a robot makes a slide of a swing that
     grows, and the tool may come to rest where a stiffer loop is stable.
     """
-    held = replace(scene, stiffness=stiffness, bilateral=True)
+    bilateral = replace(scene, stiffness=stiffness, bilateral=True)
     try:
-        renderer = make_renderer(factory, held)
+        renderer = make_renderer(factory, bilateral)
     except RefusalError:
         raise
     except InputError:  # it refuses gains that it knows to be unstable
         return False
     dt = scene.sampling_time
     still = np.zeros_like(place.point)
-    start = Experiment(TICKS * dt, place.point + PUSH * place.normal, still, np.zeros(1), still[None])
+    start = Experiment(RUN_TICKS * dt, place.point + RELEASE_OFFSET * place.normal, still, np.zeros(1), still[None])
     try:
-        run = simulate_closed_loop(renderer, start, held, dt)
+        run = simulate_closed_loop(renderer, start, bilateral, dt)
     except RunawayError:
         return False
     if "ended" in run.meta:
         return False
-    gone = np.flatnonzero(np.linalg.norm(run.hip - place.point, axis=1) > NEAR)
-    distance = scene.model.boundary.signed_distance(run.hip[: gone[0] if gone.size else len(run)])
+    far_rows = np.flatnonzero(np.linalg.norm(run.hip - place.point, axis=1) > NEAR_DISTANCE)
+    distance = scene.model.boundary.signed_distance(run.hip[: far_rows[0] if far_rows.size else len(run)])
     part = len(distance) // 10
     if part < 2:
         return False
     # Late against early, each over a tenth: an undamped loop keeps its size within the rounding of the two.
     early, late = (float(np.std(distance[rows])) for rows in (slice(part, 2 * part), slice(-part, None)))
-    return late < max(early, RESTS * PUSH)
+    return late < max(early, SETTLED_SHARE * RELEASE_OFFSET)
 
 
 def _rotation(start: Array, end: Array) -> Array:
@@ -168,7 +172,7 @@ def _rotation(start: Array, end: Array) -> Array:
     return np.asarray(np.eye(count) - basis @ basis.T + basis @ turn @ basis.T)
 
 
-def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
+def describe_instability(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     """Describe where the loop with velocities of `cutoff` (Hz) is unstable without a hand; empty where it is stable.
 
     By the eigenvalues at rest at points of the boundary, of the motion across the surface: that a tool slides off a
@@ -178,18 +182,18 @@ def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     boundary = scene.model.boundary
     sensed = scene.with_effects(VelocityFilter(cutoff))
     frame = boundary.closest_point(boundary.points(PLACES))
-    places = [Place(*each) for each in zip(frame.foot, frame.normal, strict=True)]
+    places = [Place(*row) for row in zip(frame.foot, frame.normal, strict=True)]
     try:
-        family = _across(family_of(factory, scene, places[0]))
+        family = _across_normal(family_of(factory, scene, places[0]))
     except Exception:
         return ""
     normal, gains = places[0].normal, family.at(scene.stiffness)
     spring = float(normal @ (gains.now + gains.before) @ normal)
-    if not (np.isfinite(spring) and abs(spring) > NOTHING * scene.stiffness):
+    if not (np.isfinite(spring) and abs(spring) > ROUNDING_SHARE * scene.stiffness):
         return ""
     if spring < 0.0:
         return "the renderer's force pulls the hand into the surface; see its sign"
-    found = []
+    unstable = []
     for place in places:
         try:
             loop = SampledLoop(sensed, robot_at(scene.robot, place.point))
@@ -197,19 +201,19 @@ def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
             continue
         facing = family.facing(place)
         if loop.growth(facing.at(scene.stiffness)) >= 1.0:
-            found.append((eigenvalue_limit(loop, facing, steps=12), place))
-    if not found:
+            unstable.append((eigenvalue_limit(loop, facing, steps=12), place))
+    if not unstable:
         return ""
-    limit, place = min(found, key=lambda each: each[0])
+    limit, place = min(unstable, key=lambda entry: entry[0])
     where = ", ".join(f"{1e3 * value:.4g}" for value in place.point)
-    held = f"up to {limit:.4g} N/m; choose a lower --stiffness," if limit > 0.0 else "at no stiffness; choose"
+    range_text = f"up to {limit:.4g} N/m; choose a lower --stiffness," if limit > 0.0 else "at no stiffness; choose"
     return (
-        f"without a hand the sampled loop cannot hold {scene.stiffness:.4g} N/m: at ({where}) mm it is stable {held} "
-        "a faster --rate, or another --damping"
+        f"without a hand the sampled loop cannot hold {scene.stiffness:.4g} N/m: at ({where}) mm it is stable "
+        f"{range_text} a faster --rate, or another --damping"
     )
 
 
-def _across(family: Family) -> Family:
+def _across_normal(family: GainFamily) -> GainFamily:
     """Return the gains along the normal alone."""
     across = np.outer(family.place.normal, family.place.normal)
     return replace(family, offset=across @ family.offset @ across, slope=across @ family.slope @ across)

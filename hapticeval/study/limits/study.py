@@ -16,14 +16,14 @@ from hapticeval.errors import DomainError, InputError
 from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene
 from hapticeval.study.limits.loop import Place, SampledLoop, passive_stiffness, port_damping, robot_at
-from hapticeval.study.limits.search import Family, eigenvalue_limit, family_of, simulated_limit
+from hapticeval.study.limits.search import GainFamily, eigenvalue_limit, family_of, simulated_limit
 from hapticeval.types import Array
 
 Progress = Callable[[int, int, str], None]
 
-COARSE = 12  # halvings of a limit in a map: to a thousandth of the half-decade in which it lies
+COARSE_HALVINGS = 12  # halvings of a limit in a map: to a thousandth of the half-decade in which it lies
 DAMPINGS = 45  # dampings of each curve of the Z-width plot, beside zero
-TIMES = (0.25, 0.5, 1.0, 2.0)  # sampling times of the Z-width plot, as shares of the scene's
+TIME_SHARES = (0.25, 0.5, 1.0, 2.0)  # sampling times of the Z-width plot, as shares of the scene's
 POSES, DIRECTIONS = 27, 12  # poses along each side of the workspace map, and wall directions over half a turn at each
 
 
@@ -55,14 +55,14 @@ def study_limits(factory: RendererFactory, scene: Scene, place: Place, progress:
         "normal": place.normal.tolist(),
         "port_damping": port_damping(robot, place.normal, scene.sampling_time),
         "passive": passive_stiffness(scene, robot, place.normal),
-        "eigenvalues": finite(eigenvalue_limit(loop, family)),
+        "eigenvalues": finite_or_none(eigenvalue_limit(loop, family)),
         "growth": loop.growth(family.at(scene.stiffness)),
     }
     stages: Mapping[str, tuple[str, Callable[[], Any]]] = {
-        "simulated": ("the sampled loop, run", lambda: finite(simulated_limit(factory, scene, place))),
+        "simulated": ("the sampled loop, run", lambda: finite_or_none(simulated_limit(factory, scene, place))),
         "width": (
             "damping and sampling time",
-            lambda: [_width(factory, scene, place, share * scene.sampling_time) for share in TIMES],
+            lambda: [_z_width_curve(factory, scene, place, share * scene.sampling_time) for share in TIME_SHARES],
         ),
         "delay": ("delay", lambda: _over_delay(scene, place, family)),
         "workspace": ("workspace", lambda: _over_workspace(scene, family)),
@@ -74,7 +74,7 @@ def study_limits(factory: RendererFactory, scene: Scene, place: Place, progress:
     return document
 
 
-def _width(factory: RendererFactory, scene: Scene, place: Place, dt: float) -> Mapping[str, Any]:
+def _z_width_curve(factory: RendererFactory, scene: Scene, place: Place, dt: float) -> Mapping[str, Any]:
     """Compute one curve of the Z-width plot, over dampings up to 2.5 m / T."""
     robot = robot_at(scene.robot, place.point)
     inverse = np.linalg.inv(robot.jacobian)
@@ -83,35 +83,40 @@ def _width(factory: RendererFactory, scene: Scene, place: Place, dt: float) -> M
     dampings = np.append(0.0, np.geomspace(1e-4, 2.5, DAMPINGS) * mass / dt)
     curve: dict[str, list[float | None]] = {"eigenvalues": [], "passive": []}
     for damping in dampings:
-        each = replace(scene, damping=float(damping), sampling_time=dt)
+        varied = replace(scene, damping=float(damping), sampling_time=dt)
         try:
-            family = family_of(factory, each, place)
+            family = family_of(factory, varied, place)
         except InputError:  # a damping that the renderer itself knows to be unstable
             curve["eigenvalues"].append(0.0)
         else:
-            curve["eigenvalues"].append(finite(eigenvalue_limit(SampledLoop(each, robot), family, steps=COARSE)))
-        curve["passive"].append(passive_stiffness(each, robot, place.normal))
+            curve["eigenvalues"].append(
+                finite_or_none(eigenvalue_limit(SampledLoop(varied, robot), family, steps=COARSE_HALVINGS))
+            )
+        curve["passive"].append(passive_stiffness(varied, robot, place.normal))
     return {"sampling_time": dt, "damping": dampings.tolist(), **curve}
 
 
-def _over_delay(scene: Scene, place: Place, family: Family) -> Mapping[str, Any]:
+def _over_delay(scene: Scene, place: Place, family: GainFamily) -> Mapping[str, Any]:
     robot = robot_at(scene.robot, place.point)
     delays = np.linspace(0.0, 3.0 * scene.sampling_time, 25)
     late = [scene.with_effects(Delay(float(delay))) for delay in delays]
     return {
         "delay": delays.tolist(),
-        "eigenvalues": [finite(eigenvalue_limit(SampledLoop(each, robot), family, steps=COARSE)) for each in late],
-        "passive": [passive_stiffness(each, robot, place.normal) for each in late],
+        "eigenvalues": [
+            finite_or_none(eigenvalue_limit(SampledLoop(delayed, robot), family, steps=COARSE_HALVINGS))
+            for delayed in late
+        ],
+        "passive": [passive_stiffness(delayed, robot, place.normal) for delayed in late],
     }
 
 
-def _over_workspace(scene: Scene, family: Family) -> Mapping[str, Any] | None:
+def _over_workspace(scene: Scene, family: GainFamily) -> Mapping[str, Any] | None:
     """Compute for each pose the limit at a wall in the worst direction; None for a device that is alike everywhere.
 
     In 3D over the plane y_2 = 0, with walls whose normals lie in it.
     """
     device = scene.robot
-    window = _window(device)
+    window = _reachable_box(device)
     if window is None:
         return None
     axes = (0, 1) if device.dimension == 2 else (0, 2)
@@ -131,19 +136,19 @@ def _over_workspace(scene: Scene, family: Family) -> Mapping[str, Any] | None:
                 continue
             loop = SampledLoop(scene, robot)
             places = [family.facing(Place(point, normal)) for normal in normals]
-            limits[row, column] = min(eigenvalue_limit(loop, each, steps=COARSE) for each in places)
+            limits[row, column] = min(eigenvalue_limit(loop, facing, steps=COARSE_HALVINGS) for facing in places)
             bounds = [passive_stiffness(scene, robot, normal) for normal in normals]
             passive[row, column] = min((bound for bound in bounds if bound is not None), default=np.nan)
     return {
         "axes": [f"y{axis + 1}" for axis in axes],
         "first": grids[0].tolist(),
         "second": grids[1].tolist(),
-        "eigenvalues": [[finite(value) for value in row] for row in limits],
-        "passive": [[finite(value) for value in row] for row in passive],
+        "eigenvalues": [[finite_or_none(value) for value in row] for row in limits],
+        "passive": [[finite_or_none(value) for value in row] for row in passive],
     }
 
 
-def _window(device: Device) -> tuple[Array, Array] | None:
+def _reachable_box(device: Device) -> tuple[Array, Array] | None:
     """Find the box around what the device reaches by its own inverse kinematics; None without an edge."""
     if not np.isfinite(device.margin(device.joints(np.zeros(device.dimension)))):
         return None
@@ -162,7 +167,7 @@ def _window(device: Device) -> tuple[Array, Array] | None:
     return lows - step, highs + step
 
 
-def finite(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """Return the value for JSON, None for a number that is not finite."""
     return float(value) if np.isfinite(value) else None
 
@@ -177,12 +182,12 @@ def describe(document: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("device", f"{document['device']}, {document['inner_loop']} inner loop, at ({place}) mm, "
                    f"wall facing ({normal})"),
         ("", ""),
-        ("bound (2.40)", _bound(document)),
-        ("eigenvalues", f"{_stiffness(document['eigenvalues'])}  of the sampled loop, without a hand"),
-        ("simulation", f"{_stiffness(document['simulated'])}  the sampled loop itself, run and bisected"),
+        ("bound (2.40)", _describe_bound(document)),
+        ("eigenvalues", f"{_describe_stiffness(document['eigenvalues'])}  of the sampled loop, without a hand"),
+        ("simulation", f"{_describe_stiffness(document['simulated'])}  the sampled loop itself, run and bisected"),
         *([("", why_none(document))] if document["eigenvalues"] == 0.0 else []),
         ("", ""),
-        ("the scene", verdict(document)),
+        ("the scene", describe_verdict(document)),
     ]  # fmt: skip
 
 
@@ -196,7 +201,7 @@ def why_none(document: Mapping[str, Any]) -> str:
     return "no stiffness is stable with this damping, sampling time and delay"
 
 
-def verdict(document: Mapping[str, Any]) -> str:
+def describe_verdict(document: Mapping[str, Any]) -> str:
     """Describe what the limits mean for the stiffness that the scene asks for."""
     stiffness, growth = document["stiffness"], document["growth"]
     dt = document["sampling_time"]
@@ -211,26 +216,26 @@ def verdict(document: Mapping[str, Any]) -> str:
     if growth >= 1.0:
         parts.append(
             f"without a hand the loop is unstable: it grows by {100 * (growth - 1.0):.3g} % a tick, "
-            f"tenfold in {_seconds(growth, dt)}"
+            f"tenfold in {_settling_time(growth, dt)}"
         )
     else:
-        parts.append(f"without a hand the loop settles, to a tenth in {_seconds(growth, dt)}")
+        parts.append(f"without a hand the loop settles, to a tenth in {_settling_time(growth, dt)}")
     return "; ".join(parts)
 
 
-def _seconds(growth: float, dt: float) -> str:
+def _settling_time(growth: float, dt: float) -> str:
     if growth in (0.0, 1.0):
         return "no time to speak of"
     return f"{dt * math.log(10.0) / abs(math.log(growth)):.3g} s"
 
 
-def _bound(document: Mapping[str, Any]) -> str:
+def _describe_bound(document: Mapping[str, Any]) -> str:
     if document["passive"] is None:
         return f"none: a {document['inner_loop']} inner loop compensates the damping that it counts on"
     b = document["port_damping"]
     formula = f"2 (b - |B|) / (T + 2 delay) with b = {b:.4g} N s/m"
-    return f"{_stiffness(document['passive'])}  {formula}, sufficient with any passive hand"
+    return f"{_describe_stiffness(document['passive'])}  {formula}, sufficient with any passive hand"
 
 
-def _stiffness(value: float | None) -> str:
+def _describe_stiffness(value: float | None) -> str:
     return "no limit found  " if value is None else f"{value:11.1f} N/m"

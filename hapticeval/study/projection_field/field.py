@@ -24,18 +24,21 @@ if TYPE_CHECKING:
 Project: TypeAlias = Callable[[Array], Array]
 """HIPs (n, 2) to IHIPs (n, 2), m; out of contact the IHIP is the HIP."""
 
-OFFSET = (0.3819660, 0.2763932)  # where in its cell the lattice starts: neither nodes nor lines lie on axes of symmetry
-SHORT = 5e-4  # the shortest jump that counts, as a share of the model's size: 0.1 mm of 200 mm
+LATTICE_OFFSET = (
+    0.3819660,
+    0.2763932,
+)  # where in its cell the lattice starts: neither nodes nor lines lie on axes of symmetry
+SHORTEST_JUMP = 5e-4  # the shortest jump that counts, as a share of the model's size: 0.1 mm of 200 mm
 STRETCH = 1.2  # neighbours whose IHIPs are further apart than this many lattice steps are looked at closer
 HALVINGS = 10
-STAYS = (
+PERSISTENCE = (
     0.15  # as in `continuous-contact`: a jump's logarithm falls by less than this a halving, a continuous map's more
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Nodes at x (nx,), y (ny,), m, a step `h` (m) apart; `held` (ny, nx) where the HIP is inside and in contact.
+    """Nodes at x (nx,), y (ny,), m, a step `h` (m) apart; `contact` (ny, nx) where the HIP is inside and in contact.
 
     `ihip` (ny, nx, 2), m, and its arc length `s` (ny, nx), m, on `surface` are NaN elsewhere; `inside` (ny, nx) is
     where the HIP is inside the surface, in contact or not.
@@ -46,7 +49,7 @@ class Lattice:
     y: Array
     h: float
     inside: BoolArray
-    held: BoolArray
+    contact: BoolArray
     ihip: Array
     s: Array
 
@@ -67,7 +70,7 @@ def extent(surface: Curve) -> float:
     return max(xmax - xmin, ymax - ymin)
 
 
-def sampled(project: Project, surface: Curve, *, cells: int) -> Lattice:
+def sample_projection(project: Project, surface: Curve, *, cells: int) -> Lattice:
     """Project the inside of a closed surface on a lattice of `cells` steps along its longer side.
 
     Raises `InputError` for an unbounded surface and for one in which no node is in contact.
@@ -76,19 +79,19 @@ def sampled(project: Project, surface: Curve, *, cells: int) -> Lattice:
         raise InputError("a projection field needs a closed model", todo="choose another model than the line")
     xmin, ymin, xmax, ymax = surface.bounds
     h = extent(surface) / cells
-    x = np.arange(xmin - (1.0 - OFFSET[0]) * h, xmax + h, h)
-    y = np.arange(ymin - (1.0 - OFFSET[1]) * h, ymax + h, h)
+    x = np.arange(xmin - (1.0 - LATTICE_OFFSET[0]) * h, xmax + h, h)
+    y = np.arange(ymin - (1.0 - LATTICE_OFFSET[1]) * h, ymax + h, h)
     nodes = np.stack(np.meshgrid(x, y), axis=-1)
     inside = surface.contains(nodes.reshape(-1, 2)).reshape(nodes.shape[:2])
     ihip = np.full_like(nodes, np.nan)
     ihip[inside] = project(nodes[inside])
-    held = inside & np.any(ihip != nodes, axis=-1)
-    if not held.any():
+    in_contact = inside & np.any(ihip != nodes, axis=-1)
+    if not in_contact.any():
         raise InputError("no hand inside the model is in contact", why="there is no projection to draw")
-    ihip[~held] = np.nan
+    ihip[~in_contact] = np.nan
     s = np.full(inside.shape, np.nan)
-    s[held] = arc_lengths(surface, ihip[held])
-    return Lattice(surface, x, y, h, inside, held, ihip, s)
+    s[in_contact] = arc_lengths(surface, ihip[in_contact])
+    return Lattice(surface, x, y, h, inside, in_contact, ihip, s)
 
 
 def arc_lengths(surface: Curve, ihips: Array) -> Array:
@@ -96,14 +99,14 @@ def arc_lengths(surface: Curve, ihips: Array) -> Array:
     return surface.arc_length(surface.nearest(ihips))
 
 
-def apart(s: Array, other: Array | float, length: float) -> Array:
+def arc_offset(s: Array, other: Array | float, length: float) -> Array:
     """Return the signed arc length from `other` to s along a closed surface, in [-length/2, length/2)."""
-    way: Array = np.mod(s - other + 0.5 * length, length) - 0.5 * length
-    return way
+    arc: Array = np.mod(s - other + 0.5 * length, length) - 0.5 * length
+    return arc
 
 
 @dataclass(frozen=True, eq=False)
-class Singular:
+class SingularSet:
     """The set where a projection is not continuous.
 
     `segments` (m, 2, 2), m, are the lines, one piece per lattice cell; `points` (k, 2), m, single points round which
@@ -118,30 +121,30 @@ class Singular:
     up: BoolArray
 
 
-def singular_set(project: Project, lattice: Lattice) -> Singular:
+def singular_set(project: Project, lattice: Lattice) -> SingularSet:
     """Find the lines by bisecting lattice edges, and the points by going round lattice cells.
 
     Jumps shorter than a lattice step may be missed where the projection is not steep beside them.
     """
-    places, jumps = zip(*(_on_edges(project, lattice, axis) for axis in (1, 0)), strict=True)
+    places, jumps = zip(*(_jumps_on_edges(project, lattice, axis) for axis in (1, 0)), strict=True)
     across, up = (~np.isnan(place[..., 0]) for place in places)
-    points = _points(project, lattice, across, up)
-    return Singular(_segments(*places), points, np.concatenate(jumps), across, up)
+    points = _singular_points(project, lattice, across, up)
+    return SingularSet(_line_pieces(*places), points, np.concatenate(jumps), across, up)
 
 
-def _on_edges(project: Project, lattice: Lattice, axis: int) -> tuple[Array, Array]:
+def _jumps_on_edges(project: Project, lattice: Lattice, axis: int) -> tuple[Array, Array]:
     """Return where each edge along an axis meets the set, (ny, nx, 2), m, NaN elsewhere; and the jumps there."""
-    place = np.full((*lattice.held.shape, 2), np.nan)
+    place = np.full((*lattice.contact.shape, 2), np.nan)
     first, second = edge_ends(axis)
-    both = lattice.held[first] & lattice.held[second]
+    both = lattice.contact[first] & lattice.contact[second]
     leap = np.linalg.norm(lattice.ihip[second] - lattice.ihip[first], axis=-1)
-    suspect = both & (leap > max(SHORT * lattice.size, STRETCH * lattice.h))
+    suspect = both & (leap > max(SHORTEST_JUMP * lattice.size, STRETCH * lattice.h))
     nodes = lattice.nodes
     a, b = nodes[first][suspect], nodes[second][suspect]
-    found, jump = jumps_between(project, a, b, lattice.ihip[first][suspect], lattice.ihip[second][suspect])
-    real = jump > SHORT * lattice.size
+    crossings, jump = jumps_between(project, a, b, lattice.ihip[first][suspect], lattice.ihip[second][suspect])
+    real = jump > SHORTEST_JUMP * lattice.size
     rows, columns = np.nonzero(suspect)
-    place[rows[real], columns[real]] = found[real]
+    place[rows[real], columns[real]] = crossings[real]
     return place, jump[real]
 
 
@@ -182,10 +185,10 @@ def jumps_between(project: Project, a: Array, b: Array, at_a: Array, at_b: Array
         if halving + 1 in (HALVINGS, 2 * HALVINGS):
             sizes.append(np.maximum(np.maximum(left, right), 1e-300))
     slope = np.log2(sizes[0] / sizes[1]) / HALVINGS
-    return 0.5 * (a + b), np.where((slope < STAYS) & ~free, sizes[1], 0.0)
+    return 0.5 * (a + b), np.where((slope < PERSISTENCE) & ~free, sizes[1], 0.0)
 
 
-def _segments(across: Array, up: Array) -> Array:
+def _line_pieces(across: Array, up: Array) -> Array:
     """Return the pieces of line in each cell: between its two crossings, or from each of more to their middle."""
     sides = cell_sides(across, up)
     met = ~np.isnan(sides[..., 0])
@@ -199,33 +202,33 @@ def _segments(across: Array, up: Array) -> Array:
     return np.concatenate([pairs, np.reshape(stars, (-1, 2, 2))])
 
 
-def _points(project: Project, lattice: Lattice, across: BoolArray, up: BoolArray) -> Array:
+def _singular_points(project: Project, lattice: Lattice, across: BoolArray, up: BoolArray) -> Array:
     """Find cells without a line around which the IHIP goes once round the surface; narrow each down to a point."""
     s, length = lattice.s, lattice.surface.length
     corners = _cell_corners(s)
-    whole = ~np.isnan(sum(corners)) & ~(across[:-1, :-1] | across[1:, :-1] | up[:-1, :-1] | up[:-1, 1:])
-    turns = np.where(whole, _turns(corners, length), 0)
-    found = [
-        _narrowed(project, lattice, np.array([lattice.x[i], lattice.y[j]]))
+    complete = ~np.isnan(sum(corners)) & ~(across[:-1, :-1] | across[1:, :-1] | up[:-1, :-1] | up[:-1, 1:])
+    turns = np.where(complete, _turns_round_cell(corners, length), 0)
+    points = [
+        _narrow_to_point(project, lattice, np.array([lattice.x[i], lattice.y[j]]))
         for j, i in zip(*np.nonzero(turns), strict=True)
     ]
-    return np.reshape(found, (-1, 2))
+    return np.reshape(points, (-1, 2))
 
 
-def _turns(corners: list[Array], length: float) -> Array:
+def _turns_round_cell(corners: list[Array], length: float) -> Array:
     """Count how often the arc lengths at a cell's corners go round the surface on the way round the cell."""
-    ways = [apart(corners[(k + 1) % 4], corners[k], length) for k in range(4)]
+    ways = [arc_offset(corners[(k + 1) % 4], corners[k], length) for k in range(4)]
     return np.rint(np.nan_to_num(sum(ways)) / length)
 
 
-def _narrowed(project: Project, lattice: Lattice, low: Array) -> Array:
+def _narrow_to_point(project: Project, lattice: Lattice, low: Array) -> Array:
     """Quarter a cell with lower left corner `low` (2,) again and again, keeping the quarter with the point in it."""
     size = lattice.h
     for _ in range(30):
         shares = np.array([[i, j] for j in range(3) for i in range(3)]) / 2.0
         s = arc_lengths(lattice.surface, project(low + size * shares)).reshape(3, 3)
         corners = _cell_corners(s)
-        rows, columns = np.nonzero(_turns(corners, lattice.surface.length))
+        rows, columns = np.nonzero(_turns_round_cell(corners, lattice.surface.length))
         if rows.size == 0:
             break
         low = low + 0.5 * size * np.array([columns[0], rows[0]])
@@ -234,7 +237,7 @@ def _narrowed(project: Project, lattice: Lattice, low: Array) -> Array:
     return middle
 
 
-def singular_geometry(singular: Singular) -> BaseGeometry:
+def singular_geometry(singular: SingularSet) -> BaseGeometry:
     """Return a singular set as one geometry, its lines joined end to end."""
     import shapely
 
@@ -245,9 +248,9 @@ def singular_geometry(singular: Singular) -> BaseGeometry:
 
 CELLS = 300
 LINES = 96
-STEP = 1e-5  # HIP step for amplification, as a share of the model's size
-RESTS = 1e-6  # amplification below which the IHIP rests while the hand moves
-FAR = 0.25  # IHIPs further from the one that is asked for than this share of the surface are on its other side
+AMPLIFICATION_STEP = 1e-5  # HIP step for amplification, as a share of the model's size
+REST_AMPLIFICATION = 1e-6  # amplification below which the IHIP rests while the hand moves
+FAR_SHARE = 0.25  # IHIPs further from the one that is asked for than this share of the surface are on its other side
 DEPTHS = (0.0025, 0.025)  # as shares of the model's extent: 0.5 mm and 5 mm in a model of 200 mm
 PLACES = 400
 FROM_CORNERS = 3.0  # depths that a place keeps away from every corner, where there is no one normal
@@ -262,7 +265,7 @@ class Field:
     """
 
     lattice: Lattice
-    singular: Singular
+    singular: SingularSet
     lines: list[Array]
     amplification: Array
     start: Array | None
@@ -276,7 +279,7 @@ class Field:
     def rests(self) -> BoolArray:
         """(ny, nx): where the IHIP stays at a corner while the hand moves."""
         with np.errstate(invalid="ignore"):
-            resting: BoolArray = self.amplification < RESTS
+            resting: BoolArray = self.amplification < REST_AMPLIFICATION
         return resting
 
     @cached_property
@@ -305,7 +308,7 @@ class Field:
         return {
             "cells": round(lattice.size / lattice.h),
             "start": None if self.start is None else self.start.tolist(),
-            "contact_share": float(lattice.held.sum() / lattice.inside.sum()),
+            "contact_share": float(lattice.contact.sum() / lattice.inside.sum()),
             "singular": {
                 "length_m": float(self.discontinuity.length),
                 "points": self.singular.points.tolist(),
@@ -318,7 +321,7 @@ class Field:
                 "p95": float(np.quantile(rates, 0.95)),
                 "max": float(rates.max()),
                 "max_at": [float(lattice.x[worst[1]]), float(lattice.y[worst[0]])],
-                "rest_share": float(np.mean(rates < RESTS)),
+                "rest_share": float(np.mean(rates < REST_AMPLIFICATION)),
             },
         }
 
@@ -326,9 +329,9 @@ class Field:
 def field_of(project: Project, surface: Curve, *, cells: int = CELLS, start: Array | None = None) -> Field:
     """Sample a projection on a lattice of `cells` steps, and find lines, jumps and amplification.
 
-    Raises `InputError` as `sampled` does.
+    Raises `InputError` as `sample_projection` does.
     """
-    lattice = sampled(project, surface, cells=cells)
+    lattice = sample_projection(project, surface, cells=cells)
     singular = singular_set(project, lattice)
     return Field(
         lattice,
@@ -339,28 +342,28 @@ def field_of(project: Project, surface: Curve, *, cells: int = CELLS, start: Arr
     )
 
 
-def _amplification(project: Project, lattice: Lattice, singular: Singular) -> Array:
+def _amplification(project: Project, lattice: Lattice, singular: SingularSet) -> Array:
     """Return |dIHIP| / |dHIP| (ny, nx), from a step along x and one along y.
 
     The IHIP moves along the surface only, so that the two add up.
     """
     import shapely
 
-    step = STEP * lattice.size
-    hips, ihips = lattice.nodes[lattice.held], lattice.ihip[lattice.held]
+    step = AMPLIFICATION_STEP * lattice.size
+    hips, ihips = lattice.nodes[lattice.contact], lattice.ihip[lattice.contact]
     moves = [hips + step * axis for axis in np.eye(2)]
-    moved = [project(each) for each in moves]
-    rates = np.hypot(*(np.linalg.norm(each - ihips, axis=1) / step for each in moved))
+    moved = [project(hips) for hips in moves]
+    rates = np.hypot(*(np.linalg.norm(moved_ihips - ihips, axis=1) / step for moved_ihips in moved))
     unclear = shapely.dwithin(singular_geometry(singular), shapely.points(hips), 3.0 * step)
     for at, before in zip(moved, moves, strict=True):
         unclear |= np.all(at == before, axis=1)
     rates[unclear] = np.nan
-    found = np.full(lattice.held.shape, np.nan)
-    found[lattice.held] = rates
-    return found
+    amplification = np.full(lattice.contact.shape, np.nan)
+    amplification[lattice.contact] = rates
+    return amplification
 
 
-def lines_of_constant_projection(lattice: Lattice, singular: Singular, *, count: int) -> list[Array]:
+def lines_of_constant_projection(lattice: Lattice, singular: SingularSet, *, count: int) -> list[Array]:
     """Return the lines (n, 2), m, of HIPs that share an IHIP, for `count` IHIPs in equal steps of arc length.
 
     A line never crosses the singular set. One that ends within a lattice step of its IHIP is drawn up to it.
@@ -368,23 +371,23 @@ def lines_of_constant_projection(lattice: Lattice, singular: Singular, *, count:
     length = lattice.surface.length
     levels = (np.arange(count) + 0.5) * length / count
     ends = lattice.surface.position(lattice.surface.parameter(levels))
-    found: list[Array] = []
+    lines: list[Array] = []
     for level, end in zip(levels, ends, strict=True):
-        for line in _merged(_level_segments(lattice, singular, apart(lattice.s, float(level), length))):
-            found.append(_drawn_out(line, end, 1.5 * lattice.h))
-    return found
+        for line in _join_pieces(_level_segments(lattice, singular, arc_offset(lattice.s, float(level), length))):
+            lines.append(_extend_to(line, end, 1.5 * lattice.h))
+    return lines
 
 
-def _level_segments(lattice: Lattice, singular: Singular, way: Array) -> Array:
+def _level_segments(lattice: Lattice, singular: SingularSet, offsets: Array) -> Array:
     """Return where `way` (ny, nx) changes sign, one piece (m, 2, 2) per cell, none over a jump or far round."""
-    far = FAR * lattice.surface.length
+    farthest = FAR_SHARE * lattice.surface.length
     nodes = lattice.nodes
     crossings = []
     for axis, jumps in ((1, singular.across), (0, singular.up)):
         first, second = edge_ends(axis)
-        a, b = way[first], way[second]
+        a, b = offsets[first], offsets[second]
         with np.errstate(invalid="ignore"):
-            met = ((a < 0.0) != (b < 0.0)) & (np.abs(a) < far) & (np.abs(b) < far) & ~jumps[first]
+            met = ((a < 0.0) != (b < 0.0)) & (np.abs(a) < farthest) & (np.abs(b) < farthest) & ~jumps[first]
         place = np.full(nodes.shape, np.nan)
         share = (a[met] / (a[met] - b[met]))[:, None]
         view = place[first]
@@ -397,7 +400,7 @@ def _level_segments(lattice: Lattice, singular: Singular, way: Array) -> Array:
     return pieces
 
 
-def _merged(pieces: Array) -> list[Array]:
+def _join_pieces(pieces: Array) -> list[Array]:
     """Join the pieces end to end."""
     import shapely
 
@@ -407,7 +410,7 @@ def _merged(pieces: Array) -> list[Array]:
     return [shapely.get_coordinates(part) for part in shapely.get_parts(joined)]
 
 
-def _drawn_out(line: Array, end: Array, near: float) -> Array:
+def _extend_to(line: Array, end: Array, near: float) -> Array:
     gaps = np.linalg.norm(line[[0, -1]] - end, axis=1)
     if gaps.min() > near:
         return line
@@ -415,7 +418,7 @@ def _drawn_out(line: Array, end: Array, near: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Shallow:
+class ShallowAngle:
     """Angle (degrees) between error vector and surface normal at `depth` (m): median and 95 per cent of the places."""
 
     depth: float
@@ -423,12 +426,12 @@ class Shallow:
     p95: float
 
 
-def shallow_angles(project: Project, surface: Curve) -> tuple[Shallow, ...]:
+def shallow_angles(project: Project, surface: Curve) -> tuple[ShallowAngle, ...]:
     """Measure how far from normal a projection of HIPs (n, 2) is just under a closed `surface`, at each of `DEPTHS`.
 
     Places are evenly spaced along the surface, away from its corners; HIPs that come out in free space do not count.
     """
-    found = []
+    angles = []
     for share in DEPTHS:
         depth = share * extent(surface)
         u = surface.parameter(np.linspace(0.0, surface.length, PLACES, endpoint=False))
@@ -446,5 +449,5 @@ def shallow_angles(project: Project, surface: Curve) -> tuple[Shallow, ...]:
         normal = surface.normal(surface.nearest(ihips[pressed]))
         cosine = np.sum(error[pressed] * normal, axis=1) / length[pressed]
         angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        found.append(Shallow(depth, float(np.median(angle)), float(np.percentile(angle, 95))))
-    return tuple(found)
+        angles.append(ShallowAngle(depth, float(np.median(angle)), float(np.percentile(angle, 95))))
+    return tuple(angles)

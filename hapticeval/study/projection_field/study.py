@@ -22,8 +22,8 @@ from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.projection_field.field import Field, extent, field_of, shallow_angles
 from hapticeval.types import Array
 
-TRIES = 64
-INSIDE = 1e-6
+MEMORY_TRIALS = 64
+START_DEPTH = 1e-6
 """Depth of a hand that starts a contact, as a share of the model's size."""
 
 
@@ -45,34 +45,34 @@ def study_field(
     """
     settings = dict(knobs or {})
     scene = Scene(model=model)
-    made = make_renderer(configured(resolve(renderer), settings, name=renderer), scene)
-    if not isinstance(made, Renderer):
+    built = make_renderer(configured(resolve(renderer), settings, name=renderer), scene)
+    if not isinstance(built, Renderer):
         raise InputError(
             f"'{renderer}' has no projection to draw", why="it answers a whole stimulus, not a HIP at a time"
         )
-    surface = surface_of(made, model.curve)
+    surface = surface_of(built, model.curve)
     at = None if origin is None else surface.position(surface.nearest(origin[np.newaxis]))[0]
-    project = projector(made, surface, dt=scene.sampling_time, origin=at)
-    found = field_of(project, surface, cells=cells, start=at)
+    project = make_projector(built, surface, dt=scene.sampling_time, origin=at)
+    field = field_of(project, surface, cells=cells, start=at)
     # From one previous IHIP the far side is out of reach, and its angles are not those of the projection.
     shallow = shallow_angles(project, surface) if at is None else ()
     label = " ".join([renderer, *(f"{knob} {value:g}" for knob, value in settings.items())])
-    shown = name or model.name
-    title, tail = f"{label} on {shown}", ""
+    model_name = name or model.name
+    title, tail = f"{label} on {model_name}", ""
     if at is not None:
         title += f", previous IHIP at ({1e3 * at[0]:.3g}, {1e3 * at[1]:.3g}) mm"
         tail = f"-from-{1e3 * at[0]:.4g}-{1e3 * at[1]:.4g}mm"
     document = {
         "title": title,
-        "stem": "field-" + file_stem(re.sub(r"[ :=,@]+", "-", f"{label} {shown}") + tail),
+        "stem": "field-" + file_stem(re.sub(r"[ :=,@]+", "-", f"{label} {model_name}") + tail),
         "renderer": renderer,
         "settings": settings,
         "model": {"kind": model.name, "parameters": dict(model.parameters)},
         "memoryless": at is None,
         "shallow_angle_deg": [asdict(angles) for angles in shallow],
-        **found.summary(within=within),
+        **field.summary(within=within),
     }
-    return found, document
+    return field, document
 
 
 class Projector:
@@ -106,25 +106,25 @@ def surface_of(renderer: object, curve: Curve) -> Curve:
     return as_curve(surface) or curve
 
 
-def under(surface: Curve, at: Array) -> Array:
+def point_under(surface: Curve, at: Array) -> Array:
     """Return the point (2,), m, just under the surface that is nearest to `at` (2,), m."""
     u = surface.nearest(at[np.newaxis])
-    inward: Array = (surface.position(u) - INSIDE * extent(surface) * surface.normal(u))[0]
+    inward: Array = (surface.position(u) - START_DEPTH * extent(surface) * surface.normal(u))[0]
     return inward
 
 
 def has_memory(renderer: Renderer, surface: Curve, *, dt: float) -> bool:
     """Return whether the answer to a HIP depends on where the hand was before, tried from two places, seeded."""
     xmin, ymin, xmax, ymax = surface.bounds
-    drawn = np.random.default_rng(0).uniform((xmin, ymin), (xmax, ymax), (8 * TRIES, 2))
-    hips = drawn[surface.contains(drawn)][:TRIES]
+    drawn = np.random.default_rng(0).uniform((xmin, ymin), (xmax, ymax), (8 * MEMORY_TRIALS, 2))
+    hips = drawn[surface.contains(drawn)][:MEMORY_TRIALS]
     start_u, end_u = surface.u_range
-    places = [under(surface, surface.position(start_u + share * (end_u - start_u))) for share in (0.137, 0.629)]
+    places = [point_under(surface, surface.position(start_u + share * (end_u - start_u))) for share in (0.137, 0.629)]
     one, other = (Projector(renderer, dt=dt, origin=place)(hips) for place in places)
     return bool(np.max(np.abs(one - other), initial=0.0) > 1e-9 * (xmax - xmin))
 
 
-def projector(renderer: Renderer, surface: Curve, *, dt: float, origin: Array | None) -> Projector:
+def make_projector(renderer: Renderer, surface: Curve, *, dt: float, origin: Array | None) -> Projector:
     """Make the projection of a renderer, from `origin` (2,), m, if it has memory.
 
     Raises `InputError` for a renderer with memory and no origin, and for an origin where there is no memory.
@@ -142,4 +142,4 @@ def projector(renderer: Renderer, surface: Curve, *, dt: float, origin: Array | 
             why="its field is the same wherever the tool was",
             todo="leave --from and --s out",
         )
-    return Projector(renderer, dt=dt, origin=None if origin is None else under(surface, origin))
+    return Projector(renderer, dt=dt, origin=None if origin is None else point_under(surface, origin))
