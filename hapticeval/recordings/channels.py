@@ -36,6 +36,7 @@ CHANNELS: Mapping[str, Signal] = MappingProxyType(
         "force": Signal("N", "force on the hand, held (or its mean) from this sample to the next", "world"),
         "velocity": Signal("m/s", "velocity of the HIP", "world"),
         "contact": Signal("1", "1 where the renderer reports contact, 0 where not; absent where it reports none"),
+        # As opposed to `force`, which acts on the hand: in quasi-static contact the two cancel.
         "operator_force": Signal("N", "force of the hand on the tool", "world"),
         "measured_hip": Signal("m", "HIP as the sensors gave it to the renderer; absent where they are exact", "world"),
         "measured_velocity": Signal(
@@ -71,8 +72,10 @@ def declared(name: str, signals: Mapping[str, Signal]) -> Signal:
             )
         return known
     declaration = Signal(*declaration)
+    # A declaration from a file or a user may hold anything.
     if not all(isinstance(part, str) for part in declaration) or not declaration.unit:
         raise InputError(f"channel '{name}' is declared as {tuple(declaration)}", todo="give it a unit and a meaning")
+    # Of a known channel only the sign convention is open: unit and frame are what every reader assumes.
     if known is not None and (declaration.unit, declaration.frame) != (known.unit, known.frame):
         raise InputError(
             f"channel '{name}' is declared in {declaration.unit}, frame {declaration.frame}",
@@ -129,6 +132,7 @@ def check_metadata(meta: Mapping[str, Any]) -> dict[str, Any]:
     """Return a copy of `meta`, its tables and lists too. Raises `InputError` for a known key of the wrong kind."""
     for key in METADATA.keys() & meta.keys():
         kind, meaning = METADATA[key]
+        # Any other key is free: only known ones have a kind to check.
         fits, expected = KINDS[kind]
         if not fits(meta[key]):
             raise InputError(f"meta: {key} = {meta[key]!r} is not {expected}", why=f"it is the {meaning}")
@@ -136,12 +140,14 @@ def check_metadata(meta: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _copied(value: Any) -> Any:
+    # Copied all the way down: a later change of the caller's table must not reach the recording.
     if isinstance(value, Mapping):
         return {key: _copied(entry) for key, entry in value.items()}
     return [_copied(entry) for entry in value] if isinstance(value, list) else value
 
 
 def _number(value: Any) -> bool:
+    # True and False are integers to Python, and no numbers here.
     real = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
     return real and math.isfinite(value)
 

@@ -135,6 +135,7 @@ def _write(file: Any, recording: Recording) -> None:
     file.attrs["format"] = np.bytes_(FORMAT)
     file.attrs["format_version"] = FORMAT_VERSION
     file.attrs["rows"] = len(recording)
+    # As bytes of fixed length: the heap of texts of variable length has no checksum.
     _dataset(file, "meta", meta)[...] = meta
     if recording.events:
         table = _event_table(recording.events)
@@ -149,6 +150,7 @@ def _signals(file: Any, recording: Recording) -> list[tuple[Any, Any]]:
     clock, datasets = recording.clock, list[tuple[Any, Any]]()
 
     def add(holder: Any, name: str, values: Any, **words: str) -> Any:
+        # Made now and filled in `_fill`, so that the blocks of all signals lie beside each other.
         datasets.append((_dataset(holder, name, values, **words), values))
         return datasets[-1][0].attrs
 
@@ -170,6 +172,7 @@ def _signals(file: Any, recording: Recording) -> list[tuple[Any, Any]]:
 
 
 def _fill(datasets: Sequence[tuple[Any, Any]], count: int) -> None:
+    # All signals of one block before the next: a cut file keeps whole rows.
     for begin in range(0, count, ROWS_A_CHUNK):
         for dataset, values in datasets:
             dataset[begin : begin + ROWS_A_CHUNK] = values[begin : begin + ROWS_A_CHUNK]
@@ -183,8 +186,10 @@ def _dataset(holder: Any, name: str, values: Any, **words: str) -> Any:
         chunks=(min(len(values), ROWS_A_CHUNK), *values.shape[1:]),
         compression="gzip",
         compression_opts=GZIP_LEVEL,
+        # Bytes of equal significance side by side: noisy doubles pack better.
         shuffle=True,
         fletcher32=True,
+        # Without a time of writing the same recording gives the same bytes.
         track_times=False,
     )
     for key, value in words.items():
@@ -194,6 +199,7 @@ def _dataset(holder: Any, name: str, values: Any, **words: str) -> Any:
 
 def _event_table(events: Iterable[Event]) -> Any:
     rows = [(event.time, event.kind.encode(), event.text.encode()) for event in events]
+    # Widths in bytes of UTF-8, one at the least, as HDF5 knows no text of length zero.
     kind, text = max(len(row[1]) for row in rows), max([1, *(len(row[2]) for row in rows)])
     return np.array(rows, dtype=[("time", "<f8"), ("kind", f"S{kind}"), ("text", f"S{text}")])
 
@@ -207,6 +213,7 @@ def read_recording(path: Path, *, channels: Sequence[str] | None = None) -> Reco
     """
     path = Path(path)
     recording, losses = _read(path, channels)
+    # The strict reader: whatever `salvage` would report as lost is an error here.
     if recording is None or losses:
         lines = [loss.where if loss.rows is None else f"{loss.what}, {loss.where}" for loss in losses]
         raise DamagedError(
@@ -241,11 +248,11 @@ def _read(path: Path, selected: Sequence[str] | None) -> tuple[Recording | None,
         )
     try:
         with _opened(path) as (file, losses):
-            return _whole(path, file, selected, losses), losses
+            return _readable_recording(path, file, selected, losses), losses
     except HapticevalError:
         raise
     except DAMAGE as error:
-        return None, [Loss("the file", _cut(path)[0] or str(error))]
+        return None, [Loss("the file", _cut_short(path)[0] or str(error))]
 
 
 @contextmanager
@@ -253,21 +260,23 @@ def _opened(path: Path) -> Iterator[tuple[Any, list[Loss]]]:
     """Open the file, a cut one filled up with bytes that no checksum takes for data; give it, and what it lacks."""
     import h5py
 
-    cut, lacking = _cut(path)
+    cut, lacking = _cut_short(path)
     reserve(path.stat().st_size + lacking if cut else 0, str(path))
+    # Filled up to the length that the superblock states, or the library refuses the file as a whole.
     source = io.BytesIO(path.read_bytes() + b"\xff" * lacking) if cut else path
     with h5py.File(source, "r", rdcc_nbytes=0) as file:
         _check_format(path, file)
         yield file, [Loss("the end of the file", cut)] if cut else []
 
 
-def _cut(path: Path) -> tuple[str, int]:
+def _cut_short(path: Path) -> tuple[str, int]:
     """Return in words where a file of ours ends too early, and how many bytes it lacks; "" and 0 for a whole one.
 
     Bytes 28 to 35 of the superblock, which is of version 3 in our files, give the end of the file.
     """
     with path.open("rb") as opened:
         head = opened.read(36)
+    # Byte 8 is the superblock's version: 2 and 3 have the end of the file at bytes 28 to 35, older ones elsewhere.
     size, end = path.stat().st_size, int.from_bytes(head[28:36], "little") if head[8:9] in (b"\x02", b"\x03") else 0
     return (f"the file ends at byte {size} of {end}", end - size) if size < end else ("", 0)
 
@@ -280,7 +289,7 @@ class _Part(NamedTuple):
     signal: Signal
 
 
-def _whole(path: Path, file: Any, selected: Sequence[str] | None, losses: list[Loss]) -> Recording | None:
+def _readable_recording(path: Path, file: Any, selected: Sequence[str] | None, losses: list[Loss]) -> Recording | None:
     """Return the recording of all rows that have a stamp and a number in any channel, and add what is lost."""
     group, known = file["channels"], list(file["channels"])
     for name in selected or ():
@@ -292,15 +301,18 @@ def _whole(path: Path, file: Any, selected: Sequence[str] | None, losses: list[L
     count = int(file[base].shape[0])
     holders = [(group, name) for name in names]
     holders += [(file, name) for name in (*row_names, "events", "meta") if name in file]
+    # Sizes come first: a damaged shape may state any amount of memory.
     reserve(sum(_attempted(partial(_size, *place), "", []) or 0 for place in holders), str(path))
 
     def part(holder: Any, name: str) -> _Part | None:
         return _attempted(partial(_part, holder, name, count), f"'{name}'", losses)
 
+    # Channels carry a slash before their names here: one may be called `time` or `valid`.
     parts = {name: part(file, name) for name in row_names} | {f"/{name}": part(group, name) for name in names}
     stamps, channels = parts[base], {name: channel for name in names if (channel := parts[f"/{name}"]) is not None}
     if stamps is None:
         return None
+    # A row stays where its stamp and at least one channel can be read.
     readable_rows = (
         stamps.readable & np.any([channel.readable for channel in channels.values()], axis=0)
         if channels
@@ -314,16 +326,19 @@ def _whole(path: Path, file: Any, selected: Sequence[str] | None, losses: list[L
     if base == "nanoseconds":
         stated = file[base].attrs
         anchor = (int(stated["anchor"][0]), int(stated["anchor"][1])) if "anchor" in stated else None
+        # Cycle numbers with a hole of their own would show cycles as missed that were not.
         counted = sequence.values[rows] if sequence is not None and sequence.readable[rows].all() else None
         clock = Clock(stamps.values[rows], int(stated["start"]), anchor, counted)
     time = stamps.values[rows] if clock is None else clock.seconds
+    # A channel of which no row is readable is absent from the recording, not full of NaN.
     left = {name: channel for name, channel in channels.items() if channel.readable[rows].any()}
     valid = np.all([channel.readable[rows] for channel in left.values()], axis=0) & np.ones(len(time), dtype=bool)
     if "valid" in parts:
+        # A mask that cannot be read vouches for no row.
         valid &= False if marked is None else ((marked.values != 0) & marked.readable)[rows]
     losses += _row_losses(parts, readable_rows, time)
     events = _attempted(lambda: _events(file), "the events", losses) or ()
-    meta: Any = _attempted(lambda: json.loads(bytes(_inside(file, "meta")[:]).decode()), "the meta", losses) or {}
+    meta: Any = _attempted(lambda: json.loads(bytes(_own_dataset(file, "meta")[:]).decode()), "the meta", losses) or {}
     return Recording(
         time,
         {name: channel.values[rows] for name, channel in left.items()},
@@ -348,7 +363,7 @@ def _attempted(read: Callable[[], T], what: str, losses: list[Loss]) -> T | None
         return None
 
 
-def _inside(holder: Any, name: str) -> Any:
+def _own_dataset(holder: Any, name: str) -> Any:
     """Return a dataset. Raises `InputError` where its numbers lie in another file: no file may name one to be read."""
     dataset = holder[name]
     if dataset.file.id != holder.file.id or lies_elsewhere(dataset):
@@ -361,7 +376,7 @@ def _part(holder: Any, name: str, count: int) -> _Part:
 
     Raises `InputError` where it lies in another file, or has another type, length or unit than ours.
     """
-    dataset, dtype = _inside(holder, name), ROW_TYPES[name] if holder.name == "/" else np.float64
+    dataset, dtype = _own_dataset(holder, name), ROW_TYPES[name] if holder.name == "/" else np.float64
     if dataset.dtype != dtype:
         raise InputError(f"'{name}' is of type {dataset.dtype}, not {np.dtype(dtype)}")
     if dataset.shape[:1] != (count,):
@@ -375,6 +390,7 @@ def _part(holder: Any, name: str, count: int) -> _Part:
     try:
         values, readable = dataset[()], np.ones(count, dtype=bool)
     except DAMAGE:
+        # Damaged somewhere: read it block by block, each with its own checksum.
         values = np.full(dataset.shape, np.nan if dtype == np.float64 else 0, dtype=dtype)
         readable = np.zeros(count, dtype=bool)
         chunk = int(dataset.chunks[0])
@@ -391,6 +407,7 @@ def _part(holder: Any, name: str, count: int) -> _Part:
 
 def _row_losses(parts: dict[str, _Part | None], readable_rows: BoolArray, time: Array) -> Iterator[Loss]:
     """Yield first the rows that are lost altogether, then what single signals lack of the others."""
+    # A signal that is None as a whole was reported where it was read.
     if all(part is None or part.readable.all() for part in parts.values()):
         return
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
@@ -401,6 +418,7 @@ def _row_losses(parts: dict[str, _Part | None], readable_rows: BoolArray, time: 
     alike: dict[tuple[int, int], list[str]] = {}
     for name, rows in missing.items():
         for run in runs_of(rows):
+            # Signals that lack the same rows are reported together.
             alike.setdefault(run, []).append(name)
     for (begin, end), names in alike.items():
         yield Loss(", ".join(names), f"rows {begin} to {end - 1}", end - begin, (end - begin) * step)
@@ -412,7 +430,7 @@ def lies_elsewhere(dataset: Any) -> bool:
 
 
 def _events(file: Any) -> tuple[Event, ...]:
-    rows = _inside(file, "events")[:] if "events" in file else ()
+    rows = _own_dataset(file, "events")[:] if "events" in file else ()
     return tuple(Event(float(row["time"]), row["kind"].decode(), row["text"].decode()) for row in rows)
 
 

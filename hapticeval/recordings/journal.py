@@ -77,6 +77,7 @@ class Layout:
     @property
     def dtype(self) -> np.dtype[Any]:
         """A row."""
+        # Little-endian and without padding: 8 bytes a number, on any machine.
         fields: list[Any] = [("sequence", "<i8"), ("nanoseconds", "<i8")]
         fields += [(name, "<f8", (columns,)) if columns else (name, "<f8") for name, columns in self.channels.items()]
         return np.dtype(fields)
@@ -107,6 +108,7 @@ class Layout:
 
 def block_head(kind: Kind, number: int, rows: int, payload: Any) -> bytes:
     """Return the 24 bytes that go before a payload."""
+    # Without its last four bytes, the CRC, which is over the head before it and the payload.
     head = BLOCK.pack(MARK, kind, number & 0xFFFFFFFF, rows, len(payload), 0)[:-4]
     return head + struct.pack("<I", zlib.crc32(payload, zlib.crc32(head)))
 
@@ -128,13 +130,15 @@ class Block(NamedTuple):
 
 
 def blocks(data: mmap.mmap) -> Iterator[Block]:
-    """Yield the whole blocks of a journal: those whose CRC is right."""
+    """Yield the whole blocks of a journal, those whose checksum (CRC32) is right, and skip what lies between them."""
     view, at = memoryview(data), data.find(MARK)
     while at >= 0:
+        # Where this mark heads no whole block, the search goes on one byte later: it may have been a number.
         search_from, begin = at + 1, at + BLOCK.size
         if begin <= len(view):
             _, kind, number, _, length, crc = BLOCK.unpack_from(view, at)
             payload = view[begin : begin + length]
+            # The slice is shorter than stated where the file ends within the block.
             if len(payload) == length and zlib.crc32(payload, zlib.crc32(view[at : begin - 4])) == crc:
                 search_from = begin + length
                 yield Block(at, search_from, kind, number, payload)
@@ -192,10 +196,12 @@ class _Read:
         self.holes: list[tuple[int, int, int]] = []
         place, number = len(MAGIC), 0
         for block in blocks(data):
+            # Bytes between whole blocks, or a number that was left out: a block is missing here.
             if block.at > place or block.number > number:
                 self.holes.append((place, block.at, len(self.rows)))
             place, number = block.end, block.number + 1
             if block.kind == Kind.HEADER:
+                # Both headers say the same; either will do.
                 self.layout = self.layout or Layout.decoded(bytes(block.payload))
             elif block.kind == Kind.ROWS:
                 self.rows.append(block.payload)
@@ -209,11 +215,13 @@ class _Read:
         """Return the recording of the rows, and what is lost of it."""
         parts = [np.frombuffer(payload, dtype=layout.dtype) for payload in self.rows]
         rows = np.concatenate(parts)
+        # The counts of rows before each block, which place a hole among the rows.
         losses = self._losses(rows, np.cumsum([0, *map(len, parts)]))
         stamps = np.ascontiguousarray(rows["nanoseconds"])
         clock = Clock(stamps, None, layout.anchor, np.ascontiguousarray(rows["sequence"]))
         channels = {name: np.ascontiguousarray(rows[name]) for name in layout.channels}
         valid = np.ones(stamps.size, dtype=bool)
+        # A stamp counts only where it is later than all before it.
         valid[1:] = stamps[1:] > np.maximum.accumulate(stamps)[:-1]
         for values in channels.values():
             valid &= np.isfinite(values).reshape(stamps.size, -1).all(axis=1)
@@ -231,12 +239,15 @@ class _Read:
     def _losses(self, rows: Any, ends: Any) -> list[Loss]:
         """Return what each hole took, by the sequence numbers on its sides; `ends` are the rows before each block."""
         sequence = rows["sequence"]
+        # s: what a lost row would have taken.
         step = float(np.median(np.diff(rows["nanoseconds"]))) / 1e9 if len(rows) > 1 else 0.0
         unwritten = 0 if self.end is None else int(self.end["unwritten"])
         losses = []
+        # A hole: its bytes [begin, end), and how many row blocks stand before it.
         for begin, end, before in self.holes:
             where = f"bytes {begin} to {end - 1}" if end > begin else f"before byte {begin}"
             next_row = int(ends[before])
+            # The cycle numbers on both sides say how many rows a hole took; at the end, the journal's own count.
             known = 0 if next_row == 0 else int(sequence[next_row - 1]) + 1
             if next_row < len(rows):
                 count = int(sequence[next_row]) - known

@@ -47,21 +47,28 @@ DIGITS = range(3, 15)
 
 
 def numeric_step(values: Array) -> float | None:
-    """The step of the lattice that all values lie on: an encoder's, or a logger's; None where they lie on none."""
+    """The quantum of a column (n,): the step of the lattice that all its values lie on, as an encoder's do.
+
+    It is in the column's unit (m, N, rad, ...); None where the values lie on no lattice.
+    """
+    # The lattice shows in the differences of values, whatever order they came in.
     distinct = np.unique(values[np.isfinite(values)])
     if distinct.size < 4:
         return None
     span = float(distinct[-1] - distinct[0])
     steps = np.diff(distinct)
+    # Smaller ones are one number in two roundings.
     steps = steps[steps > FINEST * span]
     if steps.size == 0:
         return None
     step = _common_divisor(steps, FINEST * span)
     for _ in range(3):  # the mean over many steps is finer than the smallest alone
         counts = np.round((distinct - distinct[0]) / step)
+        # A lattice finer than a 1e7th of the range is the spacing of the numbers themselves.
         if counts[-1] > 1.0 / FINEST:
             return None
         step = float(np.dot(counts, distinct - distinct[0]) / np.dot(counts, counts))
+    # In quanta: on a lattice all lie near whole numbers, and not many different values at one of them.
     off = np.abs((distinct - distinct[0]) / step - counts)
     return step if off.max() < LATTICE_TOLERANCE and counts[-1] > distinct.size / 50 else None
 
@@ -76,23 +83,30 @@ def _common_divisor(steps: Array, floor: float) -> float:
     for other in steps[:DIVISOR_STEPS]:
         a, b = max(common, float(other)), min(common, float(other))
         while b > floor:
+            # Euclid with the nearest multiple: the remainder is at most half the divisor.
             a, b = b, abs(a - b * round(a / b))
         common = a
     return common
 
 
 def quantization_step(values: Array) -> float:
-    """The step between neighbouring numbers that a column (n,) can hold, at its largest; 0 for double precision."""
+    """The step between neighbouring numbers that a column (n,) can hold, at its largest, in its unit (m, N, rad, ...).
+
+    It is 0 for double precision: then nothing but arithmetic limits the numbers.
+    """
     return max(numeric_step(values) or 0.0, single_precision_step(values), _decimal_step(values))
 
 
 def coarsest(values: Array) -> float:
-    """Return the coarsest step of the columns of `values` (n, N)."""
+    """Return the coarsest quantum among the columns of `values` (n, N), in their unit (m, N, rad, ...)."""
     return max(map(quantization_step, values.T), default=0.0)
 
 
 def single_precision_step(values: Array) -> float:
-    """The spacing of single precision at the largest number, where every number is one; otherwise 0."""
+    """The spacing of single precision at the largest number of a column (n,), in its unit (m, N, rad, ...).
+
+    It is 0 where not every number is one of single precision.
+    """
     sample, largest = _sample(values)
     with np.errstate(over="ignore"):
         alike = sample.size > 0 and np.array_equal(sample.astype(np.float32), sample)
@@ -114,6 +128,7 @@ def _sample(values: Array) -> tuple[Array, float]:
     nonzero = values[np.isfinite(values) & (values != 0.0)]
     if nonzero.size == 0:
         return nonzero, 0.0
+    # Evenly spread over the run, so that a rest at the begin does not decide.
     sample = np.unique(nonzero[np.linspace(0, nonzero.size - 1, SAMPLE).astype(int)])
     return sample if sample.size >= FEWEST else sample[:0], float(np.max(np.abs(nonzero)))
 
@@ -136,6 +151,7 @@ class Resolution(NamedTuple):
         which has no direction.
         """
         root = math.sqrt(self.dimension)
+        # rad: rounding of an angle of a full turn.
         turn = ROUNDING_STEPS * float(np.spacing(2.0 * math.pi))
         with np.errstate(divide="ignore"):
             direction = turn + root * self.force / np.asarray(size)
@@ -152,6 +168,7 @@ def resolution(recording: Recording) -> Resolution:
     """What the numbers of a recording with HIP and force resolve."""
     keep = recording.measured
     places = [recording.channels[name][keep] for name in ("hip", "ihip") if name in recording.channels]
+    # m: the coarsest of HIP, IHIP and what the joints' encoders are worth at the hand.
     position = max([_own_resolution(values) for values in places] + [_encoder_resolution(recording, places[0], keep)])
     force = recording.force[keep]
     own = _own_resolution(force)
@@ -159,6 +176,7 @@ def resolution(recording: Recording) -> Resolution:
         depth = np.linalg.norm(places[1] - places[0], axis=1)
         pressed = (depth > position) & np.any(force != 0.0, axis=1)
         if pressed.any():
+            # N: a spring makes a force of two positions, each known to `position`, by the stiffness |F| / depth.
             own = max(own, 2.0 * position * float(np.median(np.linalg.norm(force[pressed], axis=1) / depth[pressed])))
     return Resolution(position, own, force.shape[1])
 
@@ -181,4 +199,5 @@ def _encoder_resolution(recording: Recording, hip: Array, keep: np.ndarray[tuple
     step = max((numeric_step(column) or 0.0 for column in joints.T), default=0.0)
     turned, moved = (np.linalg.norm(np.diff(path, axis=0), axis=1) for path in (joints, hip))
     some = turned > 0.0
+    # rad per count times the lever arm that the run shows, |dHIP| / |dq|, m/rad.
     return step * float(np.median(moved[some] / turned[some])) if step > 0.0 and some.any() else 0.0

@@ -115,10 +115,10 @@ class Clock:
     sequence: IntArray | None = None
 
     def __post_init__(self) -> None:
-        nanoseconds = _whole("the stamps of a clock", self.nanoseconds)
+        nanoseconds = _whole_numbers("the stamps of a clock", self.nanoseconds)
         if nanoseconds.ndim != 1 or nanoseconds.size == 0:
             raise InputError(f"a clock needs stamps of shape (n,), got {nanoseconds.shape}", todo="give one per row")
-        sequence = None if self.sequence is None else _whole("sequence numbers", self.sequence)
+        sequence = None if self.sequence is None else _whole_numbers("sequence numbers", self.sequence)
         if sequence is not None and sequence.shape != nanoseconds.shape:
             raise InputError(
                 f"there are {sequence.size} sequence numbers for {nanoseconds.size} stamps",
@@ -159,7 +159,7 @@ class Clock:
         return replace(self, nanoseconds=self.nanoseconds[rows], sequence=sequence)
 
 
-def _whole(name: str, values: Any) -> IntArray:
+def _whole_numbers(name: str, values: Any) -> IntArray:
     array = np.asarray(values)
     if array.dtype.kind not in "iu":
         raise InputError(

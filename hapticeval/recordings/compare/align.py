@@ -30,7 +30,7 @@ HAND_STEP = 1.0 / 3600.0
 
 @dataclass(frozen=True)
 class Abscissa:
-    """Says where along its way each sample of a run is.
+    """The common axis over which runs are compared: where along its way each sample of a run is.
 
     `by` is "angle" (rad, of the HIP about `centre` (2,), m), "arc" (m, of the HIP's foot on `curve`) or a phase
     channel as CHANNEL:COLUMN, in that channel's unit. Raises `InputError` for another name, and for "arc" without a
@@ -83,7 +83,9 @@ class Abscissa:
         if self.by == "angle":
             offset = hip[:, :2] - np.asarray(self.centre)
             raw = np.arctan2(offset[:, 1], offset[:, 0])
+            # Each step is the shorter way round, in [-pi, pi).
             step = _wrapped(np.diff(raw), FULL_TURN)
+            # The sense of a step beyond a quarter turn is a guess, and at the centre itself there is no angle.
             steep, on_it = np.abs(step) > QUARTER_TURN, ~offset.any(axis=1)
             if steep.any() or on_it.any():
                 row = stretch.first + int(np.argmax(steep if steep.any() else on_it))
@@ -101,6 +103,7 @@ class Abscissa:
             depth = np.maximum(-self.curve.signed_distance(hip), 0.0)
             bent = np.minimum(depth * np.maximum(np.asarray(self.curve.curvature(u)), 0.0), LARGEST_BEND)
             moved = np.linalg.norm(np.diff(hip, axis=0), axis=1)
+            # A foot more than LAG times as far along as the HIP's step allows has leapt over the medial axis.
             leaps = np.asarray(np.abs(step) > LAG * moved / (1.0 - np.maximum(bent[1:], bent[:-1])) + ROUNDED_STEP)
         else:
             channel, _, column = self.by.partition(":")
@@ -113,6 +116,7 @@ class Abscissa:
                     todo=f"its channels are: {', '.join(recording.channels)}",
                 )
             return np.array(values[stretch.rows][:, int(column)]), leaps
+        # The sum of wrapped steps goes on beyond a period, where the raw abscissa would start anew.
         return np.concatenate([[raw[0]], raw[0] + np.cumsum(step)]), leaps
 
 
@@ -155,9 +159,11 @@ def _join_over_gaps(segments: Sequence[Segment], *, slack: float, period: float 
     direction, farthest = 0, 0.0
     for rows, along, apart in segments:
         if joined_segment is not None and period is not None:
+            # Lay this stretch onto the turn that brings its begin nearest to where the last one ended.
             along = along + period * round((joined_segment.along[-1] - along[0]) / period)
         turns = _turning_indices(along, slack)
         headings = [1 if along[last] > along[first] else -1 for first, last in pairwise(turns)]
+        # It begins behind the farthest point so far and goes the same way, or nowhere: that is another pass.
         if (
             joined_segment is not None
             and direction * (along[0] - farthest) < -slack
@@ -168,6 +174,7 @@ def _join_over_gaps(segments: Sequence[Segment], *, slack: float, period: float 
         if joined_segment is None:
             joined_segment = Segment(rows, along, apart)
         else:
+            # One entry of `apart` more than steps: between the two stretches nothing is known.
             both = (joined_segment.rows, rows), (joined_segment.along, along), (joined_segment.apart, [True], apart)
             joined_segment = Segment(*(np.concatenate(parts) for parts in both))
         if headings:
@@ -179,6 +186,7 @@ def _join_over_gaps(segments: Sequence[Segment], *, slack: float, period: float 
 def _turning_indices(along: Array, slack: float) -> list[int]:
     """Return the indices at which the way begins, of every extreme that it leaves by more than `slack`, and its end."""
     turns: list[int] = []
+    # `low` and `high` index the extremes since the last turn; `direction` is 0 until the first move beyond `slack`.
     low = high = direction = 0
     for index, value in enumerate(along.tolist()):
         if value >= along[high]:
@@ -191,13 +199,16 @@ def _turning_indices(along: Array, slack: float) -> list[int]:
         elif direction >= 0 and along[high] - value > slack:
             turns.append(high)
             direction, low = -1, index
+    # A way that never moves by more than `slack` has neither a turn nor an end.
     return [*turns, high if direction > 0 else low] if direction else []
 
 
 def _monotone_parts(segment: Segment, turns: Sequence[int]) -> Iterator[Segment]:
     """Yield the parts of a way between turns: the abscissa goes strictly one way, and steps back are left out."""
+    # Leaps before each row, counted: two rows with different counts have a leap between them.
     leapt = np.concatenate([[0], np.cumsum(segment.apart)])
     for first, last in pairwise(turns):
+        # Made rising whichever way the part goes, so that a row advances where it exceeds all rows before it.
         inside = segment.along[first : last + 1] * (1 if segment.along[last] > segment.along[first] else -1)
         advancing = first + np.flatnonzero(np.append(True, inside[1:] > np.maximum.accumulate(inside)[:-1]))
         yield Segment(segment.rows[advancing], segment.along[advancing], np.diff(leapt[advancing]) > 0)
@@ -215,13 +226,16 @@ def _cut_of_period(segments: Sequence[Segment], period: float) -> float:
     A sector round the origin of the angles then stays in one piece. `HAND_STEP` of a turn that is not visited is a step
     of the hand.
     """
+    # Each segment as its begin in [0, period) and its length; a sweep in this order finds what no span covers.
     spans = sorted((float(segment.along.min()) % period, float(np.ptp(segment.along))) for segment in segments)
+    # A span that goes over the end of the period covers the begin of the next.
     reached = max(spans[0][0], max(begin + length for begin, length in spans) - period)
     widest, cut = HAND_STEP * period, None
     for begin, length in [*spans, (spans[0][0] + period, 0.0)]:
         if begin - reached > widest:
             widest, cut = begin - reached, 0.5 * (begin + reached)
         reached = max(reached, begin + length)
+    # In [-period, 0), so that the grid from there on reaches over the origin.
     return 0.0 if cut is None else cut % period - period
 
 
@@ -232,6 +246,7 @@ def _grid_range(segments: Sequence[Segment], period: float | None) -> tuple[floa
         cut = _cut_of_period(segments, period)
         if cut == 0.0:
             return 0.0, period
+        # Shift each segment by whole periods, until it begins in [cut, cut + period).
         shifts = [math.floor((low - cut) / period) * period for low, _ in ends]
         ends = [(low - shift, high - shift) for (low, high), shift in zip(ends, shifts, strict=True)]
     return min(low for low, _ in ends), max(high for _, high in ends)
@@ -260,12 +275,11 @@ class Run:
 
 @dataclass(frozen=True)
 class Pass:
-    """One way over the abscissa in one direction: of run number `run`, from `start` to `end` (s). `lap` numbers those
-    of a run in that direction.
+    """One passage over the abscissa in one direction: of run number `run`, from `start` to `end` (s).
 
-    `columns` (m,) are on the grid; `grains` (m,) are what the numbers of the recording resolve in each of them, see
-    `resolution`. Both are 0 where `mask` (m,) is not set: outside of what the pass covers, where the tool is free, in
-    gaps, and across jumps of IHIP or force. `coverage` is the share of the grid that is left.
+    `lap` numbers those of a run in that direction. `columns` (m,) are on the grid; `grains` (m,) are what the numbers
+    of the recording resolve in each of them, see `resolution`. Both are 0 where `mask` (m,) is not set: outside of what
+    the pass covers, where the tool is free, in gaps, and across jumps of IHIP or force.
     """
 
     run: int
@@ -315,6 +329,7 @@ def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, point
     if not high > low:
         raise InputError("the runs do not move along the abscissa", todo="align them by something else")
     grid = np.linspace(low, high, points)
+    # Going back by less than one step of the grid is the hand's tremor, and no turn.
     slack = grid[1] - grid[0]
     passes: list[Pass] = []
     for number, (run, segments) in enumerate(zip(runs, segments_of_runs, strict=True)):
@@ -335,6 +350,7 @@ def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, point
                     _passes_of(number, laps[heading.direction], run.recording, heading, smooth, fine, grid, abscissa)
                 )
                 passes += new_passes
+                # Passes of one direction are numbered through the whole run, over all of its headings.
                 laps[heading.direction] = max([laps[heading.direction], *(one.lap + 1 for one in new_passes)])
     if not passes:
         raise InputError("none of the runs touches the surface", why="there is no force to compare")
@@ -363,10 +379,12 @@ def _smooth_contact_steps(recording: Recording) -> BoolArray:
     if "ihip" in recording.channels:
         step = float(np.max(moved, where=both_touch, initial=0.0))
         ihip_change = np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)
+        # A tool may catch up `LAG` of the longest HIP steps in one tick, and a surface jump by its standoff.
         smooth &= ihip_change <= LAG * step + recording.standoff
         depth = np.linalg.norm(recording.ihip - hip, axis=1)
         pressed = contact & (depth > 0.0)
         if pressed.any():
+            # N/m: the apparent stiffness |F| / |IHIP - HIP|, whatever the renderer's gain and damping are.
             stiffness = float(np.median(np.linalg.norm(force[pressed], axis=1) / depth[pressed]))
             force_change = np.linalg.norm(np.diff(force, axis=0), axis=1)
             # A spring between HIP and IHIP changes with the steps of both.
@@ -385,10 +403,13 @@ def _passes_of(
     abscissa: Abscissa,
 ) -> Iterator[Pass]:
     """Yield the passes of a heading: one per lap, numbered on from those `before`."""
+    # Rising in either direction, as searchsorted needs it.
     rows, along = heading.rows[:: heading.direction], heading.along[:: heading.direction]
     low, high = 0, 0
     if abscissa.period is not None:
+        # The laps that this heading touches: whole periods from the begin of the grid to either of its ends.
         low, high = (math.floor((end - float(grid[0])) / abscissa.period) for end in (along[0], along[-1]))
+    # Breaks before each row, counted: rows with equal counts are joined by smooth contact.
     broken = np.concatenate([[0], np.cumsum(~smooth)])
     apart = heading.apart[:: heading.direction] | (np.diff(broken[rows]) != 0)
     touched = np.any(recording.force[rows] != 0.0, axis=1)
@@ -397,9 +418,11 @@ def _passes_of(
         after = np.searchsorted(along, places, side="left")
         right, at = np.clip(after, 1, along.size - 1), np.clip(after, 0, along.size - 1)
         inside = (after > 0) & (after < along.size)
+        # An answer needs both neighbours in one contact, or a touching sample at the very place.
         mask = (inside & ~apart[right - 1]) | ((along[at] == places) & touched[at])
         if not mask.any():
             continue
+        # Linear between neighbours: value = before + share (after - before).
         share = np.clip((places - along[right - 1]) / (along[right] - along[right - 1]), 0.0, 1.0)
         columns, bent = _columns_at(recording, rows[right - 1], rows[right], share, mask, abscissa.curve)
         # outside there is no force, which has no direction: no repeat may answer for it
@@ -415,6 +438,7 @@ def _columns_at(
     """Return the columns, and the curvature (m,), 1/m, of the model at their places; 0 where none is known."""
 
     def at(values: Array) -> Array:
+        """Interpolate a channel (n,) or (n, N), in m or N, at the places: (m,) or (m, N)."""
         part = share if values.ndim == 1 else share[:, np.newaxis]
         return np.asarray(values[before] + part * (values[after] - values[before]))
 
@@ -428,6 +452,7 @@ def _columns_at(
             foot = curve.nearest(hip if ihip is None else ihip)
             normal, bent = np.asarray(curve.normal(foot)), np.asarray(curve.curvature(foot))
             around = np.unwrap(np.arctan2(normal[:, 1], normal[:, 0]))
+            # rad, from the outward normal to the force: friction and a rounded edge lean it.
             columns["leaning"] = _wrapped(direction - around, FULL_TURN)
         direction[mask] = np.unwrap(direction[mask])  # from one place with an answer to the next
         columns["direction"] = direction

@@ -39,6 +39,7 @@ def difference(recording: Recording, reference: Recording) -> Difference:
 
     Raises `InputError` where they have no samples in common times: nothing is interpolated.
     """
+    # Only samples at bit-equal times are compared: `mine` and `theirs` are their rows in either recording.
     time, mine, theirs = np.intersect1d(recording.time, reference.time, assume_unique=True, return_indices=True)
     if mine.size == 0:
         raise InputError(
@@ -53,5 +54,6 @@ def difference(recording: Recording, reference: Recording) -> Difference:
         rms = float(np.sqrt(np.mean(distance**2)))
         distances[name] = Apart(rms, float(distance[at]), float(time[at]), int(theirs[at]))
     both = all(value is not None for value in distances.values())
+    # A share of rows: where one run touches and the other does not.
     contact = float(np.mean(recording.contact[mine] != reference.contact[theirs])) if both else None
     return Difference(distances["ihip"], distances["force"], mine.size, contact)

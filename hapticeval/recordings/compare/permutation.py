@@ -43,10 +43,11 @@ class Distances:
         return float(np.sqrt(np.mean(self.values[within] ** 2)))
 
     def energies(self, all_units: Sequence[Unit], deals: Array) -> Array:
-        """The energy statistic of each deal (d, e), as a share of the mean distance, (d,).
+        """The energy statistic of each deal of the names, as a share of the mean distance: deals (d, e) to (d,).
 
-        A deal has 1 where that repeat of `everyone` goes to the first renderer, and 0 where it goes to the second.
-        The statistic is 0 where either is dealt none of the repeats that are here.
+        A deal has 1 where that repeat of `all_units` goes to the first renderer, and 0 where it goes to the second. The
+        share has no unit, so that columns in N, m and rad can be compared. The statistic is 0 where either renderer is
+        dealt none of the repeats that are here.
         """
         mean, out = float(np.mean(self.values)), np.zeros(len(deals))
         first = deals[:, [all_units.index(unit) for unit in self.units]]
@@ -55,6 +56,7 @@ class Distances:
             return out
         a, b = first[both], 1.0 - first[both]
         n, m = a.sum(axis=1), b.sum(axis=1)
+        # 2 E|a - b| - E|a - a'| - E|b - b'|, where a repeat's distance to itself, 0, counts within.
         near = a @ self.values
         between = np.sum(near * b, axis=1) / (n * m)
         within = np.sum(near * a, axis=1) / n**2 + np.sum((b @ self.values) * b, axis=1) / m**2
@@ -104,6 +106,7 @@ def permutation_p(columns: Mapping[str, Distances], *, seed: int) -> tuple[Mappi
         deals[:, :first] = 1.0
         deals = np.random.default_rng(seed).permuted(deals, axis=1)
     observed = np.array([[float(side == 0) for side, _ in all_units]])
+    # One deal serves all columns: their largest statistic guards against a false alarm in any of them.
     largest = np.max([distances.energies(all_units, deals) for distances in columns.values()], axis=0)
     p_values = {}
     for column, distances in columns.items():

@@ -73,6 +73,7 @@ def groups(aligned: Aligned) -> Iterator[tuple[str, int, Mapping[str, Repeats]]]
                     column, [one for renderer_passes in passes_of.values() for one in renderer_passes]
                 )
                 if column in branches:
+                    # The second direction is put onto the branch of the first, so that both can stand in one diagram.
                     branch = branch + _offset_in_turns(*branches[column], branch, answered)
                 branches.setdefault(column, (branch, answered))
             yield (
@@ -88,6 +89,7 @@ def _branch(column: str, passes: Sequence[Pass]) -> tuple[Array, BoolArray]:
     That is the mean direction over all passes, unwrapped along the way.
     """
     masks = np.array([pass_.mask for pass_ in passes])
+    # Sum of unit vectors exp(i angle): its argument is the mean direction, whatever branch each pass is on.
     turning = np.zeros(masks.shape[1], dtype=np.complex128)
     for pass_ in passes:
         turning += np.where(pass_.mask, np.exp(1j * pass_.columns[column]), 0.0)
@@ -100,6 +102,7 @@ def _branch(column: str, passes: Sequence[Pass]) -> tuple[Array, BoolArray]:
 def _offset_in_turns(one: Array, one_answered: BoolArray, other: Array, other_answered: BoolArray) -> float:
     """Return what whole turns, rad, bring `other` onto the branch of `one`."""
     common = one_answered & other_answered
+    # Without a common place the two curves' own medians have to do.
     offset = (
         np.median((one - other)[common])
         if common.any()
@@ -116,14 +119,17 @@ def _repeats_of(passes: Sequence[Pass], column: str, branch: Array | None) -> Re
     """
     values = np.array([pass_.columns[column] for pass_ in passes])
     if branch is not None:
+        # Each angle goes to the turn nearest to the common branch.
         values = values - FULL_TURN * np.round((values - branch) / FULL_TURN)
     masks = np.array([pass_.mask for pass_ in passes])
     grains = np.array([pass_.grains[column] for pass_ in passes])
     runs = np.array([pass_.run for pass_ in passes])
     units, basis = np.unique(runs), RUNS
     if units.size == 1:
+        # A single run: its laps are the repeats, which say less (see `Comparison.outcome`).
         units, basis = np.array([pass_.lap for pass_ in passes]), LAPS
     else:
+        # Mean over the laps of each run; the grain of a mean is taken as coarse as its coarsest lap's.
         counts = np.array([masks[runs == run].sum(axis=0) for run in units])
         sums = np.array([np.where(masks[runs == run], values[runs == run], 0.0).sum(axis=0) for run in units])
         grains = np.array([grains[runs == run].max(axis=0) for run in units])
@@ -152,6 +158,7 @@ def bands(aligned: Aligned) -> tuple[Band, ...]:
     for column, direction, repeats in groups(aligned):
         for renderer, renderer_repeats in repeats.items():
             median, answered = renderer_repeats.median()
+            # Places without an answer stand at +-infinity for the extremes, and at 0 in what is returned.
             low = np.where(answered, np.where(renderer_repeats.masks, renderer_repeats.values, np.inf).min(axis=0), 0.0)
             high = np.where(
                 answered, np.where(renderer_repeats.masks, renderer_repeats.values, -np.inf).max(axis=0), 0.0
@@ -164,14 +171,19 @@ def bands(aligned: Aligned) -> tuple[Band, ...]:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two renderers over what at least two `repeats` of each cover; `basis` says what these are, and `needed` how many
-    of each it takes at the least to detect a difference among all that are compared (None: no number can).
+    """Two renderers over what at least two `repeats` of each cover: how far apart they are, and whether that is more
+    than repeats of one renderer are.
 
-    `difference` is the root mean square of the difference of their medians, `spread` that between repeats of one
-    renderer, both in the column's unit; `p` of the permutation test over all columns, times the number of pairs and
-    directions compared, and `least` the smallest that so many repeats can give. `worst` is the place (in the
-    abscissa's unit) of the largest difference of the medians, `largest`. `rounding` is the largest difference of any
-    two repeats, of either renderer, in what the numbers of both resolve at its place.
+    - `basis`: what the repeats are; `needed`: how many of each it takes at the least to detect a difference among all
+      that are compared (None: no number can).
+    - `difference`: root mean square of the difference of their medians; `spread`: that between repeats of one
+      renderer; both in the column's unit.
+    - `p`: of the permutation test over all columns, times the number of pairs and directions compared; `least`: the
+      smallest that so many repeats can give.
+    - `worst`: the place (in the abscissa's unit) of the largest difference of the medians, `largest`.
+    - `rounding`: the largest difference of any two repeats, of either renderer, in what the numbers of both resolve at
+      its place.
+    - `common`: the share of the grid that both medians cover.
     """
 
     first: str
@@ -205,6 +217,7 @@ class Comparison:
         """
         if math.isnan(self.difference):
             return "too little in common"
+        # In units of what the numbers resolve: no two repeats differ by more than rounding.
         if self.rounding <= 1.0:
             return "the same to rounding"
         if self.p < LEVEL:
@@ -229,6 +242,7 @@ def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
     met: set[tuple[int, str, str]] = set()
     for column, direction, repeats in groups(aligned):
         for (first, one), (second, other) in combinations(repeats.items(), 2):
+            # Also a pair with a single repeat counts: with more repeats it would be one test more.
             met.add((direction, first, second))
             if min(len(one.values), len(other.values)) > 1:
                 families.setdefault((direction, first, second), {})[column] = one, other
@@ -273,6 +287,7 @@ def _refuse_copies(runs: Sequence[Run]) -> None:
     """Refuse a run that is given twice: it would be a repeat without any spread."""
     run_of_contents: dict[tuple[str, bytes], Run] = {}
     for run in runs:
+        # Contents compared bit for bit: HIP and force.
         same = run_of_contents.setdefault(
             (run.renderer, run.recording.hip.tobytes() + run.recording.force.tobytes()), run
         )
@@ -296,6 +311,7 @@ def _compare_pair(
     """Compare two renderers in one direction, in every column that both have."""
     measured = {column: _pairwise_distances(*both) for column, both in columns.items()}
     known = {column: np.isfinite(apart.values).all() for column, (apart, _) in measured.items()}
+    # Columns that agree to rounding, or have a pair without enough in common, take no part in the test.
     tested = {name: apart for name, (apart, rounding) in measured.items() if known[name] and rounding > 1.0}
     p, smallest_p = permutation_p(tested, seed=seed)
     for column, pair in columns.items():
@@ -311,6 +327,7 @@ def _compare_pair(
             numbers = (
                 float(np.sqrt(np.mean(difference[common] ** 2))),
                 measured[column][0].spread,
+                # Bonferroni over pairs of renderers and directions; the columns are one test already.
                 min(1.0, families * p.get(column, 1.0)),
                 min(1.0, families * smallest_p),
                 float(abs(difference[worst])),
@@ -336,6 +353,7 @@ def _pairwise_distances(one: Repeats, other: Repeats) -> tuple[Distances, float]
         out[i, j] = out[j, i] = np.sqrt(np.mean(difference**2)) if np.mean(common) >= LEAST_COMMON else np.nan
         with np.errstate(divide="ignore"):
             nonzero = difference != 0.0
+            # In units of both repeats' grains; infinite where both resolve everything.
             shares = np.abs(difference[nonzero]) / (grains[i, common] + grains[j, common])[nonzero]
         largest = max(largest, float(shares.max(initial=0.0)))
     return Distances(out, units), largest

@@ -132,17 +132,24 @@ def _column(name: str, values: ArrayLike) -> NDArray[Any]:
             why="a column is one number per row",
             todo="split an array of several columns into one each: see `spread`",
         )
+    # Read-only and nobody's view: no copy is needed.
     if array.dtype in (np.float64, np.int64) and not array.flags.writeable and array.base is None:
         return array  # a column of a table already
+    # Integers stay 64-bit integers (a wall clock in ns does not fit a float); booleans count as integers.
     numbers = np.array(array, dtype=np.float64 if array.dtype.kind == "f" else np.int64)
     numbers.flags.writeable = False
     return numbers
 
 
 def spread(name: str, values: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """Return the columns of an array (n, ...): itself where it is one column, else `name[0]`, `name[1]`, ..."""
+    """Return the columns of an array (n, ...): itself where it is one column, else `name[0]`, `name[1]`, ...
+
+    The array's first axis is the samples: (n,) stays as it is, (n, k) becomes k columns (n,), in the unit of the array
+    (m, N or what the file states).
+    """
     if values.ndim == 1:
         return {name: values}
+    # The first axis is the samples; all others become columns, the last one running fastest.
     flat = values.reshape(len(values), -1)
     return {name if flat.shape[1] == 1 else f"{name}[{k}]": column for k, column in enumerate(flat.T)}
 
@@ -158,10 +165,11 @@ def signals_in_rows_remark(name: str, shape: tuple[int, ...]) -> str:
 
 
 def samples_first(name: str, values: NDArray[Any], remarks: list[str]) -> NDArray[Any]:
-    """Return an array with its samples along the first axis, as far as its shape alone shows it.
+    """Return an array (n,) or (n, k) with its samples along the first axis, as far as its shape alone shows it.
 
     A single row is a column that lies down. A matrix of many more columns than any device has signals, and of fewer
-    rows than columns, has its signals in rows: a remark names that they were swapped.
+    rows than columns, has its signals in rows: a remark names that they were swapped. Numbers and their unit (m, N or
+    what the file states) stay as they are.
     """
     if values.ndim != 2 or (values.shape[0] > 1 and not signals_in_rows(values.shape)):
         return values
@@ -177,8 +185,10 @@ def damaged_error(path: Path, why: str) -> InputError:
 
 def is_text(head: bytes) -> bool:
     """Return whether the first bytes of a file look like text."""
+    # Byte order marks of UTF-16 and UTF-8.
     if head.startswith((b"\xff\xfe", b"\xfe\xff", b"\xef\xbb\xbf")):
         return True
+    # A binary file shows itself by control characters, or by the signature of its kind.
     control = any(byte < 32 and byte not in b"\t\n\f\r" for byte in head)
     return bool(head) and not control and _described_kind(head) is None
 
@@ -221,6 +231,7 @@ class Format:
     @property
     def ours(self) -> bool:
         """Whether it is one of this package's."""
+        # By the function's module: other people's formats are offered files first, and blamed for their errors.
         return getattr(self.read, "__module__", "").startswith(f"{__name__}.")
 
 
@@ -255,6 +266,7 @@ def formats() -> Mapping[str, Format]:
     for entry in entry_points(group=GROUP):
         with blame_importer(f"the format '{entry.name}' of an installed package ({entry.value})"):
             entry.load()
+    # Other people's come first: delimited text, the last of ours, would fit many of their files.
     others = [known_format for known_format in KNOWN.values() if not known_format.ours]
     return MappingProxyType(
         {known_format.name: known_format for known_format in (*others, *(KNOWN[name] for name in OWN))}
@@ -272,12 +284,14 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
     """
     path = Path(path)
     chosen = _detected_format(path) if format is None else _named_format(format)
+    # A ROS 2 bag is a folder: everything below it counts towards the memory limit.
     files = (file for file in path.rglob("*") if file.is_file()) if path.is_dir() else (path,)
     reserve(sum(file.stat().st_size for file in files if file.exists()), str(path))
     with nullcontext() if chosen.ours else blame_importer(f"the importer {importer_name(chosen.read)}", chosen.read):
         try:
             table = chosen.read(path)
         except OSError as error:
+            # An importer that cannot open a file of its own is at fault itself, and is blamed as such.
             if not chosen.ours and str(error.filename) != str(path):
                 raise
             raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
@@ -320,12 +334,14 @@ def _named_format(name: str) -> Format:
     module, _, function = name.partition(":")
     if not module or not function:
         raise InputError(f"'{name}' does not name an importer", todo="name it package.module:function")
+    # The user's own module lies as a rule where hapticeval was started.
     if str(Path.cwd()) not in sys.path:
         sys.path.insert(0, str(Path.cwd()))
     with blame_importer(f"loading the format '{name}'"):
         read = getattr(import_module(module), function)
     if not callable(read):
         raise InputError(f"'{name}' is of type {type(read).__name__}", todo="name a function from a path to a Table")
+    # A function marked with `importer` keeps its format's name and words.
     return next((known_format for known_format in KNOWN.values() if known_format.read is read), None) or Format(
         name, f"the format {name}", read
     )
@@ -343,6 +359,7 @@ def blame_importer(what: str, function: Any = None) -> Iterator[None]:
     try:
         yield
     except (Exception, SystemExit) as error:
+        # The file of the foreign code, so that the line in it can be named, and not one of ours.
         code = getattr(inspect.unwrap(function), "__code__", None) if callable(function) else None
         place = origin(error, code and code.co_filename)
         if isinstance(error, HapticevalError):
@@ -361,6 +378,7 @@ def _check(table: Any, who: str) -> None:
         )
     rows = {name: table.rows(name) for name in table.columns}
     sizes = Counter(rows.values())
+    # A column whose number of rows no other column has cannot belong to any clock.
     odd = [name for name, size in reversed(rows.items()) if sizes[size] == 1 < len(rows)]
     strange = [name for name in (*table.units, *table.notes) if name not in rows]
     unnamed = [name for name in rows if not isinstance(name, str)]

@@ -64,7 +64,10 @@ class Arrays:
         self.remarks: list[str] = []
 
     def add(self, name: str, values: NDArray[Any]) -> None:
-        """Add an array, or each field of a structured one."""
+        """Add an array: columns (n,) or (n, k) of numbers, each field of a structured one, or a single number or text.
+
+        Numbers keep their unit (m, N or what the file states). What is neither number nor text is named in `remarks`.
+        """
         if values.dtype.names:
             for part in values.dtype.names:
                 self.add(f"{name}.{part}", values[part])
@@ -101,6 +104,7 @@ class Nodes:
         import h5py
 
         for name in group:
+            # Asked of the link itself, since looking at the target would open the other file.
             if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
                 self._leave_out(f"{group.name}/{name}".lstrip("/"))
                 continue
@@ -125,6 +129,7 @@ class Nodes:
         if lies_elsewhere(node):
             self._leave_out(name)
             return np.empty(0)
+        # Counted before a number is read: single precision becomes double, 8 bytes.
         self._size += max(8, node.dtype.itemsize) * math.prod(node.shape or ())
         reserve(self._size, str(self.path))
         return node.fields(parts)[()] if parts else node[()]
@@ -154,12 +159,14 @@ def read_hdf5(path: Path) -> Table:
 
     arrays = Arrays()
     with opened(path, arrays.warnings) as nodes:
+        # HDF5 groups may contain themselves: each object is walked through once.
         visited = {hash(nodes.file["/"].id)}
 
         def walk(place: str, node: Any, depth: int) -> None:
             stated = {f"{place}@{key}": _plain(node.attrs[key]) for key in node.attrs}
             arrays.attributes.update(stated)
             if isinstance(node, h5py.Dataset):
+                # One data set may become several columns; its unit is that of each of them.
                 before = set(arrays.columns)
                 _add_dataset(nodes, arrays, place, node)
                 unit = next((text for key in UNIT_NAMES if (text := stated.get(f"{place}@{key}"))), None)
@@ -207,6 +214,7 @@ def read_npz(path: Path) -> Table:
     try:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
+            # An archive begins at byte 0: any other offset is that of an archive within this file, which was cut.
             if min((entry.header_offset for entry in entries), default=0):
                 raise zipfile.BadZipFile("it is that of another archive inside of it")
             reserve(sum(entry.file_size for entry in entries), str(path))
@@ -220,6 +228,7 @@ def read_npz(path: Path) -> Table:
                 try:
                     arrays.add(name, np.load(io.BytesIO(data), allow_pickle=False))
                 except ValueError as error:
+                    # NumPy raises the same kind for damage; only its words tell pickled objects apart.
                     if "allow_pickle" not in str(error):
                         raise
                     what = f"the array '{name}' is left out: it holds pickled objects, which can run code"
@@ -243,7 +252,10 @@ class Variables(Arrays):
         """Variables that are objects of MATLAB's own, which nothing else reads."""
 
     def add(self, name: str, values: NDArray[Any]) -> None:
-        """Add an array: text, a few numbers, or columns."""
+        """Add an array as MATLAB holds it: text, a few numbers, or columns (n,) or (n, k) of more than `FEW` numbers.
+
+        Numbers keep their unit (m, N or what the file states).
+        """
         if values.dtype.kind == "c":
             self.warnings.append(f"'{name}' holds complex numbers, which are left out")
         elif values.dtype.kind in "fiub" and values.size > FEW:
@@ -258,10 +270,12 @@ class Variables(Arrays):
 
         Signals that are matrices have their samples along the last axis, as Simulink logs them.
         """
+        # (rows, columns, samples) becomes (samples, rows, columns).
         if values.ndim == 3:
             return np.moveaxis(values, -1, 0)
         if values.ndim != 2 or values.shape[0] == 1:
             return values.T
+        # Where a time vector stands beside them, its length says which axis is the samples.
         samples = self._samples(name)
         if samples == values.shape[1] != values.shape[0] or (
             samples not in values.shape and signals_in_rows(values.shape)
@@ -323,6 +337,7 @@ def read_matlab73(path: Path) -> Table:
                 add(f"{name}{numbered}{after}", target, depth)
 
         def add(name: str, node: Any, depth: int) -> None:
+            # MATLAB writes its class as an attribute; objects have one that only it can decode.
             kind = _plain(node.attrs.get("MATLAB_class", b""))
             if "MATLAB_object_decode" in node.attrs:
                 variables.objects.append(f"{name} ({kind})")
@@ -345,6 +360,7 @@ def read_matlab73(path: Path) -> Table:
             else:
                 variables.warnings.append(f"the variable '{name}' of class '{kind}' is left out")
 
+        # Groups as `#refs#` hold what cells refer to: they are reached from there.
         for name, node in nodes.members(nodes.file, 1):
             if not name.startswith("#"):
                 add(name, node, 1)

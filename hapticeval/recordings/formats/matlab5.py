@@ -66,6 +66,7 @@ def read_matlab5(path: Path) -> Table:
     data = path.read_bytes()
     if len(data) < HEADER:
         raise damaged_error(path, f"its header has {HEADER} bytes, and {len(data)} are there")
+    # The header ends with the two letters MI as one 16-bit number: which comes first gives the byte order.
     order = "<" if data[126:128] == b"IM" else ">"
     (subsystem,) = struct.unpack(order + "Q", data[116:124])  # where data of objects lie, which are no variable
     variables, unpacked_bytes, parts = Variables(), 0, 0
@@ -81,6 +82,7 @@ def read_matlab5(path: Path) -> Table:
         except OddError as error:
             variables.warnings.append(f"the variable '{matrix.name or '?'}' cannot be read: {error}")
             continue
+        # Only after success: what a damaged variable counted is not held against the next.
         parts = matrix.count
         variables.objects += matrix.objects
         variables.warnings += matrix.warnings
@@ -106,6 +108,7 @@ def _variables(path: Path, data: memoryview, order: str) -> Iterator[tuple[int, 
                 f"{max(0, len(data) - offset - 8)} are there",
             )
         yield offset, kind, data[offset + 8 : end]
+        # Elements are padded to 8 bytes, but packed ones are not.
         offset = end + (-size % 8 if kind == MATRIX else 0)
 
 
@@ -113,6 +116,7 @@ def _unpacked(path: Path, offset: int, packed: memoryview, order: str, unpacked_
     """Return what a packed matrix holds; its size, which its tag states, is reserved first, beside `taken` bytes."""
     unpacking = zlib.decompressobj()
     try:
+        # Only the tag is unpacked before its size has been reserved: a small file may state any size.
         tag = unpacking.decompress(packed, 8)
         kind, size = struct.unpack(order + "II", tag.ljust(8, b"\0"))
         if kind != MATRIX:
@@ -158,6 +162,7 @@ class _Matrix:
             return
         flags = self._next(data, 0, "its flags")
         (word,) = struct.unpack(self.order + "I", bytes(flags.data[:4]).ljust(4, b"\0"))
+        # The lowest byte is the class, the bits above are flags (complex, global, logical).
         kind = word & 0xFF
         if kind == OPAQUE:  # name, system and class
             stated = self._next(data, flags.end, "its name")
@@ -174,6 +179,7 @@ class _Matrix:
             raise OddError(f"'{name}' has the dimensions {shape}")
         content = data[stated.end :]
         if kind in NUMBERS:
+            # A device's signals are real numbers.
             if word & COMPLEX:
                 self.warnings.append(f"'{name}' holds complex numbers, which are left out")
             else:
@@ -193,6 +199,7 @@ class _Matrix:
     def _structures(self, data: memoryview, name: str, shape: tuple[int, ...], depth: int) -> None:
         """Take an array of structures: the length of names, the names of the fields, then each one's fields."""
         longest = self._next(data, 0, "the length of its names")
+        # Names of fields have one fixed width, padded with zero bytes; 0 where the element is empty.
         (width,) = [*self._numbers(longest, "the length of its names"), 0][:1]
         texts = self._next(data, longest.end, "the names of its fields")
         if texts.data and not 0 < width <= len(texts.data):
@@ -239,6 +246,7 @@ class _Matrix:
     def _shaped(self, values: NDArray[Any], shape: tuple[int, ...], name: str) -> NDArray[Any]:
         if values.size != math.prod(shape):
             raise OddError(f"'{name}' has the dimensions {shape}, and {values.size} numbers")
+        # MATLAB stores its arrays column by column.
         return values.reshape(shape, order="F")
 
     def _text(self, element: Element, shape: tuple[int, ...], name: str) -> NDArray[Any]:

@@ -45,6 +45,7 @@ def read_rosbag(path: Path) -> Table:
     size = 0
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            # What the bag's own index counts by topic: a bag that was cut short gives fewer messages than that.
             for connection in reader.connections:
                 counted[connection.topic] = counted.get(connection.topic, 0) + connection.msgcount
             for connection, received, raw in reader.messages():
@@ -53,9 +54,11 @@ def read_rosbag(path: Path) -> Table:
                 _flatten(topic, reader.deserialize(raw, connection.msgtype), numbers)
                 size += NUMBER * len(numbers)
                 reserve(size, f"{path}, as far as it was read,")
+                # A number that is missing in one message stops its column there, which is then left out as a whole.
                 expected = rows.setdefault(topic, 0)
                 for name, value in numbers.items():
                     topics[name] = topic
+                    # Only a column that had this number in every message before is still in step with its topic.
                     if len(columns.setdefault(name, [])) == expected:
                         columns[name].append(value)
                 rows[topic] += 1
@@ -86,6 +89,7 @@ def read_rosbag(path: Path) -> Table:
 
 def _flatten(name: str, value: Any, numbers: dict[str, int | float]) -> None:
     """The numbers of a message by their path; a stamp becomes nanoseconds."""
+    # Truth values are numbers to a recording, 0 and 1.
     if isinstance(value, bool | int | float | np.number | np.bool_):
         numbers[name] = value.item() if isinstance(value, np.generic) else value
     elif hasattr(value, "nanosec") and hasattr(value, "sec"):
@@ -95,5 +99,6 @@ def _flatten(name: str, value: Any, numbers: dict[str, int | float]) -> None:
             _flatten(f"{name}[{place}]", element, numbers)
     elif hasattr(value, "__dataclass_fields__"):
         for part in value.__dataclass_fields__:
+            # Fields as `__msgtype__` are rosbags' own, and not of the message.
             if not part.startswith("__"):
                 _flatten(f"{name}.{part}", getattr(value, part), numbers)

@@ -63,9 +63,10 @@ def decoded(data: bytes) -> str:
 
 
 def whole_text(path: Path) -> tuple[bytes, tuple[str, ...]]:
-    """Return the lines of a text file that are whole, in UTF-8 with line feeds, and a warning where the last is not.
+    """Return the lines of a text file that are complete, in UTF-8 with line feeds, and a warning where the last is not.
 
-    Raises `InputError` where not one line is whole.
+    A number that was cut off reads like another number, so a last line without its end is left out unless `is_whole`
+    shows it to be complete. Raises `InputError` where not one line is complete.
     """
     data = path.read_bytes()
     if not _is_utf8(data):
@@ -73,8 +74,10 @@ def whole_text(path: Path) -> tuple[bytes, tuple[str, ...]]:
     data = data.removeprefix(b"\xef\xbb\xbf")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    # Everything below works on whole lines: `last` is what follows the last line end.
     end = data.rfind(b"\n") + 1  # what follows the last line end is nothing, where that is the end of the file
     last = data[end:].decode()
+    # Whole lines before it, without the first, which may be a header: they show how many decimals a line has.
     before = data[max(data.find(b"\n") + 1, end - LOOKED_AT) : end].decode(errors="replace").split("\n")[:-1]
     complete = not last or is_whole(last, before)
     data = data if complete else data[:end]
@@ -101,6 +104,7 @@ def _is_utf8(data: bytes) -> bool:
         return False
     decoder = getincrementaldecoder("utf-8")()
     try:
+        # Piece by piece, so that the decoded text is never in memory as a whole.
         for begin in range(0, len(data), LOOKED_AT):
             decoder.decode(data[begin : begin + LOOKED_AT])
         decoder.decode(b"", final=True)
@@ -110,14 +114,19 @@ def _is_utf8(data: bytes) -> bool:
 
 
 def is_whole(last: str, before: list[str]) -> bool:
-    """Return whether a last line without its line end is whole: a cut one has fewer of the column's fixed decimals."""
+    """Return whether a last line that lacks its line end is complete all the same.
+
+    It is where every line `before` ends in the same fixed number of decimals, and so does the last.
+    """
 
     def decimals(line: str) -> tuple[int, int]:
         cells = re.split(r"[,;\s]+", line.strip())
         fraction = re.fullmatch(r"[+-]?\d+\.(\d+)", cells[-1])
+        # How many cells, and how many decimals the last of them has; (0, 0) where it has no fixed number of them.
         return (len(cells), len(fraction[1])) if fraction else (0, 0)
 
     ends = {decimals(line) for line in before[-20:]}
+    # Every line before it ends alike: then a cut one would show by a missing digit or cell.
     return len(before) > 1 and ends == {decimals(last)} and ends != {(0, 0)}
 
 
@@ -154,13 +163,16 @@ def _dialect(lines: Sequence[str]) -> _Dialect:
 
     def score(separator: str) -> tuple[int, int]:
         dialect = _Dialect(separator)
+        # Of the lines that are rows of numbers, as many as have the most common number of cells count.
         widths = Counter(len(dialect.cells(line)) for line in lines if dialect.is_row(line))
         width, count = widths.most_common(1)[0] if widths else (0, 0)
         return count if width > 1 else 0, -SEPARATORS.index(separator)
 
     best = max(SEPARATORS, key=score)
+    # A table of one column is taken apart by blanks, which are in none of its cells.
     best = best if score(best)[0] else " "
     numbers = [cell for line in lines for cell in _Dialect(best).cells(line) if NUMBER.fullmatch(cell)]
+    # A decimal comma is one only where commas do not separate cells, and no number has a point.
     comma = best != "," and any("," in cell for cell in numbers) and not any("." in cell for cell in numbers)
     return _Dialect(best, comma)
 
@@ -191,6 +203,7 @@ def read_delimited(path: Path) -> Table:
     data, cut = whole_text(path)
     lines = [line.decode().removesuffix("\n") for line in islice(io.BytesIO(data), 2 * HEAD)]
     rows = _content(lines)
+    # From the second half of the first lines: what stands above a table is no row of it.
     dialect = _dialect(_together([lines[place] for place in rows[len(rows) // 2 :]]))
     names, units, first = _header(path, lines, rows, dialect)
     shape = data.count(b"\n") + 1 - first, len(names)
@@ -200,6 +213,7 @@ def read_delimited(path: Path) -> Table:
     frame = _frame(path, data, first, names, dialect)
     del data
     remarks: list[str] = []
+    # A table without a header whose signals are rows: each row's first cell may name it.
     if names == _plain(len(names)) and signals_in_rows(frame.shape):
         remarks.append(signals_in_rows_remark("the table", frame.shape))
         labels, named = frame[names[0]], frame[names[0]].dtype.kind not in "fiub"
@@ -209,6 +223,7 @@ def read_delimited(path: Path) -> Table:
     columns: dict[str, Any] = {}
     lacking: dict[tuple[int, int, str], list[str]] = {}
     for name in frame.columns:
+        # `empty` are the rows of the cells without a number.
         values, empty = _numbers(frame[name], dialect)
         if empty.size == len(values) and len(values):
             remarks.append(f"the column '{name}' is text, which is left out")
@@ -217,6 +232,7 @@ def read_delimited(path: Path) -> Table:
         if empty.size:
             cell = frame[name].iloc[int(empty[0])]
             excerpt = f": {cell!r}" if isinstance(cell, str) else ", which is empty or NaN"
+            # Columns that lack the same cells are named together, in one warning.
             lacking.setdefault((empty.size, int(empty[0]), excerpt), []).append(f"'{name}'")
         columns[name] = values
     cells = tuple(
@@ -241,6 +257,7 @@ def _frame(path: Path, data: bytes, first: int, names: list[str], dialect: _Dial
             warnings.simplefilter("error", pd.errors.ParserWarning)  # of cells that would be dropped
             return pd.read_csv(
                 io.BytesIO(data),
+                # Runs of blanks separate as one does.
                 sep=r"\s+" if dialect.separator == " " else dialect.separator,
                 header=None,
                 skiprows=first,
@@ -270,6 +287,7 @@ def _numbers(column: Any, dialect: _Dialect) -> tuple[NDArray[Any], NDArray[Any]
     texts = column.astype(str).str.strip()
     plain = texts.str.replace(",", ".", regex=False) if dialect.comma else texts
     values = pd.to_numeric(plain, errors="coerce").to_numpy(dtype=np.float64)
+    # A written nan is the file's own statement, an empty cell is none.
     is_nan = (texts.str.lower() == "nan").to_numpy() & column.notna().to_numpy()
     return values, np.flatnonzero(np.isnan(values) & ~is_nan)
 
@@ -299,6 +317,7 @@ def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) ->
     names = [cell or f"c{k}" for k, cell in enumerate(above[0])]
     units = {name: match[2].strip() for name in names if (match := UNIT.fullmatch(name)) and match[2].strip()}
     units |= {name: match[1] for name in names if (match := SLASH.fullmatch(name)) and match[1] in UNITS}
+    # A second line of words under the names holds the units.
     if len(above) > 1:
         second = [cell.strip(" []()") for cell in above[1]]
         units |= {name: cell for name, cell in zip(names, second, strict=True) if cell}
@@ -391,6 +410,7 @@ def read_svc(path: Path) -> Table:
     lines, cut = whole_lines(path)
     if not re.fullmatch(r"\s*\d+\s*", lines[0]):
         raise _other(path, lines[0], ".svc file", "it is the number of rows")
+    # The file's own count of rows shows whether some are missing.
     promised, count = int(lines[0]), len(lines) - 1
     columns = _rows(path, lines, tuple(SVC_NOTES), above=1)
     few = (f"the first line promises {promised} rows, {count} are whole",) if count != promised else ()

@@ -66,6 +66,7 @@ def _foreign(path: Path, mapping: Path | str | None, format: str | None) -> Reco
     format_name = format or file_mapping.document.format
     known, head = formats(), first_bytes(path)
     stated = known.get(format_name or "")
+    # A format that is recognised by its bytes can be seen to be another one before its columns are missed.
     if format is None and stated is not None and stated.recognises and not stated.fits(path, head):
         detected = next((candidate for candidate in known.values() if candidate.fits(path, head)), None)
         if detected is not None:
@@ -92,6 +93,7 @@ def is_ours(path: Path | str) -> bool:
         with h5py.File(path, "r") as file:
             stated = file.attrs.get("format", b"")
     except DAMAGE:
+        # A damaged file of ours still has the name of the format among its first bytes.
         return FORMAT.encode() in head
     return (stated.decode(errors="replace") if isinstance(stated, bytes) else str(stated)) == FORMAT
 
@@ -118,10 +120,12 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
             why=f"the column '{document.time.column or first}' is empty",
             todo="record or copy it again",
         )
+    # Each row is counted under the first reason that makes it invalid.
     counts = {"time out of order": int(np.sum(~valid)), "without a number": 0}
     channels = {}
     for name, source in mapping.channels.items():
         channels[name] = _values(table, mapping, name, source, stamps)
+        # One component without a number makes a row of the channel none.
         empty = ~np.isfinite(channels[name]).reshape(stamps.size, -1).all(axis=1)
         counts["without a number"] += int(np.sum(empty & valid))
         valid &= ~empty
@@ -158,10 +162,12 @@ def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[Int
     """Return stamps, ns, and which of them are in order."""
     if time.column is None:
         assert time.rate is not None
+        # ns a row; without a clock the rows are taken to be evenly spaced.
         step = 1e9 / max(time.rate, RAREST)
         _check_latest(rows * step)
         return np.rint(np.arange(rows) * step).astype(np.int64), np.ones(rows, dtype=bool)
     stamps, known = nanoseconds(table[time.column], factor)
+    # A row is in order where it is later than all before it: after a step back, rows up to the old time are not.
     latest = np.maximum.accumulate(np.where(known, stamps, np.iinfo(np.int64).min))
     ordered = known.copy()
     ordered[1:] &= stamps[1:] > latest[:-1]
@@ -177,11 +183,16 @@ def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[Int
 
 
 def nanoseconds(values: NDArray[Any], factor: float) -> tuple[IntArray, BoolArray]:
-    """Return times in units of `factor` seconds as whole ns, and which of them are numbers; integers stay exact."""
+    """Return times in units of `factor` seconds as whole ns, and which of them are numbers, (n,) each.
+
+    Integers of whole nanoseconds stay exact. Raises `InputError` for a time that 64 bits do not hold.
+    """
+    # ns per unit of the column.
     scale = factor * 1e9
     known = np.isfinite(values)
     with np.errstate(over="ignore"):
         _check_latest(float(np.max(np.abs(values[known].astype(np.float64)), initial=0.0)) * scale)
+    # Whole units of whole ns: integers all the way, as a float cannot hold ns since 1970.
     if values.dtype.kind == "i" and abs(scale - round(scale)) < 1e-9 * scale:
         return values.astype(np.int64) * round(scale), np.ones(values.size, dtype=bool)
     return np.rint(np.where(known, values, 0.0) * scale).astype(np.int64), known
@@ -211,12 +222,14 @@ def _values(table: Table, mapping: FileMapping, name: str, source: Source, stamp
             )
     if source.time is not None:
         stated, known = nanoseconds(table[source.time], mapping.factor)
+        # A clock that equals the recording's stamp for stamp needs no resampling.
         own = None if known.all() and np.array_equal(stated, stamps) else stated
     columns = []
     for column, factor, offset in zip(source.columns, source.factor, source.offset, strict=True):
         with np.errstate(over="ignore"):  # what no number holds is masked, as a cell without a number
             values = factor * table[column].astype(np.float64) + offset
         columns.append(values if own is None else _resampled(name, source, own, values, stamps))
+    # A vector keeps its second axis, (n, 1), even in one dimension.
     if len(columns) == 1 and source.signal.frame not in ("world", "joint"):
         return columns[0]
     return np.column_stack(columns)
@@ -232,16 +245,19 @@ def _resampled(name: str, source: Source, own: IntArray, values: Array, stamps: 
         )
     if not own.size or np.any(np.diff(own) <= 0):
         raise InputError(f"the clock '{source.time}' of '{name}' is empty, or does not increase")
+    # No value is held or drawn out beyond what was measured.
     inside = (stamps >= own[0]) & (stamps <= own[-1])
     if source.resample == "hold":
         resampled = values[np.clip(np.searchsorted(own, stamps, side="right") - 1, 0, own.size - 1)]
     else:
+        # ns from the first stamp: differences of int64 are exact, and small enough for doubles.
         resampled = np.interp((stamps - own[0]).astype(np.float64), (own - own[0]).astype(np.float64), values)
     return np.where(inside, resampled, np.nan)
 
 
 def _same_clock(table: Table, time: TimeBase, column: str, stamps: IntArray) -> None:
     """Raise `InputError` for a column whose rows are not those of the time: by their number, or by their topic."""
+    # Columns of different topics may have equally many rows, and are still at different times.
     alone = time.column is None
     topics = {table.topics.get(name) for name in (column, time.column) if name is not None}
     if table.rows(column) != stamps.size or (not alone and len(topics) > 1):
@@ -301,6 +317,7 @@ def _csv(path: Path, recording: Recording) -> None:
         csv.writer(file, lineterminator="\n").writerow(
             csv_cell(f"{name} [{unit}]") for name, (_, unit) in columns.items()
         )
+        # repr of a double reads back to the same bits.
         for row in zip(*(values.tolist() for values, _ in columns.values()), strict=True):
             file.write(",".join(map(repr, row)) + "\n")
 
@@ -324,6 +341,7 @@ def _mat(path: Path, recording: Recording) -> None:
                 why=f"fields have letters, digits and '_', {LONGEST_NAME} at the most",
                 todo="write .h5, .npz or .csv",
             )
+    # Columns (n, 1), as MATLAB has vectors.
     fields: dict[str, Any] = {"time": recording.time[:, None], **recording.channels}
     if recording.valid is not None:
         fields["valid"] = recording.valid.astype(np.uint8)[:, None]

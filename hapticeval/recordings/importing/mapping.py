@@ -163,6 +163,7 @@ def read_mapping(path: Path | str) -> FileMapping:
 def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> FileMapping:
     """Return the mapping of a document as TOML gives it. Raises `InputError`, naming the place, if not complete."""
     parsed: Document = convert(document, Document, name, todo="see the head of a proposed mapping")
+    # package.module:function would be run: only a person on the command line may ask for that.
     if parsed.format is not None and ":" in parsed.format:
         raise InputError(
             f"{name}: format = '{parsed.format}' names code",
@@ -174,6 +175,7 @@ def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> 
     sources = {}
     for channel, table in parsed.channels.items():
         place = f"{name}: [channels.{channel}]"
+        # Converted one by one, so that an error names its channel.
         spec: Channel = convert(table, Channel, place)
         with at(place):
             sources[channel] = _source(spec, channel, parsed.device)
@@ -192,6 +194,7 @@ def _source(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> So
             todo=f"write 1 or -1; the channel is: {CHANNELS[channel].meaning if channel in CHANNELS else channel}",
         )
     signal = _signal(spec, channel, device)
+    # SI units per unit of the column; the sign of each component comes on top.
     factor = _factor(spec.unit, signal.unit, scale=spec.scale, divide=spec.divide)
     offsets = spec.offset if isinstance(spec.offset, tuple) else (spec.offset,) * count
     if not len(signs) == len(offsets) == count:
@@ -199,6 +202,7 @@ def _source(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> So
             f"there are {count} columns, {len(signs)} signs and {len(offsets)} offsets",
             todo="give one for all, or one per column",
         )
+    # A zero needs no unit; any other offset states its own.
     offset = tuple(0.0 if value == 0.0 else parse_quantity(value).to(signal.unit) for value in offsets)
     return Source(spec.columns, tuple(int(sign) * factor for sign in signs), offset, signal, spec.time, spec.resample)
 
@@ -207,6 +211,7 @@ def _factor(unit: str, target: str, *, scale: Quantity | None = None, divide: Qu
     """Return the factor from a unit, scaled and divided, to another. Raises `InputError` if the dimensions differ."""
     combined = parse_unit(unit)
     for quantity, power in ((scale, 1), (divide, -1)):
+        # value * unit * scale / divide: the dimension of the product is what has to come out.
         combined = combined if quantity is None else combined.times(parse_quantity(quantity), power)
     return combined.to(target)
 
@@ -283,6 +288,7 @@ def propose(table: Table, *, file: str = "FILE") -> str:
         *_time(table, clock_names),
     ]
     rows = table.rows(clock) if clock else max(table.rows(name) for name in table.columns)
+    # What no proposal uses is listed at the end, so that nothing of the file goes unseen.
     used = {clock}
     for channel, (columns, own) in _channels(table, rows, clock_names).items():
         used |= {*columns, own}
@@ -309,10 +315,13 @@ def clocks(table: Table) -> list[str]:
     """Return the columns that may be a clock, by name and because they increase; the one with most companions first."""
     clock_names = []
     for name, values in table.columns.items():
+        # The last part of a path as `scope.time` or `/wrench.header.stamp`, without the unit in brackets.
         leaf = re.split(r"[./]", BRACKETS.sub("", name))[-1].strip()
         steps = np.diff(np.asarray(values))
+        # Nine in ten steps go forward: a clock that stands still or jumps now and then is still the clock.
         if CLOCK.fullmatch(leaf) and steps.size and float(np.mean(steps > 0)) > 0.9:
             clock_names.append(name)
+    # The more columns have as many rows, the more signals were taken by that clock.
     sizes = [np.size(values) for values in table.columns.values()]
     return sorted(clock_names, key=lambda name: -sizes.count(table.rows(name)))
 
@@ -326,6 +335,7 @@ def _time(table: Table, clock_names: list[str]) -> list[str]:
     if others:
         lines.append(f"# also increasing: {', '.join(others[:6])}")
     unit = table.units.get(clock, UNKNOWN)
+    # OpenHaptics counts the scheduler's ticks, whose rate is not in the file.
     if clock == "tick" and unit == UNKNOWN:
         lines += ['unit = "ticks"', 'scale = "?"  # "0.001 s/tick" at 1000 Hz, if that was the scheduler\'s rate']
     else:
@@ -339,6 +349,7 @@ def _channels(table: Table, rows: int, clock_names: list[str]) -> dict[str, tupl
     That is None for columns on the clock of the time; columns of other topics come after those.
     """
     topic = table.topics.get(clock_names[0]) if clock_names else None
+    # The first clock of each topic: going backwards, it is the last to be put in.
     clock_of = {table.topics[name]: name for name in reversed(clock_names) if name in table.topics}
     groups: dict[tuple[str, str | None], list[str]] = {}
     for name in table.columns:
@@ -347,9 +358,11 @@ def _channels(table: Table, rows: int, clock_names: list[str]) -> dict[str, tupl
         if name not in clock_names and (on_time_clock or own is not None):
             plain = BRACKETS.sub("", name).removesuffix(f"/{table.units.get(name)}")
             part = PART.fullmatch(plain)
+            # `pos.x`, `pos.y` and `pos.z` share the stem `pos`, and become one channel.
             groups.setdefault((part["stem"] if part else plain, own), []).append(name)
     channels: dict[str, tuple[list[str], str | None]] = {}
     for (stem, own), columns in sorted(groups.items(), key=lambda group: group[0][1] is not None):
+        # A file of ours has the channels' own names; any other is looked up by its words in `RULES`.
         channel = stem.rpartition(".")[2]
         if channel not in CHANNELS:
             last = f"{re.split(r'[./]', stem)[-1]} {' '.join(table.notes.get(name, '') for name in columns)}"
@@ -359,6 +372,7 @@ def _channels(table: Table, rows: int, clock_names: list[str]) -> dict[str, tupl
                 (in_topic, last) if "joint" in in_topic else (last, in_topic)
             )  # a topic of joints has joint positions
             channel = next((name for words in descriptions for name, rule in RULES if re.search(rule, words)), "")
+        # More than three columns are no vector of the world, nor joints of a device that is known here.
         if channel and len(columns) <= 3:
             channels.setdefault(channel, (columns, own))
     return channels

@@ -50,11 +50,13 @@ class Unit:
             factor = math.inf
         if not 0.0 < abs(factor) < math.inf:
             raise InputError(f"'{self.text} {other.text}^{power}' has a factor that no number holds")
+        # (m kg/s^2)^p: exponents add up with the power of the other unit.
         powers = tuple(a + power * b for a, b in zip(self.dimension, other.dimension, strict=True))
         return Unit(f"{self.text} {other.text}^{power}", factor, powers)
 
     def to(self, si_unit: str) -> float:
         """Return the factor to the SI unit `wanted`. Raises `InputError` where the dimensions differ."""
+        # Equal powers of every base unit: then the two differ by a factor alone.
         target = parse_unit(si_unit)
         if self.dimension != target.dimension:
             raise InputError(
@@ -84,6 +86,7 @@ def parse_unit(text: str) -> Unit:
             why="a unit is never guessed: a thousandfold error would look like data",
             todo='write the unit that the author of the file states, as in unit = "mm"; of a pure number, unit = "1"',
         )
+    # "0.1 deg": a number with a blank behind it scales the unit.
     leading = LEADING.match(text)
     combined = Unit(text, float(leading[1]) if leading else 1.0, (0,) * 6)
     remainder = text[leading.end() :] if leading else text
@@ -92,6 +95,7 @@ def parse_unit(text: str) -> Unit:
             match = WORD.fullmatch(word)
             if match is None or match[1] not in UNITS:
                 raise UnknownNameError("unit", word, UNITS)
+            # What follows the first slash is below it; "^2" is the word's own power.
             combined = combined.times(UNITS[match[1]], int(match[2] or 1) * (-1 if place else 1))
     if not math.isfinite(combined.factor) or combined.factor <= 0.0:
         raise InputError(f"the unit '{text}' has the factor {combined.factor}", why="it must be positive and finite")

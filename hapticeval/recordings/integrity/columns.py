@@ -44,6 +44,7 @@ def faults_of_numbers(recording: Recording) -> Iterator[Issue]:
     """Yield the stretches of rows in which a channel lacks a number, in whichever of its columns."""
     channels: dict[str, dict[str, BoolArray]] = {}
     for name, column in columns_of(recording).items():
+        # Together by channel: a vector lacks a number where any of its components does.
         channels.setdefault(column.channel, {})[name] = ~np.isfinite(column.values)
     for channel, columns in channels.items():
         for first, end in runs_of(np.logical_or.reduce(list(columns.values()))):
@@ -56,21 +57,26 @@ def faults_of_numbers(recording: Recording) -> Iterator[Issue]:
 
 
 def faults_of_values(recording: Recording) -> Iterator[Issue]:
-    """Yield jumps, stuck, clipped and spiking rows of each column, over its rows that follow each other.
+    """Yield the jumps, stuck, clipped and spiking rows of each column, over its rows that follow each other.
 
-    A place goes from row to row without a jump, but for a proxy's, which may also rest on a wall at an extreme of its
-    place. Forces and torques may keep zero; that a motor reaches its limit is a note.
+    - jump: only of a position or an angle, which no hand moves from row to row; a proxy may.
+    - stuck: not of a force or torque at zero, which is free motion.
+    - saturated: not of a proxy, which may rest on a wall; of a motor it is a note.
+    - spike: one row off the line through its neighbours.
     """
     for name, (channel, unit, values) in columns_of(recording).items():
         sound = recording.measured & np.isfinite(values)
         if not sound.any() or np.ptp(values[sound]) == 0.0:
             continue
+        # The column's quantum in its own unit; 0 where its values lie on no lattice.
         step, is_force, proxy = numeric_step(values[sound]) or 0.0, unit in FORCE_UNITS, channel == "ihip"
         extremes = (float(values[sound].min()), float(values[sound].max()))
         for begin, stop in unbroken(sound, recording.time):
             part = values[begin:stop]
             stuck = list(_stuck(part, step))
+            # A frozen sensor jumps where it wakes: one finding is enough.
             woken = {end for _, end in stuck}
+            # Only a place has no jumps by nature: forces switch on, and a proxy may leap from face to face.
             jumps = _jumps(part, step) if unit in ("m", "rad") and not proxy else ()
             kinds: Mapping[str, Sequence[Span]] = {
                 "jump": [(row, row + 1) for row in jumps if row not in woken],
@@ -99,10 +105,14 @@ MESSAGES = {
 
 
 def unbroken(sound: BoolArray, time: Array) -> list[Span]:
-    """Return the rows [first, end) that follow each other, sound and without a gap of the clock."""
+    """Return the rows [first, end) that follow each other: sound, and without a gap of the clock.
+
+    `sound` is (n,), `time` (n,), s. A gap is more than `GAP_STEPS` of the median step between sound rows.
+    """
     rows = np.flatnonzero(sound)
     if rows.size < 2:
         return []
+    # s from sound row to sound row.
     steps = np.diff(time[rows])
     breaks = np.flatnonzero((np.diff(rows) > 1) | (steps > GAP_STEPS * np.median(steps))) + 1
     return [(int(part[0]), int(part[-1]) + 1) for part in np.split(rows, breaks)]
@@ -122,8 +132,10 @@ def _usual_step(steps: Array) -> float:
 def _stuck(values: Array, step: float) -> Iterator[Span]:
     """Yield runs of one value that end in a jump: by then the signal had moved on, at rest it would not have."""
     steps = np.abs(np.diff(values))
+    # Rows for which each value lasts: a slow or coarse signal keeps its values longer, and that is no freezing.
     lengths = np.diff(np.concatenate([[0], np.flatnonzero(steps) + 1, [values.size]]))
     for first, end in _constant_runs(values, max(STUCK_ROWS, int(5 * float(np.median(lengths))) + 1)):
+        # The largest step beside the run: a jump on waking stands out against it.
         around = np.concatenate([steps[max(0, first - 8) : first], steps[end : end + 8]]).max(initial=0.0)
         if end < values.size - 3 and abs(values[end] - values[first]) > max(4.0 * around, 4.0 * step):
             yield first, end
@@ -149,6 +161,7 @@ def _clipped(values: Array, step: float, extremes: tuple[float, float]) -> list[
     for first, end in _constant_runs(values, CLIPPED_ROWS):
         if values[first] not in extremes or first < 4 or end > values.size - 4:
             continue
+        # 1 at an upper extreme, -1 at a lower one: rise and fall are then positive towards and away from it.
         upward = np.sign(values[first] - values[first - 1])
         rise = upward * np.diff(values[first - 3 : first + 1])
         fall = -upward * np.diff(values[end - 1 : end + 3])
@@ -163,10 +176,13 @@ def _spikes(values: Array, step: float, is_force: bool) -> Iterator[int]:
     """Yield single rows off the line through their neighbours, whose neighbours agree."""
     if values.size < 8:
         return
+    # How far each row is off the middle of its neighbours: half the second difference.
     size = np.abs(values[1:-1] - 0.5 * (values[2:] + values[:-2]))
     rare = min(size.size - 1, max(FEW, size.size // 100))
     floor = max(
+        # 1.4826 times the median deviation is the standard deviation of normal noise.
         SPIKE * 1.4826 * float(np.median(size)),
+        # What all rows but the rarest bend by.
         ABOVE * float(np.partition(size, -(rare + 1))[-(rare + 1)]),
         QUANTA * step,
         QUANTA * _usual_step(np.abs(np.diff(values))),
@@ -177,6 +193,7 @@ def _spikes(values: Array, step: float, is_force: bool) -> Iterator[int]:
         neighbours = values[[row - 2, row - 1, row + 1, row + 2]]
         if is_force and np.any(neighbours == 0.0):
             continue  # a collision: the tool was or is free
+        # Least-squares line through the two rows on either side, without the row itself.
         middle, slope = float(neighbours.mean()), float(np.dot(neighbours, TREND))
         off = abs(values[row] - middle)
         if np.max(np.abs(neighbours - middle - slope * PLACES)) < AGREE * off and off > floor:
@@ -248,6 +265,7 @@ def _travel(recording: Recording, columns: Mapping[str, Column], name: str) -> t
         values = np.column_stack([columns[part].values for part in parts])
         reference = ", ".join(parts)
     elif channel.endswith("velocity") and values.shape == recording.channels[channel].shape:
+        # A speed follows its own component: the other directions may well move while it is zero.
         values = values[:, [parts.index(name)]]
         reference = [part for part, column in columns.items() if column.channel == reference][parts.index(name)]
     moved = np.linalg.norm(np.diff(values.reshape(len(recording), -1), axis=0), axis=1)
@@ -265,6 +283,7 @@ def _constant_column(recording: Recording, name: str, column: Column, travel: Ar
     channel, unit, values = column
     if np.count_nonzero(travel) < MOVES or recording.signals[channel].frame not in ("world", "joint"):
         return
+    # `distance` is in the unit of the reference, m or rad.
     value, distance = float(values[recording.measured][0]), float(np.sum(travel))
     what = f"it is {value:.6g} {unit} throughout, while {other} moves {distance:.3g} {_unit(recording, other)}"
     if unit in MEASURES and value == 0.0 and not recording.channels[channel].any() and "velocity" not in channel:
@@ -285,6 +304,7 @@ def _frozen_runs(
     rounding = SAME * float(np.max(np.abs(values[measured])))
     both = measured[1:] & measured[:-1]
     same = both & (np.abs(np.diff(values)) <= rounding)
+    # Travel up to each row, m or rad: that over a run is a difference of two of them.
     path = np.concatenate([[0.0], np.cumsum(travel)])
     constant_runs = [(first, end + 1) for first, end in runs_of(same)]
     travel_in_run = np.array([path[end - 1] - path[first] for first, end in constant_runs])
@@ -296,15 +316,18 @@ def _frozen_runs(
     for index in np.flatnonzero(long_enough).tolist():
         first, end = constant_runs[index]
         value, distance = float(values[first]), float(travel_in_run[index])
+        # Frozen: the hand moved, the reading changes elsewhere, and it should have changed `TIMES` times meanwhile.
         resting = np.count_nonzero(travel[first : end - 1]) < STUCK_ROWS
         if resting or changes < STUCK_ROWS or distance * changes < TIMES * travel_elsewhere:
             continue
         if _is_free_reading(recording, column, slice(first, end), value):
             continue
         if place is not None:
+            # Over a place that goes on evenly a derived speed is constant by right.
             mean_speed = (place[end - 1] - place[first]) / (time[end - 1] - time[first])
             if abs(mean_speed - value) <= EVEN * abs(value):
                 continue
+        # A value that comes back and stays elsewhere is a level of the sensor or a limit of the motor.
         alike = np.array([abs(values[a] - value) <= rounding for a, _ in constant_runs])
         alike[index] = False
         if not np.any(travel_in_run[alike] >= RECURS * distance):
@@ -319,6 +342,7 @@ def _is_free_reading(recording: Recording, column: Column, rows: slice, value: f
     floor = declared_floor(recording) or 0.0
     if value == 0.0:
         return True
+    # Small enough for the sensor's own zero: then it rests only where all components do.
     if abs(value) > max(floor, LEVELS * (numeric_step(column.values[recording.measured]) or 0.0)):
         return False
     return bool(np.max(np.abs(recording.channels[column.channel][rows])) <= max(floor, abs(value)) * LEVELS)
@@ -346,12 +370,15 @@ def repeated_rows(recording: Recording) -> Iterator[Issue]:
     rows = rows[(rows >= AROUND) & (rows < again.size - AROUND)]
     if rows.size < FEWEST:
         return
+    # Indices (k, 6) of the steps beside each repeated row, itself left out.
     around = rows[:, np.newaxis] + np.delete(np.arange(-AROUND, AROUND + 1), AROUND)
     impossible = np.zeros(rows.size, dtype=bool)
     for values, column_steps in zip(columns, steps.T, strict=True):
+        # Without a lattice the smallest steps that occur stand for the quantum.
         step = numeric_step(values[measured]) or float(np.quantile(np.abs(column_steps[column_steps != 0.0]), 0.01))
         neighbours = column_steps[around]
         large = np.abs(neighbours) > STEADY * step
+        # The motion goes on in one direction, with steps too large for rest, before and after the repeated row.
         one_way = np.all(neighbours >= 0.0, axis=1) | np.all(neighbours <= 0.0, axis=1)
         either = large[:, :AROUND].any(axis=1) & large[:, AROUND:].any(axis=1)
         impossible |= one_way & either & np.all(large | (neighbours == 0.0), axis=1)

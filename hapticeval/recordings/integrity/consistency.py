@@ -77,10 +77,10 @@ class Kinematics(Protocol):
     """What is read of a device: see `hapticeval.devices.Device`."""
 
     def position(self, joints: Array) -> Array:
-        """Forward kinematics (2.3), (N,), m."""
+        """Forward kinematics (2.3): the HIP (N,), m, at `joints` (N,), rad."""
 
     def jacobian(self, joints: Array) -> Array:
-        """dw/dq (2.4), (N, N)."""
+        """The Jacobian dw/dq (2.4), (N, N), m/rad, at `joints` (N,), rad."""
 
 
 def inverse_checks(
@@ -104,11 +104,13 @@ def inverse_checks(
     if model is not None:
         makers[SURFACE] = partial(on_the_model, recording, rows, model)
         if stiffness is not None and "ihip" not in recording.channels:
+            # Without an IHIP the tool is where the spring says: at HIP + F / K_p.
             makers[IMPLIED] = partial(implied_tool, recording, rows, model, stiffness)
         makers[CONTACT] = partial(contact, recording, rows, model)
     checks = []
     for name, make in makers.items():
         missing = [channel for channel in RELATIONS[name][1] if channel not in recording.channels]
+        # A check that cannot be made is reported with its reason, never left out silently.
         why = "" if rows.size else "not one row is valid"
         why = f"the log has no {' and no '.join(missing)}" if missing else why
         checks.append(ConsistencyTest(name, why=why) if why else make())
@@ -116,57 +118,69 @@ def inverse_checks(
 
 
 def forward_kinematics(recording: Recording, rows: IntArray, device: Kinematics) -> ConsistencyTest:
-    """Check the HIP against the forward kinematics of the joints (2.28); residual in m."""
+    """Check the HIP against the forward kinematics of the joints (2.28), at `rows` (n,); the residual is in m."""
     joints, hip = recording.channels["joint_position"][rows], recording.hip[rows]
+    # (2.28): the HIP less the forward kinematics of the joints, m.
     residual = hip - np.array([device.position(row) for row in joints])
+    # Largest row sum of |J|, m/rad: what one quantum in every joint moves the HIP at the most.
     reach = float(np.abs([device.jacobian(row) for row in joints]).sum(axis=2).max())
     step = reach * coarsest(joints) + coarsest(hip)
     return _checked(recording, rows, KINEMATICS, "hip", "m", np.linalg.norm(residual, axis=1), step)
 
 
 def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics) -> ConsistencyTest:
-    """Check the joint torques against J^T F (2.8), F being the force on the hand; residual in N m.
+    """Check the joint torques against J^T F (2.8), F being the force on the hand, at `rows` (n,); residual in N m.
 
     A loop that adds the device's own dynamics (2.11) has more torque than that, which is a finding too.
     """
     force, torque = recording.force[rows], recording.channels["joint_torque"][rows]
     jacobians = np.array([device.jacobian(row) for row in recording.channels["joint_position"][rows]])
+    # (2.8): tau - J^T F, row by row, N m.
     residual = torque - np.einsum("nij,ni->nj", jacobians, force)
+    # Largest column sum of |J|, m: what one quantum of force in every direction does to a torque.
     lever = float(np.abs(jacobians).sum(axis=1).max())
     step = coarsest(torque) + lever * coarsest(force)
     return _checked(recording, rows, TORQUE, "joint_torque", "N m", np.linalg.norm(residual, axis=1), step)
 
 
 def spring(recording: Recording, rows: IntArray, stiffness: float) -> ConsistencyTest:
-    """Check F = K_p (IHIP - HIP) of (6.1): residual in N, and in the findings the stiffness that fits best."""
+    """Check that the force is that of a spring, F = K_p (IHIP - HIP) of (6.1), at `rows` (n,): residual in N.
+
+    `stiffness` is K_p, N/m. A finding also names the stiffness that fits best.
+    """
     hip, ihip, force = recording.hip[rows], recording.ihip[rows], recording.force[rows]
     reach = ihip - hip
+    # (6.1) without damping: |F - K_p (IHIP - HIP)|, N.
     residual = np.linalg.norm(force - stiffness * reach, axis=1)
     step = stiffness * (coarsest(hip) + coarsest(ihip)) + coarsest(force)
     check = _checked(recording, rows, SPRING, "force", "N", residual, step)
+    # Least squares of F = K reach: K = sum F . reach / sum reach^2.
     return _fitted(check, stiffness, float(np.sum(force * reach)), float(np.sum(reach * reach)))
 
 
 def on_the_model(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTest:
-    """Check the IHIP in contact against the model's boundary; residual in m.
+    """Check that the IHIP lies on the model's boundary in contact, at those of `rows` (n,) that touch; residual in m.
 
     What the renderer declares of its own representation is allowed.
     """
     hip = recording.hip[rows]
     apart = np.linalg.norm(recording.ihip[rows] - hip, axis=1)
+    # In free space the IHIP is the HIP, to what single precision may make of it: only contact is judged.
     rows = rows[apart > 1e-6 * float(np.max(np.abs(hip), initial=0.0))]
     if rows.size == 0:
         return ConsistencyTest(SURFACE, why="the IHIP is the HIP throughout: there is no contact")
     tool = recording.ihip[rows]
+    # Distance from the boundary, m: its sign says only on which side the IHIP is off.
     residual, step = np.abs(model.boundary.closest_point(tool).distance), coarsest(tool) + _blurred(recording)
     return _checked(recording, rows, SURFACE, "ihip", "m", residual, step, size=model.size)
 
 
 def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: float) -> ConsistencyTest:
-    """Check HIP + F / K_p against the model's boundary wherever there is a force: residual in m.
+    """Check the tool that the force implies, HIP + F / K_p (6.1), against the model's boundary: residual in m.
 
-    Findings name the stiffness that fits best: the least squares of d + n . F / K_p, which is the distance to first
-    order. What the renderer declares of its own representation is allowed.
+    Of `rows` (n,) those with a force are checked; `stiffness` is K_p, N/m. A finding names the stiffness that fits
+    best: the least squares of d + n . F / K_p, which is the distance to first order. What the renderer
+    declares of its own representation is allowed.
     """
     quantum = coarsest(recording.force[rows])
     floor = max(QUANTA * quantum, declared_floor(recording) or 0.0)
@@ -174,21 +188,24 @@ def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: 
     if rows.size == 0:
         return ConsistencyTest(IMPLIED, why="the log has no force beyond its resolution")
     hip, force = recording.hip[rows], recording.force[rows]
+    # (6.1) solved for the tool: IHIP = HIP + F / K_p, which has to lie on the boundary.
     residual = np.abs(model.boundary.closest_point(hip + force / stiffness).distance)
     step = coarsest(hip) + quantum / stiffness + _blurred(recording)
     check = _checked(recording, rows, IMPLIED, "force", "m", residual, step, size=model.size)
     frame = model.boundary.closest_point(hip)
+    # To first order the tool's distance is d + n . F / K: least squares in 1 / K gives K = sum (n.F)^2 / -sum d (n.F).
     along = np.sum(frame.normal * force, axis=1)
     return _fitted(check, stiffness, float(np.dot(along, along)), -float(np.dot(frame.distance, along)))
 
 
 def _blurred(recording: Recording) -> float:
     """Return what the renderer declares of its own representation, m, as a quantum."""
+    # Divided by QUANTA, which `_checked` multiplies with: the declared lengths are allowed once.
     return (recording.standoff + recording.resolution) / QUANTA
 
 
 def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTest:
-    """Check that the force is where the model is; the residual is how deep without one, or how far off with one, m.
+    """Check that the force is where the model is, at `rows` (n,): how deep without one, or how far off with one, m.
 
     There is a force while the HIP is inside and goes deeper, and none while it is outside, each through `LAG` ticks, by
     which a renderer may be late. A surface that holds from both sides (a scene that is `bilateral`) pulls outside: only
@@ -198,9 +215,11 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
     distance = np.full(len(recording), np.nan)
     distance[rows] = model.boundary.closest_point(place[rows]).distance
     allowed = QUANTA * coarsest(place[rows]) + recording.standoff + recording.resolution
+    # Signed distances: negative inside. `bare` lacks a force inside, `away` has one outside, each through LAG ticks.
     size = np.linalg.norm(recording.force, axis=1)
     floor = max(QUANTA * coarsest(recording.force[rows]), declared_floor(recording) or 0.0)
     nearest, farthest = _through(recording, distance, np.minimum), _through(recording, distance, np.maximum)
+    # 1 where the HIP does not come out; damping may take the force away while it does.
     deeper = np.concatenate([[0.0], np.diff(distance) <= 0.0])
     bare = (size <= floor) & (_through(recording, deeper, np.minimum) > 0.0) & (farthest < -allowed)
     away = (size > floor) & (nearest > allowed) & (not is_bilateral(recording))
@@ -222,10 +241,12 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
 def _through(recording: Recording, values: Array, extreme: np.ufunc) -> Array:
     """Return the extreme of each row and the `LAG` before it; NaN where one of these is missing, or behind a gap."""
     out = values.copy()
+    # Row k is broken where nothing joins it to row k - 1.
     broken = np.concatenate([[True], ~continuing_steps(recording)])
     for back in range(1, LAG + 1):
         before = np.concatenate([np.full(back, np.nan), values[:-back]])[: values.size]
         out = extreme(out, before)
+        # Any break within the last `back` rows hides what was before it.
         out[np.convolve(broken, np.ones(back))[: values.size] > 0.0] = np.nan
     return out
 
@@ -248,6 +269,7 @@ def _checked(
     """
     if size is None:
         size = float(np.max(np.abs(recording.channels[channel][rows]), initial=0.0))
+    # Beyond the quanta and the rounding of the numbers it is a contradiction, whatever its size.
     bound = QUANTA * step + ROUNDING * size
     largest, median = float(residual.max()), float(np.median(residual))
     check = ConsistencyTest(name, unit, int(rows.size), largest, median, step)
@@ -265,6 +287,7 @@ def _checked(
 
 def _fitted(check: ConsistencyTest, declared: float, share: float, square: float) -> ConsistencyTest:
     """Name in the findings of a check the stiffness that fits best, share / square, where that is positive."""
+    # Without any reach, or with forces that do not push out of the model, no stiffness fits.
     if not square > 0.0:
         return check
     words = f"; {share / square:.6g} N/m fits best, {declared:.6g} N/m is declared"

@@ -77,6 +77,7 @@ class Impacts:
             return (float(values[0]) if values.size else math.nan), math.nan
         from scipy.special import stdtrit
 
+        # Student's t with n - 1 degrees of freedom: mean +- t s / sqrt(n).
         point = float(stdtrit(values.size - 1, 0.5 + 0.5 * CONFIDENCE))
         return float(values.mean()), point * float(values.std(ddof=1)) / math.sqrt(values.size)
 
@@ -103,9 +104,11 @@ def impacts(recording: Recording) -> Impacts:
     force = recording.channel(pushing)[:, 0]
     place = recording.channel("hip" if pushing == "force" else "ihip")[:, 0]
     valid, time = recording.measured, recording.time
+    # The wall pushes against the side that the tool comes from: `into` grows as the tool moves into it.
     sign = -math.copysign(1.0, float(force[valid][np.argmax(np.abs(force[valid]))]))
     press, into = np.where(valid, -sign * force, 0.0), sign * place
     declared = declared_floor(recording)
+    # N; below it the sensor may read anything in free motion.
     floor = SHARE * float(press.max()) if declared is None else declared
     step, tick = numeric_step(into[valid]) or 0.0, float(np.median(np.diff(time)))
     window = max(2, round(SPEED_WINDOW / tick))
@@ -113,6 +116,7 @@ def impacts(recording: Recording) -> Impacts:
     for first, end in runs_of((press > floor) & valid):
         if end - first < LEAST_ROWS:
             continue
+        # m/s; a tool that moves by less than a quantum within the window has no known direction.
         speed, resolvable = _speed(into, first - window, first, tick), step / (window * tick)
         if speed > resolvable:
             contacts.append(_impact(time, press, into, first, end, step))
@@ -134,6 +138,7 @@ def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: 
         while touch > 0 and press[touch - 1] > bias + TOUCH * (largest - bias):
             touch -= 1
         bias = float(np.median(press[max(0, touch - 1 - before) : max(1, touch - 1)]))
+    # From here on the peak is above what the sensor read just before the touch.
     largest -= bias
     release = end
     while release < press.size and press[release] > bias + TOUCH * largest:
@@ -142,15 +147,19 @@ def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: 
     peak = int(np.argmax(load))
     loading = load[: peak + 1]
     rows = np.flatnonzero((loading >= LOADING[0] * largest) & (loading <= LOADING[1] * largest))
+    # N/m, between a tenth and nine tenths of the peak.
     stiffness, error = _slope(into[touch + rows], load[rows])
     duration = float(time[release - 1] - time[touch])
+    # Leaving is negative: the fastest way out after the peak is the smallest of these.
     exit_speeds = [_speed(into, row, row + window, tick) for row in range(touch + peak, release)]
     speed_after = (
         min([exit_speed for exit_speed in exit_speeds if math.isfinite(exit_speed)], default=math.nan)
         if duration <= HAND
         else math.nan
     )
+    # The fastest way in before the touch: later the wall has slowed the tool already.
     speed_before = max(_speed(into, row - window, row, tick) for row in range(max(window, touch - window), touch + 1))
+    # A rounding of one quantum has the variance step^2 / 12, and a difference of two roundings twice that.
     speed_error = math.sqrt(2.0 / 12.0) * step / (window * tick)
     return Impact(
         first=touch,

@@ -77,8 +77,11 @@ MOST = 300  # rests that are looked at, spread over the run
 
 @dataclass(frozen=True)
 class PassivityViolation:
-    """What an environment would have given (J) over rows [first, last] beyond what it may have stored, and what of that
-    the numbers leave open (J); `passive` where the first is within the second. `how` says what the ends are."""
+    """The most that an environment would have given (J), over rows [first, last], beyond what it may have stored.
+
+    `open` (J) is what of that the numbers leave open; `passive` where the energy is within it. `how` says what the ends
+    are.
+    """
 
     energy: float
     open: float
@@ -116,9 +119,10 @@ class PassivityTest:
 
 
 def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> tuple[PassivityTest, ...]:
-    """Balance a stretch without gaps, at each lag that a force on the hand may have.
+    """Balance the energy that crosses a stretch without gaps, at each lag that a force on the hand may have.
 
-    `place` and `force` are (n, N), `time` (n,), `floor` N. Empty where no two rows bound what is stored.
+    `place` (n, N), m, `force` (n, N), N, and `time` (n,), s, are of a stretch; `floor` (N) is what the sensor may read
+    in free motion. Empty where no two rows bound what is stored.
     """
     if len(time) < 2:
         return ()
@@ -127,6 +131,7 @@ def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> t
     free = [end - 1 for first, end in runs_of(~np.any(force != 0.0, axis=1)) if end - first >= FREE_ROWS]
     free = free[:: max(1, -(-len(free) // MOST))]
     balances = []
+    # Shifted by each lag that a proxy may have: the force at row k + lag belongs to the place at row k.
     for lag in range(min(LAG, len(time) - 2) + 1):
         end = len(time) - lag
         port = _Port(place[:end], force[lag:], steps, floor, share)
@@ -143,22 +148,27 @@ class _Port:
 
     def __init__(self, place: Array, force: Array, steps: tuple[float, float], floor: float, share: float) -> None:
         moved, turned = np.diff(place, axis=0), np.diff(force, axis=0)
+        # Trapezoid of F . dx over each step, J: exact over a linear spring.
         work = 0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1)
         self.place, self.size = place, np.linalg.norm(force, axis=1)
         self.work, self.crossed = _summed(work), _summed(np.abs(work))
         self.path, self.square = _summed(np.linalg.norm(moved, axis=1)), _summed(np.sum(moved**2, axis=1))
         self.turned = _summed(np.linalg.norm(turned, axis=1))
+        # J: a rest's speed, a share r of the largest, leaves r^2 of the kinetic energy, and W spans all of that.
         self.kinetic = share**2 * float(np.ptp(self.work))
+        # Half a quantum in each of N directions.
         rounding = 0.5 * math.sqrt(place.shape[1])
         self.position, self.reading = rounding * steps[0], floor + rounding * steps[1]
         self.noise = 0.0
         if len(force) >= 3:  # white noise by the second differences: six of its variances make one of theirs
             bend = np.abs(np.diff(force, n=2, axis=0))
+            # The median of |z| / 0.6745 is the standard deviation of normal noise z.
             self.noise = SURE * (float(np.max(np.median(bend, axis=0))) / 0.6745 / math.sqrt(6.0))
 
     def open(self, first: IntArray | int, last: IntArray | slice) -> Array:
-        """Return what of the work between rows is open, J."""
+        """Return what of the work between rows `first` and `last`, (k,) each, rounding and noise leave open: J."""
         return np.asarray(
+            # The four terms of the module's table: position, force, noise and the law of a loop's delay, J each.
             self.position * (self.turned[last] - self.turned[first] + self.size[first] + self.size[last])
             + self.reading * (self.path[last] - self.path[first])
             + self.noise * np.sqrt(np.maximum(self.square[last] - self.square[first], 0.0))
@@ -166,7 +176,11 @@ class _Port:
         )
 
     def largest(self, sign: float, rests: IntArray, free: list[int]) -> PassivityViolation | None:
-        """Return the gift that is the furthest beyond what is open; None where no two rows bound what is stored."""
+        """Return the gift that is the furthest beyond what is open; None where no two rows bound what is stored.
+
+        `sign` is 1 for the force as it is and -1 for its opposite; `rests` (k,) are rows at rest, `free` rows without a
+        force. The energies are in J, of forces in N.
+        """
         return max(
             [*self._rests(sign, rests), *self._free(sign, free)], key=lambda violation: violation.excess, default=None
         )
@@ -175,6 +189,7 @@ class _Port:
         if rests.size < 2:
             return
         a, b = (rests[indices] for indices in np.triu_indices(rests.size, 1))
+        # J: no force larger than the largest that was felt can be taken on the straight way back from b to a.
         back = float(self.size.max()) * np.linalg.norm(self.place[b] - self.place[a], axis=1)
         energy, left = sign * (self.work[b] - self.work[a]) - back, self.open(a, b) + self.kinetic
         best = int(np.argmax(energy - left))
@@ -184,6 +199,7 @@ class _Port:
         # But for the noise what is open adds up, and its best row is one for all that begin before it: no gift is
         # further beyond than that, and those are looked at in turn until no other could be.
         sums = sign * self.work - self.position * self.turned - self.reading * self.path - SHARE * self.crossed
+        # The best end for each begin: the running maximum from the right.
         ends = np.maximum.accumulate((sums - self.position * self.size)[::-1])[::-1]
         upper_bounds = {
             first: float(ends[first + 1] - sums[first] - self.position * self.size[first])
@@ -207,6 +223,7 @@ class _Port:
 
 def _resting(place: Array, time: Array, step: float) -> tuple[IntArray, float]:
     """Return a row of each rest, and the share of the largest speed that a rest may have."""
+    # Rows on either side over which a speed is taken.
     half = max(1, round(0.5 * WINDOW / float(np.median(np.diff(time)))))
     middle = np.arange(half, len(time) - half)
     moved = np.linalg.norm(place[middle + half] - place[middle - half], axis=1)
@@ -214,7 +231,9 @@ def _resting(place: Array, time: Array, step: float) -> tuple[IntArray, float]:
     fastest = float(speed.max(initial=0.0))
     if len(time) < 4 * half or fastest == 0.0:
         return middle[:0], 0.0
+    # Not below what two quanta within the window make of rest: an encoder dithers.
     share = max(REST, 2.0 * step / (WINDOW * fastest))
+    # The slowest row of each rest.
     rows = np.array([first + np.argmin(speed[first:end]) for first, end in runs_of(speed <= share * fastest)], np.intp)
     if rows.size > MOST:
         rows = rows[np.linspace(0, rows.size - 1, MOST).astype(int)]
@@ -255,6 +274,7 @@ def force_signs(recording: Recording) -> tuple[tuple[Sign, ...], list[Issue]]:
         if channel == "operator_force" and np.array_equal(force, -recording.channels.get("force", np.nan)):
             continue  # one column, mapped to both
         decision = _energy(recording, channel, place, sense)
+        # Energy left it open: rule 2, then rule 3, where their channels are there.
         if decision[0].sign == 0 and channel == "force":
             decision = _pointing(recording) or decision
         if decision[0].sign == 0 and recording.dimension == 1 and channel == wall_channel(recording):
@@ -272,6 +292,7 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> Jud
         rows = stretch.rows
         force = sense * recording.channels[channel][rows]
         lags = balance(recording.channels[place][rows], force, recording.time[rows], floor=floor)
+        # All lags have to agree; of them the one with the smallest margin speaks.
         if lags and abs(sum(test.sign for test in lags)) == len(lags):
             decided.append((stretch.first, min(lags, key=lambda test: test.active.excess)))
         elif lags:
@@ -332,11 +353,13 @@ def _pointing(recording: Recording) -> Judged | None:
         return None
     reach, force = recording.ihip - recording.hip, recording.force
     sizes = np.linalg.norm(reach, axis=1) * np.linalg.norm(force, axis=1)
+    # A tool that is hardly off the HIP has no direction from it.
     clear = np.linalg.norm(reach, axis=1) > QUANTA * resolution(recording).position
     rows = np.flatnonzero(recording.measured & clear & (sizes > 0.0))
     if rows.size == 0:
         return None
     along = np.sum(force * reach, axis=1)[rows]
+    # Mean cosine between F and IHIP - HIP, weighted with their sizes: 1 pushes out, -1 pulls in.
     share = float(np.sum(along) / np.sum(sizes[rows]))
     if share >= EXTREME:
         return Sign("force", 1, "right: in contact it points from the HIP to the IHIP"), None

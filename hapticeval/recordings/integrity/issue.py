@@ -45,6 +45,7 @@ class Issue:
         """For instance `row 120 to 131, 0.12 to 0.131 s`."""
         if self.first is None or self.end is None or self.time is None:
             return "all"
+        # The span's end is exclusive, what a reader sees is not.
         rows = f"row {self.first}" if self.end - self.first <= 1 else f"rows {self.first} to {self.end - 1}"
         begin, end = self.time
         return f"{rows}, {begin:.6g} s" if begin == end else f"{rows}, {begin:.6g} to {end:.6g} s"
@@ -62,6 +63,7 @@ ADVICE: Mapping[str, str] = {
     "rate": "see whether every cycle was logged, and whether the unit of time is right",
     "missed": "see the logger",
     "ended": "",
+    # What a damaged file or an interrupted copy lacks comes back with a whole one.
     "lost": AGAIN,
     "import": AGAIN,
     "rows": AGAIN,
@@ -105,8 +107,10 @@ def make_issue(
     **measures: Any,
 ) -> Issue:
     """Make a finding of a kind of `ADVICE` at the rows [first, end) of `span`; `measures` are the numbers behind it."""
+    # A detector that knows better overrides severity and advice.
     usual = Severity.FAULT if kind in WORST else Severity.NOTE if kind == "ended" else Severity.SUSPICIOUS
     first, end = span or (None, None)
+    # s, of the first and the last row of the span.
     time = None if span is None else (float(recording.time[span[0]]), float(recording.time[span[1] - 1]))
     advice = ADVICE[kind] if todo is None else todo
     return Issue(kind, severity or usual, message, advice, channel, first, end, time, measures)

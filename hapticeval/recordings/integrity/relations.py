@@ -55,21 +55,28 @@ class Fit(NamedTuple):
 
 
 def lagged(x: Array, y: Array, lag: int) -> tuple[Array, Array]:
-    """Return the rows of x and those of y, which is as long, that come `lag` rows later; empty for too long a lag."""
+    """Return the rows of x and those of y that come `lag` rows later, for channels (n,) or (n, N) of one length.
+
+    Both keep their unit (m, N or another); they are empty for too long a lag.
+    """
     size = max(len(x) - abs(lag), 0)
     return (x[:size], y[lag : lag + size]) if lag >= 0 else (x[-lag : -lag + size], y[:size])
 
 
 def correlation(x: Array, y: Array) -> float:
-    """Return Pearson's correlation, 0 where one of them does not vary."""
+    """Return Pearson's correlation of two channels (n,), 0 where one of them does not vary.
+
+    Their units (m, N or another) drop out.
+    """
     x, y = x - x.mean(), y - y.mean()
     scale = float(np.sqrt(np.dot(x, x) * np.dot(y, y)))
     return float(np.dot(x, y)) / scale if scale > 0.0 else 0.0
 
 
 def derivative_fit(position: Array, speed: Array, time: Array, sound: BoolArray) -> Fit | None:
-    """Fit a velocity (n,) to its position (n,) over the longest stretch of `sound` rows without a gap.
+    """Fit a velocity (n,), m/s, to its position (n,), m, over the longest stretch of `sound` rows without a gap.
 
+    Of joints they are in rad/s and rad; `time` (n,) is in s, and `sound` (n,) marks the rows that are measurements.
     None where too little moves above the noise of the position.
     """
     first, end = max(unbroken(sound, time), key=lambda span: span[1] - span[0], default=(0, 0))
@@ -83,10 +90,12 @@ def derivative_fit(position: Array, speed: Array, time: Array, sound: BoolArray)
     integral = np.concatenate([[0.0], np.cumsum(speed[1:] * np.diff(time))])
     best: Fit | None = None
     window = SHORTEST
+    # Octaves of the window, up to where too few independent ones are left.
     while position.size >= INDEPENDENT * window + LAGS:
         moved, integrated = position[window:] - position[:-window], integral[window:] - integral[:-window]
         if np.std(moved) > NOISY * noise:
             fit = _regressed(moved, integrated, window)
+            # A longer window replaces a shorter one as long as the two are alike; else the better one stays.
             if best is None or fit.correlation >= LIKE or fit.correlation > best.correlation:
                 best = fit
         window *= 2
@@ -99,11 +108,13 @@ def _regressed(moved: Array, integrated: Array, window: int) -> Fit:
     Windows overlap, so one in several is enough. What noise leaves unexplained hardly depends on the lag.
     """
     stride = max(window // SHORTEST, moved.size // ENOUGH, 1)
+    # The smallest lag comes first, so that argmax below finds it among those that explain as much.
     lags = sorted(range(-LAGS, LAGS + 1), key=abs)
     pairs = [[series[::stride] for series in lagged(moved, integrated, lag)] for lag in lags]
     likes = np.abs([correlation(x, y) for x, y in pairs])
     place = int(np.argmax(1.0 - likes <= ALIKE * (1.0 - likes).min() + 1e-12))
     x, y = (series - series.mean() for series in pairs[place])
+    # Least-squares slope through the means.
     ratio = float(np.dot(x, y) / np.dot(x, x)) if np.any(x) else float("inf")
     return Fit(ratio, float(likes[place]), lags[place], window)
 
@@ -169,11 +180,13 @@ class Match(NamedTuple):
 
 
 def matched(a: Array, b: Array, share: float) -> Match | None:
-    """Return where at least this share of the moving rows of `b` is `a`, at the lag that the correlation of steps has.
+    """Return at which lag `b` (n,) is a copy of `a` (n,), bit for bit; None where it is none.
 
-    Rows in which nothing moves are left out, as they are equal by chance.
+    At least a `share` of the moving rows of `b` has to be equal, at lag 0 or where their steps correlate best. Rows in
+    which nothing moves are left out, as they are equal by chance; the unit (m, N or another) does not matter.
     """
     size = min(a.size, b.size)
+    # As they are first: most copies have no lag.
     for lag in (0, _best_lag(a[:size], b[:size])):
         x, y = lagged(a[:size], b[:size], lag)
         moving = np.concatenate([[False], np.diff(y) != 0.0])
@@ -190,8 +203,10 @@ def _best_lag(a: Array, b: Array) -> int:
     if size < 2 * COPY_ROWS:
         return 0
     length = 1 << int(np.ceil(np.log2(2 * size)))
+    # Cross-correlation by the Fourier transform, padded to twice the length so that no end meets the begin.
     spectrum = np.conj(np.fft.rfft(np.diff(a), length)) * np.fft.rfft(np.diff(b), length)
     best = int(np.argmax(np.fft.irfft(spectrum, length)))
+    # The second half of a circular correlation holds the negative lags.
     lag = best if best < length // 2 else best - length
     return lag if abs(lag) <= size - COPY_ROWS else 0
 
@@ -212,6 +227,7 @@ def copies(recording: Recording) -> Iterator[Issue]:
             match = matched(values, sign * others, WITHIN)
             if match is None or (how and match.lag):
                 continue
+            # The mapping names one column of the file for both: then the copy is meant.
             note = match.lag == 0 and a != b and bool(set(mapped.get(a, ())) & set(mapped.get(b, ())))
             why = ", as the mapping says" if note else ""
             measures: dict[str, Any] = {"rows": match.lag} if match.lag else {}
@@ -246,6 +262,7 @@ def force_lag(recording: Recording) -> Iterator[Issue]:
     """Yield by how many ticks the force follows IHIP - HIP, of which it is made where no damping is."""
     if not {"hip", "ihip", "force"} <= recording.channels.keys():
         return
+    # The longest run of valid rows: a lag has to be seen without a gap.
     keep = max(recording.sound_rows(), key=lambda rows: rows.stop - rows.start)
     force = np.diff(recording.force[keep], axis=0)  # steps show a lag more sharply than the signals
     reach = np.diff((recording.ihip - recording.hip)[keep], axis=0)
@@ -257,6 +274,7 @@ def force_lag(recording: Recording) -> Iterator[Issue]:
         unlagged = like if lag == 0 else unlagged
         if like > best + 1e-12:
             best, at = like, lag
+    # Reported only where the lag explains what no lag does not, and is longer than a proxy's own.
     if best < LINEAR or best - unlagged < 1.0 - LINEAR or not LAG < abs(at) < LAGS:
         return
     when = "after" if at > 0 else "before"
@@ -288,6 +306,7 @@ def units(recording: Recording) -> Iterator[Issue]:
         numbers = values[keep]
         if numbers.size == 0 or unit not in LIMITS:
             continue
+        # Extent of a place or an angle, peak of anything else, in the channel's unit.
         size = float(np.ptp(numbers) if unit in ("m", "rad") else np.max(np.abs(numbers)))
         limit, message = LIMITS[unit]
         if size > limit:
@@ -324,6 +343,7 @@ def time_unit(recording: Recording) -> Iterator[Issue]:
     def described(factor: float) -> str:
         """Return rate and speed with times multiplied, in words; empty where no device and hand have them."""
         moves = "" if speed is None else f", and a hand that moves at {1e3 * speed / factor:.3g} mm/s"
+        # Times multiplied by `factor` divide rate and speed by it.
         within = RATE[0] <= rate / factor <= RATE[1] and (speed is None or SPEED[0] <= speed / factor <= SPEED[1])
         return f"{rate / factor:.4g} Hz{moves}" if within else ""
 
@@ -347,6 +367,7 @@ def _speed(recording: Recording) -> float | None:
     keep = recording.measured
     hip: Array = recording.hip[keep]
     steps, moved = np.diff(recording.time[keep]), np.linalg.norm(np.diff(hip, axis=0), axis=1)
+    # At rest a hand has no typical speed, and stamps that repeat give none.
     some = (moved > 0.0) & (steps > 0.0)
     extent = float(np.max(np.ptp(hip, axis=0), initial=0.0))
     if not some.any() or not LEAST <= extent <= LIMITS["m"][0]:

@@ -98,9 +98,11 @@ def examine(
     for name, column in columns_of(recording).items():
         numbers = column.values[ordered & np.isfinite(column.values)]
         if numbers.size:
+            # A column without a single number has no range, and a finding says so.
             facts[name] = ColumnFacts(column.unit, float(numbers.min()), float(numbers.max()), numeric_step(numbers))
     timing, faults = examine_timing(recording)
     faults += [*columns.faults_of_values(recording), *columns.faults_of_numbers(recording)]
+    # Rows that are found to be stuck already need no second finding.
     faults += columns.frozen(recording, list(faults))
     for detect in DETECTORS:
         faults += detect(recording)
@@ -108,10 +110,12 @@ def examine(
     faults += wrong
     for name, other in (others or {}).items():
         faults += relations.of_another_run(recording, other, name)
+    # A run in one dimension is held against the wall in the plane: see `before_the_wall`.
     walled = model is not None and model.name == LINE and recording.dimension == 1
     placed = before_the_wall(recording) if walled else recording
     checks = inverse_checks(placed, device=device, model=model, stiffness=stiffness)
     faults += [fault for check in checks for fault in check.faults]
+    # Worst first, then by row; what concerns the whole recording stands before the rows.
     order = list(Severity)
     faults.sort(key=lambda fault: (order.index(fault.severity), fault.first if fault.first is not None else -1))
     duration = float(np.ptp(recording.time[ordered])) if ordered.any() else 0.0
@@ -126,6 +130,7 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     """
     report = examine(recording) if report is None else report
     keep = recording.measured.copy()
+    # Why each row is left out, in the order in which the reasons are looked at.
     left = [(span, "no measurement") for span in runs_of(~keep)]
     for fault in report.faults:
         if fault.kind in LEFT_OUT and fault.first is not None and keep[fault.first : fault.end].any():
@@ -134,6 +139,7 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     sound = stretches(recording, keep)
     for stretch in sound:
         keep[stretch.rows] = False
+    # What is kept now lies in no stretch of two rows: nothing can be differenced there.
     left += [(span, "a row by itself") for span in runs_of(keep)]
     return Soundness(recording, sound, tuple((Stretch(*span), why) for span, why in sorted(left)))
 
@@ -174,11 +180,13 @@ def _faults(report: Integrity) -> list[str]:
     advised: set[tuple[str, str, str]] = set()
     for fault in report.faults:
         key = (fault.kind, fault.channel)
+        # Of one kind and channel the first few say it all: the others are counted.
         counts[key] = counts.get(key, 0) + 1
         if counts[key] > MOST:
             continue
         lines.append(f"{fault.severity}: {' '.join(key).rstrip()} ({fault.place}): {fault.message}")
         if fault.todo and fault.severity is not Severity.NOTE and (*key, fault.todo) not in advised:
+            # The same advice is given once for a kind and channel.
             advised.add((*key, fault.todo))
             lines.append(f"  what to do: {fault.todo}")
     more = {key: count - MOST for key, count in counts.items() if count > MOST}
@@ -187,6 +195,7 @@ def _faults(report: Integrity) -> list[str]:
 
 def _checks(report: Integrity) -> list[str]:
     """Describe which inverse checks were made, with their residuals, and which were not."""
+    # A check without a `why` was made.
     checks_made = [check for check in report.checks if check.made]
     lines = aligned([
         ("inverse check", "what should hold", "largest residual", "in quanta", "rows", "found"),
@@ -213,6 +222,7 @@ def _intervals(report: Integrity, soundness: Soundness) -> list[str]:
 def _lacking(report: Integrity, span: Stretch) -> str:
     """Describe how many rows a sound stretch lacks in gaps that checks go across."""
     gaps = (fault for fault in report.faults if fault.kind == "gap" and fault.first is not None)
+    # Only gaps within the stretch: a gap that parts it lies between two of them.
     counts = [int(gap.measures["missing"]) for gap in gaps if span.first <= (gap.first or 0) < span.end - 1]
     return f" (but for {plural(sum(counts), 'row')} missing in {plural(len(counts), 'short gap')})" if counts else ""
 
@@ -246,6 +256,7 @@ def contacts(impacts: Impacts) -> str:
     lines += aligned([list(CONTACT_COLUMNS), *rows])
     lines.append("peak, impulse and stiffness are above what the sensor read just before each touch")
     for measure, unit in (("impulse", " N s"), ("stiffness", " N/m"), ("restitution", "")):
+        # Half the 95 % interval; NaN where one contact alone leaves no scatter to take it from.
         mean, half = impacts.mean(measure)
         interval = f" ± {_known(half, 2)}{unit} (mean, 95 %)" if math.isfinite(half) else unit
         none = "none, as the contacts last so long that the hand pushes through them"
@@ -269,4 +280,5 @@ def converted(recording: Recording) -> str:
 
 def _known(value: float, digits: int = 3) -> str:
     """Write significant digits without an exponent, `-` for what is not known."""
+    # Rounded by its significant digits, then written without an exponent.
     return f"{float(f'{value:.{digits}g}'):g}" if math.isfinite(value) else "-"

@@ -49,10 +49,11 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
     """
     stamps, measured, bridges = recording.nanoseconds, recording.measured, continuing_steps(recording)
     sequence = None if recording.clock is None else recording.clock.sequence
+    # ns, in the order of the rows: zero repeats a stamp, a negative one goes back.
     steps = np.diff(stamps)
     rising = steps[steps > 0]
     if rising.size == 0:
-        return Timing(len(recording)), list(_said(recording))
+        return Timing(len(recording)), list(_stated_issues(recording))
     median = float(np.median(rising))
     faults = []
     for row in np.flatnonzero(steps <= 0).tolist():
@@ -61,6 +62,7 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
             kind, message = "reversal", f"the time goes back by {-1e-9 * steps[row]:.6g} s"
         todo = None if measured[row + 1] else "it is marked as no measurement already, and left out"
         faults.append(make_issue(recording, kind, message, "time", (row + 1, row + 2), todo=todo))
+    # `cycle` is in ns; `gaps` gives for each row how many are missing after it.
     cycle, gaps = _gaps(stamps, steps, sequence, median)
     for row, count in gaps.items():
         between_measurements = bool(measured[row : row + 2].all())
@@ -76,6 +78,7 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
             )
         )  # fmt: skip
     missing = sum(gaps.values())
+    # Jitter and rate are those of the clock between gaps.
     regular = np.delete(steps, list(gaps))
     regular = regular[regular > 0]
     off = np.abs(regular - median) * 1e-9 if regular.size else np.zeros(1)
@@ -89,7 +92,7 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
     if isinstance(declared_step, int | float) and abs(mean - declared_step) > SETTING * declared_step:
         message = f"the loop was meant to take {1e3 * declared_step:.6g} ms, its rows are {1e3 * mean:.6g} ms apart"
         faults.append(make_issue(recording, "rate", message, "time", declared=float(declared_step), found=mean))
-    return timing, [*faults, *_said(recording)]
+    return timing, [*faults, *_stated_issues(recording)]
 
 
 def _gaps(stamps: IntArray, steps: IntArray, sequence: IntArray | None, median: float) -> tuple[float, dict[int, int]]:
@@ -103,6 +106,7 @@ def _gaps(stamps: IntArray, steps: IntArray, sequence: IntArray | None, median: 
         gap_rows = [row for row in late if not _caught_up(stamps, row, median)]
         return median, {row: round(float(steps[row]) / median) - 1 for row in gap_rows}
     jumps = np.diff(sequence)
+    # ns a cycle, where rows are several cycles apart.
     counted = jumps > 0
     cycle = float(np.median(steps[counted] / jumps[counted])) if counted.any() else median
     skipped = np.flatnonzero((jumps > 1) & (steps > (1.0 + HALF) * cycle)).tolist()
@@ -111,11 +115,12 @@ def _gaps(stamps: IntArray, steps: IntArray, sequence: IntArray | None, median: 
 
 def _caught_up(stamps: IntArray, row: int, median: float) -> bool:
     """Return whether the rows after a long step make up for it: then it was late, and nothing is missing."""
+    # Row `row + i` is back on the clock's grid where it is no more than i + 1/2 medians later.
     after = np.arange(row + 2, min(row + 1 + CATCH_UP, stamps.size - 1) + 1)
     return bool(np.any(stamps[after] - stamps[row] < (after - row + HALF) * median))
 
 
-def _said(recording: Recording) -> Iterator[Issue]:
+def _stated_issues(recording: Recording) -> Iterator[Issue]:
     """Yield what the clock counted, what the run's events and its import state, and a number of rows that differs."""
     missed = None if recording.clock is None else recording.clock.missed
     if missed:
