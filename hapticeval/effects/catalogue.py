@@ -100,6 +100,7 @@ def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[
     `InputError` for numbers that an effect lacks or cannot have.
     """
     listed = [dict(document) for entry in (LISTED, EACH) for document in table.get(entry, ())]
+    # a short form is a key of the table itself, or "group.key" of a table in it
     groups = {key.partition(".")[0] for entry in EFFECTS.values() for key in entry.short if "." in key}
     short = {key: value for key, value in table.items() if key not in groups}
     short |= {f"{group}.{key}": value for group in groups for key, value in table.get(group, {}).items()}
@@ -107,6 +108,7 @@ def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[
     documents_by_kind: dict[str, dict[str, Any]] = {}
     for key, value in short.items():
         if key in field_of:
+            # several short forms may be numbers of one effect; an empty field stands for all of them
             kind, field = field_of[key]
             documents_by_kind.setdefault(kind, {"kind": kind}).update({field: value} if field else value)
         elif "." in key:

@@ -53,6 +53,7 @@ class ContactTransient(Effect):
     def __post_init__(self) -> None:
         own_numbers = (self.amplitude, self.decay, self.frequency)
         if self.material is not None:
+            # copies carry the numbers of their material, and these are no contradiction
             if self.material not in MATERIALS:
                 raise UnknownNameError("material", str(self.material), MATERIALS)
             of_material = MATERIALS[self.material]

@@ -56,9 +56,14 @@ class Delay(Effect):
 
 
 def hold_back(params: Array, samples: Array, state: Array, tick: int, dt: float, torque: Array, before: Array) -> float:  # noqa: ARG001
-    """Replace `torque` by what the motors get in this tick, and `before` by what they had until the switch."""
+    """Delay torques by a line of past samples: what the motors get in this tick, and what they had until the switch.
+
+    `torque` (N,), N m, is replaced by the former and `before` (N,) written with the latter. `params` (2,) are whole
+    ticks and the seconds beyond them; `state` (whole ticks + 2, N) is the line. Returns the seconds into the tick at
+    which the motors switch.
+    """
     line_length, whole_ticks = state.shape[0], int(params[0])
-    for i in range(torque.shape[0]):
+    for i in range(torque.shape[0]):  # a ring: row tick % length was written `length` ticks ago, or is zero
         state[tick % line_length, i] = torque[i]
         before[i] = state[(tick - whole_ticks - 1) % line_length, i]
         torque[i] = state[(tick - whole_ticks) % line_length, i]

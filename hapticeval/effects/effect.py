@@ -72,7 +72,7 @@ def number(
     default: Any = MISSING,
     compare: bool = True,
 ) -> Any:
-    """Declare a number of an effect: a field with a `unit` (or a key of `PER_JOINT`) and a range.
+    """Declare a field of an effect that is a number with a `unit` (or a key of `PER_JOINT`) and a range.
 
     It must be greater than `above`, or `at` it too, and finite unless it need not be.
     """
@@ -100,7 +100,7 @@ class Effect:
     def __post_init__(self) -> None:
         for number_field in fields(self):
             value, allowed = getattr(self, number_field.name), number_field.metadata
-            if not allowed or value is None:
+            if not allowed or value is None:  # no `number`, or one that is not given
                 continue
             sound = isinstance(value, int | float) and (
                 value >= allowed["above"] if allowed["at"] else value > allowed["above"]

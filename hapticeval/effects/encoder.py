@@ -61,7 +61,7 @@ class Encoder(Effect):
 
 
 def count(params: Array, samples: Array, state: Array, tick: int, dt: float, joints: Array, rates: Array) -> float:  # noqa: ARG001
-    """Round `joints` to multiples of the step."""
+    """Round `joints` (N,), rad or m, to whole counts of the encoder: multiples of its step, `params` (1,)."""
     for i in range(joints.shape[0]):
         joints[i] = params[0] * float(np.rint(joints[i] / params[0]))
     return 0.0

@@ -47,8 +47,13 @@ class ForceSensor(Effect):
 
 
 def measure(params: Array, samples: Array, state: Array, tick: int, dt: float, force: Array, unused: Array) -> float:  # noqa: ARG001
-    """Replace `force` by what the sensor gives of it."""
+    """Replace the hand's `force` (N,), N, by what a sensor gives of it: low-passed, with noise, and rounded.
+
+    `params` (2,) are the quantum (N) and the low-pass's share of a new value; `samples` (ticks, N) the noise, N;
+    `state` (1, N) the filtered force, N.
+    """
     for i in range(force.shape[0]):
+        # the filter starts at the first force, as if it had always been that
         state[0, i] = force[i] if tick == 0 else state[0, i] + params[1] * (force[i] - state[0, i])
         force[i] = state[0, i] + samples[tick, i]
         if params[0] > 0.0:

@@ -119,6 +119,8 @@ class Relief(Effect):
         highest = self.amplitude if self.amplitude is not None else max(self.profile)
         pressed = (surface.distance < highest) | scene.bilateral
         foot_step = np.diff(surface.foot, axis=0)
+        # Between two samples the foot moves by at most the hand's step over 1 - kappa d, or it jumped to another branch
+        # of the surface: that is no motion along the waves.
         curvature = np.abs(np.linalg.eigvalsh(surface.shape)).max(axis=1)
         stretch = np.maximum(1.0 - curvature * np.abs(surface.distance), ALIKE)
         foot_length, hand_length = np.linalg.norm(foot_step, axis=1), np.linalg.norm(np.diff(hips, axis=0), axis=1)
@@ -130,6 +132,7 @@ class Relief(Effect):
         worst = int(np.argmax(speed, axis=0)) if speed.size else 0
         if not speed.size or speed[worst] <= self.fastest(dt) * (1.0 + ALIKE):
             return
+        # the frequency folded at multiples of the sampling rate: what samples make of it, Hz
         frequency = float(speed[worst]) / self.finest
         alias = abs(frequency - round(frequency * dt) / dt)
         raise InputError(
@@ -157,7 +160,7 @@ class Relief(Effect):
                     why="its heights are a function of the arc length, which the boundary does not give",
                 )
             unit = np.zeros(3)
-            if boundary.closed:
+            if boundary.closed:  # a whole number of waves, so that the relief closes up
                 wavelength = boundary.girth / max(1, round(boundary.girth / wavelength))
         cells = np.empty((0, 0))
         if self.profile:
@@ -223,5 +226,5 @@ class HeightMap(Relief):
 
 
 def apart(one: Array, other: Array) -> float:
-    """Return the distance of two points; nan of what is not finite."""
+    """Return the distance (m) of two points (N,), m, or of two forces (N,), N; nan of what is not finite."""
     return math.dist(one, other)

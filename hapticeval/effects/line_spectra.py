@@ -35,6 +35,7 @@ def line_spectrum(coefficients: Sequence[float] | Array) -> Array:
             why="it is stable only with all poles inside the unit circle",
             todo="give coefficients of a stable filter",
         )
+    # S and D of the module, without the zeros at z = 1 and -1 that they have beside the line spectrum
     padded, reversed_ = np.append(a, 0.0), np.append(0.0, a[::-1])
     sum_polynomial, difference_polynomial = padded + reversed_, padded - reversed_
     if order % 2 == 0:
@@ -45,13 +46,18 @@ def line_spectrum(coefficients: Sequence[float] | Array) -> Array:
     else:
         difference_polynomial = np.polydiv(difference_polynomial, [1.0, 0.0, -1.0])[0]
     angles_of = [np.angle(np.roots(polynomial)) for polynomial in (sum_polynomial, difference_polynomial)]
+    # zeros come in conjugate pairs: one angle of each
     return np.sort(np.concatenate([root_angles[root_angles > 0.0] for root_angles in angles_of]))
 
 
 def stable(coefficients: Sequence[float] | Array) -> bool:
-    """Return whether all zeros of A lie inside the unit circle, by Schur and Cohn's recursion, without its roots."""
+    """Return whether a filter is stable: all zeros of A inside the unit circle, by Schur and Cohn's recursion.
+
+    `coefficients` (p,) are a_1 to a_p. No roots are computed.
+    """
     a = np.asarray(coefficients, dtype=np.float64)
     while a.size:
+        # the last coefficient of each order is its reflection coefficient; then the polynomial of one order less
         reflection = float(a[-1])
         if not abs(reflection) < 1.0:
             return False
@@ -65,7 +71,7 @@ def coefficients_of(spectrum: Sequence[float]) -> Array:
     parts = []
     for first in (0, 1):
         product = np.ones(1)
-        for angle in angles[first::2]:
+        for angle in angles[first::2]:  # a pair of zeros e^(+-i angle)
             product = np.convolve(product, [1.0, -2.0 * np.cos(angle), 1.0])
         parts.append(product)
     sum_polynomial, difference_polynomial = parts

@@ -30,7 +30,7 @@ sigma1 + sigma2: a loop with a light tool takes neither at the stiffness of stee
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -38,6 +38,9 @@ from hapticeval.effects.catalogue import FRICTION, VISCOUS_FRICTION
 from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError
 from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.compiled import Closest, Numbers
 
 SPEEDS = np.logspace(-6.0, 3.0, 4096)
 """Speeds, in v_s, at which a damping that fades is held against sigma2: 0.5 % apart, so to 1e-5 at its maximum."""
@@ -87,11 +90,11 @@ class LuGre(Effect):
                 )
 
     def limit(self, speed: Array | float) -> Array:
-        """Return g(v) / F_n at speeds (n,), m/s."""
+        """Return the coefficient of friction that a steady speed meets, g(v) / F_n, (n,), at speeds (n,), m/s."""
         return np.asarray(self.mu_k + (self.mu_s - self.mu_k) * np.exp(-((speed / self.stribeck) ** 2)))
 
     def damping_at(self, speed: Array | float) -> Array:
-        """Return sigma1(v), N s/m, at speeds (n,), m/s."""
+        """Return the bristles' damping sigma1(v), (n,), N s/m, which fades with the speed, at speeds (n,), m/s."""
         return np.asarray(self.damping * np.exp(-((speed / (self.fade or np.inf)) ** 2)))
 
     @property
@@ -113,7 +116,7 @@ class LuGre(Effect):
         )
 
     def change(self, scene: Calling) -> Part:
-        """Assemble the bristles."""
+        """Assemble the bristles: `params` and `state` as `bend` takes them."""
         params = [
             self.stiffness,
             self.damping,
@@ -127,54 +130,62 @@ class LuGre(Effect):
         return Part(bend, np.array(params), state=np.zeros((3, scene.model.dimension)))
 
 
-def bend(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: Any, force: Any) -> int:
-    """Bend the bristles by one tick and add their force: see `Effect.change`.
+def bend(
+    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+) -> int:  # fmt: skip
+    """Bend the bristles by one tick and add their force to `force`: the module's model, by its exact step.
 
-    `params` are sigma0, sigma1, sigma2, mu_s, mu_k, v_s, fade, and whether the surface is bilateral. Rows of `state`
-    are z, m, and place and normal of the IHIP.
+    The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `dt`, s, `force` (N,), N.
+
+    - `numbers.params` (8,): sigma0 (N/m), sigma1 and sigma2 (N s/m), mu_s, mu_k, v_s and fade (m/s), and 1 where the
+      surface is bilateral.
+    - `numbers.state` (3, N): z, m, and place (m) and outward unit normal of the IHIP.
     """
     stiffness, damping, viscosity, static, kinetic = numbers.params[:5]
     deflection, normal, dimension = numbers.state[0], numbers.state[2], hip.shape[0]
-    error_squared, force_squared = 0.0, 0.0
+    error_squared, force_squared = 0.0, 0.0  # |IHIP - HIP|^2, m^2; N^2
     for i in range(dimension):
         error_squared += (ihip[i] - hip[i]) ** 2
         force_squared += force[i] ** 2
-    if force_squared == 0.0:
+    if force_squared == 0.0:  # free space: the bristles are straight when the next contact begins
         deflection[:] = 0.0
         return 0
     closest.function(closest.data, ihip, numbers.state[1:3])
-    normal_force, force_on_normal, velocity_on_normal, deflection_length, deflection_on_normal = 0.0, 0.0, 0.0, 0.0, 0.0
+    force_on_error, force_on_normal, velocity_on_normal = 0.0, 0.0, 0.0
+    deflection_squared, deflection_on_normal = 0.0, 0.0
     for i in range(dimension):
-        normal_force += force[i] * (ihip[i] - hip[i])
+        force_on_error += force[i] * (ihip[i] - hip[i])  # N m, until it is divided by the error's length
         force_on_normal += force[i] * normal[i]
         velocity_on_normal += velocity[i] * normal[i]
         deflection_on_normal += deflection[i] * normal[i]
-        deflection_length += deflection[i] ** 2
-    # The force along the error or along the normal, whichever it is more along.
-    normal_force = abs(normal_force) / np.sqrt(error_squared) if error_squared > 0.0 else 0.0
+        deflection_squared += deflection[i] ** 2
+    # F_n: the force's part along the error or along the normal, whichever is larger; zero where a unilateral surface
+    # would pull
+    normal_force = abs(force_on_error) / np.sqrt(error_squared) if error_squared > 0.0 else 0.0
     normal_force = max(normal_force, abs(force_on_normal)) if force_on_normal > 0.0 or numbers.params[7] == 1.0 else 0.0
-    # The bristles turn with the surface, and keep their length, but for what the press does not hold.
-    tangential_length, speed = 0.0, 0.0
+    tangential_squared, speed_squared = 0.0, 0.0  # of z and of the velocity along the surface: m^2, (m/s)^2
     for i in range(dimension):
-        tangential_length += (deflection[i] - deflection_on_normal * normal[i]) ** 2
-        speed += (velocity[i] - velocity_on_normal * normal[i]) ** 2
-    tangential_length, speed, deflection_length = (
-        np.sqrt(tangential_length),
-        np.sqrt(speed),
-        min(np.sqrt(deflection_length), static * normal_force / stiffness),
-    )
+        tangential_squared += (deflection[i] - deflection_on_normal * normal[i]) ** 2
+        speed_squared += (velocity[i] - velocity_on_normal * normal[i]) ** 2
+    tangential_length, speed = np.sqrt(tangential_squared), np.sqrt(speed_squared)
+    # they slip to |z| <= mu_s F_n / sigma0 where the hand presses less than before
+    deflection_length = min(np.sqrt(deflection_squared), static * normal_force / stiffness)
+    # g(v) and sigma1(v) of the module
     sliding_force = normal_force * (kinetic + (static - kinetic) * np.exp(-((speed / numbers.params[5]) ** 2)))
     damping *= np.exp(-((speed / numbers.params[6]) ** 2))
-    relaxation_rate = stiffness * speed / sliding_force if sliding_force > 0.0 else 0.0
+    relaxation_rate = stiffness * speed / sliding_force if sliding_force > 0.0 else 0.0  # sigma0 |v| / g, 1/s
     for i in range(dimension):
         tangential_velocity = velocity[i] - velocity_on_normal * normal[i]
+        # the bristles turn with the surface: z is laid along it, and keeps its length
         deflection[i] = (deflection[i] - deflection_on_normal * normal[i]) * (
             deflection_length / tangential_length if tangential_length > 0.0 else 0.0
         )
+        # z(dt) = z_ss + (z - z_ss) exp(-sigma0 |v| dt / g), with z_ss = g v / (sigma0 |v|)
         if sliding_force > 0.0 and speed > 0.0:
             deflection[i] += (sliding_force * tangential_velocity / (stiffness * speed) - deflection[i]) * -np.expm1(
                 -relaxation_rate * dt
             )
+        # F_t = -(sigma0 z + sigma1(v) z' + sigma2 v)
         force[i] -= (
             stiffness * deflection[i]
             + damping * (tangential_velocity - relaxation_rate * deflection[i] if sliding_force > 0.0 else 0.0)

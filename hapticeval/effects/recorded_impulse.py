@@ -77,6 +77,7 @@ class RecordedImpulse(Effect):
         """Assemble the replay: `params` are the cap and the step, `samples` the pulse and its sums."""
         from hapticeval.effects.transient_kernels import STATE, replay
 
+        # the zero is what a tick after the pulse's end gets
         pulse = np.array([*self.pulse, 0.0])
         sums = np.concatenate([[0.0], np.cumsum(pulse[:-1])])
         params = np.array([self.cap, self.step])
@@ -93,7 +94,7 @@ class RecordedImpulse(Effect):
 
 
 def read_pulse(file: Path) -> tuple[Array, float]:
-    """Return the forces (n,), N, of a pulse in a file, and its sampling time, s. See `RecordedImpulse`.
+    """Read a measured pulse from a table or a recording: its forces (n,), N, and its sampling time, s.
 
     Raises `InputError`, naming file and row, for a file without them, of fewer than two rows, and for times that are
     not even.
@@ -102,6 +103,7 @@ def read_pulse(file: Path) -> tuple[Array, float]:
         from hapticeval.recordings.hdf5 import read_recording
 
         recording = read_recording(file, channels=["force"])
+        # a recording's force is a vector: its part along the sum of all is the pulse
         total = recording.force.sum(axis=0)
         size = float(np.linalg.norm(total))
         time, force = recording.time, recording.force @ (total / size if size > 0.0 else total)

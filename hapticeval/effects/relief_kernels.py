@@ -23,9 +23,15 @@ FLAT = 1e-9
 
 @borrowing
 def relief(params: Array, cells: Array, frame: Array, slope: Array) -> float:
-    """Return the height (m) over the foot of `frame` (see `CLOSEST`), and write its gradient along the surface (N,)."""
+    """Return the relief's height over a surface point, and write its gradient along the surface, which has no unit.
+
+    `params` are as named above; `cells` (k, 4) are the cubics of a profile over one wavelength, m, empty for a sine;
+    `frame` (3 + N, N) is that of the point's closest point, see `CLOSEST`; the gradient goes to `slope` (N,). The
+    height is in m.
+    """
     count, wave = slope.shape[0], params[WAVE]
     unit_on_normal = 0.0
+    # where the point lies along the waves, m: by arc length in the plane, in space by its coordinate along the unit
     if count == 2:
         coordinate = frame[SHAPE + 2, 0]
     else:
@@ -33,6 +39,7 @@ def relief(params: Array, cells: Array, frame: Array, slope: Array) -> float:
         for i in range(count):
             coordinate += params[UNIT + i] * frame[FOOT, i]
             unit_on_normal += params[UNIT + i] * frame[NORMAL, i]
+    # the height h, m, and dh / d(coordinate): a sine, or a cubic of the periodic spline
     if cells.shape[0] == 0:
         angle = 2.0 * math.pi * (coordinate / wave)
         height, rise_rate = (
@@ -41,11 +48,12 @@ def relief(params: Array, cells: Array, frame: Array, slope: Array) -> float:
         )
     else:
         turns = coordinate / wave
-        x = (turns - math.floor(turns)) * cells.shape[0]
-        k = min(int(x), cells.shape[0] - 1)
+        x = (turns - math.floor(turns)) * cells.shape[0]  # cells into this wavelength
+        k = min(int(x), cells.shape[0] - 1)  # rounding may put x on the end
         x -= k
         height = ((cells[k, 0] * x + cells[k, 1]) * x + cells[k, 2]) * x + cells[k, 3]
         rise_rate = ((3.0 * cells[k, 0] * x + 2.0 * cells[k, 1]) * x + cells[k, 2]) * cells.shape[0] / wave
+    # grad h along the surface: times the tangent (-n_y, n_x), or times the unit's part along the surface
     if count == 2:
         slope[0], slope[1] = -rise_rate * frame[NORMAL, 1], rise_rate * frame[NORMAL, 0]
     else:
@@ -56,20 +64,27 @@ def relief(params: Array, cells: Array, frame: Array, slope: Array) -> float:
 
 @borrowing
 def spread(frame: Array, depth: float, slope: Array) -> bool:
-    """Replace a gradient `slope` (N,) along the surface by (I - depth W)^-1 times it; return whether there is one."""
+    """Turn a gradient on the surface into the one that a hand below it moves along: (I - depth W)^-1 times it.
+
+    `slope` (N,) is replaced; `frame` (3 + N, N) holds the shape operator W (1/m) of the surface from row `SHAPE` on,
+    and `depth` is in m. Returns False at or beyond the medial axis, where I - depth W has no inverse.
+    """
     if slope.shape[0] == 2:
-        share = 1.0 - depth * (frame[SHAPE, 0] + frame[SHAPE + 1, 1])
-        if share <= FLAT:
+        # the trace of W is the curvature kappa, as the normal has no curvature: divide by 1 - depth kappa
+        stretch = 1.0 - depth * (frame[SHAPE, 0] + frame[SHAPE + 1, 1])
+        if stretch <= FLAT:
             return False
-        slope[0] /= share
-        slope[1] /= share
+        slope[0] /= stretch
+        slope[1] /= stretch
         return True
+    # [[a, b, c], [b, e, f], [c, f, i]] = I - depth W; p, q, r are the first row of its adjugate
     a, b, c = 1.0 - depth * frame[SHAPE, 0], -depth * frame[SHAPE, 1], -depth * frame[SHAPE, 2]
     e, f, i = 1.0 - depth * frame[SHAPE + 1, 1], -depth * frame[SHAPE + 1, 2], 1.0 - depth * frame[SHAPE + 2, 2]
     p, q, r = e * i - f * f, c * f - b * i, b * f - c * e
     determinant = a * p + b * q + c * r
     if determinant <= FLAT:
         return False
+    # the adjugate, which is symmetric, over the determinant
     x, y, z = slope[0], slope[1], slope[2]
     slope[0] = (p * x + q * y + r * z) / determinant
     slope[1] = (q * x + (a * i - c * c) * y + (b * c - a * f) * z) / determinant
@@ -86,24 +101,30 @@ def raise_surface(
     ihip: Array,
     force: Array,
 ) -> int:
-    """Change an answer of the nearest point as `HeightMap` has it: see `Effect.change`."""
+    """Change an answer of the nearest point to that of the raised surface, as `HeightMap` has it.
+
+    The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `force` (N,), N. Returns 1 where the IHIP is not
+    the nearest point, 2 at the medial axis, and else 0.
+    """
     params, count = numbers.params, hip.shape[0]
     frame, slope = numbers.state[: 3 + count], numbers.state[3 + count]
     depth = -closest.function(closest.data, hip, frame)
     height = relief(params, numbers.samples, frame, slope)
     bilateral, stiffness = params[BILATERAL] != 0.0, params[STIFFNESS]
-    if not bilateral and depth + height <= 0.0:
+    if not bilateral and depth + height <= 0.0:  # the hand is above the relief: free space
         for i in range(count):
             ihip[i], force[i] = hip[i], 0.0
         return 0
     in_contact, foot_error_squared = bilateral or depth > 0.0, 0.0
     for i in range(count):
         foot_error_squared += (ihip[i] - frame[FOOT, i]) ** 2
+    # between the bare surface and the relief the renderer has no contact, and its IHIP is the HIP
     if in_contact and math.sqrt(foot_error_squared) > NEAR * params[WAVE]:
         return 1
     if not spread(frame, depth, slope):
         return 2
     for i in range(count):
+        # F = K (d + h) (n - (I - d W)^-1 grad h), of which K d n is the renderer's where it has contact
         renderer_force = force[i] if in_contact else stiffness * depth * frame[NORMAL, i]
         force[i] = renderer_force + stiffness * (height * frame[NORMAL, i] - (depth + height) * slope[i])
         ihip[i] = frame[FOOT, i] + height * frame[NORMAL, i]
@@ -119,7 +140,10 @@ def turn_normal(
     ihip: Array,
     force: Array,
 ) -> int:
-    """Change an answer as `BumpMap` has it: see `Effect.change`."""
+    """Turn the force's part along the normal by the relief's slope, as `BumpMap` has it (4.16).
+
+    The signature is that of `Effect.change`: `ihip` (N,), m, `force` (N,), N. Returns 0: it refuses nothing.
+    """
     count = hip.shape[0]
     frame, slope = numbers.state[: 3 + count], numbers.state[3 + count]
     closest.function(closest.data, ihip, frame)
@@ -128,7 +152,8 @@ def turn_normal(
     for i in range(count):
         force_on_normal += force[i] * frame[NORMAL, i]
         slope_squared += slope[i] * slope[i]
-    length = math.sqrt(1.0 + slope_squared)
+    length = math.sqrt(1.0 + slope_squared)  # of n - grad h, whose parts are at right angles
     for i in range(count):
+        # (4.16) renormalised: from n to n' = (n - grad h) / |n - grad h|
         force[i] += force_on_normal * ((frame[NORMAL, i] - slope[i]) / length - frame[NORMAL, i])
     return 0

@@ -28,7 +28,7 @@ class Saturation(Effect):
 
 
 def clip(params: Array, samples: Array, state: Array, tick: int, dt: float, torque: Array, before: Array) -> float:  # noqa: ARG001
-    """Clip `torque` to the limit."""
+    """Clip each motor's `torque` (N,), N m (N for the point mass), to ± the limit, `params` (1,)."""
     for i in range(torque.shape[0]):
         torque[i] = min(max(torque[i], -params[0]), params[0])
     return 0.0

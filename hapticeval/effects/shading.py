@@ -90,9 +90,10 @@ class Shading(Effect):
 
 
 def facets(boundary: Boundary, crease: float) -> Array | None:
-    """Return a row of `COLUMNS` for each edge of a polygon, in order; None where there are none.
+    """Return the edges of a polygon with the normals that are interpolated over each, (n, COLUMNS), in order.
 
-    `crease` is in degrees.
+    Lengths are in m, normals have no unit. None for a boundary that is not made of straight edges. An edge of more than
+    `crease` degrees stays sharp.
     """
     curve = as_curve(boundary)
     if curve is None or not (curve.closed and curve.straight):
@@ -100,11 +101,12 @@ def facets(boundary: Boundary, crease: float) -> Array | None:
     start = curve.pieces[:, 3:5]
     edge = np.roll(start, -1, axis=0) - start
     length = np.hypot(edge[:, 0], edge[:, 1])
-    face = np.column_stack([edge[:, 1], -edge[:, 0]]) / length[:, np.newaxis]
+    face = np.column_stack([edge[:, 1], -edge[:, 0]]) / length[:, np.newaxis]  # outward, of an anticlockwise polygon
     before = np.roll(face, 1, axis=0)
     across = before[:, 0] * face[:, 1] - before[:, 1] * face[:, 0]
     turn = np.degrees(np.arctan2(np.abs(across), np.sum(before * face, axis=1)))
     smooth = (turn <= crease * (1.0 + ROUNDING))[:, np.newaxis]
+    # each facet's first corner is the last of the facet before
     halfway = _unit(before + face)
     first, after = np.where(smooth, halfway, face), np.where(smooth, halfway, before)
     along = np.asarray(curve.pieces[:, 1] - curve.pieces[0, 1])
@@ -112,10 +114,11 @@ def facets(boundary: Boundary, crease: float) -> Array | None:
 
 
 def mesh_corners(mesh: Mesh, crease: float) -> Array:
-    """Return a row of `shading_kernels.COLUMNS` for each triangle of a mesh; `crease` is in degrees.
+    """Return the shaded unit normals at the corners of each triangle of a mesh, and whether its edges are smooth.
 
-    Corners at one vertex share a normal where smooth edges join their triangles: the mean of these triangles' normals
-    by their angles there, which no cutting of a face into triangles changes.
+    (n, 12) for n triangles, columns as in `shading_kernels`; no unit. Corners at one vertex share a normal where smooth
+    edges, of up to `crease` degrees, join their triangles: the mean of these triangles' normals by their angles there,
+    which no cutting of a face into triangles changes.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -126,6 +129,7 @@ def mesh_corners(mesh: Mesh, crease: float) -> Array:
     smooth = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) <= crease * (1.0 + ROUNDING)
     triangle, edge = np.nonzero(smooth)
     neighbour = neighbours[triangle, edge]
+    # corners (3 triangle + corner) that share a normal: of two triangles at a smooth edge, at either end of it
     corner_pairs = []
     for corner in (edge, (edge + 1) % 3):
         same_corner = np.argmax(triangles[neighbour] == triangles[triangle, corner][:, np.newaxis], axis=1)
@@ -133,6 +137,7 @@ def mesh_corners(mesh: Mesh, crease: float) -> Array:
     rows, columns = np.concatenate(corner_pairs).T
     graph = coo_array((np.ones(rows.size), (rows, columns)), shape=(3 * count, 3 * count))
     group_count, group = connected_components(graph, directed=False)
+    # a group of corners is a normal: the sum of its triangles' normals by their angles (rad) there
     sides = mesh.vertices[np.roll(triangles, -1, axis=1)] - mesh.vertices[triangles]
     sides_back = -np.roll(sides, 1, axis=1)
     angle = np.arctan2(np.linalg.norm(np.cross(sides, sides_back), axis=2), np.sum(sides * sides_back, axis=2))
@@ -149,7 +154,10 @@ class Normals(NamedTuple):
 
 
 def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayLike) -> Normals:
-    """Return the normals at IHIPs (n, N), m, of HIPs (n, N), m, as `shade` has them; both the same without facets."""
+    """Return from which normal to which a force is turned at IHIPs (n, N), m, of HIPs (n, N), m, as `shade` does it.
+
+    `crease` is in degrees. Both are the same on a boundary without facets.
+    """
     ihips, hips = (np.array(points, dtype=np.float64, order="C") for points in (ihips, hips))
     if isinstance(boundary, Mesh):
         return _on_mesh(boundary, crease, ihips, hips)
@@ -162,15 +170,17 @@ def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayL
     from_start = arc_length - facet[:, START]
     share = (from_start / facet[:, LENGTH])[:, np.newaxis]
     own, first, last = facet[:, FACE:FIRST], facet[:, FIRST:LAST], facet[:, LAST:]
-    shaded = _unit((1.0 - share) * first + share * last)
+    shaded = _unit((1.0 - share) * first + share * last)  # (4.15), renormalised
     tolerance = AT_VERTEX * curve.length
     begins, ends = from_start <= tolerance, facet[:, LENGTH] - from_start <= tolerance
+    # at a corner the own normal is along the error IHIP - HIP: anywhere between the normals of both facets
     corner = np.where(begins[:, np.newaxis], first, last)
     error = ihips - hips
     error_length = np.hypot(error[:, 0], error[:, 1])
     at_corner = (begins | ends) & (error_length > 0.0)
     with np.errstate(invalid="ignore"):
         error_direction = np.where(at_corner[:, np.newaxis], error / error_length[:, np.newaxis], own)
+    # at a sharp one it is not turned
     sharp = at_corner & np.all(corner == own, axis=1)
     return Normals(error_direction, np.where(sharp[:, np.newaxis], error_direction, shaded))
 
@@ -189,7 +199,10 @@ def _on_mesh(mesh: Mesh, crease: float, ihips: Array, hips: Array) -> Normals:
 
 
 def turned(forces: Array, normals: Normals) -> Array:
-    """Return vectors (n, N), turned as each own normal is turned on to the shaded one."""
+    """Return forces (n, N), N, turned as each own normal is turned on to the shaded one, in the plane of both.
+
+    With o and s the two unit normals: F - F.(o + s) / (1 + o.s) (o + s) + 2 (F.o) s. Any vector may stand for a force.
+    """
     own, shaded = normals
     normals_sum = own + shaded
     force_on_own = np.sum(forces * own, axis=1)
@@ -204,7 +217,11 @@ def _unit(vectors: Array) -> Array:
 def shade(
     numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:  # fmt: skip
-    """Turn `force`, see `Shading`: `normals_at` and `turned` for one answer."""
+    """Turn `force` (2,), N, by as much as its shaded normal is turned: `normals_at` and `turned` for one answer.
+
+    The signature is that of `Effect.change`: `hip` and `ihip` (2,), m. `numbers.params` (1,) is the rounding of the arc
+    length, m; `numbers.samples` (n, COLUMNS) are the `facets`. Returns 0: it refuses nothing.
+    """
     if force[0] == 0.0 and force[1] == 0.0:
         return 0
     tolerance, frame, table = numbers.params[0], numbers.state, numbers.samples
@@ -213,6 +230,7 @@ def shade(
     k = max(np.searchsorted(table[:, START], arc_length, side="right") - 1, 0)
     from_start = arc_length - table[k, START]
     share = from_start / table[k, LENGTH]
+    # (4.15) between the facet's corners, renormalised
     x = (1.0 - share) * table[k, FIRST] + share * table[k, LAST]
     y = (1.0 - share) * table[k, FIRST + 1] + share * table[k, LAST + 1]
     size = math.hypot(x, y)
@@ -229,6 +247,7 @@ def shade(
         if size > 0.0:
             own_x, own_y = error_x / size, error_y / size
     force_on_own = force[0] * own_x + force[1] * own_y
+    # the rotation that turns the own normal on to the shaded one, see `turned`
     sum_x, sum_y = own_x + x, own_y + y
     share = (force[0] * sum_x + force[1] * sum_y) / (1.0 + own_x * x + own_y * y)
     force[0] += 2.0 * force_on_own * x - share * sum_x

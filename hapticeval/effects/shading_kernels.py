@@ -22,13 +22,15 @@ ON_EDGE = 1e-10
 
 @borrowing
 def lean(faces: Array, vertices: Array, table: Array, k: int, ihip: Array, hip: Array, frame: Array) -> None:
-    """Write the rows `OWN` and `SHADED` of a frame whose foot is that of the IHIP, on triangle k.
+    """Write the normal that a force is turned from and the one that it is turned to, at a point of triangle k.
 
-    `table` is that of `shading.mesh_corners`. On a smooth edge the tool rests on both faces, and the own normal is the
-    direction from the hand to it, as in a notch in the plane.
+    They are the rows `OWN` and `SHADED` of `frame` (ROWS, 3), whose row FOOT is the point; `ihip` and `hip` (3,), m,
+    are the answer's. `faces` (t, c) and `vertices` (m, 3), m, are a mesh's tables, and `table` (t, COLUMNS) that of
+    `shading.mesh_corners`. On a smooth edge the tool rests on both faces, and the own normal is the direction from the
+    hand to it, as in a notch in the plane.
     """
-    touched_edge, length, normal = -1, 0.0, faces[k, NORMAL : NORMAL + 3]
-    double_area = 0.0
+    touched_edge, length_squared, normal = -1, 0.0, faces[k, NORMAL : NORMAL + 3]
+    double_area = 0.0  # twice the triangle's area, m^2: n.((b - a) x (c - a))
     for axis in range(3):
         frame[OWN, axis], frame[SHADED, axis] = normal[axis], 0.0
         y, z = (axis + 1) % 3, (axis + 2) % 3
@@ -39,6 +41,7 @@ def lean(faces: Array, vertices: Array, table: Array, k: int, ihip: Array, hip: 
         )
     for i in range(3):
         next_corner, last_corner = int(faces[k, CORNER + (i + 1) % 3]), int(faces[k, CORNER + (i + 2) % 3])
+        # barycentric share of corner i: the area of the triangle of the foot and the two other corners
         area_share = 0.0
         for axis in range(3):
             y, z = (axis + 1) % 3, (axis + 2) % 3
@@ -48,12 +51,14 @@ def lean(faces: Array, vertices: Array, table: Array, k: int, ihip: Array, hip: 
             )
         area_share = max(area_share / double_area, 0.0)
         for axis in range(3):
-            frame[SHADED, axis] += area_share * table[k, 3 * i + axis]
+            frame[SHADED, axis] += area_share * table[k, 3 * i + axis]  # (4.15)
+        # on the edge across from corner i, which starts at corner i + 1
         if area_share <= ON_EDGE and table[k, SMOOTH + (i + 1) % 3] == 1.0:
             touched_edge = i
+    # a mean of unit normals is shorter than one: without this the force would shrink
     for i in range(3):
-        length += frame[SHADED, i] ** 2
-    length = math.sqrt(length)
+        length_squared += frame[SHADED, i] ** 2
+    length = math.sqrt(length_squared)
     for i in range(3):
         frame[SHADED, i] /= length
     if touched_edge >= 0:
@@ -66,11 +71,15 @@ def lean(faces: Array, vertices: Array, table: Array, k: int, ihip: Array, hip: 
 def shade_mesh(
     numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:  # fmt: skip
-    """Turn `force` on a mesh, see `shading.Shading`: code of its closest point keeps the triangle in `data.state`."""
+    """Turn `force` (3,), N, on a mesh by as much as its shaded normal is turned: see `shading.Shading`.
+
+    The signature is that of `Effect.change`: `hip` and `ihip` (3,), m. Returns 0: it refuses nothing.
+    """
     if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
         return 0
     frame, data = numbers.state, closest.data
     closest.function(data, ihip, frame)
+    # the code of the closest point keeps the triangle that it found in its state
     lean(data.segments, data.vertices, numbers.samples, int(data.state[0]), ihip, hip, frame)
     force_on_own, force_on_sum, cosine = 0.0, 0.0, 0.0
     for i in range(3):
@@ -78,6 +87,7 @@ def shade_mesh(
         force_on_sum += force[i] * (frame[OWN, i] + frame[SHADED, i])
         cosine += frame[OWN, i] * frame[SHADED, i]
     force_on_sum /= 1.0 + cosine
+    # the rotation that turns own on to shaded in their plane: F - F.(o + s) / (1 + o.s) (o + s) + 2 (F.o) s
     for i in range(3):
         force[i] += 2.0 * force_on_own * frame[SHADED, i] - force_on_sum * (frame[OWN, i] + frame[SHADED, i])
     return 0

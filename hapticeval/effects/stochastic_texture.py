@@ -58,7 +58,7 @@ class StochasticTexture(Effect):
             )
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or not 0 <= self.seed < SEEDS:
             raise InputError(f"a {self.kind} with seed = {self.seed!r}", why=f"it is a whole number below {SEEDS}")
-        _ = self.model
+        _ = self.model  # raises for an unknown name now, not in the middle of a run
 
     @classmethod
     def read(cls, numbers: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
@@ -116,7 +116,7 @@ class StochasticTexture(Effect):
         ], dtype=np.float64)  # fmt: skip
         rows = kernels.BEFORE + max(len(first.ar), len(first.ma), 1) + kernels.LONGEST_WORK
         state = np.zeros((rows, scene.model.dimension))
-        state[kernels.SMOOTH, 0] = -1.0
+        state[kernels.SMOOTH, 0] = -1.0  # below zero: no contact yet
         return Part(kernels.vibrate, params, model.rows(), state)
 
     def active(self, damping: float) -> str | None:  # noqa: ARG002 - as every effect

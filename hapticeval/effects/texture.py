@@ -89,7 +89,7 @@ class Texture(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             return np.zeros((1, 3), dtype=np.int64)
 
     def places(self) -> Array:
-        """Return the speeds (m/s) and forces (N) of the filters, (m, 2)."""
+        """Return the speeds (m/s) and normal forces (N) that the filters were measured at, (m, 2)."""
         return np.array([(filter_.speed, filter_.force) for filter_ in self.filters], dtype=np.float64)
 
     def scale(self) -> Array:
@@ -135,6 +135,7 @@ class Texture(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         for k, triangle in enumerate(corners):
             row = rows[count + k]
             row[:3] = triangle
+            # the affine functions that are 1 at one corner of the triangle and 0 at the two others
             # Share i of a point is rows[3 + 3 i] + rows[4 + 3 i] speed + rows[5 + 3 i] force; the third is the rest.
             inverse = np.linalg.inv(np.column_stack([np.ones(3), scaled[triangle]])).T
             for i in range(2):
@@ -170,7 +171,10 @@ def _check(filter_: Filter, first: Filter) -> None:
 
 
 def power_spectrum(filter_: Filter, rate: float, frequencies: Array) -> Array:
-    """Return the one-sided power spectral density (k,), (m/s^2)^2/Hz, of a filter at frequencies (k,), Hz."""
+    """Return how a filter's vibrations are spread over frequencies (k,), Hz, at its sampling `rate` (Hz).
+
+    That is the one-sided power spectral density (k,), (m/s^2)^2/Hz: 2 / rate gain^2 variance |B|^2 / |A|^2.
+    """
     unit_delay = np.exp(-2j * np.pi * frequencies / rate)
     numerator, denominator = (
         np.abs(np.polynomial.polynomial.polyval(unit_delay, np.concatenate([[1.0], coefficients_of(spectrum)]))) ** 2
@@ -180,8 +184,12 @@ def power_spectrum(filter_: Filter, rate: float, frequencies: Array) -> Array:
 
 
 def autocovariance(filter_: Filter, count: int) -> Array:
-    """Return the covariance (count,), (m/s^2)^2, of a filter's vibrations with themselves 0, 1, ... samples later."""
+    """Return the covariance (count,), (m/s^2)^2, of a filter's vibrations with themselves 0, 1, ... samples later.
+
+    It is the inverse Fourier transform of the power spectrum (Wiener and Khinchin).
+    """
     fft_length = 16 * max(count, 4096)
+    # sampled finely, so that what wraps round is the covariance of some 60,000 samples apart or more
     half = power_spectrum(filter_, 1.0, np.arange(fft_length // 2 + 1) / fft_length)
     return np.asarray(np.fft.irfft(0.5 * half, fft_length)[:count])
 

@@ -27,6 +27,7 @@ vibrations in column 0, excitations in column 1, and behind them the scratch of 
 HALF = 0xFFFF
 WORD = 0xFFFFFFFF
 MULTIPLIER, WEYL, ROUNDS = 0xD256D193, 0x9E3779B9, 10
+"""Of philox2x32-10: the masks of half a word and of a word, its multiplier, what the key grows by, and its rounds."""
 
 LONGEST_WORK = 36
 """Rows of scratch: more than the largest order and two."""
@@ -46,6 +47,7 @@ ON_TIME = 1e-6
 def philox(low: int, high: int, key: int) -> tuple[int, int]:
     """Return two random 32-bit words of a counter of two words and a key: philox2x32-10 of Salmon et al. (2011)."""
     for _ in range(ROUNDS):
+        # 32 by 32 bits into 64, by halves: no product overflows a signed integer of 64 bits
         product_low, product_high = MULTIPLIER * (low & HALF), MULTIPLIER * (low >> 16)
         product = (((product_high & HALF) << 16) + product_low) & WORD
         low, high = ((product_high + (product_low >> 16)) >> 16) ^ key ^ high, product
@@ -62,25 +64,29 @@ def normal_noise(number: int, seed: int) -> float:
 
 @borrowing
 def look_up(rows: Array, count: int, speed: float, force: float, guess: int) -> tuple[int, float, float, float]:
-    """Return the triangle that holds a speed and force, looked for from `guess` on, and its corners' shares.
+    """Return which filters are mixed at a speed (m/s) and force (N): a triangle of them, and its corners' shares.
 
-    Outside of all of them the nearest point of their hull stands for it.
+    `rows` (n, k) are the `count` filters and then the triangles of `Texture.rows`; the search begins at the
+    triangle `guess`. Outside of all triangles the nearest point of their hull stands for the speed and force.
     """
     triangles = rows.shape[0] - count
     for step in range(triangles):
         k = (guess + step) % triangles
         row = count + k
+        # barycentric shares, linear in speed and force
         one = rows[row, SHARES] + rows[row, SHARES + 1] * speed + rows[row, SHARES + 2] * force
         two = rows[row, SHARES + 3] + rows[row, SHARES + 4] * speed + rows[row, SHARES + 5] * force
         three = 1.0 - one - two
         if one >= INSIDE and two >= INSIDE and three >= INSIDE:
             return k, one, two, three
+    # outside: the nearest point of all sides of the hull, in speeds and forces as shares of the largest
     nearest_squared, nearest_triangle, nearest_side, nearest_share = math.inf, 0, 0, 0.0
     for k in range(triangles):
         row = count + k
         for i in range(3):
             if rows[row, HULL + i] == 0.0:
                 continue
+            # side i is across from corner i, from filter a to filter b
             a, b = int(rows[row, (i + 1) % 3]), int(rows[row, (i + 2) % 3])
             x, y = speed / rows[row, SCALE], force / rows[row, SCALE + 1]
             ax, ay = rows[a, SPEED] / rows[row, SCALE], rows[a, PRESS] / rows[row, SCALE + 1]
@@ -89,6 +95,7 @@ def look_up(rows: Array, count: int, speed: float, force: float, guess: int) -> 
             distance_squared = (x - ax - along * bx) ** 2 + (y - ay - along * by) ** 2
             if distance_squared < nearest_squared:
                 nearest_squared, nearest_triangle, nearest_side, nearest_share = distance_squared, k, i, along
+    # the shares of that point: zero for the corner across, `nearest_share` for the side's second end
     first = 1.0 - nearest_share if nearest_side == 2 else (nearest_share if nearest_side == 1 else 0.0)
     second = 1.0 - nearest_share if nearest_side == 0 else (nearest_share if nearest_side == 2 else 0.0)
     return nearest_triangle, first, second, 1.0 - first - second
@@ -98,7 +105,11 @@ def look_up(rows: Array, count: int, speed: float, force: float, guess: int) -> 
 def weighted(
     rows: Array, count: int, location: tuple[int, float, float, float], column: int
 ) -> float:  # fmt: skip
-    """Return the mean of a column of filters over a triangle's corners, by their shares."""
+    """Return the mean of a column of filters over a triangle's corners, by their shares, in the column's unit.
+
+    `rows` (n, k) and `location` are what `look_up` takes and gives; `count` is that of the filters. Units are the columns',
+    such as m/s, N or rad.
+    """
     row = count + location[0]
     total = 0.0
     for i in range(3):
@@ -111,24 +122,27 @@ def weighted(
 def tail(
     rows: Array, count: int, location: tuple[int, float, float, float], first: int, order: int, work: Array, column: int
 ) -> float:  # fmt: skip
-    """Return a_1 x_1 + ... + a_p x_p for the filter whose frequencies begin in column `first`, of order p.
+    """Return what a filter takes from its past, a_1 x_1 + ... + a_p x_p, m/s^2, at the mean of three filters.
 
-    x_1, ... are in a column of `work`; in its last rows the sums S and D of `line_spectra` are formed. Ascending
-    frequencies make a stable filter, and so does their mean.
+    Its line spectral frequencies (rad) begin in column `first` of `rows` (n, k); p is `order`. x_1, ... are in a
+    `column` of `work` (n, N); in its last rows the sums S and D of `line_spectra` are formed. Ascending frequencies
+    make a stable filter, and so does their mean.
     """
     if order == 0:
         return 0.0
     scratch_row = work.shape[0] - LONGEST_WORK
-    for part in range(2):
+    for part in range(2):  # S of the first, third, ... frequency, then D of the others: `coefficients_of`
         work[scratch_row, part] = 1.0
         degree = 0
         for k in range(part, order, 2):
             middle_coefficient = -2.0 * math.cos(weighted(rows, count, location, first + k))
             work[scratch_row + degree + 1, part], work[scratch_row + degree + 2, part] = 0.0, 0.0
             degree += 2
+            # times 1 - 2 cos(w) z^-1 + z^-2, in place: from the highest power on
             for i in range(degree, 0, -1):
                 before_last = work[scratch_row + i - 2, part] if i > 1 else 0.0
                 work[scratch_row + i, part] += middle_coefficient * work[scratch_row + i - 1, part] + before_last
+        # the zeros at z = 1 or -1 that S and D have beside the frequencies
         if order % 2 == 0:
             sign = 1.0 if part == 0 else -1.0
             work[scratch_row + degree + 1, part] = 0.0
@@ -141,14 +155,18 @@ def tail(
             for i in range(degree, 1, -1):
                 work[scratch_row + i, part] -= work[scratch_row + i - 2, part]
     total = 0.0
-    for i in range(1, order + 1):
+    for i in range(1, order + 1):  # a_i = (S_i + D_i) / 2
         total += 0.5 * (work[scratch_row + i, 0] + work[scratch_row + i, 1]) * work[i - 1, column]
     return total
 
 
 @borrowing
 def sample(params: Array, rows: Array, location: tuple[int, float, float, float], number: int, work: Array) -> float:
-    """Return the next vibration, m/s^2, y = gain (w + b_1 w_1 + ...) - a_1 y_1 - ..., and keep it in `work`."""
+    """Return the next vibration, m/s^2, y = gain (w + b_1 w_1 + ...) - a_1 y_1 - ..., of white noise w.
+
+    `params` (7,) and `rows` (n, k) are the texture's, `location` that of `look_up`, and `number` counts the noise.
+    `work` (n, N) holds the past y in column 0 and w in column 1, and is moved on by one.
+    """
     poles, zeros, count = int(params[POLES]), int(params[ZEROS]), int(params[FILTERS])
     excitation = math.sqrt(max(weighted(rows, count, location, VARIANCE), 0.0)) * normal_noise(
         number, int(params[SEED])
@@ -164,7 +182,11 @@ def sample(params: Array, rows: Array, location: tuple[int, float, float, float]
 def vibrate(
     numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:
-    """Shake an answer as `StochasticTexture` has it: see `Effect.change`."""
+    """Shake the hand with the texture's vibrations times the mass, as `StochasticTexture` has it.
+
+    The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N; what
+    `numbers` holds stands above. Returns 0: it refuses nothing.
+    """
     params, rows, state, count = numbers.params, numbers.samples, numbers.state, hip.shape[0]
     frame, work, direction = state[:2], state[BEFORE:], state[LAST]
     normal_force = 0.0
@@ -181,22 +203,25 @@ def vibrate(
             work[i, 0], work[i, 1] = 0.0, 0.0
         state[KEPT, 1], state[SMOOTH, 0] = 0.0, -1.0
         return 0
-    speed = 0.0
+    speed_squared = 0.0
     for i in range(count):
-        speed += (velocity[i] - velocity_on_normal * frame[NORMAL, i]) ** 2
-    speed = math.sqrt(speed)
+        speed_squared += (velocity[i] - velocity_on_normal * frame[NORMAL, i]) ** 2
+    speed = math.sqrt(speed_squared)  # along the surface, m/s
     if params[WAY] == NORMALLY:
         for i in range(count):
             direction[i] = frame[NORMAL, i]
-    elif speed > 0.0:
+    elif speed > 0.0:  # a hand that rests keeps the direction that it had
         for i in range(count):
             direction[i] = (velocity[i] - velocity_on_normal * frame[NORMAL, i]) / speed
         if params[WAY] == ACROSS:
+            # direction x normal: in the surface, at right angles to the motion
             x, y, z = direction[0], direction[1], direction[2]
             direction[0] = y * frame[NORMAL, 2] - z * frame[NORMAL, 1]
             direction[1] = z * frame[NORMAL, 0] - x * frame[NORMAL, 2]
             direction[2] = x * frame[NORMAL, 1] - y * frame[NORMAL, 0]
+    # in samples of the texture: a tick may be shorter than one, and then holds the last
     state[CLOCK, 0] += dt * params[RATE]
+    # a first-order low-pass at CUTOFF, which a contact begins at its own values
     smoothing = 1.0 if state[SMOOTH, 0] < 0.0 else -math.expm1(-2.0 * math.pi * CUTOFF / params[RATE])
     while state[CLOCK, 0] >= 1.0 - ON_TIME:
         state[SMOOTH, 0] += smoothing * (speed - state[SMOOTH, 0])
@@ -208,7 +233,7 @@ def vibrate(
         state[CLOCK, 1] += 1.0
     push = params[MASS] * state[KEPT, 1]
     if params[WAY] == NORMALLY:
-        push = max(push, -normal_force)
+        push = max(push, -normal_force)  # a surface does not pull
     for i in range(count):
         force[i] += push * direction[i]
     return 0

@@ -33,10 +33,12 @@ SAME = 1e-9
 
 @borrowing
 def meet(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Array, force: Array) -> float:
-    """Return UNKNOWN where there is no contact, FREE in the tick in which one begins, and else TOUCHES.
+    """Return what a transient has to know of a tick: whether a contact begins in it, goes on, or there is none.
 
-    Contact is a force, or a tool apart from a hand that is inside: one that lags behind it in free space is not. When
-    it begins direction, time and speed are written, the speed zero where the hand does not approach.
+    That is FREE in the tick in which one begins, TOUCHES after that, and UNKNOWN without contact. Contact is a force,
+    or a tool apart from a hand that is inside: one that lags behind it in free space is not. `hip` and `ihip` (N,), m,
+    `velocity` (N,), m/s, and `force` (N,), N, are the answer's. When a contact begins direction, time and speed are
+    written to `state` (STATE, N), the speed zero where the hand does not approach.
     """
     touches, lags = False, False
     for i in range(hip.shape[0]):
@@ -52,7 +54,7 @@ def meet(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Arra
         return TOUCHES
     speed = 0.0
     state[CONTACT, 1], state[PULSE, 0] = 0.0, 0.0
-    if previous == FREE:
+    if previous == FREE:  # else the run began in contact, and nobody saw the approach
         closest.function(closest.data, ihip, state[:DIRECTION])
         for i in range(hip.shape[0]):
             state[DIRECTION, i] = state[NORMAL, i]
@@ -63,11 +65,16 @@ def meet(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Arra
 
 @borrowing
 def give(numbers: Numbers, requested: float, dt: float, force: Array) -> None:
-    """Add `asked` (N) and what was held back to `force`, along the direction, up to the cap."""
+    """Add a transient's force to the renderer's, along the direction, and keep for later what is above the cap.
+
+    `requested` (N) is the transient's at this tick of `dt` s, and `force` (N,), N, is changed in place.
+    """
     state, cap = numbers.state, numbers.params[CAP]
     total = requested + state[PULSE, 0] / dt
     given_force = min(max(total, -cap), cap)
-    state[PULSE, 0] = (total - given_force) * dt
+    state[PULSE, 0] = (
+        total - given_force
+    ) * dt  # an impulse, N s: no momentum is lost to the cap  # an impulse, N s: no momentum is lost to the cap
     for i in range(force.shape[0]):
         force[i] += given_force * state[DIRECTION, i]
 
@@ -75,9 +82,11 @@ def give(numbers: Numbers, requested: float, dt: float, force: Array) -> None:
 def strike(
     numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:
-    """Give the impulse (1 + e) m v of (4.21).
+    """Take a collision's momentum out of the device in its first tick: the impulse (1 + c_r) m_n v along n of (4.21).
 
-    Params are the cap, 1 + e, and a point's mass or a parallelogram's constants.
+    The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N.
+    `numbers.params` are the cap (N), 1 + c_r, and a point's mass (kg) or a parallelogram's constants. Returns 1 where
+    the device does not reach, and else 0.
     """
     state, params = numbers.state, numbers.params
     phase = meet(state, closest, hip, velocity, ihip, force)
@@ -85,29 +94,35 @@ def strike(
         return 0
     requested = 0.0
     if phase == FREE and state[PULSE, 1] > 0.0:
+        # m_n = 1 / (n' J M^-1 J' n), kg; (4.21) as printed, without n, would stop the sliding too
         mass = params[2] if params.shape[0] == 3 else linkage_mass(params[2:], hip, state[DIRECTION])
         if not mass > 0.0:
             return 1
-        requested = params[1] * mass * state[PULSE, 1] / dt
+        requested = params[1] * mass * state[PULSE, 1] / dt  # all of it in one tick
     give(numbers, requested, dt, force)
     return 0
 
 
 @borrowing
 def rung(decay: float, omega: float, time: float) -> float:
-    """Return the integral of e^(-Bt) sin(wt), s, up to `time` less that over all time."""
+    """Return the integral of e^(-Bt) sin(wt), s, up to `time` (s), less that over all time; B and w in 1/s."""
     oscillation = decay * math.sin(omega * time) + omega * math.cos(omega * time)
     return -math.exp(-decay * time) * oscillation / (decay * decay + omega * omega)
 
 
 def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
-    """Give the tick's mean of L v e^(-Bt) sin(wt): params are the cap, L, B and w."""
+    """Let the surface ring: add the tick's mean of L v e^(-Bt) sin(wt), t s after the contact began.
+
+    The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N.
+    `numbers.params` (4,) are the cap (N), L (N s/m), B (1/s) and w (rad/s). Returns 0: it refuses nothing.
+    """
     state, params = numbers.state, numbers.params
     if meet(state, closest, hip, velocity, ihip, force) == UNKNOWN:
         return 0
     time, decay, omega = state[CONTACT, 1], params[2], params[3]
     requested = 0.0
     if decay * time < SPENT and state[PULSE, 1] > 0.0:
+        # the mean over the tick, so that the impulse is the integral's whatever the sampling time
         area = rung(decay, omega, time + dt) - rung(decay, omega, time)
         requested = params[1] * state[PULSE, 1] * area / dt
     state[CONTACT, 1] = time + dt
@@ -117,10 +132,13 @@ def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: fl
 
 @borrowing
 def given_until(pulse: Array, step: float, time: float) -> float:
-    """Return the impulse (N s) of samples held for `step` s each, `pulse` row 0, up to `time`; row 1 are their sums."""
+    """Return the impulse (N s) that a pulse has given up to `time` (s) after it began.
+
+    `pulse` (2, n) has its samples, N, each held for `step` s, and their sums before each.
+    """
     whole_samples = int(np.floor(time / step))
     last_sample = pulse.shape[1] - 1
-    if whole_samples >= last_sample:
+    if whole_samples >= last_sample:  # over: the last sample is a zero
         return float(pulse[1, last_sample] * step)
     return float((pulse[1, whole_samples] + (time / step - whole_samples) * pulse[0, whole_samples]) * step)
 
@@ -128,16 +146,19 @@ def given_until(pulse: Array, step: float, time: float) -> float:
 def replay(
     numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:
-    """Give a pulse: params are the cap and its sampling time, samples it, and a zero at the end, over its sums.
+    """Replay a measured pulse from the tick on in which a contact begins: `RecordedImpulse`.
 
-    At that sampling time it is given sample by sample, and at another one by its mean over each tick.
+    At the pulse's own sampling time it is given sample by sample, and at another one by its mean over each tick. The
+    signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N.
+    `numbers.params` (2,) are the cap (N) and the sampling time (s); `numbers.samples` (2, n) the pulse (N) with a zero
+    at its end, and its sums. Returns 0: it refuses nothing.
     """
     state, pulse, step = numbers.state, numbers.samples, numbers.params[1]
     if meet(state, closest, hip, velocity, ihip, force) == UNKNOWN:
         return 0
     time = state[CONTACT, 1]
     requested = 0.0
-    if state[PULSE, 1] > 0.0:
+    if state[PULSE, 1] > 0.0:  # a hand that approaches, at whatever speed
         tick = int(np.rint(time / step))
         if abs(dt - step) <= SAME * step and abs(time - tick * step) <= SAME * (time + step):
             requested = pulse[0, min(tick, pulse.shape[1] - 1)]

@@ -41,9 +41,12 @@ class VelocityFilter(Effect):
 
 
 def difference(params: Array, samples: Array, state: Array, tick: int, dt: float, joints: Array, rates: Array) -> float:  # noqa: ARG001
-    """Replace `rates` by the filtered difference of `joints`."""
+    """Replace joint `rates` (N,), rad/s or m/s, by the low-passed difference of joint positions (N,), rad or m.
+
+    `params` (1,) is the low-pass's share of a new value; `state` (2, N) the positions and rates of the last sample.
+    """
     for i in range(joints.shape[0]):
-        if tick > 0:
+        if tick > 0:  # there is no difference at the first sample: it keeps the true rate
             rates[i] = state[1, i] + params[0] * ((joints[i] - state[0, i]) / dt - state[1, i])
         state[0, i], state[1, i] = joints[i], rates[i]
     return 0.0

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.compiled import Closest, Numbers
 
 
 @dataclass(frozen=True)
@@ -36,8 +40,15 @@ class ViscousFriction(Effect):
         )
 
 
-def brake(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: Any, force: Any) -> int:  # noqa: ARG001 - an effect's
-    """Add -b v_t to the force where there is contact: see `Effect.change`. `params` are b, and whether always is."""
+def brake(
+    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """Add -b v_t to the force where there is contact, with v_t the part of the hand's velocity along the surface.
+
+    The signature is that of `Effect.change`: `velocity` (N,), m/s, `ihip` (N,), m, `force` (N,), N. `numbers.params`
+    (2,) are b (N s/m), and 1 where the surface is bilateral, so that there is contact always; `numbers.state` (2, N)
+    takes place (m) and outward unit normal of the IHIP.
+    """
     touching = numbers.params[1] == 1.0
     for i in range(hip.shape[0]):
         touching = touching or force[i] != 0.0
