@@ -40,9 +40,9 @@ KINDS = {
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Wherever the renderer gives no contact, follow the hand with a rigid tool from the renderer's own last IHIP."""
     base = runs.base
-    haunts = _find_force_in_free_space(base, scene)
-    if haunts is not None:
-        return haunts
+    pushed_in_free_space = _find_force_in_free_space(base, scene)
+    if pushed_in_free_space is not None:
+        return pushed_in_free_space
     if lacks_ihip(base, scene):
         return without_ihip(base)
     steps, size = hip_steps(base), scene.model.size
@@ -51,10 +51,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # How far the HIP has moved in the last three ticks: (n,), m.
     along = np.concatenate([[0.0], np.cumsum(steps)])
     moved = along - along[np.maximum(np.arange(along.size) - LAG_TICKS, 0)]
+    # A late tool is where the hand was up to three ticks ago; the rest is where the surface may lie.
     allowed = moved + (across + grain)
-    trails = _find_trailing_tool(base, scene, allowed)
-    if trails is not None:
-        return trails
+    trailing_tool = _find_trailing_tool(base, scene, allowed)
+    if trailing_tool is not None:
+        return trailing_tool
     contact = touching(base, scene)
     # An edge may lie off along the surface as well, by what the renderer's resolution leaves.
     reach = moved + (across + resolution(base, scene)) + grain
@@ -67,13 +68,20 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if gap[worst] <= bound:
         message = "the tool is in contact wherever the model bars its way to the hand"
         return Finding(Outcome.PASS, message, metric, bound, evidence_at(base, worst))
+    # Rows in which the hand is past the surface by more than that.
     without_contact = gap > allowed
-    took = np.diff(base.time, append=base.time[-1] + base.dt)
+    durations = np.diff(base.time, append=base.time[-1] + base.dt)
     depth = -scene.model.boundary.signed_distance(base.hip)
     first = int(since[worst])
-    had = first > 0 and bool(contact[first - 1])
-    kind = "tunnelled" if np.all(depth[without_contact] <= allowed[without_contact]) else "let go" if had else "not met"
-    ticks, seconds = int(without_contact.sum()), float(took[without_contact].sum())
+    had_contact = first > 0 and bool(contact[first - 1])
+    kind = (
+        "tunnelled"
+        if np.all(depth[without_contact] <= allowed[without_contact])
+        else "let go"
+        if had_contact
+        else "not met"
+    )
+    ticks, seconds = int(without_contact.sum()), float(durations[without_contact].sum())
     evidence: dict[str, object] = {
         **evidence_at(base, first),
         "kind": kind,
@@ -84,7 +92,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "lost_s": seconds,
         "times_lost": int(np.unique(since[without_contact]).size),
     }
-    if had:
+    if had_contact:
         evidence["last_ihip"] = listed(base.ihip[first - 1])
     message = (
         f"{KINDS[kind]} at t = {base.time[first]:.4g} s, HIP {mm(*base.hip[first])}: without contact for "
@@ -100,18 +108,18 @@ def across_allowed(base: Recording, scene: Scene) -> float:
     By what it declares: its standoff, or where it declares a resolution only, that.
     """
     digits = 0.0
+    # A log gives its positions in steps; a simulation in doubles.
     if base.meta.get("source") not in SIMULATED:
         digits = float(np.linalg.norm([quantization_step(column) for column in (*base.hip.T, *base.ihip.T)]))
     return (believed_standoff(base, scene) or resolution(base, scene)) + rounding(scene) + digits
 
 
 def _find_force_in_free_space(base: Recording, scene: Scene) -> Finding | None:
-    """Return a failure where a hand in free space feels a force, of a renderer that gives a contact point elsewhere.
+    """Return a failure where a hand in free space feels a force; None where none does, or nobody can know.
 
-    Or of one that declares that it gives none.
-
-    Its IHIP is the HIP, so that no solid is between them, and the HIP is outside, both for three ticks either way: past
-    a corner the HIP may be outside long before the contact ends, and the force may come late.
+    It is asked of a renderer that gives a contact point elsewhere, or declares that it gives none. The IHIP is the HIP,
+    so that no solid is between them, and the HIP is outside, both for three ticks either way: past a corner the HIP may
+    be outside long before the contact ends, and the force may come late.
     """
     if "force" not in base.channels or not (base.apart.any() or declares_force_only(base)):
         return None
@@ -119,6 +127,7 @@ def _find_force_in_free_space(base: Recording, scene: Scene) -> Finding | None:
     if not pushed.any():
         return None
     outside = scene.model.boundary.signed_distance(base.hip) > across_allowed(base, scene)
+    # All of seven ticks; before and after the recording nothing contradicts.
     around = np.pad(outside & ~base.apart, LAG_TICKS, constant_values=True)
     pushed &= np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).all(axis=1)
     if not pushed.any():
@@ -136,8 +145,12 @@ def _find_force_in_free_space(base: Recording, scene: Scene) -> Finding | None:
 
 
 def _find_trailing_tool(base: Recording, scene: Scene, allowed: Array) -> Finding | None:
-    """Return a failure where the tool does not follow the hand in free space: it could then meet no surface in time."""
+    """Return a failure where the tool does not follow the hand in free space: it could then meet no surface in time.
+
+    `allowed` (n,), m, is how far the IHIP may be from the HIP there.
+    """
     off = np.where(trailing(base, scene), np.linalg.norm(base.hip - base.ihip, axis=1), 0.0)
+    # A late IHIP rests for up to three ticks where the contact was.
     off[_rests_where_contact_ended(base, scene, allowed)] = 0.0
     worst = int(np.argmax(off - allowed))
     if off[worst] <= allowed[worst]:
@@ -158,12 +171,13 @@ def _find_trailing_tool(base: Recording, scene: Scene, allowed: Array) -> Findin
 
 
 def _rests_where_contact_ended(base: Recording, scene: Scene, allowed: Array) -> BoolArray:
-    """Where the IHIP is still where the contact has ended, (n,): for three ticks, as a late one is, however far off.
+    """Return where the IHIP is still where the contact has ended, (n,): for three ticks, as a late one is.
 
     It is no farther from the last contact point than the hand has moved, and what a surface may be off.
     """
     contact = touching(base, scene)
     rows = np.arange(len(base))
+    # The last row in contact before each, -1 before the first.
     last = np.maximum.accumulate(np.where(contact, rows, -1))
     near = np.linalg.norm(base.ihip - base.ihip[np.maximum(last, 0)], axis=1) <= allowed
     return np.asarray((last >= 0) & (rows - last <= LAG_TICKS) & near)
@@ -174,13 +188,14 @@ def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array 
 
     From `tool` (N,), outside or on the surface, it flies straight to `hand` (N,). A surface that bars its way holds it:
     there it slides downhill in distance to the hand, until it rests at a local minimum or its way is open. It is placed
-    to `quantization_step` (m): neither a notch nor a plate thinner than that is seen.
+    to `grain` (m): neither a notch nor a plate thinner than that is seen.
     """
     rests = False
     for _ in range(MOST_FLIGHTS):
         barred = boundary.first_crossing(tool, hand, grain=grain)
         if barred is None:
             return None
+        # Barred where it rests already: a local minimum of the distance to the hand.
         if rests and distance_between(barred, tool) <= grain:
             break
         tool, rests = boundary.descend(barred, hand, step=grain), True
@@ -190,10 +205,11 @@ def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array 
 def _distances_past_surface(
     base: Recording, contact: BoolArray, boundary: Boundary, grain: float, allowed: Array, reach: Array
 ) -> tuple[Array, IntArray]:
-    """Return how far the HIP is from where a rigid tool is held in each tick without contact, 0 where free: (n,), m.
+    """Return how far the HIP is past the surface that holds a rigid tool, in each tick without contact: (n,), m.
 
-    And the tick since which it is held so: (n,). The rigid tool starts where the renderer's was: at its last IHIP in
-    contact, or with the hand in free space.
+    It is 0 where the tool is free. The second result, (n,), is the tick since which it is held. The rigid tool starts
+    where the renderer's was: at its last IHIP in contact, or with the hand in free space. Farther than
+    `allowed` (n,), m, it counts as held only where neither a place nor a start within `reach` (n,), m, has an open way.
     """
     hip, steps = base.hip, hip_steps(base)
     frame = boundary.closest_point(hip)
@@ -203,14 +219,17 @@ def _distances_past_surface(
     gap, since = np.zeros(len(base)), np.zeros(len(base), dtype=np.int64)
     tool: Array | None = None
     first = 0
+    # In contact the renderer's own tool counts; only without it the rigid one is led on.
     for tick in np.flatnonzero(~contact).tolist():
         released = tick > 0 and bool(contact[tick - 1])
         if released:
             tool = None
+        # Free, and the way from the last HIP clear of the solid: there is nothing to be held by.
         elif tool is None and clear[tick]:
             continue
         if tool is None:
             first = tick
+            # A recording may begin inside: there the tool starts at the foot of the first HIP.
             start = base.ihip[tick - 1] if released else hip[tick - 1] if tick else frame.foot[0]
         else:
             start = tool

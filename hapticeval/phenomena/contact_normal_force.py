@@ -46,10 +46,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if "ihip" not in base.channels:
         return _without_ihip(base, scene, strong)
     declared, near = resolution(base, scene), _normal_reach(base, scene)[strong]
+    # Around the IHIP every normal within its lag and the declared resolution is a true one.
     off = scene.model.boundary.normal_cone(base.ihip[strong], near + declared)
     rounded = _rounding_angle(base, scene, strong)
     lag = _ihip_lag(base, scene, strong, off, rounded)
     deviation = _force_deviation(base, scene, strong, off, lag)
+    # What rounding leaves, and what a lag leaves of a path that bends.
     allowed = rounded + _bend_angle(base, strong, lag)
     worst = int(np.argmax(deviation - allowed))
     angle, bound = math.degrees(float(deviation[worst])), math.degrees(float(allowed[worst]))
@@ -63,7 +65,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if angle > bound:
         size = float(np.linalg.norm(base.force[tick]))
         evidence["force_N"] = size
+        # The part of the force, N, that no normal explains.
         aside = size * math.sin(min(float(deviation[worst]), 0.5 * math.pi))
+        # Pulled to the solid: more than a right angle from every outward normal.
         inwards = not scene.bilateral and float(off(base.force[strong])[worst]) > 0.5 * math.pi
         does = "pulls inwards," if inwards else "points"
         late = (
@@ -75,6 +79,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.FAIL, message, metric, bound, evidence)
     granted = ""
     if declared > 0.0:
+        # How far the force would be off without the declared resolution: said, though it is granted.
         bare = _force_deviation(base, scene, strong, scene.model.boundary.normal_cone(base.ihip[strong], near), lag)
         needs_resolution = bare - (allowed - _resolution_angle(base, scene, strong))
         neediest = int(np.argmax(needs_resolution))
@@ -117,6 +122,7 @@ def _without_ihip(recording: Recording, scene: Scene, strong: IntArray) -> Findi
     ihip = recording.hip.copy()
     ihip[strong] = scene.model.boundary.closest_point(ihip[strong]).foot
     finding = judge(Runs(replace(recording, channels={**recording.channels, "ihip": ihip})), scene)
+    # The evidence names the point that was assumed, and not an IHIP that nobody recorded.
     evidence = {"nearest" if name == "ihip" else name: value for name, value in finding.evidence.items()}
     assumed = "no IHIP was recorded: judged at the model's point nearest to the HIP"
     if str(recording.meta.get("renderer", "")).partition("+")[0].partition("@")[0] == NEAREST:
@@ -127,7 +133,10 @@ def _without_ihip(recording: Recording, scene: Scene, strong: IntArray) -> Findi
 
 
 def _error_vector_angles(recording: Recording, strong: IntArray, off: Callable[[Array], Array]) -> dict[str, float]:
-    """How far the error vector leans from the normal, degrees: what section 5.1 asks to vanish at shallow depth."""
+    """Return how far the error vector HIP to IHIP leans from the normal, degrees: median and 95th percentile.
+
+    Thesis section 5.1 asks that it vanishes at shallow depth.
+    """
     error = (recording.ihip - recording.hip)[strong]
     deep = np.any(error != 0.0, axis=1)
     if not deep.any():
@@ -140,21 +149,24 @@ def _error_vector_angles(recording: Recording, strong: IntArray, off: Callable[[
 
 
 def _normal_reach(recording: Recording, scene: Scene) -> Array:
-    """How far (n,), m, along the surface the normal of each force may lie from the IHIP of its row.
+    """Return how far (n,), m, along the surface the normal of each force may lie from the IHIP of its row.
 
-    IHIP and force may each be up to three ticks late, so that the force belongs to where the tool was or will be within
-    three ticks: that is three of its own steps around the row, however the projection stretches those of the hand. A
-    rigid tool may get to a corner and back between two samples: its steps are as long as its velocity makes them, as
-    far as its step and the contact's force explain that. Positions in single precision and the declared standoff come
-    to it, that one as declared: in a corner the tool may lie on one face, and so far off the others that hold it.
+    - IHIP and force may each be up to three ticks late, so that the force belongs to where the tool was or will be
+      within three ticks: three of its own steps, however the projection stretches those of the hand.
+    - A rigid tool may get to a corner and back between two samples: its steps are as long as its velocity makes them,
+      as far as its step and the contact's force explain that.
+    - Positions in single precision and the declared standoff come to it, that one as declared: in a corner the tool may
+      lie on one face, and so far off the others that hold it.
     """
     from scipy.ndimage import maximum_filter1d
 
     steps = np.linalg.norm(np.diff(recording.ihip, axis=0, prepend=recording.ihip[:1]), axis=1)
     if "velocity" in recording.channels and np.array_equal(recording.ihip, recording.hip):
+        # x = F dt^2 / m: as far as the contact's force may have thrown the tool in a tick.
         pushed = recording.dt**2 * np.linalg.norm(recording.force, axis=1) / scene.mass
         travel = recording.dt * np.linalg.norm(recording.velocity, axis=1)
         steps = np.maximum(steps, np.minimum(travel, steps + pushed))
+    # The longest step within three ticks either way.
     around = maximum_filter1d(steps, 2 * LAG_TICKS + 1, mode="nearest")
     return np.asarray(LAG_TICKS * around + believed_standoff(recording, scene) + rounding(scene))
 
@@ -162,27 +174,29 @@ def _normal_reach(recording: Recording, scene: Scene) -> Array:
 def _force_deviation(
     recording: Recording, scene: Scene, strong: IntArray, off: Callable[[Array], Array], lag: float | None
 ) -> Array:
-    """Angle (rad) of each force above the floor outside the true normals around its IHIP, from which `off` measures.
+    """Return the angle (n,), rad, of each force above the floor outside of the true normals around its IHIP.
 
-    A force that is a spring from a late IHIP to the present HIP is tilted by the HIP's travel since: what is measured
-    is the spring to the HIP that the IHIP answers.
+    `off` measures it. A spring from a late IHIP to the present HIP is tilted by the HIP's travel since: with a `lag`
+    (ticks) the spring to the HIP that the IHIP answers is measured.
     """
     force = recording.force[strong]
     if lag is not None:
         depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
         strength = np.linalg.norm(force, axis=1)
+        # k = |F| / |e|: the apparent stiffness of each row, as the spring is linear in the error.
         stiffness = np.divide(strength, depth, out=np.zeros_like(depth), where=depth > 0.0)[:, np.newaxis]
+        # F = k (IHIP - HIP) drawn to the HIP of the lag: F + k (HIP_now - HIP_then)
         force = force + stiffness * (recording.hip[strong] - _answered_hips(recording, strong, lag))
     return _angles(force, scene, off)
 
 
 def _angles(vectors: Array, scene: Scene, off: Callable[[Array], Array]) -> Array:
-    """Return the angles that `off` measures; a bilateral constraint also pulls: its normal counts up to its sign."""
+    """Return the angles (n,), rad, that `off` measures of vectors (n, N); up to sign on a bilateral constraint."""
     return np.minimum(off(vectors), off(-vectors)) if scene.bilateral else off(vectors)
 
 
 def _answered_hips(recording: Recording, strong: IntArray, lag: float) -> Array:
-    """Return the HIPs that the IHIPs answer: of `lag` ticks before, and of as many more as the IHIP has rested."""
+    """Return the HIPs (n, N), m, that the IHIPs answer: of `lag` ticks before, and those that it has rested."""
     return delayed(recording.hip, strong - resting_ticks(recording.ihip)[strong], lag)
 
 
@@ -197,12 +211,13 @@ def _ihip_lag(
     asks = np.flatnonzero(
         (_force_deviation(recording, scene, strong, off, None) > rounded) & (depth > force_depth(scene))
     )
+    # The error vector itself leans where a lag is behind it; a force that leans alone has another cause.
     present = _angles(recording.ihip[strong] - recording.hip[strong], scene, off)
     return find_lag(recording, scene).ihip if np.any(present[asks] > rounded[asks]) else None
 
 
 def _bend_angle(recording: Recording, strong: IntArray, lag: float | None) -> Array:
-    """Angle (rad), (n,), that a path which bends between ticks leaves in forces that are `lag` ticks late.
+    """Return the angle (n,), rad, that a path which bends between ticks leaves in forces that are `lag` ticks late.
 
     A way of acceleration a is off its chord by a h^2 / 8 at the most, an eighth of the second difference of its rows:
     so far beside may the HIP have been that the spring was drawn to.
@@ -210,13 +225,14 @@ def _bend_angle(recording: Recording, strong: IntArray, lag: float | None) -> Ar
     if lag is None or lag == 0.0:
         return np.zeros(strong.size)
     bends = np.zeros(len(recording))
+    # a h^2 / 8, the sagitta of a parabola over a tick
     bends[1:-1] = np.linalg.norm(np.diff(recording.hip, n=2, axis=0), axis=1) / 8.0
     largest_bend = np.max([bends[np.maximum(strong - back, 0)] for back in range(LAG_TICKS + 1)], axis=0)
     return _tilt_angle(recording, strong, largest_bend)
 
 
 def _tilt_angle(recording: Recording, strong: IntArray, aside: Array | float) -> Array:
-    """Angle (rad), (n,), by which a spring tilts whose end lies so far `beside`, m; 0 where a force has no depth."""
+    """Return the angle (n,), rad, by which a spring tilts whose end lies `aside` by m; 0 where a force has no depth."""
     depth = _least_depth(recording, strong)
     return np.asarray(np.arcsin(np.minimum(np.divide(aside, depth, out=np.zeros_like(depth), where=depth > 0.0), 1.0)))
 
@@ -224,6 +240,7 @@ def _tilt_angle(recording: Recording, strong: IntArray, aside: Array | float) ->
 def _least_depth(recording: Recording, strong: IntArray) -> Array:
     """Return the least depth (n,), m, of the three ticks that a force may be late; 0 where it has none in any."""
     depths = np.linalg.norm(recording.hip - recording.ihip, axis=1)
+    # A row without a depth does not bound it.
     depths[depths == 0.0] = np.inf
     depth = np.min([depths[np.maximum(strong - lag, 0)] for lag in range(LAG_TICKS + 1)], axis=0)
     depth[np.isinf(depth)] = 0.0
@@ -231,7 +248,7 @@ def _least_depth(recording: Recording, strong: IntArray) -> Array:
 
 
 def _resolution_angle(recording: Recording, scene: Scene, strong: IntArray) -> Array:
-    """Angle (rad), (n,), by which a spring tilts to a point that the declared resolution puts beside the true one.
+    """Return the angle (n,), rad, by which a spring tilts to a point that the declared resolution puts beside.
 
     At most a HIP step beside: what is coarser are facets, in whose contact a spring is normal to the facet, and that is
     a normal within the resolution.
@@ -240,7 +257,7 @@ def _resolution_angle(recording: Recording, scene: Scene, strong: IntArray) -> A
 
 
 def _rounding_angle(recording: Recording, scene: Scene, strong: IntArray) -> Array:
-    """Angle (rad) that the places of numbers leave in each force: of positions, of a logged force, and as declared.
+    """Return the angle (n,), rad, that the rounding of numbers and the declared resolution leave in each force.
 
     Two positions in single precision, of the model's size, are subtracted to give a vector as long as the depth; a
     force that is there without a depth was not built so, and has the rounding of its own components only. Each
@@ -248,6 +265,7 @@ def _rounding_angle(recording: Recording, scene: Scene, strong: IntArray) -> Arr
     """
     depth = _least_depth(recording, strong)
     stretch = np.divide(scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
+    # Rounding of two positions over their difference: SINGLE size / depth.
     angle = (
         ANGLE_ROUNDING
         + SINGLE_ROUNDINGS * SINGLE * np.maximum(stretch, 1.0)
@@ -255,18 +273,18 @@ def _rounding_angle(recording: Recording, scene: Scene, strong: IntArray) -> Arr
     )
     if recording.meta.get("source") not in SIMULATED:
         force = recording.force[strong]
+        # Half a step of quantisation in every component.
         off = 0.5 * float(np.linalg.norm([quantization_step(column) for column in recording.force.T]))
         angle += np.arcsin(np.minimum(off / np.linalg.norm(force, axis=1), 1.0))
     return np.asarray(angle)
 
 
 def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, float] | None:
-    """(force + operator force along the normal, what the momentum allows, operator's push), N; None if not at rest.
+    """Return force less push along the normal, what the momentum allows, and the push, N; None if not at rest.
 
     Over a window of W seconds the mean of all forces is m (v_end - v_start) / W, so a tool whose speed stays below
-    v_max may show up to 2 m v_max / W. At rest means that this is a small part of the operator's push. The last force
-    acts behind the last velocity that is known, and is left out. None too where motors hold back what the renderer
-    asks for.
+    v_max may show up to 2 m v_max / W. At rest means that this is a small part of the operator's push. None too where
+    motors hold back what the renderer asks for.
     """
     if "operator_force" not in recording.channels or scene.bilateral:
         return None
@@ -276,12 +294,15 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     window = slice(len(recording) - count, len(recording))
     ihip, velocity = recording.ihip[window], recording.velocity[window]
     travel = float(np.linalg.norm(np.ptp(ihip, axis=0)))
+    # At one place as well as one can be told: and so with one normal.
     still = LAG_TICKS * hip_step(recording, scene) + standoff(recording, scene)
     if travel > still or not touching(recording, scene)[window].all():
         return None
     normal = scene.model.boundary.closest_point(ihip[-1:]).normal[0]
+    # The last force acts behind the last velocity that is known.
     acting = slice(window.start, window.stop - 1)
     force = float(np.mean(recording.force[acting] @ normal))
+    # The push is positive into the surface.
     push = -float(np.mean(recording.channels["operator_force"][acting] @ normal))
     if _motors_hold_back(recording, scene, acting):
         return None
@@ -290,14 +311,16 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
         # The inertia of a robot differs with the direction: what moves along the surface has a momentum across it too.
         heaviest = heaviest_mass(scene.robot, recording.hip[-1])
         momentum = max(scene.mass, heaviest) * float(np.max(np.linalg.norm(velocity, axis=1)))
+    # 2 m v_max / W, and the rounding of a push in single precision
     allowed = 2.0 * momentum / ((count - 1) * recording.dt) + SINGLE * abs(push)
     if push <= 0.0 or allowed > TELLING_SHARE * push:
         return None
+    # (3.3): F_n = -(n_e . F_o) n_e, so the difference is zero at rest.
     return force - push, allowed, push
 
 
 def _motors_hold_back(recording: Recording, scene: Scene, rows: slice) -> bool:
-    """Whether in some of the rows the motors hold back what the renderer asks for: at their limit, or rubbing."""
+    """Return whether in some of the rows motors hold back what the renderer asks for: at their limit, or rubbing."""
     saturation = scene.effect("saturation")
     limited = saturation is not None and "joint_torque" in recording.channels
     at_limit = limited and bool(np.any(np.abs(recording.channels["joint_torque"][rows]) >= saturation.limit))

@@ -63,9 +63,10 @@ from hapticeval.types import Array
 
 
 def amplification(recording: Recording, scene: Scene) -> float:
-    """The largest ratio of IHIP step to HIP step between two samples in contact: how far a map stretches; 0 if none."""
+    """Return the largest ratio of IHIP step to HIP step in contact: how far a map stretches; 0 without two samples."""
     contact = touching(recording, scene) & ~lingering(recording, scene)
     steps = hip_steps(recording)
+    # Steps next to nothing divide rounding by rounding.
     both = contact[1:] & contact[:-1] & (steps > STILL_STEP_SHARE * np.max(steps, initial=0.0))
     if not both.any():
         return 0.0
@@ -90,18 +91,21 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if astray is not None and (astray.margin or 0.0) < -scene.model.size:
         # Whether it jumps besides is no question, and costs many finer runs.
         return replace(astray, message=f"{astray.message}, farther than the model is large: is its unit the metre?")
+    # Three tests, the stronger the more can be run again: one recording, the whole run, each place of a path.
     if refine is None:
         finding = _judge_fixed(base, scene)
     elif runs.look is not None:
         finding = _judge_closely(runs.look, refine, scene, runs.pieces)
     else:
         finding = _judge_refined(base, lambda factor: as_sensed(refine(factor)), scene)
+    # On the surface, but elsewhere than under the hand.
     astray = astray or find_aside(base, scene)
     if astray is not None:
         if finding.outcome is not Outcome.FAIL:
             return astray
         evidence = {**astray.evidence, **finding.evidence}
         return replace(finding, message=f"{finding.message}; besides, {astray.message}", evidence=evidence)
+    # Deeper inside than this a late answer does not explain a tick without contact.
     depth = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
     let_go_tick = lets_go(base, slice(0, None), depth, scene)
     if finding.outcome is Outcome.FAIL or let_go_tick is None:
@@ -115,15 +119,19 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
     """Return a failure where an IHIP in contact lies off the model, farther than it may; else None.
 
-    A late contact point lies on the surface too, or on a chord of it. Three ticks are granted to what begins a contact
-    and to what ends it: a late tool is where the hand was before, and one that learns of an edge at the next sample has
-    gone on past it. A rigid tool is the HIP, and struck between two samples, flies at one yet.
+    A late contact point lies on the surface too, or on a chord of it. Three ticks are granted
+
+    - to what begins a contact and to what ends it: a late tool is where the hand was before, and one that learns of an
+      edge at the next sample has gone on past it;
+    - to a rigid tool, which is the HIP: struck between two samples, it flies at one yet.
     """
     contact = touching(base, scene) & ~lingering(base, scene)
     # A run that ends in contact does not end the contact.
     around = np.pad(np.pad(contact, (LAG_TICKS, 0)), (0, LAG_TICKS), mode="edge")
+    # In contact in all of the seven ticks around: not where a contact begins or ends.
     settled = np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).all(axis=1)
     settled &= np.any(base.ihip != base.hip, axis=1)
+    # Half a step for a chord over an edge, three steps where a contact begins or ends.
     allowed = np.where(settled, CHORD_STEPS, LAG_TICKS) * recent_steps(base) + across_allowed(base, scene)
     distance = np.zeros(len(base))
     distance[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
@@ -155,7 +163,8 @@ def _ihip_step_to(base: Recording, tick: int) -> float:
 
 
 def _pop_through_message(base: Recording, jump: float, where: str, evidence: dict[str, object]) -> str:
-    """Return the message for a jump that stays, m, and note in the evidence whether it is mini or major (4.1.2)."""
+    """Return the message for a `jump` (m) that stays; note as evidence whether it is mini or major (section 4.1.2)."""
+    # Mini pop-through: between neighbouring pieces of the renderer's own representation.
     mini = jump <= MINI_JUMP_EDGES * base.resolution
     evidence["severity"] = "mini" if mini else "major"
     what = "mini pop-through" if mini else "pop-through"
@@ -194,11 +203,13 @@ def _judge_refined(
         if factor >= 4 and (jumps[-1] <= bound or slope < JUMP_SLOPE):
             break
     evidence["slope"] = slope
+    # A jump that stays is the finest one; of what shrinks only the limit is left.
     left = jumps[-1] if slope < JUMP_SLOPE or jumps[-1] <= bound else _limit_of_jumps(jumps)
     metric = Metric(CHECK.metric, left, "m")
     where = f"{mm(left)} at t = {base.time[tick]:.4g} s"
     if left > bound:
         message = _pop_through_message(base, left, where, evidence)
+        # Between the two slopes a steep map and a jump beside one look alike.
         if slope < JUMP_SLOPE or slope > SHRINKING_SLOPE:
             return Finding(Outcome.FAIL, message, metric, bound, evidence)
         message = f"steep: the IHIP moves {where} in one step, and refinement does not settle it"
@@ -221,15 +232,18 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
     the least. A run in which the hand takes another way, as in closed loop, may lack the step without a fault.
     """
     allowed = float(step_bounds(base, scene, LAG_TICKS, standoff(base, scene))[tick])
+    # Tick k of the base is row k `factor` of the finer run; begun as much earlier as an answer may be late.
     rows = slice(factor * max(tick - 1 - LAG_TICKS, 0), factor * tick + 1)
     if rows.stop > len(fine):
         return None
+    # In closed loop the finer run may have gone another way: then it shows nothing of this step.
     apart = np.linalg.norm(fine.hip[factor * (tick - 1) : rows.stop : factor] - base.hip[tick - 1 : tick + 1], axis=1)
     if apart.max() > allowed:
         return None
     jump = _ihip_step_to(base, tick)
     if jump > allowed and lets_go(fine, rows, allowed, scene) is not None:
         fine_answer = "it lets go there"
+    # k steps of the finer run, of the largest length, do not add up to the jump.
     elif factor * largest_jump(fine, scene)[0] < jump - allowed:
         fine_answer = "it does not"
     else:
@@ -266,6 +280,7 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
     bound = float(bounds[place.tick])
     if place.kind is Remains.UNRESOLVED:
         return _judge_refined(base, refine, scene, place.tick)
+    # How many times finer than the path's each scale is.
     finer = [2 ** round(scale.halvings) for scale in place.scales]
     evidence = _jump_evidence(base, scene, place.tick) | {
         "jumps_m": [scale.jump for scale in place.scales],
@@ -292,15 +307,17 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
 def _with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: Boundary) -> Array:
     """Return `bounds` (n,), m, raised where a step is one that a tool takes which slides on the given pieces.
 
-    Under a convex edge that turns by b, a hand at depth d makes a tool jump by d sin b from the edge to where the next
-    piece is nearest. The renderer's step may end on the way from its last IHIP to where such a tool gets to, for a hand
-    up to three ticks old: off that way by as much as any step may be long, there and back.
+    Under a convex edge that turns by b, a hand at depth d makes a tool jump by d sin b, from the edge to where the next
+    piece is nearest. The renderer's step may end anywhere on the way from its last IHIP to where such a tool gets to,
+    for a hand up to three ticks old: off that way by as much as any step may be long, there and back.
     """
     steps, raised = contact_steps(base, scene), bounds.copy()
     for tick in np.flatnonzero(steps > bounds):
         before, now = base.ihip[tick - 1], base.ihip[tick]
+        # A late renderer slides to a hand of up to three ticks ago.
         for hip in base.hip[max(int(tick) - LAG_TICKS, 0) : tick + 1]:
             slid = pieces.descend(before, hip, step=DESCENT_SHARE * float(bounds[tick]))
+            # |before now| + |now slid| - |before slid|: 0 on the straight way from the last IHIP to the slid tool.
             detour = steps[tick] + distance_between(now, slid) - distance_between(before, slid)
             if detour <= DETOUR_BOUNDS * bounds[tick]:
                 raised[tick] = steps[tick]
@@ -309,37 +326,44 @@ def _with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: 
 
 
 def _shrinking_slope(jumps: list[float]) -> float:
-    """How fast the jump shrinks with the step: log2 a halving, fitted over all refinements.
+    """Return how fast the jump shrinks with the step: the slope of log2(jump) over halvings, over all refinements.
 
-    Where the samples fall beside a steep place shifts single jumps; over all of them that averages out.
+    0 is a jump that stays, 1 what a Lipschitz map has. Where the samples fall beside a steep place shifts single jumps;
+    over all of them that averages out.
     """
     if min(jumps) <= 0.0:
         return math.inf
     halvings = np.arange(len(jumps))
+    # jump = c h^s with h = 2^-k, so that log2(jump) = log2(c) - s k
     return -float(np.polyfit(halvings, np.log2(jumps), 1)[0])
 
 
 def _limit_of_jumps(jumps: list[float]) -> float:
-    """What is left at infinite refinement, within [0, finest]: nothing, where jump = c r^k fits all to a tenth.
+    """Return what is left of `jumps` (m) at infinite refinement, within [0, finest].
 
-    Else jump = limit + c r^k through the last three (Aitken). The power law comes first, for where the samples fall
-    beside a steep place shifts single jumps, and of three of them Aitken's limit makes a jump.
+    Nothing, where jump = c r^k fits all to a tenth; else jump = limit + c r^k through the last three (Aitken). The
+    power law comes first, for where the samples fall beside a steep place shifts single jumps, and of three of them
+    Aitken's limit makes a jump.
     """
     halvings = np.arange(len(jumps))
     logs = np.log2(jumps)
+    # The scatter about the power law, in log2.
     if float(np.std(logs - np.polyval(np.polyfit(halvings, logs, 1), halvings))) < POWER_LAW_SCATTER:
         return 0.0
     return aitken(*jumps[-3:])
 
 
 def coarsened_slope(recording: Recording, scene: Scene, tick: int) -> float:
-    """How fast the largest IHIP step around `tick` grows with the samples left out: log2 a doubling; 0 is a jump.
+    """Return how fast the largest IHIP step around `tick` grows with the samples left out: log2 a doubling.
+
+    0 is a jump, 1 a smooth way; not a number where contact is too short.
 
     Over the widest window that all steps fit in; steps that leave the contact are none.
     """
     contact = touching(recording, scene)
     widest = COARSENINGS[-1]
     jumps = []
+    # Every sample, every second, every fourth: the step over `width` ticks.
     for width in COARSENINGS:
         starts = np.arange(max(tick - widest, 0), min(tick + widest, len(recording)) - width)
         in_contact = [start for start in starts if contact[start : start + width + 1].all()]
@@ -356,16 +380,20 @@ def coarsened_slope(recording: Recording, scene: Scene, tick: int) -> float:
 def _judge_fixed(base: Recording, scene: Scene) -> Finding:
     """Apply the weaker test, for a recording that cannot be refined: the jump against the HIP step.
 
-    Near a convex surface of curvature kappa, projecting from depth d stretches distances by 1 / (1 - kappa d); where
-    kappa d comes close to 1 a long step may be honest, and one recording cannot decide. Nor can it where the step grows
-    when samples are left out: a jump stays as long as it is, and a steep way does not.
+    Near a convex surface of curvature kappa, projecting from depth d stretches distances by 1 / (1 - kappa d). One
+    recording cannot decide
+
+    - where kappa d comes close to 1: there a long step may be honest;
+    - where the step grows when samples are left out: a jump stays as long as it is, and a steep way does not.
     """
     bounds = step_bounds(base, scene, LAG_TICKS, standoff(base, scene))
     jump, tick = worst_step(base, scene, bounds)
     ends = scene.model.boundary.closest_point(base.ihip[tick - 1 : tick + 1])
+    # kappa d, with the largest curvature at either end of the step
     depth = float(np.linalg.norm(base.hip[tick] - base.ihip[tick]))
     bent = depth * max(0.0, float(np.linalg.eigvalsh(ends.shape).max()))
     on_axis = bent >= MEDIAL_BENDING
+    # A step of the hand of length h moves the nearest point by h / (1 - kappa d).
     stretch = 1.0 if on_axis else 1.0 / (1.0 - bent)
     bound = float(bounds[tick] + (stretch - 1.0) * LAG_TICKS * recent_steps(base)[tick])
     evidence = _jump_evidence(base, scene, tick)

@@ -36,7 +36,7 @@ from hapticeval.types import Array, BoolArray, IntArray
 
 
 class Remains(StrEnum):
-    """What finer steps leave of a jump."""
+    """What finer steps leave of a jump: it stays, is only steep, or cannot be told."""
 
     STAYS = "stays"
     STEEP = "steep"
@@ -74,7 +74,7 @@ class JumpPlace:
 
 
 def contact_steps(recording: Recording, scene: Scene) -> Array:
-    """How far the IHIP moves to each sample from the one before, m, where both are in contact, and else 0: (n,).
+    """Return how far the IHIP moves to each sample from the one before, where both are in contact, else 0: (n,), m.
 
     A contact ends with its contact point, though a late force may linger.
     """
@@ -92,10 +92,13 @@ def recent_steps(recording: Recording) -> Array:
     and one that nears the hand with a time constant of three ticks by e^(-1/3) less in each tick beyond.
     """
     steps = np.concatenate([[0.0], hip_steps(recording)])
+    # The longest of the step and of the three before it.
     window = np.lib.stride_tricks.sliding_window_view(np.pad(steps, (LAG_TICKS, 0)), LAG_TICKS + 1).max(axis=1)
     ticks = np.arange(steps.size) / LAG_TICKS
     with np.errstate(divide="ignore"):
+        # max over j <= i of step_j e^(-(i - j) / 3), as a running maximum in the logarithm
         fading = np.exp(np.maximum.accumulate(np.log(steps) + ticks) - ticks)
+    # A step fades only behind the three ticks in which it counts whole.
     window[LAG_TICKS:] = np.maximum(window[LAG_TICKS:], fading[:-LAG_TICKS])
     return np.asarray(window)
 
@@ -109,18 +112,21 @@ def step_bounds(recording: Recording, scene: Scene, ticks: float, standoff: floa
 
 
 def worst_step(recording: Recording, scene: Scene, bounds: Array) -> tuple[float, int]:
-    """Return the step in contact, m, that is above its bound most, and the tick at its end; the longest if none is.
+    """Return the step in contact that is farthest above its bound of `bounds` (n,), m, and the tick at its end.
+
+    That is the longest step where none is above.
 
     0 where no two samples in a row are in contact.
     """
     steps = contact_steps(recording, scene)
+    # How far above its bound; where there is no step in contact there is nothing to be above.
     above = np.where(steps > 0.0, steps - bounds, -math.inf)
     tick = int(np.argmax(above))
     return (float(steps[tick]), tick) if above[tick] > 0.0 else largest_jump(recording, scene)
 
 
 def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
-    """The largest IHIP step between two samples in contact, m, and the tick at its end (0 if there is none)."""
+    """Return the largest IHIP step between two samples in contact, m, and the tick at its end (0 if there is none)."""
     contact = touching(recording, scene) & ~lingering(recording, scene)
     if not (contact[1:] & contact[:-1]).any():
         return 0.0, 0
@@ -140,7 +146,11 @@ def lets_go(recording: Recording, rows: slice, depth: float, scene: Scene) -> in
 
 
 def aitken(coarse: float, middle: float, fine: float) -> float:
-    """The limit of a sequence that approaches it as c r^k, within [0, fine]; `fine` where it does not approach any."""
+    """Return the limit of a sequence limit + c r^k, within [0, fine]; `fine` where it does not approach any.
+
+    By Aitken's delta-squared process, of three values whose scale halves each time.
+    """
+    # limit = (x0 x2 - x1^2) / (x0 + x2 - 2 x1)
     curvature = coarse + fine - 2.0 * middle
     if curvature <= 0.0:
         return fine
@@ -148,15 +158,16 @@ def aitken(coarse: float, middle: float, fine: float) -> float:
 
 
 def jump_at_rate(factor: int, look: Closer, scene: Scene, tick: int) -> float:
-    """The largest IHIP step, m, of the way by `tick` when all of it is sampled `factor` times as fast."""
+    """Return the largest IHIP step, m, of the way by `tick` when all of it is sampled `factor` times as fast."""
     first, last = max(tick - TICKS_BEFORE_JUMP, 0), min(tick + TICKS_AFTER_JUMP, len(look.recording) - 1)
     return largest_jump(look.closer(first, last, factor, lag=LAG_TICKS).recording, scene)[0]
 
 
 def look_closer(look: Closer, scene: Scene, *, bounds: Array, standoff: float) -> JumpPlace | None:
-    """The first place, largest steps first, that finer steps leave above its bound of `bounds` (n,), m; None if none.
+    """Return the first place, largest steps first, that finer steps leave above its bound of `bounds` (n,), m; or None.
 
-    A place that is steep is the answer only where no other stays or is unresolved.
+    `standoff` (m) is how far the rendered surface may lie off the model. A place that is steep is the answer only where
+    no other stays or is unresolved.
     """
     # What single precision resolves of the whole path's coordinates: those of a place may be as near to 0 as one looks.
     rounded = SINGLE_ROUNDINGS * SINGLE * float(np.max(np.abs(look.recording.hip)))
@@ -178,9 +189,10 @@ def _look_into_stretches(
     before: tuple[Scale, ...],
     tick_of: Callable[[int], int],
 ) -> JumpPlace | None:
-    """What finer steps leave of the steps of `look` above their bounds; `tick_of` gives the base's tick of a row.
+    """Return what finer steps leave of the steps of `look` that are above `bounds` (n,), m; None where nothing is.
 
-    Coordinates are `rounded` to so much, m. In finer steps the bound of a place stays the recording's.
+    It calls itself for each stretch of such steps, with the scales that it has seen `before`. Coordinates are `rounded`
+    to so much, m. `tick_of` gives the base's tick of a row. In finer steps the bound of a place stays the recording's.
     """
     recording = look.recording
     depth = len(before)
@@ -191,6 +203,7 @@ def _look_into_stretches(
     for first, last in _suspect_stretches(steps, bounds, ROWS_OF_A_LOOK // (FEW_PARTS if depth < 2 else MANY_PARTS)):
         worst = first + int(np.argmax((steps - bounds)[first : last + 1]))
         scales = (*before, _measure_scale(recording, scene, steps, worst, before))
+        # The scale says how much finer the next look may be before coordinates are too coarse for it.
         factor = _sub_steps(depth, scales[-1].hip_step, rounded)
         place: JumpPlace | None
         if scales[-1].hip_step == 0.0:
@@ -199,15 +212,18 @@ def _look_into_stretches(
                 Remains.STAYS if depth else Remains.UNRESOLVED, tick_of(worst), scales[-1].jump, 0.0, scales
             )
         elif (
+            # Looked at below single precision often enough, or double precision ends: it is judged by its scales.
             sum(scale.hip_step < rounded for scale in scales) == LOOKS_BELOW_SINGLE
             or scales[-1].hip_step / factor < COARSER_THAN_DOUBLE * rounded
         ):
             place = _judge_scales(scales, tick_of(worst), float(bounds[worst]), rounded)
         else:
+            # Begun early enough for a late proxy to have the state that it had.
             begin = max(first - 1 - LAG_TICKS, 0)
             closer = look.closer(begin, last, factor, lag=LAG_TICKS)
             off = standoff + rounded
             if _leads_the_same_way(recording, closer.recording, scene, steps > bounds, (first, last, begin), off):
+                # The row of the coarse look that ends the step in which each fine row lies.
                 rows = begin - (-np.arange(len(closer.recording)) // factor)
                 within = bounds[np.minimum(rows, last)]
                 place = _look_into_stretches(
@@ -217,6 +233,7 @@ def _look_into_stretches(
                 place = JumpPlace(Remains.UNRESOLVED, tick_of(worst), scales[-1].jump, math.nan, scales)
         if below_single or (place is not None and place.kind is not Remains.STEEP):
             return place  # what is steep about a place has no scales of its own beyond
+        # Kept, and given only where no later stretch stays.
         steep = steep or place
     if below_single:
         worst = int(np.argmax(steps))
@@ -230,26 +247,30 @@ def _parent_tick(tick_of: Callable[[int], int], begin: int, factor: int, row: in
 
 
 def _sub_steps(depth: int, hip_step: float, rounded: float) -> int:
-    """Sub-steps of a step in the next look; no look passes by the finest steps that single precision resolves."""
+    """Return the sub-steps of a step in the next look; none passes by the finest that single precision resolves."""
     if depth < 2:
         return FEW_PARTS
+    # A power of two of sub-steps that ends at the finest step that single precision resolves.
     room = hip_step / rounded
     return MANY_PARTS if room < 2.0 or room > MANY_PARTS else 2 ** int(math.log2(room))
 
 
 def _suspect_stretches(steps: Array, bounds: Array, longest: int) -> Iterator[tuple[int, int]]:
-    """Rows, first and last, of stretches whose steps are above their bounds: the largest step's first.
+    """Yield first and last row of stretches, of at most `longest` rows, whose steps (n,), m, are above their bounds.
 
-    Steps a few ticks apart are one stretch, for a proxy may move in every third tick only.
+    The one with the largest step comes first. Steps a few ticks apart are one stretch, for a proxy may move in every
+    third tick only.
     """
     above = steps > bounds
     high = np.flatnonzero(above)
     gaps = np.flatnonzero(np.diff(high) > 2 * LAG_TICKS) + 1
     pending = [(int(rows[0]), int(rows[-1])) for rows in np.split(high, gaps) if rows.size]
     while pending:
+        # The stretch with the largest step is last, and taken first.
         pending.sort(key=lambda part: float(steps[part[0] : part[1] + 1].max()))
         first, last = pending.pop()
         worst = first + int(np.argmax(steps[first : last + 1]))
+        # So many rows around the worst, within the stretch; what is left on either side waits.
         begin = max(first, min(worst - longest // 2, last + 1 - longest))
         end = min(last, begin + longest - 1)
         yield begin, end
@@ -259,11 +280,14 @@ def _suspect_stretches(steps: Array, bounds: Array, longest: int) -> Iterator[tu
 
 
 def _measure_scale(recording: Recording, scene: Scene, steps: Array, row: int, before: tuple[Scale, ...]) -> Scale:
+    """Measure the jump, the spread and the HIP step (m) around a row whose IHIP steps are `steps` (n,), m."""
     near = slice(max(row - TICKS_AROUND, 0), row + TICKS_AROUND)
+    # The spread is the diameter of the IHIPs in contact around the row.
     points = recording.ihip[near][touching(recording, scene)[near]]
     spread = float(np.max(np.linalg.norm(points[:, np.newaxis] - points[np.newaxis], axis=2), initial=0.0))
     hip_step = float(np.max(np.linalg.norm(np.diff(recording.hip[near], axis=0), axis=1)))
     surroundings = slice(max(row - FOLLOWING_TICKS, 0), row + FOLLOWING_TICKS)
+    # Follows: of the steps in which the hand is led, the IHIP moves in more than half.
     led = np.any(np.diff(recording.hip[surroundings], axis=0) != 0.0, axis=1)
     moved = np.any(np.diff(recording.ihip[surroundings], axis=0) != 0.0, axis=1)
     halvings = math.log2(before[0].hip_step / hip_step) if before and hip_step > 0.0 else 0.0
@@ -278,13 +302,18 @@ def _leads_the_same_way(
     part: tuple[int, int, int],
     off: float,
 ) -> bool:
-    """Whether the finer steps lead, in contact, by where the coarse ones went: only then do they stand for them.
+    """Return whether the finer steps lead, in contact, by where the coarse ones went, and so stand for them.
 
-    By both ends of each step `above` its bound, at most as much earlier as the lag that is granted, and as close as a
-    step of the hand, what the tool may lie `off`, m, and their own length: a tool with a memory may meet an edge by
-    a step later. A way without two samples in contact in a row has no step at all, and stands for none.
+    They have to pass by both ends of each step `above` its bound (n,),
+
+    - at most as much earlier as the lag that is granted;
+    - as close as a step of the hand, what the tool may lie `off`, m, and their own length: a tool with a memory may
+      meet an edge by a step later.
+
+    A way without two samples in contact in a row has no step at all, and stands for none.
     """
     first, last, begin = part
+    # The closer look has `factor` rows a step, and the granted lag behind.
     factor = (len(fine) - 1 - LAG_TICKS) // (last - begin)
     hip_step = float(np.max(np.linalg.norm(np.diff(coarse.hip[begin : last + 1], axis=0), axis=1)))
     depth = LAG_TICKS * hip_step + off
@@ -304,12 +333,13 @@ def _passes_by(
     coarse: Array, fine: Array, contact: BoolArray, lengths: Array, rows: IntArray, begin: int, factor: int,
     allowed: float,
 ) -> bool:  # fmt: skip
-    """Whether the IHIPs (m, N) `fine` pass in contact by both ends of each step of `coarse` that ends at one of `rows`.
+    """Return whether the IHIPs `fine` (f, N), m, pass in contact by both ends of each `coarse` step to `rows`.
 
-    Fine row k `factor` is where row `begin` + k of `coarse` was. By as much as is `allowed` (m), and the longest of
-    their `lengths` (m,), m, there.
+    `coarse` is (n, N), m; its row `begin` + k is the fine row k `factor`. They pass within `allowed` (m), and the
+    longest of their `lengths` (f,), m, there.
     """
     for row in rows:
+        # Fine rows from the granted lag before the step's begin to as many ticks behind its end.
         start = (max(row - 1 - LAG_TICKS, begin) - begin) * factor
         end = min((row - begin) * factor + LAG_TICKS + 1, fine.shape[0])
         longest = 0.0
@@ -319,25 +349,27 @@ def _passes_by(
             off = math.inf
             for k in range(start, end):
                 if contact[k]:
-                    square = 0.0
+                    # |fine - coarse|, the least over these rows
+                    distance_squared = 0.0
                     for i in range(fine.shape[1]):
-                        square += (fine[k, i] - coarse[at, i]) * (fine[k, i] - coarse[at, i])
-                    off = min(off, math.sqrt(square))
+                        distance_squared += (fine[k, i] - coarse[at, i]) * (fine[k, i] - coarse[at, i])
+                    off = min(off, math.sqrt(distance_squared))
             if off > allowed + longest:
                 return False
     return True
 
 
 def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, rounded: float) -> JumpPlace | None:
-    """A jump, a steep map, or None for a continuous one, by how the spread falls from scale to scale.
+    """Tell a jump, a steep map, or None for a continuous one, by how the spread falls from scale to scale.
 
-    A Hoelder map of exponent a has a spread c h^a at any scale, down to what single precision resolves and below. A
-    jump keeps its spread below, or tends to a limit above the bound: spread = limit + c r^k (Aitken). What shrinks less
-    than any such map, and becomes smooth only below, is a rounded jump where it rises over less HIP travel than
-    coordinates resolve; where it takes more, it is steep and continuous. A scale below at which the IHIP does not
-    follow the hand shows the steps of rounding, which every map has.
+    - A Hoelder map of exponent a has a spread c h^a at any scale, down to what single precision resolves and below.
+    - A jump keeps its spread below, or tends to a limit above the bound: spread = limit + c r^k (Aitken).
+    - What shrinks less than any such map, and becomes smooth only below, is a rounded jump where it rises over less HIP
+      travel than coordinates resolve; where it takes more, it is steep and continuous.
+    - A scale below at which the IHIP does not follow the hand shows the steps of rounding, which every map has.
     """
     last = scales[-1]
+    # The finest scale that single precision still resolves.
     finest = max((k for k, scale in enumerate(scales) if scale.hip_step >= rounded), default=0)
     finest_resolved = scales[finest]
     slope = _spread_exponent(scales[0], finest_resolved)
@@ -349,8 +381,10 @@ def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, rounded: f
         and below
         and _spread_exponent(below[-2] if len(below) > 1 else finest_resolved, below[-1]) > SMOOTH_EXPONENT
     ):
+        # HIP travel over which the spread rises at the slope of the finest step.
         rise = math.inf if below[-1].jump == 0.0 else finest_resolved.spread * below[-1].hip_step / below[-1].jump
         return JumpPlace(Remains.STAYS, tick, finest_resolved.jump, slope, scales) if rise < rounded else None
+    # Three spreads in a row: their limit by Aitken, where they shrink at a steady ratio.
     if len(below) == LOOKS_BELOW_SINGLE:
         limit = aitken(finest_resolved.spread, below[0].spread, below[1].spread)
         if limit > max(bound, LIMIT_SHARE * below[1].spread):
@@ -361,7 +395,7 @@ def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, rounded: f
 
 
 def _spread_exponent(coarse: Scale, fine: Scale) -> float:
-    """How the spread falls with the HIP step; infinite where nothing is left of it, and 0 for one scale alone."""
+    """Return the exponent by which the spread falls with the HIP step; infinite where none is left, 0 of one."""
     if fine.spread == 0.0:
         return math.inf
     return math.log2(coarse.spread / fine.spread) / (fine.halvings - coarse.halvings) if fine is not coarse else 0.0
