@@ -52,6 +52,7 @@ def star(points: int = 5, tip_angle: float = 60.0, size: float = 0.2) -> Model:
     points = _checked_count("points", points, 3, 100_000)
     size = checked_size(size)
     tip_angle = checked_number("tip_angle", tip_angle)
+    # the inner angle of the regular polygon: at that the notches are flat
     widest = 180.0 - 360.0 / points
     if not 0.0 < tip_angle < widest * (1.0 - 1e-9):
         raise InputError(
@@ -61,6 +62,7 @@ def star(points: int = 5, tip_angle: float = 60.0, size: float = 0.2) -> Model:
         )
     outer = size / 2.0
     half = math.radians(tip_angle / 2.0)
+    # law of sines in the triangle of centre, tip and notch: angles half, pi / points, and the rest
     inner = outer * math.sin(half) / math.sin(half + math.pi / points)
     angles = math.pi / 2.0 + np.arange(2 * points) * (math.pi / points)
     radii = np.where(np.arange(2 * points) % 2 == 0, outer, inner)
@@ -79,6 +81,7 @@ def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 
     lobes = _checked_count("lobes", lobes, 2, 1_000)
     size = checked_size(size)
     a_n, a_d = _positive("a_n", a_n), _positive("a_d", a_d)
+    # a_n / a_d - 1, to rounding: the small difference that (4.1) lives on
     above = (a_n - a_d) / a_d
     if not 0.0 < above <= 1e100:
         raise InputError(
@@ -86,6 +89,7 @@ def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 
             why="the lobes are separate curves unless it is above 1" if above <= 0.0 else "it must be finite",
             todo="choose a_n larger than a_d",
         )
+    # radius at cos(n_l u) = 0, on the sides of the valleys, as a share of the tips'
     radius = (math.sqrt(above) / (1.0 + math.sqrt(1.0 + above))) ** (1.0 / lobes)
     if ANGLE_ROUNDING * radius > LARGEST_POINT_ROUNDING * math.sqrt(above):
         raise InputError(
@@ -133,7 +137,9 @@ def dumbbell(neck: float = 0.5, size: float = 0.2) -> Model:
     lobe = LOBE_SHARE * size / 2.0
     fillet, half_width, centre = FILLET_SHARE * lobe, neck * lobe, size / 2.0 - lobe
     height = half_width + fillet
+    # the fillet touches the lobe: their centres lie lobe + fillet apart
     inward = math.sqrt((lobe + fillet) ** 2 - height**2)
+    # polar angle, at the lobe's centre, of the point where they touch
     reach = math.atan2(height, -inward)
     bend = reach - math.pi / 2.0
     end = centre - inward
@@ -204,6 +210,7 @@ def mesh(
     """
     from hapticeval.geometry.mesh_files import metres_per, read_mesh
 
+    # exactly one of both ways, and neither half of the second
     inline = vertices is not None and triangles is not None
     if inline is (file is not None) or (vertices is None) is not (triangles is None):
         raise InputError(
@@ -340,6 +347,7 @@ def make_model(kind: str, **parameters: Any) -> Model:
     for name in parameters:
         if name not in known:
             raise UnknownNameError(f"parameter of model '{kind}'", name, known)
+    # names the parameter that is missing, where Python's error would name a function
     for name_needed, parameter in known.items():
         if parameter.default is inspect.Parameter.empty and name_needed not in parameters:
             raise InputError(f"model '{kind}' lacks the parameter '{name_needed}'", todo=f"give {name_needed}")

@@ -66,6 +66,7 @@ class Curve:
         if pieces.ndim != 2 or pieces.shape[0] == 0 or pieces.shape[1] != PIECE_COLUMNS:
             raise InputError(f"curve '{self.name}' has pieces of shape {pieces.shape}, not (n, {PIECE_COLUMNS})")
         kinds = pieces[:, KIND]
+        # smooth kinds close on themselves and cannot be joined to others
         alone = pieces.shape[0] == 1
         bounded = bool(np.all(np.isin(kinds, (LINE, ARC)))) or (alone and kinds[0] in (CASSINIAN, ELLIPSE))
         if not (bounded if self.closed else alone and kinds[0] == UNBOUNDED):
@@ -100,40 +101,46 @@ class Curve:
         return self.length
 
     def position(self, u: ArrayLike) -> Array:
-        """Return points (..., 2), m."""
+        """Return points (..., 2), m, at the parameters u (...,): one number or an array of any shape."""
         return self._evaluated(u)[..., 0:2]
 
     def tangent(self, u: ArrayLike) -> Array:
-        """Return unit tangents (..., 2), anticlockwise; at a corner the one after it."""
+        """Return unit tangents (..., 2), anticlockwise, at the parameters u (...,); at a corner the one after it."""
         derivative = self._evaluated(u)[..., 2:4]
         return np.asarray(derivative / np.hypot(derivative[..., 0], derivative[..., 1])[..., np.newaxis])
 
     def normal(self, u: ArrayLike) -> Array:
-        """Return outward unit normals (..., 2); at a corner the one after it."""
+        """Return outward unit normals (..., 2) at the parameters u (...,); at a corner the one after it."""
         tangent = self.tangent(u)
+        # the tangent turned clockwise: the inside is on the left
         return np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
 
     def curvature(self, u: ArrayLike) -> Array:
-        """Return the signed curvature (...), 1/m, positive where the model is convex; corners carry none."""
+        """Return the signed curvature (...,), 1/m, at u (...,), positive where convex; corners carry none."""
         rows = self._evaluated(u)
         dx, dy, ddx, ddy = rows[..., 2], rows[..., 3], rows[..., 4], rows[..., 5]
+        # (x' y'' - y' x'') / |c'|^3, for any parameter
         return np.asarray((dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3)
 
     def arc_length(self, u: ArrayLike) -> Array:
-        """Return the arc length (...), m, from the start of the curve to u; beyond one turn it goes on growing."""
+        """Return the arc length (...,), m, from the start of the curve to u (...,); beyond one turn it goes on growing."""
         start, end = self.u_range
         u = np.asarray(u, dtype=np.float64)
         if not self.closed:
             return u
+        # u is the arc length on lines and arcs
         if not self._smooth:
             return np.asarray(u - start)
+        # whole turns, and the rest by the panels' quadrature
         turns = np.floor((u - start) / (end - start))
         within_turn = np.clip(u - turns * (end - start), start, end)
         lengths = curve_kernels.arc_lengths(self._rows[0], self._panels, np.ravel(within_turn)).reshape(u.shape)
         return np.asarray(turns * self.length + lengths)
 
     def parameter(self, s: ArrayLike) -> Array:
-        """Return the parameter (...) at arc length s (m), which wraps on a closed curve: inverse of `arc_length`."""
+        """Return the parameter (...,) at arc length s (...,), m: the inverse of `arc_length`; s wraps on a closed
+        curve.
+        """
         s = np.asarray(s, dtype=np.float64)
         if not self.closed:
             return s
@@ -150,6 +157,7 @@ class Curve:
         joints = curve_kernels.joints(self._rows)
         turning = np.abs(joints[:, 6]) > curve_kernels.SMOOTH_TURN
         joints, us = joints[turning], self.pieces[turning, U0]
+        # (ty, -tx) of the tangents before and after; these are unit vectors on lines and arcs
         normals = np.stack([joints[:, [3, 5]], -joints[:, [2, 4]]], axis=2)
         rows = zip(us.tolist(), (us - self.pieces[0, U0]).tolist(), joints, normals, strict=True)
         return tuple(
@@ -158,28 +166,28 @@ class Curve:
         )
 
     def nearest(self, points: ArrayLike) -> Array:
-        """Return the parameters (n,) of the globally nearest curve points, to rounding, for points (n, 2)."""
+        """Return the parameters (n,) of the globally nearest curve points, to rounding, for points (n, 2), m."""
         return self._projected(points)[:, 0]
 
     def signed_distance(self, points: ArrayLike) -> Array:
-        """See `Boundary.signed_distance`."""
+        """Return the signed distances (n,), m, of points (n, 2), m, negative inside: see `Boundary.signed_distance`."""
         return answer_by_kernel(curve_kernels.signed_distances, self._located_by, points, 2)
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
-        """See `Boundary.closest_point`: one compiled call."""
+        """Return the closest points of points (n, 2), m, in one compiled call: see `Boundary.closest_point`."""
         return answer_by_kernel(curve_kernels.closest_points, self._located_by, points, 2)
 
     def contains(self, points: ArrayLike) -> BoolArray:
-        """Return whether each of points (n, 2) lies inside; points on the curve do not."""
+        """Return whether each of points (n, 2), m, lies inside (n,); points on the curve do not."""
         rows = self._projected(points)
         return np.asarray((rows[:, 2] < 0.0) & (rows[:, 1] > 0.0))
 
     def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:
-        """See `Boundary.first_crossing`."""
+        """Return where the segment from `start` to `end` (2,), m, first goes inside: see `Boundary.first_crossing`."""
         return march_to_crossing(self, start, end, grain)
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
-        """See `Boundary.normal_cone`: the normals are an interval of angles."""
+        """Answer `Boundary.normal_cone` for points (n, 2) and `reach` (n,), m: normals are an interval of angles (rad)."""
         return self._normals.around(points, reach)
 
     def points(self, n: int) -> Array:
@@ -187,17 +195,18 @@ class Curve:
         return self.outline(n)
 
     def walk(self, start: Array, lengths: Array) -> ClosestPoint:
-        """See `Boundary.walk`."""
+        """Return the points (k, 2), m, at `lengths` (k,), m, along the curve from the one nearest to `start` (2,), m."""
         us = np.atleast_1d(self.parameter(self.arc_length(self.nearest(start[np.newaxis])) + lengths))
         return curve_kernels.closest_points_at(self._rows, us, np.zeros(us.size))
 
     def around(self, point: Array, reach: float) -> Array:
-        """See `Boundary.around`: to either side."""
+        """Return the two boundary points (2, 2), m, at `reach` (m) along the curve to either side of `point` (2,), m."""
         return self.walk(point, reach * np.array([-1.0, 1.0])).foot
 
     def descend(self, start: Array, goal: Array, *, step: float) -> Array:
-        """See `Boundary.descend`: in steps, on in the direction in which the first of them leads downhill."""
+        """Answer `Boundary.descend` for `start` and `goal` (2,), m: in steps, in the direction that leads downhill."""
         s = float(self.arc_length(self.nearest(start[np.newaxis]))[0])
+        # one step to either side shows which way is downhill
         points = self.position(self.parameter(s + step * np.array([-1.0, 0.0, 1.0])))
         behind_distance, start_distance, ahead_distance = np.linalg.norm(points - goal, axis=1)
         if start_distance <= min(behind_distance, ahead_distance):
@@ -206,6 +215,7 @@ class Curve:
         first_step, count = 0, SEARCH_BATCH
         while first_step * step < self.length:
             points = self.position(self.parameter(s + signed_step * np.arange(first_step, first_step + count + 1)))
+            # the last point before the distance grows is the minimum
             uphill = np.flatnonzero(np.diff(np.linalg.norm(points - goal, axis=1)) >= 0.0)
             if uphill.size:
                 return np.asarray(points[uphill[0]])
@@ -218,6 +228,7 @@ class Curve:
         if not self.closed:
             x, y = self.pieces[0, A], self.pieces[0, B]
             return float(x - HALF_WINDOW), float(y - HALF_WINDOW), float(x + HALF_WINDOW), float(y + HALF_WINDOW)
+        # the corners of straight edges, or where x' or y' is zero on each piece
         points = self._rows[:, A : B + 1] if self.straight else np.vstack([*map(self._extremes, self._rows)])
         return (*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
@@ -228,6 +239,7 @@ class Curve:
         in a mirror, from the same place on, so that the curve still runs anticlockwise.
         """
         rows = self.pieces[:: -1 if motion.mirrors else 1]
+        # corners are moved, not pieces: neighbours still meet to the last bit
         if self.straight:
             corners = motion(self.pieces[:, A : B + 1])
             return Curve(
@@ -239,6 +251,7 @@ class Curve:
             if not motion.keeps_axes:
                 return None
             row = np.array(rows)
+            # two semi-axes of an ellipse, one scale of a Cassinian
             row[0, [A, B] if row[0, KIND] == ELLIPSE else [A]] *= motion.scale
             return Curve(self.name, row, self.closed)
         return Curve(self.name, concatenate_segments([_moved_piece(row, motion) for row in rows]), self.closed)
@@ -258,6 +271,7 @@ class Curve:
             return self.position(np.linspace(-HALF_WINDOW, HALF_WINDOW, n))
         s = np.linspace(0.0, self.length, n)
         for corner in self.corners:
+            # the nearest sample is moved onto the corner
             s[round(corner.s / self.length * (n - 1))] = corner.s
         points = self.position(self.parameter(s))
         points[-1] = points[0]
@@ -308,6 +322,7 @@ class Curve:
     def _panels(self) -> Array:
         """(u, s) between which the Gauss-Legendre rule gives arc length to rounding."""
         piece = self._rows[0]
+        # eight to start with for each lobe, sixteen for an ellipse: `arc_panels` divides further
         count = 8 * int(piece[B]) if piece[KIND] == CASSINIAN else 16
         return curve_kernels.arc_panels(piece, count)
 
@@ -316,6 +331,7 @@ class Curve:
         if self.closed:
             start, end = self.u_range
             wrapped = start + np.mod(u - start, end - start)
+            # rounding may wrap u onto the end itself: that is the start
             u = np.where((u >= start) & (u < end), u, np.where(wrapped < end, wrapped, start))
         return evaluate_many(self._rows, for_kernels(np.ravel(u))).reshape((*u.shape, 6))
 
@@ -325,12 +341,14 @@ class Curve:
 
     def _extremes(self, piece: Array) -> Array:
         """Points among which a piece's largest and smallest x and y are."""
+        # two opposite corners of the box
         if piece[KIND] == ELLIPSE:
             return np.array([[piece[A], piece[B]], [-piece[A], -piece[B]]])
         if piece[KIND] == CASSINIAN:
             return self._turning_points()
         us = [piece[U0], piece[U1]]
         if piece[KIND] == ARC:
+            # where x' or y' of an arc is zero: the multiples of 90 degrees that it sweeps
             swept = piece[E] * (np.arange(4) * (math.pi / 2.0) - piece[D]) % (2.0 * math.pi)
             us += [piece[U0] + a * piece[C] for a in swept if a * piece[C] <= piece[U1] - piece[U0]]
         return np.array([evaluate(piece, u)[:2] for u in us])
@@ -341,10 +359,12 @@ class Curve:
         for axis in (0, 1):
             for row in (np.argmin(samples[:, 2 + axis]), np.argmax(samples[:, 2 + axis])):
                 u = float(samples[row, 0])
+                # Newton on x' = 0 or y' = 0, from a sample beside the root: digits double each time
                 for _ in range(4):
                     value = evaluate(self._rows[0], u)
                     u -= value[2 + axis] / value[4 + axis] if value[4 + axis] != 0.0 else 0.0
                 points.append(evaluate(self._rows[0], u)[:2])
+        # the samples too: no extreme is lost where Newton left its place
         return np.array([*points, *samples[:, 2:4]])
 
 
@@ -364,8 +384,10 @@ def _moved_piece(row: Array, motion: Motion) -> Array:
         turn = math.atan2(motion.matrix[1, 0], motion.matrix[0, 0])
         own[[A, B]] = motion(row[[A, B]])
         own[C] *= motion.scale
+        # the angle of the start: turned; in a mirror that of the mirrored end
         own[D] = turn - (row[D] + row[E] * own[U1] / row[C]) if mirrored else turn + row[D]
     else:
+        # in a mirror the piece is run from where it ended
         start = row[[A, B]] + own[U1] * row[[C, D]] if mirrored and row[KIND] == LINE else row[[A, B]]
         own[[A, B]] = motion(start)
         own[[C, D]] = (-1.0 if mirrored else 1.0) * (motion.matrix @ row[[C, D]])

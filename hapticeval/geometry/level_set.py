@@ -41,10 +41,12 @@ class LevelSet:
         parts, count = ndimage.label(inside)
         if count == 0:
             return self
+        # label 0 is the outside
         largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
         solid = ndimage.binary_fill_holes(parts == largest)
         if np.array_equal(solid, inside):
             return self
+        # a node whose sign changes must not stay at zero
         distance = np.maximum(np.abs(self.values), 1e-9 * self.cell)
         return LevelSet(self.x, self.y, np.where(solid == inside, self.values, np.where(solid, -distance, distance)))
 
@@ -73,6 +75,7 @@ class LevelSet:
         # a node that lies on the curve gives the same crossing for each of its cell sides
         close = np.hypot(*(outline[1:] - outline[:-1]).T) <= 1e-9 * self.cell
         outline = outline[:-1][~close]
+        # the shoelace formula about a corner: negative for a clockwise outline
         x, y = (outline - outline[0]).T
         if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0.0:
             outline = outline[::-1]
@@ -84,6 +87,7 @@ def sample_level_set(boundary: Boundary, shape: tuple[int, int]) -> LevelSet:
 
     Raises `InputError` for a grid too small to have an inside of at least one cell.
     """
+    # margins on both sides and one cell
     fewest = 2 * MARGIN_CELLS + 2
     if len(shape) != 2 or min(shape) < fewest:
         raise InputError(f"a level set of {shape} nodes", why=f"it needs at least {fewest} each way")

@@ -53,6 +53,7 @@ class Model:
     @property
     def table(self) -> dict[str, Any]:
         """What a suite file has for it: `kind` and parameters, as `make_model` takes them."""
+        # models of a user's shape have a name of their own: the parameters tell the kind
         kind = next((KIND_BY_PARAMETER[name] for name in KIND_BY_PARAMETER if name in self.parameters), self.name)
         return {"kind": kind, **self.parameters}
 
@@ -94,6 +95,7 @@ class Model:
 
         It is kept, so that what a renderer prepares for it is prepared once.
         """
+        # a motion has arrays: their bytes are its identity
         key = ("moved", motion.matrix.tobytes(), motion.scale, motion.shift.tobytes())
         if key not in self._prepared:
             move = getattr(self.boundary, "moved", None)
@@ -128,7 +130,7 @@ class Model:
         if key not in self._prepared:
             from hapticeval.geometry.polygon import Polygon
 
-            self._prepared[key] = Polygon(self.curve.position(self._steps(n)))
+            self._prepared[key] = Polygon(self.curve.position(self._polygon_parameters(n)))
         polygon: Polygon = self._prepared[key]
         return polygon
 
@@ -156,7 +158,7 @@ class Model:
         level_set: LevelSet = self._prepared[key]
         return level_set
 
-    def _steps(self, n: int) -> Array:
+    def _polygon_parameters(self, n: int) -> Array:
         """Parameters of the polygon's vertices: corners split the curve into runs of equal steps."""
         from hapticeval.geometry.kernels import U0
 
@@ -169,6 +171,7 @@ class Model:
             )
         if n < 3:
             raise InputError(f"a polygon of {n} vertices", why="it needs at least three", todo="give n >= 3")
+        # its own corners, whatever n
         if curve.straight:
             return np.array(curve.pieces[:, U0])
         start, end = curve.u_range
@@ -179,6 +182,7 @@ def equal_steps_between(cuts: list[float], length: float, n: int) -> Array:
     """Return about n positions once round a closed way of length `whole`: at every cut, and evenly between."""
     runs = []
     for first, last in zip(cuts, [*cuts[1:], cuts[0] + length], strict=True):
+        # each stretch between cuts gets its share of n, one at the least
         steps = max(1, round(n * (last - first) / length))
         runs.append(first + (last - first) * np.arange(steps) / steps)
     return np.concatenate(runs)

@@ -34,17 +34,21 @@ class NormalCone:
 
     def __init__(self, curve: Curve) -> None:
         self.curve = curve
+        # an unbounded line has one normal
         if not curve.closed:
             return
         low, high = curve.u_range
         tiny, joints = JOINT_OFFSET * (high - low), curve.pieces[:, U0]
+        # samples just before and at each joint: both normals of a corner
         inner = np.concatenate([np.linspace(low, high, NORMAL_SAMPLES), joints, joints - tiny])
         u = np.unique(np.clip(inner, low, high - tiny))
         u = np.union1d(u, _inflections(curve, u, tiny))
         s = curve.arc_length(u)
         raw = _angles_of(curve.normal(u))
+        # unwrapped: each angle continues the one before
         angle = np.concatenate([[raw[0]], raw[0] + np.cumsum(wrap_angle(np.diff(raw)))])
         turn = 2.0 * np.pi
+        # three turns in a row: no stretch of half a turn to either side meets a seam
         self._s = np.concatenate([s - curve.length, s, s + curve.length])
         self._angle = np.concatenate([angle - turn, angle, angle + turn])
         self._spline = None
@@ -53,27 +57,33 @@ class NormalCone:
 
             spline = CubicHermiteSpline(self._s, self._angle, np.tile(curve.curvature(u), 3))
             middle = 0.5 * (u[:-1] + u[1:])
+            # the spline is used if it keeps to the exact normals half way between its knots
             off = wrap_angle(_angles_of(curve.normal(middle)) - spline(curve.arc_length(middle)))
             self._spline = spline if float(np.abs(off).max()) <= SPLINE_TOLERANCE else None
 
     def interval(self, points: Array, reach: Array) -> tuple[Array, Array]:
-        """Return the lowest and highest angle (n,), rad, unwrapped, within `reach` (n,), m, of points (n, 2).
+        """Return the lowest and highest angle (n,), rad, unwrapped, of the normals near points (n, 2), m.
 
-        At a corner these are the angles of both faces' normals, however small the reach.
+        Near is within `reach` (n,), m, along the curve. At a corner these are the angles of both faces' normals,
+        however small the reach.
         """
         if not self.curve.closed:
             angle = np.full(points.shape[0], _angles_of(self.curve.normal(0.0)[np.newaxis])[0])
             return angle, angle
+        # half a turn to either side is all of the curve
         reach = np.minimum(reach, 0.5 * self.curve.length)
         u = self.curve.nearest(points)
         s = self.curve.arc_length(u)
         ends = [s, s - reach, s + reach]
+        # at the point and at both ends of the stretch, exactly
         angles = [self._angle_at(s, u), *(self._angle_at(end) for end in ends[1:])]
         low, high = np.min(angles, axis=0), np.max(angles, axis=0)
+        # rounding may put a foot beside its corner: look across it
         seam = 2.0 * JOINT_OFFSET * self.curve.length if self.curve.corners else 0.0
         first = np.searchsorted(self._s, np.minimum(ends[1], s - seam), side="left")
         last = np.searchsorted(self._s, np.maximum(ends[2], s + seam), side="right")
         has_samples = last > first
+        # reduceat: the extreme of the samples of each stretch that has any
         windows = np.column_stack([first, last])[has_samples].ravel()
         if windows.size:
             low[has_samples] = np.minimum(low[has_samples], np.minimum.reduceat(self._angle, windows)[::2])
@@ -84,16 +94,18 @@ class NormalCone:
         """Return the normals' angle (n,), rad, unwrapped, at arc lengths (n,) and the parameters u there, if known."""
         if u is None and self._spline is not None:
             return np.asarray(self._spline(s))
+        # the exact angle, brought to the turn that the samples tell
         near = np.interp(s, self._s, self._angle)
         normals = self.curve.normal(self.curve.parameter(s) if u is None else u)
         return np.asarray(near + wrap_angle(_angles_of(normals) - near))
 
     def around(self, points: Array, reach: Array) -> Callable[[Array], Array]:
-        """Answer `Boundary.normal_cone` for points (n, 2) and `reach` (n,), m."""
+        """Answer `Boundary.normal_cone` for points (n, 2), m, and `reach` (n,), m: the function gives angles in rad."""
         low, high = self.interval(points, reach)
         middle = 0.5 * (low + high)
 
         def angle_outside(directions: Array) -> Array:
+            # the turn of each angle that is closest to the interval
             angle = middle + wrap_angle(_angles_of(directions) - middle)
             return np.maximum(0.0, np.maximum(low - angle, angle - high))
 
@@ -105,13 +117,14 @@ def _inflections(curve: Curve, u: Array, tiny: float) -> list[float]:
     from scipy.optimize import brentq
 
     sign = np.sign(curve.curvature(u))
+    # the angle's extremes lie where the curvature changes its sign
     changes = np.flatnonzero(sign[:-1] * sign[1:] < 0.0)
     roots = [(brentq(lambda at: float(curve.curvature(at)), u[k], u[k + 1], xtol=tiny), k) for k in changes]
     return [root for root, k in roots if u[k] + tiny < root < u[k + 1] - tiny]
 
 
 def wrap_angle(angle: Array) -> Array:
-    """Return each angle brought into [-pi, pi), rad."""
+    """Return each angle (n,) brought into [-pi, pi), rad."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 

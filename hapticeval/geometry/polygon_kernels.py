@@ -32,13 +32,14 @@ The second is the rounding of coordinates and of a few sums of them: far from th
 
 @compiled
 def build_tree(vertices: Array) -> Array:
-    """The tree of capsules over the edges of vertices (n, 2); see the module's text for its rows."""
+    """Return the tree (2 m, 6) of capsules over the edges of vertices (n, 2), m: see the module's text for its rows."""
     n = vertices.shape[0]
     m = 1
     while m * 2 * EDGES_PER_LEAF <= n:
         m *= 2
     tree = np.zeros((2 * m, 6))
     level, first = m, m
+    # level by level from the leaves up: `first` is the row of a level's first run
     while first >= 1:
         for i in range(first, first + level):
             j = i - first
@@ -46,10 +47,12 @@ def build_tree(vertices: Array) -> Array:
             x, y = vertices[start, 0], vertices[start, 1]
             dx, dy = vertices[end % n, 0] - x, vertices[end % n, 1] - y
             length_squared = dx * dx + dy * dy
+            # 0 for a run that closes on itself: its chord is a point
             inverse = 1.0 / length_squared if length_squared > 0.0 else 0.0
             farthest, reach = 0.0, abs(x) + abs(y)
             for k in range(start, end + 1):
                 px, py = vertices[k % n, 0] - x, vertices[k % n, 1] - y
+                # the run strays no farther from its chord than its vertices do
                 t = min(max((px * dx + py * dy) * inverse, 0.0), 1.0)
                 farthest = max(farthest, (px - t * dx) ** 2 + (py - t * dy) ** 2)
             # the slack covers the rounding of chord distances, so that pruning never loses the nearest edge
@@ -72,9 +75,10 @@ def _chord_distance_squared(tree: Array, i: int, x: float, y: float) -> float:
 
 @compiled
 def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[int, float, float]:
-    """The nearest point of the outline: (edge, t along it in [0, 1), squared distance).
+    """Return the nearest point of the outline to (x, y), m: (edge, t along it in [0, 1), squared distance in m^2).
 
-    The end of an edge is given as the start of the next, so t = 0 means a vertex.
+    `vertices` (n, 2), m, and `tree` (2 m, 6). The end of an edge is given as the start of the next, so t = 0 means a
+    vertex.
     """
     n, m = vertices.shape[0], tree.shape[0] // 2
     nodes = np.empty(STACK_DEPTH, np.int64)
@@ -87,8 +91,10 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
         top -= 1
         i = nodes[top]
         limit = best + tree[i, 5]
+        # no point of the run is nearer than its chord less its radius
         if bounds[top] > limit * limit:
             continue
+        # down into the half with the nearer chord, the other put off unless it is too far
         while i < m:
             near_child, far_child = 2 * i, 2 * i + 1
             near_squared, far_squared = (
@@ -115,6 +121,7 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
             dx, dy = vertices[next_vertex, 0] - ax, vertices[next_vertex, 1] - ay
             px, py = x - ax, y - ay
             dot, length_squared = px * dx + py * dy, dx * dx + dy * dy
+            # before the start of the edge, past its end, or beside it
             if dot <= 0.0:
                 t, distance_squared = 0.0, px * px + py * py
             elif dot >= length_squared:
@@ -122,10 +129,12 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
                 t, distance_squared = 1.0, qx * qx + qy * qy
             else:
                 cross = px * dy - py * dx
+                # the doubled area over the length is the distance: exact close to the edge
                 t, distance_squared = dot / length_squared, cross / length_squared * cross
             if distance_squared < best_squared:
                 best_squared, edge, along = distance_squared, k, t
                 best = math.sqrt(best_squared)
+    # the end of this edge is the start of the next
     if along >= 1.0:
         edge, along = (edge + 1 if edge + 1 < n else 0), 0.0
     return edge, along, best_squared
@@ -139,11 +148,12 @@ def _doubled_area(ax: float, ay: float, bx: float, by: float, x: float, y: float
 
 @compiled
 def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) -> float:
-    """-1.0 inside, 1.0 outside or on the outline, of a point whose nearest point is known.
+    """Return -1.0 inside, 1.0 outside or on the outline, of a point (x, y), m, whose nearest point is known.
 
-    Where that is a vertex, the vertex alone decides: only points outside are nearest to a convex one. At one that
-    turns by less than a right angle they lie on the side of its mean normal; so they do where rounding alone makes it
-    nearest, and its turn is rounding.
+    `vertices` (n, 2), m; the nearest point lies `along` an `edge` as `nearest_kernel` gives it. Where that is a vertex,
+    the vertex alone decides: only points outside are nearest to a convex one. At one that turns by less than a right
+    angle they lie on the side of its mean normal; so they do where rounding alone makes it nearest, and its turn is
+    rounding.
     """
     n = vertices.shape[0]
     next_vertex = edge + 1 if edge + 1 < n else 0
@@ -151,11 +161,13 @@ def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) ->
     if along == 0.0:
         before = edge - 1 if edge > 0 else n - 1
         px, py, qx, qy = ax - vertices[before, 0], ay - vertices[before, 1], bx - ax, by - ay
+        # a turn below 90 degrees: the side of the mean of both unit tangents
         if px * qx + py * qy > 0.0:
             first, last = math.hypot(px, py), math.hypot(qx, qy)
             dx, dy = last * px + first * qx, last * py + first * qy
             return -1.0 if dx * (y - ay) - dy * (x - ax) > 0.0 else 1.0
         turn = px * qy - py * qx
+        # a sharp corner: outside of a convex one, inside of a concave one
         if turn != 0.0 and (x != ax or y != ay):
             return 1.0 if turn > 0.0 else -1.0
     return -1.0 if _doubled_area(ax, ay, bx, by, x, y) > 0.0 else 1.0
@@ -165,6 +177,7 @@ def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) ->
 def _vertex_at(vertices: Array, k: int, reach: float, x: float, y: float) -> int:
     """The end of edge k that a point on it coincides with, or -1."""
     next_vertex = k + 1 if k + 1 < vertices.shape[0] else 0
+    # the start first: of two vertices within reach it is the same one each time
     if math.hypot(x - vertices[k, 0], y - vertices[k, 1]) <= reach:
         return k
     if math.hypot(x - vertices[next_vertex, 0], y - vertices[next_vertex, 1]) <= reach:
@@ -185,6 +198,7 @@ def _edge_entered_at(vertices: Array, vertex: int, x1: float, y1: float) -> int:
     ax, ay = vertices[before, 0], vertices[before, 1]
     bx, by = vertices[vertex, 0], vertices[vertex, 1]
     cx, cy = vertices[after, 0], vertices[after, 1]
+    # positive where the segment's end is left of the edge before, and of the one after
     first, second = _doubled_area(ax, ay, bx, by, x1, y1), _doubled_area(bx, by, cx, cy, x1, y1)
     convex = _doubled_area(ax, ay, bx, by, cx, cy) >= 0.0
     if (convex and min(first, second) <= 0.0) or max(first, second) <= 0.0:
@@ -199,6 +213,7 @@ def _passes_ahead(vertices: Array, vertex: int, touch: float, x: float, y: float
     length = math.hypot(dx, dy)
     px, py = vertices[vertex, 0] - x, vertices[vertex, 1] - y
     along = px * dx + py * dy
+    # ahead by more than touch, before the end, and no farther aside than touch
     return bool(touch * length < along < length * length and abs(px * dy - py * dx) <= touch * length)
 
 
@@ -210,6 +225,7 @@ def _entrance_after(vertices: Array, vertex: int, touch: float, x1: float, y1: f
     runs on into the inside. (-1, -1) if it does not go inside.
     """
     n = vertices.shape[0]
+    # along edges that lie on the segment, at most once round
     for _ in range(n):
         edge = _edge_entered_at(vertices, vertex, x1, y1)
         if edge >= 0:
@@ -238,12 +254,12 @@ def _share_along_edge(vertices: Array, k: int, x: float, y: float) -> float:
 def first_crossing_kernel(
     vertices: Array, tree: Array, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[int, float, float]:
-    """Where the segment from (x0, y0), outside or on the outline, to (x1, y1) first goes inside.
+    """Return where the segment from (x0, y0), outside or on the outline, to (x1, y1), m, first goes inside.
 
-    (edge, t along it in [0, 1], fraction of the segment in [0, 1]); edge -1 if it never does. Each vertex
-    counts as left or right of the segment's line by one and the same number for both of its edges, so that a
-    segment through a vertex meets exactly one of them; a start on the outline, to rounding, is decided by the
-    edges there; and an end that is inside has been gone into, whatever rounding says.
+    As (edge, t along it in [0, 1], fraction of the segment in [0, 1]); edge -1 if it never does. `vertices` (n, 2), m,
+    and `tree` (2 m, 6). Each vertex counts as left or right of the segment's line by one and the same number for both
+    of its edges, so that a segment through a vertex meets exactly one of them. A start on the outline, to rounding, is
+    decided by the edges there; and an end that is inside has been gone into, whatever rounding says.
     """
     n, m = vertices.shape[0], tree.shape[0] // 2
     sx, sy = x1 - x0, y1 - y0
@@ -252,16 +268,20 @@ def first_crossing_kernel(
         return -1, 0.0, 0.0
     start, _, distance_squared = nearest_kernel(vertices, tree, x0, y0)
     distance = math.sqrt(distance_squared)
+    # the tree's first row has the extent as its radius, and a point of the outline
     touch = TOUCH_SHARE * tree[1, 5] + COORDINATE_ROUNDING * (abs(tree[1, 0]) + abs(tree[1, 1]))
+    # too far away to be reached
     if distance > length + touch:
         return -1, 0.0, 0.0
     on_outline = distance <= touch
+    # a start on the outline goes in at once, or at the end of an edge that it runs along, or later
     if on_outline:
         vertex = _vertex_at(vertices, start, touch, x0, y0)
         passes = vertex
         if vertex < 0:
             next_vertex = start + 1 if start + 1 < n else 0
             ax, ay, bx, by = vertices[start, 0], vertices[start, 1], vertices[next_vertex, 0], vertices[next_vertex, 1]
+            # the end lies on the inner side of the edge
             if _doubled_area(ax, ay, bx, by, x1, y1) > 0.0:
                 return start, _share_along_edge(vertices, start, x0, y0), 0.0
             for end in (start, next_vertex):
@@ -283,13 +303,17 @@ def first_crossing_kernel(
         i = nodes[top]
         ax, ay = tree[i, 0], tree[i, 1]
         bx, by = ax + tree[i, 2], ay + tree[i, 3]
+        # a run lies within its capsule: widened by its radius, the chord decides
         slack = tree[i, 5] * length + touch * length
         a_side, b_side = _doubled_area(x0, y0, x1, y1, ax, ay), _doubled_area(x0, y0, x1, y1, bx, by)
+        # all of the run on one side of the line
         if (a_side > slack and b_side > slack) or (a_side < -slack and b_side < -slack):
             continue
         a_along, b_along = (ax - x0) * sx + (ay - y0) * sy, (bx - x0) * sx + (by - y0) * sy
+        # all of it behind the start
         if a_along < -slack and b_along < -slack:
             continue
+        # all of it past the end, or past the best crossing so far
         last = length * length * min(best, 1.0) + slack
         if a_along > last and b_along > last:
             continue
@@ -302,9 +326,11 @@ def first_crossing_kernel(
             next_vertex = k + 1 if k + 1 < n else 0
             ax, ay, bx, by = vertices[k, 0], vertices[k, 1], vertices[next_vertex, 0], vertices[next_vertex, 1]
             a_side, b_side = _doubled_area(x0, y0, x1, y1, ax, ay), _doubled_area(x0, y0, x1, y1, bx, by)
+            # inwards an edge is crossed from its right to its left: a left of the segment, b right of it
             if not (a_side > 0.0 >= b_side):
                 continue
             before, after = _doubled_area(ax, ay, bx, by, x0, y0), _doubled_area(ax, ay, bx, by, x1, y1)
+            # the start is right of the edge and the end left of it, or it is not crossed
             if before > 0.0 or after <= 0.0:
                 continue
             if on_outline and -before <= touch * math.hypot(bx - ax, by - ay):
@@ -317,6 +343,7 @@ def first_crossing_kernel(
                     edge, entrance = _entrance_after(vertices, vertex, touch, x1, y1)
                     if edge < 0:
                         continue  # it only touches the vertex
+                    # at a vertex: the start of the edge that goes in, or its end
                     t = 0.0 if edge == entrance else 1.0
                     if entrance != vertex:
                         along = (vertices[entrance, 0] - x0) * sx + (vertices[entrance, 1] - y0) * sy
@@ -324,6 +351,7 @@ def first_crossing_kernel(
                         if fraction >= best:
                             continue
                 best, best_edge, best_t = fraction, edge, t
+    # crossed nothing, by rounding, and yet the end is inside
     if best_edge < 0:
         edge, along, distance_squared = nearest_kernel(vertices, tree, x1, y1)
         if distance_squared > touch * touch and side_kernel(vertices, edge, along, x1, y1) < 0.0:
@@ -333,7 +361,10 @@ def first_crossing_kernel(
 
 @compiled
 def signed_distances(vertices: Array, tree: Array, points: Array) -> Array:
-    """Signed distances (n,), m, negative inside, of points (n, 2) from the outline."""
+    """Return the signed distances (n,), m, negative inside, of points (n, 2), m, from the outline.
+
+    `vertices` (v, 2), m, and `tree` (2 m, 6) are the outline's.
+    """
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
         edge, along, distance_squared = nearest_kernel(vertices, tree, points[i, 0], points[i, 1])

@@ -44,6 +44,7 @@ def points_for_kernels(points: object, dimension: int) -> Array:
     if array.ndim != 2 or array.shape[1] != dimension:
         axes = "x and y" if dimension == 2 else "x, y and z"
         raise InputError(f"points have the shape {array.shape}", why=f"they must be rows of {axes}: (n, {dimension})")
+    # kernels are compiled for one layout: C order, aligned and writable
     return array if array.flags.carray else np.require(array, requirements=["C", "W"])
 
 
@@ -59,19 +60,21 @@ def checked_points(points: object) -> Array:
 
 
 def answer_by_kernel(kernel: Callable[..., R], known: Sequence[Array], points: object, dimension: int) -> R:
-    """Return what a kernel that calls `check_finite` gives of points (n, `dimension`): one compiled call.
+    """Return what a kernel that calls `check_finite` gives of points (n, `dimension`), m: one compiled call.
 
-    Raises `InputError` for points of another shape, and, naming the row, for one that is not finite.
+    `known` are the tables of the boundary, such as faces (t, 9) and vertices (v, 6), that the kernel takes before the
+    points. Raises `InputError` for points of another shape, and, naming the row, for one that is not finite.
     """
     array = points_for_kernels(points, dimension)
     try:
         return kernel(*known, array)
+    # the kernel can say no more than that some number is not finite
     except ValueError:
         raise not_finite_error(array) from None
 
 
 def not_finite_error(array: Array, what: str = "points: row") -> InputError:
-    """Return the error that names the first row of an array (n, N) with a number that is not finite."""
+    """Return the error that names the first row of an array (n, N), such as points in m, with a number not finite."""
     row = int(np.argmin(np.isfinite(array).all(axis=1)))
     return InputError(f"{what} {row} is ({', '.join(map(str, array[row]))})", why="every number must be finite")
 
@@ -113,6 +116,7 @@ def checked_vertices(vertices: object) -> Array:
     array = _vertex_rows(vertices)
     if not np.isfinite(array).all():
         raise not_finite_error(array, "vertex coordinates: vertex")
+    # files repeat the first corner at the end
     if array.shape[0] > 1 and np.array_equal(array[0], array[-1]):
         array = array[:-1]
     if array.shape[0] < 3:
@@ -128,6 +132,7 @@ def vertices_from_wkt(text: str) -> Array:
 
     if not isinstance(text, str) or not text.strip():
         raise InputError("the WKT text is empty", todo=WKT_HINT)
+    # GEOS recurses: counted here, before its stack overflows
     if max(accumulate((character == "(") - (character == ")") for character in text)) > DEEPEST_WKT:
         raise InputError("the WKT text is nested too deep", why="a polygon has two levels of brackets", todo=WKT_HINT)
     try:
@@ -201,6 +206,7 @@ def _vertex_rows(vertices: object) -> Array:
 
 def check_range(array: Array) -> None:
     """Raise `InputError` for vertices (n, N), m, of a size, or so far from the origin, that the numbers do not hold."""
+    # halved first: the difference of two of the largest numbers would overflow
     span = float(np.max(np.ptp(array / 2.0, axis=0))) * 2.0
     largest = float(np.max(np.abs(array)))
     if largest > LARGEST_SIZE:
@@ -216,6 +222,7 @@ def check_range(array: Array) -> None:
             why="squares of its lengths vanish in double precision",
             todo=f"keep models above {SMALLEST_SIZE:g} m",
         )
+    # the gap between neighbouring numbers as large as the coordinates
     rounding = float(np.spacing(largest))
     if rounding > COARSEST_ROUNDING * span > 0.0:
         raise InputError(
@@ -239,7 +246,9 @@ def _check_simple(array: Array) -> None:
             todo="remove one of them",
         )
     count = f"the {array.shape[0]} vertices"
+    # about a corner: far from the origin the products would be all rounding
     x, y = (array - array[0]).T
+    # all on the line from the first corner to the farthest one
     farthest = int(np.argmax(x * x + y * y))
     if np.max(np.abs(x * y[farthest] - y * x[farthest])) <= 1e-14 * (x[farthest] ** 2 + y[farthest] ** 2):
         raise InputError(f"{count} lie on one straight line", why="it has zero area and no inside")
@@ -252,6 +261,7 @@ def _check_simple(array: Array) -> None:
             why=reason.split("[")[0].lower(),
             todo="move or reorder the vertices so that edges meet only at shared vertices",
         )
+    # twice the signed area
     if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0.0:
         raise InputError(
             f"{count} run clockwise",
