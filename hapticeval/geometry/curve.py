@@ -123,7 +123,7 @@ class Curve:
         return np.asarray((dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3)
 
     def arc_length(self, u: ArrayLike) -> Array:
-        """Return the arc length (...,), m, from the start of the curve to u (...,); beyond one turn it goes on growing."""
+        """Return the arc length (...,), m, from the start of the curve to u (...,); it grows beyond one turn."""
         start, end = self.u_range
         u = np.asarray(u, dtype=np.float64)
         if not self.closed:
@@ -138,9 +138,7 @@ class Curve:
         return np.asarray(turns * self.length + lengths)
 
     def parameter(self, s: ArrayLike) -> Array:
-        """Return the parameter (...,) at arc length s (...,), m: the inverse of `arc_length`; s wraps on a closed
-        curve.
-        """
+        """Return the parameter (...,) at arc length s (...,), m, which wraps on a closed curve: see `arc_length`."""
         s = np.asarray(s, dtype=np.float64)
         if not self.closed:
             return s
@@ -187,7 +185,7 @@ class Curve:
         return march_to_crossing(self, start, end, grain)
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
-        """Answer `Boundary.normal_cone` for points (n, 2) and `reach` (n,), m: normals are an interval of angles (rad)."""
+        """Answer `Boundary.normal_cone` for points (n, 2) and `reach` (n,), m: an interval of angles (rad) at each."""
         return self._normals.around(points, reach)
 
     def points(self, n: int) -> Array:
@@ -195,12 +193,12 @@ class Curve:
         return self.outline(n)
 
     def walk(self, start: Array, lengths: Array) -> ClosestPoint:
-        """Return the points (k, 2), m, at `lengths` (k,), m, along the curve from the one nearest to `start` (2,), m."""
+        """Return the points (k, 2), m, at `lengths` (k,), m, along the curve from that nearest to `start` (2,), m."""
         us = np.atleast_1d(self.parameter(self.arc_length(self.nearest(start[np.newaxis])) + lengths))
         return curve_kernels.closest_points_at(self._rows, us, np.zeros(us.size))
 
     def around(self, point: Array, reach: float) -> Array:
-        """Return the two boundary points (2, 2), m, at `reach` (m) along the curve to either side of `point` (2,), m."""
+        """Return the boundary points (2, 2), m, at `reach` (m) along the curve to either side of `point` (2,), m."""
         return self.walk(point, reach * np.array([-1.0, 1.0])).foot
 
     def descend(self, start: Array, goal: Array, *, step: float) -> Array:
