@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.search.drawing import drawn, judgeable
+from hapticeval.search.drawing import draw_cases, judgeable
 from hapticeval.search.trial import Bench
 from hapticeval.suite.reading import load_suite
 
@@ -26,7 +26,7 @@ PUBLISHED = sorted(
 def first_failure(renderer: str, check: str) -> int:
     """Return after how many examples a search with the seed 0 meets it."""
     with Bench(renderer, 0, lambda: False) as bench:
-        for number, case in enumerate(drawn((), [check], 0), 1):
+        for number, case in enumerate(draw_cases((), [check], 0), 1):
             if check in [fault.check for fault in bench(case).faults]:
                 return number
             assert number < MOST, f"{renderer} fails {check} in none of {MOST} examples"

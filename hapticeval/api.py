@@ -452,9 +452,9 @@ def _read_counterexamples(folder: Path) -> list[Any]:
     if not searched.is_dir():
         return []
     from hapticeval.reports.index import Counterexample
-    from hapticeval.search.counterexample import listed
+    from hapticeval.search.counterexample import list_counterexamples
 
     return [
-        Counterexample(entry.kept.renderer, entry.line, entry.suite.relative_to(folder), entry.picture)
-        for entry in listed(searched)
+        Counterexample(entry.counterexample.renderer, entry.line, entry.suite.relative_to(folder), entry.picture)
+        for entry in list_counterexamples(searched)
     ]

@@ -88,10 +88,10 @@ def judge_ideal(seed: int, count: int, first: int = 1) -> int:
     from hapticeval.discovery import resolve
     from hapticeval.phenomena.verdict import Outcome
     from hapticeval.runner.judging import judge
-    from hapticeval.search.drawing import drawn, judgeable
+    from hapticeval.search.drawing import draw_cases, judgeable
 
     ideal, failing = resolve("ideal"), 0
-    for number, case in enumerate(itertools.islice(drawn((), judgeable(), seed), first - 1, count), first):
+    for number, case in enumerate(itertools.islice(draw_cases((), judgeable(), seed), first - 1, count), first):
         judged = judge(ideal, "ideal", "fuzz", case)
         told = [] if judged.error is None else [f"error: {judged.error.what}"]
         for verdict in judged.verdicts:

@@ -33,18 +33,18 @@ HEADER = Path(__file__).with_name("hapticeval.h")
 ABI = 1
 CONTACT, REFUSES_MODEL, REFUSES_HIP = 1, 1, 2
 BILATERAL, SPRING, FORCE_ONLY = 4, 16, 32
-FLAGS = {1: "plane", 2: "space", BILATERAL: "bilateral", 8: "viscosity"}
+REQUIREMENT_FLAGS = {1: "plane", 2: "space", BILATERAL: "bilateral", 8: "viscosity"}
 """Flags of the header that are requirements of scenes."""
 
-REQUIRED = ("hr_abi", "hr_info_get", "hr_create", "hr_reset", "hr_step", "hr_destroy")
+REQUIRED_FUNCTIONS = ("hr_abi", "hr_info_get", "hr_create", "hr_reset", "hr_step", "hr_destroy")
 
-WORDS = 1024
+REASON_BYTES = 1024
 """Bytes that a library may write to say why it refuses."""
 
 PATIENCE = 30.0
 """Seconds in which a library is loaded and says what it can."""
 
-REFUSED = "the library refuses the HIP"
+REFUSAL = "the library refuses the HIP"
 
 
 class SceneStruct(ctypes.Structure):
@@ -93,10 +93,11 @@ print("\\nhapticeval", json.dumps(found), flush=True)
 
 
 @lru_cache(maxsize=32)
-def _asked(path: Path, changed: int) -> dict[str, Any]:  # noqa: ARG001 - a library that is built anew is asked again
+def _probe(path: Path, changed: int) -> dict[str, Any]:  # noqa: ARG001 - a library that is built anew is asked again
     """Return what the library answers: missing symbols, its ABI, flags and `max_error`. Raises `InputError`."""
     fields = " ".join(name for name, *_ in InfoStruct._fields_)
-    command = [sys.executable, "-I", "-c", PROBE, str(path), " ".join(REQUIRED), fields, str(ABI)]
+    # -I: neither PYTHON variables nor the folder that this runs in change what the child imports.
+    command = [sys.executable, "-I", "-c", PROBE, str(path), " ".join(REQUIRED_FUNCTIONS), fields, str(ABI)]
     try:
         done = subprocess.run(
             command, capture_output=True, stdin=subprocess.DEVNULL, timeout=PATIENCE, check=False, errors="replace"
@@ -107,15 +108,15 @@ def _asked(path: Path, changed: int) -> dict[str, Any]:  # noqa: ARG001 - a libr
             why="what it does when it is loaded, hr_abi() or hr_info_get(NULL, info) hangs",
             todo="do the work in hr_create",
         ) from error
-    last = done.stdout.rpartition("\nhapticeval ")[2]
-    if done.returncode or not last.startswith("{"):
+    answer = done.stdout.rpartition("\nhapticeval ")[2]
+    if done.returncode or not answer.startswith("{"):
         raise InputError(
             f"the library {path} ends the process that loads it: {describe_exit(done.returncode)}",
             why="what it does when it is loaded, hr_abi() or hr_info_get(NULL, info) crashes",
             todo="hr_info_get is first called with self NULL, before a scene: write flags and max_error then",
         )
-    found: dict[str, Any] = json.loads(last)
-    return found
+    description: dict[str, Any] = json.loads(answer)
+    return description
 
 
 class Info(NamedTuple):
@@ -127,7 +128,7 @@ class Info(NamedTuple):
     @property
     def supports(self) -> frozenset[str]:
         """What its flags declare."""
-        return frozenset(name for flag, name in FLAGS.items() if self.flags & flag)
+        return frozenset(name for flag, name in REQUIREMENT_FLAGS.items() if self.flags & flag)
 
 
 def info_of(path: Path) -> Info:
@@ -138,39 +139,41 @@ def info_of(path: Path) -> Info:
             why="there is no such file",
             todo="build it first, and give its path: lib:./libmine.so. A Python module is named package.module:factory",
         )
-    found = _asked(path, path.stat().st_mtime_ns)
-    if "error" in found:
+    description = _probe(path, path.stat().st_mtime_ns)
+    if "error" in description:
         raise InputError(
             f"{path} cannot be loaded as a library",
-            why=_demangled(found["error"]),
+            why=_demangled(description["error"]),
             todo="build a shared library for this machine: cc -shared -fPIC -o libmine.so mine.c. Of what it needs "
             "itself, `ldd` shows what is not found",
         )
-    if found["missing"]:
+    if description["missing"]:
         raise InputError(
-            f"the library {path} has no {', '.join(found['missing'])}",
+            f"the library {path} has no {', '.join(description['missing'])}",
             why="these functions of hapticeval.h are not optional, and it does not export them",
             todo='define them; in C++ as extern "C", which including hapticeval.h does; see `hapticeval header`',
         )
-    if found["abi"] != ABI:
+    if description["abi"] != ABI:
         raise InputError(
-            f"the library {path} has the ABI {found['abi']}",
+            f"the library {path} has the ABI {description['abi']}",
             why=f"this version of hapticeval calls libraries of ABI {ABI}",
             todo="build it anew with the header that `hapticeval header` prints, and let hr_abi() return HR_ABI",
         )
-    info = found["info"]
-    if found["status"]:
+    info = description["info"]
+    if description["status"]:
         raise InputError(
-            f"the library {path}: hr_info_get(NULL, info) returned {found['status']}",
+            f"the library {path}: hr_info_get(NULL, info) returned {description['status']}",
             why="it is called with self NULL first, before a scene",
             todo="write flags and max_error then, and return 0",
         )
+    # FORCE_ONLY is the highest flag of this header: above it are those of a later one.
     if info["flags"] >= 2 * FORCE_ONLY:
         raise InputError(
             f"the library {path} has the flags {info['flags']:#x}",
             why="this version of hapticeval does not know all of them",
             todo="use the flags of the header that `hapticeval header` prints",
         )
+    # false for NaN too
     if not 0.0 <= info["max_error"] < np.inf:
         raise InputError(
             f"the library {path} asks for max_error = {info['max_error']!r} m",
@@ -213,7 +216,7 @@ class LibraryFactory:
 
     def __call__(self, scene: Scene) -> LibraryRenderer:
         """Make the renderer of a scene."""
-        return LibraryRenderer(_loaded(self.path), self.info, Outside(scene, self.info.max_error))
+        return LibraryRenderer(_load(self.path), self.info, Outside(scene, self.info.max_error))
 
 
 def library(place: str) -> LibraryFactory:
@@ -223,20 +226,21 @@ def library(place: str) -> LibraryFactory:
 
 
 @lru_cache(maxsize=32)
-def _loaded(path: Path) -> ctypes.CDLL:
-    found = ctypes.CDLL(str(path))
+def _load(path: Path) -> ctypes.CDLL:
+    library = ctypes.CDLL(str(path))
+    # Arrays go as their addresses, of N doubles a row.
     point = c_void_p
-    found.hr_info_get.argtypes = [c_void_p, POINTER(InfoStruct)]
-    found.hr_create.argtypes = [POINTER(SceneStruct), POINTER(c_void_p), c_char_p, c_uint32]
-    found.hr_reset.argtypes = [c_void_p, point, point]
-    found.hr_step.argtypes = [c_void_p, point, point, c_double, point, point]
-    found.hr_destroy.argtypes, found.hr_destroy.restype = [c_void_p], None
+    library.hr_info_get.argtypes = [c_void_p, POINTER(InfoStruct)]
+    library.hr_create.argtypes = [POINTER(SceneStruct), POINTER(c_void_p), c_char_p, c_uint32]
+    library.hr_reset.argtypes = [c_void_p, point, point]
+    library.hr_step.argtypes = [c_void_p, point, point, c_double, point, point]
+    library.hr_destroy.argtypes, library.hr_destroy.restype = [c_void_p], None
     for name in ("hr_info_get", "hr_create", "hr_reset", "hr_step"):
-        getattr(found, name).restype = c_int32
-    if hasattr(found, "hr_run"):
-        found.hr_run.argtypes = [c_void_p, c_uint32, point, point, c_double, point, point]
-        found.hr_run.restype = c_int32
-    return found
+        getattr(library, name).restype = c_int32
+    if hasattr(library, "hr_run"):
+        library.hr_run.argtypes = [c_void_p, c_uint32, point, point, c_double, point, point]
+        library.hr_run.restype = c_int32
+    return library
 
 
 @borrowing
@@ -247,13 +251,16 @@ def ask(
 
     The answer goes to `state`. What the library does not write is not finite.
     """
+    # What the library leaves unwritten is then not finite, and never the last answer.
     for i in range(hip.shape[0]):
         ihip[i] = force[i] = np.nan
+    # Two addresses as the bits of float64: those of hr_step and of the library's self.
     places = data.params.view(np.uint64)
     answer = call_step(
         places[0], places[1], hip.ctypes.data, velocity.ctypes.data, dt, ihip.ctypes.data, force.ctypes.data
     )
     data.state[0] = answer
+    # A law returns 0 for an answer, a positive number for a refusal, a negative one where it broke.
     if 0 <= answer <= CONTACT:
         return 0
     return REFUSES_HIP if answer == REFUSES_HIP else -abs(int(answer))
@@ -271,6 +278,7 @@ def ask_rows(
     """
     for row in range(hips.shape[0]):
         if row > 0:
+            # v_i = (x_i - x_(i-1)) / (t_i - t_(i-1)) with t_i = i dt rounded as a recording's times, for the same bits.
             span = dt * float(row) - dt * float(row - 1)
             for i in range(hips.shape[1]):
                 velocity[i] = (hips[row, i] - hips[row - 1, i]) / span
@@ -280,8 +288,9 @@ def ask_rows(
     return int(hips.shape[0])
 
 
-def _declared(info: Info, answer: InfoStruct) -> Declaration:
+def _declaration(info: Info, answer: InfoStruct) -> Declaration:
     """Return what a library promises: by its flags, and by what it wrote of itself for a scene."""
+    # both zero where the stiffness does not vary
     shares = float(answer.stiffness_least), float(answer.stiffness_largest)
     promise = Declaration(
         spring=Spring.ERROR if info.flags & SPRING else None,
@@ -311,8 +320,10 @@ class LibraryRenderer:
         self._library, self._outside = library, outside
         self._self = c_void_p()
         self._create()
+        # When the renderer goes, not only when the process ends.
         weakref.finalize(self, library.hr_destroy, self._self)
         lengths = InfoStruct(ctypes.sizeof(InfoStruct))
+        # Asked again, of a self: lengths may depend on the scene that it was made for.
         status = library.hr_info_get(self._self, byref(lengths))
         if status:
             raise RendererError(f"the library's hr_info_get() returned {status}", why="0 is what all is well with")
@@ -324,18 +335,21 @@ class LibraryRenderer:
                     todo="leave it zero, or write metres",
                 )
         self._margin = float(lengths.standoff)
+        # Attributes that a renderer has only where they hold: see `Outside.lengths`.
         self.__dict__.update(outside.lengths(float(lengths.standoff), float(lengths.resolution)))
         self.supports = info.supports
-        promise = _declared(info, lengths)
+        promise = _declaration(info, lengths)
         if promise != Declaration():
             self.declares = promise
+        # A law's parameters are float64: the addresses travel as their bits.
         places = np.array([ctypes.cast(library.hr_step, c_void_p).value, self._self.value or 0], dtype=np.uint64)
         data = law_data(places.view(np.float64), state=1)
-        self.law = CompiledStep(ask, data, {REFUSES_HIP: REFUSED}, contact=data.state)
+        self.law = CompiledStep(ask, data, {REFUSES_HIP: REFUSAL}, contact=data.state)
         self.contact: bool | BoolArray | None = False
 
     def _create(self) -> None:
         scene, facets = self._outside.scene, self._outside.facets
+        # As the header lays them out: vertices (n, N), m, row by row, and cells as indices of them.
         vertices = np.ascontiguousarray(facets.vertices, dtype=np.float64)
         cells = np.ascontiguousarray(facets.cells, dtype=np.uint32)
         self._kept = vertices, cells  # the library reads them as long as it lives
@@ -349,8 +363,8 @@ class LibraryRenderer:
             cells=cells.ctypes.data_as(POINTER(c_uint32)),
             **self._outside.numbers,
         )
-        why = ctypes.create_string_buffer(WORDS)
-        status = self._library.hr_create(byref(struct), byref(self._self), why, WORDS)
+        why = ctypes.create_string_buffer(REASON_BYTES)
+        status = self._library.hr_create(byref(struct), byref(self._self), why, REASON_BYTES)
         text = why.raw.split(b"\0", 1)[0].decode(errors="replace").strip()
         if status == REFUSES_MODEL:
             raise RefusalError(
@@ -372,7 +386,7 @@ class LibraryRenderer:
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the library refuses it."""
-        hip, velocity = (np.array(each, dtype=np.float64) for each in (hip, velocity))
+        hip, velocity = (np.array(vector, dtype=np.float64) for vector in (hip, velocity))
         ihip, force = np.full_like(hip, np.nan), np.full_like(hip, np.nan)
         answer = self._library.hr_step(
             self._self, hip.ctypes.data, velocity.ctypes.data, dt, ihip.ctypes.data, force.ctypes.data
@@ -391,15 +405,16 @@ class LibraryRenderer:
         if hasattr(self._library, "hr_run"):
             velocities = path_velocities(hips, dt)
             ihips[:], forces[:] = np.nan, np.nan
-            places = (each.ctypes.data for each in (hips, velocities))
+            places = (array.ctypes.data for array in (hips, velocities))
             status = self._library.hr_run(
                 self._self, len(hips), *places, dt, ihips.ctypes.data, forces.ctypes.data
             )  # fmt: skip
             if status:
                 raise RuntimeError(f"hr_run returned {status}")  # single steps find out where
         else:
-            rest, contact = np.zeros(hips.shape[1]), np.zeros(len(hips), dtype=bool)
-            row = ask_rows(self.law.data, rest, hips, rest.copy(), dt, ihips, forces, contact)
+            # Along a path nobody pushes, and at its start the hand rests.
+            zero, contact = np.zeros(hips.shape[1]), np.zeros(len(hips), dtype=bool)
+            row = ask_rows(self.law.data, zero, hips, zero.copy(), dt, ihips, forces, contact)
             if row < len(hips):
                 raise RuntimeError(f"hr_step returned {self.law.data.state[0]:.0f}")
             self.contact = contact
@@ -409,7 +424,7 @@ class LibraryRenderer:
         """Raise `DomainError` where the library refuses a HIP, and `RendererError` where it broke."""
         place = ", ".join(f"{x:.6g}" for x in hip)
         if status == REFUSES_HIP:
-            raise DomainError(f"{REFUSED}: ({place}) m", why=f"{function} returned HR_REFUSES_HIP")
+            raise DomainError(f"{REFUSAL}: ({place}) m", why=f"{function} returned HR_REFUSES_HIP")
         raise RendererError(
             f"the library's {function}() returned {status}", why="it is below 0, or none of the header's: it broke"
         )

@@ -16,17 +16,17 @@ from hapticeval.recordings.recording import backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-FINE = {2: 1e-4, 3: 1e-3}
+CHORD_ERROR_SHARE = {2: 1e-4, 3: 1e-3}
 """The chord error of the edges, and triangles, that are given where no other is asked for, in sizes of the model.
 
 They are some 160 edges of a circle, and 5,120 triangles of a sphere: a renderer without a search tree goes through them
 in a tick."""
 
-CLEAR = 1e-4
+CLEARANCE_SHARE = 1e-4
 """How far outside a tool begins at the least, in sizes of the model."""
 
 
-GROWTH, RINGS = 1.25, 60
+RING_GROWTH, RING_COUNT = 1.25, 60
 """Growth of the rings on which a free start is looked for, and their number: up to 6e5 times the clearance, which is 60
 times the model's size at the least. *Chosen*: in the corner of a cube the start is within a quarter of the nearest."""
 
@@ -42,7 +42,7 @@ class Outside:
     def facets(self) -> Facets:
         """The model as edges or triangles. Raises as `Model.mesh` does."""
         model = self.scene.model
-        return model.mesh(max_error=self.max_error or FINE[model.dimension] * model.size)
+        return model.mesh(max_error=self.max_error or CHORD_ERROR_SHARE[model.dimension] * model.size)
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -57,13 +57,15 @@ class Outside:
     def tool(self, hip: Array, standoff: float = 0.0) -> Array:
         """Return the point (N,), m, that the tool comes from at a reset with the hand at `hip` (N,): a free one.
 
-        It is `CLEAR` and the renderer's own `standoff` (m) outside of all of the given surface: the hand itself, the
-        point so far outside of the nearest one of the surface, or where that is too near to another face, as in a
-        concave corner, one beside it: see `_clear_point`. In a bilateral scene the tool is on the surface.
+        It is outside of all of the given surface by `CLEARANCE_SHARE` of the model's size and the renderer's own
+        `standoff` (m). It is the hand itself where that is so; else the point that far outside of the nearest one of
+        the surface, or one beside it where that is too near to another face: see `_clear_point`. In a bilateral scene
+        the tool is on the surface.
         """
         boundary: Boundary = self.facets.boundary
         frame = boundary.closest_point(hip[np.newaxis])
-        foot, clear = frame.foot[0], standoff + CLEAR * self.scene.model.size
+        foot, clear = frame.foot[0], standoff + CLEARANCE_SHARE * self.scene.model.size
+        # A bilateral contact never ends: its tool starts on the surface.
         if self.scene.bilateral:
             return np.asarray(foot)
         if frame.distance[0] >= clear:
@@ -79,7 +81,7 @@ class Outside:
         boundary, error = self.facets
         if error == 0.0:
             return {"standoff": standoff, "resolution": resolution}
-        longest = _longest(boundary) if isinstance(boundary, Mesh) else boundary.resolution
+        longest = _longest_edge(boundary) if isinstance(boundary, Mesh) else boundary.resolution
         lengths = {"standoff": standoff + error, "resolution": max(resolution, longest)}
         return {**lengths, "surface": boundary, "pieces": boundary}
 
@@ -95,29 +97,32 @@ def _clear_point(boundary: Boundary, foot: Array, normal: Array, clear: float) -
     enough = (1.0 - 1e-9) * clear
     if boundary.signed_distance(straight[np.newaxis])[0] >= enough:
         return np.asarray(straight)
-    directions = _directions(foot.size)
+    directions = _spread_directions(foot.size)
+    # A line from the surface itself would cross it: sight begins a thousandth of the clearance above.
     start, free = foot + 1e-3 * clear * normal, []
-    for radius in clear * GROWTH ** np.arange(RINGS):
+    for radius in clear * RING_GROWTH ** np.arange(RING_COUNT):
         ring = foot + radius * directions
         ring = ring[boundary.signed_distance(ring) >= enough]
         free += list(ring)
+        # The points most along the normal come first, in the same order on every machine.
         for point in ring[np.argsort(-(ring - foot) @ normal, kind="stable")]:
             if boundary.first_crossing(point, start, grain=clear) is None:
                 return np.asarray(point)
     return np.asarray(free[0] if free else straight)
 
 
-def _directions(dimension: int) -> Array:
+def _spread_directions(dimension: int) -> Array:
     """Return some 100 unit vectors (k, N), evenly spread: in space on a spiral."""
     count = np.arange(100) + 0.5
     if dimension == 2:
         return np.column_stack([np.cos(0.02 * np.pi * count), np.sin(0.02 * np.pi * count)])
+    # A golden spiral: even steps in height, and pi (1 + sqrt 5) rad from each point to the next.
     height, turn = 1.0 - 0.02 * count, np.pi * (1.0 + math.sqrt(5.0)) * count
     across = np.sqrt(1.0 - height**2)
     return np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
 
 
-def _longest(mesh: Mesh) -> float:
+def _longest_edge(mesh: Mesh) -> float:
     """Return the longest edge, m."""
     corners = mesh.vertices[mesh.triangles]
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())

@@ -36,17 +36,17 @@ from hapticeval.workers import describe_exit
 VERSION = 1
 """Of the protocol."""
 
-START, PATIENCE, A_TICK = 60.0, 20.0, 0.02
+START_PATIENCE, PATIENCE, TICK_PATIENCE = 60.0, 20.0, 0.02
 """Seconds that a child may take to say hello, which a large program needs; for any other answer; and more for each tick
 of a batch."""
 
 GRACE = 1.0
 """Seconds that it has to end after bye."""
 
-LINE, A_NUMBER = 1 << 20, 64
+ANSWER_BYTES, NUMBER_BYTES = 1 << 20, 64
 """Bytes that an answer may have, and more for each number of a batch: what prints without end is no answer."""
 
-SHOWN = 300
+EXCERPT_LENGTH = 300
 """Characters of an odd answer, and of what the child wrote to stderr, that an error shows."""
 
 
@@ -76,13 +76,14 @@ class Child:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._in, self._out = self._process.stdin.fileno(), self._process.stdout.fileno()
+        # A child may fill its stdout before it has read all of a message: a blocking write would wait for ever.
         os.set_blocking(self._in, False)
         self._pending = b""
         self._id = 0
         self._failure: RendererError | None = None
-        self._close = weakref.finalize(self, _end, self._process, self._in, self._errors)
+        self._close = weakref.finalize(self, _end_child, self._process, self._in, self._errors)
 
-    def ask(self, call: str, patience: float, *, most: int = LINE, **entries: Any) -> dict[str, Any]:
+    def ask(self, call: str, patience: float, *, most_bytes: int = ANSWER_BYTES, **entries: Any) -> dict[str, Any]:
         """Return the child's answer to a message. Raises `RendererError` where there is none that makes sense.
 
         Lines before the answer to hello that are no JSON are left out: programs greet.
@@ -93,7 +94,8 @@ class Child:
         message = json.dumps({"id": self._id, "call": call, **entries}).encode() + b"\n"
         until = time.monotonic() + patience
         while True:
-            line = self._exchange(message, call, until, patience, most)
+            line = self._exchange(message, call, until, patience, most_bytes)
+            # It is written by now: further turns only read on.
             message = b""
             try:
                 answer = json.loads(line)
@@ -101,18 +103,19 @@ class Child:
                 answer = None
             if isinstance(answer, dict) and answer.get("id") == self._id:
                 break
+            # Before its first answer a program may greet; what is JSON with another id is no greeting.
             if call != "hello" or isinstance(answer, dict):
-                shown = line[:SHOWN].decode(errors="replace")
+                excerpt = line[:EXCERPT_LENGTH].decode(errors="replace")
                 self.fail(
-                    f"answers '{call}' with something else: {shown}",
+                    f"answers '{call}' with something else: {excerpt}",
                     why=f"an answer is one line: a JSON object with the message's id, here {self._id}",
                     todo="print nothing else to stdout, and flush after each line; notes go to stderr",
                 )
         if "error" in answer:
-            self.fail(f"reports an error in '{call}': {_text(answer['error'])}")
+            self.fail(f"reports an error in '{call}': {_excerpt(answer['error'])}")
         return answer
 
-    def _exchange(self, message: bytes, call: str, until: float, patience: float, most: int) -> bytes:
+    def _exchange(self, message: bytes, call: str, until: float, patience: float, most_bytes: int) -> bytes:
         """Write a message, and read until there is a line: both at once, for a child may do so too."""
         with selectors.DefaultSelector() as ready:
             ready.register(self._out, selectors.EVENT_READ)
@@ -132,21 +135,25 @@ class Child:
                         if not message:
                             ready.unregister(self._in)
                         continue
-                    found = os.read(self._out, 1 << 16)
-                    self._pending += found
-                    if not found:
+                    chunk = os.read(self._out, 1 << 16)
+                    self._pending += chunk
+                    # the end of its stdout
+                    if not chunk:
                         self._died(call)
-                    if len(self._pending) > most:
+                    if len(self._pending) > most_bytes:
                         self.fail(
-                            f"prints more than {most} bytes in answer to '{call}'",
+                            f"prints more than {most_bytes} bytes in answer to '{call}'",
                             todo="print one line for each message",
                         )
+        # What follows the newline belongs to the next answer.
         line, _, self._pending = self._pending.partition(b"\n")
         return line
 
     def _write(self, message: bytes, call: str) -> int:
         try:
+            # A part at a time: as much as the pipe takes.
             return os.write(self._in, message[: 1 << 16])
+        # it has filled since select looked at it
         except BlockingIOError:
             return 0
         except OSError:
@@ -154,6 +161,7 @@ class Child:
 
     def _died(self, call: str) -> NoReturn:
         with contextlib.suppress(subprocess.TimeoutExpired):
+            # Its pipes close a moment before its exit code is known.
             self._process.wait(GRACE)
         code = self._process.poll()
         how = "closed its stdout" if code is None else f"ended: {describe_exit(code)}"
@@ -161,9 +169,9 @@ class Child:
 
     def fail(self, what: str, *, why: str = "", todo: str = "") -> NoReturn:
         """End the child and raise `RendererError`, with the end of what it wrote to stderr."""
-        _kill(self._process)
+        _kill_child(self._process)
         size = self._errors.seek(0, os.SEEK_END)
-        self._errors.seek(max(size - SHOWN, 0))
+        self._errors.seek(max(size - EXCERPT_LENGTH, 0))
         noted = self._errors.read().decode(errors="replace").strip()
         self._close()
         why = "; ".join(part for part in (why, noted and f"its stderr ends: {noted}") if part)
@@ -171,8 +179,9 @@ class Child:
         raise self._failure
 
 
-def _end(process: subprocess.Popen[bytes], stdin: int, errors: IO[bytes]) -> None:
+def _end_child(process: subprocess.Popen[bytes], stdin: int, errors: IO[bytes]) -> None:
     """End a child: by bye and the end of its stdin, and then at once."""
+    # Bye and the end of stdin ask it to end; then it has GRACE.
     if process.poll() is None:
         with contextlib.suppress(OSError):
             os.write(stdin, b'{"id": 0, "call": "bye"}\n')
@@ -182,12 +191,13 @@ def _end(process: subprocess.Popen[bytes], stdin: int, errors: IO[bytes]) -> Non
                 pipe.close()
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(GRACE)
-    _kill(process)
+    _kill_child(process)
 
 
-def _kill(process: subprocess.Popen[bytes]) -> None:
+def _kill_child(process: subprocess.Popen[bytes]) -> None:
     """End a child at once, with all that it has started."""
     with contextlib.suppress(OSError):
+        # It leads a session, so that its number is also that of the group of all that it started.
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
 
@@ -196,6 +206,7 @@ def _dies_with_parent() -> Callable[[], None] | None:
     """Return what a child calls to be killed when its parent is; None where the system has no such thing."""
     if not sys.platform.startswith("linux"):
         return None
+    # Looked up before the fork: in between fork and exec nothing should be loaded.
     control = ctypes.CDLL(None).prctl
 
     def call() -> None:
@@ -204,8 +215,8 @@ def _dies_with_parent() -> Callable[[], None] | None:
     return call
 
 
-def _text(value: Any) -> str:
-    return " ".join(str(value).split())[:SHOWN]
+def _excerpt(value: Any) -> str:
+    return " ".join(str(value).split())[:EXCERPT_LENGTH]
 
 
 @dataclass(frozen=True)
@@ -240,7 +251,7 @@ class ProcessFactory:
     def __call__(self, scene: Scene) -> ProcessRenderer:
         """Start a process for a scene."""
         child = Child(self.command)
-        _greeted(child)
+        _say_hello(child)
         return ProcessRenderer(child, self.hello, scene)
 
 
@@ -252,45 +263,48 @@ def process(command: str) -> ProcessFactory:
         raise InputError(f"'cmd:{command}' is no command", why=str(error)) from error
     if os.name != "posix":
         raise InputError("renderers in processes need pipes that can be waited for", why=f"this system is {os.name}")
-    return ProcessFactory(words, _met(words))
+    return ProcessFactory(words, _hello_of(words))
 
 
 @lru_cache(maxsize=32)
-def _met(command: tuple[str, ...]) -> Hello:
+def _hello_of(command: tuple[str, ...]) -> Hello:
     try:
-        return _greeted(Child(command))
+        return _say_hello(Child(command))
     except RendererError as error:
         raise InputError(error.what, why=error.why, todo=error.todo or "see docs/outside-renderers.md") from error
 
 
-def _greeted(child: Child) -> Hello:
-    answer = child.ask("hello", START, version=VERSION)
+def _say_hello(child: Child) -> Hello:
+    answer = child.ask("hello", START_PATIENCE, version=VERSION)
     if answer.get("version") != VERSION:
         child.fail(
-            f"speaks version {_text(answer.get('version'))} of the protocol",
+            f"speaks version {_excerpt(answer.get('version'))} of the protocol",
             why=f"this version of hapticeval speaks {VERSION}",
             todo=f'answer hello with "version": {VERSION}',
         )
     supports = answer.get("supports", [])
     if not isinstance(supports, list) or not set(map(str, supports)) <= set(requirements()):
-        child.fail(f"supports {_text(supports)}", why=f'"supports" is a list of names, of {", ".join(requirements())}')
-    lengths = _lengths(child, answer, "max_error")
-    name = _text(answer.get("name", ""))
-    flags = {each: bool(answer.get(each)) for each in ("spring", "force_only", "run")}
+        child.fail(
+            f"supports {_excerpt(supports)}", why=f'"supports" is a list of names, of {", ".join(requirements())}'
+        )
+    lengths = _read_lengths(child, answer, "max_error")
+    name = _excerpt(answer.get("name", ""))
+    flags = {flag: bool(answer.get(flag)) for flag in ("spring", "force_only", "run")}
     return Hello(frozenset(supports), lengths["max_error"], name=name, **flags)
 
 
-def _lengths(child: Child, answer: Mapping[str, Any], *names: str) -> dict[str, float]:
-    found = {name: answer.get(name, 0.0) for name in names}
-    for name, value in found.items():
+def _read_lengths(child: Child, answer: Mapping[str, Any], *names: str) -> dict[str, float]:
+    lengths = {name: answer.get(name, 0.0) for name in names}
+    for name, value in lengths.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < float("inf"):
-            child.fail(f"has {name} = {_text(value)}", why="it is a length in metres: finite and not negative")
-    return {name: float(value) for name, value in found.items()}
+            child.fail(f"has {name} = {_excerpt(value)}", why="it is a length in metres: finite and not negative")
+    return {name: float(value) for name, value in lengths.items()}
 
 
-def _declared(child: Child, hello: Hello, answer: Mapping[str, Any]) -> Declaration:
+def _declaration(child: Child, hello: Hello, answer: Mapping[str, Any]) -> Declaration:
     """Return what the process promises: by what it said of itself, and by its answer to a scene."""
     shares = answer.get("stiffness_range")
+    # JSON has no infinity: null is a range without upper bound.
     if isinstance(shares, list) and shares[-1:] == [None]:
         shares = [*shares[:-1], float("inf")]
     promise = Declaration(
@@ -301,8 +315,8 @@ def _declared(child: Child, hello: Hello, answer: Mapping[str, Any]) -> Declarat
     )
     if not promise.sound:
         child.fail(
-            f"has stiffness_range = {_text(answer.get('stiffness_range'))} and force_resolution = "
-            f"{_text(answer.get('force_resolution', 0.0))}",
+            f"has stiffness_range = {_excerpt(answer.get('stiffness_range'))} and force_resolution = "
+            f"{_excerpt(answer.get('force_resolution', 0.0))}",
             why="the first is [least, largest], with 0 < least <= 1 <= largest, as shares of the scene's stiffness, or "
             "null for one without bound; the second is in newtons, finite and not negative",
         )
@@ -321,7 +335,7 @@ class ProcessRenderer:
         facets = self._outside.facets
         answer = child.ask(
             "scene",
-            START,
+            START_PATIENCE,
             dimension=scene.model.dimension,
             bilateral=scene.bilateral,
             vertices=facets.vertices.tolist(),
@@ -331,13 +345,14 @@ class ProcessRenderer:
         if "refuse" in answer:
             raise RefusalError(
                 f"the process refuses the model '{scene.model.name}'",
-                why=_text(answer["refuse"]),
+                why=_excerpt(answer["refuse"]),
                 todo="choose another case",
             )
-        lengths = _lengths(child, answer, "standoff", "resolution")
+        lengths = _read_lengths(child, answer, "standoff", "resolution")
         self._margin = lengths["standoff"]
+        # Attributes that a renderer has only where they hold: see `Outside.lengths`.
         self.__dict__.update(self._outside.lengths(**lengths))
-        self.declares = _declared(child, hello, answer)
+        self.declares = _declaration(child, hello, answer)
         self._batch = hello.run
         self.supports = hello.supports
 
@@ -346,14 +361,14 @@ class ProcessRenderer:
         hip = np.asarray(hip, dtype=np.float64)
         self.contact = None
         tool = self._outside.tool(hip, self._margin)
-        self._refused(self._child.ask("reset", PATIENCE, hip=hip.tolist(), tool=tool.tolist()), hip)
+        self._check_refusal(self._child.ask("reset", PATIENCE, hip=hip.tolist(), tool=tool.tolist()), hip)
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the process refuses it."""
         hip = np.asarray(hip, dtype=np.float64)
         entries = {"hip": hip.tolist(), "velocity": np.asarray(velocity).tolist(), "dt": float(dt)}
         answer = self._child.ask("step", PATIENCE, **entries)
-        self._refused(answer, hip)
+        self._check_refusal(answer, hip)
         self.contact = bool(answer["contact"]) if "contact" in answer else None
         return Response(*(self._numbers(answer, name, hip.shape) for name in ("ihip", "force")))
 
@@ -369,49 +384,52 @@ class ProcessRenderer:
 
     def _run(self, hips: Array, dt: float) -> tuple[Array, Array]:
         self.reset(hips[0])
-        return self._asked(hips, path_velocities(hips, dt), dt)
+        return self._ask_stretch(hips, path_velocities(hips, dt), dt)
 
     def _lead(self, hips: Array, velocities: Array, dt: Array) -> tuple[Array, Array]:
+        # A run of the protocol has one time step: a message for each stretch of equal dt.
         cuts = [0, *np.flatnonzero(np.diff(dt)) + 1, len(dt)]
         parts, contacts = [], []
         for first, end in pairwise(cuts):
-            parts.append(self._asked(hips[first:end], velocities[first:end], float(dt[first])))
+            parts.append(self._ask_stretch(hips[first:end], velocities[first:end], float(dt[first])))
             contacts.append(self.contact)
         ihips, forces = (np.concatenate(column) for column in zip(*parts, strict=True))
+        # Contact is known of the whole only where each stretch reports it.
         known = [contact for contact in contacts if isinstance(contact, np.ndarray)]
         self.contact = np.concatenate(known) if len(known) == len(contacts) else None
         return ihips, forces
 
-    def _asked(self, hips: Array, velocities: Array, dt: float) -> tuple[Array, Array]:
+    def _ask_stretch(self, hips: Array, velocities: Array, dt: float) -> tuple[Array, Array]:
         """Return IHIPs and forces (n, N) of a stretch in steps of `dt` (s)."""
-        patience, most = PATIENCE + A_TICK * len(hips), LINE + 2 * A_NUMBER * hips.size
+        # An answer has IHIPs and forces: two numbers for each of the HIPs' coordinates.
+        patience, most_bytes = PATIENCE + TICK_PATIENCE * len(hips), ANSWER_BYTES + 2 * NUMBER_BYTES * hips.size
         entries = {"hips": hips.tolist(), "velocities": velocities.tolist(), "dt": float(dt)}
-        answer = self._child.ask("run", patience, most=most, **entries)
-        self._refused(answer, hips[0])
+        answer = self._child.ask("run", patience, most_bytes=most_bytes, **entries)
+        self._check_refusal(answer, hips[0])
         ihips, forces = (self._numbers(answer, name, hips.shape) for name in ("ihips", "forces"))
         self.contact = None
         if "contact" in answer:
             self.contact = self._numbers(answer, "contact", hips.shape[:1]) != 0.0
         return ihips, forces
 
-    def _refused(self, answer: Mapping[str, Any], hip: Array) -> None:
+    def _check_refusal(self, answer: Mapping[str, Any], hip: Array) -> None:
         if "refuse" in answer:
             place = ", ".join(f"{x:.6g}" for x in hip)
-            raise DomainError(f"the process refuses the HIP ({place}) m", why=_text(answer["refuse"]))
+            raise DomainError(f"the process refuses the HIP ({place}) m", why=_excerpt(answer["refuse"]))
 
     def _numbers(self, answer: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> Array:
         """Return an entry of an answer as numbers of the HIP's shape; null is a number that is not finite."""
         try:
-            found = np.array(answer[name], dtype=np.float64)
+            numbers = np.array(answer[name], dtype=np.float64)
         except KeyError:
             self._child.fail(f"answers without '{name}'", why=f"the answer has {', '.join(answer)}")
         except (TypeError, ValueError):
-            self._child.fail(f"answers {name} = {_text(answer[name])}", why="it is a list of numbers")
-        if len(shape) == 2 and shape[0] == 1 and found.size == shape[1]:
-            found = found.reshape(shape)  # some languages write a single row so
-        if found.shape != shape:
-            self._child.fail(f"answers {name} of shape {found.shape}", why=f"the HIP has {shape}")
-        return found
+            self._child.fail(f"answers {name} = {_excerpt(answer[name])}", why="it is a list of numbers")
+        if len(shape) == 2 and shape[0] == 1 and numbers.size == shape[1]:
+            numbers = numbers.reshape(shape)  # some languages write a single row so
+        if numbers.shape != shape:
+            self._child.fail(f"answers {name} of shape {numbers.shape}", why=f"the HIP has {shape}")
+        return numbers
 
     def __deepcopy__(self, memo: dict[int, Any]) -> NoReturn:
         """Refuse: a copy would be the same process once more."""

@@ -14,8 +14,8 @@ from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, p
 from hapticeval.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
-    from hapticeval.search.counterexample import Kept
-    from hapticeval.search.seeds import Hunt, Hunted
+    from hapticeval.search.counterexample import StoredCounterexample
+    from hapticeval.search.seeds import Hunt, HuntResult
 
 PICTURES = 20.0
 """Seconds in which the pictures of a renderer's counterexamples begin: what is slow, or hangs, ends there."""
@@ -129,7 +129,7 @@ def _search(
     from hapticeval.runner.interrupts import Interrupts
     from hapticeval.search.counterexample import read_all
     from hapticeval.search.drawing import judgeable
-    from hapticeval.search.seeds import Hunt, hunted, hunts
+    from hapticeval.search.seeds import Hunt, run_hunt, run_hunts
     from hapticeval.workers import cores
 
     if not renderers:
@@ -167,7 +167,9 @@ def _search(
         if len(seeds) > 1 or scheduler is not None:
             terminal.line(f"searching with {plural(len(seeds), 'seed')} for what breaks {', '.join(names)}")
             options: dict[str, Any] = {"workers": cores(), "scheduler": scheduler, "interrupted": interrupted}
-            for hunt, made, ended in hunts(all_asked, seeds, **options, progress=terminal.still, report=terminal.line):
+            for hunt, made, ended in run_hunts(
+                all_asked, seeds, **options, progress=terminal.still, report=terminal.line
+            ):
                 terminal.clear()
                 if ended < len(seeds):
                     terminal.line(f"{hunt.renderer}: {ended} of {plural(len(seeds), 'seed')} ended")
@@ -181,7 +183,7 @@ def _search(
             begun = time.monotonic()
             started = f"searching for what breaks {hunt.renderer}: up to {seconds:g} s"
             terminal.line(f"{started}, Ctrl-C ends it and keeps what is found")
-            made = hunted(hunt, seeds[0], interrupted=interrupted, progress=progress, report=terminal.line)
+            made = run_hunt(hunt, seeds[0], interrupted=interrupted, progress=progress, report=terminal.line)
             terminal.clear()
             codes.append(max(_written(hunt, made, directory, time.monotonic() - begun), int(interrupted())))
     return max(codes)
@@ -197,51 +199,51 @@ def _dimension(renderer: str) -> int:
     return 3 if SPACE in declared and PLANE not in declared else 2
 
 
-def _written(hunt: Hunt, made: Hunted, directory: Path, took: float) -> int:
+def _written(hunt: Hunt, made: HuntResult, directory: Path, took: float) -> int:
     """Write what was found of one renderer, print it, and return the exit code."""
     from hapticeval.search.counterexample import line, notes, write
     from hapticeval.search.hunt import deadline
     from hapticeval.search.trial import RENDERER
 
     written, bare = [], []
-    suites = [write(each, directory)[0] for each in made.found]
+    suites = [write(each, directory)[0] for each in made.counterexamples]
     over = deadline(PICTURES, lambda: False)
-    for each, suite in zip(made.found, suites, strict=True):
+    for each, suite in zip(made.counterexamples, suites, strict=True):
         pictures = _picture(each, suite, over)
         written += [suite, *(pictures or ())]
         bare += [] if pictures is not None else [each.fault.check]
     say(
         paragraphs(
-            lines("\n  ".join([f"{hunt.renderer}: {line(each)}", *notes(each)]) for each in made.found),
+            lines("\n  ".join([f"{hunt.renderer}: {line(each)}", *notes(each)]) for each in made.counterexamples),
             _told(hunt, made, took),
             f"no picture, for its time was over, of: {', '.join(bare)}" if bare else "",
             wrote(written),
         )
     )
-    if any(each.fault.check == RENDERER for each in made.found):
+    if any(each.fault.check == RENDERER for each in made.counterexamples):
         return 3
     if made.refused is not None:
         return 2
-    return int(bool(made.found) or not made.judged)
+    return int(bool(made.counterexamples) or not made.judged)
 
 
-def _told(hunt: Hunt, made: Hunted, took: float) -> str:
+def _told(hunt: Hunt, made: HuntResult, took: float) -> str:
     """Return what was searched, and what was not found."""
     if made.refused is not None:
         return f"{hunt.renderer} refuses every model that was tried: {made.refused}"
-    found = {each.fault.check for each in made.found}
+    found = {each.fault.check for each in made.counterexamples}
     missing = [name for name in hunt.checks if name not in found]
     passed = [f"{name} ({made.judged[name]})" for name in missing if made.judged[name]]
     silent = [name for name in missing if not made.judged[name]]
     ended = "" if made.finished else "; stopped before the end"
     tried = f"{plural(made.tried, 'example')} drawn, {made.trials} tried in {took:.1f} s{ended}"
-    if not made.judged and not made.found:
+    if not made.judged and not made.counterexamples:
         return lines([tried, "nothing was judged: no example had an answer when the time was over"])
     said = [("no failure, in so many examples, of", passed), ("no example decides", silent)]
     return lines([tried, *(f"{words}: {', '.join(names)}" for words, names in said if names)])
 
 
-def _picture(made: Kept, suite: Path, over: Callable[[], bool]) -> list[Path] | None:
+def _picture(made: StoredCounterexample, suite: Path, over: Callable[[], bool]) -> list[Path] | None:
     """Draw what the renderer does in a counterexample beside its suite; nothing where it breaks.
 
     None where the time is `over` before the renderer has answered.
@@ -255,7 +257,7 @@ def _picture(made: Kept, suite: Path, over: Callable[[], bool]) -> list[Path] | 
         return []
     try:
         with Bench(made.renderer, made.seed, over) as bench:
-            recording = bench.asked(made.case, recorded, made.case)
+            recording = bench.call_in_case(made.case, recorded, made.case)
     except Stopped:
         return None
     if recording is None:

@@ -145,13 +145,17 @@ class Cluster(Generic[T]):
                 todo="start one with `dask scheduler`, and give its address: --scheduler tcp://HOST:8786",
             ) from error
         try:
+            # Workers are compared with this process. Those that are alike offer a resource named by the fingerprint,
+            # and dask gives calls that ask for it to no other worker.
             self._own_fingerprint = fingerprints.fingerprint({})
             self._resource = (
                 f"hapticeval-{sha256(repr(sorted(self._own_fingerprint.items())).encode()).hexdigest()[:16]}"
             )
             end = time.monotonic() + CONNECT_SECONDS
+            # Workers may still be registering with the scheduler: look again until the time is over.
             while not self._alike_threads and time.monotonic() < end:
                 self._look_for_workers()
+                # All that are there are unlike this machine: waiting brings no better ones.
                 if self._unlike and not self._alike_threads:
                     break
                 time.sleep(0.0 if self._alike_threads else 0.1)
@@ -168,6 +172,7 @@ class Cluster(Generic[T]):
             if running and self._under_way:
                 self._client.cancel(list(self._under_way), force=True)
             self._under_way.clear()
+            # Closing waits for the scheduler, which is not worth two seconds where it is gone.
             self._client.close(timeout=2.0 if running else 0.1)
         except CONNECTION_ERRORS:
             pass
@@ -181,14 +186,17 @@ class Cluster(Generic[T]):
     def free(self) -> int:
         """How many more calls may begin now: as many as workers should have ahead."""
         threads = sum(self._alike_threads.values())
+        # free = (chunks ahead) x (threads) x (calls in a chunk) - (calls begun)
         return max(CHUNKS_AHEAD * max(threads, 1) * self._chunk_size - self._busy, 0)
 
     @property
     def _chunk_size(self) -> int:
         """How many calls make a chunk."""
+        # One call at a time until it is known how long one takes.
         if not self._call_seconds:
             return 1
         mean = sum(self._call_seconds) / len(self._call_seconds)
+        # n = (seconds of a chunk) / (mean seconds of a call), from 1 to MOST_CALLS
         return max(1, min(MOST_CALLS, int(CHUNK_SECONDS / max(mean, 1e-6))))
 
     def begin(self, call: int, *arguments: Any) -> None:
@@ -205,11 +213,13 @@ class Cluster(Generic[T]):
         while True:
             answers: list[Answer[T]] = []
             try:
+                # Workers come and go while a run goes on.
                 if time.monotonic() - self._looked > LOOK_SECONDS:
                     self._look_for_workers()
                 answers, self._rescued = self._rescued, []
                 self._send()
                 left = LOOK_SECONDS if end is None else max(end - time.monotonic(), 0.0)
+                # Wait for one chunk, and take with it whatever else has ended meanwhile.
                 over = [self._finished_futures.get(timeout=min(left, LOOK_SECONDS))]
                 over += [self._finished_futures.get_nowait() for _ in range(self._finished_futures.qsize())]
                 for future in over:
@@ -237,10 +247,12 @@ class Cluster(Generic[T]):
     def _send(self) -> None:
         if not self._alike_threads:
             return
+        # A suspected call goes out when nothing else is under way: a worker that dies then was killed by it.
         if self._suspects and not self._to_send_again:
             chunks = [] if self._under_way else [self._suspects.popleft()]
         else:
             chunks, self._to_send_again = self._to_send_again, []
+        # New calls wait until no suspect is left, so that they do not share the blame.
         alone = bool(self._suspects) or any(chunk.alone for chunk in (*chunks, *self._under_way.values()))
         while self._waiting and not alone:
             size = min(self._chunk_size, len(self._waiting))
@@ -251,6 +263,7 @@ class Cluster(Generic[T]):
                 make_calls,
                 pickle.dumps((self._function, chunk.calls, self._timeout)),
                 key=f"{self._name}-{self._sent}",
+                # only workers that compute alike offer it
                 resources={self._resource: 1},
                 pure=False,
             )
@@ -260,10 +273,13 @@ class Cluster(Generic[T]):
     def _collect_answers(self, future: _Future) -> list[Answer[T]]:
         """Return the answers of a chunk that is over, and see to the calls that it has not come to."""
         chunk = self._under_way.pop(future, None)
+        # Given up by `_rescue` meanwhile, which has seen to its calls.
         if chunk is None:
             return []
         if future.status == "error":
             error = future.exception()
+            # A call's own error travels in its answer: this one is the machinery's, and no other chunk would fare
+            # better.
             if not isinstance(error, KilledWorker):
                 raise HapticevalError(
                     "a worker of the cluster cannot make calls", why=f"{type(error).__name__}: {error}"
@@ -285,6 +301,7 @@ class Cluster(Generic[T]):
                 raise self._lost_error() from None
             return self._send_again(chunk)
         self._call_seconds.extend(took)
+        # A worker stops a chunk after CHUNK_LIMIT. The calls that it did not come to are sent next, in their order.
         self._waiting.extendleft(reversed(chunk.calls[len(answers) :]))
         return list(answers)
 
@@ -297,6 +314,7 @@ class Cluster(Generic[T]):
 
     def _send_again(self, chunk: _Chunk) -> list[Answer[T]]:
         """Have a chunk sent again that nobody is at any more, unless that was so too often."""
+        # Left so often, it may be what the workers die of.
         if chunk.strikes >= STRIKES:
             return self._take_apart(chunk)
         self._to_send_again.append(chunk._replace(strikes=chunk.strikes + 1))
@@ -304,6 +322,7 @@ class Cluster(Generic[T]):
 
     def _rescue(self) -> None:
         """Send those chunks again that were left when there was no worker for them: dask does not look for one anew."""
+        # A pending future that no worker has waits for workers that are gone.
         running = {key for keys in self._client.processing().values() for key in keys}
         left = [future for future in self._under_way if future.status == "pending" and future.key not in running]
         for future in left:
@@ -316,6 +335,7 @@ class Cluster(Generic[T]):
         self._looked = time.monotonic()
         workers = self._client.scheduler_info(n_workers=-1)["workers"]
         self._alike_threads = {address: count for address, count in self._alike_threads.items() if address in workers}
+        # An address is asked once, and is alike or unlike from then on.
         new = [address for address in workers if address not in self._alike_threads and address not in self._unlike]
         if new:
             self._ask_fingerprints(new, {address: int(workers[address]["nthreads"]) for address in new})
@@ -343,6 +363,7 @@ class Cluster(Generic[T]):
                 self._refused.append((address, self._unlike[address]))
         alike = {address: threads[address] for address, reply in replies.items() if reply == self._own_fingerprint}
         if alike:
+            # Threads count once their worker offers the resource: a call sent earlier would find no worker to go to.
             marked = self._client.run(mark, self._resource, workers=list(alike), on_error="return")
             self._alike_threads |= {address: alike[address] for address, done in marked.items() if done is True}
             if self._under_way:
@@ -401,6 +422,7 @@ def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
     The child is kept for later chunks; the first call in a new one, which loads what it needs, is not timed.
     """
     function, calls, timeout = pickle.loads(packed)
+    # Threads of one worker come here at once. Each takes a child that is idle, or starts one.
     with _lock:
         idle_children = _idle.setdefault(function, [])
         crew, known = (idle_children.pop(), True) if idle_children else (_start_child(function), False)
@@ -412,9 +434,11 @@ def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
         if answers and before - begun > CHUNK_LIMIT:
             break
         crew.begin(call, *arguments)
+        # A call that takes longer than its timeout is given up, and that is its answer.
         while not (new_answers := [*crew.answers(PATIENCE), *crew.give_up(timeout)]):
             pass
         answers += new_answers
+        # The first call of a new child loads and compiles, and says nothing of the next.
         if known:
             call_seconds.append(time.monotonic() - before)
         known = True

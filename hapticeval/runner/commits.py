@@ -38,6 +38,7 @@ def _source(name: str, factory: Any) -> Path | None:
             load(base)
         except HapticevalError:  # no renderer, as the recorded run of a replay
             return None
+        # `package.module:factory` names its module; any other name is an entry point, which does.
         module = (base if ":" in base else known_renderers()[base].value).partition(":")[0].strip()
     file = getattr(sys.modules.get(module), "__file__", None)
     return None if file is None else Path(file).resolve()
@@ -46,6 +47,7 @@ def _source(name: str, factory: Any) -> Path | None:
 @cache
 def _commit(file: Path) -> str:
     """Return the commit of the repository that tracks a file, "" where none does."""
+    # A file that no commit holds has none, even inside of a repository.
     if not _git(file.parent, "ls-files", "--", file.name):
         return ""
     return _git(file.parent, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")

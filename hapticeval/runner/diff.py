@@ -85,6 +85,7 @@ def compare_results(before: ResultsDocument, now: ResultsDocument) -> Diff:
             )
         if first is not None and second is not None:
             moves += _moved(first, second)
+    # What asks for a look comes first.
     order: Mapping[str, int] = {name: rank for rank, name in enumerate(("worse", "changed", "gone", "better", "new"))}
     return Diff(
         compared=len(old.keys() & new.keys()),
@@ -109,6 +110,7 @@ def _standing(
         return "worse"
     if first is None:
         return "new"
+    # Better is what stops the gate no more: also a failure that is on the list of known ones since.
     if stopped and not stops:
         return "better"
     return "changed" if first.outcome != second.outcome else None
@@ -117,11 +119,14 @@ def _standing(
 def _moved(first: VerdictEntry, second: VerdictEntry) -> list[MarginMove]:
     """Return how the margin of one verdict moved in bounds, where it has the same metric as before and did move."""
     one, two = first.metric, second.metric
+    # Metrics of different names or units cannot be subtracted.
     if one is None or two is None or (one.name, one.unit) != (two.name, two.unit):
         return []
     if one.value is None or two.value is None or not first.bound or not second.bound:
         return []
+    # A margin in bounds is 1 - value / bound: by = (1 - v2 / b2) - (1 - v1 / b1) = v1 / b1 - v2 / b2.
     by = one.value / first.bound - two.value / second.bound
+    # Rounding grows with the metric where that is many bounds large.
     if abs(by) <= ROUNDING * max(1.0, abs(one.value / first.bound)):
         return []
     return [

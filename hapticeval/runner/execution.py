@@ -65,6 +65,7 @@ def execute(
     `exit_first`. What has finished is kept, also where the scheduler is lost, the results say that they are incomplete
     and why, and `RunFinished` is still the last event.
     """
+    # Finished jobs by their number in the plan, until those before them are reported.
     known_jobs = earlier_jobs or {}
     finished = {at: known_jobs[job.key] for at, job in enumerate(plan.jobs) if job.key in known_jobs}
     old = set(finished)
@@ -85,9 +86,11 @@ def execute(
             remarks = unplanned + plan.known.unsized()
             yield RunStarted(plan.planned, len(plan.jobs), len(old), jobs_of, remarks)
             progress = Progress(plan, directory)
+            # Each turn begins jobs, reports in the plan's order what has finished, and waits a little for answers.
             while True:
                 if not interrupts.count and not stopped:
                     try:
+                        # Without processes `begin` does the job itself, and only an exception can interrupt that.
                         with nullcontext() if workers else interrupts.raised():
                             for number, job in islice(waiting, crew.free):
                                 begun[number] = time.monotonic()
@@ -95,6 +98,7 @@ def execute(
                     except KeyboardInterrupt:
                         yield Interrupted(1, at_once=True)
                         break
+                # Jobs end in any order: a slow one holds back the reports of those behind it.
                 while added in finished:
                     marked_job = progress.add(finished[added])
                     if added not in old:
@@ -104,6 +108,7 @@ def execute(
                 if interrupts.count and not warned:
                     yield Interrupted(crew.busy)
                     warned = True
+                # All that could begin has ended: the plan is done, or no further job may begin.
                 if not crew.busy:
                     break
                 try:
@@ -114,6 +119,7 @@ def execute(
                 for answer in answers:
                     begun.pop(answer.call, None)
                     finished[answer.call] = done = _finished_job(answer, plan.jobs[answer.call], directory, timeout)
+                    # Written before its turn in the plan comes: a run that is killed now has it.
                     outcomes.add(done)
                     stopped |= plan.exit_first and progress.stops(done)
                 yield from (WorkerRefused(*refusal) for refusal in crew.refused())
@@ -122,9 +128,11 @@ def execute(
                     reported = now
                     runs = tuple(plan.jobs[number].key for number in begun)
                     yield AtWork(added + len(finished), runs, now - min(begun.values()))
+                # A second Ctrl-C: leaving the block ends the processes, without waiting for their jobs.
                 if interrupts.count > 1 and crew.busy:
                     yield Interrupted(crew.busy, at_once=True)
                     break
+        # What has finished behind a job that never did.
         for number in sorted(finished):
             marked_job = progress.add(finished[number])
             if number not in old:
@@ -177,10 +185,12 @@ def _finished_job(answer: Answer[JobAndFile], job: Job, directory: Path | None, 
         return outcome_of_ended(job, answer.error)
     if isinstance(answer.error, Overdue):
         return outcome_of_overdue(job, timeout, answer.error)
+    # What a renderer does wrong is in its verdicts: this is a fault of the framework.
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None
     finished, content = answer.value
+    # The job ran where this folder cannot be seen: its recording's file came as bytes.
     if content is not None and directory is not None and finished.run.recording is not None:
         with replacing(directory / finished.run.recording) as temporary:
             temporary.write_bytes(content)

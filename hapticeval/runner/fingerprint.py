@@ -28,6 +28,7 @@ def fingerprint(files: Mapping[str, str]) -> dict[str, str]:
             properties[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             properties[name] = "none"
+    # A version does not tell an edited checkout: the source itself counts.
     code = hashlib.sha256()
     for package in ("hapticeval", "hapticeval.renderers"):
         try:
@@ -39,6 +40,7 @@ def fingerprint(files: Mapping[str, str]) -> dict[str, str]:
                 code.update(str(file.relative_to(folder)).encode() + file.read_bytes())
     properties["code of hapticeval"] = code.hexdigest()[:12]
     properties.update(_processor())
+    # Files that are the same leave no entry, so that alike machines have equal fingerprints.
     for path, digest in files.items():
         try:
             local_digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
@@ -55,6 +57,7 @@ def _processor() -> dict[str, str]:
     try:
         import llvmlite.binding as llvm
 
+        # These variables, where set, name the processor that numba compiles for: one for all of a mixed cluster.
         features = os.environ.get("NUMBA_CPU_FEATURES", llvm.get_host_cpu_features().flatten())
         properties["CPU"] = os.environ.get("NUMBA_CPU_NAME", llvm.get_host_cpu_name())
         properties["CPU features"] = hashlib.sha256(features.encode()).hexdigest()[:12]
@@ -63,6 +66,7 @@ def _processor() -> dict[str, str]:
     try:
         import numpy
 
+        # numpy chooses its loops by these when it is imported.
         used = numpy.show_config(mode="dicts")["SIMD Extensions"]["found"]
         properties["CPU features of numpy"] = " ".join(used)
     except (ImportError, KeyError, TypeError):

@@ -29,9 +29,11 @@ def prepared_folder(directory: Path, *, keep_reports: bool = False) -> Iterator[
     kept. Within the block the folder is this process's. Raises `InputError` for any other folder, where nothing can be
     written there, and where another process writes into it.
     """
+    # Before anything is made: a folder that is not ours stays untouched.
     _check(directory)
     try:
         directory.mkdir(parents=True, exist_ok=True)
+        # The lock belongs to an open descriptor of the folder itself, and leaves no file behind.
         descriptor = os.open(directory, os.O_RDONLY)
     except OSError as error:
         raise _unwritable(directory, error) from error
@@ -94,6 +96,7 @@ def _locker(inode: int) -> str:
         rows = [row.split() for row in Path("/proc/locks").read_text().splitlines()]
     except OSError:
         return ""
+    # A row of /proc/locks: ordinal, kind, mode, access, process, major:minor:inode, start, end.
     return next((row[4] for row in rows if row[5].endswith(f":{inode}") and int(row[4]) > 0), "")
 
 
@@ -105,6 +108,7 @@ def _clean(directory: Path, *, keep_reports: bool) -> None:
     """Remove the reports of an earlier run."""
     try:
         for report in () if keep_reports else (directory / name for name in REPORTS):
+            # Of a link to a folder the link is removed, never what it leads to.
             if report.is_dir() and not report.is_symlink():
                 shutil.rmtree(report)
             else:

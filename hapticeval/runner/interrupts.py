@@ -29,6 +29,7 @@ class Interrupts:
     def __enter__(self) -> Interrupts:
         if Interrupts._outermost is not None:
             return Interrupts._outermost
+        # Python runs signal handlers in the main thread alone, and lets no other thread set one.
         in_main = threading.current_thread() is threading.main_thread()
         self._ours = in_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
         if self._ours:
@@ -52,5 +53,6 @@ class Interrupts:
 
     def _counted(self, _number: int, _frame: FrameType | None) -> None:
         self.count += 1
+        # A job in this very process never looks at the count.
         if self._raises:
             raise KeyboardInterrupt

@@ -56,6 +56,7 @@ class _RunFactory:
 
     def __init__(self, factory: RendererFactory, scene: Scene, case: Case, name: str) -> None:
         self.factory, self.scene = factory, scene
+        # By motion: checks ask for several nudges of one, and preparing a renderer may take seconds.
         self._moved: dict[Motion, tuple[Scene, Renderer | TrajectoryRenderer | None]] = {}
         self.simulated = 0.0
         self.renderer = make_renderer(factory, scene)
@@ -74,6 +75,7 @@ class _RunFactory:
         """Return the base recording, and siblings on demand: of a path that ended early, along what was answered."""
         dt, stimulus = self.scene.sampling_time, self.stimulus
         base = self.record(stimulus, dt, lead=play_while_defined)
+        # The law has left its domain: siblings follow only the HIPs that it has answered.
         if isinstance(stimulus, Path) and "ended" in base.meta:
             self.stimulus = stimulus = Path(base.time, base.hip)
         siblings: dict[str, Any] = {
@@ -82,8 +84,10 @@ class _RunFactory:
             "again": lambda: self.record(stimulus, dt),
         }
         if isinstance(stimulus, Experiment):
+            # A closed loop cannot be led backwards: its forces decide where the hand goes.
             siblings |= {"at_speed": lambda factor: self.record(stimulus.at_speed(factor), dt), "law": self.law}
             siblings["moved"] = self.moved
+            # Only then does a path of the recorded HIPs ask the renderer the same again.
             if _answers_the_hip(self.scene):
                 siblings["without"] = lambda kind: self.without(kind, Path(base.time, base.hip))
         else:
@@ -108,6 +112,7 @@ class _RunFactory:
         recording = self._played(renderer, scene, self._moved_stimulus(motion, np.array(nudge)))
         if recording is None:
             return None
+        # Back into the axes and lengths of the unmoved scene. Of equal stiffness, a force grows with the lengths.
         back = {"hip": motion.back(recording.hip), "ihip": motion.back(recording.ihip)}
         force = motion.turned_back(recording.force) / motion.scale
         lengths = {name: recording.meta[name] / motion.scale for name in ("resolution", "standoff")}
@@ -122,6 +127,7 @@ class _RunFactory:
     def subdivided(self) -> Recording:
         """Record the path with a HIP half way between each two, in half the time; see `Runs.subdivided`."""
         hips = self.path().points
+        # In ticks 0, 1/2, 1, ... n - 1: the n HIPs and the n - 1 midpoints between them.
         half = 0.5 * np.arange(2.0 * len(hips) - 1.0)
         between = np.repeat(hips, 2, axis=0)[:-1]
         between[1::2] = 0.5 * (hips[:-1] + hips[1:])
@@ -130,14 +136,17 @@ class _RunFactory:
     def in_turns(self) -> Recording:
         """Record the path by turns with another renderer; see `Runs.in_turns`."""
         dt = self.scene.sampling_time
+        # The other renderer is asked at half size and backwards: what both share, as a global, shows in the answers.
         half = scaling(0.5, self.scene.model.dimension)
         path = self.path()
         scene, other = self._with_model(self.scene.model.moved(half))
         back = path.reversed()
+        # A model that cannot be scaled: another renderer in the same scene.
         if other is None:
             scene, other = self.scene, make_renderer(self.factory, self.scene)
         else:
             back = Path(back.time, half(back.points))
+        # Tick by tick where both step, else one whole path after the other.
         if isinstance(self.renderer, Renderer) and isinstance(other, Renderer):
             recording = play_in_turns((self.renderer, path, self.scene), (other, back, scene), dt)
         else:
@@ -167,6 +176,7 @@ class _RunFactory:
         except RefusalError:
             return None
         self.simulated += len(recording) * scene.sampling_time
+        # An experiment that ended early is not comparable with the base recording.
         return None if "ended" in recording.meta else recording
 
     def _moved_scene(self, motion: Motion) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
@@ -219,6 +229,7 @@ def _moves_alike(scene: Scene, motion: Motion) -> bool:
 
     A robot stands where it stands, a force need not grow with the lengths, and what counts or clips does so by axis.
     """
+    # Effects on what the robot senses, feels or is commanded, or on its joints: not those on the answer alone.
     loop = (effect for effect in scene.effects if effect.stage not in (None, Stage.ANSWER))
     return motion.scale == 1.0 and isinstance(scene.robot, PointMass) and all(effect.linear for effect in loop)
 
@@ -230,11 +241,13 @@ def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | Trajecto
     factory declares it, and `RendererError` for what is no renderer.
     """
     declared = choices_of(factory).supports
+    # What the factory declares refuses a scene before anything is built.
     if declared is not None:
         check_support(scene, declared)
     with renderer_errors("factory"):
         renderer = factory(scene)
     supports = abilities_of(renderer).supports
+    # Only the renderer itself could say what it supports; where it says nothing, it supports no extra.
     if declared is None:
         check_support(scene, supports or frozenset())
     return with_effects(renderer, scene)
@@ -291,9 +304,11 @@ def judge_recorded(
             ended = recorded.recording.meta.get("ended")
     except RefusalError as raised:
         refusal = raised
+        # A refusal is no failure: there is nothing to judge.
         findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {raised.what}")] * len(case.checks)
     except RunawayError as raised:
         ended = {"tick": 0, "time": 0.0, "what": raised.what, "why": raised.why, "ran_away": True}
+        # Checks that have judged by now keep their findings; the loop itself fails the others.
         findings += [_ran_away(ended)] * (len(case.checks) - len(findings))
     except HapticevalError as raised:
         error = raised
@@ -357,10 +372,12 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
         raise
     except Exception as defect:  # the boundary behind which one faulty check must not take the run along
         finding = Finding(Outcome.ERROR, f"the check itself failed: {describe_error(defect)}")
+    # Nothing is to be added where the run went to its end, or where the check could not be asked.
     if ended is None or finding.outcome in (Outcome.NOT_APPLICABLE, Outcome.ERROR):
         return finding
     if ended.get("ran_away"):
         return _ran_away(ended, finding)
+    # What has failed before the end has failed. A pass until there is none of the whole run: undecided.
     if finding.outcome is Outcome.FAIL:
         return finding
     evidence = {**finding.evidence, "ended": dict(ended)}

@@ -76,7 +76,9 @@ class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         kind, region = fault_kind(verdict.evidence), str(verdict.evidence.get("region", ""))
         if metric is None:
             return cls(verdict=verdict.place, kind=kind, region=region)
+        # A check that measures some of its faults by another metric tells their kinds apart by its name.
         own = CHECKS[verdict.check].metric if verdict.check in CHECKS else metric.name
+        # None stands for a number that was not finite. Four digits are what the list shows.
         value = math.inf if metric.value is None else float(f"{metric.value:.4g}")
         kind = kind or (metric.name if metric.name != own else "")
         return cls(verdict=verdict.place, metric=value, unit=metric.unit, kind=kind, region=region)
@@ -93,6 +95,7 @@ class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             return f"at another place than the known one: '{other.region}', and known is '{self.region}'"
         if self.metric is None or other.metric is None:
             return ""
+        # The same failure where m' <= m + r |m| + b: r for rounding, the check's bound b for the sampling.
         if other.metric <= self.metric + REPEAT_SHARE * abs(self.metric) + bound:
             return ""
         now = quantity(other.metric if math.isfinite(other.metric) else None, self.unit)
@@ -128,6 +131,7 @@ class KnownEntry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def renewed(self, verdict: VerdictEntry) -> KnownEntry:
         """Return the entry with what its only verdict measures now, where that is less, or was not listed."""
         listed, current = self.verdicts[0], KnownVerdict.of(verdict)
+        # Larger than listed, though within the bound: a size on the list never creeps upwards.
         grown = isinstance(listed, KnownVerdict) and (listed.metric or 0.0) < (current.metric or 0.0)
         if grown or verdict.outcome is not Outcome.FAIL:
             return self
@@ -165,6 +169,7 @@ class Known:
         for _, place in self.entries:
             suite, case, check = place.split("/")
             with at(f"{self.source}: '{place}'"):
+                # Of a suite that is not among these nothing is known, and any case will do.
                 if case not in checks.get(suite, {case: ()}):
                     raise UnknownNameError(f"case of {suite}", case, checks[suite])
                 if suite in checks and check not in checks[suite][case]:
@@ -205,8 +210,10 @@ class Known:
         entry = self.entries.get((verdict.renderer, verdict.place))
         if entry is None or verdict.outcome is Outcome.ERROR:
             return verdict
+        # It passes now. Marked all the same, so that it can be told to come off the list.
         if verdict.outcome not in UNSATISFIED:
             return replace(verdict, known=entry.reason)
+        # Known to be inconclusive and fails now, or the other way round: judged as any other.
         if verdict.outcome.value != entry.outcome:
             return verdict
         excess = entry.surpassed_by(verdict)
@@ -228,10 +235,12 @@ class Known:
             if verdict.outcome not in UNSATISFIED:
                 continue
             if verdict.known is not None:
+                # Known already: the reason stays, and the size may only go down.
                 listed = self.entries.get(place) or _entry(verdict, verdict.known)
                 entries[place] = listed.renewed(verdict)
             elif results.stops(verdict):
                 fresh.setdefault((verdict.renderer, verdict.check, verdict.outcome), []).append(verdict)
+        # New failures of one renderer, check and outcome share a reason, that of the worst.
         for (renderer, _, _), verdicts in fresh.items():
             worst = max(verdicts, key=lambda verdict: verdict.severity)
             reason = f"{UNEXPLAINED}: {_short(worst.message)} ({worst.suite}/{worst.case})"
@@ -293,6 +302,7 @@ def write_known(file: Path, known: Known) -> None:
     grouped: dict[tuple[str, str, str], list[str | KnownVerdict]] = {}
     for (renderer, _), entry in known.entries.items():
         grouped.setdefault((renderer, entry.outcome, entry.reason), []).extend(entry.verdicts)
+    # Sorted, so that two versions of the file compare line by line.
     tables = [_table(*key, verdicts) for key, verdicts in sorted(grouped.items(), key=lambda group: group[0])]
     try:
         with replacing(file) as temporary:

@@ -66,6 +66,7 @@ def merge_results(document_by_folder: Mapping[str, ResultsDocument]) -> ResultsD
     _refuse_overlap(document_by_folder)
     _refuse_missing_shards(document_by_folder)
     suites = _suites(document_by_folder)
+    # The order in which one run would have come to them.
     place = _places(suites)
     documents = list(document_by_folder.values())
     runs = sorted((run for document in documents for run in document.runs), key=lambda run: place(run.key))
@@ -84,6 +85,7 @@ def merge_results(document_by_folder: Mapping[str, ResultsDocument]) -> ResultsD
         reason="; ".join(reasons) or None,
         environment=Environment(
             python=first.environment.python,
+            # alike in versions, the machines may still differ in name
             platform=", ".join(_union([document.environment.platform] for document in documents)),
             cpu_count=first.environment.cpu_count,
             versions=first.environment.versions,
@@ -112,8 +114,10 @@ def _bring(source: Path, target: Path) -> None:
         with replacing(target) as temporary:
             try:
                 os.link(source, temporary)
+            # The recording itself is missing: a copy would fail as well.
             except FileNotFoundError:
                 raise
+            # Another file system, or one without links.
             except OSError:
                 shutil.copyfile(source, temporary)
     except OSError as error:
@@ -135,6 +139,7 @@ def _refuse_unlike(document_by_folder: Mapping[str, ResultsDocument]) -> None:
         if differs:
             raise InputError(
                 f"the results in '{name}' and '{other}' are not of one run",
+                # of two runs neither is the earlier
                 why="; ".join(differs).replace(", now ", " and "),
                 todo="run one of them again with the versions and arguments of the other",
             )
@@ -162,6 +167,7 @@ def _refuse_missing_shards(document_by_folder: Mapping[str, ResultsDocument]) ->
         if document.command.shard is None:
             continue
         shard = Shard.parse(document.command.shard)
+        # Shards are of one run where all that was asked is the same but for their own number.
         question = msgspec.json.encode(
             [shard.count, msgspec.structs.replace(document.command, shard=None), document.suites]
         )
@@ -187,6 +193,7 @@ def _suites(document_by_folder: Mapping[str, ResultsDocument]) -> list[SuiteEntr
                 folder_and_suite[suite.name] = name, suite
                 continue
             where, before = folder_and_suite[suite.name]
+            # Verdicts on different questions must not stand in one table under one name.
             if before.digest != suite.digest:
                 raise InputError(
                     f"the suite '{suite.name}' is not the same in '{where}' and '{name}'",
@@ -205,6 +212,7 @@ def _places(suites: Sequence[SuiteEntry]) -> Callable[[RunKey], tuple[int, int, 
     numbers = {suite.name: (at, _numbered(suite.cases), _numbered(suite.renderers)) for at, suite in enumerate(suites)}
 
     def place(key: RunKey) -> tuple[int, int, int]:
+        # What no suite lists comes last.
         at, cases, renderers = numbers.get(key[0], (len(numbers), {}, {}))
         return at, cases.get(key[1], len(cases)), renderers.get(key[2], len(renderers))
 

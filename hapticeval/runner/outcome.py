@@ -44,6 +44,7 @@ def outcome_of(job: Job, judged: Judged, file: Path | None) -> JobFinished:
 
 def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:
     """Return what is left of a job that has ended its process: a renderer that does so is broken."""
+    # From outside, in each of TRIES processes: no crash of the renderer's own.
     if how.killed:
         error = RendererError(
             "the process that the renderer ran in was killed, again and again",
@@ -51,6 +52,7 @@ def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:
             todo="run it alone and watch its memory",
         )
     else:
+        # The step that the renderer was in, where it was asked for one.
         tick, hip = how.pending_step or (None, None)
         place = place_in_stack(how.stack)
         error = RendererError(
@@ -108,6 +110,7 @@ def _portable(model: Mapping[str, Any]) -> dict[str, Any]:
     """A model as results name it: of a file its name and a digest of its content, whatever the folder here."""
     if not isinstance(model.get("file"), str):
         return dict(model)
+    # The folder is this machine's. Name and digest tell the file on any other.
     return {**model, "file": Path(model["file"]).name, "sha256": digest_of(Path(model["file"]))}
 
 
@@ -119,6 +122,7 @@ def _scene(case: Case) -> SceneEntry:
     """The scene's numbers, and what an experiment drives: device and inner loop."""
     scene = case.build_scene()
     numbers = scene_document(scene)
+    # A hand that is led needs no device.
     if case.stimulus_kind == "trajectory":
         return SceneEntry(**numbers)
     device = scene.robot

@@ -52,6 +52,7 @@ class Outcomes:
             return
         line = msgspec.json.encode(Line(run=job.run, verdicts=list(job.verdicts))) + b"\n"
         try:
+            # The system may write a part of it only.
             while line:
                 line = line[os.write(self._file, line) :]
         except OSError as error:
@@ -73,6 +74,7 @@ def read_outcomes(directory: Path) -> list[JobFinished]:
     path = directory / FILE
     if not path.exists():
         return []
+    # What follows the last newline was cut off in the middle of its writing.
     complete_lines, _, cut_line = path.read_bytes().rpartition(b"\n")
     if cut_line:
         os.truncate(path, len(complete_lines) + bool(complete_lines))

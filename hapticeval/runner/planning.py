@@ -62,6 +62,7 @@ class Plan:
     def failed_first(self, earlier: ResultsDocument) -> Plan:
         """Return the plan with the jobs first that have a verdict in `earlier` results that stops a gate."""
         failed = {verdict.key for verdict in earlier.verdicts if earlier.stops(verdict)}
+        # A stable sort: apart from that, the plan keeps its order.
         jobs = sorted(self.jobs, key=lambda job: job.key not in failed)
         return replace(self, jobs=tuple(jobs))
 
@@ -97,10 +98,12 @@ def plan(
     )
     _refuse_namesakes(loaded)
     known.check(loaded)
+    # Renderers named here go before those that the suite names, and these before the package's own.
     chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
     names = tuple(dict.fromkeys(name for renderer_names in chosen.values() for name in renderer_names))
     for suite in loaded:
         for name in chosen[suite.name]:
+            # Named by the suite's file alone: a file must not have code imported from anywhere.
             if name not in (*renderers, *factory_by_name) and name in suite.renderers:
                 resolve_installed(name, source=f"suite '{suite.name}'")
     for name in names:
@@ -117,9 +120,11 @@ def plan(
     cases: dict[str, dict[str, None]] = {suite.name: {} for suite in loaded}
     for job in jobs:
         cases[job.suite][job.case.name] = None
+    # Of the whole plan, before a shard takes its part.
     cases_and_renderers = {name: (tuple(cases[name]), chosen[name]) for name in cases}
     for (name, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
         with at(f"suite '{name}'"):
+            # Before any job begins, and once for all renderers.
             case.check_stimulus()
     own_jobs = jobs if shard is None else shard.of(jobs)
     return Plan(loaded, names, own_jobs, tuple(select), seed, strict, known, shard, cases_and_renderers, exit_first)

@@ -77,7 +77,7 @@ class Progress:
 
     def _save(self, reason: str | None) -> ResultsDocument:
         plan = self.plan
-        begun = time.perf_counter()
+        begun = time.perf_counter()  # the results count as read here: what writing takes is not the run's
         results = ResultsDocument(
             planned=plan.planned,
             ran=len(self.verdicts),
@@ -98,6 +98,7 @@ class Progress:
         if self.directory is not None:
             write_results(self.directory, results)
         self.saved = time.perf_counter()
+        # A writing of t s is followed by t / SAVE_SHARE s without one: it takes at most that share of the time.
         self._pause = max(SAVE_EVERY, (self.saved - begun) / SAVE_SHARE)
         return results
 
@@ -142,9 +143,11 @@ def suite_entry(suite: Suite, cases: Sequence[str] = (), renderers: Sequence[str
 
 def _digest(suite: Suite) -> str:
     """Return a digest of all that a suite asks, its files included, which does not depend on where it lies."""
+    # Without folders, wherever they stand: a suite that was moved asks the same.
     entries = [msgspec.structs.replace(case, folder=Path()) for case in suite.cases]
     text = msgspec.json.encode([suite.rows, entries], enc_hook=str).decode()
     for folder in {str(case.folder.resolve()) for case in suite.cases}:
         text = text.replace(folder, "")
+    # Files count by their content.
     files = {digest for case in suite.cases for digest in files_of(case).values()}
     return sha256("\n".join([text, *sorted(files)]).encode()).hexdigest()[:16]

@@ -175,6 +175,7 @@ class RunEntry(Entry, frozen=True, kw_only=True):
         Annotated[
             str,
             Meta(
+                # below the result folder: no `..`, no backslash, no absolute path
                 pattern=r"^recordings/(?!(.*/)?\.\.(/|$))[^\\]+$",
                 description="path of the recording below the result folder",
             ),
@@ -220,6 +221,7 @@ class RunEntry(Entry, frozen=True, kw_only=True):
     @property
     def model_parameters(self) -> dict[str, Any]:
         """The model's parameters by name."""
+        # A table may hold its parameters flat, or under that name.
         parameters = {name: value for name, value in self.model.items() if name not in ("kind", "sha256")}
         return dict(parameters.get("parameters", parameters))
 
@@ -234,8 +236,10 @@ class RunEntry(Entry, frozen=True, kw_only=True):
         parameters = dict(self.model_parameters)
         digest = self.model.get("sha256")
         if digest is not None:
+            # The entry has the file's bare name; the recording has its path on the machine that ran it.
             recorded_model = None if recording is None else model_of(recording)
             file = Path(str((recorded_model or {}).get("file", self.model["file"])))
+            # With another content it would be another model than the one that was judged.
             if not file.is_file() or digest_of(file) != digest:
                 raise InputError(f"the model's file {file} is gone, or another by now", todo="run the case again")
             parameters["file"] = str(file)
@@ -309,6 +313,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
         metric is never lost without a trace. Raises `InputError`, naming the place, for evidence that JSON cannot hold.
         """
         finding = verdict.finding
+        # JSON has neither infinities nor NaN.
         measured, non_finite = without_non_finite(
             plain(
                 {
@@ -320,6 +325,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
             ),
             "verdict",
         )
+        # Bound less metric: where that is not finite, one of the two is named already.
         margin = without_non_finite(plain(finding.margin))[0]
         if non_finite:
             measured["evidence"]["not_finite"] = [what.removeprefix("verdict.") for what in non_finite]
@@ -347,6 +353,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     @property
     def warns(self) -> bool:
         """Return whether a verdict of level `should` would stop a gate at level `must`."""
+        # What is in print, or on a list of known failures, is no news.
         unforeseen = self.published is None and self.known is None
         return self.level is Level.SHOULD and self.outcome in UNSATISFIED and unforeseen
 
@@ -372,7 +379,9 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
         """Return what orders failures: errors are the worst, then those that are the most bounds away."""
         over = 0.0
         if self.metric is not None and self.bound is not None:
+            # None was not finite, which is worse than any number.
             value = math.inf if self.metric.value is None else self.metric.value
+            # How many bounds the metric is. A bound of zero has no multiples: then its own size counts.
             over = value / self.bound if self.bound > 0.0 else value
         return self.outcome is Outcome.ERROR, over
 
@@ -398,6 +407,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
         """
         if self.known is not None:
             return "outdated" if self.outdated else "known"
+        # What is in print says more than the level: a failure may be what is expected.
         if self.published is not None:
             return "as known" if self.outcome == self.published else "differs"
         if self.warns:
@@ -481,6 +491,7 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
         breakdown_by_cause: dict[tuple[str, tuple[str, str]], Breakdown] = {}
         for run in self.runs:
             if run.error is not None:
+                # One cause: the same error but for numbers and places.
                 key = run.renderer, run.error.kind
                 runs, error, before = breakdown_by_cause.get(key, Breakdown([], run.error, []))
                 lost_verdicts = filter(self.lost, self.verdicts_of.get(run.key, []))
@@ -518,6 +529,7 @@ def read_results(directory: Path) -> ResultsDocument:
 def environment() -> dict[str, Any]:
     """Return what the numbers may depend on: versions and the kind of machine, no names of hosts, users or folders."""
     versions: dict[str, str | None] = {}
+    # Packages whose version may change a digit.
     for name in ("hapticeval", "numpy", "scipy", "numba", "shapely", "h5py"):
         try:
             versions[name] = metadata.version(name)

@@ -23,11 +23,13 @@ def finished_jobs(plan: Plan, directory: Path) -> dict[RunKey, JobFinished]:
     document = read_results(directory)
     _refuse_another(plan, document, directory)
     earlier_jobs = {run.key: JobFinished(run, tuple(document.verdicts_of.get(run.key, ()))) for run in document.runs}
+    # results.json is written now and then only; each finished job is a line of the other file at once.
     earlier_jobs |= {job.run.key: job for job in read_outcomes(directory)}
     checks = {job.key: job.case.checks for job in plan.jobs}
     return {
         key: job
         for key, job in earlier_jobs.items()
+        # Verdicts of other checks than this plan asks, or of a case that it has not, do not count.
         if checks.get(key) == tuple(verdict.check for verdict in job.verdicts)
         and (job.run.recording is None or (directory / job.run.recording).is_file())
     }
@@ -36,12 +38,13 @@ def finished_jobs(plan: Plan, directory: Path) -> dict[RunKey, JobFinished]:
 def _refuse_another(plan: Plan, document: ResultsDocument, directory: Path) -> None:
     now, before = command(plan), document.command
     differs = [
-        f"{name} {_shown(getattr(before, name))}, now {_shown(getattr(now, name))}"
+        f"{name} {_as_text(getattr(before, name))}, now {_as_text(getattr(now, name))}"
         for name in ("suites", "renderers", "select", "strict", "shard")
         if getattr(before, name) != getattr(now, name)
     ]
     if document.seed != plan.seed:
         differs.append(f"seed {document.seed}, now {plan.seed}")
+    # Other arguments explain other suites: those are compared where the arguments are the same.
     if not differs:
         old = {suite.name: suite for suite in document.suites}
         differs += [
@@ -58,7 +61,7 @@ def _refuse_another(plan: Plan, document: ResultsDocument, directory: Path) -> N
         )
 
 
-def _shown(value: object) -> str:
+def _as_text(value: object) -> str:
     return ", ".join(map(str, value)) or "none" if isinstance(value, list) else str(value)
 
 

@@ -39,6 +39,7 @@ def fill_table(suites: Sequence[SuiteEntry], verdicts: Sequence[VerdictEntry]) -
         for title, places in suite.cells.items():
             cells = table.setdefault(title, {})
             for renderer in renderers:
+                # None stands for a verdict that is missing: with it among them there is no Yes.
                 outcomes = {outcome_by_cell.get((suite.name, renderer, place)) for place in places}
                 if Outcome.FAIL in outcomes:
                     cells[renderer] = "No"

@@ -41,6 +41,7 @@ def derived_seed(seed: int, *place: object) -> int:
     It depends on no order and on no process. A shard of a plan is no place: shards together give what one run gives.
     """
     text = json.dumps([seed, *map(str, place)])
+    # 32 bits are what numpy's global generator takes as a seed.
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4])
 
 
@@ -79,6 +80,7 @@ def _labelled(recording: Recording, job: Job) -> Recording:
         },
         "checks": list(case.checks),
     }
+    # What the recording says of itself goes before what the job says of it.
     return replace(recording, meta={**origin, **recording.meta})
 
 

@@ -14,10 +14,10 @@ from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.case import Case
 from hapticeval.types import Array
 
-FINEST = 1e-9
+FINEST_STEP = 1e-9
 """Metres of the hand's way to which a jump is placed."""
 
-STAYS = 0.5
+REMAINING_SHARE = 0.5
 """Share of the jump between two samples that has to be there between HIPs a nanometre apart."""
 
 
@@ -30,35 +30,35 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
     left.
     """
     scene = case.build_scene()
-    made = make_renderer(factory_of(renderer), scene)
-    path = case.build_stimulus(scene, made)
-    if fault.time is None or not isinstance(made, Renderer) or not isinstance(path, Path):
+    renderer_instance = make_renderer(factory_of(renderer), scene)
+    path = case.build_stimulus(scene, renderer_instance)
+    if fault.time is None or not isinstance(renderer_instance, Renderer) or not isinstance(path, Path):
         return None
     hips = path.sampled(scene.sampling_time)[1]
     tick = round(fault.time / scene.sampling_time)
 
     def answer(before: int, hip: Array) -> Array:
         seed_all(seed)
-        way = np.vstack([hips[: before + 1], np.tile(hip, (LAG_TICKS + 1, 1))])
-        velocity = np.diff(way, axis=0, prepend=way[:1]) / scene.sampling_time
-        return np.asarray(run_path(made, way, velocity, scene.sampling_time, scene=scene).ihip[-1])
+        hand_path = np.vstack([hips[: before + 1], np.tile(hip, (LAG_TICKS + 1, 1))])
+        velocity = np.diff(hand_path, axis=0, prepend=hand_path[:1]) / scene.sampling_time
+        return np.asarray(run_path(renderer_instance, hand_path, velocity, scene.sampling_time, scene=scene).ihip[-1])
 
     # Of a proxy that lags the hand has made the step before the IHIP jumps.
     for last in range(min(tick, len(hips) - 1), max(tick - LAG_TICKS - 1, 0), -1):
         low, high = hips[last - 1], hips[last]
-        near, far = answer(last - 1, low), answer(last - 1, high)
-        jump = float(np.linalg.norm(far - near))
-        if fault.value is None or jump < STAYS * fault.value:
+        ihip_low, ihip_high = answer(last - 1, low), answer(last - 1, high)
+        jump = float(np.linalg.norm(ihip_high - ihip_low))
+        if fault.value is None or jump < REMAINING_SHARE * fault.value:
             continue
-        while np.linalg.norm(high - low) > FINEST:
+        while np.linalg.norm(high - low) > FINEST_STEP:
             middle = 0.5 * (low + high)
             if np.array_equal(middle, low) or np.array_equal(middle, high):
                 break
-            there = answer(last - 1, middle)
-            if np.linalg.norm(there - near) < np.linalg.norm(there - far):
-                low, near = middle, there
+            ihip_middle = answer(last - 1, middle)
+            if np.linalg.norm(ihip_middle - ihip_low) < np.linalg.norm(ihip_middle - ihip_high):
+                low, ihip_low = middle, ihip_middle
             else:
-                high, far = middle, there
-        left = float(np.linalg.norm(far - near))
-        return (low, high, left) if left >= STAYS * jump else None
+                high, ihip_high = middle, ihip_middle
+        final_jump = float(np.linalg.norm(ihip_high - ihip_low))
+        return (low, high, final_jump) if final_jump >= REMAINING_SHARE * jump else None
     return None

@@ -35,10 +35,10 @@ The medial axis of the sharp ellipse comes to a sixteenth of a millimetre of its
 may be short.
 """
 
-PATHS, PUSHES = 8, 4
+PATHS_PER_MODEL, PUSHES_PER_MODEL = 8, 4
 """Paths and experiments that are drawn at a time on one model, beside two laps round it."""
 
-MORE = 4
+MODELS_PER_ROUND = 4
 """Models that are drawn beside those in each round after the first."""
 
 GAINS: dict[str, st.SearchStrategy[Any]] = {
@@ -50,7 +50,7 @@ GAINS: dict[str, st.SearchStrategy[Any]] = {
 """What experiments vary of a scene."""
 
 
-def led(check: Check) -> bool:
+def judges_paths(check: Check) -> bool:
     """Whether the check has a question for a hand that is led along a path."""
     return not check.holds and Situation.PLAYBACK not in check.not_for
 
@@ -66,10 +66,10 @@ def judgeable() -> tuple[str, ...]:
 
 def first_models(models: Sequence[Model], dimension: int = 2) -> tuple[Model, ...]:
     """Return the models that are tried in each round: those that are given, or those of `MODELS` in that dimension."""
-    return tuple(models) or tuple(make_model(**each) for each in MODELS[dimension])
+    return tuple(models) or tuple(make_model(**table) for table in MODELS[dimension])
 
 
-def drawn(
+def draw_cases(
     models: Sequence[Model],
     checks: Sequence[str],
     seed: int,
@@ -88,52 +88,54 @@ def drawn(
     fixed = [dict(model.table) for model in first_models(models, dimension)]
     number = 0
     while True:
-        more = [] if models or number == 0 else call(_more, dimension, seed, number)
+        more = [] if models or number == 0 else call(_draw_models, dimension, seed, number)
         for at, model in enumerate((*fixed, *more)):
             if repr(model) in refused:
                 continue
-            for_paths = [name for name in checks if led(CHECKS[name])]
-            for moves in call(_paths, model, seed, number, at) if for_paths else ():
-                asked = tuple(name for name in for_paths if name in checks)
-                if asked:
-                    yield _case(model, asked, trajectory=moves)
-            if all(led(CHECKS[name]) for name in checks):
+            for_paths = [name for name in checks if judges_paths(CHECKS[name])]
+            for moves in call(_draw_paths, model, seed, number, at) if for_paths else ():
+                asked_checks = tuple(name for name in for_paths if name in checks)
+                if asked_checks:
+                    yield _case(model, asked_checks, trajectory=moves)
+            if all(judges_paths(CHECKS[name]) for name in checks):
                 continue
-            for scene, push in call(_pushes, model, seed, number, at):
-                asked = tuple(name for name in checks if not led(CHECKS[name]))
-                if asked:
-                    yield _case(model, asked, experiment=push, scene=scene)
+            for scene, push in call(_draw_pushes, model, seed, number, at):
+                asked_checks = tuple(name for name in checks if not judges_paths(CHECKS[name]))
+                if asked_checks:
+                    yield _case(model, asked_checks, experiment=push, scene=scene)
         number += 1
 
 
-def _more(dimension: int, seed: int, number: int) -> list[dict[str, Any]]:
+def _draw_models(dimension: int, seed: int, number: int) -> list[dict[str, Any]]:
     """Draw models of that dimension."""
     kinds = plane_models() if dimension == 2 else meshes()
-    return [dict(model.table) for model in _examples(kinds, MORE, seed, "models", number)]
+    return [dict(model.table) for model in _seeded_examples(kinds, MODELS_PER_ROUND, seed, "models", number)]
 
 
-def _paths(table: dict[str, Any], seed: int, number: int, at: int) -> list[Moves]:
+def _draw_paths(table: dict[str, Any], seed: int, number: int, at: int) -> list[Moves]:
     """Draw paths on a model: of a plane one also laps, of which the simplest is drawn once."""
     model = make_model(**table)
-    found = _examples(hand_paths(model), PATHS, seed, "paths", number, at)
+    paths = _seeded_examples(hand_paths(model), PATHS_PER_MODEL, seed, "paths", number, at)
     curve = as_curve(model.boundary)
     if curve is not None and curve.closed:
         pointed = any(corner.convex for corner in curve.corners)
         for past in (False, True) if pointed else (False,):
-            found += _examples(laps(model, past=past), min(number, 1) + 1, seed, "laps", number, at)[-1:]
-    return found
+            paths += _seeded_examples(laps(model, past=past), min(number, 1) + 1, seed, "laps", number, at)[-1:]
+    return paths
 
 
-def _pushes(table: dict[str, Any], seed: int, number: int, at: int) -> list[tuple[dict[str, Any], ExperimentTable]]:
+def _draw_pushes(
+    table: dict[str, Any], seed: int, number: int, at: int
+) -> list[tuple[dict[str, Any], ExperimentTable]]:
     """Draw experiments on a model, each with what it has of a scene."""
     model = make_model(**table)
     pushed = st.fixed_dictionaries(GAINS).flatmap(
         lambda scene: st.tuples(st.just(scene), pushes(model, bilateral=scene["bilateral"]))
     )
-    return _examples(pushed, PUSHES, seed, "pushes", number, at)
+    return _seeded_examples(pushed, PUSHES_PER_MODEL, seed, "pushes", number, at)
 
 
-def _examples(strategy: st.SearchStrategy[Any], count: int, seed: int, *where: object) -> list[Any]:
+def _seeded_examples(strategy: st.SearchStrategy[Any], count: int, seed: int, *where: object) -> list[Any]:
     """Return examples with a seed of their own, made of the search's and of what they are for."""
     return examples(strategy, count, seed=derived_seed(seed, *where))
 

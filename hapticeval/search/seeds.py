@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from hapticeval.errors import HapticevalError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.runner.execution import PATIENCE, crew_of
-from hapticeval.search.counterexample import Kept, kept
+from hapticeval.search.counterexample import StoredCounterexample, stored_counterexample
 from hapticeval.search.hunt import Search, deadline
 from hapticeval.search.shrink import size_of
 from hapticeval.search.trial import Bench
@@ -31,16 +31,16 @@ class Hunt(NamedTuple):
     renderer: str
     checks: Sequence[str]
     models: Sequence[Mapping[str, Any]]
-    known: Sequence[Kept]
+    known: Sequence[StoredCounterexample]
     seconds: float
     examples: int | None
     dimension: int = 2
 
 
-class Hunted(NamedTuple):
+class HuntResult(NamedTuple):
     """What came of a hunt, with one seed or several: see `hunt.Search`; `tried` are cases drawn, `trials` all runs."""
 
-    found: list[Kept]
+    counterexamples: list[StoredCounterexample]
     judged: Counter[str]
     tried: int
     trials: int
@@ -48,14 +48,14 @@ class Hunted(NamedTuple):
     finished: bool
 
 
-def hunted(
+def run_hunt(
     hunt: Hunt,
     seed: int,
     *,
     interrupted: Callable[[], bool] = lambda: False,
     progress: Callable[[float, str], None] | None = None,
     report: Callable[[str], None] | None = None,
-) -> Hunted:
+) -> HuntResult:
     """Search with one seed, until the hunt's end or an interrupt.
 
     `progress` gets the seconds so far, and what there is, a few times a second; `report` a line at each step.
@@ -65,38 +65,40 @@ def hunted(
 
     def over() -> bool:
         if progress is not None:
-            progress(time.monotonic() - begun, f"{made.tried} examples, {len(made.found)} found")
+            progress(time.monotonic() - begun, f"{search.tried} examples, {len(search.counterexamples)} found")
         return stop()
 
     with Bench(hunt.renderer, seed, over) as bench:
-        known = [(each.case, each.examples) for each in hunt.known]
-        models = [make_model(**each) for each in hunt.models]
-        made = Search(bench, hunt.checks, seed, models, known, hunt.examples, report=report, dimension=hunt.dimension)
-        made.run()
-    found = [kept(each, hunt.renderer, seed) for each in made.found.values()]
-    return Hunted(found, made.judged, made.tried, bench.tried, made.refused, made.finished)
+        known = [(counterexample.case, counterexample.examples) for counterexample in hunt.known]
+        models = [make_model(**table) for table in hunt.models]
+        search = Search(bench, hunt.checks, seed, models, known, hunt.examples, report=report, dimension=hunt.dimension)
+        search.run()
+    counterexamples = [
+        stored_counterexample(failing_case, hunt.renderer, seed) for failing_case in search.counterexamples.values()
+    ]
+    return HuntResult(counterexamples, search.judged, search.tried, bench.tried, search.refused, search.finished)
 
 
-def merged(parts: Sequence[Hunted]) -> Hunted:
+def merge_hunts(parts: Sequence[HuntResult]) -> HuntResult:
     """Return what several seeds found as one, in the order of seeds: of each check the smallest counterexample."""
-    found: dict[str, Kept] = {}
-    for each in (each for part in parts for each in part.found):
-        best = found.get(each.fault.check)
-        if best is None or size_of(each.case) < size_of(best.case):
-            found[each.fault.check] = each
+    smallest_by_check: dict[str, StoredCounterexample] = {}
+    for counterexample in (counterexample for part in parts for counterexample in part.counterexamples):
+        best = smallest_by_check.get(counterexample.fault.check)
+        if best is None or size_of(counterexample.case) < size_of(best.case):
+            smallest_by_check[counterexample.fault.check] = counterexample
     judged = sum((part.judged for part in parts), Counter[str]())
-    return Hunted(
-        list(found.values()),
+    return HuntResult(
+        list(smallest_by_check.values()),
         judged,
         sum(part.tried for part in parts),
         sum(part.trials for part in parts),
-        None if judged or found else next((part.refused for part in parts if part.refused), None),
+        None if judged or smallest_by_check else next((part.refused for part in parts if part.refused), None),
         bool(parts) and all(part.finished for part in parts),
     )
 
 
-def hunts(
-    asked: Sequence[Hunt],
+def run_hunts(
+    requests: Sequence[Hunt],
     seeds: Sequence[int],
     *,
     workers: int,
@@ -104,7 +106,7 @@ def hunts(
     interrupted: Callable[[], bool],
     progress: Callable[[int, int, str], None],
     report: Callable[[str], None],
-) -> Iterator[tuple[Hunt, Hunted, int]]:
+) -> Iterator[tuple[Hunt, HuntResult, int]]:
     """Search with each of the seeds, in so many processes or on a cluster.
 
     Yields each hunt as soon as its seeds are over, what came of it, and how many of them have ended: fewer after an
@@ -112,28 +114,28 @@ def hunts(
     which `report` gets. `progress` gets how many have ended, of how many. What those have found that have not ended is
     lost.
     """
-    calls = [(hunt, seed) for hunt in asked for seed in seeds]
-    left = dict(enumerate(asked))
-    parts: dict[int, Hunted | None] = {}
+    calls = [(hunt, seed) for hunt in requests for seed in seeds]
+    left = dict(enumerate(requests))
+    parts: dict[int, HuntResult | None] = {}
     waiting = iter(enumerate(calls))
 
-    def taken(at: int) -> tuple[Hunt, Hunted, int]:
+    def result_of(at: int) -> tuple[Hunt, HuntResult, int]:
         ended = [part for seed in range(len(seeds)) if (part := parts.get(at * len(seeds) + seed)) is not None]
-        return left.pop(at), merged(ended), len(ended)
+        return left.pop(at), merge_hunts(ended), len(ended)
 
-    with crew_of(hunted, workers, scheduler) as crew:
+    with crew_of(run_hunt, workers, scheduler) as crew:
         while not interrupted():
             for number, call in islice(waiting, crew.free):
                 crew.begin(number, *call)
             for at in list(left):
                 if all(at * len(seeds) + seed in parts for seed in range(len(seeds))):
-                    yield taken(at)
+                    yield result_of(at)
             if not crew.busy:
                 break
             try:
                 answers = crew.answers(PATIENCE)
-            except LostError as lost:
-                report(f"{lost.what}: what was found before is kept")
+            except LostError as lost_error:
+                report(f"{lost_error.what}: what was found before is kept")
                 break
             progress(len(parts), len(calls), "seeds that have ended")
             for worker, why in crew.refused():
@@ -141,15 +143,15 @@ def hunts(
             for number, part, error in answers:
                 parts[number] = part
                 hunt, seed = calls[number]
-                report(f"[{len(parts)}/{len(calls)}] {hunt.renderer}, seed {seed}: {_said(part, error)}")
+                report(f"[{len(parts)}/{len(calls)}] {hunt.renderer}, seed {seed}: {_outcome_text(part, error)}")
     for at in list(left):
-        yield taken(at)
+        yield result_of(at)
 
 
-def _said(part: Hunted | None, error: Exception | None) -> str:
+def _outcome_text(part: HuntResult | None, error: Exception | None) -> str:
     """Return what came of a seed, in words."""
     if part is not None:
-        return f"{part.tried} drawn, {len(part.found)} found"
+        return f"{part.tried} drawn, {len(part.counterexamples)} found"
     if isinstance(error, Ended):
         return f"its process ended: {error.how}" if not error.killed else "its process was killed, again and again"
     if isinstance(error, HapticevalError):

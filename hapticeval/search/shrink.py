@@ -24,34 +24,34 @@ from hapticeval.types import Array
 GRIDS = (1e-3, 1e-4, 1e-5, 1e-6)
 """Metres to which coordinates are rounded, the coarsest first that the fault survives."""
 
-ROUNDED = 6
+MOST_ROUNDED = 6
 """Coordinates of a path that are rounded in all ways that there are: those of three points in the plane."""
 
 SPEEDS = (0.05, 0.1, 0.02, 0.01, 0.2, 0.5)
 """Round speeds (m/s) of even moves, the first that the fault survives: at 1 kHz 50 um a tick and so on."""
 
-LONG = 0.3
+LONG_PATH = 0.3
 """Length (m) from which on a path is made as fast as it may be, and before anything else."""
 
-WORTH = 0.98
+SHORTER_SHARE = 0.98
 """A way counts as shorter below this share of the one before."""
 
 PULLS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.03)
 """Shares by which a point of a path is pulled towards another."""
 
-SHORTEST = 1e-4
+SHORTEST_PATH = 1e-4
 """Length (m) below which no path is shrunk: ten steps of the finest grid, on which it has to be told."""
 
-ALONG = 8
+START_PLACES = 8
 """Places to either side of where a path leads, from above which it is tried to start there."""
 
-TOUCH = 1e-3
+START_HEIGHT = 1e-3
 """How far from the surface a hand starts that is put close to it, as a share of the model's size: 0.2 mm of 200 mm."""
 
-MOST = 600
+MOST_TRIALS = 600
 """Cases that a shrink tries at the most: no clock decides how small a case gets, unless it stops the search."""
 
-Fails = Callable[[Case], Fault | None]
+FindFault = Callable[[Case], Fault | None]
 
 
 class Shrink:
@@ -60,45 +60,45 @@ class Shrink:
     `fails` returns a case's fault where that is the same as `fault`, and None otherwise.
     """
 
-    def __init__(self, case: Case, fault: Fault, fails: Fails) -> None:
+    def __init__(self, case: Case, fault: Fault, fails: FindFault) -> None:
         self.case = case
         self.fault = fault
         self.tried = 0
-        self._most = MOST
+        self._most = MOST_TRIALS
         self._fails = fails
         self._outside = self._starts_outside(case)
         self._seen: set[str] = set()
 
-    def run(self, most: int = MOST) -> bool:
+    def run(self, most_trials: int = MOST_TRIALS) -> bool:
         """Shrink until nothing makes it smaller, and return True, or until `most` cases were tried in all."""
-        self._most = most
+        self._most = most_trials
         if isinstance(self.case.trajectory, Moves):
-            self._first(_cut(self))
-            if size_of(self.case) > LONG:  # each case that is tried takes as long as its path
-                self._first(_even)
-            self._fixpoint(_steady, _cut(self), _fewer, _even, self._shorter)
-            self._fixpoint(_fewer_vertices, _fewer, self._shorter)
+            self._take_first_failing(_cut_after_fault(self))
+            if size_of(self.case) > LONG_PATH:  # each case that is tried takes as long as its path
+                self._take_first_failing(_even_moves)
+            self._fixpoint(_without_tremor, _cut_after_fault(self), _fewer_moves, _even_moves, self._shorter)
+            self._fixpoint(_fewer_vertices, _fewer_moves, self._shorter)
             # Bounds go with the HIP's steps: what is left of a fault on a shorter path, a slower hand shows.
-            self._first(_slow)
-            self._fixpoint(_fewer, self._shorter)
-            self._first(_on_grid)
-            self._first(_points_on_grid)
-            self._first(_paced)
-            self._first(_mirrored)
+            self._take_first_failing(_slow)
+            self._fixpoint(_fewer_moves, self._shorter)
+            self._take_first_failing(_on_grid)
+            self._take_first_failing(_points_on_grid)
+            self._take_first_failing(_at_round_speeds)
+            self._take_first_failing(_mirrored_paths)
         else:
             self._fixpoint(_plainer_scene, _less_push, _fewer_vertices)
-        return self.tried < most
+        return self.tried < most_trials
 
     def _fixpoint(self, *passes: Callable[[Case], Iterator[Case]]) -> None:
         while True:
             before = self.case
-            for each in passes:
-                while self._first(each):
+            for pass_ in passes:
+                while self._take_first_failing(pass_):
                     pass
             if self.case is before or self.tried >= self._most:
                 return
 
-    def _first(self, pass_: Callable[[Case], Iterator[Case]]) -> bool:
+    def _take_first_failing(self, pass_: Callable[[Case], Iterator[Case]]) -> bool:
         """Take the first smaller case of a pass that still fails; whether there was one."""
         for case in pass_(self.case):
             if self.tried >= self._most:
@@ -138,26 +138,29 @@ class Shrink:
         boundary, size = scene.model.boundary, scene.model.size
         length = _length(points)
         feet = boundary.closest_point(points)
-        step = TOUCH * size
+        step = START_HEIGHT * size
         options: list[Array] = []
         # Straight in from above the surface beside where the first move ends, nearest first.
         reach = min(length, boundary.girth / 4.0)
-        lengths = reach * np.array(sorted(range(-ALONG, ALONG + 1), key=abs)) / ALONG
+        lengths = reach * np.array(sorted(range(-START_PLACES, START_PLACES + 1), key=abs)) / START_PLACES
         for foot in (feet.foot[1], feet.foot[0]):
-            beside = boundary.walk(foot, lengths)
-            for start in beside.foot + step * beside.normal:
+            places_beside = boundary.walk(foot, lengths)
+            for start in places_beside.foot + step * places_beside.normal:
                 moved = points.copy()
                 moved[0] = start
                 options.append(moved)
         if len(points) == 2:  # the same way, planted anew beside there
             depth = np.linalg.norm(points[1] - feet.foot[1])
-            beside = boundary.walk(feet.foot[1], np.sort(lengths))
-            above, under = beside.foot + step * beside.normal, beside.foot - depth * beside.normal
+            places_beside = boundary.walk(feet.foot[1], np.sort(lengths))
+            above, under = (
+                places_beside.foot + step * places_beside.normal,
+                places_beside.foot - depth * places_beside.normal,
+            )
             for share in (1.0, 0.5, 0.2):
-                ends = beside.foot + share * (under - beside.foot)
+                ends = places_beside.foot + share * (under - places_beside.foot)
                 options += [np.array(pair) for pair in zip(above[:-1], ends[1:], strict=True)]
                 options += [np.array(pair) for pair in zip(above[1:], ends[:-1], strict=True)]
-        end = self._where(case)
+        end = self._hand_after_fault(case)
         if end is not None:
             options.append(np.vstack([points[:-1], end]))
         pulled = [(0, 1), (len(points) - 1, len(points) - 2)]
@@ -178,10 +181,10 @@ class Shrink:
             for centre in centres:
                 options.append(points + pull * (centre - points))
         for moved in options:
-            if SHORTEST <= _length(moved) < WORTH * length:
+            if SHORTEST_PATH <= _length(moved) < SHORTER_SHARE * length:
                 yield _with_points(case, moved)
 
-    def _where(self, case: Case) -> Array | None:
+    def _hand_after_fault(self, case: Case) -> Array | None:
         """Return where the hand is two ticks after the time of the evidence; None where that names no time."""
         if self.fault.time is None:
             return None
@@ -203,7 +206,7 @@ def _length(points: Array) -> float:
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
-def _led(case: Case, moves: Moves) -> Case:
+def _with_moves(case: Case, moves: Moves) -> Case:
     return replace(case, trajectory=moves)
 
 
@@ -211,32 +214,32 @@ def _with_points(case: Case, points: Array) -> Case:
     """Return the case along other points, each even move at its pace before; others keep their time."""
     moves = _moves(case)
     before = _points(moves)
-    made = []
+    moves_along = []
     for move, a, b, c, d in zip(moves.moves, before[:-1], before[1:], points[:-1], points[1:], strict=True):
         seconds = move.seconds
         if move.even and math.dist(a, b) > 0.0 and math.dist(c, d) > 0.0:
-            seconds = _ticks(seconds * math.dist(c, d) / math.dist(a, b))
-        made.append(replace(move, to=_listed(d), seconds=seconds))
-    return _led(case, replace(moves, start=_listed(points[0]), moves=tuple(made)))
+            seconds = _whole_ticks(seconds * math.dist(c, d) / math.dist(a, b))
+        moves_along.append(replace(move, to=_rounded_point(d), seconds=seconds))
+    return _with_moves(case, replace(moves, start=_rounded_point(points[0]), moves=tuple(moves_along)))
 
 
-def _listed(point: Array) -> list[float]:
+def _rounded_point(point: Array) -> list[float]:
     """Return a point as what a case holds, to the nanometre: no coordinate needs more."""
     return [round(float(x), 9) + 0.0 for x in point]
 
 
-def _ticks(seconds: float) -> float:
+def _whole_ticks(seconds: float) -> float:
     """Return a duration in whole milliseconds, two at least."""
     return max(round(seconds, 3), 2e-3)
 
 
-def _steady(case: Case) -> Iterator[Case]:
+def _without_tremor(case: Case) -> Iterator[Case]:
     moves = _moves(case)
     if moves.tremor is not None:
-        yield _led(case, replace(moves, tremor=None))
+        yield _with_moves(case, replace(moves, tremor=None))
 
 
-def _cut(shrink: Shrink) -> Callable[[Case], Iterator[Case]]:
+def _cut_after_fault(shrink: Shrink) -> Callable[[Case], Iterator[Case]]:
     """Return the pass that ends a path where the evidence points."""
 
     def cut(case: Case) -> Iterator[Case]:
@@ -246,30 +249,30 @@ def _cut(shrink: Shrink) -> Callable[[Case], Iterator[Case]]:
         ends = np.cumsum([move.seconds for move in moves.moves])
         last = int(np.searchsorted(ends, at)) + 1
         if last < len(moves.moves):
-            yield _led(case, replace(moves, moves=moves.moves[:last]))
+            yield _with_moves(case, replace(moves, moves=moves.moves[:last]))
         if last + 1 < len(moves.moves):
-            yield _led(case, replace(moves, moves=moves.moves[: last + 1]))
+            yield _with_moves(case, replace(moves, moves=moves.moves[: last + 1]))
 
     return cut
 
 
-def _fewer(case: Case) -> Iterator[Case]:
+def _fewer_moves(case: Case) -> Iterator[Case]:
     """Leave moves out, many at once first; without the first ones the path starts where they have led."""
     moves = _moves(case)
     count = len(moves.moves)
     width = count - 1
     while width >= 1:
         for first in range(count - width + 1):
-            rest = moves.moves[:first] + moves.moves[first + width :]
-            if not rest:
+            fewer_moves = moves.moves[:first] + moves.moves[first + width :]
+            if not fewer_moves:
                 continue
-            yield _led(case, replace(moves, moves=rest))
+            yield _with_moves(case, replace(moves, moves=fewer_moves))
             if first == 0:
-                yield _led(case, replace(moves, start=moves.moves[width - 1].to, moves=rest))
+                yield _with_moves(case, replace(moves, start=moves.moves[width - 1].to, moves=fewer_moves))
         width = width // 2 if width > 4 else width - 1
 
 
-def _even(case: Case) -> Iterator[Case]:
+def _even_moves(case: Case) -> Iterator[Case]:
     """Make moves even: at the round speeds, of a long way the highest first, and at the mean speed that they have."""
     moves = _moves(case)
     if all(move.even for move in moves.moves):
@@ -277,15 +280,15 @@ def _even(case: Case) -> Iterator[Case]:
     points = _points(moves)
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     for speed in (*_speeds(moves), None):
-        made = tuple(
+        even_moves = tuple(
             replace(
                 move,
                 even=True,
-                seconds=move.seconds if speed is None or length == 0.0 else _ticks(length / speed),
+                seconds=move.seconds if speed is None or length == 0.0 else _whole_ticks(length / speed),
             )
             for move, length in zip(moves.moves, lengths.tolist(), strict=True)
         )
-        yield _led(case, replace(moves, moves=made))
+        yield _with_moves(case, replace(moves, moves=even_moves))
 
 
 def _on_grid(case: Case) -> Iterator[Case]:
@@ -294,12 +297,12 @@ def _on_grid(case: Case) -> Iterator[Case]:
     for grid in GRIDS:
         near = np.round(points / grid)
         yield _with_points(case, near * grid)
-        if points.size <= ROUNDED:
+        if points.size <= MOST_ROUNDED:
             low = np.floor(points / grid)
-            ways = [low + np.reshape(up, points.shape) for up in np.ndindex(*(2,) * points.size)]
-            off = [float(np.abs(way * grid - points).sum()) for way in ways]
-            for at in np.argsort(off, kind="stable"):
-                yield _with_points(case, ways[at] * grid)
+            roundings = [low + np.reshape(up, points.shape) for up in np.ndindex(*(2,) * points.size)]
+            distances = [float(np.abs(rounding * grid - points).sum()) for rounding in roundings]
+            for at in np.argsort(distances, kind="stable"):
+                yield _with_points(case, roundings[at] * grid)
 
 
 def _points_on_grid(case: Case) -> Iterator[Case]:
@@ -315,18 +318,18 @@ def _points_on_grid(case: Case) -> Iterator[Case]:
 
 def _slow(case: Case) -> Iterator[Case]:
     """Give all even moves of a path that is not long the lowest of the round speeds."""
-    if size_of(case) < LONG:
+    if size_of(case) < LONG_PATH:
         yield from _at_speeds(case, [min(SPEEDS)])
 
 
-def _paced(case: Case) -> Iterator[Case]:
+def _at_round_speeds(case: Case) -> Iterator[Case]:
     """Give all even moves one round speed."""
     yield from _at_speeds(case, _speeds(_moves(case)))
 
 
 def _speeds(moves: Moves) -> Sequence[float]:
     """Return the round speeds in the order in which they are tried."""
-    return SPEEDS if moves.length < LONG else sorted(SPEEDS, reverse=True)
+    return SPEEDS if moves.length < LONG_PATH else sorted(SPEEDS, reverse=True)
 
 
 def _at_speeds(case: Case, speeds: Sequence[float]) -> Iterator[Case]:
@@ -336,16 +339,16 @@ def _at_speeds(case: Case, speeds: Sequence[float]) -> Iterator[Case]:
     if not all(move.even for move in moves.moves):
         return
     for speed in speeds:
-        made = tuple(
-            replace(move, seconds=_ticks(length / speed)) if length else move
+        timed_moves = tuple(
+            replace(move, seconds=_whole_ticks(length / speed)) if length else move
             for move, length in zip(moves.moves, lengths, strict=True)
         )
-        if made == moves.moves:
+        if timed_moves == moves.moves:
             return
-        yield _led(case, replace(moves, moves=made))
+        yield _with_moves(case, replace(moves, moves=timed_moves))
 
 
-def _mirrored(case: Case) -> Iterator[Case]:
+def _mirrored_paths(case: Case) -> Iterator[Case]:
     """Mirror the path so that more of its coordinates are positive: models have symmetries."""
     points = _points(_moves(case))
     negative = int(np.sum(points < 0.0))
@@ -365,9 +368,9 @@ def _fewer_vertices(case: Case) -> Iterator[Case]:
     width = max(count // 2, 1)
     while width >= 1:
         for first in range(0, count, width):
-            rest = vertices[:first] + vertices[first + width :]
-            if len(rest) >= 3:
-                yield replace(case, model={**case.model, "vertices": rest})
+            fewer_vertices = vertices[:first] + vertices[first + width :]
+            if len(fewer_vertices) >= 3:
+                yield replace(case, model={**case.model, "vertices": fewer_vertices})
         width //= 2
 
 
@@ -383,7 +386,7 @@ def _less_push(case: Case) -> Iterator[Case]:
     assert push is not None
     rows = push.force or []
     for share in (0.25, 0.5, 0.75):
-        if (duration := _ticks(share * push.duration)) < push.duration:
+        if (duration := _whole_ticks(share * push.duration)) < push.duration:
             yield replace(case, experiment=replace(push, duration=duration))
     if rows:
         yield replace(case, experiment=replace(push, force=None))
@@ -394,9 +397,11 @@ def _less_push(case: Case) -> Iterator[Case]:
         for name in ("velocity", "position"):
             values: Sequence[float] | None = getattr(push, name)
             if values is not None:
-                made: dict[str, Any] = {name: [round(x, digits + 2 * (name == "position")) + 0.0 for x in values]}
-                if made[name] != values:
-                    yield replace(case, experiment=replace(push, **made))
+                rounded_entry: dict[str, Any] = {
+                    name: [round(x, digits + 2 * (name == "position")) + 0.0 for x in values]
+                }
+                if rounded_entry[name] != values:
+                    yield replace(case, experiment=replace(push, **rounded_entry))
         rounded = [[row[0], *(round(x, digits - 1) + 0.0 for x in row[1:])] for row in rows]
         if rounded != rows:
             yield replace(case, experiment=replace(push, force=rounded))

@@ -29,19 +29,19 @@ RENDERER = "renderer"
 
 SUITE = "search"
 
-FIRST, LATER = 30.0, 10.0
+FIRST_PATIENCE, LATER_PATIENCE = 30.0, 10.0
 """Seconds that a renderer may be silent at least: in its first case on a model, which it may prepare, and in others.
 
 Seconds in which its process compiles, or waits for a processor, do not count.
 """
 
-FEWEST = 2.0
+LEAST_PATIENCE = 2.0
 """Seconds that it may be silent at least once it is known how long it takes."""
 
-SLOWER = 5.0
+SLOWNESS_FACTOR = 5.0
 """How much longer a renderer that hangs is silent than any case before took, for each second of path or experiment."""
 
-AGAIN = 6.0
+FIRST_CASE_FACTOR = 6.0
 """How many times as long as its first case on a model took it may be silent in any later one: checks have the model
 turned, scaled, mirrored, renumbered and halved too, and it may prepare each of them."""
 
@@ -68,7 +68,7 @@ class Fault(Struct, frozen=True):
         return (self.check, self.kind) == (other.check, other.kind)
 
 
-class Tried(Struct, frozen=True):
+class TrialResult(Struct, frozen=True):
     """What came of a case: its faults, `outcomes` by check, and `refused` where it is not for that renderer."""
 
     faults: tuple[Fault, ...] = ()
@@ -130,19 +130,19 @@ class Bench:
         if self._drawing is not None:
             self._drawing.__exit__(None, None, None)
 
-    def __call__(self, case: Case) -> Tried:
+    def __call__(self, case: Case) -> TrialResult:
         """Return what comes of a case. Raises `Stopped`, and whatever stops the search itself."""
         self.tried += 1
-        found = self._asked(case, _try, case)
-        return Tried((found,)) if isinstance(found, Fault) else found
+        tried = self._call_renderer(case, _try_case, case)
+        return TrialResult((tried,)) if isinstance(tried, Fault) else tried
 
-    def asked(self, case: Case, function: Callable[..., T], *arguments: Any) -> T | None:
+    def call_in_case(self, case: Case, function: Callable[..., T], *arguments: Any) -> T | None:
         """Return what a function of renderer, seed and more gives, called for a case; None where that dies or hangs.
 
         Raises as a trial does.
         """
-        found = self._asked(case, function, *arguments)
-        return None if isinstance(found, Fault) else found
+        outcome = self._call_renderer(case, function, *arguments)
+        return None if isinstance(outcome, Fault) else outcome
 
     def aside(self, function: Callable[..., T], *arguments: Any) -> T:
         """Return what a function gives that no renderer takes part in, in another process: the end ends it as well.
@@ -152,29 +152,29 @@ class Bench:
         if self._over():
             raise Stopped
         if self._drawing is None:
-            self._drawing = Workers(_called, 1)
+            self._drawing = Workers(_call_function, 1)
         self._drawing.begin(0, function, *arguments)
-        while not (found := self._drawing.answers(POLL)):
+        while not (answers := self._drawing.answers(POLL)):
             if self._over():
                 raise Stopped
-        if found[0].error is not None:
-            raise found[0].error
-        return cast("T", found[0].value)
+        if answers[0].error is not None:
+            raise answers[0].error
+        return cast("T", answers[0].value)
 
-    def _asked(self, case: Case, function: Callable[..., T], *arguments: Any) -> T | Fault:
+    def _call_renderer(self, case: Case, function: Callable[..., T], *arguments: Any) -> T | Fault:
         """Return what a function gives, or the fault of a renderer that dies or hangs in it."""
         if self._over():  # answers may come faster than one is waited for
             raise Stopped
         model = repr(case.model)
         patience = patience_for(_seconds(case), self._slowest, self._prepared.get(model))
         if self._workers is None:
-            self._workers = Workers(_called, 1)
+            self._workers = Workers(_call_function, 1)
         self._workers.begin(0, function, self._renderer, self._seed, *arguments)
         watch = _Watch(self._workers)
         while True:
-            found = self._workers.answers(POLL)
+            answers = self._workers.answers(POLL)
             watch.look()
-            for answer in found:
+            for answer in answers:
                 if isinstance(answer.error, Ended):
                     self._end()
                     return Fault(RENDERER, "dies", f"the renderer ends the process that it runs in: {answer.error.how}")
@@ -189,8 +189,8 @@ class Bench:
             for answer in self._workers.give_up(patience) if watch.silent > patience else ():
                 self._end()
                 place = place_in_stack(answer.error.stack) if isinstance(answer.error, Overdue) else ""
-                said = f"the renderer gives no answer in {patience:.3g} s{place and f': it is {place}'}"
-                return Fault(RENDERER, "hangs", said)
+                message = f"the renderer gives no answer in {patience:.3g} s{place and f': it is {place}'}"
+                return Fault(RENDERER, "hangs", message)
             if self._over():
                 self._end()
                 raise Stopped
@@ -208,13 +208,13 @@ def patience_for(seconds: float, slowest: float, prepared: float | None) -> floa
     `slowest` is the longest that it took before for a second of a case, 0.0 if it has answered none on a model that
     it knew; `prepared` what its first case on that model took, None if there was none.
     """
-    expected = SLOWER * slowest * seconds
+    expected = SLOWNESS_FACTOR * slowest * seconds
     if prepared is None:
-        return max(FIRST, expected)
-    return max(FEWEST if slowest else LATER, expected, AGAIN * prepared)
+        return max(FIRST_PATIENCE, expected)
+    return max(LEAST_PATIENCE if slowest else LATER_PATIENCE, expected, FIRST_CASE_FACTOR * prepared)
 
 
-def _called(function: Callable[..., Any], *arguments: Any) -> Any:
+def _call_function(function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments)
 
 
@@ -224,11 +224,11 @@ def factory_of(renderer: str) -> RendererFactory:
     return resolve(renderer)
 
 
-def _try(renderer: str, seed: int, case: Case) -> Tried:
+def _try_case(renderer: str, seed: int, case: Case) -> TrialResult:
     seed_all(seed)
     judged = judge(factory_of(renderer), renderer, SUITE, case)
     if judged.refusal is not None:
-        return Tried(refused=judged.refusal.what)
+        return TrialResult(refused=judged.refusal.what)
     faults = []
     if isinstance(judged.error, RendererError):
         faults.append(_broken(judged.error, case))
@@ -250,7 +250,7 @@ def _try(renderer: str, seed: int, case: Case) -> Tried:
                 str(verdict.level),
             )
         )
-    return Tried(tuple(faults), {verdict.check: str(verdict.outcome) for verdict in judged.verdicts})
+    return TrialResult(tuple(faults), {verdict.check: str(verdict.outcome) for verdict in judged.verdicts})
 
 
 def _seconds(case: Case) -> float:

@@ -24,7 +24,7 @@ def examples(strategy: st.SearchStrategy[T], count: int, *, seed: int = 0) -> li
     """
     if not isinstance(count, int) or count < 1:
         raise InputError(f"count = {count!r}", why="it is a whole number of examples, and positive")
-    found: list[T] = []
+    collected: list[T] = []
 
     @seeded(seed)
     @settings(
@@ -33,15 +33,15 @@ def examples(strategy: st.SearchStrategy[T], count: int, *, seed: int = 0) -> li
     )  # fmt: skip
     @given(strategy)
     def collect(example: T) -> None:
-        found.append(example)
+        collected.append(example)
 
-    with _leaving_nothing():
+    with _temporary_caches():
         collect()
-    return found[:count]
+    return collected[:count]
 
 
 @contextmanager
-def _leaving_nothing() -> Iterator[None]:
+def _temporary_caches() -> Iterator[None]:
     """Have hypothesis keep its caches in a folder that goes, unless there is one of its own already."""
     home = storage_directory(intent_to_write=False).home_directory
     if home.exists():

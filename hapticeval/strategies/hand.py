@@ -13,7 +13,7 @@ from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.model import Model
 from hapticeval.stimulus.moves import Move, Moves, Tremor, shortest_duration
 from hapticeval.strategies.numbers import rounded, share, signed
-from hapticeval.strategies.place import PLACES, Place, check_model, places
+from hapticeval.strategies.place import PLACE_COUNT, Place, check_model, places
 from hapticeval.types import Array
 
 PARTS = ("slide", "corner", "graze", "rest", "release", "medial-axis", "focal-point", "through")
@@ -74,22 +74,22 @@ class Hand:
         self.tremor = tremor
         self.moves: list[Move] = []
         self.pace = draw(st.sampled_from(PACES))
-        self.place = self.any_place()
-        self.start = self.at = self.rounded(self.outside())
-        self.depth = self.any_depth()
-        self.press(self.depth)
+        self.place = self.draw_place()
+        self.start = self.position = self.rounded(self.outside())
+        self.depth = self.draw_depth()
+        self.press_under(self.depth)
 
-    def any_place(self) -> Place:
-        """Draw a place, most of the time between two of `PLACES`."""
-        place = self.places[self.draw(st.integers(0, PLACES - 1))]
-        return self.beside(place, self.draw(share()) * self.girth / PLACES)
+    def draw_place(self) -> Place:
+        """Draw a place, most of the time between two of `PLACE_COUNT`."""
+        place = self.places[self.draw(st.integers(0, PLACE_COUNT - 1))]
+        return self.place_beside(place, self.draw(share()) * self.girth / PLACE_COUNT)
 
-    def beside(self, place: Place, length: float) -> Place:
+    def place_beside(self, place: Place, length: float) -> Place:
         """Return the place `length` m along; how deep its axis and its focus lie is taken from the given one."""
         frame = self.boundary.walk(place.foot, np.array([length]))
         return place._replace(foot=frame.foot[0], normal=frame.normal[0])
 
-    def any_depth(self) -> float:
+    def draw_depth(self) -> float:
         """Draw a depth, m: from 4e-5 of the size to 0.4 of it, and often little."""
         return 0.4 * self.size * ((1 + self.draw(st.integers(0, 98))) / 99.0) ** 2 / 4.0 ** self.draw(st.integers(0, 2))
 
@@ -105,126 +105,126 @@ class Hand:
         free = np.flatnonzero(self.boundary.signed_distance(points) > 0.0)
         return np.asarray(points[free[0] if free.size else -1])
 
-    def move(self, point: Array) -> None:
+    def move_to(self, point: Array) -> None:
         """Go there."""
         to = self.rounded(point)
-        length = math.dist(self.at, to)
+        length = math.dist(self.position, to)
         if length > 0.0:
             self.moves.append(Move(to=to, seconds=round(self.pace * shortest_duration(length, self.tremor) + 5e-4, 3)))
-            self.at = to
+            self.position = to
 
-    def press(self, depth: float) -> None:
+    def press_under(self, depth: float) -> None:
         """Go to `depth` m under the place."""
         self.depth = depth
-        self.move(self.place.foot - depth * self.place.normal)
+        self.move_to(self.place.foot - depth * self.place.normal)
 
     def release(self) -> None:
         """Go out."""
-        self.move(self.outside())
+        self.move_to(self.outside())
 
     def slide(self) -> None:
         """Go along the surface in a few moves."""
-        depth = self.any_depth() if self.draw(st.booleans()) else self.depth
+        depth = self.draw_depth() if self.draw(st.booleans()) else self.depth
         length = 0.4 * self.draw(signed()) * self.girth
         count = self.draw(st.integers(1, 5))
         start = self.place
         for k in range(1, count + 1):
-            self.place = self.beside(start, length * k / count)
-            self.press(depth)
+            self.place = self.place_beside(start, length * k / count)
+            self.press_under(depth)
 
     def corner(self) -> None:
         """Go along a face past a corner: over a convex one straight on, into a concave one and on along the next."""
-        chosen = self.draw(st.integers(0, min(len(self.corners), PLACES) - 1))
-        corner = self.corners[chosen * len(self.corners) // min(len(self.corners), PLACES)]
+        chosen = self.draw(st.integers(0, min(len(self.corners), PLACE_COUNT) - 1))
+        corner = self.corners[chosen * len(self.corners) // min(len(self.corners), PLACE_COUNT)]
         ahead, normal, leaves, after = corner.tangent_pre, corner.normal_pre, corner.tangent_post, corner.normal_post
         if self.draw(st.booleans()):
             ahead, normal, leaves, after = -leaves, after, -ahead, normal
         reach = 0.4 * min(self.nearest_corner(corner.position), 0.5 * self.size)
         depth = reach * (0.005 + 0.5 * self.draw(share()) ** 2)
         before = corner.position - reach * (0.3 + 0.7 * self.draw(share())) * ahead
-        self.move(before + 0.3 * reach * normal)
-        self.move(before - depth * normal)
+        self.move_to(before + 0.3 * reach * normal)
+        self.move_to(before - depth * normal)
         if corner.convex:
-            self.move(corner.position + reach * (0.3 + 0.7 * self.draw(share())) * ahead - depth * normal)
+            self.move_to(corner.position + reach * (0.3 + 0.7 * self.draw(share())) * ahead - depth * normal)
         else:
-            self.move(corner.position - depth * normal)
-            self.move(corner.position - depth * after)
-            self.move(corner.position + reach * (0.3 + 0.7 * self.draw(share())) * leaves - depth * after)
-        self.place, self.depth = self.near(np.array(self.at)), depth
+            self.move_to(corner.position - depth * normal)
+            self.move_to(corner.position - depth * after)
+            self.move_to(corner.position + reach * (0.3 + 0.7 * self.draw(share())) * leaves - depth * after)
+        self.place, self.depth = self.place_near(np.array(self.position)), depth
 
     def nearest_corner(self, position: Array) -> float:
         """Return how far from `position` the nearest other corner is, m; the model's size where there is none."""
         gaps = [float(np.linalg.norm(other.position - position)) for other in self.corners]
         return min((gap for gap in gaps if gap > 0.0), default=self.size)
 
-    def near(self, point: Array) -> Place:
+    def place_near(self, point: Array) -> Place:
         """Return the place nearest to a point."""
         frame = self.boundary.closest_point(point[np.newaxis])
-        far = [float(np.linalg.norm(place.foot - frame.foot[0])) for place in self.places]
-        return self.places[int(np.argmin(far))]._replace(foot=frame.foot[0], normal=frame.normal[0])
+        distances = [float(np.linalg.norm(place.foot - frame.foot[0])) for place in self.places]
+        return self.places[int(np.argmin(distances))]._replace(foot=frame.foot[0], normal=frame.normal[0])
 
     def graze(self) -> None:
         """Go straight past the surface."""
         self.release()
-        self.place = self.any_place()
+        self.place = self.draw_place()
         tangents = np.linalg.svd(self.place.normal[np.newaxis])[2][1:]
         along = tangents[self.draw(st.integers(0, len(tangents) - 1))] * (0.02 + 0.2 * self.draw(share())) * self.size
         under = self.place.foot - 5e-3 * self.size * (0.02 + 0.98 * self.draw(share())) * self.place.normal
-        self.move(under - along)
-        self.move(under + along)
+        self.move_to(under - along)
+        self.move_to(under + along)
         self.release()
 
-    def rest(self) -> None:
+    def stay(self) -> None:
         """Stay."""
-        self.moves.append(Move(to=self.at, seconds=self.draw(st.sampled_from([0.1, 0.3, 0.5]))))
+        self.moves.append(Move(to=self.position, seconds=self.draw(st.sampled_from([0.1, 0.3, 0.5]))))
 
     def out_and_in(self) -> None:
         """Release, and come back beside there."""
         self.release()
-        self.place = self.beside(self.place, 0.1 * self.draw(signed()) * self.girth)
-        self.press(self.any_depth())
+        self.place = self.place_beside(self.place, 0.1 * self.draw(signed()) * self.girth)
+        self.press_under(self.draw_depth())
 
-    def cross(self, depths: Callable[[Place], float]) -> None:
+    def cross_depth(self, depths: Callable[[Place], float]) -> None:
         """Go under a place to somewhat less and to somewhat more than a depth, and on to the side."""
-        self.place = self.any_place() if self.draw(st.booleans()) else self.place
+        self.place = self.draw_place() if self.draw(st.booleans()) else self.place
         deep = min(depths(self.place), 0.5 * self.size)
-        self.press(deep * (0.8 + 0.19 * self.draw(share())))
-        aside = self.beside(self.place, 0.05 * self.draw(signed()) * self.girth)
+        self.press_under(deep * (0.8 + 0.19 * self.draw(share())))
+        aside = self.place_beside(self.place, 0.05 * self.draw(signed()) * self.girth)
         self.place = aside
-        self.press(deep * (1.01 + 0.2 * self.draw(share())))
+        self.press_under(deep * (1.01 + 0.2 * self.draw(share())))
 
     def focal_point(self) -> None:
         """Go to a centre of curvature, to near it, or through it; without one, to the medial axis."""
         bent = [place for place in self.places if place.focal < 0.5 * self.size]
         if not bent:
-            self.cross(lambda place: place.medial)
+            self.cross_depth(lambda place: place.medial)
             return
         self.place = bent[self.draw(st.integers(0, len(bent) - 1))]
-        self.press(self.place.focal * (0.9 + self.draw(st.integers(0, 4)) / 20.0))
-        along = self.beside(self.place, 0.01 * self.size).foot - self.place.foot
-        self.move(np.array(self.at) + self.draw(signed()) * along)
+        self.press_under(self.place.focal * (0.9 + self.draw(st.integers(0, 4)) / 20.0))
+        along = self.place_beside(self.place, 0.01 * self.size).foot - self.place.foot
+        self.move_to(np.array(self.position) + self.draw(signed()) * along)
 
     def through(self) -> None:
         """Go straight to another place."""
-        self.place = self.any_place()
-        self.press(self.any_depth())
+        self.place = self.draw_place()
+        self.press_under(self.draw_depth())
 
-    def do(self, part: str) -> None:
+    def add_part(self, part: str) -> None:
         """Do one of `PARTS`."""
         {
             "slide": self.slide,
             "corner": self.corner,
             "graze": self.graze,
-            "rest": self.rest,
+            "rest": self.stay,
             "release": self.out_and_in,
-            "medial-axis": lambda: self.cross(lambda place: place.medial),
+            "medial-axis": lambda: self.cross_depth(lambda place: place.medial),
             "focal-point": self.focal_point,
             "through": self.through,
         }[part]()
 
 
 @st.composite
-def _hand_paths(draw: st.DrawFn, model: Model, parts: tuple[str, ...], most: int, trembles: bool) -> Moves:
+def _hand_paths(draw: st.DrawFn, model: Model, parts: tuple[str, ...], most_parts: int, trembles: bool) -> Moves:
     tremor = None
     if trembles and draw(st.booleans()):
         direction = 2.0 * math.pi * draw(share())
@@ -232,8 +232,8 @@ def _hand_paths(draw: st.DrawFn, model: Model, parts: tuple[str, ...], most: int
         amplitude = [size * math.cos(direction), size * math.sin(direction), 0.0][: model.dimension]
         tremor = Tremor(amplitude=[round(x, 7) for x in amplitude], hertz=8.0 + draw(st.integers(0, 8)) / 2.0)
     hand = Hand(draw, model, tremor)
-    for _ in range(draw(st.integers(1, most))):
-        hand.do(draw(st.sampled_from(parts)))
+    for _ in range(draw(st.integers(1, most_parts))):
+        hand.add_part(draw(st.sampled_from(parts)))
     if draw(st.integers(0, 3)):
         hand.release()
     assume(hand.moves)

@@ -18,13 +18,13 @@ from hapticeval.strategies.numbers import share
 from hapticeval.strategies.place import check_model
 from hapticeval.types import Array
 
-TURN = math.pi / 8.0
+STOP_ANGLE = math.pi / 8.0
 """Angle (rad) by which an outline turns from one stop of the hand to the next."""
 
-ASIDE = 0.01
+ASIDE_SHARE = 0.01
 """How far the hand goes on past a corner, beside twice its depth, as a share of the model's size."""
 
-FINE = 320
+OUTLINE_POINTS = 320
 """Points of an outline, beside its corners, between which it is looked at."""
 
 
@@ -48,22 +48,22 @@ def laps(model: Model, *, past: bool = False) -> st.SearchStrategy[Moves]:
 def _laps(draw: st.DrawFn, model: Model, curve: Curve, past: bool) -> Moves:
     hand = Hand(draw, model, None)
     depth = 0.01 * model.size * (1 + draw(st.integers(0, 98))) / 99.0
-    way = draw(st.sampled_from([1.0, -1.0]))
+    direction = draw(st.sampled_from([1.0, -1.0]))
     start = draw(share()) * curve.length
-    stops = sorted(_stops(curve), key=lambda stop: way * (stop.s - start) % curve.length)
+    stops = sorted(_stops_of(curve), key=lambda stop: direction * (stop.s - start) % curve.length)
     hand.release()
     hand.pace = 1.0  # it takes long enough
-    aside = 2.0 * depth + ASIDE * model.size
+    aside = 2.0 * depth + ASIDE_SHARE * model.size
     for stop in (*stops, *stops, stops[0]):
         if past and stop.pointed:
-            here, there = (stop.before, stop.after) if way > 0.0 else (stop.after, stop.before)
-            along = way * np.array([-here[1], here[0]])
-            hand.move(stop.foot + aside * along - depth * here)
-            hand.move(stop.foot + aside * there)
+            normal_before, normal_after = (stop.before, stop.after) if direction > 0.0 else (stop.after, stop.before)
+            along = direction * np.array([-normal_before[1], normal_before[0]])
+            hand.move_to(stop.foot + aside * along - depth * normal_before)
+            hand.move_to(stop.foot + aside * normal_after)
         else:
             normal = stop.before + stop.after
-            hand.move(stop.foot - depth * normal / max(float(np.linalg.norm(normal)), 1e-9))
-    hand.place = hand.near(np.array(hand.at))
+            hand.move_to(stop.foot - depth * normal / max(float(np.linalg.norm(normal)), 1e-9))
+    hand.place = hand.place_near(np.array(hand.position))
     hand.release()
     return Moves(start=hand.start, moves=tuple(hand.moves))
 
@@ -82,18 +82,22 @@ class Stop(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def _stops(curve: Curve) -> list[Stop]:
-    """Return where an outline has turned by `TURN` since the stop before: straight from one to the next is along it."""
-    s = np.union1d(np.arange(FINE) * curve.length / FINE, [corner.s for corner in curve.corners])
+def _stops_of(curve: Curve) -> list[Stop]:
+    """Return the points at which an outline has turned by `STOP_ANGLE` since the one before.
+
+    A straight move from one of them to the next stays close to the outline.
+    """
+    s = np.union1d(np.arange(OUTLINE_POINTS) * curve.length / OUTLINE_POINTS, [corner.s for corner in curve.corners])
     before = curve.normal(curve.parameter(0.5 * (s + np.roll(s, 1) - curve.length * (np.arange(s.size) == 0))))
     after = np.roll(before, -1, axis=0)
     turns = np.arccos(np.clip(np.sum(before * after, axis=1), -1.0, 1.0))
-    found, turned = [], 0.0
-    for at, turn in enumerate(turns.tolist()):
+    stops, turned = [], 0.0
+    for index, turn in enumerate(turns.tolist()):
         turned += turn
-        if turned >= TURN - 1e-6:
-            foot = np.asarray(curve.position(curve.parameter(s[at])))
-            convex = before[at, 0] * after[at, 1] > before[at, 1] * after[at, 0]
-            found.append(Stop(float(s[at]), foot, before[at], after[at], bool(convex) and turn > 0.5 * math.pi - 1e-6))
+        if turned >= STOP_ANGLE - 1e-6:
+            foot = np.asarray(curve.position(curve.parameter(s[index])))
+            convex = before[index, 0] * after[index, 1] > before[index, 1] * after[index, 0]
+            pointed = bool(convex) and turn > 0.5 * math.pi - 1e-6
+            stops.append(Stop(float(s[index]), foot, before[index], after[index], pointed))
             turned = 0.0
-    return found
+    return stops

@@ -12,7 +12,7 @@ from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
 from hapticeval.types import Array, BoolArray
 
-PLACES = 100
+PLACE_COUNT = 100
 """Points of the surface from which parts start; any other lies between two of them."""
 
 
@@ -30,7 +30,7 @@ class Place(NamedTuple):
 
 
 def places(model: Model) -> list[Place]:
-    """Return `PLACES` places of the model's surface, in order along a plane one."""
+    """Return `PLACE_COUNT` places of the model's surface, in order along a plane one."""
     boundary: Any = model.boundary
     return _places_of(boundary, model.size)
 
@@ -38,7 +38,7 @@ def places(model: Model) -> list[Place]:
 @lru_cache(maxsize=16)
 def _places_of(boundary: Boundary, size: float) -> list[Place]:
     """Find them once for a boundary."""
-    frame = boundary.closest_point(boundary.points(PLACES))
+    frame = boundary.closest_point(boundary.points(PLACE_COUNT))
     foot, normal = frame.foot, frame.normal
     bend = np.linalg.eigvalsh(frame.shape).max(axis=1)
 
@@ -48,9 +48,9 @@ def _places_of(boundary: Boundary, size: float) -> list[Place]:
         nearest: BoolArray = off < -depth + 1e-6 * size
         return nearest
 
-    low, high = np.zeros(PLACES), np.full(PLACES, np.inf)
+    low, high = np.zeros(PLACE_COUNT), np.full(PLACE_COUNT, np.inf)
     for depth in size * np.geomspace(1e-4, 1.0, 32):
-        still = own(np.full(PLACES, depth))
+        still = own(np.full(PLACE_COUNT, depth))
         low = np.where(still & np.isinf(high), depth, low)
         high = np.where(~still & np.isinf(high), depth, high)
     known = np.isfinite(high)

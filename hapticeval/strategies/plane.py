@@ -48,7 +48,7 @@ def _polygon(points: Array) -> Model:
 
 
 @st.composite
-def _radial(draw: st.DrawFn) -> tuple[Array, Array]:
+def _angles_and_radii(draw: st.DrawFn) -> tuple[Array, Array]:
     """Draw angles (n,), rad, once round, and a radius at each, as a share of the largest."""
     count = draw(st.integers(3, 14))
     steps = np.array([1.0 + draw(share()) for _ in range(count)])
@@ -56,15 +56,15 @@ def _radial(draw: st.DrawFn) -> tuple[Array, Array]:
     return np.cumsum(steps) * (2.0 * math.pi / steps.sum()), radii
 
 
-def _round(angle: Array, radius: Array) -> Array:
+def _polar_points(angle: Array, radius: Array) -> Array:
     return np.asarray(radius[:, np.newaxis] * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
 @st.composite
 def star_shaped(draw: st.DrawFn) -> Model:
     """A polygon that is star-shaped about the origin: arms, notches and slivers."""
-    angles, radii = draw(_radial())
-    return _polygon(0.5 * draw(sizes()) * _round(angles, radii))
+    angles, radii = draw(_angles_and_radii())
+    return _polygon(0.5 * draw(sizes()) * _polar_points(angles, radii))
 
 
 @st.composite
@@ -72,14 +72,14 @@ def _spline(draw: st.DrawFn) -> Model:
     """A closed cubic spline, as 96 edges: facets of a smooth outline."""
     from scipy.interpolate import CubicSpline
 
-    angles, radii = draw(_radial())
+    angles, radii = draw(_angles_and_radii())
     knots = np.concatenate([angles - angles[0], [2.0 * math.pi]])
     # Between the knots a spline swings past them: half of the radius of a circle keeps it from the origin.
     spline = CubicSpline(knots, np.append(0.5 + 0.5 * radii, 0.5 + 0.5 * radii[0]), bc_type="periodic")
     turn = np.linspace(0.0, 2.0 * math.pi, 96, endpoint=False)
     radius = np.asarray(spline(turn))
     assume(radius.min() > 0.1)
-    return _polygon(0.5 * draw(sizes()) * _round(turn, radius))
+    return _polygon(0.5 * draw(sizes()) * _polar_points(turn, radius))
 
 
 @st.composite
@@ -96,7 +96,7 @@ def patchwork(draw: st.DrawFn) -> Model:
     squares = [shapely.box(x - 0.55, y - 0.55, x + 0.55, y + 0.55) for x, y in cells]
     points = _outline(shapely.union_all(squares))
     askew = np.array([[1.0, 0.6 * draw(signed())], [0.6 * draw(signed()), 1.0]])
-    return _polygon(_sized(points @ askew.T, draw(sizes())))
+    return _polygon(_scaled(points @ askew.T, draw(sizes())))
 
 
 @st.composite
@@ -117,7 +117,7 @@ def _union(draw: st.DrawFn) -> Model:
             part = shapely.Polygon([(x - size, y - 0.3 * size), (x + size, y), (x - size, y + 0.3 * size)])
         shape = shape.union(rotate(part, turn, origin=(x, y)))
         assume(isinstance(shape, shapely.Polygon))
-    return _polygon(_sized(_outline(shape.simplify(1e-4)), draw(sizes())))
+    return _polygon(_scaled(_outline(shape.simplify(1e-4)), draw(sizes())))
 
 
 def _outline(shape: Any) -> Array:
@@ -128,7 +128,7 @@ def _outline(shape: Any) -> Array:
     return shapely.get_coordinates(shapely.geometry.polygon.orient(shape).exterior)[:-1]
 
 
-def _sized(points: Array, size: float) -> Array:
+def _scaled(points: Array, size: float) -> Array:
     """Return points (n, 2) about the origin, moved and scaled so that their largest extent is `size` m."""
     low, high = points.min(axis=0), points.max(axis=0)
     return np.asarray((points - 0.5 * (low + high)) * (size / float(np.max(high - low))))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hapticeval.geometry.model import Model
 from hapticeval.stimulus.experiments import ExperimentTable
 from hapticeval.strategies.numbers import rounded, share
-from hapticeval.strategies.place import PLACES, check_model, places
+from hapticeval.strategies.place import PLACE_COUNT, check_model, places
 
 
 def pushes(model: Model, *, bilateral: bool = False) -> st.SearchStrategy[ExperimentTable]:
@@ -25,7 +25,7 @@ def pushes(model: Model, *, bilateral: bool = False) -> st.SearchStrategy[Experi
 
 @st.composite
 def _pushes(draw: st.DrawFn, model: Model, bilateral: bool) -> ExperimentTable:
-    place = places(model)[draw(st.integers(0, PLACES - 1))]
+    place = places(model)[draw(st.integers(0, PLACE_COUNT - 1))]
     tangents = np.linalg.svd(place.normal[np.newaxis])[2][1:]
     along = tangents[draw(st.integers(0, len(tangents) - 1))] * draw(st.sampled_from([-1.0, 1.0]))
     off = 0.0 if bilateral or draw(st.booleans()) else 0.05 * (0.02 + 0.98 * draw(share())) * model.size

@@ -25,10 +25,10 @@ def scenes(
 
     Stiffness 50 to 4000 N/m, with no damping to the critical one; a tool of 50 g to 1 kg. With `bilateral` None either.
     """
-    for what, given_ in (("models", models), ("called", called)):
-        if given_ is not None and not isinstance(given_, st.SearchStrategy):
+    for what, strategy in (("models", models), ("called", called)):
+        if strategy is not None and not isinstance(strategy, st.SearchStrategy):
             raise InputError(
-                f"{what} = {given_!r}", why="it is no strategy", todo="use hypothesis.strategies.just(...)"
+                f"{what} = {strategy!r}", why="it is no strategy", todo="use hypothesis.strategies.just(...)"
             )
     return _scenes(plane_models() if models is None else models, bilateral, st.just(()) if called is None else called)
 

@@ -64,6 +64,7 @@ class Case(CaseEntries, frozen=True, kw_only=True):
 
     def build_scene(self) -> Scene:
         """Return the scene, its model built once in each process."""
+        # A table is no key of a cache; its text is.
         return build_scene(_model(json.dumps(self.model, sort_keys=True)), self.scene, self.folder)
 
     def build_stimulus(self, scene: Scene, renderer: object) -> Stimulus:
@@ -75,6 +76,7 @@ class Case(CaseEntries, frozen=True, kw_only=True):
             stimulus: Stimulus = self.experiment.experiment(self.folder)
         else:
             assert self.trajectory is not None
+            # Unless the case says otherwise depth counts from the model, whatever surface the renderer has of it.
             own = None
             if renderer is not None and self.depth_of == "representation":
                 own = abilities_of(renderer).surface
@@ -98,6 +100,7 @@ class Case(CaseEntries, frozen=True, kw_only=True):
         """
         with at(f"case '{self.name}'"):
             scene = self.build_scene()
+            # No renderer is at hand yet: the depth counts from the model, whatever `depth_of` says.
             stimulus = self.build_stimulus(scene, None)
             if isinstance(stimulus, Experiment):
                 check_workspace(scene, stimulus)
@@ -105,6 +108,7 @@ class Case(CaseEntries, frozen=True, kw_only=True):
                 _, hips = stimulus.sampled(scene.sampling_time)
                 for effect in scene.effects:
                     effect.check_path(scene, hips)
+            # A closed form holds for certain models and gains only.
             for name in self.closed_form.values():
                 CLOSED_FORMS[name].check(scene)
 

@@ -15,20 +15,22 @@ from hapticeval.suite.case import Case
 
 def files_of(case: Case) -> dict[str, str]:
     """Return the digest of each file that a case names, by its path."""
+    # Any text of a case may name a file; what names none has no digest.
     named = {str((case.folder / text).resolve()) for text in _texts(msgspec.to_builtins(case, enc_hook=str)) if text}
-    return {path: found for path in sorted(named) if (found := _digest_of(path)) is not None}
+    return {path: digest for path in sorted(named) if (digest := _digest_of(path)) is not None}
 
 
 def _texts(value: Any) -> Iterator[str]:
     if isinstance(value, str):
         yield value
     elif isinstance(value, dict):
-        for name, each in value.items():
+        for name, entry in value.items():
+            # what files count from is not one of them
             if name != "folder":
-                yield from _texts(each)
+                yield from _texts(entry)
     elif isinstance(value, list | tuple):
-        for each in value:
-            yield from _texts(each)
+        for entry in value:
+            yield from _texts(entry)
 
 
 @lru_cache(maxsize=4096)

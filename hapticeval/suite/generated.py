@@ -41,6 +41,7 @@ class Generated(Trajectory, frozen=True, kw_only=True, tag="generated"):
 def _path(table: Generated, surface: Boundary) -> Path:
     from hapticeval import strategies
 
+    # Strategies draw on models, and read nothing of one but its boundary.
     model = Model(surface.name, {}, surface)
     drawn = strategies.hand_paths(
         model, parts=table.parts or strategies.PARTS, most=table.most, tremor=table.strategy == "hand-with-tremor"
@@ -48,7 +49,8 @@ def _path(table: Generated, surface: Boundary) -> Path:
     paths = strategies.examples(drawn, table.examples, seed=table.seed)
     moves = list(paths[0].moves)
     for before, after in pairwise(paths):
+        # A straight move joins two paths; it is left out where the next starts where this one ended.
         length = math.dist(before.moves[-1].to, after.start)
         moves += [Move(to=after.start, seconds=shortest_duration(length)), *after.moves] if length else after.moves
-    tremor = next((each.tremor for each in paths if each.tremor is not None), None)
+    tremor = next((path.tremor for path in paths if path.tremor is not None), None)
     return Moves(start=paths[0].start, moves=tuple(moves), tremor=tremor).path()

@@ -23,6 +23,7 @@ def suites_named(name_or_path: str) -> tuple[str, ...]:
     Raises `UnknownNameError` for a name of neither.
     """
     known = find_suites()
+    # A suite of just that name goes before a group.
     if name_or_path in known or FilePath(name_or_path).suffix == ".toml":
         return (name_or_path,)
     group = tuple(name for name in known if name.startswith(f"{name_or_path}-"))
@@ -42,8 +43,11 @@ def suite_groups() -> Mapping[str, tuple[str, ...]]:
         families.setdefault(name.partition("-")[0], []).append(name)
     groups: dict[str, tuple[str, ...]] = {}
     for names in families.values():
+        # The words of all names at the first place, then at the second, and so on.
         words = zip(*(name.split("-") for name in names), strict=False)
-        group = "-".join(first for first, *_ in takewhile(lambda each: len(set(each)) == 1, words))
+        group = "-".join(
+            first for first, *_ in takewhile(lambda words_at_one_place: len(set(words_at_one_place)) == 1, words)
+        )
         if group not in known:
             groups[group] = tuple(names)
     return groups

@@ -34,16 +34,19 @@ class Outline(NamedTuple):
 
 def outline(file: Path) -> Outline:
     """Return what a sound suite file holds; one of a user's is read by `load_suite`, which says what is wrong."""
-    given = read_toml(file)
-    variants = given.get("variant", {})
-    cases = tuple(each for table in given["case"] for each in _cases(table, variants))
-    return Outline(given["title"], given.get("citation", ""), cases)
+    document = read_toml(file)
+    variants = document.get("variant", {})
+    cases = tuple(case for table in document["case"] for case in _cases(table, variants))
+    return Outline(document["title"], document.get("citation", ""), cases)
 
 
 def _cases(table: dict[str, Any], variants: dict[str, Any]) -> Iterator[tuple[Heading, bool]]:
     heading, judged = Heading(table["name"], table["title"]), table.get("judged", True)
+    # A sweep stands in the place of its case; variants stand beside it.
     if "sweep" in table:
-        yield from ((heading.swept(each["label"], each["depth"]), judged) for each in table["sweep"])
+        yield from (
+            (heading.swept(depth_entry["label"], depth_entry["depth"]), judged) for depth_entry in table["sweep"]
+        )
         return
     yield heading, judged
     for label in table.get("variants", ()):

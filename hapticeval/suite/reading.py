@@ -80,23 +80,23 @@ def load_suite(name_or_path: str) -> Suite:
         raise InputError(
             f"the suite file {file} is empty", todo="write a title and [[case]] tables, as in docs/suites.md"
         )
-    given: SuiteFile = convert(entries, SuiteFile, file.name, todo="see docs/suites.md and docs/robots.md")
+    suite_file: SuiteFile = convert(entries, SuiteFile, file.name, todo="see docs/suites.md and docs/robots.md")
     with at(file.name):
-        cases = tuple(case for table in given.case for case in _cases(table, given.variant, file.parent))
+        cases = tuple(case for table in suite_file.case for case in _cases(table, suite_file.variant, file.parent))
         names = [case.name for case in cases]
         for name in names:
             if names.count(name) > 1:
                 raise InputError(f"it has two cases named '{name}'", todo="give each case a name of its own")
-        for row in given.row:
+        for row in suite_file.row:
             with at(f"row '{row.title}'"):
                 _check_row(row, cases)
     return Suite(
         name=file.stem,
-        title=given.title,
-        citation=given.citation,
+        title=suite_file.title,
+        citation=suite_file.citation,
         cases=cases,
-        rows=given.row,
-        renderers=given.renderers,
+        rows=suite_file.row,
+        renderers=suite_file.renderers,
     )
 
 
@@ -119,9 +119,10 @@ def _check_row(row: Row, cases: tuple[Case, ...]) -> None:
     """Raise `InputError` where a pattern of the row has none of its checks, or one of its checks is in no case."""
     _check_known("check", row.checks, CHECKS)
     named = [case for case in cases if any(fnmatchcase(case.name, pattern) for pattern in row.cases)]
+    # Each pattern has to meet one of the row's checks, and each check a case of any pattern.
     for pattern, checks in [
         *((pattern, row.checks) for pattern in row.cases),
-        *(("*", (each,)) for each in row.checks),
+        *(("*", (check,)) for check in row.checks),
     ]:
         if not any(fnmatchcase(case.name, pattern) and set(checks) & set(case.checks) for case in named):
             names = "' or '".join(checks)
@@ -141,6 +142,7 @@ def _check_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
 def _cases(table: CaseTable, variants: Mapping[str, Variant], folder: FilePath) -> Iterator[Case]:
     """Yield the case and its variants, or one case for each entry of its sweep. Raises `InputError` with its name."""
     entries = {name: getattr(table, name) for name in CaseEntries.__struct_fields__}
+    # It may be written over several lines.
     entries["shows"] = " ".join(table.shows.split())
     if isinstance(table.model.get("file"), str):
         with at(f"case '{table.name}'"):
@@ -156,6 +158,7 @@ def _cases(table: CaseTable, variants: Mapping[str, Variant], folder: FilePath) 
                 why="the hand is led along a path, or it pushes",
                 todo="give one of them",
             )
+        # UNSET: of a kind without a depth. None: of a kind with one, which a sweep has to give.
         depth = getattr(case.trajectory, "depth", UNSET)
         if table.sweep is not None and depth is UNSET:
             raise InputError("a sweep is over the depth of a trajectory", todo="write one case for each")
@@ -163,14 +166,15 @@ def _cases(table: CaseTable, variants: Mapping[str, Variant], folder: FilePath) 
             raise InputError("its trajectory needs a depth", todo="give depth, or a sweep")
     if table.sweep is None:
         yield _checked(case)
-    for each in table.sweep or ():
-        yield _checked(_swept(case, each))
+    for depth_entry in table.sweep or ():
+        yield _checked(_swept(case, depth_entry))
     for label in table.variants if table.sweep is None else ():
         yield _checked(_varied(case, label, variants[label]))
 
 
 def _swept(case: Case, at_depth: Depth) -> Case:
     """Return the case at another depth."""
+    # What is in print for this depth goes before what is for all of them.
     both = (case.published, at_depth.published)
     renderers = dict.fromkeys(renderer for published in both for renderer in published)
     trajectory: Any = case.trajectory
@@ -180,23 +184,25 @@ def _swept(case: Case, at_depth: Depth) -> Case:
         name=name,
         title=title,
         trajectory=structs.replace(trajectory, depth=at_depth.depth),
-        published={each: {**both[0].get(each, {}), **both[1].get(each, {})} for each in renderers},
+        published={renderer: {**both[0].get(renderer, {}), **both[1].get(renderer, {})} for renderer in renderers},
     )
 
 
 def _varied(case: Case, label: str, variant: Variant) -> Case:
     """Return the case in another scene. What is in print, closed forms too, is about the case as it stands."""
     name, title = Heading(case.name, case.title).varied(label, variant.title)
-    words = {each: getattr(variant, each) for each in ("shows", "citation", "judged")}
+    words = {name: getattr(variant, name) for name in ("shows", "citation", "judged")}
     return structs.replace(
         case,
         name=name,
         title=title,
         scene={**case.scene, **variant.scene},
+        # a closed form is of the case's own scene
         checks=tuple(check for check in case.checks if not CHECKS[check].needs_closed_form),
         published={},
         closed_form={},
-        **{each: value for each, value in words.items() if value is not UNSET},
+        # what a variant does not say stays the case's
+        **{name: value for name, value in words.items() if value is not UNSET},
     )
 
 

@@ -20,15 +20,18 @@ from hapticeval.geometry.model import Model
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment
 
-BUILT = ("model", LISTED)
+BUILT_ENTRIES = ("model", LISTED)
 """Entries of a scene that its table does not give as they are."""
 
 
 @cache
-def _table() -> type[Struct]:
+def _scene_table() -> type[Struct]:
     """Make the type of a `scene` table without its effects: the numbers and choices of `Scene`, and a device."""
     hints = get_type_hints(Scene) | {"device": str | dict[str, Any] | None}
-    entries = [(each.name, hints[each.name], each.default) for each in fields(Scene) if each.name not in BUILT]
+    # Taken from `Scene` itself, so that a new number of scenes is an entry of suite files at once.
+    entries = [
+        (field.name, hints[field.name], field.default) for field in fields(Scene) if field.name not in BUILT_ENTRIES
+    ]
     return defstruct("SceneTable", entries, forbid_unknown_fields=True, frozen=True)
 
 
@@ -40,18 +43,19 @@ def build_scene(model: Model, table: Mapping[str, Any], folder: Path = Path()) -
     `read_effects`; their files count from `folder`. Raises `InputError` for an entry that a scene does not have, for a
     device of another dimension than the model, and as `Scene` does.
     """
-    rest, effects = read_effects(table, folder)
-    values = structs.asdict(convert(rest, _table(), "scene"))
+    plain_entries, effects = read_effects(table, folder)
+    values = structs.asdict(convert(plain_entries, _scene_table(), "scene"))
     if values["device"] is not None:
         values["device"] = _device(values["device"], values["mass"], model)
     return Scene(model=model, effects=effects, **values)
 
 
-def _device(given: str | Mapping[str, Any], mass: float, model: Model) -> Device:
-    given = {"kind": given} if isinstance(given, str) else dict(given)
-    if given.get("kind") == PointMass.name:
-        given = {"mass": mass, "dimension": model.dimension, **given}
-    device = make_device(**given)
+def _device(device_table: str | Mapping[str, Any], mass: float, model: Model) -> Device:
+    device_table = {"kind": device_table} if isinstance(device_table, str) else dict(device_table)
+    if device_table.get("kind") == PointMass.name:
+        # What the table gives goes before what the tool has.
+        device_table = {"mass": mass, "dimension": model.dimension, **device_table}
+    device = make_device(**device_table)
     if device.dimension != model.dimension:
         raise InputError(
             f"device '{device.name}' moves in {device.dimension}D, and model '{model.name}' is in {model.dimension}D",
@@ -69,10 +73,12 @@ def check_workspace(scene: Scene, experiment: Experiment) -> None:
     if isinstance(device, PointMass):
         return
     try:
+        # Assumption 7.1: all of the model lies within the functional workspace, and so does the start.
         require(device, scene.model)
         start = device.joints(experiment.position)
     except DomainError as error:
         raise InputError(error.what, why=error.why, todo=error.todo) from error
+    # true for NaN as well
     if not device.margin(start) > 0.0:
         raise InputError(
             f"the experiment starts at ({', '.join(f'{x:g}' for x in experiment.position)}) m",

@@ -25,6 +25,7 @@ class Place(NamedTuple):
     def matches(self, glob: str) -> bool:
         """Whether case or check match; where the glob has a slash: suite/case, case/check or suite/case/check."""
         suite, case, check = self
+        # Without a slash a glob is for case or check alone.
         names = (f"{suite}/{case}", f"{case}/{check}", "/".join(self)) if "/" in glob else (case, check)
         return any(fnmatchcase(name, glob) for name in names)
 
@@ -43,19 +44,19 @@ def select(suites: Iterable[Suite], expressions: Sequence[str]) -> Selected:
     """
     cases = [(suite, case) for suite in suites for case in suite.cases]
     everything = frozenset(Place(suite.name, case.name, check) for suite, case in cases for check in case.checks)
-    wanted = everything if not expressions else frozenset[Place]()
+    selected_places = everything if not expressions else frozenset[Place]()
     for expression in expressions:
-        found = _Expression(expression, everything).places()
-        if not found:
+        places = _Expression(expression, everything).places()
+        if not places:
             raise NothingSelectedError(
                 f"nothing is left by -k {expression!r}", why="its parts match something, and never the same verdict"
             )
-        wanted |= found
-    kept = (
-        (suite, case, tuple(each for each in case.checks if (suite.name, case.name, each) in wanted))
+        selected_places |= places
+    cases_with_checks = (
+        (suite, case, tuple(check for check in case.checks if (suite.name, case.name, check) in selected_places))
         for suite, case in cases
     )
-    return [(suite, replace(case, checks=checks)) for suite, case, checks in kept if checks]
+    return [(suite, replace(case, checks=checks)) for suite, case, checks in cases_with_checks if checks]
 
 
 def covering(selected: Selected) -> Selected:
@@ -63,14 +64,17 @@ def covering(selected: Selected) -> Selected:
 
     Time after time the case is taken that has the most checks that no other has had; of several the first.
     """
-    judged = [each for each in selected if each[1].judged] or list(selected)
+    # Unjudged cases only show something: they count where there are no others.
+    judged = [suite_and_case for suite_and_case in selected if suite_and_case[1].judged] or list(selected)
     left = {check for _, case in judged for check in case.checks}
-    taken: list[tuple[Suite, Case]] = []
+    covering_cases: list[tuple[Suite, Case]] = []
     while left:
-        best = max(judged, key=lambda each: len(left.intersection(each[1].checks)))
-        taken.append(best)
+        # max takes the first of equals
+        best = max(judged, key=lambda suite_and_case: len(left.intersection(suite_and_case[1].checks)))
+        covering_cases.append(best)
         left -= set(best[1].checks)
-    return [each for each in judged if any(each is other for other in taken)]
+    # By identity, for cases cannot be hashed.
+    return [suite_and_case for suite_and_case in judged if any(suite_and_case is other for other in covering_cases)]
 
 
 class _Expression:
@@ -82,49 +86,57 @@ class _Expression:
         self._tokens = re.findall(r"[()]|[^\s()]+", text)
 
     def places(self) -> Places:
-        found = self._either()
+        places = self._parse_alternatives()
         if self._tokens:
-            raise self._misread(f"'{self._tokens[0]}' follows without 'and' or 'or'")
-        return found
+            raise self._syntax_error(f"'{self._tokens[0]}' follows without 'and' or 'or'")
+        return places
 
-    def _either(self) -> Places:
-        return self._joined("or", lambda: self._joined("and", self._one, Places.__and__), Places.__or__)
+    def _parse_alternatives(self) -> Places:
+        # `or` binds less than `and`, and `and` less than `not`.
+        return self._parse_sequence(
+            "or", lambda: self._parse_sequence("and", self._parse_operand, Places.__and__), Places.__or__
+        )
 
-    def _joined(self, word: str, part: Callable[[], Places], join: Callable[[Places, Places], Places]) -> Places:
-        found = part()
+    def _parse_sequence(
+        self, word: str, part: Callable[[], Places], join: Callable[[Places, Places], Places]
+    ) -> Places:
+        places = part()
         while self._tokens[:1] == [word]:
             del self._tokens[0]
-            found = join(found, part())
-        return found
+            places = join(places, part())
+        return places
 
-    def _one(self) -> Places:
+    def _parse_operand(self) -> Places:
         token = self._tokens.pop(0) if self._tokens else ""
         if token == "not":
-            return self._everything - self._one()
+            return self._everything - self._parse_operand()
         if token == "(":
-            found = self._either()
+            places = self._parse_alternatives()
             if self._tokens[:1] != [")"]:
-                raise self._misread("a parenthesis is never closed")
+                raise self._syntax_error("a parenthesis is never closed")
             del self._tokens[0]
-            return found
+            return places
         if token in ("", ")", "and", "or"):
-            raise self._misread(f"a name is missing before '{token}'" if token else "it ends where a name is missing")
-        return self._matched(token)
+            raise self._syntax_error(
+                f"a name is missing before '{token}'" if token else "it ends where a name is missing"
+            )
+        return self._places_matching(token)
 
-    def _matched(self, glob: str) -> Places:
+    def _places_matching(self, glob: str) -> Places:
+        # The name itself first: a word that is a case's name does not mean those that contain it.
         globs = [glob] if "/" in glob or re.search(r"[*?\[]", glob) else [glob, f"*{glob}*"]
-        for each in globs:
-            found = frozenset(place for place in self._everything if place.matches(each))
-            if found:
-                return found
-        raise self._unmatched(glob)
+        for pattern in globs:
+            places = frozenset(place for place in self._everything if place.matches(pattern))
+            if places:
+                return places
+        raise self._no_match_error(glob)
 
-    def _misread(self, why: str) -> InputError:
+    def _syntax_error(self, why: str) -> InputError:
         return InputError(
             f"-k {self._text!r} is no expression", why=why, todo="write for instance -k 'star-* and not memoryless'"
         )
 
-    def _unmatched(self, glob: str) -> NothingSelectedError:
+    def _no_match_error(self, glob: str) -> NothingSelectedError:
         """Return the error for a name that nothing has: with the case's checks where it is a check's."""
         within = f" of -k {self._text!r}" * (self._text.strip() != glob)
         what = f"nothing matches {glob!r}{within}" if within else f"nothing matches -k {glob!r}"
@@ -135,6 +147,7 @@ class _Expression:
             todo = f"did you mean {before}/{close[0]}?" if close else "`hapticeval list checks` explains each"
             return NothingSelectedError(what, why=f"the checks of {before} are: {', '.join(sorted(checks))}", todo=todo)
         cases = {place.case for place in self._everything}
+        # Suggestions compare with what is left of the glob as a name.
         bare = re.sub(r"[*?\[\]]", "", before.rpartition("/")[2] or last)
         known = sorted(cases | {place.check for place in self._everything})
         close = difflib.get_close_matches(bare, known, n=3, cutoff=0.5)

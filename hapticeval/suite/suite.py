@@ -40,7 +40,7 @@ class Suite:
 
     def case(self, name: str) -> Case:
         """Return the case of that name. Raises `UnknownNameError`, with the closest, where there is none."""
-        found = {case.name: case for case in self.cases}
-        if name not in found:
-            raise UnknownNameError(f"case of {self.name}", name, found)
-        return found[name]
+        case_by_name = {case.name: case for case in self.cases}
+        if name not in case_by_name:
+            raise UnknownNameError(f"case of {self.name}", name, case_by_name)
+        return case_by_name[name]

@@ -195,7 +195,7 @@ def test_a_long_message_to_a_child_that_does_not_read_ends(
     command: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(adapter, "PATIENCE", 0.5)
-    monkeypatch.setattr(adapter, "A_TICK", 0.0)
+    monkeypatch.setattr(adapter, "TICK_PATIENCE", 0.0)
     name = command(
         hello="say(id=id, version=1, run=True)",
         scene="say(id=id); sys.stdin.readline(); print(json.dumps({'id': 3}), flush=True); time.sleep(60)",

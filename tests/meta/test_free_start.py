@@ -8,7 +8,7 @@ from finger import FingerProxy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.adapters.outside import CLEAR, Outside
+from hapticeval.adapters.outside import CLEARANCE_SHARE, Outside
 from hapticeval.geometry.catalogue import from_vertices, torus
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.check import Runs
@@ -42,7 +42,7 @@ def test_a_start_is_clear_of_every_face(name: str, at: tuple[float, ...], stando
     low, high = np.reshape(outside.facets.boundary.bounds, (2, -1))
     hip = low + (high - low) * np.array(at[: low.size])
     tool = outside.tool(hip, standoff)
-    clear = standoff + CLEAR * scene.model.size
+    clear = standoff + CLEARANCE_SHARE * scene.model.size
     assert outside.facets.boundary.signed_distance(tool[np.newaxis])[0] >= (1.0 - 1e-8) * clear
 
 
@@ -50,7 +50,7 @@ def test_a_start_is_clear_of_every_face(name: str, at: tuple[float, ...], stando
 def test_in_a_corner_it_is_beside_the_hand(model: Model, tip: list[float]) -> None:
     hip = np.array(tip) + 2e-4
     tool = Outside(Scene(model=model)).tool(hip, RADIUS)
-    assert np.linalg.norm(tool - hip) < 1.5 * np.sqrt(2.0) * (RADIUS + CLEAR * model.size)
+    assert np.linalg.norm(tool - hip) < 1.5 * np.sqrt(2.0) * (RADIUS + CLEARANCE_SHARE * model.size)
 
 
 class Ball(FingerProxy):

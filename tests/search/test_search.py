@@ -19,10 +19,10 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.pulse import compiling
 from hapticeval.runner.judging import judge
 from hapticeval.search import seeds, trial
-from hapticeval.search.counterexample import kept, line, listed, notes, read_all, write
-from hapticeval.search.drawing import MODELS, drawn, judgeable, led
+from hapticeval.search.counterexample import line, list_counterexamples, notes, read_all, stored_counterexample, write
+from hapticeval.search.drawing import MODELS, draw_cases, judgeable, judges_paths
 from hapticeval.search.hunt import Search
-from hapticeval.search.seeds import Hunt, hunts
+from hapticeval.search.seeds import Hunt, run_hunts
 from hapticeval.search.shrink import size_of
 from hapticeval.search.trial import RENDERER, Bench, Fault, Stopped
 from hapticeval.stimulus.experiments import ExperimentTable
@@ -44,7 +44,7 @@ def searched(renderer, checks, *, models=(), most=30, seed=0, over=lambda: False
 @pytest.fixture(scope="module")
 def jump():
     """What a search finds of the nearest-point projection's pop-through."""
-    return searched("minimum-distance", [JUMP]).found[JUMP]
+    return searched("minimum-distance", [JUMP]).counterexamples[JUMP]
 
 
 def test_a_pop_through_is_shrunk_to_a_move_of_less_than_three_millimetres(jump):
@@ -67,18 +67,18 @@ def test_a_bisection_places_the_jump_to_a_nanometre(jump):
     low, high, left = jump.pair
     assert np.linalg.norm(high - low) <= 1e-9
     assert left == pytest.approx(jump.fault.value, rel=0.05)
-    assert "between HIPs" in notes(kept(jump, "minimum-distance", 0))[0]
+    assert "between HIPs" in notes(stored_counterexample(jump, "minimum-distance", 0))[0]
 
 
 def test_one_line_says_what_breaks_on_how_small_a_path(jump):
-    said = line(kept(jump, "minimum-distance", 0))
+    said = line(stored_counterexample(jump, "minimum-distance", 0))
     assert said.startswith("pop-through of ")
     assert " on a path of " in said
     assert said.endswith(f"after {jump.examples} examples")
 
 
 def test_what_is_written_fails_without_hypothesis_in_the_same_way(jump, tmp_path):
-    files = write(kept(jump, "minimum-distance", 0), tmp_path)
+    files = write(stored_counterexample(jump, "minimum-distance", 0), tmp_path)
     case = load_suite(str(files[0])).cases[0]
     judged = judge(resolve("minimum-distance"), "minimum-distance", "found", case)
     finding = judged.verdicts[0].finding
@@ -89,17 +89,20 @@ def test_what_is_written_fails_without_hypothesis_in_the_same_way(jump, tmp_path
 
 def test_folders_are_named_as_renderers_are_and_two_that_differ_by_case_have_one_each(jump, tmp_path):
     names = ("mine:Nearest", "mine:nearest", "mine:Nearest")
-    places = [write(kept(jump, name, 0), tmp_path)[0].parent.name for name in names]
+    places = [write(stored_counterexample(jump, name, 0), tmp_path)[0].parent.name for name in names]
     assert places[0] == places[2] == "mine-nearest"
     assert places[1].startswith("mine-nearest~")
     assert {each.renderer for each in read_all(tmp_path)} == set(names)
 
 
 def test_the_same_seed_gives_the_same_bytes_and_knows_nothing_of_time(jump, tmp_path):
-    again = searched("minimum-distance", [JUMP]).found[JUMP]
-    files = [write(kept(each, "minimum-distance", 0), tmp_path / str(at)) for at, each in enumerate((jump, again))]
+    again = searched("minimum-distance", [JUMP]).counterexamples[JUMP]
+    files = [
+        write(stored_counterexample(each, "minimum-distance", 0), tmp_path / str(at))
+        for at, each in enumerate((jump, again))
+    ]
     for each in files:
-        each += _picture(kept(jump, "minimum-distance", 0), each[0], lambda: False)
+        each += _picture(stored_counterexample(jump, "minimum-distance", 0), each[0], lambda: False)
     for one, other in zip(*files, strict=True):
         assert one.read_bytes() == other.read_bytes()
 
@@ -107,8 +110,8 @@ def test_the_same_seed_gives_the_same_bytes_and_knows_nothing_of_time(jump, tmp_
 def test_what_is_known_is_tried_first(jump):
     made = searched("minimum-distance", [JUMP], known=[(jump.case, jump.examples)])
     assert made.tried == 0
-    assert made.found[JUMP].case.trajectory == jump.case.trajectory
-    assert made.found[JUMP].examples == jump.examples
+    assert made.counterexamples[JUMP].case.trajectory == jump.case.trajectory
+    assert made.counterexamples[JUMP].examples == jump.examples
 
 
 def test_a_search_that_is_stopped_keeps_the_smallest_so_far():
@@ -124,7 +127,7 @@ def test_a_search_that_is_stopped_keeps_the_smallest_so_far():
     with Bench("minimum-distance", 0, over) as bench:
 
         class Counted:
-            aside, asked = bench.aside, bench.asked
+            aside, call_in_case = bench.aside, bench.call_in_case
 
             def __call__(self, case):
                 if over():
@@ -134,72 +137,74 @@ def test_a_search_that_is_stopped_keeps_the_smallest_so_far():
         made = Search(Counted(), [JUMP], 0, report=report)
         made.run()
     assert not made.finished
-    assert not made.found[JUMP].complete
-    assert "the time was over" in " ".join(notes(kept(made.found[JUMP], "minimum-distance", 0)))
+    assert not made.counterexamples[JUMP].complete
+    assert "the time was over" in " ".join(
+        notes(stored_counterexample(made.counterexamples[JUMP], "minimum-distance", 0))
+    )
 
 
 def test_cases_come_in_the_same_order_whatever_checks_are_found_meanwhile():
     left = list(judgeable())
-    cases = drawn([], left, 0)
+    cases = draw_cases([], left, 0)
     first = [next(cases) for _ in range(12)]
     left[:] = [JUMP]
     assert next(cases).checks == (JUMP,)
-    whole = drawn([], list(judgeable()), 0)
+    whole = draw_cases([], list(judgeable()), 0)
     assert [case.trajectory for case in first] == [next(whole).trajectory for _ in range(12)]
 
 
 def test_checks_of_a_closed_loop_get_experiments():
     looped = [name for name in judgeable() if name in ("impulsive-collision", "centripetal-force")]
-    cases = drawn([], looped, 0)
+    cases = draw_cases([], looped, 0)
     assert all(next(cases).experiment is not None for _ in range(10))
     from hapticeval.phenomena.registry import CHECKS
 
-    assert not any(led(CHECKS[name]) for name in looped)
-    assert led(CHECKS["passivity"])
+    assert not any(judges_paths(CHECKS[name]) for name in looped)
+    assert judges_paths(CHECKS["passivity"])
 
 
 def test_the_impulse_that_a_spring_does_not_take_out_is_found():
     made = searched("minimum-distance", ["impulsive-collision"])
-    found = made.found["impulsive-collision"]
+    found = made.counterexamples["impulsive-collision"]
     assert found.case.experiment.duration <= 0.05
     assert len(found.case.experiment.force or []) <= 1
 
 
 @pytest.mark.parametrize(("name", "kind"), [("Raises", "ZeroDivisionError"), ("Dies", "dies"), ("Hangs", "hangs")])
 def test_a_renderer_that_breaks_is_a_counterexample_and_shrinks(mine, monkeypatch, name, kind):
-    monkeypatch.setattr(trial, "FIRST", 6.0)
-    monkeypatch.setattr(trial, "LATER", 1.0)
-    monkeypatch.setattr(trial, "FEWEST", 0.5)
-    for name_ in ("TURN", "MOST"):
+    monkeypatch.setattr(trial, "FIRST_PATIENCE", 6.0)
+    monkeypatch.setattr(trial, "LATER_PATIENCE", 1.0)
+    monkeypatch.setattr(trial, "LEAST_PATIENCE", 0.5)
+    for name_ in ("TRIALS_PER_TURN", "MOST_TRIALS"):
         monkeypatch.setattr(f"hapticeval.search.hunt.{name_}", 12)
-    found = searched(f"mine:{name}", ["contact-kept"]).found[RENDERER]
+    found = searched(f"mine:{name}", ["contact-kept"]).counterexamples[RENDERER]
     assert kind in found.fault.kind
     assert len(found.case.trajectory.moves) <= 2
     if name == "Hangs":
         sleeps = (mine / "mine.py").read_text().splitlines().index("        time.sleep(3600)") + 1
         said = f"it is in mine.py, line {sleeps}, in bad: time.sleep(3600); on a path of"
-        made = kept(found, "mine:Hangs", 0)
+        made = stored_counterexample(found, "mine:Hangs", 0)
         assert said in line(made)
         assert said in write(made, mine)[0].read_text()
 
 
 def test_a_hang_is_told_from_a_slow_renderer_by_how_long_the_path_is():
-    assert trial.patience_for(4.0, 0.0, None) == trial.FIRST
-    assert trial.patience_for(4.0, 0.0, 0.1) == trial.LATER
-    assert trial.patience_for(4.0, 1e-3, 0.1) == trial.FEWEST
-    assert trial.patience_for(20.0, 1.0, 0.1) == 20.0 * trial.SLOWER
-    assert trial.patience_for(0.1, 0.1, 5.0) == 5.0 * trial.AGAIN
+    assert trial.patience_for(4.0, 0.0, None) == trial.FIRST_PATIENCE
+    assert trial.patience_for(4.0, 0.0, 0.1) == trial.LATER_PATIENCE
+    assert trial.patience_for(4.0, 1e-3, 0.1) == trial.LEAST_PATIENCE
+    assert trial.patience_for(20.0, 1.0, 0.1) == 20.0 * trial.SLOWNESS_FACTOR
+    assert trial.patience_for(0.1, 0.1, 5.0) == 5.0 * trial.FIRST_CASE_FACTOR
 
 
 def test_a_renderer_that_goes_on_answering_is_slow_and_does_not_hang(mine, monkeypatch):
-    for name in ("FIRST", "LATER", "FEWEST"):
+    for name in ("FIRST_PATIENCE", "LATER_PATIENCE", "LEAST_PATIENCE"):
         monkeypatch.setattr(trial, name, 1.0)
     searched("mine:Nearest", ["reset-clears"], models=["circle"], most=1)  # so that nothing is to be compiled
     begun = time.monotonic()
     made = searched("mine:Slow", ["reset-clears"], models=["circle"], most=1)
     assert time.monotonic() - begun > 1.0
     assert made.tried == 1
-    assert not made.found
+    assert not made.counterexamples
 
 
 def silence(renderer, seed, how):
@@ -210,12 +215,12 @@ def silence(renderer, seed, how):
 
 
 def test_no_renderer_is_blamed_for_the_time_that_its_case_is_compiled(mine, monkeypatch):
-    for name in ("FIRST", "LATER", "FEWEST"):
+    for name in ("FIRST_PATIENCE", "LATER_PATIENCE", "LEAST_PATIENCE"):
         monkeypatch.setattr(trial, name, 0.5)
-    case = next(drawn((), [JUMP], 0))
+    case = next(draw_cases((), [JUMP], 0))
     with Bench("mine:Nearest", 0, lambda: False) as bench:
-        assert bench.asked(case, silence, "compiling") == "compiling"
-        assert bench.asked(case, silence, "hanging") is None
+        assert bench.call_in_case(case, silence, "compiling") == "compiling"
+        assert bench.call_in_case(case, silence, "hanging") is None
 
 
 def stopped_after(polls):
@@ -230,7 +235,7 @@ def never(*_):
 
 
 def test_the_end_of_the_time_ends_the_drawing_of_cases(monkeypatch):
-    monkeypatch.setattr("hapticeval.search.drawing._paths", never)
+    monkeypatch.setattr("hapticeval.search.drawing._draw_paths", never)
     made = searched("ideal", [JUMP], over=stopped_after(3))
     assert (made.finished, made.tried) == (False, 0)
 
@@ -241,7 +246,7 @@ def test_the_end_of_the_time_ends_a_case_that_is_slow(mine, monkeypatch):
 
 
 def test_the_end_of_their_time_ends_the_drawing_of_pictures(jump, mine, tmp_path):
-    made = kept(jump, "minimum-distance", 0)
+    made = stored_counterexample(jump, "minimum-distance", 0)
     assert _picture(made, tmp_path / "a.toml", stopped_after(0)) is None
     replace = msgspec.structs.replace
     deep = replace(made.trajectory, moves=(replace(made.trajectory.moves[0], to=[0.0, 0.0]),))
@@ -257,33 +262,33 @@ def test_pictures_that_were_not_drawn_are_named(mine, monkeypatch, capsys):
 
 
 def few_shrinks(monkeypatch):
-    for name in ("TURN", "MOST"):
+    for name in ("TRIALS_PER_TURN", "MOST_TRIALS"):
         monkeypatch.setattr(f"hapticeval.search.hunt.{name}", 4)
 
 
 def test_a_renderer_that_is_wrong_on_the_second_lap_alone_is_found_on_the_first_model(mine, monkeypatch):
     few_shrinks(monkeypatch)
     made = searched("mine:SecondLap", ["force-magnitude"], models=["star"], most=10)
-    assert made.found["force-magnitude"].examples <= 10
+    assert made.counterexamples["force-magnitude"].examples <= 10
 
 
 def test_a_counterexample_on_a_drawn_mesh_has_it_in_a_file(mine, monkeypatch):
     few_shrinks(monkeypatch)
     (hull,) = strategies.examples(strategies.meshes(kinds=["hull"]), 1)
     with Bench("mine:Keeps", 0, lambda: False) as bench:
-        made = Search(bench, ["reset-clears"], 0, [hull], most=2)
+        made = Search(bench, ["reset-clears"], 0, [hull], most_examples=2)
         made.run()
-    files = write(kept(made.found["reset-clears"], "mine:Keeps", 0), mine / "found")
+    files = write(stored_counterexample(made.counterexamples["reset-clears"], "mine:Keeps", 0), mine / "found")
     assert "vertices" not in files[0].read_text()
     case = load_suite(str(files[0])).cases[0]
     assert case.model["file"].endswith("reset-clears.ply")
     assert np.array_equal(case.build_scene().model.boundary.triangles.shape, hull.boundary.triangles.shape)
     judged = judge(resolve("mine:Keeps"), "mine:Keeps", "found", case)
-    assert judged.verdicts[0].finding.message == made.found["reset-clears"].fault.message
+    assert judged.verdicts[0].finding.message == made.counterexamples["reset-clears"].fault.message
 
 
 def test_cases_in_space_are_on_surfaces_and_meshes():
-    cases = drawn([], [JUMP], 0, dimension=3)
+    cases = draw_cases([], [JUMP], 0, dimension=3)
     kinds = list(dict.fromkeys(next(cases).model["kind"] for _ in range(8 * (len(MODELS[3]) + 1))))
     assert kinds[: len(MODELS[3])] == [each["kind"] for each in MODELS[3]]
     assert len(next(cases).trajectory.start) == 3
@@ -302,7 +307,7 @@ def test_what_a_renderer_declares_says_where_it_is_searched(mine, capsys):
 def test_a_renderer_that_refuses_every_model_is_not_said_to_pass(mine):
     made = searched("mine:Refuses", [JUMP], most=8)
     assert made.refused == "no model is good enough"
-    assert made.found == {}
+    assert made.counterexamples == {}
 
 
 def test_faults_are_the_same_by_check_and_kind():
@@ -321,11 +326,11 @@ def test_the_command_writes_tells_and_replays(mine, capsys):
     said = capsys.readouterr().out
     assert "mine:Nearest: pop-through of" in said
     place = next(out.glob("*/continuous-contact.toml")).parent
-    (shown,) = listed(out)
+    (shown,) = list_counterexamples(out)
     assert shown.line in said
     assert (shown.suite, shown.picture) == (place / "continuous-contact.toml", place / "continuous-contact.svg")
-    assert listed(out, suffix=".pdf")[0].picture is None
-    assert listed(mine / "nothing") == []
+    assert list_counterexamples(out, suffix=".pdf")[0].picture is None
+    assert list_counterexamples(mine / "nothing") == []
     assert {file.suffix for file in place.iterdir()} == {".toml", ".csv", ".json", ".svg", ".png"}
     assert run("--replay", out, "-r", "mine:Nearest", "-r", "ideal") == 1
     rows = capsys.readouterr().out
@@ -352,18 +357,18 @@ def test_several_seeds_find_the_smallest_that_any_of_them_finds(mine, capsys):
 def came_of(renderers, numbers, report, interrupted=lambda: False):
     asked = [Hunt(f"mine:{name}", [JUMP], [{"kind": "circle"}], [], 60.0, 1) for name in renderers]
     options = {"workers": 1, "scheduler": None, "interrupted": interrupted}
-    return hunts(asked, numbers, **options, progress=lambda *_: None, report=report)
+    return run_hunts(asked, numbers, **options, progress=lambda *_: None, report=report)
 
 
 def test_an_error_of_one_seed_costs_nothing_of_the_others(mine, monkeypatch):
-    search, said = seeds.hunted, []
+    search, said = seeds.run_hunt, []
 
-    def hunted(hunt, seed):
+    def run_hunt(hunt, seed):
         if seed == 1:
             raise ValueError("no such seed")
         return search(hunt, seed)
 
-    monkeypatch.setattr(seeds, "hunted", hunted)
+    monkeypatch.setattr(seeds, "run_hunt", run_hunt)
     found = list(came_of(["Nearest", "Mirrored"], [0, 1, 2], said.append))
     assert [(hunt.renderer, ended) for hunt, _, ended in found] == [("mine:Nearest", 2), ("mine:Mirrored", 2)]
     assert all(made.tried == 2 for _, made, _ in found)
@@ -421,7 +426,7 @@ MUTANTS = {
 def test_a_small_fault_is_found_within_a_few_examples(mine, monkeypatch, name):
     few_shrinks(monkeypatch)
     made = searched(f"mine:{name}", [MUTANTS[name]], models=["circle"], most=2)
-    assert set(made.found) == {MUTANTS[name]}
+    assert set(made.counterexamples) == {MUTANTS[name]}
 
 
 @pytest.mark.slow
