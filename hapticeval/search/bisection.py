@@ -40,6 +40,7 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
     def answer(before: int, hip: Array) -> Array:
         seed_all(seed)
         hand_path = np.vstack([hips[: before + 1], np.tile(hip, (LAG_TICKS + 1, 1))])
+        # v_i = (x_i - x_(i-1)) / dt, m/s, and zero at the start
         velocity = np.diff(hand_path, axis=0, prepend=hand_path[:1]) / scene.sampling_time
         return np.asarray(run_path(renderer_instance, hand_path, velocity, scene.sampling_time, scene=scene).ihip[-1])
 
@@ -50,8 +51,10 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
         jump = float(np.linalg.norm(ihip_high - ihip_low))
         if fault.value is None or jump < REMAINING_SHARE * fault.value:
             continue
+        # The jump is between HIPs low and high: the middle goes to the side whose IHIP is nearer to its own.
         while np.linalg.norm(high - low) > FINEST_STEP:
             middle = 0.5 * (low + high)
+            # Neighbouring floats have nothing between them.
             if np.array_equal(middle, low) or np.array_equal(middle, high):
                 break
             ihip_middle = answer(last - 1, middle)
@@ -60,5 +63,6 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
             else:
                 high, ihip_high = middle, ihip_middle
         final_jump = float(np.linalg.norm(ihip_high - ihip_low))
+        # What shrinks with the HIP's step is a steep place and no jump.
         return (low, high, final_jump) if final_jump >= REMAINING_SHARE * jump else None
     return None

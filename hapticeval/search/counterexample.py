@@ -88,6 +88,7 @@ def line(counterexample: StoredCounterexample) -> str:
     """Return a counterexample in one line: what breaks, on how small a case, after how many examples."""
     fault = counterexample.fault
     what = f"{fault.check}: {fault.message};"
+    # Of a jump its size says more than the check's message.
     if fault.check == JUMP_CHECK and fault.value is not None and fault.kind in ("mini", "major"):
         what = f"{'mini ' * (fault.kind == 'mini')}pop-through of {length(fault.value)}"
     elif fault.check == RENDERER:
@@ -121,10 +122,12 @@ def write(counterexample: StoredCounterexample, folder: FilePath) -> list[FilePa
     if counterexample.trajectory is not None:
         path = counterexample.trajectory.path()
         axes = ",".join("xyz"[: path.dimension])
+        # The repr of a float reads back as the same bits.
         rows = [
             ",".join(map(repr, [t, *point])) for t, point in zip(path.time.tolist(), path.points.tolist(), strict=True)
         ]
         files[f"{name}.csv"] = "\n".join([f"t,{axes}", *rows, ""])
+    # Triangles of a drawn mesh go into a file of their own; the catalogue makes any other model again.
     if _is_drawn_mesh(counterexample.model):
         files[f"{name}.ply"] = _ply(counterexample.model["vertices"], counterexample.model["triangles"])
     for file, text in files.items():
@@ -137,6 +140,7 @@ def _renderer_folder(folder: FilePath, renderer: str) -> FilePath:
     """Return the folder of a renderer: its name as far as a file may have it, with a digest where another has that."""
     full_name = folder / file_stem(renderer)
     short_name = folder / full_name.name.partition("~")[0]
+    # The full name, with a digest, where it is in use already, or another renderer has the short one.
     if (
         full_name.is_dir()
         or short_name == folder
@@ -237,6 +241,7 @@ def _suite_text(counterexample: StoredCounterexample, name: str) -> str:
         f"title = {_toml(f'What breaks {counterexample.renderer}')}",
         "",
         "[[case]]",
+        # what is empty or None is the default
         *(f"{key} = {_toml(value)}" for key, value in entries.items() if value not in ({}, None)),
         "",
     ]
@@ -268,4 +273,5 @@ def _toml(value: Any) -> str:
         return "{ " + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items() if entry is not None) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_toml, value)) + "]"
+    # TOML writes strings, whole numbers and booleans as JSON does.
     return json.dumps(value, ensure_ascii=False)

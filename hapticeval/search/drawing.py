@@ -88,15 +88,18 @@ def draw_cases(
     fixed = [dict(model.table) for model in first_models(models, dimension)]
     number = 0
     while True:
+        # The first round is on the fixed models alone, and is soon over; further ones add drawn models.
         more = [] if models or number == 0 else call(_draw_models, dimension, seed, number)
         for at, model in enumerate((*fixed, *more)):
             if repr(model) in refused:
                 continue
+            # Read anew for each model: a check that has failed meanwhile asks for no more paths.
             for_paths = [name for name in checks if judges_paths(CHECKS[name])]
             for moves in call(_draw_paths, model, seed, number, at) if for_paths else ():
                 asked_checks = tuple(name for name in for_paths if name in checks)
                 if asked_checks:
                     yield _case(model, asked_checks, trajectory=moves)
+            # No check that is left asks for a closed loop.
             if all(judges_paths(CHECKS[name]) for name in checks):
                 continue
             for scene, push in call(_draw_pushes, model, seed, number, at):
@@ -119,7 +122,9 @@ def _draw_paths(table: dict[str, Any], seed: int, number: int, at: int) -> list[
     curve = as_curve(model.boundary)
     if curve is not None and curve.closed:
         pointed = any(corner.convex for corner in curve.corners)
+        # Going on past a corner takes a convex one.
         for past in (False, True) if pointed else (False,):
+            # The first example of a strategy is its simplest in each draw: rounds after the first take the second.
             paths += _seeded_examples(laps(model, past=past), min(number, 1) + 1, seed, "laps", number, at)[-1:]
     return paths
 

@@ -98,6 +98,8 @@ class Search:
         try:
             for case, before in self._cases(left, refusing):
                 model = repr(case.model)
+                # A renderer that broke is a finding of its own: the search for what it breaks is over.
+                # Another model, or the first case that is drawn: shrink what has failed until here.
                 if (model, before is None) != last:
                     self._settle(left)
                     last = model, before is None
@@ -110,6 +112,7 @@ class Search:
                 if answer.refused is not None:
                     refusing.add(model)
                     self.refused = answer.refused
+                    # It has refused each of the models that come first, and would refuse any.
                     if not takes_any and len(refusing) >= models:
                         break
                     continue
@@ -150,11 +153,13 @@ class Search:
 
     def _meet(self, case: Case, fault: Fault, before: int | None) -> None:
         """Keep a failure and queue its shrinking; ignore one of a check and kind that is known on that model."""
+        # One fault of each kind is shrunk on each model: more of them would shrink to the same.
         model = repr((case.model, fault.kind))
         shrunk_faults = self._looked.setdefault(fault.check, set())
         if model in shrunk_faults or (fault.check in self.counterexamples and self._enough(fault.check)):
             return
         shrunk_faults.add(model)
+        # A renderer may break on account of what any of the checks asks.
         asked_checks = case.checks if fault.check == RENDERER else (fault.check,)
         failing_case = FailingCase(
             replace(case, checks=asked_checks), fault, self.tried if before is None else before, complete=False
@@ -168,6 +173,7 @@ class Search:
     def _settle(self, left: list[str]) -> None:
         """Shrink what waits for it, by turns, and take from `left` what need not be looked for any more."""
         waiting, self._waiting = self._waiting, []
+        # A turn of a few trials for each first, so that none waits for one that is hard to shrink.
         for most_trials in (TRIALS_PER_TURN, MOST_TRIALS):
             for failing_case, shrink, is_small in waiting:
                 if failing_case.complete:
@@ -177,6 +183,7 @@ class Search:
                     self._tell(f"{failing_case.fault.check} fails after {after_examples}; shrinking")
                 try:
                     done = is_small or shrink.run(most_trials)
+                # Also where the time is over in the middle of it.
                 finally:
                     failing_case.case, failing_case.fault = shrink.case, shrink.fault
                 if done or most_trials == MOST_TRIALS:

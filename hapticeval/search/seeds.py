@@ -84,6 +84,7 @@ def merge_hunts(parts: Sequence[HuntResult]) -> HuntResult:
     smallest_by_check: dict[str, StoredCounterexample] = {}
     for counterexample in (counterexample for part in parts for counterexample in part.counterexamples):
         best = smallest_by_check.get(counterexample.fault.check)
+        # Of equal ones that of the first seed stays.
         if best is None or size_of(counterexample.case) < size_of(best.case):
             smallest_by_check[counterexample.fault.check] = counterexample
     judged = sum((part.judged for part in parts), Counter[str]())
@@ -92,6 +93,7 @@ def merge_hunts(parts: Sequence[HuntResult]) -> HuntResult:
         judged,
         sum(part.tried for part in parts),
         sum(part.trials for part in parts),
+        # one seed that was not refused is enough
         None if judged or smallest_by_check else next((part.refused for part in parts if part.refused), None),
         bool(parts) and all(part.finished for part in parts),
     )
@@ -114,12 +116,14 @@ def run_hunts(
     which `report` gets. `progress` gets how many have ended, of how many. What those have found that have not ended is
     lost.
     """
+    # Call number = hunt * (number of seeds) + seed.
     calls = [(hunt, seed) for hunt in requests for seed in seeds]
     left = dict(enumerate(requests))
     parts: dict[int, HuntResult | None] = {}
     waiting = iter(enumerate(calls))
 
     def result_of(at: int) -> tuple[Hunt, HuntResult, int]:
+        # None stands for a seed whose process died or raised an error.
         ended = [part for seed in range(len(seeds)) if (part := parts.get(at * len(seeds) + seed)) is not None]
         return left.pop(at), merge_hunts(ended), len(ended)
 
@@ -127,6 +131,7 @@ def run_hunts(
         while not interrupted():
             for number, call in islice(waiting, crew.free):
                 crew.begin(number, *call)
+            # A hunt is over as soon as each of its seeds has ended, in whatever order.
             for at in list(left):
                 if all(at * len(seeds) + seed in parts for seed in range(len(seeds))):
                     yield result_of(at)
@@ -144,6 +149,7 @@ def run_hunts(
                 parts[number] = part
                 hunt, seed = calls[number]
                 report(f"[{len(parts)}/{len(calls)}] {hunt.renderer}, seed {seed}: {_outcome_text(part, error)}")
+    # Hunts that were cut short, with what their finished seeds have found.
     for at in list(left):
         yield result_of(at)
 

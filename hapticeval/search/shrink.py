@@ -73,14 +73,17 @@ class Shrink:
         """Shrink until nothing makes it smaller, and return True, or until `most` cases were tried in all."""
         self._most = most_trials
         if isinstance(self.case.trajectory, Moves):
+            # What comes after the evidence makes no difference, and costs time in every further trial.
             self._take_first_failing(_cut_after_fault(self))
             if size_of(self.case) > LONG_PATH:  # each case that is tried takes as long as its path
                 self._take_first_failing(_even_moves)
             self._fixpoint(_without_tremor, _cut_after_fault(self), _fewer_moves, _even_moves, self._shorter)
+            # Vertices on a path that is short by now: trials are quick.
             self._fixpoint(_fewer_vertices, _fewer_moves, self._shorter)
             # Bounds go with the HIP's steps: what is left of a fault on a shorter path, a slower hand shows.
             self._take_first_failing(_slow)
             self._fixpoint(_fewer_moves, self._shorter)
+            # From here on the case gets no smaller, but easier to tell: round numbers, positive ones.
             self._take_first_failing(_on_grid)
             self._take_first_failing(_points_on_grid)
             self._take_first_failing(_at_round_speeds)
@@ -109,10 +112,12 @@ class Shrink:
 
     def _take(self, case: Case) -> bool:
         key = repr((case.model, case.scene, case.trajectory, case.experiment))
+        # Passes meet each other's candidates again, and a trial would end as it did.
         if key in self._seen:
             return False
         self._seen.add(key)
         try:
+            # A hand that starts inside the model breaks other things than one that comes from free space.
             if self._outside and not self._starts_outside(case):
                 return False
         except InputError:  # a polygon that is none any more
@@ -142,6 +147,7 @@ class Shrink:
         options: list[Array] = []
         # Straight in from above the surface beside where the first move ends, nearest first.
         reach = min(length, boundary.girth / 4.0)
+        # Arc lengths along the surface, m: 0, and then the nearest to either side.
         lengths = reach * np.array(sorted(range(-START_PLACES, START_PLACES + 1), key=abs)) / START_PLACES
         for foot in (feet.foot[1], feet.foot[0]):
             places_beside = boundary.walk(foot, lengths)
@@ -156,6 +162,7 @@ class Shrink:
                 places_beside.foot + step * places_beside.normal,
                 places_beside.foot - depth * places_beside.normal,
             )
+            # From above one place to under its neighbour, at the same depth and at less.
             for share in (1.0, 0.5, 0.2):
                 ends = places_beside.foot + share * (under - places_beside.foot)
                 options += [np.array(pair) for pair in zip(above[:-1], ends[1:], strict=True)]
@@ -163,6 +170,7 @@ class Shrink:
         end = self._hand_after_fault(case)
         if end is not None:
             options.append(np.vstack([points[:-1], end]))
+        # x_k += p (x_j - x_k): both ends towards their neighbours, inner points towards the middle of theirs.
         pulled = [(0, 1), (len(points) - 1, len(points) - 2)]
         for pull in PULLS[1:] if len(points) == 2 else PULLS:
             for at, towards in pulled:
@@ -176,6 +184,7 @@ class Shrink:
         corners = sorted(
             boundary.corners, key=lambda corner: float(np.linalg.norm(points - corner.position, axis=1).min())
         )
+        # x += p (c - x) for the whole path, about the corners nearest to it, its start, and where it touches.
         centres = [corner.position for corner in corners[:3]] + [points[0], *feet.foot[1:]]
         for pull in PULLS[1:]:
             for centre in centres:
@@ -217,6 +226,7 @@ def _with_points(case: Case, points: Array) -> Case:
     moves_along = []
     for move, a, b, c, d in zip(moves.moves, before[:-1], before[1:], points[:-1], points[1:], strict=True):
         seconds = move.seconds
+        # The same pace on the new way from c to d: t |cd| / |ab|.
         if move.even and math.dist(a, b) > 0.0 and math.dist(c, d) > 0.0:
             seconds = _whole_ticks(seconds * math.dist(c, d) / math.dist(a, b))
         moves_along.append(replace(move, to=_rounded_point(d), seconds=seconds))
@@ -247,6 +257,7 @@ def _cut_after_fault(shrink: Shrink) -> Callable[[Case], Iterator[Case]]:
         if at is None:
             return
         ends = np.cumsum([move.seconds for move in moves.moves])
+        # Up to the end of the move in which the evidence lies, or else of the next one.
         last = int(np.searchsorted(ends, at)) + 1
         if last < len(moves.moves):
             yield _with_moves(case, replace(moves, moves=moves.moves[:last]))
@@ -269,6 +280,7 @@ def _fewer_moves(case: Case) -> Iterator[Case]:
             yield _with_moves(case, replace(moves, moves=fewer_moves))
             if first == 0:
                 yield _with_moves(case, replace(moves, start=moves.moves[width - 1].to, moves=fewer_moves))
+        # Widths are halved as long as they are large, as in a bisection, and then each is tried.
         width = width // 2 if width > 4 else width - 1
 
 
@@ -298,6 +310,7 @@ def _on_grid(case: Case) -> Iterator[Case]:
         near = np.round(points / grid)
         yield _with_points(case, near * grid)
         if points.size <= MOST_ROUNDED:
+            # The 2^k corners of the grid's cell round the k coordinates, nearest first.
             low = np.floor(points / grid)
             roundings = [low + np.reshape(up, points.shape) for up in np.ndindex(*(2,) * points.size)]
             distances = [float(np.abs(rounding * grid - points).sum()) for rounding in roundings]
@@ -312,6 +325,7 @@ def _points_on_grid(case: Case) -> Iterator[Case]:
         for at in range(len(points)):
             moved = points.copy()
             moved[at] = np.round(points[at] / grid) * grid
+            # Rounding may lengthen a path by a step of the grid, so that a coarse one has a chance.
             if not np.array_equal(moved, points) and _length(moved) < _length(points) + grid:
                 yield _with_points(case, moved)
 
@@ -343,6 +357,7 @@ def _at_speeds(case: Case, speeds: Sequence[float]) -> Iterator[Case]:
             replace(move, seconds=_whole_ticks(length / speed)) if length else move
             for move, length in zip(moves.moves, lengths, strict=True)
         )
+        # It has this speed already, and those after it are no rounder.
         if timed_moves == moves.moves:
             return
         yield _with_moves(case, replace(moves, moves=timed_moves))
@@ -353,6 +368,7 @@ def _mirrored_paths(case: Case) -> Iterator[Case]:
     points = _points(_moves(case))
     negative = int(np.sum(points < 0.0))
     dimension = points.shape[1]
+    # Each sign is 0 or 1, for an axis as it is or mirrored: few mirrored ones first.
     for signs in sorted(np.ndindex(*(2,) * dimension), key=sum):
         moved = points * (1.0 - 2.0 * np.array(signs))
         if int(np.sum(moved < 0.0)) < negative:
@@ -393,6 +409,7 @@ def _less_push(case: Case) -> Iterator[Case]:
     for at in range(len(rows)):
         if len(rows) > 1:
             yield replace(case, experiment=replace(push, force=rows[:at] + rows[at + 1 :]))
+    # To 0.1, 0.01, 0.001 m/s, to a hundredth of that in metres, and to 1, 0.1, 0.01 N.
     for digits in (1, 2, 3):
         for name in ("velocity", "position"):
             values: Sequence[float] | None = getattr(push, name)

@@ -93,9 +93,11 @@ class _Watch:
         """Add the time since the last look. Once the call is answered it is not known what of that was waiting."""
         now, waited = time.monotonic(), self._workers.starved(0)
         answers, compiles = self._workers.pulse(0)
+        # Seconds since the last look in which the process could have run.
         lately = now - self._last - max(waited - self._waited, 0.0)
         compiled = compiles or self._compiles
         self.worked += 0.0 if compiled else lately
+        # Any answer since then shows that the renderer is alive.
         self.silent = 0.0 if compiled or answers != self._answers else self.silent + lately
         self._last, self._waited, self._answers, self._compiles = now, waited, answers, compiles
 
@@ -152,6 +154,7 @@ class Bench:
         if self._over():
             raise Stopped
         if self._drawing is None:
+            # Apart from the renderer's process, which may end at any time.
             self._drawing = Workers(_call_function, 1)
         self._drawing.begin(0, function, *arguments)
         while not (answers := self._drawing.answers(POLL)):
@@ -165,6 +168,7 @@ class Bench:
         """Return what a function gives, or the fault of a renderer that dies or hangs in it."""
         if self._over():  # answers may come faster than one is waited for
             raise Stopped
+        # The first case on a model may take long to prepare: it is known by its table.
         model = repr(case.model)
         patience = patience_for(_seconds(case), self._slowest, self._prepared.get(model))
         if self._workers is None:
@@ -180,12 +184,14 @@ class Bench:
                     return Fault(RENDERER, "dies", f"the renderer ends the process that it runs in: {answer.error.how}")
                 if answer.error is not None:
                     raise answer.error
+                # Only a model that is prepared tells how long a second of path takes.
                 if model in self._warm:
                     self._slowest = max(self._slowest, watch.worked / _seconds(case))
                 else:
                     self._prepared[model] = watch.worked
                     self._warm.add(model)
                 return cast("T", answer.value)
+            # Silent for too long: the process is ended, and says where it was.
             for answer in self._workers.give_up(patience) if watch.silent > patience else ():
                 self._end()
                 place = place_in_stack(answer.error.stack) if isinstance(answer.error, Overdue) else ""
@@ -208,6 +214,7 @@ def patience_for(seconds: float, slowest: float, prepared: float | None) -> floa
     `slowest` is the longest that it took before for a second of a case, 0.0 if it has answered none on a model that
     it knew; `prepared` what its first case on that model took, None if there was none.
     """
+    # patience = a factor x (the slowest seconds for a second of a case so far) x (seconds of this case)
     expected = SLOWNESS_FACTOR * slowest * seconds
     if prepared is None:
         return max(FIRST_PATIENCE, expected)
@@ -232,6 +239,7 @@ def _try_case(renderer: str, seed: int, case: Case) -> TrialResult:
     faults = []
     if isinstance(judged.error, RendererError):
         faults.append(_broken(judged.error, case))
+    # A renderer that broke is one fault: the verdicts that it cost say no more.
     for verdict in judged.verdicts if judged.error is None else ():
         finding = verdict.finding
         if verdict.outcome not in (Outcome.FAIL, Outcome.ERROR):

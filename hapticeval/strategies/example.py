@@ -28,6 +28,7 @@ def examples(strategy: st.SearchStrategy[T], count: int, *, seed: int = 0) -> li
 
     @seeded(seed)
     @settings(
+        # neither earlier failures nor shrinking: nothing but the seed decides
         max_examples=count, phases=[Phase.generate], database=None, deadline=None, derandomize=False,
         suppress_health_check=list(HealthCheck),
     )  # fmt: skip

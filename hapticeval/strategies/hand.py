@@ -91,6 +91,8 @@ class Hand:
 
     def draw_depth(self) -> float:
         """Draw a depth, m: from 4e-5 of the size to 0.4 of it, and often little."""
+        # d = 0.4 L ((1 + i) / 99)^2 / 4^j with i = 0 ... 98, j = 0, 1, 2: the square and the power make small ones
+        # common.
         return 0.4 * self.size * ((1 + self.draw(st.integers(0, 98))) / 99.0) ** 2 / 4.0 ** self.draw(st.integers(0, 2))
 
     def rounded(self, point: Array) -> list[float]:
@@ -100,6 +102,7 @@ class Hand:
     def outside(self) -> Array:
         """Draw a point of free space over the place."""
         height = self.size * (0.05 + 0.25 * self.draw(share()))
+        # Where another part of the surface lies over this place, half the height may be free.
         heights = height * 0.5 ** np.arange(8)
         points = self.place.foot + heights[:, np.newaxis] * self.place.normal
         free = np.flatnonzero(self.boundary.signed_distance(points) > 0.0)
@@ -110,6 +113,7 @@ class Hand:
         to = self.rounded(point)
         length = math.dist(self.position, to)
         if length > 0.0:
+            # The shortest duration of a hand's move, times its pace, rounded up to the next millisecond.
             self.moves.append(Move(to=to, seconds=round(self.pace * shortest_duration(length, self.tremor) + 5e-4, 3)))
             self.position = to
 
@@ -134,11 +138,14 @@ class Hand:
 
     def corner(self) -> None:
         """Go along a face past a corner: over a convex one straight on, into a concave one and on along the next."""
+        # Of very many corners one in so many is drawn, evenly round the model.
         chosen = self.draw(st.integers(0, min(len(self.corners), PLACE_COUNT) - 1))
         corner = self.corners[chosen * len(self.corners) // min(len(self.corners), PLACE_COUNT)]
         ahead, normal, leaves, after = corner.tangent_pre, corner.normal_pre, corner.tangent_post, corner.normal_post
+        # From the other side: the faces change places, and the tangents turn round.
         if self.draw(st.booleans()):
             ahead, normal, leaves, after = -leaves, after, -ahead, normal
+        # So near to the corner that the faces are still its own.
         reach = 0.4 * min(self.nearest_corner(corner.position), 0.5 * self.size)
         depth = reach * (0.005 + 0.5 * self.draw(share()) ** 2)
         before = corner.position - reach * (0.3 + 0.7 * self.draw(share())) * ahead
@@ -167,6 +174,7 @@ class Hand:
         """Go straight past the surface."""
         self.release()
         self.place = self.draw_place()
+        # The rows after the first span what is perpendicular to the normal: a line, in space a plane.
         tangents = np.linalg.svd(self.place.normal[np.newaxis])[2][1:]
         along = tangents[self.draw(st.integers(0, len(tangents) - 1))] * (0.02 + 0.2 * self.draw(share())) * self.size
         under = self.place.foot - 5e-3 * self.size * (0.02 + 0.98 * self.draw(share())) * self.place.normal
@@ -187,10 +195,13 @@ class Hand:
     def cross_depth(self, depths: Callable[[Place], float]) -> None:
         """Go under a place to somewhat less and to somewhat more than a depth, and on to the side."""
         self.place = self.draw_place() if self.draw(st.booleans()) else self.place
+        # a depth without end, as under a flat place, is cut to half the size
         deep = min(depths(self.place), 0.5 * self.size)
+        # 0.80 to 0.99 of the depth, on the near side of it,
         self.press_under(deep * (0.8 + 0.19 * self.draw(share())))
         aside = self.place_beside(self.place, 0.05 * self.draw(signed()) * self.girth)
         self.place = aside
+        # and 1.01 to 1.21 of it, beyond.
         self.press_under(deep * (1.01 + 0.2 * self.draw(share())))
 
     def focal_point(self) -> None:
@@ -200,6 +211,7 @@ class Hand:
             self.cross_depth(lambda place: place.medial)
             return
         self.place = bent[self.draw(st.integers(0, len(bent) - 1))]
+        # 0.90, 0.95, ... 1.10 of the radius of curvature
         self.press_under(self.place.focal * (0.9 + self.draw(st.integers(0, 4)) / 20.0))
         along = self.place_beside(self.place, 0.01 * self.size).foot - self.place.foot
         self.move_to(np.array(self.position) + self.draw(signed()) * along)
@@ -228,12 +240,14 @@ def _hand_paths(draw: st.DrawFn, model: Model, parts: tuple[str, ...], most_part
     tremor = None
     if trembles and draw(st.booleans()):
         direction = 2.0 * math.pi * draw(share())
+        # Amplitude from 10 um to 0.2 mm, frequency from 8 to 12 Hz in steps of 0.5 Hz.
         size = 2e-4 * (0.05 + 0.95 * draw(share()))
         amplitude = [size * math.cos(direction), size * math.sin(direction), 0.0][: model.dimension]
         tremor = Tremor(amplitude=[round(x, 7) for x in amplitude], hertz=8.0 + draw(st.integers(0, 8)) / 2.0)
     hand = Hand(draw, model, tremor)
     for _ in range(draw(st.integers(1, most_parts))):
         hand.add_part(draw(st.sampled_from(parts)))
+    # Three paths of four end in free space.
     if draw(st.integers(0, 3)):
         hand.release()
     assume(hand.moves)

@@ -44,7 +44,9 @@ def _hull(draw: st.DrawFn) -> Model:
         assume(False)
         raise
     corners = points[np.sort(hull.vertices)]
+    # Triangles by the row of their corner among those of the hull alone.
     rows = np.searchsorted(np.sort(hull.vertices), hull.simplices)
+    # det [a b c] < 0 about the middle: seen from outside a, b, c run clockwise, and are turned round.
     inward = np.linalg.det(corners[rows] - corners.mean(axis=0)) < 0.0
     rows[inward] = rows[inward][:, ::-1]
     assume(np.ptp(corners, axis=0).max() >= 0.01)

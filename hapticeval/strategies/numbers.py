@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 def rounded(value: float, size: float) -> float:
     """Return a length to about 5e-6 of `size` m: what is drawn is to be read and pasted."""
+    # five decimals after the first digit of the size
     return round(float(value), 5 - math.floor(math.log10(size)))
 
 

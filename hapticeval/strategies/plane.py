@@ -53,6 +53,7 @@ def _angles_and_radii(draw: st.DrawFn) -> tuple[Array, Array]:
     count = draw(st.integers(3, 14))
     steps = np.array([1.0 + draw(share()) for _ in range(count)])
     radii = np.array([0.2 + 0.8 * draw(share()) for _ in range(count)])
+    # Gaps of 1 to 2 parts each, which add up to a turn.
     return np.cumsum(steps) * (2.0 * math.pi / steps.sum()), radii
 
 
@@ -73,6 +74,7 @@ def _spline(draw: st.DrawFn) -> Model:
     from scipy.interpolate import CubicSpline
 
     angles, radii = draw(_angles_and_radii())
+    # The first knot again a turn later, as a periodic spline needs it.
     knots = np.concatenate([angles - angles[0], [2.0 * math.pi]])
     # Between the knots a spline swings past them: half of the radius of a circle keeps it from the origin.
     spline = CubicSpline(knots, np.append(0.5 + 0.5 * radii, 0.5 + 0.5 * radii[0]), bc_type="periodic")
@@ -95,6 +97,7 @@ def patchwork(draw: st.DrawFn) -> Model:
     # Overlapping a little, so that squares that meet at a corner make no outline that touches itself.
     squares = [shapely.box(x - 0.55, y - 0.55, x + 0.55, y + 0.55) for x, y in cells]
     points = _outline(shapely.union_all(squares))
+    # Sheared along both axes by up to 0.6.
     askew = np.array([[1.0, 0.6 * draw(signed())], [0.6 * draw(signed()), 1.0]])
     return _polygon(_scaled(points @ askew.T, draw(sizes())))
 
@@ -107,6 +110,7 @@ def _union(draw: st.DrawFn) -> Model:
 
     shape: Any = shapely.Point(0.0, 0.0).buffer(1.0, quad_segs=8)
     for _ in range(draw(st.integers(1, 3))):
+        # Each part is placed on the outline so far, so that the union stays in one piece.
         at = shape.exterior.interpolate(draw(share()), normalized=True)
         x, y, size = at.x, at.y, 0.2 + 0.8 * draw(share())
         kind, turn = draw(st.sampled_from(["disc", "bar", "wedge"])), 360.0 * draw(share())
@@ -131,6 +135,7 @@ def _outline(shape: Any) -> Array:
 def _scaled(points: Array, size: float) -> Array:
     """Return points (n, 2) about the origin, moved and scaled so that their largest extent is `size` m."""
     low, high = points.min(axis=0), points.max(axis=0)
+    # x = (p - (low + high) / 2) size / max(high - low)
     return np.asarray((points - 0.5 * (low + high)) * (size / float(np.max(high - low))))
 
 

@@ -46,6 +46,7 @@ def _scenes(
     return Scene(
         model=draw(models),
         stiffness=stiffness,
+        # b = 2 zeta sqrt(k m), N s/m, with the damping ratio zeta from 0 to 1, the critical one
         damping=round(2.0 * ratio * math.sqrt(stiffness * mass), 3),
         mass=mass,
         bilateral=draw(st.booleans()) if bilateral is None else bilateral,
