@@ -75,6 +75,7 @@ class Guarded:
     def __enter__(self) -> Guarded:
         if self._watched:
             self._before = signal.signal(signal.SIGALRM, self._late)
+            # Only Python's own Ctrl-C is taken over: a program that handles it keeps its handler.
             self._asks_us = signal.getsignal(signal.SIGINT) is signal.default_int_handler
             if self._asks_us:
                 signal.signal(signal.SIGINT, self._interrupt)
@@ -87,6 +88,7 @@ class Guarded:
             self._stop(error)
         finally:
             if self._watched:
+                # Stops the timer, also where closing the driver failed.
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
                 signal.signal(signal.SIGALRM, self._before)
             if self._asks_us:
@@ -96,9 +98,11 @@ class Guarded:
         """Return the next reading: as many finite numbers as joints, and a count that is later than the last."""
         self._cycle += 1
         answer = self._asked("read()", self._hardware.read)
+        # Ctrl-C came while the driver waited: raised here, never within its code.
         if self._interrupted:
             raise KeyboardInterrupt
         try:
+            # A driver is foreign code: whatever it gives is checked before the loop sees it.
             nanoseconds, sequence, raw = answer
             reading = Reading(int(nanoseconds), int(sequence), np.array(raw, dtype=np.float64))
         except (TypeError, ValueError):
@@ -113,6 +117,7 @@ class Guarded:
             count = f"counted cycle {reading.sequence} after cycle {self._last}"
             raise self._error(count, "the count of cycles must increase")
         self._last = reading.sequence
+        # The timer goes on: until the next read or write a late cycle is the renderer's.
         self._doing = "the renderer"
         return reading
 
@@ -123,6 +128,7 @@ class Guarded:
     def _asked(self, what: str, call: Callable[[], R]) -> R:
         self._doing = f"the driver's {what}"
         if self._watched:
+            # s, and again after as long: a driver that swallows the first exception is broken off by the next.
             signal.setitimer(signal.ITIMER_REAL, self._patience, self._patience)
         try:
             return call()
@@ -138,6 +144,7 @@ class Guarded:
         """Command zero and close, both in any case; report if either fails, for then the motors may still be on."""
         problems = []
         for what, call in (
+            # Zero first: closing may hang, or let go of the card with its outputs as they are.
             ("write()", lambda: self._hardware.write(np.zeros(self._joints))),
             ("close()", self._hardware.close),
         ):
@@ -148,6 +155,7 @@ class Guarded:
         if problems:
             ended = []
             if isinstance(cause, HapticevalError):
+                # Both are told: what ended the run, and that the motors may be on.
                 ended = [f"the run had ended because {cause.what}"] * (cause.what not in problems) + [cause.why]
             elif cause is not None:
                 ended = [f"the run had ended by {describe_error(cause)}"]

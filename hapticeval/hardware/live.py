@@ -60,6 +60,7 @@ def warm(wiring: Wiring, renderer: Renderer, scene: Scene) -> None:
     """
     device, kinematics, rates = wiring.device, Kinematics(wiring.device), Rates(wiring.device.dimension)
     home = device.position(np.zeros(device.dimension))
+    # The surface next to the robot's home: a place that the robot can reach, as a rule.
     frame = scene.model.boundary.closest_point(home[None])
     for side in (-BESIDE, BESIDE):
         with contextlib.suppress(DomainError):  # of a point that the robot or the renderer does not have
@@ -92,6 +93,7 @@ def run(
     `ended` gives the reason. Raises `HapticevalError` where the hardware goes or gives nonsense, or stands outside of
     its workspace at the start, and `RendererError` with the tick when the renderer breaks.
     """
+    # All memory of the loop is there before the hardware is opened.
     loop = _Loop(wiring, renderer, scene, recorder)
     ended = ""
     warm(wiring, renderer, scene)
@@ -99,6 +101,7 @@ def run(
     try:
         with Guarded(connect(), wiring.device.dimension, scene.sampling_time) as robot:
             try:
+                # Cycles of the hardware: a run lasts as long whether the loop was late or not.
                 while loop.tick + loop.missed < cycles:
                     reading = robot.read()
                     loop.step(reading.nanoseconds, reading.sequence, reading.raw, robot.write)
@@ -110,6 +113,7 @@ def run(
             except KeyboardInterrupt:
                 ended = "interrupted by the user"
             except DomainError as error:
+                # The first pose already is outside: nothing was felt, so this is an error and no end of a run.
                 if loop.tick == 0:
                     raise HapticevalError(
                         "the run cannot start where the robot is",
@@ -124,6 +128,7 @@ def run(
         gc.unfreeze()
     if ended:
         recorder.event("ended", ended)
+    # s; a run without a step took 0.
     took = 1e-9 * np.array(loop.took or [0])
     return LiveRun(loop.tick, loop.missed, ended, float(np.median(took)), float(np.max(took)))
 
@@ -141,9 +146,13 @@ class _Loop:
         """Nanoseconds of each step."""
 
     def step(self, stamp: int, sequence: int, raw: Array, write: Callable[[Array], None]) -> None:
-        """Run one cycle: from raw positions to motor commands, and a row."""
+        """Run one cycle: from raw positions `raw` (N,) to motor commands, and a row with the hardware's `stamp` (ns).
+
+        In between are joints (rad), HIP (m), force (N) and torques (N m).
+        """
         begun = time.perf_counter_ns()
         scene, dt = self.scene, self.scene.sampling_time
+        # Cycles that the hardware counted and the loop never saw.
         late = sequence - self.last - 1 if self.tick else 0
         if late:
             self.recorder.missed(late)
@@ -151,12 +160,15 @@ class _Loop:
         self.last = sequence
         joints = self.wiring.joints(raw)
         self.kinematics.check(joints)
+        # Joint velocities over the time that has really passed, missed cycles included.
         rates = self.rates.after(dt * (late + 1), joints)
         hip, velocity = self.kinematics.hand(joints, rates)
         if self.tick == 0:
             reset_checked(self.renderer, hip)
         ihip, force = step_checked(self.renderer, self.tick, hip, velocity, dt)
+        # tau = J^T F of (2.8), with what the inner loop adds.
         torque = scene.inner_loop.torque(self.wiring.device, joints, rates, force, mass=scene.mass)
+        # Written before recording: the hand waits for the force and not for the row.
         write(self.wiring.commands(torque))
         self.recorder.append(hip, velocity, ihip, force, joints, torque, raw, at=stamp)
         self.tick += 1

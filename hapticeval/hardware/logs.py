@@ -40,6 +40,7 @@ def at_the_hand(recording: Recording) -> Recording:
     Raises `InputError` for a wiring that does not fit, and where every row is outside.
     """
     kind = recording.meta.get("device")
+    # A HIP that was logged is never computed anew.
     if "hip" in recording.channels or kind not in DEVICES or not {"raw", "joint_position"} & recording.channels.keys():
         return recording
     parameters = recording.meta.get(
@@ -50,6 +51,7 @@ def at_the_hand(recording: Recording) -> Recording:
         wiring = Wiring.described({**table, "kind": kind})
     joint_channels = _joints(recording, wiring)
     hand, outside = _hand(recording, wiring, joint_channels)
+    # Outside of the functional configuration space the kinematics do not hold.
     valid = recording.measured & ~outside
     if not valid.any():
         raise InputError(
@@ -59,6 +61,7 @@ def at_the_hand(recording: Recording) -> Recording:
         )
     added = {name: values for name, values in {**joint_channels, **hand}.items() if name not in recording.channels}
     channels = {**recording.channels, **added}
+    # The recording states of each added channel where it comes from.
     static = "static: J^-T of the joint torques"
     signs = {name: static if name == "force" else "by [device]" for name in added}
     signals = {**recording.signals, **{name: CHANNELS[name]._replace(sign=sign) for name, sign in signs.items()}}
@@ -69,6 +72,7 @@ def _joints(recording: Recording, wiring: Wiring) -> dict[str, Array]:
     """Return angles (n, N), rad, and torques (n, N), N m, where they are known."""
     channels, size = {}, wiring.device.dimension
     for name, raw, to_joints in (("joint_position", "raw", wiring.joints), ("joint_torque", "command", wiring.torques)):
+        # Logged joints come before raw ones: the device may have calibrated them itself.
         source = name if name in recording.channels else raw
         if source in recording.channels:
             values = recording.channels[source]
@@ -91,11 +95,13 @@ def _hand(recording: Recording, wiring: Wiring, joint_channels: Mapping[str, Arr
         if not kinematics.inside(joints[row]):
             outside[row] = True
             continue
+        # Only valid rows count: a velocity is taken over the time since the last of them.
         now = float(recording.time[row])
         speeds = rates.after(now - before, joints[row])
         before = now
         hand["hip"][row], hand["velocity"][row] = kinematics.hand(joints[row], speeds)
         if torques is not None:
+            # Static: tau = J^T F (2.8) solved for F, without inertia and friction of the links.
             hand["force"][row] = kinematics.force(joints[row], torques[row])
     return hand, outside
 

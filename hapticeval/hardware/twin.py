@@ -55,9 +55,11 @@ class Twin:
         self.joints = np.array(device.joints(position), dtype=np.float64)
         self.rates = np.zeros(size)
         self._grip = None if hand is None else Grip(np.empty((2, size)), np.array([hand.stiffness, hand.damping]))
+        # Nothing but the grip moves the robot: the two external forces of the step are zero.
         load = Load(dt, np.zeros((2, size)), self._grip, np.sum(friction, axis=0) if friction else None)
         self._motion, self._advance = motion_of(device, load, default_method()), advance
         self._motors, self._take_part = hook_of(part for stage, part in parts if stage is Stage.COMMAND), take_part
+        # Torques, N m: as commanded; as the motors take them up in this cycle; and those before they do.
         self._command, self._held, self._before = np.zeros(size), np.zeros(size), np.zeros(size)
         self._count = 0
         # Compile before time counts.
@@ -66,13 +68,14 @@ class Twin:
 
     def read(self) -> Reading:
         """Return the encoders after one more cycle; the first time where it started."""
+        # The first reading is of the start: a cycle passes between two readings.
         if self._count:
             self._cycle(self._count - 1)
         self._count += 1
         return Reading(round((self._count - 1) * self.dt * 1e9), self._count, self.wiring.raw(self.joints))
 
     def write(self, command: Array) -> None:
-        """Set what the motors give from now on, once the delay has passed."""
+        """Set the motor commands (N,) that act from now on, once the delay (s) has passed, in the wiring's unit."""
         self._command[:] = self.wiring.torques(command)
 
     def close(self) -> None:
@@ -81,10 +84,13 @@ class Twin:
     def _cycle(self, cycle: int) -> None:
         """Move by one cycle, counted from 0."""
         start, dt = cycle * self.dt, self.dt
+        # Commands act through the motors' effects: saturation, and a delay after which they switch.
         self._held[:] = self._command
         switch = self._take_part(self._motors, cycle, dt, self._held, self._before)
+        # Until `switch` seconds into the cycle the old torque acts, from there on the new one.
         self._move(self.joints, self.rates, start, 0.0, switch, self._before)
         self._move(self.joints, self.rates, start, switch, dt, self._held)
+        # rad: how far the joints are inside their functional configuration space.
         if self.wiring.device.margin(self.joints) <= 0.0:
             raise HapticevalError(
                 f"the simulated robot hit a joint limit: joints {np.round(self.joints, 4).tolist()} rad",
@@ -96,6 +102,7 @@ class Twin:
         if finish <= begin:
             return
         if self.hand is not None and self._grip is not None:
+            # Where the hand wants to be, m, at the begin and the end of the cycle.
             self._grip.path[:] = self.hand.desired(np.array([start, start + self.dt]))
         steps_done = self._advance(self._motion, 0, begin, finish, joints, rates, torque)
         if steps_done == 0 or not np.isfinite(joints).all():
@@ -114,7 +121,9 @@ def demonstration(wiring: Wiring, scene: Scene) -> Twin:
 
 
 def _to_and_fro(boundary: Boundary) -> Path:
+    """Return the path of a hand that slides `DEPTH` inside the surface, to and fro by `REACH`."""
     time = np.linspace(0.0, LONGEST, round(KNOTS * LONGEST) + 1)
     start = np.eye(boundary.dimension)[0] * 0.1
     surface = boundary.walk(start, REACH * np.sin(2.0 * np.pi / PERIOD * time))
+    # The foot on the surface, moved inwards along the outward normal.
     return Path(time, surface.foot - DEPTH * surface.normal)

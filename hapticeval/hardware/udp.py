@@ -62,8 +62,10 @@ class UdpDevice:
         self.dimension = dimension
         self.address = address
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        # A command names the reading that it answers; before the first there is none.
         self._answered = HELLO
         self._zeros = [0.0] * JOINTS
+        # poll() and no timeout of the socket: the newest of several packets has to be taken without waiting.
         self._arrival = select.poll()
         self._arrival.register(self._socket, select.POLLIN)
         try:
@@ -87,6 +89,7 @@ class UdpDevice:
                 why=f"it has {len(packet)} bytes and begins with {packet[:4]!r}, "
                 f"where a reading has {READING.size} and begins with {READ!r}",
             )
+        # Packets always hold `JOINTS` numbers: a robot of fewer joints leaves the last ones at zero.
         _, count, nanoseconds, *raw = READING.unpack(packet)
         self._answered = count
         return Reading(nanoseconds, count, np.array(raw[: self.dimension]))
@@ -109,6 +112,7 @@ class UdpDevice:
             if not self._arrival.poll(1e3 * SILENCE):
                 raise self._silent(f"no packet for {SILENCE:g} s")
             with contextlib.suppress(BlockingIOError):
+                # Older readings are thrown away; a last word of the robot is kept and ends the search.
                 while not packet or packet.startswith(READ):
                     packet = self._socket.recv(LONGEST)
         except ConnectionError as error:
@@ -136,6 +140,7 @@ def serve(twin: Twin, connection: socket.socket) -> None:
     _, loop = connection.recvfrom(COMMAND.size)
     connection.setblocking(False)
     cycle = round(twin.dt * 1e9)
+    # ns of this process's monotonic clock.
     heard = begun = due = time.monotonic_ns()
     try:
         while time.monotonic_ns() - heard < UNHEARD * 1e9:
@@ -143,6 +148,7 @@ def serve(twin: Twin, connection: socket.socket) -> None:
             raw = [*reading.raw.tolist(), *([0.0] * JOINTS)][:JOINTS]
             _wait(due)
             connection.sendto(READING.pack(READ, reading.sequence, begun + reading.nanoseconds, *raw), loop)
+            # An answer within this time acts in this cycle, a later one in the next.
             _wait(due + round(LISTEN * cycle))
             due += cycle
             for count, values in _commands(connection):
@@ -202,6 +208,7 @@ def running(twin: Twin) -> Iterator[tuple[str, int]]:
     try:
         yield connection.getsockname()
     finally:
+        # A twin whose loop said good-bye ends by itself.
         process.join(timeout=0.5)
         if process.is_alive():
             process.terminate()

@@ -57,6 +57,7 @@ class Wiring:
     def _of_each_joint(self, name: str, default: float) -> tuple[float, ...]:
         entry, count = getattr(self, name), self.device.dimension
         values = tuple(entry) if isinstance(entry, list | tuple) else (entry,)
+        # An empty entry is one that was not given.
         values = values or (default,) * count
         if len(values) != count or not all(map(_number, values)):
             raise InputError(
@@ -78,6 +79,7 @@ class Wiring:
 
     def description(self) -> dict[str, Any]:
         """Return the `[device]` table that `described` makes this wiring of."""
+        # Some devices keep their parameters in a table of constants, others as attributes.
         constants = getattr(self.device, "constants", self.device)
         known = {
             name: getattr(constants, name, getattr(self.device, name, None)) for name in parameters_of(self.device.name)
@@ -98,12 +100,14 @@ class Wiring:
 
     def joints(self, raw: Array) -> Array:
         """Return joint angles (..., N), rad, from raw positions (..., N)."""
+        # q = direction (raw - offset) step, rad.
         turned: Array = np.asarray(self.directions) * (np.asarray(raw, dtype=np.float64) - np.array(self.offsets))
         return np.asarray(turned * self.step)
 
     def raw(self, joints: Array) -> Array:
         """Return raw positions (..., N) from joint angles (..., N), rad; whole counts where there are counts."""
         turned = np.asarray(self.directions) * np.asarray(joints, dtype=np.float64)
+        # The inverse, raw = direction q / step + offset; an encoder has whole counts.
         raw = np.asarray(turned / self.step + np.array(self.offsets))
         return raw if self.counts_per_turn is None else np.rint(raw)
 
@@ -115,6 +119,7 @@ class Wiring:
 
     def commands(self, torques: Array) -> Array:
         """Return motor commands (..., N) from joint torques (..., N), N m."""
+        # A direction is 1 or -1, and so its own inverse.
         turned = np.asarray(self.directions) * np.asarray(torques, dtype=np.float64)
         return np.asarray(turned / self.torque_per_command)
 
@@ -133,7 +138,7 @@ def read_wiring(path: Path) -> Wiring:
 
 
 class Rates:
-    """Joint velocities from joint positions: their difference through a first-order low-pass (2.6), from rest on."""
+    """Joint velocities from differences of positions, through a first-order low-pass, from rest on (Section 2.6)."""
 
     def __init__(self, dimension: int) -> None:
         self._before: Array | None = None
@@ -142,6 +147,7 @@ class Rates:
     def after(self, elapsed: float, joints: Array) -> Array:
         """Return velocities (N,), rad/s, at `joints` (N,), `elapsed` s after the ones before; zero the first time."""
         if self._before is not None:
+            # v + share (dq / dt - v): the low-pass takes this share of the newest difference, more after a longer step.
             share = blend(CUTOFF, elapsed)
             self._rates = self._rates + share * ((joints - self._before) / elapsed - self._rates)
         self._before = joints
@@ -164,12 +170,14 @@ class Kinematics:
     def hand(self, joints: Array, rates: Array) -> tuple[Array, Array]:
         """Return the HIP (N,), m, and its velocity (N,), m/s, by (2.28) and (2.29)."""
         hip, velocity = np.empty_like(joints), np.empty_like(joints)
+        # Fills hip, velocity and the Jacobian, in the order of the kernels' signature.
         self._run(self._parameters, joints, rates, hip, velocity, self._jacobian, self._drift)
         return hip, velocity
 
     def force(self, joints: Array, torques: Array) -> Array:
         """Return the force at the hand (N,), N, that joint torques (N,), N m, put there at rest: τ = Jᵀ F (2.8)."""
         self.hand(joints, np.zeros_like(joints))
+        # F = J^-T tau.
         return np.asarray(np.linalg.solve(self._jacobian.T, torques), dtype=np.float64)
 
     def inside(self, joints: Array) -> bool:
@@ -177,9 +185,10 @@ class Kinematics:
         return bool(self._margin(self._parameters, joints) > 0.0)
 
     def check(self, joints: Array) -> None:
-        """Raise `DomainError` for joints outside of the functional configuration space, naming the limit."""
+        """Raise `DomainError` for joints (N,), rad, outside of the functional configuration space, naming the limit."""
         if self.inside(joints):
             return
+        # Raises with the limit that is passed; what is left is a device that names none.
         checked_joints(self.device, joints)
         raise DomainError(
             f"the {self.device.name} is outside of its functional configuration space: joints {joints.tolist()}"

@@ -28,6 +28,7 @@ _limit: ContextVar[float] = ContextVar("memory limit", default=LIMIT)
 @contextmanager
 def limited(gigabytes: float) -> Iterator[None]:
     """Refuse, within the block, files whose numbers take more than so many gigabytes."""
+    # Of this context alone: several files may be read side by side with different limits.
     token = _limit.set(gigabytes)
     try:
         yield
@@ -43,6 +44,7 @@ def allowed() -> int:
 def reserve(size: int, what: str) -> None:
     """Raise `InputError` where `size` bytes, which `what` would take, are beyond the limit."""
     if size > allowed():
+        # The needed gigabytes, rounded up to a tenth.
         enough = -(-size // (GIGABYTE // 10)) / 10
         raise InputError(
             f"{what} would take {size / GIGABYTE:.3g} GB of memory",
@@ -58,6 +60,7 @@ def first_bytes(path: Path) -> bytes:
     """
     if path.is_dir():
         return FOLDER + "\n".join(sorted(file.name for file in path.iterdir())).encode()
+    # Opening a pipe would wait for a writer that may never come.
     if path.exists() and not path.is_file():
         raise InputError(
             f"{path} is no file",

@@ -28,6 +28,7 @@ LINE = "line"
 
 def model_of(recording: Recording) -> dict[str, Any] | None:
     """Return the model that was touched, as a suite gives it (`kind` and parameters): in the scene, or beside it."""
+    # Beside the scene is where a mapping's [meta] may give it.
     for place in (recording.meta.get("scene"), recording.meta):
         model = place.get("model") if isinstance(place, Mapping) else None
         if isinstance(model, Mapping) and "kind" in model:
@@ -78,6 +79,7 @@ def describe_warnings(recording: Recording) -> tuple[str, ...]:
 
 def incomplete(recording: Recording) -> bool:
     """Return whether rows are lost or masked, cycles have no row, the run ended early, or the import warned."""
+    # Rows that a mapping declared as gaps are not missing: only those of `MISSING` count.
     left_out = recording.meta.get("import", {}).get("left out", {})
     ended = any(event.kind == "ended" for event in recording.events)
     missed = recording.clock is not None and recording.clock.missed
@@ -106,6 +108,7 @@ def before_the_wall(recording: Recording) -> Recording:
     channels = dict(recording.channels)
     for name, values in recording.channels.items():
         if recording.signals[name].frame == "world":
+            # Only a position is measured from the wall, (x - x0) outward; forces and velocities keep their zero.
             along = float(outward) * (values[:, 0] - (at if recording.signals[name].unit == "m" else 0.0))
             # beside the line nothing happens; a row without a number has none in either direction
             channels[name] = np.column_stack([np.where(np.isfinite(along), 0.0, np.nan), along])

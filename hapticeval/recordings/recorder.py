@@ -90,16 +90,20 @@ class Ring:
 
     def __init__(self, size: int, capacity: int, descriptor: int | None = None) -> None:
         self.size, self.capacity = size, capacity
+        # Counters, then events, then rows.
         length = ROWS_AT + capacity * size
         self.descriptor = _shared(length) if descriptor is None else descriptor
         self.memory = memoryview(mmap.mmap(self.descriptor, length))
         if descriptor is None:
+            # Touches every page now, so that no page fault comes while the loop runs.
             self.memory[:] = bytes(length)
+        # Counters as int64, each written by one of the two processes only: no lock is needed.
         self.state: Any = self.memory[:STATE_BYTES].cast("q")
         self.events = np.frombuffer(self.memory, dtype=EVENT, count=EVENTS, offset=STATE_BYTES)
 
     def bytes_of(self, first: int, count: int) -> memoryview:
         """Return the bytes of `count` rows from counter `first` on, which must not reach over the end of the ring."""
+        # Counters only grow: the row's place is its remainder.
         begin = ROWS_AT + first % self.capacity * self.size
         return self.memory[begin : begin + count * self.size]
 
@@ -134,6 +138,7 @@ class Writer:
             # Only rows that were there at the last look: their bytes have long arrived in this process too.
             self.drain(known_head)
             known_head = self.state[HEAD]
+        # The loop is closed or gone: what it wrote last has arrived after this.
         time.sleep(SETTLE)
         self.finish("closed" if self.state[State.CLOSED] else UNCLOSED)
 
@@ -155,9 +160,11 @@ class Writer:
     def drain(self, until: int) -> None:
         """Write the rows before counter `until`, as far as the disk takes them, the events, and what was lost."""
         while (tail := self.state[TAIL]) < until:
+            # A block ends at the ring's end at the latest: its rows lie side by side.
             count = min(until - tail, ROWS_A_BLOCK, self.ring.capacity - tail % self.ring.capacity)
             if not self._put(Kind.ROWS, count, self.ring.bytes_of(tail, count)):
                 return
+            # Only after they are written: until then their places in the ring are not free.
             self.state[TAIL] = tail + count
         while (at := self.state[State.EVENT_TAIL]) < self.state[State.EVENT_HEAD]:
             event = self.ring.events[at % EVENTS]
@@ -173,6 +180,7 @@ class Writer:
         why = f"the journal could not be written: {os.strerror(error)}" if error else "the writer was too late"
         for count, before, what in zip(losses, self.reported, ("rows", "events"), strict=True):
             text = f"{count - before} {what} were lost: {why}"
+            # Not reported where even the event found no room on the disk: tried again at the next look.
             if count > before and not self._event(time.monotonic_ns(), "overrun", text):
                 return
         self.reported = losses
@@ -182,10 +190,12 @@ class Writer:
 
     def _put(self, kind: Kind, rows: int, payload: memoryview | bytes) -> bool:
         """Add a block; where that fails, the journal ends with the last whole one as before."""
+        # Both counters move only after the whole block is written.
         end = at = self.state[State.BYTES]
         try:
             for part in (memoryview(block_head(kind, self.state[State.BLOCKS], rows, payload)), memoryview(payload)):
                 while part:
+                    # The system may take less than it is given.
                     done = os.pwrite(self.descriptor, part, at)
                     part, at = part[done:], at + done
         except OSError as error:
@@ -212,6 +222,7 @@ def write_rows() -> None:
     They are the descriptors of the ring and the journal, bytes per row, rows, and the loop's process.
     """
     ring, journal, size, capacity, parent = (int(argument) for argument in sys.argv[1:6])
+    # Ctrl-C is meant for the loop, which then closes the recorder.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Writer(Ring(size, capacity, ring), journal).run(parent)
 
@@ -274,6 +285,7 @@ class Recorder:
         meta: Mapping[str, Any] | None = None,
         rows: int = ROWS,
     ) -> None:
+        # The stamp and the wall clock at this instant anchor the monotonic stamps in time.
         layout = Layout(channels, signals or {}, check_metadata(meta or {}), (monotonic_ns(), time.time_ns()))
         begin = opening(layout)
         self.path = Path(path)
@@ -282,6 +294,7 @@ class Recorder:
         self._capacity = rows
         self._state = self._ring.state
         self._numbers = layout.dtype.itemsize // 8
+        # Two views of the same rows: int64 for sequence and stamp, float64 for the channels.
         self._integers: Any = self._ring.memory[ROWS_AT:].cast("q")
         self._reals: Any = self._ring.memory[ROWS_AT:].cast("d")
         self._head = self._sequence = 0
@@ -297,6 +310,7 @@ class Recorder:
         except BaseException as error:
             os.close(self._journal)
             os.close(self._ring.descriptor)
+            # Nothing was recorded: no file is left that would stop the next attempt.
             self.path.unlink(missing_ok=True)
             if isinstance(error, OSError):
                 raise HapticevalError(f"cannot record to {path}", why=str(error)) from error
@@ -335,6 +349,7 @@ class Recorder:
         Raises `InputError`, naming the channel, for values of another shape; the row is not recorded then.
         """
         head = self._head
+        # The ring is full: the row is counted and numbered, but not kept.
         if head - self._state[TAIL] >= self._capacity:
             self._sequence += 1
             self._state[OVERRUN] += 1
@@ -360,6 +375,7 @@ class Recorder:
             raise self._misfit(values, at) from None
         self._sequence += 1
         self._head = head + 1
+        # Last of all: from now on the writer may read the row.
         self._state[HEAD] = head + 1
         if head % LOOK_ROWS == 0 and not self.failed:
             self._look()
@@ -394,6 +410,7 @@ class Recorder:
         for name, content in (("kind", kind), ("text", text)):
             if not isinstance(content, str) or "\0" in content or (name == "kind" and not content):
                 raise InputError(f"an event has the {name} {content!r}", todo="give it as text")
+            # Cut by bytes, and not within a character: decoding drops the half that may be left.
             event[name] = content.encode()[: EVENT[name].itemsize].decode(errors="ignore").encode()
         event["nanoseconds"] = monotonic_ns() if at is None else at
         self._state[State.EVENT_HEAD] = head + 1
@@ -410,6 +427,7 @@ class Recorder:
             return self._summary
         state, code = self._state, self._process.poll()
         failure = ""
+        # An error of the disk that was overcome later lost nothing, and is no failure.
         rows_missing = state[HEAD] > state[TAIL] or state[OVERRUN] or state[State.EVENT_OVERRUN]
         if state[State.ERROR] and rows_missing:
             failure = f"the journal could not be written: {os.strerror(state[State.ERROR])}"
@@ -434,11 +452,13 @@ class Recorder:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        # The writer died: its last block may be half written, and the rest of the ring is still here.
         if self._process.returncode:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._journal, self._state[State.BYTES])
             Writer(self._ring, self._journal).finish(self.summary.failure)
         self._summary = summary = self.summary
+        # From now on `append` finds no columns for its values, and raises.
         self._columns = ()
         os.close(self._journal)
         os.close(self._ring.descriptor)

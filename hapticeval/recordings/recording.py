@@ -21,6 +21,7 @@ SINGLE = 2.0**-23
 def locked(values: Any, dtype: Any) -> Any:
     """Return `values` as a read-only array: a copy, unless nobody holds a way to write to what they are."""
     if isinstance(values, np.ndarray) and values.dtype == dtype and not values.flags.writeable:
+        # A read-only view of an array that is still writable elsewhere could change under us, and is copied.
         base = values.base
         if base is None or (isinstance(base, np.ndarray) and not base.flags.writeable):
             return values
@@ -30,20 +31,32 @@ def locked(values: Any, dtype: Any) -> Any:
 
 
 def runs_of(mask: BoolArray) -> list[tuple[int, int]]:
-    """Return the rows [first, end) over which `mask` (n,) holds, each run as long as it goes."""
+    """Return the rows [first, end) over which `mask` (n,) holds, each run as long as it goes.
+
+    Rows are indices, not times in s.
+    """
+    # +1 where a run begins and -1 where one has ended, with False at both sides.
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def backward_difference(values: Array, time: Array) -> Array:
-    """Return the causal derivative (n, N): (x[k] - x[k-1]) / (t[k] - t[k-1]), and zero at the first sample."""
+    """Return the causal derivative (n, N) of a channel: (x[k] - x[k-1]) / (t[k] - t[k-1]), zero at the first sample.
+
+    `time` (n,) is in s: of positions in m it is a velocity in m/s.
+    """
+    # No sample comes before the first: its velocity is zero, as of a hand that starts at rest.
     out = np.zeros_like(values)
     out[1:] = np.diff(values, axis=0) / np.diff(time)[:, None]
     return out
 
 
 def check_finite(name: str, values: Array, valid: BoolArray | None = None) -> None:
-    """Raise `InputError` with the first row of `values` (of those that are `valid`) that is not finite."""
+    """Raise `InputError` with the first row of a channel (n,) or (n, N) that is not finite.
+
+    Only rows of the mask `valid` (n,) count, where there is one. The unit (s, m, N, ...) does not matter.
+    """
+    # One pass over all numbers first, since a sound channel needs no more.
     bad = ~np.isfinite(values)
     if not bad.any():
         return
@@ -60,8 +73,12 @@ def check_finite(name: str, values: Array, valid: BoolArray | None = None) -> No
 
 
 def check_increasing(name: str, values: Any, valid: BoolArray | None = None, *, unit: str = "s") -> None:
-    """Raise `InputError` with the first row (of those that are `valid`) at which `values` does not increase."""
+    """Raise `InputError` with the first row at which `values` (n,) does not increase, written in `unit` (s or ns).
+
+    Only rows of the mask `valid` (n,) count, where there is one.
+    """
     valid_values = values if valid is None else values[valid]
+    # Strictly: a repeated stamp gives a step of zero, by which differences are divided.
     rises = valid_values[1:] > valid_values[:-1]
     if not rises.all():
         at = int(np.argmin(rises)) + 1
@@ -124,6 +141,7 @@ class Clock:
                 f"there are {sequence.size} sequence numbers for {nanoseconds.size} stamps",
                 todo="give one per row, or none at all",
             )
+        # Python integers: stamps since 1970 and their differences stay exact.
         start = int(nanoseconds[0]) if self.start is None else int(self.start)
         anchor = None if self.anchor is None else (int(self.anchor[0]), int(self.anchor[1]))
         self.__dict__.update(nanoseconds=nanoseconds, start=start, anchor=anchor, sequence=sequence)
@@ -141,6 +159,7 @@ class Clock:
     def seconds(self) -> Array:
         """Time since `start`, s: (n,), each the double nearest to the stamp; read-only."""
         out = np.empty(self.nanoseconds.shape)
+        # Whole nanoseconds first, divided afterwards: each second is the double nearest to its stamp.
         np.subtract(self.nanoseconds, self.zero, out=out, dtype=np.int64, casting="unsafe")
         out /= 1e9
         out.flags.writeable = False
@@ -167,6 +186,7 @@ def _whole_numbers(name: str, values: Any) -> IntArray:
             why="a float cannot hold nanoseconds since the computer started",
             todo="give whole numbers; from seconds: np.rint(1e9 * seconds).astype(np.int64)",
         )
+    # Stamps are int64 from here on, and would wrap to negative ones.
     if array.dtype == np.uint64 and array.size and int(array.max()) > np.iinfo(np.int64).max:
         raise InputError(f"{name} do not fit 64 bits with a sign", todo="count from a later zero")
     out: IntArray = locked(array, np.int64)
@@ -215,7 +235,10 @@ class Recording:
         signals: Mapping[str, Signal] | None = None,
         events: Iterable[Event] = (),
     ) -> Recording:
-        """Return a recording whose `time` is that of `clock`."""
+        """Return a recording whose `time` (s) is that of `clock`.
+
+        `channels` and the mask `valid` (n,) are as `Recording` takes them.
+        """
         keywords = {"clock": clock, "valid": valid, "signals": signals or {}, "events": tuple(events)}
         return cls(clock.seconds, channels, meta or {}, **keywords)  # type: ignore[arg-type]
 
@@ -228,10 +251,12 @@ class Recording:
         self._check_clock(time, valid)
         check_increasing("time", time, valid)
         signals = {name: declared(name, self.signals) for name in self.channels}
+        # A declaration without a channel is a misspelt name.
         unused = [name for name in self.signals if name not in self.channels]
         if unused:
             raise InputError(f"a signal '{unused[0]}' is declared, but there is no such channel")
         channels = {name: locked(values, np.float64) for name, values in self.channels.items()}
+        # By frame: the first channel, and its columns, which all others of that frame must have.
         widths: dict[str, tuple[str, int]] = {}
         for name, array in channels.items():
             _check_shape(name, array, signals[name].frame, time.size, widths)
@@ -248,6 +273,7 @@ class Recording:
     def _check_clock(self, time: Array, valid: BoolArray | None) -> None:
         if self.clock is None:
             return
+        # The same array as a rule; otherwise equal to the bit.
         if self.clock.seconds is not time and not np.array_equal(self.clock.seconds, time):
             raise InputError(
                 "a recording's time and its clock differ",
@@ -273,6 +299,7 @@ class Recording:
         begin, end, step = rows.indices(len(self))
         if step != 1 or begin >= end:
             raise InputError(f"no rows of a recording of {len(self)}: {rows}", todo="give rows that follow each other")
+        # s; events before the first row of all, and after the last, belong to these ends.
         since = -np.inf if begin == 0 else float(self.time[begin])
         until = np.inf if end == len(self) else float(self.time[end])
         rows = slice(begin, end)
@@ -371,6 +398,7 @@ class Recording:
             return np.asarray(self.channels["contact"] != 0.0) & self.measured
         touches = np.zeros(len(self), dtype=bool)
         if "ihip" in self.channels or "force" not in self.channels:
+            # Force and IHIP may each be zero in a contact: either tells.
             touches |= self.apart
         if "force" in self.channels:
             touches |= np.any(self.force != 0.0, axis=1)
@@ -380,6 +408,7 @@ class Recording:
     def apart(self) -> BoolArray:
         """Where the IHIP is not the HIP, beyond single precision: (n,), read-only."""
         sound = self.hip if self.valid is None else self.hip[self.valid]
+        # m: four roundings in single precision, at the largest coordinate.
         rounding = 4.0 * SINGLE * float(np.max(np.abs(sound), initial=0.0))
         apart: BoolArray = locked(np.linalg.norm(self.ihip - self.hip, axis=1) > rounding, np.bool_)
         return apart
@@ -412,6 +441,7 @@ def columns_of(recording: Recording) -> dict[str, Column]:
             columns[name] = Column(name, signal.unit, values)
             continue
         for k, column in enumerate(values.T):
+            # Joints and other columns are numbered, as they have no axis of the world.
             part = "xyz"[k] if signal.frame == "world" else f"{k}"
             columns[f"{name}.{part}"] = Column(name, signal.unit, column)
     return columns
@@ -426,6 +456,7 @@ def _mask(flags: Any, count: int) -> BoolArray | None:
             f"valid is of type {mask.dtype} and shape {mask.shape}",
             why=f"it is True or False for each of {count} rows",
         )
+    # A mask of valid rows only says as much as none.
     return None if mask.all() else locked(mask, np.bool_)
 
 
@@ -434,6 +465,7 @@ def _check_shape(name: str, array: Array, frame: str, count: int, widths: dict[s
     shape, why = f"({count},) or ({count}, columns)", "every channel has one row per sample"
     fits = array.shape[:1] == (count,) and array.ndim <= 2 and 0 not in array.shape
     if fits and frame in ("world", "joint"):
+        # The first channel of a frame sets its width: dimensions of the world, or joints.
         first, width = widths.setdefault(frame, (name, array.shape[-1] if array.ndim == 2 else 1))
         if frame == "world" and width > 3:
             raise InputError(f"channel '{name}' has {width} dimensions", why="the world has one, two or three")

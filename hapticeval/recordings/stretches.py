@@ -43,17 +43,20 @@ class Stretch:
 def stretches(recording: Recording, sound: BoolArray | None = None) -> tuple[Stretch, ...]:
     """The stretches of two rows or more over which `sound` (n,) holds and the clock has no gap.
 
-    Without `sound`, the rows that the recording holds valid are.
+    A gap is a step (s) longer than `GAP_STEPS` nominal ones. Without `sound`, the rows that the recording holds valid
+    are.
     """
     if sound is None:
         sound = recording.measured
     return tuple(
-        Stretch(first, end + 1) for first, end in runs_of(sound[1:] & sound[:-1] & continuing_steps(recording))
+        # A run of k steps joins k + 1 rows.
+        Stretch(first, end + 1)
+        for first, end in runs_of(sound[1:] & sound[:-1] & continuing_steps(recording))
     )
 
 
 def continuing_steps(recording: Recording) -> BoolArray:
-    """Over which steps (n - 1,) of the clock whatever reads the recording goes on: those of `GAP_STEPS` and shorter.
+    """Return over which steps of the clock, (n - 1,), whatever reads the recording goes on: `GAP_STEPS` and shorter.
 
     Seconds are made of stamps, and a hole of exactly so many steps is none, however its seconds were rounded.
     """
@@ -61,7 +64,7 @@ def continuing_steps(recording: Recording) -> BoolArray:
 
 
 def nominal_step(recording: Recording) -> float:
-    """The declared sampling time, s, as far as the median of the steps bears it out; otherwise that, in whole ns.
+    """Return the sampling time, s: the declared one where the median of the steps bears it out, else that, in whole ns.
 
     Where the cycles are numbered it is that of a cycle: of a log that lacks most of them, rows are further apart.
     """
@@ -69,6 +72,7 @@ def nominal_step(recording: Recording) -> float:
     declared = recording.meta.get("dt")
     if isinstance(declared, int | float) and abs(declared - median) <= _stamp_tolerance(recording):
         return float(declared)
+    # Stamps are whole ns: a median that is off by their rounding alone is a whole number of them.
     rounded = round(median, 9)
     return rounded if abs(rounded - median) <= _stamp_tolerance(recording) else median
 
@@ -76,6 +80,7 @@ def nominal_step(recording: Recording) -> float:
 def _median_cycle(recording: Recording) -> float:
     if recording.clock is None or recording.clock.sequence is None:
         return recording.dt
+    # Cycles and seconds from row to row: their quotient is a cycle's time, also where rows are missing.
     jumps, durations = np.diff(recording.clock.sequence), np.diff(recording.time)
     counted = (jumps > 0) & (durations > 0.0)
     return float(np.median(durations[counted] / jumps[counted])) if counted.any() else recording.dt
@@ -94,7 +99,7 @@ def steps(recording: Recording, stretch: Stretch) -> float | Array:
 
 
 def describe_clock(recording: Recording, parts: tuple[Stretch, ...]) -> str:
-    """The clock in words, for the report."""
+    """Describe the clock in words, for the report."""
     steps_of_parts = [steps(recording, stretch) for stretch in parts]
     if all(isinstance(step, float) for step in steps_of_parts):
         return f"regular, {1e3 * nominal_step(recording):.6g} ms"
@@ -107,5 +112,6 @@ def describe_clock(recording: Recording, parts: tuple[Stretch, ...]) -> str:
 
 
 def _stamp_tolerance(recording: Recording) -> float:
+    # s: a nanosecond, and the spacing of doubles at the largest time, four times for the differences.
     time = recording.time if recording.valid is None else recording.time[recording.valid]
     return STAMP + 4.0 * float(np.spacing(np.max(np.abs(time), initial=0.0)))

@@ -82,10 +82,12 @@ class Deviation:
 
 
 def deviation(channel: str, computed: Array, logged: Array, time: Array, *, tolerance: float) -> Deviation:
-    """Compare a logged channel (n, N) with its computation, and look for the simplest thing that explains the rest.
+    """Compare a logged channel (n, N), m or N, with its computation, and look for the simplest explanation of the rest.
 
     In this order: nothing; the sign; a gain (of forces); a lag up to `LONGEST_LAG` ticks; a lag with a sign or gain.
+    `time` (n,) is in s; `tolerance`, in the channel's unit, is what rounding alone may make.
     """
+    # m or N at each sample.
     distance = np.linalg.norm(logged - computed, axis=1)
     exceeds = distance > tolerance
     if not exceeds.any():
@@ -94,9 +96,11 @@ def deviation(channel: str, computed: Array, logged: Array, time: Array, *, tole
     unexplained = Deviation(channel, float(distance.max()), tolerance, first, float(time[first]), float(exceeds.mean()))
     gains = channel == "force"
     lags = sorted(range(-LONGEST_LAG, LONGEST_LAG + 1), key=lambda lag: (abs(lag), lag < 0))[1:]
+    # The simplest explanation first: it is taken as soon as it fits.
     for lag, gained in [(0, True), *((lag, False) for lag in lags), *((lag, True) for lag in lags)]:
         mine, theirs = lagged(computed, logged, lag)
         gain = _gain(mine, theirs) if gained else 1.0
+        # A gain of 1 explains nothing, and only a force may have another.
         if len(mine) < 2 or (gained and (not gains or gain == 1.0)):
             continue
         left = np.linalg.norm(theirs - gain * mine, axis=1) <= tolerance * max(1.0, abs(gain))
@@ -109,6 +113,7 @@ def deviation(channel: str, computed: Array, logged: Array, time: Array, *, tole
 
 def _gain(computed: Array, logged: Array) -> float:
     """Return the least-squares gain of the log, rounded where it is whole to single precision; 1 of nothing."""
+    # Least squares of logged = gain computed: gain = sum logged computed / sum computed^2.
     power = float(np.sum(computed**2))
     gain = float(np.sum(logged * computed)) / power if power else 1.0
     return float(np.round(gain)) if abs(gain - np.round(gain)) < 1e-6 else gain
@@ -172,6 +177,7 @@ def as_recorded(subject: ReplayCase, renderers: Sequence[str] = ()) -> AsRecorde
     # A hand that was not led began where it was.
     parts = rerender(renderer, path, scene if log.meta.get("source") in LED else None)
     again = concatenated([part.recording for part in parts])
+    # Only the samples that the renderer answered can be compared.
     log = concatenated(
         [log.part(slice(part.stretch.first, part.stretch.first + len(part.recording))) for part in parts]
     )
@@ -208,6 +214,7 @@ def _rounding(log: Recording, scene: Scene) -> dict[str, float]:
     """
     size = float(max(scene.model.size, np.max(np.abs(log.hip))))
     texts = {name: _last_place(log.channels[name]) for name in ("hip", "ihip", "force") if name in log.channels}
+    # m: single precision at the size of the model, and the last place of a text.
     ihip = 4.0 * SINGLE * size + 2.0 * (texts["hip"] + texts.get("ihip", 0.0))
     strongest = float(np.max(np.abs(log.force))) if "force" in log.channels else 0.0
     return {"ihip": ihip, "force": 2.0 * scene.stiffness * ihip + 4.0 * SINGLE * strongest + texts.get("force", 0.0)}
@@ -218,6 +225,7 @@ def _last_place(values: Array) -> float:
     scale = max(1.0, float(np.max(np.abs(values))))
     for decimals in DECIMALS:
         place = 10.0**-decimals
+        # Whole numbers of the last place, but for the rounding of the division; whole values are no sign of a text.
         if np.max(np.abs(values / place - np.round(values / place))) <= 8.0 * np.finfo(float).eps * scale / place:
             return 0.0 if np.all(values == np.round(values)) else place
     return 0.0

@@ -55,6 +55,7 @@ class ReplayTask:
             lambda scene: self._recorded() if job.renderer == RECORDED else self._replayed(job.renderer, scene),
             merged, job.renderer, job.suite, job.case,
         )  # fmt: skip
+        # Informative only: shown in the report, without a say in the exit code.
         verdicts = tuple(
             replace(verdict, level=Level.INFO)
             if verdict.check in advisory and verdict.outcome is Outcome.INCONCLUSIVE
@@ -93,6 +94,7 @@ class ReplayTask:
         recordings = [part.recording for part in parts]
         answers = concatenated(recordings)
         ended = [part.ended for part in parts if part.ended]
+        # Against the recorded run at equal times.
         entry = self._entry(difference(answers, path.recording), OPEN_LOOP, recordings, ended)
         return Recorded(answers, tuple(runs(part) for part in parts), entry, simulated=lambda: entry.seconds)
 
@@ -119,9 +121,11 @@ def replay_plan(subject: ReplayCase, renderers: Sequence[str], *, seed: int = 0)
 
     Raises what `resolve` raises, and `InputError` for a renderer that would be taken for the recorded run.
     """
+    # A renderer that is named twice is replayed once.
     names = tuple(dict.fromkeys(renderers))
     if RECORDED in names:
         raise InputError(f"'{RECORDED}' is the column of the recorded run", todo="name renderers to replay it through")
+    # Unknown names are an error now, not in the middle of a run.
     for name in names:
         resolve(name)
     case = subject.case
@@ -149,8 +153,10 @@ def merged(findings: Sequence[Finding]) -> Finding:
     """
     if not findings:
         return Finding(Outcome.INCONCLUSIVE, "no stretch of the recording is long enough to judge")
+    # All stretches say the same: nothing is to be counted.
     if len({(finding.outcome, finding.message, finding.metric) for finding in findings}) == 1:
         return findings[0]
+    # By rank, then by margin: among failures the one that fails by most is shown.
     index, worst = min(enumerate(findings), key=lambda pair: (RANK.index(pair[1].outcome), _margin(pair[1])))
     counts = Counter(finding.outcome.value for finding in findings)
     stretches = ", ".join(f"{counts[outcome.value]} {outcome.value}" for outcome in RANK if counts[outcome.value])

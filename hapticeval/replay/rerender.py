@@ -72,6 +72,7 @@ def hand_path(subject: ReplayCase) -> HandPath:
 
         report = examine(recording, model=scene.model, stiffness=None if scene.damping else scene.stiffness)
         soundness = sound_intervals(recording, report)
+        # A fault of force or IHIP does not break the hand's path, which only needs what the renderer is given.
         hand = recording.measured.copy()
         for fault in report.faults:
             if fault.kind in LEFT_OUT and fault.channel.partition(".")[0] in GIVEN_CHANNELS and fault.first is not None:
@@ -80,6 +81,7 @@ def hand_path(subject: ReplayCase) -> HandPath:
         if len(left) > MOST_NAMED:
             left = [*left[:MOST_NAMED], f"and {len(left) - MOST_NAMED} more"]
         hand_stretches = stretches(recording, hand)
+        # Where nothing of the run is sound throughout, the hand's path alone decides.
         judged = soundness.sound or hand_stretches
         path = HandPath(recording, hand_stretches, judged, tuple(left), tuple(_suspicious(report.faults)))
     if not path.stretches:
@@ -95,6 +97,7 @@ def _suspicious(faults: Sequence[Issue]) -> Iterator[str]:
     """Yield a line for each kind of finding and channel: the first of them, and how many there are."""
     issues_of: dict[tuple[str, str], list[Issue]] = {}
     for fault in faults:
+        # A note asks nobody to look.
         if fault.severity is not Severity.NOTE:
             issues_of.setdefault((fault.kind, fault.channel), []).append(fault)
     for key, alike in issues_of.items():
@@ -142,6 +145,7 @@ def _rerender_stretch(
     dt = steps(path.recording, stretch) if path.dt is None else path.dt
     if not isinstance(renderer, Renderer):
         return Part(stretch, _simulate_recorded(renderer, time, hip, dt))
+    # N: what a force sensor gave, for renderers that are driven by force.
     felt = path.recording.channels.get("measured_force")
     pushes = None if felt is None else felt[rows]
     # A batch makes the velocity itself: only where that is the recorded one may it stand for single steps.
@@ -149,6 +153,7 @@ def _rerender_stretch(
         dt = np.full(time.size, dt)
 
     def led(count: int, dt: float | Array) -> Recording:
+        """Lead the renderer along the first `count` rows, with steps of `dt` s: one, or (count,)."""
         push = None if pushes is None else pushes[:count]
         return _play_recorded(renderer, time[:count], hip[:count], velocity[:count], dt, scene, push, stretch.first)
 
@@ -157,7 +162,9 @@ def _rerender_stretch(
     except DomainError as error:
         durations = np.broadcast_to(dt, time.size)
 
+        # The longest beginning of the stretch over which the renderer has an answer.
         count = rows_defined(lambda rows: led(rows, durations[:rows].copy()), time.size)
+        # A single row has no step: nothing of this stretch is answered.
         if count < 2:
             raise
         return Part(
@@ -174,6 +181,7 @@ def rerender_backwards(
     if not isinstance(renderer, Renderer):
         return _simulate_recorded(renderer, back, hip, dt)
     if not isinstance(dt, float):
+        # Backwards the steps come in the opposite order; the first sample has none before it.
         dt = np.concatenate([[dt[0]], dt[:0:-1]])
     return _play_recorded(renderer, back, hip, backward_difference(hip, back), dt, scene)
 
@@ -200,6 +208,7 @@ def _simulate_recorded(renderer: TrajectoryRenderer, time: Array, hip: Array, dt
             why="it answers a stimulus whole, at one sampling time, and a recording is never re-timed",
             todo="choose a renderer that is asked step by step",
         )
+    # Stimuli begin at t = 0.
     answer = simulate_checked(renderer, Path(time - time[0], hip), dt)
     if len(answer) != time.size:
         raise RendererError(
@@ -212,6 +221,7 @@ def _simulate_recorded(renderer: TrajectoryRenderer, time: Array, hip: Array, dt
 
 def concatenated(parts: Sequence[Recording]) -> Recording:
     """Join stretches to one recording, with what was left out absent; `meta["stretches"]` has their times, s."""
+    # Nothing is left out within a single stretch, and its recording stays what it is.
     if len(parts) == 1:
         return parts[0]
     return Recording(

@@ -58,14 +58,17 @@ def subject(
     does not have, and where model and recording differ in dimension: a run in one dimension is placed before the model
     `line`, see `before_the_wall`.
     """
+    # A case of a suite gives model, scene and checks together.
     template = None if suite_case is None else case_named(suite_case)
     entries = {key: value for key, value in scene_of(recording).items() if key in ENTRIES}
     if template is not None:
         entries = dict(template.scene)
+    # What the user gives overrides what the recording or the case says.
     chosen = {**entries, **dict(_entry(text) for text in scene)}
     chosen.setdefault("sampling_time", float(recording.dt))
     touched = model or (model_of(recording) if template is None else template.model)
     missing = {}
+    # All that lacks is named at once, with the option that gives it.
     if "stiffness" not in chosen and template is None:
         missing["the stiffness of its scene"] = "--scene stiffness=1000"
     if touched is None:
@@ -82,8 +85,10 @@ def subject(
         checks=template.checks if template is not None else _checks(recording, chosen),
         folder=file.parent,
     )
+    # Errors of the scene name the recording that it is of.
     with at(file.name):
         built = replay_case.build_scene()
+    # One degree of freedom is placed in the plane, before the wall that the model is.
     if recording.hip.shape[1] == 1 and built.model.name == LINE:
         recording = before_the_wall(recording)
     if built.model.dimension != recording.hip.shape[1]:
@@ -114,6 +119,7 @@ def _checks(recording: Recording, scene: Mapping[str, Any]) -> tuple[str, ...]:
     if isinstance(names, list | tuple) and names and all(name in CHECKS for name in names):
         return tuple(names)
     bilateral, (_, effects) = scene.get("bilateral", False), read_effects(scene)
+    # Without a list of its own a recording is judged by every check that its scene allows.
     kinds = {effect.kind for effect in effects}
     return tuple(
         name
@@ -127,6 +133,7 @@ def _entry(text: str) -> tuple[str, Any]:
     if key not in NUMBERS:
         raise UnknownNameError("entry of a scene", key, NUMBERS)
     default = NUMBERS[key]
+    # bool before float: "true" is no number, and 1 no truth value.
     if isinstance(default, bool):
         if value.lower() in ("true", "false"):
             return key, value.lower() == "true"

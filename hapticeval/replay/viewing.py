@@ -47,6 +47,7 @@ def viewed(
     for a recording without a HIP.
     """
     recording.require("hip")
+    # A run in one dimension needs no model: what it touches is a wall.
     touched = model or model_of(recording) or ({"kind": LINE} if recording.dimension == 1 else None)
     missing = []
     if suite_case is None:
@@ -54,14 +55,17 @@ def viewed(
             missing.append("the model that was touched: --model circle:size=0.2")
         if "stiffness" not in scene_of(recording) and not any(text.partition("=")[0] == "stiffness" for text in scene):
             missing.append("the stiffness of the scene: --scene stiffness=1000")
+    # Shown all the same: a page of a recording is of use without verdicts.
     if missing:
         return _unjudged(file, recording, touched, f"Not judged, for want of {' and '.join(missing)}.")
     replay_case = subject(
         file, recording, model=touched if suite_case is None else model, suite_case=suite_case, scene=scene
     )
+    # The runner's own work, done here at once: the page shows what a replay's report would.
     work, job = prepared(replay_case), Job(SUITE, replay_case.case, RECORDED)
     judged, _ = work(job, None, 0)
     entry = msgspec.structs.replace(run_entry(job, judged, None), title=_title(file), shows=None)
+    # The recorded run is given, so that only an error can leave none.
     if judged.recording is None:
         raise judged.error or InputError(f"{file} cannot be shown")
     return Viewed(entry, judged.recording, tuple(map(VerdictEntry.of, judged.verdicts)), work.path.suspicious)

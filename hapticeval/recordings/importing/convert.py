@@ -183,7 +183,7 @@ def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[Int
 
 
 def nanoseconds(values: NDArray[Any], factor: float) -> tuple[IntArray, BoolArray]:
-    """Return times in units of `factor` seconds as whole ns, and which of them are numbers, (n,) each.
+    """Return times (n,) in units of `factor` s as whole ns, and which of them are numbers, (n,) each.
 
     Integers of whole nanoseconds stay exact. Raises `InputError` for a time that 64 bits do not hold.
     """
