@@ -35,7 +35,7 @@ BLOCK_ROWS = 8
 
 @compiled
 def speed_integral(piece: Array, start: float, end: float) -> float:
-    """Arc length of one smooth piece between two parameters, by one 16-point Gauss-Legendre rule."""
+    """Return the arc length (m) of one smooth piece (9,) between two parameters, by a 16-point Gauss-Legendre rule."""
     half = 0.5 * (end - start)
     middle = 0.5 * (start + end)
     total = 0.0
@@ -47,14 +47,19 @@ def speed_integral(piece: Array, start: float, end: float) -> float:
 
 @compiled
 def arc_panels(piece: Array, count: int) -> Array:
-    """Cut a smooth piece until the 16-point rule is exact to rounding: rows (u, s), from `count` panels."""
+    """Return a smooth piece (9,) cut so finely that the 16-point rule is exact to rounding: rows (m, 2) of u and s, m.
+
+    It begins with `count` equal panels.
+    """
     total_length = 0.0
     step = (piece[U1] - piece[U0]) / count
     for i in range(count):
+        # a first estimate: errors count as a share of the whole length
         total_length += speed_integral(piece, piece[U0] + i * step, piece[U0] + (i + 1) * step)
     out = np.empty((MAX_PANELS + 1, 2))
     out[0, 0], out[0, 1] = piece[U0], 0.0
     rows = 1
+    # a stack of the ends of panels that are still to be done: depth first, from left to right
     ends = np.empty(64)
     carry = 0.0  # Kahan: a thousand panels must not cost three digits
     for i in range(count):
@@ -69,8 +74,10 @@ def arc_panels(piece: Array, count: int) -> Array:
             _, _, bx, by, _, _ = evaluate(piece, end)
             # the nodes are rounded to 5e-16 rad, which the change of speed makes an error of the length
             rounding = 4e-16 * total_length + 4e-16 * halves + 1e-15 * abs(math.hypot(bx, by) - math.hypot(ax, ay))
+            # the rule on the panel agrees with that on its halves
             fine = abs(whole_panel - halves) <= rounding
             if fine or depth > 48 or rows > MAX_PANELS - 64:
+                # Kahan's sum: `carry` is what the last addition lost
                 increment = halves - carry
                 total = out[rows - 1, 1] + increment
                 carry = (total - out[rows - 1, 1]) - increment
@@ -78,6 +85,7 @@ def arc_panels(piece: Array, count: int) -> Array:
                 rows += 1
                 depth -= 1
             else:
+                # the left half first
                 ends[depth] = middle
                 depth += 1
     return out[:rows].copy()
@@ -85,19 +93,24 @@ def arc_panels(piece: Array, count: int) -> Array:
 
 @compiled
 def arc_lengths(piece: Array, panels: Array, us: Array) -> Array:
-    """Arc length from the start of a smooth piece to each u in its range."""
+    """Return the arc length (n,), m, from the start of a smooth piece (9,) to each of `us` (n,) in its range.
+
+    `panels` (m, 2) are those of `arc_panels`.
+    """
     out = np.empty(us.shape[0])
     for i in range(us.shape[0]):
         k = min(max(np.searchsorted(panels[:, 0], us[i], "right") - 1, 0), panels.shape[0] - 2)
+        # up to the panel by the table, within it by the rule
         out[i] = panels[k, 1] + speed_integral(piece, panels[k, 0], us[i])
     return out
 
 
 @compiled
 def parameters_at(piece: Array, panels: Array, lengths: Array) -> Array:
-    """The u at each arc length of a smooth piece: safeguarded Newton inside the panel that holds it.
+    """Return the u (n,) at each of the arc `lengths` (n,), m, of a smooth piece (9,), by safeguarded Newton.
 
-    On a panel, which 16 nodes resolve to rounding, a step of 1e-9 of its width leaves the square of that.
+    `panels` (m, 2) are those of `arc_panels`. On a panel, which 16 nodes resolve to rounding, a step of 1e-9 of its
+    width leaves the square of that.
     """
     out = np.empty(lengths.shape[0])
     for i in range(lengths.shape[0]):
@@ -105,6 +118,7 @@ def parameters_at(piece: Array, panels: Array, lengths: Array) -> Array:
         k = min(max(np.searchsorted(panels[:, 1], s, "right") - 1, 0), panels.shape[0] - 2)
         low, high = panels[k, 0], panels[k + 1, 0]
         tolerance = max(1e-9 * (high - low), 2e-16 * (1.0 + abs(high)))
+        # start as if the speed were constant on the panel
         u = low + (high - low) * (s - panels[k, 1]) / (panels[k + 1, 1] - panels[k, 1])
         for _ in range(60):
             excess = panels[k, 1] + speed_integral(piece, panels[k, 0], u) - s
@@ -113,8 +127,10 @@ def parameters_at(piece: Array, panels: Array, lengths: Array) -> Array:
             else:
                 low = u
             _, _, dx, dy, _, _ = evaluate(piece, u)
+            # Newton: ds/du is the speed |c'|
             step = excess / math.hypot(dx, dy)
             next_u = u - step
+            # outside of the bracket: halve that
             if not (low <= next_u <= high):
                 next_u = 0.5 * (low + high)
             last, u = u, next_u
@@ -128,6 +144,7 @@ def parameters_at(piece: Array, panels: Array, lengths: Array) -> Array:
 def _distance_slope(piece: Array, u: float, x: float, y: float) -> tuple[float, float, float]:
     """Half the squared distance's first and second derivative by u, and the squared distance."""
     cx, cy, dx, dy, ddx, ddy = evaluate(piece, u)
+    # with r = c - p: (r.r / 2)' = r.c' and (r.r / 2)'' = c'.c' + r.c''
     rx, ry = cx - x, cy - y
     return rx * dx + ry * dy, dx * dx + dy * dy + rx * ddx + ry * ddy, rx * rx + ry * ry
 
@@ -148,11 +165,13 @@ def _minimise_distance(piece: Array, low: float, high: float, u: float, x: float
             high = u
         else:
             low = u
+        # where the distance bends down, Newton would climb: halve the bracket
         next_u = u - slope / bend if bend > 0.0 else low - 1.0
         if not (low <= next_u <= high):
             next_u = 0.5 * (low + high)
         step, rounding = abs(next_u - u), 2e-16 * (1.0 + abs(u))
         last_step = abs(u - last_u)
+        # of a step h the Newton error is about h^2 times the relative change of the bend per unit of u
         error_left = abs(bend - last_bend) * step * step
         if step <= rounding or (
             last_bend > 0.0 and bend > 0.0 and step < last_step and error_left <= bend * last_step * rounding
@@ -170,6 +189,7 @@ def _slope_extremum(piece: Array, low: float, high: float, x: float, y: float) -
     for _ in range(60):
         middle = 0.5 * (low + high)
         _, bend, _ = _distance_slope(piece, middle, x, y)
+        # the slope's derivative has not changed its sign yet
         if (bend > 0.0) == (start > 0.0):
             low = middle
         else:
@@ -189,6 +209,7 @@ def _out_of_reach(first: float, last: float, arc: float, best: float) -> bool:
     """Whether an arc between two points at these squared distances is too short to come nearer than `best`."""
     reach = best + arc
     # squares settle most of what is too far; roots are slow
+    # a point of the arc lies within `arc` of both ends along it
     return first > reach * reach or 0.5 * (math.sqrt(first) + math.sqrt(last) - arc) > best
 
 
@@ -196,7 +217,9 @@ def _out_of_reach(first: float, last: float, arc: float, best: float) -> bool:
 def _cubic_root(first: float, last: float, first_rate: float, last_rate: float) -> float:
     """About where between 0 and 1 a cubic with these values (<= 0, > 0) and derivatives at 0 and 1 vanishes."""
     rise = last - first
+    # coefficients of t^2 and t^3 of Hermite's cubic
     second, third = 3.0 * rise - 2.0 * first_rate - last_rate, first_rate + last_rate - 2.0 * rise
+    # the root of the chord, and two steps of Newton
     t: float = -first / rise
     for _ in range(2):
         rate = first_rate + t * (2.0 * second + t * 3.0 * third)
@@ -213,17 +236,21 @@ def _interval_minimum(piece: Array, a: Array, b: Array, x: float, y: float) -> t
     It shows as a change of sign of the slope, or as a pair of roots around an extremum of the slope.
     """
     ax, ay, bx, by = a[2] - x, a[3] - y, b[2] - x, b[3] - y
+    # half the squared distance's slopes and bends at both rows, from the table
     slope_a, slope_b = ax * a[4] + ay * a[5], bx * b[4] + by * b[5]
     bend_a = a[4] ** 2 + a[5] ** 2 + ax * a[6] + ay * a[7]
     bend_b = b[4] ** 2 + b[5] ** 2 + bx * b[6] + by * b[7]
     low, high = a[0], b[0]
+    # the slope changes its sign: one minimum, looked for from the root of its cubic
     if slope_a <= 0.0 < slope_b:
         guess = _cubic_root(slope_a, slope_b, bend_a * (high - low), bend_b * (high - low))
         return _minimise_distance(piece, low, high, low + guess * (high - low), x, y)
+    # uphill at both ends, but the slope dips between: a minimum if it dips below zero
     if slope_a > 0.0 and slope_b > 0.0 and bend_a < 0.0 < bend_b:
         low = _slope_extremum(piece, low, high, x, y)
         if _distance_slope(piece, low, x, y)[0] > 0.0:
             return low, np.inf
+    # downhill at both ends, but the slope rises between: the same from the other side
     elif slope_a < 0.0 and slope_b < 0.0 and bend_b < 0.0 < bend_a:
         high = _slope_extremum(piece, low, high, x, y)
         if _distance_slope(piece, high, x, y)[0] <= 0.0:
@@ -235,13 +262,14 @@ def _interval_minimum(piece: Array, a: Array, b: Array, x: float, y: float) -> t
 
 @compiled
 def nearest_on_smooth(piece: Array, samples: Array, x: float, y: float) -> float:
-    """The u of the nearest point of a smooth closed piece.
+    """Return the u of the nearest point of a smooth closed piece (9,) to (x, y), m.
 
-    A block of intervals, and then an interval, is looked into only if its arc is long enough to reach below the best
-    distance known.
+    `samples` (m, 8) is its table. A block of intervals, and then an interval, is looked into only if its arc is long
+    enough to reach below the best distance known.
     """
     count = samples.shape[0] - 1
     best, nearest = np.inf, 0
+    # one row of each block for a first bound; `best` is a squared distance up to here
     for i in range(0, count, BLOCK_ROWS):
         candidate_squared = _row_distance_squared(samples, i, x, y)
         if candidate_squared < best:
@@ -256,6 +284,7 @@ def nearest_on_smooth(piece: Array, samples: Array, x: float, y: float) -> float
         distance_squared = block_start_squared
         for i in range(start, end):
             previous_squared, distance_squared = distance_squared, _row_distance_squared(samples, i + 1, x, y)
+            # the row itself may be the nearest point
             if distance_squared < best * best:
                 best, best_u = math.sqrt(distance_squared), samples[i + 1, 0]
             if _out_of_reach(previous_squared, distance_squared, samples[i + 1, 1] - samples[i, 1], best):
@@ -271,16 +300,19 @@ def _nearest_on_piece(piece: Array, x: float, y: float) -> tuple[float, float]:
     """Nearest point of one LINE, ARC or UNBOUNDED piece in closed form: (u, distance)."""
     if piece[0] == ARC:
         angle = math.atan2(y - piece[B], x - piece[A])
+        # how far round from the start, in the arc's own sense, the point lies
         swept = (piece[E] * (angle - piece[D])) % (2.0 * math.pi)
         u = piece[U0] + swept * piece[C]
         if u <= piece[U1]:
             return u, abs(math.hypot(x - piece[A], y - piece[B]) - piece[C])
         ax, ay, _, _, _, _ = evaluate(piece, piece[U0])
         bx, by, _, _, _, _ = evaluate(piece, piece[U1])
+        # beside the arc: the nearer of its ends
         start, end = math.hypot(ax - x, ay - y), math.hypot(bx - x, by - y)
         if start <= end:
             return piece[U0], start
         return piece[U1], end
+    # a line: the foot, or the end that it lies beyond
     along = (x - piece[A]) * piece[C] + (y - piece[B]) * piece[D]
     if piece[0] == UNBOUNDED:
         return along, abs((y - piece[B]) * piece[C] - (x - piece[A]) * piece[D])
@@ -294,16 +326,24 @@ def _nearest_on_piece(piece: Array, x: float, y: float) -> tuple[float, float]:
 
 @compiled
 def joint_turn(pieces: Array, k: int) -> float:
-    """The turn (rad) where piece k starts, from the end of the piece before it: positive is convex."""
+    """Return the turn (rad) where piece k of `pieces` (n, 9), m, starts, from the end of the piece before.
+
+    A positive one is convex.
+    """
+    # the first piece follows the last
     before = pieces[k - 1] if k > 0 else pieces[pieces.shape[0] - 1]
     _, _, ax, ay, _, _ = evaluate(before, before[U1])
     _, _, bx, by, _, _ = evaluate(pieces[k], pieces[k, U0])
+    # the angle between both tangents, which need not be of unit length
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
 
 
 @compiled
 def joints(pieces: Array) -> Array:
-    """Return where each piece starts: position, tangents (not of unit length) before and after, turn; rows (n, 7)."""
+    """Return where each of `pieces` (n, 9) starts, as rows (n, 7).
+
+    A row is the position (m), the tangents (not of unit length) before and after, and the turn (rad).
+    """
     count = pieces.shape[0]
     out = np.empty((count, 7))
     for k in range(count):
@@ -318,12 +358,14 @@ def joints(pieces: Array) -> Array:
 def nearest_with_values(
     pieces: Array, samples: Array, x: float, y: float
 ) -> tuple[int, float, float, float, tuple[float, float, float, float, float, float]]:
-    """The nearest point of a curve: (piece, u, distance, side, what `evaluate` gives there).
+    """Return the nearest point of a curve to (x, y), m: (piece, u, distance (m), side, what `evaluate` gives there).
 
-    The side is -1.0 inside, 1.0 outside or on the curve. Where the nearest point is a corner, the corner alone
-    decides: only points outside are nearest to a convex one, only points inside to a concave one.
+    `pieces` (n, 9) and `samples` (m, 8), see the module. The side is -1.0 inside, 1.0 outside or on the curve. Where
+    the nearest point is a corner, the corner alone decides: only points outside are nearest to a convex one, only
+    points inside to a concave one.
     """
     count = pieces.shape[0]
+    # one smooth piece: left of its tangent is inside
     if samples.shape[0] > 0:
         u = nearest_on_smooth(pieces[0], samples, x, y)
         values = evaluate(pieces[0], u)
@@ -336,10 +378,12 @@ def nearest_with_values(
         within, size = pieces[i, U0] < at < pieces[i, U1], abs(x) + abs(y) + piece_distance
         if pieces[i, 0] == ARC:
             size += abs(pieces[i, A]) + abs(pieces[i, B]) + pieces[i, C]
+        # a foot within its piece wins a tie against one at a joint
         tie = TIE_ROUNDING * size
         if piece_distance < distance + (tie if within and not inner else -tie if inner and not within else 0.0):
             u, distance, k, inner = at, piece_distance, i, within
     turn = 0.0
+    # a foot on a joint belongs to the later piece
     if pieces[0, 0] != UNBOUNDED and (u == pieces[k, U0] or u == pieces[k, U1]):
         if u == pieces[k, U1]:
             k = (k + 1) % count
@@ -354,7 +398,10 @@ def nearest_with_values(
 
 @compiled
 def project(pieces: Array, samples: Array, x: float, y: float) -> tuple[float, float, float]:
-    """The nearest point of a curve: (u, distance, side), as `nearest_with_values` gives them."""
+    """Return the nearest point of a curve to (x, y), m, as (u, distance (m), side): see `nearest_with_values`.
+
+    `pieces` (n, 9) and `samples` (m, 8).
+    """
     _, u, distance, side, _ = nearest_with_values(pieces, samples, x, y)
     return u, distance, side
 
@@ -363,18 +410,25 @@ def project(pieces: Array, samples: Array, x: float, y: float) -> tuple[float, f
 def locate_point(
     pieces: Array, samples: Array, vertices: Array, tree: Array, x: float, y: float
 ) -> tuple[float, float, float]:
-    """(u, distance, side) of one point, by the tree of the edges of a curve of straight pieces, else by `project`."""
+    """Return (u, distance (m), side) of one point (x, y), m: by the tree of straight pieces, else by `project`.
+
+    `pieces` (n, 9), `samples` (m, 8), `vertices` (v, 2), m, and `tree` (k, 6): tables that do not apply are empty.
+    """
     if tree.shape[0] == 0:
         return project(pieces, samples, x, y)
     edge, along, distance_squared = nearest_kernel(vertices, tree, x, y)
     distance = math.sqrt(distance_squared)
     side = -1.0 if distance > 0.0 and side_kernel(vertices, edge, along, x, y) < 0.0 else 1.0
+    # `along` is a share of the edge, u its arc length
     return pieces[edge, U0] + along * (pieces[edge, U1] - pieces[edge, U0]), distance, side
 
 
 @compiled
 def locate_points(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> Array:
-    """`locate_point` for each row of points (n, 2): rows (u, distance, side). Raises as `check_finite` does."""
+    """Return `locate_point` for each row of points (n, 2), m: rows (n, 3) of u, distance (m) and side.
+
+    Raises as `check_finite` does.
+    """
     check_finite(points)
     out = np.empty((points.shape[0], 3))
     for i in range(points.shape[0]):
@@ -384,7 +438,7 @@ def locate_points(pieces: Array, samples: Array, vertices: Array, tree: Array, p
 
 @compiled
 def signed_distances(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> Array:
-    """Signed distances (n,), m, of points (n, 2). Raises as `check_finite` does."""
+    """Return the signed distances (n,), m, of points (n, 2), m. Raises as `check_finite` does."""
     check_finite(points)
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
@@ -395,19 +449,24 @@ def signed_distances(pieces: Array, samples: Array, vertices: Array, tree: Array
 
 @compiled
 def closest_points_at(pieces: Array, us: Array, distances: Array) -> ClosestPoint:
-    """The `ClosestPoint` of n points with their feet at the parameters `us` (n,), m."""
+    """Return the `ClosestPoint` of n points with their feet at the parameters `us` (n,), and signed distances (n,), m.
+
+    `pieces` (k, 9) are the curve's.
+    """
     n = us.shape[0]
     feet, normals, shapes = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2, 2))
     closed = pieces[0, 0] != UNBOUNDED
     start, end = pieces[0, U0], pieces[pieces.shape[0] - 1, U1]
     for i in range(n):
         u = us[i]
+        # u wraps on a closed curve, and rounding may wrap it onto the end
         if closed and not start <= u < end:
             u = start + (u - start) % (end - start)
             u = u if u < end else start
         x, y, dx, dy, ddx, ddy = evaluate(pieces[piece_index(pieces, u)], u)
         speed = math.hypot(dx, dy)
         tx, ty = dx / speed, dy / speed
+        # κ = (x' y'' - y' x'') / |c'|^3, and W = κ t t^T
         curvature = (dx * ddy - dy * ddx) / math.pow(speed, 3.0)
         feet[i, 0], feet[i, 1], normals[i, 0], normals[i, 1] = x, y, ty, -tx
         shapes[i, 0, 0], shapes[i, 0, 1] = curvature * tx * tx, curvature * tx * ty
@@ -417,7 +476,7 @@ def closest_points_at(pieces: Array, us: Array, distances: Array) -> ClosestPoin
 
 @compiled
 def closest_points(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> ClosestPoint:
-    """The `ClosestPoint` of points (n, 2). Raises as `check_finite` does."""
+    """Return the `ClosestPoint` of points (n, 2), m; the tables as in `locate_point`. Raises as `check_finite` does."""
     check_finite(points)
     us, signed = np.empty(points.shape[0]), np.empty(points.shape[0])
     for i in range(points.shape[0]):
@@ -428,7 +487,10 @@ def closest_points(pieces: Array, samples: Array, vertices: Array, tree: Array, 
 
 @compiled
 def sample_table(piece: Array, panels: Array, cuts: int) -> Array:
-    """The table that `project` needs of a smooth piece: each panel cut into `cuts` equal steps of u."""
+    """Return the table (m, 8) that `project` needs of a smooth piece (9,): each panel in `cuts` equal steps of u.
+
+    `panels` (k, 2) are those of `arc_panels`; a row is u, s (m), position (m) and two derivatives by u.
+    """
     count = (panels.shape[0] - 1) * cuts
     out = np.empty((count + 1, 8))
     for i in range(count + 1):

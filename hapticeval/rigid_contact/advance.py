@@ -7,7 +7,7 @@ and of which each sets the speed of the next. Impacts, corners and coming to res
 change of velocity adds its impulse to `sums`.
 
 Sequences of ever smaller hops (bounces with 0 < c_r < 1, slides up and down the faces of a notch) never end in
-number but do in time. A hop that stays within CLOSE of where it began is taken as contact: the tool slides or rests.
+number but do in time. A hop that stays within CONTACT_HOP of where it began is taken as contact: the tool slides or rests.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ EVENT_KINDS = ("impact", "leave", "corner", "rest")
 
 CONTACT_HOP = 1e-12
 """Longest hop (m) that is taken as contact: well above the rounding of positions, and the impulse that it leaves
-out, below m sqrt(8 a CLOSE), is 1e-6 of that of a metre's fall."""
+out, below m sqrt(8 a CONTACT_HOP), is 1e-6 of that of a metre's fall."""
 
 ALIGNED_SHARE = 1e-12
 """Share of the speed below which a velocity across a face is rounding."""

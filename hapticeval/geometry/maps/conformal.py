@@ -22,10 +22,10 @@ break, as there is between the two lobes of a dumbbell for the pole of inaccessi
 So the centre moves with the shape under turns, mirror images, shifts and changes of size.
 
 The integral is sampled at equal steps of a smooth curve. At a corner the map behaves like a broken power of the
-distance, which no rule of equal steps resolves: on a curve of pieces each one is run through by Kress's substitution
-of order GRADING (SIAM J. Numer. Anal. 27, 1990), whose first derivatives vanish at both ends. In the new parameter the
-periodic trapezoidal rule converges fast. Nodes crowd so close to a corner that their coordinates agree in most digits,
-and are kept as offsets from it.
+distance, which no rule of equal steps resolves: on a curve of pieces each one is run through by Kress's substitution of
+order GRADING_ORDER (SIAM J. Numer. Anal. 27, 1990), whose first derivatives vanish at both ends. In the new parameter
+the periodic trapezoidal rule converges fast. Nodes crowd so close to a corner that their coordinates agree in most
+digits, and are kept as offsets from it.
 """
 
 from __future__ import annotations
@@ -129,11 +129,11 @@ class ConformalMap:
         return kernels.map_to_disk(self._disk, checked_points(points))
 
     def to_angle(self, points: Array) -> Array:
-        """The arguments of f (n,), rad, of points (n, 2), m, inside the curve."""
+        """Return the arguments of f (n,), rad, of points (n, 2), m, inside the curve."""
         return kernels.map_to_angles(self._disk, for_kernels(points))
 
     def surface(self, angles: Array) -> Array:
-        """The curve's parameters u (n,) at boundary angles (n,), rad: the boundary correspondence, inverted."""
+        """Return the curve's parameters u (n,) at boundary angles (n,), rad: the boundary correspondence, inverted."""
         return kernels.boundary_parameters(self._disk, angles)
 
     def parameter(self, x: float, y: float) -> float:
@@ -155,16 +155,19 @@ def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
         raise RefusalError(f"curve '{curve.name}' is unbounded", why="its inside is a half-plane and not a disk")
     counts = _node_counts(curve, nodes)
     start = _search_start(curve)
+    # each number of nodes is judged against half as many
     coarse = factored_system(curve, counts[0] // 2)
     for n in counts:
         fine = factored_system(curve, n)
         fine_map = balance_centre(fine, start)
+        # both maps about the same centre, or they would differ by more than their errors
         best = _map_with_measures(curve, solve_correspondence(coarse, fine_map.centre), fine_map)
         if best.error <= TOLERANCE:
             break
         coarse = fine
     resolved = best.error <= TOLERANCE
     xmin, ymin, xmax, ymax = curve.bounds
+    # crowding is told only of a map that is resolved, or that nobody asked for by number
     if best.blur > BLUR_SHARE * max(xmax - xmin, ymax - ymin) and (resolved or nodes is None):
         raise CrowdingError(curve.name, best.crowding, best.blur, best.blurred_at)
     if not resolved and nodes is None:
@@ -179,6 +182,7 @@ def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
 def _map_with_measures(curve: Curve, coarse: Correspondence, fine: Correspondence) -> ConformalMap:
     """The map, with what there is to say of it; `coarse` is on half as many nodes."""
     angles, lengths = fine.angles, fine.lengths
+    # in units of the largest radius no square overflows
     scale = float(np.max(np.abs(fine.z)))
     parts = (fine.z / scale, fine.nodes.steps / scale, np.exp(1j * angles[:-1:TABLE_STEPS]))
     disk = kernels.DiskTables(
@@ -192,10 +196,13 @@ def _map_with_measures(curve: Curve, coarse: Correspondence, fine: Correspondenc
         float(fine.centre[1]),
         scale,
     )
+    # three turns in a row: an arc or an interval may lie across the start
     turns = np.concatenate([angles[:-1] - 2.0 * np.pi, angles, angles[1:] + 2.0 * np.pi])
     along = np.concatenate([lengths[:-1] - curve.length, lengths, lengths[1:] + curve.length])
     cuts = curve.length * np.arange(EQUAL_ARCS + 1) / EQUAL_ARCS
+    # each arc's harmonic measure (rad): its share of the circle
     masses = np.diff(np.interp(cuts, along, turns))
+    # the boundary that angles of +- ROUNDING about each entry cover
     blurs = np.interp(angles + ANGLE_ROUNDING, turns, along) - np.interp(angles - ANGLE_ROUNDING, turns, along)
     widest = int(np.argmax(blurs))
     return ConformalMap(
@@ -219,6 +226,7 @@ def _search_start(curve: Curve) -> Array:
     outline = curve.outline(OUTLINE_POINTS)
     polygon = Polygon(outline - outline[0])
     xmin, ymin, xmax, ymax = curve.bounds
+    # pole of inaccessibility, to 5 % of the smaller extent
     deepest = polylabel(polygon, 0.05 * min(xmax - xmin, ymax - ymin))
     candidates = outline[0] + np.array([[point.x, point.y] for point in (polygon.exterior.centroid, deepest)])
     depths = -curve.signed_distance(candidates)
@@ -237,6 +245,7 @@ def _node_counts(curve: Curve, nodes: int | None) -> list[int]:
         (1, NODES_IF_SMOOTH) if is_smooth(curve) else (curve.pieces.shape[0], NODES_PER_PIECE * curve.pieces.shape[0])
     )
     if nodes is not None:
+        # a multiple of four on each piece: half as many are even too
         count = int(nodes) // (4 * pieces) * (4 * pieces)
         if not 8 * pieces <= count <= 2 * MOST_NODES:
             raise InputError(
@@ -276,14 +285,17 @@ def is_smooth(curve: Curve) -> bool:
 def boundary_nodes(curve: Curve, n: int) -> Nodes:
     """`n` nodes on a closed curve; on one of pieces n is a multiple of their number."""
     pieces = for_kernels(curve.pieces)
+    # equal steps of the parameter, derivatives by step
     if is_smooth(curve):
         start, end = curve.u_range
         rows = evaluate_many(pieces, start + (end - start) * np.arange(n) / n)
         positions, derivatives = rows[:, 0] + 1j * rows[:, 1], rows[:, 2] + 1j * rows[:, 3]
         slopes: Complex = np.asarray(derivatives * ((end - start) / n), dtype=complex)
         return Nodes(np.zeros(n, dtype=complex), positions, slopes, 0)
+    # nodes of one piece; the first and the last lie half a step from its ends
     per = n // pieces.shape[0]
     after, before, slope = np.array([kernels.grading_substitution((i + 0.5) / per) for i in range(per)]).T
+    # the first half of a piece's nodes are kept as offsets from its start, the rest from its end
     early = np.arange(per) < per // 2
     starts = evaluate_many(pieces, for_kernels(pieces[:, U0]))
     joints = starts[:, 0] + 1j * starts[:, 1]
@@ -293,8 +305,10 @@ def boundary_nodes(curve: Curve, n: int) -> Nodes:
         signed = np.where(early, after, -before) * length
         if row[KIND] == ARC:
             radius, turn = row[C], row[E]
+            # the angle on the arc of the joint that the node is kept from
             ends = row[D] + turn * np.where(early, 0.0, length / radius)
             swept = turn * signed / radius
+            # r e^(ia) (e^(ib) - 1), with cos b - 1 = -2 sin^2(b / 2): exact for short offsets
             offset = radius * np.exp(1j * ends) * (1j * np.sin(swept) - 2.0 * np.sin(swept / 2.0) ** 2)
             tangent = 1j * turn * np.exp(1j * (ends + swept))
         else:
@@ -302,16 +316,17 @@ def boundary_nodes(curve: Curve, n: int) -> Nodes:
             offset = signed * tangent
         anchors.append(np.where(early, joints[k], joints[(k + 1) % joints.size]))
         offsets.append(offset)
+        # dz/dt by the chain rule: `slope` is the substitution's
         steps.append(tangent * (slope * length / per))
     return Nodes(np.concatenate(anchors), np.concatenate(offsets), np.concatenate(steps), per)
 
 
 class Correspondence(NamedTuple):
-    """Where the boundary goes: a table of FINE steps from each node to the next, and the first again after one turn.
+    """Where the boundary goes: a table of TABLE_STEPS steps from node to node, and the first again after one turn.
 
     `z` (n,) are the nodes, complex, m, relative to the `centre` (2,), m; `angles` (m + 1,), rad, never fall; `slopes`
-    (m + 1,) are their derivatives by table step, `density` (n,) those at the nodes by node, and `lengths`
-    (m + 1,), m, the arc lengths of the entries.
+    (m + 1,) are their derivatives by table step, `density` (n,) those at the nodes by node, and `lengths` (m + 1,), m,
+    the arc lengths of the entries.
     """
 
     nodes: Nodes
@@ -349,34 +364,43 @@ def factored_system(curve: Curve, n: int) -> FactoredSystem:
 
 
 def solve_correspondence(system: FactoredSystem, centre: Array) -> Correspondence:
-    """The integral equation solved for the centre (2,), m."""
+    """Return the integral equation solved for the centre (2,), m: the boundary's angles (rad) about it."""
     nodes = system.nodes
     z = nodes.anchors - complex(*centre) + nodes.offsets
+    # the right-hand side of the equation: Im(z' / (z - c)), z relative to c
     density = lu_solve(system.factors, (nodes.steps / z).imag)
     return Correspondence(nodes, centre, z, *_integrate_density(density, z), density, system.lengths)
 
 
 def balance_centre(system: FactoredSystem, start: Array) -> Correspondence:
-    """The integral equation solved for the conformal barycentre of the arc length, looked for from `start` (2,), m.
+    """Return the integral equation solved for the conformal barycentre of the arc length.
 
-    Newton's method on the disk, shortened until the relative entropy falls and the centre is inside. It ends where
-    steps are rounding; or where they no longer shrink, on shapes that crowd so much that no map will come of it.
+    It is looked for from `start` (2,), m, by Newton's method on the disk, shortened until the relative entropy falls
+    and the centre is inside. It ends where steps are rounding; or where they no longer shrink, on shapes that crowd so
+    much that no map will come of it.
     """
+    # each node's share of the arc length
     weights = np.abs(system.nodes.steps) / np.sum(np.abs(system.nodes.steps))
     tiny = MOVE_ROUNDING * system.curve.length
     current, last = solve_correspondence(system, start), np.inf
     for _ in range(MOST_NEWTON_STEPS):
         circle = np.exp(1j * current.angles[:-1:TABLE_STEPS])
+        # first and second moment of the boundary's images: the first is zero at the barycentre
         first, second = np.sum(weights * circle), np.sum(weights * circle**2)
+        # Newton for the Moebius map (z - w) / (1 - conj(w) z) that makes the first moment zero
         w = (first + np.conj(first) * second) / (1.0 - abs(second) ** 2)
         w *= min(1.0, LONGEST_NEWTON_STEP / max(abs(w), LONGEST_NEWTON_STEP))
+        # the relative entropy must fall, or the step is too long
         while abs(w) > STEP_ROUNDING and np.sum(weights * np.log(np.abs(circle - w) ** 2 / (1.0 - abs(w) ** 2))) > 0.0:
             w *= 0.5
+        # small steps that do not halve: rounding
         if abs(w) < STEP_ROUNDING and abs(w) >= 0.5 * last:
             break
         harmonic = np.maximum(current.density, 0.0)
         weighted = harmonic * circle / (circle - w)
+        # where the map's inverse takes w, by Cauchy's formula over the nodes
         move = np.sum(weighted * current.z) / np.sum(weighted) - np.sum(harmonic * current.z) / np.sum(harmonic)
+        # a centre outside would have no map
         while abs(move) > tiny and not system.curve.contains([_shifted(current.centre, move)])[0]:
             move *= 0.5
         if abs(move) <= tiny:
@@ -399,17 +423,24 @@ def _integrate_density(density: Array, z: Complex) -> tuple[Array, Array]:
     """
     n = density.size
     modes = np.fft.rfft(density)
+    # the highest wave of an even number of nodes counts half
     modes[-1] *= 0.5
+    # integrated: each wave over i times its wave number; the mean is added as a straight rise
     waves = modes * n / (2j * np.pi * np.maximum(np.arange(modes.size), 1))
     waves[0] = waves[-1] = 0.0
     periodic = np.fft.irfft(waves, TABLE_STEPS * n) * TABLE_STEPS
+    # by how much the angle grows from entry to entry of the table
     rises = (np.roll(periodic, -1) - periodic + modes[0].real / n / TABLE_STEPS).reshape(n, TABLE_STEPS)
+    # the densities at both ends of each step from node to node
     ends = np.maximum(np.stack([density, np.roll(density, -1)]), 0.0)
+    # the rise between two nodes, within its bounds
     bounded = np.clip(rises.sum(axis=1), 0.5 * ends.min(axis=0), 2.0 * ends.max(axis=0))
     mended = (bounded != rises.sum(axis=1)) | (rises.min(axis=1) < 0.0)
     rises[mended] = bounded[mended, np.newaxis] / TABLE_STEPS
     angles = np.concatenate([[0.0], np.cumsum(rises)])
+    # one turn in all
     angles *= 2.0 * np.pi / angles[-1]
+    # the free constant: the mean of arg z - angle by harmonic measure is zero
     angles += np.average(np.unwrap(np.angle(z)) - angles[:-1:TABLE_STEPS], weights=ends[0])
     rises = np.diff(angles)
     steepest = 3.0 * np.minimum(np.append(rises, rises[0]), np.insert(rises, 0, rises[-1]))
@@ -424,7 +455,9 @@ def density_change(coarse: Correspondence, fine: Correspondence) -> float:
     `fine` has twice the nodes of `coarse`. Arcs that rounding alone may change so are left out.
     """
     first, length = coarse.lengths[0], coarse.lengths[-1] - coarse.lengths[0]
+    # entries of the coarse table that bound arcs of equal length
     cuts = np.unique(np.searchsorted(coarse.lengths, first + length * np.arange(1, EQUAL_ARCS) / EQUAL_ARCS))
+    # on a graded curve the first of twice as many nodes lies a quarter of a coarse step earlier
     shift = TABLE_STEPS // 2 if coarse.nodes.per_piece else 0
     before, after = np.diff(coarse.angles[cuts]), np.diff(fine.angles[2 * cuts + shift])
     changes = np.abs(after - before)

@@ -47,34 +47,42 @@ class DiskTables(NamedTuple):
 def grading_substitution(s: float) -> tuple[float, float, float]:
     """Kress's substitution w of [0, 1] onto itself: w, 1 - w without cancellation, and w'."""
     r, q = 1.0 - s, 0.5 - 1.0 / GRADING_ORDER
+    # w = a^p / (a^p + b^p): a and b are cubics that vanish at the one end and the other
     first = s * (2.0 / GRADING_ORDER + q * (6.0 - 12.0 * s + 8.0 * s * s))
     last = r * (2.0 / GRADING_ORDER + q * (6.0 - 12.0 * r + 8.0 * r * r))
     rise = 2.0 / GRADING_ORDER + 6.0 * q * (1.0 - 2.0 * s) ** 2
     total = first**GRADING_ORDER + last**GRADING_ORDER
+    # the derivative vanishes at both ends as the power p - 1
     slope = GRADING_ORDER * rise * (first * last) ** (GRADING_ORDER - 1) / (total * total)
     return first**GRADING_ORDER / total, last**GRADING_ORDER / total, slope
 
 
 @compiled
 def parameter_at(pieces: Array, n: int, per_piece: int, t: float) -> float:
-    """The curve's u at the parameter t of its nodes, inside the curve's range."""
+    """Return the curve's u at the parameter t of its nodes, inside the curve's range.
+
+    `pieces` (k, 9); u is in m of arc length on a curve of lines and arcs.
+    """
     start, end = pieces[0, U0], pieces[pieces.shape[0] - 1, U1]
+    # a smooth curve: equal steps of u
     if per_piece == 0:
         share = t / n
         u = start + (end - start) * (share - np.floor(share))
         return float(u if u < end else start)
+    # the first node of a piece lies half a step after its start
     place = (t + 0.5) / per_piece
     place -= pieces.shape[0] * np.floor(place / pieces.shape[0])
     k = min(int(place), pieces.shape[0] - 1)
     after, before, _ = grading_substitution(place - k)
     low, high = pieces[k, U0], pieces[k, U1]
+    # from the nearer end, so that no digits are lost
     u = low + (high - low) * after if after < 0.5 else high - (high - low) * before
     return float(u if u < end else start)
 
 
 @compiled
 def parameters_at(pieces: Array, n: int, per_piece: int, places: Array) -> Array:
-    """`parameter_at` for each of the places (m,)."""
+    """Return `parameter_at` (m,) for each of the places (m,), in m of arc length on lines and arcs."""
     out = np.empty(places.shape[0])
     for i in range(out.shape[0]):
         out[i] = parameter_at(pieces, n, per_piece, places[i])
@@ -83,11 +91,12 @@ def parameters_at(pieces: Array, n: int, per_piece: int, places: Array) -> Array
 
 @compiled
 def double_layer_matrix(anchors: Complex, offsets: Complex, steps: Complex) -> Array:
-    """The adjoint double layer on the nodes: (n, n), each column of which sums to one.
+    """Return the adjoint double layer on the nodes: (n, n), each column of which sums to one.
 
-    Row i, column j holds the turn at node i, in shares of a full one, of the direction from node j. Seen from a
-    boundary point the whole boundary turns by a half; adding the half that the jump of the layer gives, the diagonal
-    follows from the others, which makes the rule exact at corners too.
+    `anchors`, `offsets` and `steps` (n,), complex, m, are those of `Nodes`. Row i, column j holds the turn at node i,
+    in shares of a full one, of the direction from node j. Seen from a boundary point the whole boundary turns by a
+    half; adding the half that the jump of the layer gives, the diagonal follows from the others, which makes the rule
+    exact at corners too.
     """
     n = anchors.shape[0]
     out = np.empty((n, n))
@@ -98,8 +107,10 @@ def double_layer_matrix(anchors: Complex, offsets: Complex, steps: Complex) -> A
         for j in range(n):
             if i == j:
                 continue
+            # anchors and offsets apart: close to a corner the anchors cancel exactly
             dx = (anchors[i].real - anchors[j].real) + (offsets[i].real - offsets[j].real)
             dy = (anchors[i].imag - anchors[j].imag) + (offsets[i].imag - offsets[j].imag)
+            # Im(z_i' / (z_i - z_j)) / 2π
             turn = (dx * ty - dy * tx) / (dx * dx + dy * dy)
             out[i, j] = turn
             out[j, j] -= turn
@@ -108,7 +119,7 @@ def double_layer_matrix(anchors: Complex, offsets: Complex, steps: Complex) -> A
 
 @compiled
 def map_to_disk(disk: DiskTables, points: Array) -> Array:
-    """The images (n, 2) in the unit disk of points (n, 2), m, inside the curve: barycentric Cauchy's formula.
+    """Return the images (n, 2) in the unit disk of points (n, 2), m, inside the curve: barycentric Cauchy's formula.
 
     The quotient of two integrals by one rule is exact for a constant, and interpolates at the nodes: it holds its
     accuracy up to the boundary, where each integral alone loses all of it. Every lane adds in the order of nodes, so
@@ -130,6 +141,7 @@ def map_to_disk(disk: DiskTables, points: Array) -> Array:
             x, y, tx, ty, fx, fy = nodes[j, 0], nodes[j, 1], nodes[j, 2], nodes[j, 3], nodes[j, 4], nodes[j, 5]
             for lane in range(lanes):
                 dx, dy = x - xs[lane] + NODE_OFFSET, y - ys[lane]
+                # weight z_j' / (z_j - z): numerator sums it times f_j, denominator alone
                 near = 1.0 / (dx * dx + dy * dy)
                 wx, wy = (tx * dx + ty * dy) * near, (ty * dx - tx * dy) * near
                 ax[lane] += wx * fx - wy * fy
@@ -138,6 +150,7 @@ def map_to_disk(disk: DiskTables, points: Array) -> Array:
                 by[lane] += wy
         for i in range(first, last):
             k = i - first
+            # complex quotient a / b
             size = bx[k] * bx[k] + by[k] * by[k]
             out[i, 0] = (ax[k] * bx[k] + ay[k] * by[k]) / size
             out[i, 1] = (ay[k] * bx[k] - ax[k] * by[k]) / size
@@ -146,7 +159,7 @@ def map_to_disk(disk: DiskTables, points: Array) -> Array:
 
 @compiled
 def map_to_angles(disk: DiskTables, points: Array) -> Array:
-    """The arguments (n,), rad, of `map_to_disk`."""
+    """Return the arguments (n,), rad, of the images of points (n, 2), m: see `map_to_disk`."""
     images = map_to_disk(disk, points)
     out = np.empty(points.shape[0])
     for i in range(out.shape[0]):
@@ -178,6 +191,7 @@ def boundary_parameter(disk: DiskTables, angle: float) -> float:
     """The curve's u at a boundary angle: the monotone cubic of the table, solved by safeguarded Newton."""
     angles, slopes = disk.angles, disk.slopes
     last = angles.shape[0] - 1
+    # the angle is brought into the one turn of the table
     turns = math.floor((angle - angles[0]) / (2.0 * math.pi))
     angle = min(max(angle - turns * 2.0 * math.pi, angles[0]), angles[last])
     k = min(np.searchsorted(angles, angle, "right") - 1, last - 1)
@@ -186,9 +200,11 @@ def boundary_parameter(disk: DiskTables, angle: float) -> float:
     if rise > 0.0:
         share = goal / rise
         start, end = slopes[k], slopes[k + 1]
+        # Hermite's cubic from the rise and both slopes
         c, d = 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
         low, high = 0.0, 1.0
         for _ in range(60):
+            # Newton, halved where it leaves the bracket
             excess = share * (start + share * (c + share * d)) - goal
             if excess > 0.0:
                 high = share
@@ -207,7 +223,7 @@ def boundary_parameter(disk: DiskTables, angle: float) -> float:
 
 @compiled
 def boundary_parameters(disk: DiskTables, angles: Array) -> Array:
-    """`boundary_parameter` for each of the angles (n,)."""
+    """Return `boundary_parameter` (n,) for each of the angles (n,), rad."""
     out = np.empty(angles.shape[0])
     for i in range(out.shape[0]):
         out[i] = boundary_parameter(disk, angles[i])

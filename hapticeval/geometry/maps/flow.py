@@ -166,6 +166,7 @@ class Front:
         x, y = self.x0 + h * np.arange(nx), self.y0 + h * np.arange(ny)
         nodes = np.column_stack([array.ravel() for array in np.meshgrid(x, y)])
         distance = model.curve.signed_distance(nodes).reshape(ny, nx)
+        # concave corners: see NOTCH_LEAD
         hollow = any(not corner.convex for corner in model.curve.corners)
         self.values = np.ascontiguousarray(distance) + (NOTCH_LEAD * h if hollow else 0.0)
         self._spare = self.values.copy()
@@ -175,6 +176,7 @@ class Front:
         self.points = model.curve.position(self.u)
         self.time = 0.0
         self._cap = 2.0 * math.pi / model.curve.length
+        # a first guess of the largest speed: curvature is at most 1 / h
         self._speed = 1.0 / h if self.kind in (kernels.CURVATURE, kernels.CAP) else 1.0
         self._measure()
 
@@ -187,7 +189,9 @@ class Front:
         """Some steps of the level set, while the front moves a tenth of a cell, and the points with it."""
         scale = self.scale
         dt = SHARE_OF_BOUND * kernels.largest_step(self.kind, scale, self.h)
+        # an even number, as `advance_steps` asks, that takes the front about CELLS_PER_UPDATE
         steps = 2 * max(1, round(0.5 * CELLS_PER_UPDATE * self.h / (self._speed * dt)))
+        # speed 1: the way is the time
         if self.kind == kernels.UNIT:
             dt, steps = 0.5 * CELLS_PER_UPDATE * self.h, 2
         self._speed = max(
@@ -212,6 +216,7 @@ class Front:
     def aspect(self) -> float:
         """The ratio of the extents of the points along their principal axes."""
         centred = self.points - self.points.mean(axis=0)
+        # principal axes by the singular vectors of the centred points
         long, short = np.ptp(centred @ np.linalg.svd(centred, full_matrices=False)[2].T, axis=0)
         return float(max(long, short) / max(min(long, short), 1e-300))
 
@@ -220,6 +225,7 @@ class Front:
         from scipy.ndimage import label
         from scipy.spatial import cKDTree
 
+        # eight neighbours: parts that touch at a corner are one
         labels, count = label(self.values < 0.0, np.ones((3, 3)))
         if count < 2:
             return count, (math.nan, math.nan)
@@ -234,6 +240,7 @@ class Front:
 def line_starts(model: Model, lines: int) -> Array:
     """Where lines start: parameters at every corner, and at equal arc lengths between."""
     curve = model.curve
+    # a smooth model is cut at its start
     cuts = [corner.s for corner in curve.corners] or [0.0]
     return np.unique(curve.parameter(equal_steps_between(cuts, curve.length, lines)))
 
@@ -245,8 +252,10 @@ def _recorded_levels(front: Front, settings: FlowSettings) -> Iterator[tuple[flo
     roundest, level = front.roundness, 1
     while front.length >= 2.0 * math.pi * LAST_RADIUS_CELLS * front.h:
         front.update()
+        # the best so far: what a front on its way to a segment falls short of
         roundest = max(roundest, front.roundness)
         elongated = front.roundness < ROUNDNESS_LOST * roundest
+        # equal steps in the root of the area
         level_reached = 1.0 - math.sqrt(max(front.area, 0.0) / area_at_start) >= level / settings.level_count
         if level_reached or elongated:
             _check_in_one_part(front)

@@ -31,8 +31,10 @@ def velocity(kind: int, scale: float, kappa: float) -> float:
         return kappa
     if kind == UNIT:
         return 1.0
+    # (5.13)
     if kind == CAP:
         return max(kappa, scale)
+    # (5.14)
     return math.atan(kappa / scale - 1.0) / math.pi + 0.5
 
 
@@ -40,37 +42,50 @@ def velocity(kind: int, scale: float, kappa: float) -> float:
 def largest_step(kind: int, scale: float, h: float) -> float:
     """The bound on the time step, (5.12) corrected: diffusive h^2 / (4 max dv/dkappa), hyperbolic h / (2 max v)."""
     if kind == UNIT:
+        # a front at speed 1: h / (2 v) on a square grid
         return 0.5 * h
     if kind == CURVATURE:
         return 0.25 * h * h
     if kind == CAP:
         return min(0.25 * h * h, 0.5 * h / scale)
+    # d v / d kappa of (5.14) is 1 / (pi kappa_avg) at the most, and v is below 1
     return min(0.25 * h * h * math.pi * scale, 0.5 * h)
 
 
 @compiled
 def derivatives(values: Array, h: float, j: int, i: int) -> tuple[float, float, float]:
-    """Central differences at a node: gradient (gx, gy), and curvature (5.8) in 1/m, at most 1/h in size."""
+    """Return central differences of `values` (ny, nx), m, at node (j, i): gradient (gx, gy), and curvature (5.8), 1/m.
+
+    The curvature is held to 1/h in size.
+    """
     west, east = values[j, i - 1], values[j, i + 1]
     south, north = values[j - 1, i], values[j + 1, i]
     centre = values[j, i]
+    # (5.9)
     gx, gy = (east - west) / (2.0 * h), (north - south) / (2.0 * h)
     gradient_squared = gx * gx + gy * gy
+    # the top of a ridge: no direction, and no curvature
     if gradient_squared < 1e-16:
         return gx, gy, 0.0
+    # (5.10), and the mixed derivative that (5.8) needs beside
     gxx = (east - 2.0 * centre + west) / (h * h)
     gyy = (north - 2.0 * centre + south) / (h * h)
     gxy = (values[j + 1, i + 1] - values[j + 1, i - 1] - values[j - 1, i + 1] + values[j - 1, i - 1]) / (4.0 * h * h)
     kappa = (gx * gx * gyy - 2.0 * gx * gy * gxy + gy * gy * gxx) / (gradient_squared * math.sqrt(gradient_squared))
+    # a grid of steps h knows no radius below h
     return gx, gy, min(max(kappa, -1.0 / h), 1.0 / h)
 
 
 @compiled
 def upwind_slope(values: Array, h: float, j: int, i: int) -> float:
-    """Godunov's size of the gradient for a front that moves towards smaller values: right at kinks."""
+    """Return Godunov's size of the gradient of `values` (ny, nx), m, at node (j, i), spaced h (m).
+
+    It is right at kinks for a front that moves towards smaller values.
+    """
     centre = values[j, i]
     total = 0.0
     for before, after in ((values[j, i - 1], values[j, i + 1]), (values[j - 1, i], values[j + 1, i])):
+        # only neighbours with larger values count: that is where the front comes from
         back, ahead = min(centre - before, 0.0), max(after - centre, 0.0)
         total += back * back + ahead * ahead
     return math.sqrt(total) / h
@@ -78,9 +93,13 @@ def upwind_slope(values: Array, h: float, j: int, i: int) -> float:
 
 @compiled
 def active_columns(values: Array, h: float) -> IntArray:
-    """The columns from first to behind the last, of each row, that a step has to look at: (ny, 2), without the edge."""
+    """Return the columns from first to behind the last, of each row, that a step has to look at: (ny, 2).
+
+    `values` (ny, nx), m, on cells of side h (m); the edge of the grid is left out.
+    """
     ny, nx = values.shape
     out = np.zeros((ny, 2), np.int64)
+    # two cells more than are moved, for the differences there
     near = (CELLS_BEHIND + 2.0) * h
     for j in range(1, ny - 1):
         low, high = 1, nx - 1
@@ -94,7 +113,7 @@ def active_columns(values: Array, h: float) -> IntArray:
 
 @compiled
 def advance_step(values: Array, out: Array, active: IntArray, h: float, kind: int, scale: float, dt: float) -> None:
-    """One explicit step of (5.4) from `values` into `out`, in the columns of each row that `active` (ny, 2) gives.
+    """Carry `values` (ny, nx), m, by one explicit step of (5.4) into `out`, in the columns that `active` (ny, 2) gives.
 
     The two agree elsewhere and stay so. The parts of constant speed (UNIT, and CAP where it is at K_cap) take Godunov's
     slope; what depends on the curvature takes central differences, but for nodes on a kink (the medial axis of the
@@ -114,9 +133,12 @@ def advance_step(values: Array, out: Array, active: IntArray, h: float, kind: in
             if gamma <= CELLS_BEHIND * h:
                 gx, gy, kappa = derivatives(values, h, j, i)
                 slope, steep = math.sqrt(gx * gx + gy * gy), upwind_slope(values, h, j, i)
+                # constant speed, or central differences that see less than the upwind slope: a kink
                 if kind == UNIT or (kind == CAP and kappa <= scale) or slope < KINK_RATIO * steep:
                     slope = steep
+                # (5.11): forward Euler
                 out[j, i] = gamma + dt * velocity(kind, scale, kappa) * slope
+    # the edge of the grid is extrapolated linearly, rows and then columns
     for i in range(nx):
         out[0, i] = 2.0 * out[1, i] - out[2, i]
         out[ny - 1, i] = 2.0 * out[ny - 2, i] - out[ny - 3, i]
@@ -138,10 +160,13 @@ def _arc_row(south: Array, middle: Array, north: Array, out: Array, h: float, sc
         gxx, gyy = (e - 2.0 * c + w) * inverse, (n - 2.0 * c + s) * inverse
         gxy = (north[i + 2] - north[i] - south[i + 2] + south[i]) * (0.25 * inverse)
         kappa = (gx * gx * gyy - 2.0 * gx * gy * gxy + gy * gy * gxx) / (gradient_squared * slope + 1e-300)
+        # as in `derivatives`
         kappa = 0.0 if gradient_squared < 1e-16 else min(max(kappa, -2.0 * half), 2.0 * half)
         backx, aheadx, backy, aheady = min(c - w, 0.0), max(e - c, 0.0), min(c - s, 0.0), max(n - c, 0.0)
+        # as in `upwind_slope`
         steep = math.sqrt((backx * backx + aheadx * aheadx + backy * backy + aheady * aheady) * inverse)
         slope = steep if slope < KINK_RATIO * steep else slope
+        # (5.14), its arctangent by a polynomial: atan x = pi / 2 - atan(1 / x) beyond 1
         x = kappa / scale - 1.0
         size = abs(x)
         t = 1.0 / size if size > 1.0 else size
@@ -153,12 +178,16 @@ def _arc_row(south: Array, middle: Array, north: Array, out: Array, h: float, sc
         turn = 0.5 * math.pi - turn if size > 1.0 else turn
         turn = -turn if x < 0.0 else turn
         moved = c + dt * (turn / math.pi + 0.5) * slope
+        # nodes far behind the front are left alone
         out[i] = c if c > behind else moved
 
 
 @compiled
 def advance_steps(values: Array, spare: Array, h: float, kind: int, scale: float, dt: float, steps: int) -> None:
-    """`advance_step` by an even number of `steps`, in place; `spare` is of the same shape and starts as a copy."""
+    """Carry `values` (ny, nx), m, by an even number of `steps` of dt each, in place: see `advance_step`.
+
+    `spare` is of the same shape and starts as a copy.
+    """
     active = active_columns(values, h)
     for _ in range(0, steps, 2):
         advance_step(values, spare, active, h, kind, scale, dt)
@@ -167,7 +196,10 @@ def advance_steps(values: Array, spare: Array, h: float, kind: int, scale: float
 
 @compiled
 def measure_front(values: Array, h: float) -> tuple[float, float]:
-    """Length (m) of the zero contour, and the area (m^2) where values < 0, cell by cell with straight segments."""
+    """Return the length (m) of the zero contour of `values` (ny, nx), m, and the area (m^2) where they are below 0.
+
+    Cell by cell of side h (m), with straight segments.
+    """
     ny, nx = values.shape
     length, area = 0.0, 0.0
     corner_x, corner_y = (0.0, 1.0, 1.0, 0.0), (0.0, 0.0, 1.0, 1.0)
@@ -190,11 +222,13 @@ def measure_front(values: Array, h: float) -> tuple[float, float]:
             if cuts == 0:
                 area += h * h if count else 0.0
                 continue
+            # the shoelace formula on the part of the cell that is below
             covered = 0.0
             for k in range(count):
                 after = k + 1 if k + 1 < count else 0
                 covered += px[k] * py[after] - px[after] * py[k]
             area += 0.5 * covered * h * h
+            # cuts come in pairs: the contour enters and leaves
             for k in range(0, cuts, 2):
                 length += h * math.hypot(cut_x[k + 1] - cut_x[k], cut_y[k + 1] - cut_y[k])
     return length, area
@@ -204,9 +238,13 @@ def measure_front(values: Array, h: float) -> tuple[float, float]:
 def sample_at_point(
     values: Array, h: float, x0: float, y0: float, x: float, y: float
 ) -> tuple[float, float, float, float]:
-    """Value, gradient and curvature at a point: bilinear between those of the nodes."""
+    """Return value (m), gradient and curvature (1/m) at a point (x, y), m: bilinear between those of the nodes.
+
+    `values` (ny, nx), m, on cells of side h (m) from (x0, y0).
+    """
     ny, nx = values.shape
     across, up = (x - x0) / h, (y - y0) / h
+    # away from the edge, where central differences reach over it
     i = min(max(int(across), 1), nx - 3)
     j = min(max(int(up), 1), ny - 3)
     a, b = across - i, up - j
@@ -224,11 +262,12 @@ def sample_at_point(
 
 @compiled
 def pull_back(values: Array, h: float, x0: float, y0: float, points: Array) -> None:
-    """One Newton step of each point (n, 2) onto the zero level, of at most a cell."""
+    """Move each of points (n, 2), m, by one Newton step onto the zero level of `values` (ny, nx), m, at most a cell."""
     for k in range(points.shape[0]):
         value, gx, gy, _ = sample_at_point(values, h, x0, y0, points[k, 0], points[k, 1])
         gradient_squared = gx * gx + gy * gy
         if gradient_squared > 1e-4:
+            # x - gamma grad / |grad|^2
             step = min(max(value / gradient_squared, -h), h)
             points[k, 0] -= step * gx
             points[k, 1] -= step * gy
@@ -238,14 +277,15 @@ def pull_back(values: Array, h: float, x0: float, y0: float, points: Array) -> N
 def carry_points(
     values: Array, h: float, x0: float, y0: float, kind: int, scale: float, dt: float, points: Array
 ) -> float:
-    """One step of (5.16), its sign by (5.6) corrected: each point moves by v_f against the gradient.
+    """Carry points (n, 2), m, with the front by one step of (5.16), its sign by (5.6) corrected.
 
-    Returns the largest speed.
+    Each moves by v_f against the gradient of `values` (ny, nx), m. Returns the largest speed.
     """
     fastest = 0.0
     for k in range(points.shape[0]):
         _, gx, gy, kappa = sample_at_point(values, h, x0, y0, points[k, 0], points[k, 1])
         slope = math.hypot(gx, gy)
+        # on a ridge there is no direction to go
         if slope > 1e-8:
             speed = velocity(kind, scale, kappa)
             fastest = max(fastest, abs(speed))
@@ -257,7 +297,7 @@ def carry_points(
 
 @compiled
 def keep_apart(points: Array, least_gap: float) -> int:
-    """Slide the points (n, 2) along their closed polyline until each is `least` (m) past the one before.
+    """Slide points (n, 2), m, along their closed polyline until each is `least_gap` (m) past the one before.
 
     The points keep their order, and move as little as that takes in the sense of least squares: pools of equal shift
     (isotonic regression), starting after the widest gap. Returns how many gaps were too small.
@@ -278,11 +318,13 @@ def keep_apart(points: Array, least_gap: float) -> int:
         tx, ty = tangents[k, 0] + tangents[after, 0], tangents[k, 1] + tangents[after, 1]
         size = max(math.hypot(tx, ty), 1e-300)
         dx, dy = points[after, 0] - points[k, 0], points[after, 1] - points[k, 1]
+        # along the mean tangent: negative where two points have passed each other
         along = (dx * tx + dy * ty) / size
         gaps[k] = along if along < 2.0 * least_gap else math.hypot(dx, dy)
     small, first = int(np.sum(gaps < least_gap)), int(np.argmax(gaps)) + 1
     if small == 0:
         return 0
+    # pool adjacent violators: shifts must not fall from one point to the next
     mean, weight, pools = np.empty(n), np.empty(n), 0
     places, at = np.empty(n), 0.0
     for m in range(n):
@@ -290,6 +332,7 @@ def keep_apart(points: Array, least_gap: float) -> int:
         at += gaps[(first + m) % n] - least_gap
         mean[pools], weight[pools] = places[m], 1.0
         pools += 1
+        # a shift that falls: both pools take their mean
         while pools > 1 and mean[pools - 2] > mean[pools - 1]:
             total = weight[pools - 2] + weight[pools - 1]
             mean[pools - 2] = (mean[pools - 2] * weight[pools - 2] + mean[pools - 1] * weight[pools - 1]) / total

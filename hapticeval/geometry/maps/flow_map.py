@@ -85,16 +85,20 @@ class FlowMap:
         return float(np.max(np.diff(self.curve.arc_length(self.chart.us))))
 
     def to_angle(self, points: Array) -> Array:
-        """Angles (n,), rad, on the disk, of points (n, 2), m; raises as `map_to_disk` does."""
+        """Return the angles (n,), rad, on the disk, of points (n, 2), m.
+
+        Raises `InputError`, naming the row, for a point that is not finite or lies off the map.
+        """
         array = checked_points(points)
         out = map_to_angles(self.chart, array)
+        # in no cell: in the sliver between the curve and the chords of the first level, or off the map
         off = np.flatnonzero(np.isnan(out))
         if off.size:
             out[off] = self._beside(array[off], off)
         return out
 
     def surface(self, angles: Array) -> Array:
-        """The curve's parameters (n,) at angles (n,), rad, of any turn: the inverse on the surface."""
+        """Return the curve's parameters (n,) at angles (n,), rad, of any turn: the inverse on the surface."""
         return surface_parameters(self.chart, np.ascontiguousarray(angles, dtype=np.float64))
 
     def parameter(self, x: float, y: float) -> float:
@@ -143,10 +147,12 @@ def build_chart(model: Model, recorded: Flow) -> Chart:
     """The checked grid of a model's flow for the compiled lookup. Raises `FoldedGridError`."""
     curve = model.curve
     points, times = np.ascontiguousarray(recorded.points), recorded.times
+    # a level's circle has its share of the area
     radii = np.sqrt(recorded.areas / recorded.areas[0])
     start, end = curve.u_range
     us = np.append(recorded.u, recorded.u[0] + end - start)
     lengths = curve.arc_length(us)
+    # a line's angle goes with the arc length of its start
     angles = 2.0 * math.pi * (lengths - lengths[0]) / curve.length
     disk = radii[:, np.newaxis, np.newaxis] * np.stack([np.cos(angles[:-1]), np.sin(angles[:-1])], axis=1)
     _check_cells(model, points, times)
@@ -161,9 +167,10 @@ def build_chart(model: Model, recorded: Flow) -> Chart:
 
 
 def folded_cells(points: Array) -> BoolArray:
-    """Which cells (m - 1, n) of a grid (m, n, 2) cannot be cut into triangles that all run anticlockwise."""
+    """Return which cells (m - 1, n) of a grid (m, n, 2), m, cannot be cut into triangles that all run anticlockwise."""
     a, d = points[:-1], points[1:]
     b, e = np.roll(a, -1, axis=1), np.roll(d, -1, axis=1)
+    # cut along either diagonal: both triangles must have a positive area
     over_ae = np.minimum(_triangle_areas(a, b, e), _triangle_areas(a, e, d))
     over_bd = np.minimum(_triangle_areas(a, b, d), _triangle_areas(b, e, d))
     return np.asarray(np.maximum(over_ae, over_bd) <= 0.0)
@@ -192,6 +199,7 @@ def _ring_directions(model: Model, ring: Array, centre: Array, time: float) -> A
     """Directions (rad) of a ring's points from the centre, checked to increase: the ring is star-shaped."""
     rays = ring - centre
     angles = np.unwrap(np.arctan2(rays[:, 1], rays[:, 0]))
+    # all positive, and one turn in sum: each direction meets the ring once
     steps = np.diff(np.append(angles, angles[0] + 2.0 * math.pi))
     if np.any(steps <= 0.0):
         x, y = ring[np.argmin(steps)]
@@ -216,6 +224,7 @@ def diagonal_crossing(a: Pair, b: Pair, e: Pair, d: Pair) -> float:
     before, after = doubled_area(b[0], b[1], d[0], d[1], a[0], a[1]), doubled_area(b[0], b[1], d[0], d[1], e[0], e[1])
     t = before / (before - after)
     left, right = doubled_area(a[0], a[1], e[0], e[1], b[0], b[1]), doubled_area(a[0], a[1], e[0], e[1], d[0], d[1])
+    # a and e on different sides of the line b d, and b and d of a e
     return t if before > 0.0 > after and left < 0.0 < right else np.nan
 
 
@@ -225,9 +234,11 @@ def _in_triangle(
 ) -> tuple[float, float, float]:
     """Barycentric map (5.20) of (x, y) from the triangle p, q, c to v, w, z; and its least coordinate."""
     area = doubled_area(p[0], p[1], q[0], q[1], c[0], c[1])
+    # (5.18), (5.19): barycentric coordinates as shares of the area
     third = doubled_area(p[0], p[1], q[0], q[1], x, y) / area
     first = doubled_area(q[0], q[1], c[0], c[1], x, y) / area
     second = 1.0 - first - third
+    # (5.20)
     out_x = first * v[0] + second * w[0] + third * z[0]
     out_y = first * v[1] + second * w[1] + third * z[1]
     return out_x, out_y, min(first, second, third)
@@ -240,9 +251,9 @@ def _grid_point(grid: Array, k: int, i: int) -> Pair:
 
 @compiled
 def map_in_cell(points: Array, disk: Array, cell: int, x: float, y: float) -> tuple[float, float, float]:
-    """Where a point goes on the disk by the triangle of the cell nearest to it, and its least coordinate there.
+    """Return where a point (x, y), m, goes on the disk by the nearest triangle of a cell, and its least coordinate.
 
-    The coordinate is negative outside the cell.
+    `points` and `disk` (m, n, 2), see `Chart`. The coordinate is barycentric, and negative outside the cell.
     """
     n = points.shape[1]
     k, i = cell // n, cell % n
@@ -261,10 +272,12 @@ def map_in_cell(points: Array, disk: Array, cell: int, x: float, y: float) -> tu
     )
     t = diagonal_crossing(a, b, e, d)
     over_ae = doubled_area(a[0], a[1], e[0], e[1], x, y) > 0.0
+    # convex: four triangles about the crossing, which goes to that of the image's diagonals
     if not math.isnan(t):
         c = (a[0] + t * (e[0] - a[0]), a[1] + t * (e[1] - a[1]))
         r = diagonal_crossing(v, w, s, z)
         middle = (v[0] + r * (s[0] - v[0]), v[1] + r * (s[1] - v[1]))
+        # corner a is left of b d, and corner d left of a e: both sides tell which of the four it is
         if doubled_area(b[0], b[1], d[0], d[1], x, y) >= 0.0:
             if over_ae:
                 return _in_triangle(d, a, c, z, v, middle, x, y)
@@ -272,6 +285,7 @@ def map_in_cell(points: Array, disk: Array, cell: int, x: float, y: float) -> tu
         if over_ae:
             return _in_triangle(e, d, c, s, z, middle, x, y)
         return _in_triangle(b, e, c, w, s, middle, x, y)
+    # not convex: two triangles along the diagonal that lies inside
     if (
         doubled_area(a[0], a[1], b[0], b[1], e[0], e[1]) > 0.0
         and doubled_area(a[0], a[1], e[0], e[1], d[0], d[1]) > 0.0
@@ -286,13 +300,14 @@ def map_in_cell(points: Array, disk: Array, cell: int, x: float, y: float) -> tu
 
 @compiled
 def map_to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
-    """The level just outside a point, and the point on the disk by (5.20).
+    """Return the level just outside a point, and the point on the disk by (5.20).
 
-    Within the last level the point on the disk is that of this level in the direction from the centre. (OFF, 0, 0) for
-    a point that is in no cell.
+    Within the last level the point on the disk is that of this level in the direction from the centre. (OUTSIDE_CELLS,
+    0, 0) for a point that is in no cell.
     """
     n, m = chart.points.shape[1], chart.points.shape[0]
     i, j = math.floor((x - chart.x0) / chart.side), math.floor((y - chart.y0) / chart.side)
+    # only the cells that touch the point's bucket
     if 0 <= i < chart.across and 0 <= j < chart.up:
         bucket = j * chart.across + i
         best, best_x, best_y, best_cell = -CELL_SLACK, 0.0, 0.0, -1
@@ -301,8 +316,10 @@ def map_to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
             disk_x, disk_y, least_coordinate = map_in_cell(chart.points, chart.disk, cell, x, y)
             if least_coordinate >= best:
                 best, best_x, best_y, best_cell = least_coordinate, disk_x, disk_y, cell
+                # inside for certain: cells do not overlap
                 if least_coordinate > 0.0:
                     break
+        # a cell's number is level * n + line
         if best_cell >= 0:
             return best_cell // n, best_x, best_y
     line, share, within = ring_crossing(chart.points[m - 1], chart.inner, chart.centre, x, y)
@@ -317,14 +334,18 @@ def map_to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
 def ring_crossing(
     ring: Array, polar: Array, centre: tuple[float, float], x: float, y: float
 ) -> tuple[int, float, bool]:
-    """Where the ray from the centre to a point meets a ring (n, 2): line, share of the way to the next, and whether the
-    point lies within the ring."""
+    """Return where the ray from the centre to a point (x, y), m, meets a ring (n, 2): line, share, and whether inside.
+
+    `polar` (n,) are the directions (rad) of the ring's points from the `centre`; the share is that of the way from the
+    line to the next; inside means within the ring.
+    """
     n = ring.shape[0]
     cx, cy = centre
     angle = math.atan2(y - cy, x - cx)
     angle -= 2.0 * math.pi * math.floor((angle - polar[0]) / (2.0 * math.pi))
     line = min(max(np.searchsorted(polar, angle, "right") - 1, 0), n - 1)
     p, q = ring[line], ring[line + 1 if line + 1 < n else 0]
+    # areas of the triangles that the point cuts off the sector: their ratio is the share
     first, second = doubled_area(x, y, q[0], q[1], cx, cy), doubled_area(p[0], p[1], x, y, cx, cy)
     total = first + second
     share = second / total if total > 0.0 else 0.0
@@ -337,6 +358,7 @@ def surface_parameter(chart: Chart, angle: float) -> float:
     n = chart.points.shape[1]
     turn = 2.0 * math.pi
     angle -= turn * math.floor(angle / turn)
+    # a first guess for lines at equal angles, then the neighbour that holds the angle
     line = min(int(angle / turn * n), n - 1)
     while line > 0 and chart.angles[line] > angle:
         line -= 1
@@ -349,7 +371,7 @@ def surface_parameter(chart: Chart, angle: float) -> float:
 
 @compiled
 def map_to_angles(chart: Chart, points: Array) -> Array:
-    """The angles on the disk of rows of points (k, 2); NaN for one in no cell."""
+    """Return the angles (k,), rad, on the disk of rows of points (k, 2), m; NaN for one in no cell."""
     out = np.empty(points.shape[0])
     for row in range(points.shape[0]):
         level, x, y = map_to_disk(chart, points[row, 0], points[row, 1])
@@ -359,7 +381,10 @@ def map_to_angles(chart: Chart, points: Array) -> Array:
 
 @compiled
 def fill_buckets(points: Array, x0: float, y0: float, side: float, across: int, up: int) -> tuple[IntArray, IntArray]:
-    """The cells that touch each bucket by their bounding boxes: heads (buckets + 1,) and cells."""
+    """Return the cells that touch each bucket by their bounding boxes: heads (buckets + 1,) and cells (entries,).
+
+    `points` (m, n, 2), m; buckets are `across` by `up` squares of `side` (m) from (x0, y0).
+    """
     m, n = points.shape[0], points.shape[1]
     heads = np.zeros(across * up + 1, np.int64)
     boxes = np.empty((4, (m - 1) * n), np.int64)
@@ -371,6 +396,7 @@ def fill_buckets(points: Array, x0: float, y0: float, side: float, across: int, 
                 x, y = points[row, column, 0], points[row, column, 1]
                 low_x, high_x = min(low_x, x), max(high_x, x)
                 low_y, high_y = min(low_y, y), max(high_y, y)
+            # a cell is also listed where rounding might look for it
             pad = 1e-6 * side
             cell = k * n + i
             boxes[0, cell] = max(math.floor((low_x - pad - x0) / side), 0)
@@ -381,6 +407,7 @@ def fill_buckets(points: Array, x0: float, y0: float, side: float, across: int, 
                 for h in range(boxes[0, cell], boxes[1, cell] + 1):
                     heads[j * across + h + 1] += 1
     for bucket in range(across * up):
+        # counts become where each bucket's cells begin
         heads[bucket + 1] += heads[bucket]
     cells = np.empty(heads[-1], np.int64)
     filled = heads[:-1].copy()
@@ -403,7 +430,7 @@ def project_to_parameter(chart: Chart, x: float, y: float) -> float:
 
 @compiled
 def surface_parameters(chart: Chart, angles: Array) -> Array:
-    """`surface_parameter` of each angle."""
+    """Return `surface_parameter` (n,) of each of the angles (n,), rad."""
     out = np.empty(angles.shape[0])
     for row in range(angles.shape[0]):
         out[row] = surface_parameter(chart, angles[row])
