@@ -33,7 +33,7 @@ from hapticeval.renderers.stabilisation_laws import (
     MASS,
     STIFFNESS,
     VISCOSITY,
-    ends,
+    contact_ends,
 )
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -61,12 +61,12 @@ def charts(data: LawData, y: Array, yd: Array, push: Array | None = None) -> tup
 
     `data` is that of the law; `push` (n, 3), N, is the hand's force as sensed, None without a sensor.
     """
-    rows = [as_rows(each) for each in (y, yd, np.zeros_like(y) if push is None else push)]
+    rows = [as_rows(vectors) for vectors in (y, yd, np.zeros_like(y) if push is None else push)]
     one, two = (ChartAnswer(*_chart_many(number, data.params, data.segments[0], *rows)) for number in (1, 2))
     return one, two
 
 
-def active(y: Array) -> IntArray:
+def active_charts(y: Array) -> IntArray:
     """The chart that the switching law (7.56) uses at each of `y` (n, 3): 1 or 2."""
     y = np.asarray(y, dtype=np.float64)
     return np.where(np.abs(y[:, 2]) <= SWITCH * np.linalg.norm(y, axis=1), 1, 2)
@@ -79,14 +79,14 @@ def active_chart(y: Triple) -> int:
 
 
 @compiled
-def turned(chart: int, v: Triple) -> Triple:
+def to_chart_axes(chart: int, v: Triple) -> Triple:
     """The vector with the chart's axis as its third."""
     return v if chart == 1 else (v[1], v[2], v[0])
 
 
 @compiled
-def returned(chart: int, v: Triple) -> Triple:
-    """The inverse of `turned`."""
+def from_chart_axes(chart: int, v: Triple) -> Triple:
+    """The inverse of `to_chart_axes`."""
     return v if chart == 1 else (v[2], v[0], v[1])
 
 
@@ -94,34 +94,36 @@ def returned(chart: int, v: Triple) -> Triple:
 def jacobian(q: Triple) -> tuple[Triple, Triple, Triple]:
     """The rows of ∂σ/∂y (7.60) at a turned position off the axis: of |y|, of t̂_1 and of t̂_2."""
     across, length = math.hypot(q[0], q[1]), math.sqrt(dot(q, q))
-    square = length * length
+    length_squared = length * length
     return (
         (q[0] / length, q[1] / length, q[2] / length),
         (-q[1] / (across * across), q[0] / (across * across), 0.0),
-        (q[2] * q[0] / (square * across), q[2] * q[1] / (square * across), -across / square),
+        (q[2] * q[0] / (length_squared * across), q[2] * q[1] / (length_squared * across), -across / length_squared),
     )
 
 
 @compiled
-def accelerated(radius: float, q: Triple, u: Triple, v_across: float, slowing: float, pushed: Triple) -> Triple:
+def chart_acceleration(
+    radius: float, q: Triple, u: Triple, v_across: float, brake_rate: float, pushed: Triple
+) -> Triple:
     """ÿ for which σ̈ = v, all in turned coordinates: position `q`, velocity `u`, off the axis.
 
     `v_across` is v⊥; `slowing` b_d / m (1/s) and `pushed` F_o / m (m/s^2) make v∥.
     """
     across, length = math.hypot(q[0], q[1]), math.sqrt(dot(q, q))
     rows = jacobian(q)
-    rate, turn, tilt = dot(rows[0], u), dot(rows[1], u), dot(rows[2], u)
+    radius_rate, turn_rate, tilt_rate = dot(rows[0], u), dot(rows[1], u), dot(rows[2], u)
     sin, cos = across / length, q[2] / length
     # (7.67); the hand's force enters by (dψ/dt̂ᵀ dψ/dt̂)^-1 dψ/dt̂ᵀ, which is |y|/r_c times these rows
     share = length / radius
-    v_turn = -(slowing * sin + 2.0 * cos * tilt) * turn / sin + share * dot(rows[1], pushed)
-    v_tilt = cos * sin * turn * turn - slowing * tilt + share * dot(rows[2], pushed)
+    v_turn = -(brake_rate * sin + 2.0 * cos * tilt_rate) * turn_rate / sin + share * dot(rows[1], pushed)
+    v_tilt = cos * sin * turn_rate * turn_rate - brake_rate * tilt_rate + share * dot(rows[2], pushed)
     # (d/dt ∂σ/∂y) ẏ: what σ̈ is without acceleration
-    drift = (dot(u, u) - rate * rate) / length
-    drift_turn = -2.0 * turn * (q[0] * u[0] + q[1] * u[1]) / (across * across)
-    drift_tilt = cos * sin * turn * turn - 2.0 * tilt * rate / length
+    drift_radius = (dot(u, u) - radius_rate * radius_rate) / length
+    drift_turn = -2.0 * turn_rate * (q[0] * u[0] + q[1] * u[1]) / (across * across)
+    drift_tilt = cos * sin * turn_rate * turn_rate - 2.0 * tilt_rate * radius_rate / length
     # the rows are perpendicular: the inverse of the Jacobian has them as columns, over their lengths squared
-    a = v_across - drift
+    a = v_across - drift_radius
     b = (v_turn - drift_turn) * across * across
     c = (v_tilt - drift_tilt) * length * length
     return plus(plus((a * rows[0][0], a * rows[0][1], a * rows[0][2]), b, rows[1]), c, rows[2])
@@ -144,22 +146,31 @@ def by_charts(
         return BEYOND
     damper = params[DAMPING] * rate
     press = -params[STIFFNESS] * n - damper - dot(normal, pushed)  # m v⊥ - F_o·ν
-    slowing, share = params[VISCOSITY] / mass, 1.0
+    brake_rate, foot_share = params[VISCOSITY] / mass, 1.0
     if not bilateral:
-        slowing, share = slowing + 2.0 * rate / length, radius / length
-    number, f = active_chart(y), share / mass
+        brake_rate, foot_share = brake_rate + 2.0 * rate / length, radius / length
+    chart, force_share = active_chart(y), foot_share / mass
     v_across = (press + dot(normal, pushed)) / mass
-    moving = turned(number, (f * pushed[0], f * pushed[1], f * pushed[2]))
-    made = returned(number, accelerated(radius, turned(number, y), turned(number, yd), v_across, slowing, moving))
-    made = (mass * made[0] - pushed[0], mass * made[1] - pushed[1], mass * made[2] - pushed[2])
+    push_on_tool = to_chart_axes(chart, (force_share * pushed[0], force_share * pushed[1], force_share * pushed[2]))
+    acceleration = from_chart_axes(
+        chart,
+        chart_acceleration(
+            radius, to_chart_axes(chart, y), to_chart_axes(chart, yd), v_across, brake_rate, push_on_tool
+        ),
+    )
+    acceleration = (
+        mass * acceleration[0] - pushed[0],
+        mass * acceleration[1] - pushed[1],
+        mass * acceleration[2] - pushed[2],
+    )
     if not bilateral:
-        pressing = dot(normal, made)
-        if ends(state, n, pressing, pressing + damper):
+        pressing = dot(normal, acceleration)
+        if contact_ends(state, n, pressing, pressing + damper):
             return release(state, hip, ihip, force)
         if pressing <= 0.0:
-            made = (0.0, 0.0, 0.0)
+            acceleration = (0.0, 0.0, 0.0)
     for i in range(3):
-        ihip[i], force[i] = foot[i], made[i]
+        ihip[i], force[i] = foot[i], acceleration[i]
     return 0
 
 
@@ -170,8 +181,8 @@ def _chart_many(
     radius, mass, count = surface[FIRST], params[MASS], y.shape[0]
     defined, eta, force = np.zeros(count, np.bool_), np.zeros((count, 4)), np.zeros((count, 3))
     for i in range(count):
-        q = turned(number, (y[i, 0], y[i, 1], y[i, 2]))
-        u = turned(number, (yd[i, 0], yd[i, 1], yd[i, 2]))
+        q = to_chart_axes(number, (y[i, 0], y[i, 1], y[i, 2]))
+        u = to_chart_axes(number, (yd[i, 0], yd[i, 1], yd[i, 2]))
         pushed = (push[i, 0] / mass, push[i, 1] / mass, push[i, 2] / mass)
         length, across = math.sqrt(dot(q, q)), math.hypot(q[0], q[1])
         defined[i] = across > EDGE * length
@@ -181,8 +192,10 @@ def _chart_many(
         eta[i, 0], eta[i, 1] = math.atan2(q[1], q[0]), dot(rows[1], u)
         eta[i, 2], eta[i, 3] = math.atan2(across, q[2]), dot(rows[2], u)
         v_across = -(params[STIFFNESS] * (length - radius) + params[DAMPING] * dot(rows[0], u)) / mass
-        made = accelerated(radius, q, u, v_across, params[VISCOSITY] / mass, turned(number, pushed))
-        made = returned(number, made)
+        acceleration = chart_acceleration(
+            radius, q, u, v_across, params[VISCOSITY] / mass, to_chart_axes(number, pushed)
+        )
+        acceleration = from_chart_axes(number, acceleration)
         for k in range(3):
-            force[i, k] = mass * made[k] - push[i, k]
+            force[i, k] = mass * acceleration[k] - push[i, k]
     return defined, eta, force

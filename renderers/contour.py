@@ -62,9 +62,11 @@ def contour_of(level_set: LevelSet) -> tuple[Contour, Polygon]:
     cell = np.array([(x[-1] - x[0]) / (x.size - 1), (y[-1] - y[0]) / (y.size - 1)])
     middles = 0.5 * (ends + np.roll(ends, -1, axis=0))
     cells = np.clip(np.floor((middles - origin) / cell), 0, np.array([x.size - 2, y.size - 2]))
-    bare = Contour(np.hstack([ends, cells]), for_kernels(level_set.values), EMPTY_TABLE, EMPTY_TABLE, *origin, *cell)
-    outline = Polygon(_cut(bare))
-    return bare._replace(vertices=for_kernels(outline.vertices), tree=for_kernels(outline.tree)), outline
+    arcs_only = Contour(
+        np.hstack([ends, cells]), for_kernels(level_set.values), EMPTY_TABLE, EMPTY_TABLE, *origin, *cell
+    )
+    outline = Polygon(_cut_arcs(arcs_only))
+    return arcs_only._replace(vertices=for_kernels(outline.vertices), tree=for_kernels(outline.tree)), outline
 
 
 @compiled
@@ -74,7 +76,7 @@ def value_at(c: Contour, x: float, y: float) -> float:
     rows, columns = c.values.shape
     if not (0.0 <= across <= columns - 1 and 0.0 <= up <= rows - 1):
         return math.inf
-    value, _, _ = _in_cell(c, min(int(across), columns - 2), min(int(up), rows - 2), x, y)
+    value, _, _ = _bilinear_at(c, min(int(across), columns - 2), min(int(up), rows - 2), x, y)
     return value
 
 
@@ -88,24 +90,24 @@ def nearest_on_contour(c: Contour, x: float, y: float) -> tuple[float, float, fl
     count = c.arcs.shape[0]
     edge, along, _ = nearest_kernel(c.vertices, c.tree, x, y)
     arc = edge // CUTS
-    t = _foot(c, arc, (edge % CUTS + along) / CUTS, x, y)
-    px, py, nx, ny = _point(c, arc, t)
-    far = math.hypot(x - px, y - py)
+    t = _foot_share(c, arc, (edge % CUTS + along) / CUTS, x, y)
+    px, py, nx, ny = _arc_point(c, arc, t)
+    distance = math.hypot(x - px, y - py)
     if t == 0.0 or t == 1.0:
         other = (arc - 1) % count if t == 0.0 else (arc + 1) % count
-        s = _foot(c, other, 1.0 - t, x, y)
-        qx, qy, mx, my = _point(c, other, s)
-        there = math.hypot(x - qx, y - qy)
-        if 0.0 < s < 1.0 and there < far:
+        s = _foot_share(c, other, 1.0 - t, x, y)
+        qx, qy, mx, my = _arc_point(c, other, s)
+        other_distance = math.hypot(x - qx, y - qy)
+        if 0.0 < s < 1.0 and other_distance < distance:
             return qx, qy, mx, my
-        if far > 1e-9 * c.dx:
-            side = far if (x - px) * (nx + mx) + (y - py) * (ny + my) > 0.0 else -far
-            nx, ny = (x - px) / side, (y - py) / side
+        if distance > 1e-9 * c.dx:
+            signed_distance = distance if (x - px) * (nx + mx) + (y - py) * (ny + my) > 0.0 else -distance
+            nx, ny = (x - px) / signed_distance, (y - py) / signed_distance
     return px, py, nx, ny
 
 
 @compiled
-def _in_cell(c: Contour, i: int, j: int, x: float, y: float) -> tuple[float, float, float]:
+def _bilinear_at(c: Contour, i: int, j: int, x: float, y: float) -> tuple[float, float, float]:
     """The bilinear function of cell (i, j), continued beyond it: value and gradient."""
     a = (x - c.x0) / c.dx - i
     b = (y - c.y0) / c.dy - j
@@ -116,25 +118,25 @@ def _in_cell(c: Contour, i: int, j: int, x: float, y: float) -> tuple[float, flo
 
 
 @compiled
-def _point(c: Contour, arc: int, t: float) -> tuple[float, float, float, float]:
+def _arc_point(c: Contour, arc: int, t: float) -> tuple[float, float, float, float]:
     """The point of an arc over the share t of its chord, and the outward unit normal there."""
-    following = arc + 1 if arc + 1 < c.arcs.shape[0] else 0
+    next_arc = arc + 1 if arc + 1 < c.arcs.shape[0] else 0
     i, j = int(c.arcs[arc, 2]), int(c.arcs[arc, 3])
     ax, ay = c.arcs[arc, 0], c.arcs[arc, 1]
-    dx, dy = c.arcs[following, 0] - ax, c.arcs[following, 1] - ay
+    dx, dy = c.arcs[next_arc, 0] - ax, c.arcs[next_arc, 1] - ay
     x, y = ax + t * dx, ay + t * dy
     length = math.hypot(dx, dy)
     mx, my = dy / length, -dx / length
     if 0.0 < t < 1.0:
-        value, gx, gy = _in_cell(c, i, j, x, y)
+        value, gx, gy = _bilinear_at(c, i, j, x, y)
         slope = gx * mx + gy * my
         # along the line the function is quadratic: its bend is the cell's one mixed difference
         mixed = c.values[j, i] - c.values[j, i + 1] - c.values[j + 1, i] + c.values[j + 1, i + 1]
         bend = mixed / (c.dx * c.dy) * mx * my
         root = math.sqrt(max(slope * slope - 4.0 * bend * value, 0.0))
-        off = -2.0 * value / (slope + math.copysign(root, slope))
-        x, y = x + off * mx, y + off * my
-    _, gx, gy = _in_cell(c, i, j, x, y)
+        offset = -2.0 * value / (slope + math.copysign(root, slope))
+        x, y = x + offset * mx, y + offset * my
+    _, gx, gy = _bilinear_at(c, i, j, x, y)
     size = math.hypot(gx, gy)
     return x, y, gx / size, gy / size
 
@@ -142,12 +144,12 @@ def _point(c: Contour, arc: int, t: float) -> tuple[float, float, float, float]:
 @compiled
 def _onwards(c: Contour, arc: int, t: float, x: float, y: float) -> float:
     """Positive where the distance to (x, y) falls as t grows."""
-    px, py, nx, ny = _point(c, arc, t)
+    px, py, nx, ny = _arc_point(c, arc, t)
     return (y - py) * nx - (x - px) * ny
 
 
 @compiled
-def _foot(c: Contour, arc: int, t: float, x: float, y: float) -> float:
+def _foot_share(c: Contour, arc: int, t: float, x: float, y: float) -> float:
     """The share at which the distance to an arc has the local minimum that is nearest to the share t."""
     low, high = max(t - 1.0 / CUTS, 0.0), min(t + 1.0 / CUTS, 1.0)
     at_low, at_high = _onwards(c, arc, low, x, y), _onwards(c, arc, high, x, y)
@@ -161,32 +163,32 @@ def _foot(c: Contour, arc: int, t: float, x: float, y: float) -> float:
         return low
     if at_high >= 0.0:
         return high
-    for turn in range(200):
+    for round_ in range(200):
         # the secant, and every third time the middle, so that the bracket always shrinks
         t = low + (high - low) * at_low / (at_low - at_high)
-        if turn % 3 == 2 or not (low < t < high):
+        if round_ % 3 == 2 or not (low < t < high):
             t = 0.5 * (low + high)
-        at = _onwards(c, arc, t, x, y)
-        if at > 0.0:
-            low, at_low = t, at
+        at_t = _onwards(c, arc, t, x, y)
+        if at_t > 0.0:
+            low, at_low = t, at_t
         else:
-            high, at_high = t, at
-        if high - low <= 1e-15 or at == 0.0:
+            high, at_high = t, at_t
+        if high - low <= 1e-15 or at_t == 0.0:
             break
     return t
 
 
 @compiled
-def _cut(c: Contour) -> Array:
+def _cut_arcs(c: Contour) -> Array:
     count = c.arcs.shape[0]
     out = np.empty((CUTS * count, 2))
     for arc in range(count):
         for k in range(CUTS):
-            out[CUTS * arc + k, 0], out[CUTS * arc + k, 1], _, _ = _point(c, arc, k / CUTS)
+            out[CUTS * arc + k, 0], out[CUTS * arc + k, 1], _, _ = _arc_point(c, arc, k / CUTS)
     return out
 
 
-LOST = 3.0
+MOST_CELLS_OFF = 3.0
 """Cells by which the contour may be off the surface.
 
 Of a wedge with the angle a the part that is narrower than a cell's diagonal may lie between the nodes: sqrt(2) / (2
@@ -203,10 +205,10 @@ def nearest_on_level_set(model: Model, shape: tuple[int, int], *, bilateral: boo
     is off the model decides whether that is refused. Its surface is the contour cut into straight edges, eight per
     cell. With `bilateral` the hand is projected from outside too. Raises `RefusalError`.
     """
-    return once(model, ("level-set", shape, bilateral), lambda: _made(model, shape, bilateral=bilateral))
+    return once(model, ("level-set", shape, bilateral), lambda: _build_projection(model, shape, bilateral=bilateral))
 
 
-def _made(model: Model, shape: tuple[int, int], *, bilateral: bool) -> CompiledProjection:
+def _build_projection(model: Model, shape: tuple[int, int], *, bilateral: bool) -> CompiledProjection:
     level_set = model.level_set(shape)
     try:
         c, outline = contour_of(level_set)
@@ -217,7 +219,7 @@ def _made(model: Model, shape: tuple[int, int], *, bilateral: bool) -> CompiledP
             todo=REFINE,
         ) from error
     standoff = outline.standoff_from(model.curve)
-    if standoff > LOST * level_set.cell:
+    if standoff > MOST_CELLS_OFF * level_set.cell:
         raise RefusalError(
             f"model '{model.name}' loses a part on a level set of {shape[0]} by {shape[1]} nodes: the contour is "
             f"up to {standoff * 1e3:.3g} mm off the surface, with cells of {level_set.cell * 1e3:.3g} mm",

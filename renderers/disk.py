@@ -66,22 +66,22 @@ class DiskProjection:
     def project(self, hip: Array) -> ProxyState:
         """One tick."""
         x, y = hip.tolist()
-        inside, _ = _side(self._boundary, x, y)
+        inside, _ = _side_and_clearance(self._boundary, x, y)
         u = self.map.parameter(x, y) if inside else math.nan
-        px, py, nx, ny = _answer(self._boundary, self._bilateral, inside, u, x, y)
+        px, py, nx, ny = _ihip_and_normal(self._boundary, self._bilateral, inside, u, x, y)
         return ProxyState((px, py), (nx, ny), inside or self._bilateral)
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
-        inside = _insides(self._boundary, hips)
+        inside = _are_inside(self._boundary, hips)
         parameters = np.full(inside.size, np.nan)
         parameters[inside] = self.map.surface(self.map.to_angle(np.ascontiguousarray(hips[inside])))
-        answers = _answers(self._boundary, self._bilateral, inside, parameters, hips)
+        answers = _ihips_and_normals(self._boundary, self._bilateral, inside, parameters, hips)
         return answers[:, :2], answers[:, 2:], np.ones_like(inside) if self._bilateral else inside
 
 
 @compiled
-def _side(b: Outline, x: float, y: float) -> tuple[bool, float]:
+def _side_and_clearance(b: Outline, x: float, y: float) -> tuple[bool, float]:
     """Whether a point is inside the curve, and a distance to which every point is on the same side as it.
 
     Where squares of distances overflow, a point is outside, and nothing is known of others: the distance is negative.
@@ -99,7 +99,7 @@ def _side(b: Outline, x: float, y: float) -> tuple[bool, float]:
 
 
 @compiled
-def _insides(b: Outline, points: Array) -> BoolArray:
+def _are_inside(b: Outline, points: Array) -> BoolArray:
     """Whether each point is inside: one close to the point before it, for its distance, need not be looked up.
 
     Distances are known to the rounding of coordinates.
@@ -109,7 +109,7 @@ def _insides(b: Outline, points: Array) -> BoolArray:
     for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
         if not math.hypot(x - x0, y - y0) < clear:
-            inside, clear = _side(b, x, y)
+            inside, clear = _side_and_clearance(b, x, y)
             clear = 0.999999 * clear - ROUNDING * (abs(x) + abs(y) + clear)
             x0, y0 = x, y
         out[i] = inside
@@ -117,7 +117,7 @@ def _insides(b: Outline, points: Array) -> BoolArray:
 
 
 @compiled
-def _answer(
+def _ihip_and_normal(
     b: Outline, bilateral: bool, inside: bool, u: float, x: float, y: float
 ) -> tuple[float, float, float, float]:
     """IHIP and normal of a HIP: at the parameter u where it is `inside`."""
@@ -130,11 +130,11 @@ def _answer(
 
 
 @compiled
-def _answers(b: Outline, bilateral: bool, inside: BoolArray, parameters: Array, hips: Array) -> Array:
+def _ihips_and_normals(b: Outline, bilateral: bool, inside: BoolArray, parameters: Array, hips: Array) -> Array:
     """IHIP and normal (n, 4) a row of `hips` (n, 2)."""
     out = np.empty((hips.shape[0], 4))
     for i in range(hips.shape[0]):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = _answer(
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = _ihip_and_normal(
             b, bilateral, inside[i], parameters[i], hips[i, 0], hips[i, 1]
         )
     return out
@@ -165,9 +165,9 @@ def by_flow_map(
     """
     if not scene.model.curve.closed:
         return nearest(scene, representation)
-    lines, levels = (None if each is None else int(each) for each in (lines, levels))
-    made = flow_map(scene.model, FlowSettings(cells=int(cells), lines=lines, levels=levels, gap=gap))
-    return DiskProjection(made, scene.model.curve, bilateral=scene.bilateral, resolution=made.spacing)
+    lines, levels = (None if count is None else int(count) for count in (lines, levels))
+    disk_map = flow_map(scene.model, FlowSettings(cells=int(cells), lines=lines, levels=levels, gap=gap))
+    return DiskProjection(disk_map, scene.model.curve, bilateral=scene.bilateral, resolution=disk_map.spacing)
 
 
 def by_conformal_map(scene: Scene, representation: str, *, nodes: float | None = None) -> Projection:
@@ -180,5 +180,5 @@ def by_conformal_map(scene: Scene, representation: str, *, nodes: float | None =
     if not scene.model.curve.closed:
         return nearest(scene, representation)
     curve, count = scene.model.curve, None if nodes is None else int(nodes)
-    made = once(scene.model, ("conformal", count), lambda: conformal_map(curve, nodes=count))
-    return DiskProjection(made, curve, bilateral=scene.bilateral, resolution=made.blur)
+    disk_map = once(scene.model, ("conformal", count), lambda: conformal_map(curve, nodes=count))
+    return DiskProjection(disk_map, curve, bilateral=scene.bilateral, resolution=disk_map.blur)

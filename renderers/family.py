@@ -148,22 +148,26 @@ class ProjectiveFamily:
                     todo=f"use one of: {', '.join(self.representations)}",
                 )
             raise UnknownNameError("representation", representation, self.representations)
-        chosen = representation or self.representation
-        scheme = regulation or self.regulation
-        if REGULATIONS[scheme].bends and not (self.bends and chosen == TABULATED):
+        representation_name = representation or self.representation
+        scheme_name = regulation or self.regulation
+        if REGULATIONS[scheme_name].bends and not (self.bends and representation_name == TABULATED):
             raise InputError(
-                f"regulation scheme '{scheme}' is not for this projection on '{chosen}'",
+                f"regulation scheme '{scheme_name}' is not for this projection on '{representation_name}'",
                 why="it needs the curvature of the surface at the nearest point of the exact curve",
-                todo=f"use minimum-distance+{scheme}@{TABULATED}, or set-stabilisation",
+                todo=f"use minimum-distance+{scheme_name}@{TABULATED}, or set-stabilisation",
             )
-        if REGULATIONS[scheme].potential and not self.potential:
+        if REGULATIONS[scheme_name].potential and not self.potential:
             raise InputError(
-                f"regulation scheme '{scheme}' is not for this projection",
+                f"regulation scheme '{scheme_name}' is not for this projection",
                 why="its force is the gradient of a potential that is made with the projection, and this has none",
-                todo=f"use homothetic+{scheme} or combescure+{scheme}",
+                todo=f"use homothetic+{scheme_name} or combescure+{scheme_name}",
             )
-        kept = {name: value for name, value in self.settings.items() if name in self.offered_knobs.get(chosen, {})}
-        return replace(self, regulation=scheme, representation=chosen, settings=kept)
+        settings = {
+            name: value
+            for name, value in self.settings.items()
+            if name in self.offered_knobs.get(representation_name, {})
+        }
+        return replace(self, regulation=scheme_name, representation=representation_name, settings=settings)
 
     def __call__(self, scene: Scene) -> Renderer:
         """The renderer for a scene; its gains are the scene's."""

@@ -16,8 +16,8 @@ from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, move_on, regulate, 
 from hapticeval.renderers.outline import (
     LEAVES,
     Outline,
-    at,
-    entered,
+    evaluate_at,
+    first_contact,
     frame,
     nearest_on,
     outline_in,
@@ -45,9 +45,9 @@ def god_object(scene: Scene, representation: str, *, vertices: float = VERTICES)
         from hapticeval.renderers.god_object_in_space import on_mesh
 
         return on_mesh(scene, scene.model.boundary)
-    shown = representation_of(scene.model, representation, int(vertices))
+    shape = representation_of(scene.model, representation, int(vertices))
     return CompiledProjection(
-        follow, shown.surface, bilateral=scene.bilateral, memory=5, begin=begin, rows=follow_rows, **shown.tables
+        follow, shape.surface, bilateral=scene.bilateral, memory=5, begin=begin, rows=follow_rows, **shape.tables
     )
 
 
@@ -74,7 +74,7 @@ def follow(
     if status == LEAVES:
         x0, y0 = state[HIP_X], state[HIP_Y]
         if touches:
-            x0, y0, _, _, _, _ = at(b.pieces, piece, u)
+            x0, y0, _, _, _, _ = evaluate_at(b.pieces, piece, u)
         touches, piece, u = _fly(b, touches, x0, y0, x, y)
         state[TOUCHES] = 1.0 if touches else 0.0
     state[PIECE], state[AT], state[HIP_X], state[HIP_Y] = piece, u, x, y
@@ -102,13 +102,13 @@ def _fly(b: Outline, released: bool, x0: float, y0: float, x: float, y: float) -
     Returns whether the tool runs into something on the way, and the (piece, u) at which it then comes to rest.
     """
     for _flight in range(FLIGHTS):
-        touches, piece, u = entered(b, x0, y0, x, y, released)
+        touches, piece, u = first_contact(b, x0, y0, x, y, released)
         if not touches:
             return False, piece, u
         status, piece, u = slide(b.pieces, b.joints, True, piece, u, x, y)
         if status != LEAVES:
             return True, piece, u
         released = True
-        x0, y0, _, _, _, _ = at(b.pieces, piece, u)
+        x0, y0, _, _, _, _ = evaluate_at(b.pieces, piece, u)
     piece, u, _, side = nearest_on(b, x, y)
     return side < 0.0, piece, u

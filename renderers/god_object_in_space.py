@@ -47,11 +47,11 @@ def on_mesh(scene: Scene, mesh: Mesh) -> CompiledProjection:
 def begin(data: LawData, hip: Array) -> None:
     """Prepare the state at the start of a run with the hand at `hip` (3,), m."""
     faces, vertices, tree, state = data.segments, data.vertices, data.tree, data.state
-    p = (hip[0], hip[1], hip[2])
-    k, feature, foot = closest_feature(faces, vertices, tree, p, 0)
-    _, _, _, distance = closest_on_mesh(faces, vertices, tree, p, k)
+    hand = (hip[0], hip[1], hip[2])
+    triangle, feature, foot = closest_feature(faces, vertices, tree, hand, 0)
+    _, _, _, distance = closest_on_mesh(faces, vertices, tree, hand, triangle)
     state[TOUCHES] = 1.0 if data.params[BILATERAL] != 0.0 or distance < 0.0 else 0.0
-    state[TRIANGLE], state[FEATURE] = k, feature
+    state[TRIANGLE], state[FEATURE] = triangle, feature
     for i in range(3):
         state[TOOL + i], state[HIP + i] = foot[i], hip[i]
 
@@ -62,23 +62,25 @@ def follow(
 ) -> int:  # fmt: skip
     """One tick, from the last IHIP, or from the last HIP in free space; of signature `LAW`."""
     faces, vertices, params, state = data.segments, data.vertices, data.params, data.state
-    p, k, feature = (hip[0], hip[1], hip[2]), int(state[TRIANGLE]), int(state[FEATURE])
+    hand, triangle, feature = (hip[0], hip[1], hip[2]), int(state[TRIANGLE]), int(state[FEATURE])
     tool = (state[TOOL], state[TOOL + 1], state[TOOL + 2])
     touches = state[TOUCHES] != 0.0
     rests = False
     if touches:
-        status, k, feature, tool = walk_downhill(faces, vertices, params[BILATERAL] == 0.0, k, feature, tool, p)
+        status, triangle, feature, tool = walk_downhill(
+            faces, vertices, params[BILATERAL] == 0.0, triangle, feature, tool, hand
+        )
         rests = status == RESTS
     if not rests:
         start = tool if touches else (state[HIP], state[HIP + 1], state[HIP + 2])
-        touches, k, feature, tool = fly_to_hand(faces, vertices, data.tree, params[TOUCH], start, p, k)
-    state[TOUCHES], state[TRIANGLE], state[FEATURE] = 1.0 if touches else 0.0, k, feature
+        touches, triangle, feature, tool = fly_to_hand(faces, vertices, data.tree, params[TOUCH], start, hand, triangle)
+    state[TOUCHES], state[TRIANGLE], state[FEATURE] = 1.0 if touches else 0.0, triangle, feature
     for i in range(3):
         state[TOOL + i], state[HIP + i] = tool[i], hip[i]
     if not touches:
         return release(state, hip, ihip, force)
-    q = (hip[0] - tool[0], hip[1] - tool[1], hip[2] - tool[2])
-    _, normal = side_and_normal(faces, vertices, k, feature, tool, q)
+    tool_to_hand = (hip[0] - tool[0], hip[1] - tool[1], hip[2] - tool[2])
+    _, normal = side_and_normal(faces, vertices, triangle, feature, tool, tool_to_hand)
     for i in range(3):
         ihip[i], state[ERROR + 3 + i] = tool[i], normal[i]
     return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)

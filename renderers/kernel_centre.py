@@ -44,25 +44,25 @@ class NoKernelError(RefusalError):
 
     def __init__(self, what: str, *, why: str, todo: str, position: Array) -> None:
         super().__init__(what, why=why, todo=todo)
-        self.position = tuple(float(each) for each in position)
+        self.position = tuple(float(coordinate) for coordinate in position)
 
 
 @dataclass(frozen=True, eq=False)
 class Centre:
     """A point (N,), m, of the kernel, and the support distances (m) of the surface from it.
 
-    `support` is their geometric mean over the surface, `least` the smallest and `largest` the largest.
+    `support` is their geometric mean over the surface, `smallest` and `largest` the extremes.
     """
 
     point: Array
     support: float
-    least: float
+    smallest: float
     largest: float
 
     @property
     def support_range(self) -> tuple[float, float]:
         """The least and the largest of them."""
-        return self.least, self.largest
+        return self.smallest, self.largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,39 +85,41 @@ def sampled(boundary: Boundary) -> Sampled:
     """Return a closed boundary as points with normals; a polygon and a mesh exactly."""
     if isinstance(boundary, Mesh):
         corners = boundary.vertices[boundary.triangles]
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return _shared(corners.mean(axis=1), boundary.normals, np.linalg.norm(across, axis=1))
+        normals_by_area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return _weighted(corners.mean(axis=1), boundary.normals, np.linalg.norm(normals_by_area, axis=1))
     if isinstance(boundary, Curve):
-        us, lengths = _along(boundary)
-        return _shared(boundary.position(us), boundary.normal(us), lengths)
+        us, lengths = _curve_samples(boundary)
+        return _weighted(boundary.position(us), boundary.normal(us), lengths)
     if isinstance(boundary, Surface) and boundary.kind != "torus":
         return _ellipsoid(np.resize(boundary.reals, 3))
     points = boundary.points(SPREAD)
-    return _shared(points, boundary.closest_point(points).normal, np.ones(SPREAD))
+    return _weighted(points, boundary.closest_point(points).normal, np.ones(SPREAD))
 
 
 def _ellipsoid(axes: Array) -> Sampled:
     """Return an ellipsoid: Gauss's rule along its longest axis, and equal steps round it, whichever axis that is."""
-    high, turn = np.meshgrid(NODES, (np.arange(4 * NODES.size) + 0.5) * (2.0 * np.pi / (4 * NODES.size)), indexing="ij")
-    out = np.sqrt(1.0 - high * high)
-    directions = np.empty((high.size, 3))
+    heights, angles = np.meshgrid(
+        NODES, (np.arange(4 * NODES.size) + 0.5) * (2.0 * np.pi / (4 * NODES.size)), indexing="ij"
+    )
+    radii = np.sqrt(1.0 - heights * heights)
+    directions = np.empty((heights.size, 3))
     shortest, middle, longest = np.argsort(axes, kind="stable")
-    directions[:, shortest], directions[:, middle] = (out * np.cos(turn)).ravel(), (out * np.sin(turn)).ravel()
-    directions[:, longest] = high.ravel()
+    directions[:, shortest], directions[:, middle] = (radii * np.cos(angles)).ravel(), (radii * np.sin(angles)).ravel()
+    directions[:, longest] = heights.ravel()
     normals = directions / axes
     size = np.linalg.norm(normals, axis=1, keepdims=True)
     # The ends of the axes, where the support distance is least and largest, stand for no area.
     ends = np.vstack([np.eye(3), -np.eye(3)])
     # an area of the sphere is stretched in the ratio of 1 / h
     areas = np.concatenate([np.repeat(WEIGHTS, 4 * NODES.size) * size[:, 0], np.zeros(len(ends))])
-    return _shared(np.vstack([directions * axes, ends * axes]), np.vstack([normals / size, ends]), areas)
+    return _weighted(np.vstack([directions * axes, ends * axes]), np.vstack([normals / size, ends]), areas)
 
 
-def _shared(points: Array, normals: Array, sizes: Array) -> Sampled:
+def _weighted(points: Array, normals: Array, sizes: Array) -> Sampled:
     return Sampled(points, normals, sizes / sizes.sum())
 
 
-def _along(curve: Curve) -> tuple[Array, Array]:
+def _curve_samples(curve: Curve) -> tuple[Array, Array]:
     """Return parameters of a closed curve and the length (m) that each stands for: Gauss's rule, one for an edge."""
     us, lengths = [], []
     for row in curve.pieces:
@@ -156,11 +158,11 @@ def centre_of(boundary: Boundary, name: str, centre: ArrayLike | None = None) ->
         )
     surface = sampled(boundary)
     if centre is not None:
-        return _given(boundary, surface, name, np.asarray(centre, dtype=np.float64))
-    return _centre(surface, _inside_kernel(surface, name))
+        return _checked_centre(boundary, surface, name, np.asarray(centre, dtype=np.float64))
+    return _analytic_centre(surface, _inside_kernel(surface, name))
 
 
-def _measured(surface: Sampled, point: Array) -> Centre:
+def _with_supports(surface: Sampled, point: Array) -> Centre:
     supports = surface.supports(point)
     mean = math.exp(float(np.sum(surface.shares * np.log(supports))))
     return Centre(point, mean, float(supports.min()), float(supports.max()))
@@ -174,47 +176,47 @@ def _inside_kernel(surface: Sampled, name: str) -> Array:
         return start
     # in the size of the model, for the solver's tolerances are absolute
     size = float(np.ptp(surface.points, axis=0).max())
-    places = (surface.points - start) / size
-    rows = np.column_stack([surface.normals, np.ones(len(places))])
-    found = linprog(
+    offsets = (surface.points - start) / size
+    rows = np.column_stack([surface.normals, np.ones(len(offsets))])
+    solution = linprog(
         np.append(np.zeros(start.size), -1.0),
         A_ub=rows,
-        b_ub=np.sum(surface.normals * places, axis=1),
+        b_ub=np.sum(surface.normals * offsets, axis=1),
         bounds=[(None, None)] * rows.shape[1],
         method="highs",
     )
-    assert found.x is not None, "the faces of a closed surface bound the least support distance"
-    point = start + size * found.x[:-1]
+    assert solution.x is not None, "the faces of a closed surface bound the least support distance"
+    point = start + size * solution.x[:-1]
     supports = surface.supports(point)
     if supports.min() > GRAZES * supports.max():
         return np.asarray(point)
-    carrying = np.flatnonzero(-found.ineqlin.marginals > 1e-9)
-    here, there = _apart(surface, carrying)
-    others = [_place(surface.points[each]) for each in carrying if each not in (here, there)]
+    bounding = np.flatnonzero(-solution.ineqlin.marginals > 1e-9)
+    first, second = _mutually_hidden(surface, bounding)
+    others = [_in_metres(surface.points[index]) for index in bounding if index not in (first, second)]
     raise NoKernelError(
         f"model '{name}' has no kernel: no point sees all of its surface",
-        why=f"{_place(surface.points[here])} and {_place(surface.points[there])} cannot see each other, and no point "
-        f"sees {' and '.join(['these', *others]) if others else 'both'}",
+        why=f"{_in_metres(surface.points[first])} and {_in_metres(surface.points[second])} cannot see each other, "
+        f"and no point sees {' and '.join(['these', *others]) if others else 'both'}",
         todo="choose a model that is star-shaped, or a renderer that needs no centre, such as minimum-distance",
-        position=surface.points[here],
+        position=surface.points[first],
     )
 
 
-def _apart(surface: Sampled, carrying: IntArray) -> tuple[int, int]:
+def _mutually_hidden(surface: Sampled, bounding: IntArray) -> tuple[int, int]:
     """Return two of the places that leave no kernel, the way from the first to the second of which leads outside.
 
     Those that carry the optimum have weights m > 0 with sum m n = 0 and sum m n.y <= 0. So for each y_j of them sum_k
     m_k n_k.(y_j - y_k) >= 0, and unless all its terms vanish one is positive: from y_k the way to y_j leads outside.
     """
-    points, normals = surface.points[carrying], surface.normals[carrying]
-    ways = points[np.newaxis] - points[:, np.newaxis]
-    length = np.maximum(np.linalg.norm(ways, axis=2), np.finfo(float).tiny)
-    outwards = np.einsum("ki,kji->kj", normals, ways) / length
+    points, normals = surface.points[bounding], surface.normals[bounding]
+    differences = points[np.newaxis] - points[:, np.newaxis]
+    length = np.maximum(np.linalg.norm(differences, axis=2), np.finfo(float).tiny)
+    outwards = np.einsum("ki,kji->kj", normals, differences) / length
     first, second = np.unravel_index(int(np.argmax(outwards)), outwards.shape)
-    return int(carrying[first]), int(carrying[second])
+    return int(bounding[first]), int(bounding[second])
 
 
-def _centre(surface: Sampled, point: Array) -> Centre:
+def _analytic_centre(surface: Sampled, point: Array) -> Centre:
     """Return the analytic centre, by Newton's method on the mean of log h from a point inside the kernel."""
     value = -math.inf
     for _ in range(STEPS):
@@ -228,8 +230,11 @@ def _centre(surface: Sampled, point: Array) -> Centre:
         share = 1.0
         while share > 1e-9:
             trial = point + share * step
-            there = surface.supports(trial)
-            if there.min() > 0.0 and np.sum(surface.shares * np.log(there)) >= value + 0.1 * share * gain - 1e-15:
+            trial_supports = surface.supports(trial)
+            if (
+                trial_supports.min() > 0.0
+                and np.sum(surface.shares * np.log(trial_supports)) >= value + 0.1 * share * gain - 1e-15
+            ):
                 break
             share *= 0.5
         else:
@@ -237,10 +242,10 @@ def _centre(surface: Sampled, point: Array) -> Centre:
         point = trial
         if gain <= 1e-28:
             break
-    return _measured(surface, point)
+    return _with_supports(surface, point)
 
 
-def _given(boundary: Boundary, surface: Sampled, name: str, centre: Array) -> Centre:
+def _checked_centre(boundary: Boundary, surface: Sampled, name: str, centre: Array) -> Centre:
     """Return a given centre, measured. Raises `NoKernelError` where it is none."""
     if centre.shape != (boundary.dimension,) or not np.isfinite(centre).all():
         raise RefusalError(
@@ -250,22 +255,25 @@ def _given(boundary: Boundary, surface: Sampled, name: str, centre: Array) -> Ce
     supports = surface.supports(centre)
     worst = int(np.argmin(supports))
     if supports[worst] > GRAZES * supports.max():
-        return _measured(surface, centre)
-    place = surface.points[worst]
+        return _with_supports(surface, centre)
+    hidden = surface.points[worst]
     if not float(boundary.signed_distance(centre[np.newaxis])[0]) < 0.0:
         why = "it is not inside the model"
     else:
         size = float(np.ptp(surface.points, axis=0).max())
-        other = boundary.first_crossing(place, centre, grain=1e-4 * size)
-        again = f", and at {_place(other)} too" if other is not None else " without going through it"
-        why = f"the ray from it to {_place(place)} meets the boundary there{again}: one surface point must answer a ray"
+        other = boundary.first_crossing(hidden, centre, grain=1e-4 * size)
+        also = f", and at {_in_metres(other)} too" if other is not None else " without going through it"
+        why = (
+            f"the ray from it to {_in_metres(hidden)} meets the boundary there{also}: one surface point must answer a "
+            "ray"
+        )
     raise NoKernelError(
-        f"the centre {_place(centre)} is outside the kernel of model '{name}'",
+        f"the centre {_in_metres(centre)} is outside the kernel of model '{name}'",
         why=why,
         todo="leave the centre out: the centre of the kernel is then looked for",
-        position=place,
+        position=hidden,
     )
 
 
-def _place(point: Array) -> str:
+def _in_metres(point: Array) -> str:
     return f"({', '.join(f'{x:.4g}' for x in point)}) m"

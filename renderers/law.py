@@ -38,10 +38,10 @@ T = TypeVar("T")
 
 def once(model: Model, key: object, make: Callable[[], T]) -> T:
     """Return what `make` makes of a model for `key`: made once, and kept as long as the model."""
-    kept = _KEPT.setdefault(model, {})
-    if key not in kept:
-        kept[key] = make()
-    return kept[key]  # type: ignore[no-any-return]
+    values = _KEPT.setdefault(model, {})
+    if key not in values:
+        values[key] = make()
+    return values[key]  # type: ignore[no-any-return]
 
 
 _KEPT: WeakKeyDictionary[Model, dict[object, Any]] = WeakKeyDictionary()
@@ -190,40 +190,42 @@ def regulate(
     """
     count = hip.shape[0]
     scheme, stiffness, damping = params[SCHEME], params[STIFFNESS], params[DAMPING]
-    held, normal = state[HELD] != 0.0, ERROR + count
-    across, pressed, depth2, closing = 0.0, 0.0, 0.0, 0.0
+    was_in_contact, normal = state[HELD] != 0.0, ERROR + count
+    normal_velocity, normal_error, depth_squared, error_rate = 0.0, 0.0, 0.0, 0.0
     for i in range(count):
-        now = hip[i] - ihip[i]
-        rate = (now - state[ERROR + i]) / dt if held else 0.0
-        state[ERROR + i] = now
-        depth2 += now * now
-        closing += now * rate
-        force[i] = -stiffness * now
+        error = hip[i] - ihip[i]
+        rate = (error - state[ERROR + i]) / dt if was_in_contact else 0.0
+        state[ERROR + i] = error
+        depth_squared += error * error
+        error_rate += error * rate
+        force[i] = -stiffness * error
         if scheme == PP_D:
             force[i] = force[i] - damping * rate
     state[HELD] = 1.0
     if scheme == PP:
         return 0
     for i in range(count):
-        across += state[normal + i] * velocity[i]
-        pressed += state[normal + i] * state[ERROR + i]
+        normal_velocity += state[normal + i] * velocity[i]
+        normal_error += state[normal + i] * state[ERROR + i]
         if scheme == PP_V:
             force[i] = force[i] - damping * velocity[i]
     if scheme in (TRANSVERSAL, GRADIENT):
         if params[BILATERAL] == 0.0:
-            pressed = min(pressed, 0.0)  # a hand above the tangent at a distant foot is not pulled to it
-        size = (-stiffness * pressed if scheme == TRANSVERSAL else stiffness * known) - damping * across
+            normal_error = min(normal_error, 0.0)  # a hand above the tangent at a distant foot is not pulled to it
+        size = (-stiffness * normal_error if scheme == TRANSVERSAL else stiffness * known) - damping * normal_velocity
         for i in range(count):
             force[i] = size * state[normal + i]
     elif scheme == SQUARE_ROOT:
-        depth = math.sqrt(depth2)
+        depth = math.sqrt(depth_squared)
         safe = depth if depth > 0.0 else 1.0
-        closing /= safe
-        size = math.sqrt(depth) * (params[SPRING] + params[DAMPER] * math.copysign(math.sqrt(abs(closing)), closing))
+        error_rate /= safe
+        size = math.sqrt(depth) * (
+            params[SPRING] + params[DAMPER] * math.copysign(math.sqrt(abs(error_rate)), error_rate)
+        )
         for i in range(count):
             force[i] = -size * (state[ERROR + i] / safe)
     elif scheme in (PP_PD, PP_PD_C):
-        size = damping * across
+        size = damping * normal_velocity
         for i in range(count):
             force[i] = force[i] - size * state[normal + i]
             if scheme == PP_PD_C:

@@ -25,10 +25,10 @@ from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.surface import Surface
 from hapticeval.geometry.surface_kernels import closest_on_surface, dot, plus
 from hapticeval.renderers.law import BILATERAL, ERROR, OWN, once, regulate, release
-from hapticeval.renderers.outline import clear_of, frame, nearest_on, outline_in, representation_of
-from hapticeval.renderers.potential import CENTRE, LAST, PARALLEL, REACH, SUPPORT, level, level_at, stretch
+from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
+from hapticeval.renderers.potential import CENTRE, LAST, PARALLEL, REACH, SUPPORT, level_at, level_values, stretch
 from hapticeval.renderers.projective import CompiledProjection
-from hapticeval.renderers.rays import homothetic, middle_of, numbers
+from hapticeval.renderers.rays import homothetic, kernel_centre_of, potential_numbers
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -58,23 +58,23 @@ def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = 
     """
     model = scene.model
     boundary = model.boundary
-    middle = middle_of(model, boundary, centre)
-    even = middle.largest - middle.least <= EVEN * middle.support
-    if even or isinstance(boundary, Mesh) or any(corner.convex for corner in boundary.corners):
+    middle = kernel_centre_of(model, boundary, centre)
+    is_round = middle.largest - middle.smallest <= EVEN * middle.support
+    if is_round or isinstance(boundary, Mesh) or any(corner.convex for corner in boundary.corners):
         return homothetic(scene, representation, centre=centre)
     shape = model.surface if model.dimension == 3 else model.curve
-    bend = once(model, "largest curvature", lambda: largest_curvature(shape))
-    own = numbers(middle, min(SAFE / bend, middle.least) if bend > 0.0 else middle.least)
+    curvature = once(model, "largest curvature", lambda: largest_curvature(shape))
+    own = potential_numbers(middle, min(SAFE / curvature, middle.smallest) if curvature > 0.0 else middle.smallest)
     if model.dimension == 3:
         row = model.surface.row[np.newaxis]
         return CompiledProjection(
             in_space, boundary, bilateral=scene.bilateral, own=[0.0, *own], potential=own,
             support_range=middle.support_range, segments=row,
         )  # fmt: skip
-    shown = representation_of(model, "curve").tables
+    tables = representation_of(model, "curve").tables
     return CompiledProjection(
         in_plane, model.curve, bilateral=scene.bilateral, potential=own, support_range=middle.support_range,
-        **{**shown, "own": [*shown["own"], *own]},
+        **{**tables, "own": [*tables["own"], *own]},
     )  # fmt: skip
 
 
@@ -108,7 +108,7 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
     pieces, params = data.segments, data.params
     support = params[POTENTIAL + SUPPORT]
     cx, cy = params[POTENTIAL + CENTRE], params[POTENTIAL + CENTRE + 1]
-    start, end = pieces[0, U0], pieces[pieces.shape[0] - 1, U1]
+    first_u, last_u = pieces[0, U0], pieces[pieces.shape[0] - 1, U1]
     ex, ey = x - cx, y - cy
     settled = SETTLED * support + ROUNDING * (abs(x) + abs(y) + abs(cx) + abs(cy))
     t = -1.0
@@ -120,17 +120,17 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
         t = level_at(params, POTENTIAL, ex * ty - ey * tx, h)
         if not 0.0 <= t < support:
             break
-        a, b, da, db = level(params, POTENTIAL, t)
+        a, b, da, db = level_values(params, POTENTIAL, t)
         miss = ex * tx + ey * ty - a * along
         if abs(miss) <= settled:
             return True, piece, u, t
-        bend = (dx * ddy - dy * ddx) / (speed * speed * speed)
-        rate = a * (1.0 - b * bend) - bend * miss * da * along / (a * db - da * (h - b))
+        curvature = (dx * ddy - dy * ddx) / (speed * speed * speed)
+        rate = a * (1.0 - b * curvature) - curvature * miss * da * along / (a * db - da * (h - b))
         if not rate > 0.0:
             break
         u += miss / (rate * speed)
-        u -= math.floor((u - start) / (end - start)) * (end - start)
-        u = min(max(u, start), end)
+        u -= math.floor((u - first_u) / (last_u - first_u)) * (last_u - first_u)
+        u = min(max(u, first_u), last_u)
         piece = piece_index(pieces, u)
     return False, piece, u, t
 
@@ -144,7 +144,7 @@ def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, flo
     low, high = PARALLEL * reach, support
     px, py, nx, ny, t = x, y, 0.0, 0.0, LAST * reach
     for _ in range(ROUNDS):
-        a, b, _, _ = level(params, POTENTIAL, t)
+        a, b, _, _ = level_values(params, POTENTIAL, t)
         qx, qy = cx + (x - cx) / a, cy + (y - cy) / a
         piece, u, distance, side = nearest_on(boundary, qx, qy)
         px, py, nx, ny = frame(boundary.pieces, boundary.joints, piece, u, qx, qy)
@@ -153,10 +153,10 @@ def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, flo
         else:
             high = t
         h = nx * (px - cx) + ny * (py - cy)
-        following = level_at(params, POTENTIAL, nx * (x - cx) + ny * (y - cy), h) if h > 0.0 else low
-        if abs(following - t) <= CLOSE * support:
+        next_t = level_at(params, POTENTIAL, nx * (x - cx) + ny * (y - cy), h) if h > 0.0 else low
+        if abs(next_t - t) <= CLOSE * support:
             break
-        t = following if low < following < high else 0.5 * (low + high)
+        t = next_t if low < next_t < high else 0.5 * (low + high)
     return px, py, nx, ny, t
 
 
@@ -167,16 +167,16 @@ def in_plane(
     """One tick on a curve, of signature `LAW`."""
     boundary, params, state = outline_in(data), data.params, data.state
     x, y, bilateral = hip[0], hip[1], params[BILATERAL] != 0.0
-    if not bilateral and clear_of(boundary, x, y):
+    if not bilateral and is_clear_of(boundary, x, y):
         return release(state, hip, ihip, force)
     piece, u, distance, side = nearest_on(boundary, x, y)
     if not (bilateral or side < 0.0):
         return release(state, hip, ihip, force)
     t = -side * distance
-    found = t <= PARALLEL * params[POTENTIAL + REACH]
-    if not found:
-        found, piece, u, t = _follow(data, x, y, piece, u)
-    if found:
+    has_foot = t <= PARALLEL * params[POTENTIAL + REACH]
+    if not has_foot:
+        has_foot, piece, u, t = _follow(data, x, y, piece, u)
+    if has_foot:
         ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = frame(boundary.pieces, boundary.joints, piece, u, x, y)
     else:
         ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3], t = _search(data, x, y)
@@ -194,28 +194,28 @@ def in_space(
     support, reach = params[POTENTIAL + SUPPORT], params[POTENTIAL + REACH]
     c = POTENTIAL + CENTRE
     centre, hand = (params[c], params[c + 1], params[c + 2]), (hip[0], hip[1], hip[2])
-    way = plus(hand, -1.0, centre)
+    from_centre = plus(hand, -1.0, centre)
     foot, normal, distance = closest_on_surface(row, hand)
     if params[BILATERAL] == 0.0 and not distance < 0.0:
         return release(state, hip, ihip, force)
     t, low, high = -distance, PARALLEL * reach, support
     if t > low:
         # by the tangent plane at the nearest point, and then by those that it leads to
-        t = level_at(params, POTENTIAL, dot(normal, way), dot(normal, plus(foot, -1.0, centre)))
+        t = level_at(params, POTENTIAL, dot(normal, from_centre), dot(normal, plus(foot, -1.0, centre)))
         if not low < t < high:
             t = LAST * reach
         for _ in range(ROUNDS):
-            a, b, _, _ = level(params, POTENTIAL, t)
-            foot, normal, distance = closest_on_surface(row, plus(centre, 1.0 / a, way))
+            a, b, _, _ = level_values(params, POTENTIAL, t)
+            foot, normal, distance = closest_on_surface(row, plus(centre, 1.0 / a, from_centre))
             if -distance > b:
                 low = t
             else:
                 high = t
             h = dot(normal, plus(foot, -1.0, centre))
-            following = level_at(params, POTENTIAL, dot(normal, way), h) if h > 0.0 else low
-            if abs(following - t) <= CLOSE * support:
+            next_t = level_at(params, POTENTIAL, dot(normal, from_centre), h) if h > 0.0 else low
+            if abs(next_t - t) <= CLOSE * support:
                 break
-            t = following if low < following < high else 0.5 * (low + high)
+            t = next_t if low < next_t < high else 0.5 * (low + high)
     for i in range(3):
         ihip[i], state[ERROR + 3 + i] = foot[i], normal[i]
     h = dot(normal, plus(foot, -1.0, centre))

@@ -16,7 +16,7 @@ from hapticeval.geometry.surface_kernels import apply_matrix, closest_on_surface
 from hapticeval.renderers.contour import nearest_on_level_set
 from hapticeval.renderers.family import GRID, VERTICES
 from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, SCHEME, regulate, release
-from hapticeval.renderers.outline import clear_of, frame, nearest_on, outline_in, representation_of
+from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
 from hapticeval.renderers.projective import CompiledProjection, Projection
 from hapticeval.renderers.regulation import PP_PD_C
 from hapticeval.scene import Scene
@@ -42,9 +42,9 @@ def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, gr
         return CompiledProjection(in_space, model.surface, bilateral=scene.bilateral, exact=True, segments=row)
     if representation == "level-set" and model.curve.closed:
         return nearest_on_level_set(model, (int(grid), int(grid)), bilateral=scene.bilateral)
-    shown = representation_of(model, representation, int(vertices))
+    shape = representation_of(model, representation, int(vertices))
     exact = representation == "curve"
-    return CompiledProjection(in_plane, shown.surface, bilateral=scene.bilateral, exact=exact, **shown.tables)
+    return CompiledProjection(in_plane, shape.surface, bilateral=scene.bilateral, exact=exact, **shape.tables)
 
 
 @borrowing
@@ -55,20 +55,20 @@ def in_plane(
     b, params, state = outline_in(data), data.params, data.state
     x, y = hip[0], hip[1]
     bilateral = params[BILATERAL] != 0.0
-    if not bilateral and b.stray > 0.0 and clear_of(b, x, y):
+    if not bilateral and b.stray > 0.0 and is_clear_of(b, x, y):
         return release(state, hip, ihip, force)
     piece, u, _, side = nearest_on(b, x, y)
     if not (bilateral or side < 0.0):
         return release(state, hip, ihip, force)
     ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = frame(b.pieces, b.joints, piece, u, x, y)
-    fall = 0.0
+    centripetal = 0.0
     if params[SCHEME] == PP_PD_C:
         # κ (t·ẏ)^2: how fast the curve bends away from under the hand
         _, _, dx, dy, ddx, ddy = evaluate(b.pieces[piece], u)
         speed = math.hypot(dx, dy)
-        along = (dx * velocity[0] + dy * velocity[1]) / speed
-        fall = (dx * ddy - dy * ddx) / (speed * speed * speed) * (along * along)
-    return regulate(params, state, hip, velocity, fall, dt, ihip, force)
+        tangential_velocity = (dx * velocity[0] + dy * velocity[1]) / speed
+        centripetal = (dx * ddy - dy * ddx) / (speed * speed * speed) * (tangential_velocity * tangential_velocity)
+    return regulate(params, state, hip, velocity, centripetal, dt, ihip, force)
 
 
 @borrowing
@@ -82,11 +82,11 @@ def in_space(
         return release(state, hip, ihip, force)
     for i in range(3):
         ihip[i], state[ERROR + 3 + i] = foot[i], normal[i]
-    fall = 0.0
+    centripetal = 0.0
     if params[SCHEME] == PP_PD_C:
         v = (velocity[0], velocity[1], velocity[2])
-        fall = dot(v, apply_matrix(shape_operator(surface, foot, normal), v))
-    return regulate(params, state, hip, velocity, fall, dt, ihip, force)
+        centripetal = dot(v, apply_matrix(shape_operator(surface, foot, normal), v))
+    return regulate(params, state, hip, velocity, centripetal, dt, ihip, force)
 
 
 @borrowing

@@ -75,18 +75,18 @@ def _cassinian(scale: float, lobes: float, above: float) -> tuple[float, float]:
     z''' = z (w^3 + 3 w w' + w'').
     """
     ratio, sharpest = 1.0 + above, math.sqrt(above)
-    near = np.geomspace(1e-3 * min(sharpest, 1.0), math.pi / 2.0, 4000)
-    angle = np.concatenate([np.linspace(0.0, math.pi, 4001), math.pi / 2.0 - near, math.pi / 2.0 + near])
+    offsets = np.geomspace(1e-3 * min(sharpest, 1.0), math.pi / 2.0, 4000)
+    angle = np.concatenate([np.linspace(0.0, math.pi, 4001), math.pi / 2.0 - offsets, math.pi / 2.0 + offsets])
     sin, cos = np.sin(angle), np.cos(angle)
     root = np.sqrt(above + cos * cos)
-    lift = np.where(cos > 0.0, cos + root, above / (root + np.abs(cos)))
-    r = scale * (lift / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
+    power = np.where(cos > 0.0, cos + root, above / (root + np.abs(cos)))
+    r = scale * (power / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
     w = -sin / root + 1j
     w1 = -lobes * ratio * cos / root**3
     w2 = lobes**2 * ratio * (sin / root**3 - 3.0 * sin * cos**2 / root**5)
-    third = np.max(r * np.abs(w**3 + 3.0 * w * w1 + w2))
-    mixed = np.max(3.0 * r * r * np.abs((np.conj(w) * (w * w + w1)).real))
-    return MARGIN * float(mixed), MARGIN * float(third)
+    third_derivative = np.max(r * np.abs(w**3 + 3.0 * w * w1 + w2))
+    mixed_product = np.max(3.0 * r * r * np.abs((np.conj(w) * (w * w + w1)).real))
+    return MARGIN * float(mixed_product), MARGIN * float(third_derivative)
 
 
 TURN, BEND, BEND_PER_METRE, CHORD = range(4)
@@ -98,7 +98,7 @@ LONGEST_MARCH = 100_000
 
 
 @inner
-def at(pieces: Array, k: int, u: float) -> tuple[float, float, float, float, float, float]:
+def evaluate_at(pieces: Array, k: int, u: float) -> tuple[float, float, float, float, float, float]:
     """`evaluate` on piece k; straight pieces, by far the most, without the cost of a view of the row."""
     if pieces[k, KIND] == LINE:
         along = u - pieces[k, U0]
@@ -122,7 +122,7 @@ def slide(
     onwards = 0.0
     steps = 0
     while True:
-        px, py, dx, dy, ddx, ddy = at(pieces, piece, u)
+        px, py, dx, dy, ddx, ddy = evaluate_at(pieces, piece, u)
         ex, ey = x - px, y - py
         if releases and ex * dy - ey * dx > 0.0:
             k = _other_wall(pieces, joints, piece, u, x, y) if onwards == 0.0 else -1
@@ -138,25 +138,25 @@ def slide(
         if g * onwards < 0.0 or (g == 0.0 and slope >= 0.0):
             return RESTS, piece, u
         # a step of zero length means that g has vanished to rounding
-        bend = joints[piece, BEND]
+        third_bound = joints[piece, BEND]
         if joints[piece, BEND_PER_METRE] > 0.0:
-            bend += joints[piece, BEND_PER_METRE] * math.hypot(ex, ey)
-        step = _first_zero(abs(g), slope, bend)
-        following = u + onwards * step
+            third_bound += joints[piece, BEND_PER_METRE] * math.hypot(ex, ey)
+        step = _first_zero(abs(g), slope, third_bound)
+        next_u = u + onwards * step
         end = pieces[piece, U1] if onwards > 0.0 else pieces[piece, U0]
-        if (end - following) * onwards > 0.0:
+        if (end - next_u) * onwards > 0.0:
             steps += 1
             tiny = 2e-16 * (pieces[piece, U1] - pieces[piece, U0])
-            if following == u or bend == 0.0 or step <= tiny or steps > LONGEST_MARCH:
-                return RESTS, piece, following
-            u = following
+            if next_u == u or third_bound == 0.0 or step <= tiny or steps > LONGEST_MARCH:
+                return RESTS, piece, next_u
+            u = next_u
             continue
         if pieces[0, KIND] == UNBOUNDED:
-            return RESTS, piece, following
+            return RESTS, piece, next_u
         k = (piece + 1) % count if onwards > 0.0 else (piece - 1) % count
         start = pieces[k, U0] if onwards > 0.0 else pieces[k, U1]
         turn = joints[k if onwards > 0.0 else piece, TURN]
-        px, py, dx, dy, _, _ = at(pieces, k, start)
+        px, py, dx, dy, _, _ = evaluate_at(pieces, k, start)
         ex, ey = x - px, y - py
         if releases and turn > -SMOOTH_TURN and ex * dy - ey * dx > 0.0:
             return LEAVES, piece, end
@@ -166,12 +166,12 @@ def slide(
 
 
 @borrowing
-def _first_zero(g: float, slope: float, bend: float) -> float:
+def _first_zero(g: float, slope: float, third_bound: float) -> float:
     """The smallest d > 0 with -g + slope d + bend d^2 / 2 = 0, for g > 0; infinite if there is none."""
-    if bend == 0.0:
+    if third_bound == 0.0:
         return g / slope if slope > 0.0 else math.inf
-    root = math.sqrt(slope * slope + 2.0 * bend * g)
-    return 2.0 * g / (slope + root) if slope > 0.0 else (root - slope) / bend
+    root = math.sqrt(slope * slope + 2.0 * third_bound * g)
+    return 2.0 * g / (slope + root) if slope > 0.0 else (root - slope) / third_bound
 
 
 @borrowing
@@ -182,15 +182,15 @@ def _other_wall(pieces: Array, joints: Array, piece: int, u: float, x: float, y:
         return -1
     if u == pieces[piece, U1]:
         k = (piece + 1) % count
-        turn, there = joints[k, TURN], pieces[k, U0]
+        turn, joint_u = joints[k, TURN], pieces[k, U0]
     elif u == pieces[piece, U0]:
         k = (piece - 1) % count
-        turn, there = joints[piece, TURN], pieces[k, U1]
+        turn, joint_u = joints[piece, TURN], pieces[k, U1]
     else:
         return -1
     if turn > -SMOOTH_TURN:
         return -1
-    px, py, dx, dy, _, _ = at(pieces, k, there)
+    px, py, dx, dy, _, _ = evaluate_at(pieces, k, joint_u)
     return k if (x - px) * dy - (y - py) * dx < 0.0 else -1
 
 
@@ -201,7 +201,7 @@ def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float
     At a corner every direction between the two faces' normals is one: there it is the direction between HIP and
     IHIP, which is continuous with the faces' normals, or their mean where the two points coincide.
     """
-    px, py, dx, dy, _, _ = at(pieces, piece, u)
+    px, py, dx, dy, _, _ = evaluate_at(pieces, piece, u)
     first, last = pieces[piece, U0], pieces[piece, U1]
     nx, ny = dy, -dx
     if pieces[piece, KIND] != LINE:
@@ -216,10 +216,10 @@ def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float
             speed = math.hypot(dx, dy)
             mx, my = nx + dy / speed, ny - dx / speed
             ex, ey = x - px, y - py
-            far = math.hypot(ex, ey)
-            if far > 1e-12 * (abs(px) + abs(py)):
-                side = far if ex * mx + ey * my > 0.0 else -far
-                return px, py, ex / side, ey / side
+            distance = math.hypot(ex, ey)
+            if distance > 1e-12 * (abs(px) + abs(py)):
+                signed_distance = distance if ex * mx + ey * my > 0.0 else -distance
+                return px, py, ex / signed_distance, ey / signed_distance
             size = math.hypot(mx, my)
             nx, ny = mx / size, my / size
     return px, py, nx, ny
@@ -257,12 +257,12 @@ def outline_in(data: LawData) -> Outline:
 
 
 @inner
-def closed(b: Outline) -> bool:
+def is_closed(b: Outline) -> bool:
     """Return whether it is closed; else it is the unbounded line."""
     return bool(b.pieces[0, KIND] != UNBOUNDED)
 
 
-def straight(curve: Curve) -> bool:
+def is_straight(curve: Curve) -> bool:
     """Return whether a curve is made of straight edges alone, and so is its own polygon."""
     return bool(np.all(curve.pieces[:, KIND] == LINE))
 
@@ -304,7 +304,7 @@ def _turns(pieces: Array) -> Array:
 @borrowing
 def nearest_on(b: Outline, x: float, y: float) -> tuple[int, float, float, float]:
     """The nearest surface point: (piece, u, distance, side), side -1.0 inside and 1.0 outside or on it."""
-    if b.stray > 0.0 or not closed(b):
+    if b.stray > 0.0 or not is_closed(b):
         u, distance, side = project(b.pieces, b.samples, x, y)
         return piece_index(b.pieces, u), u, distance, side
     edge, along, distance2 = nearest_kernel(b.vertices, b.tree, x, y)
@@ -314,22 +314,22 @@ def nearest_on(b: Outline, x: float, y: float) -> tuple[int, float, float, float
 
 
 @borrowing
-def clear_of(b: Outline, x: float, y: float) -> bool:
+def is_clear_of(b: Outline, x: float, y: float) -> bool:
     """Whether a point is outside by more than the chords stray: what can be told at the cost of a polygon."""
-    if not closed(b):
+    if not is_closed(b):
         return False
     edge, along, distance2 = nearest_kernel(b.vertices, b.tree, x, y)
     return distance2 > b.stray * b.stray and side_kernel(b.vertices, edge, along, x, y) > 0.0
 
 
 @borrowing
-def entered(b: Outline, x0: float, y0: float, x1: float, y1: float, leaving: bool) -> tuple[bool, int, float]:
+def first_contact(b: Outline, x0: float, y0: float, x1: float, y1: float, leaving: bool) -> tuple[bool, int, float]:
     """Whether a tool that moves straight from (x0, y0), outside or on the surface, runs into it: and (piece, u) where.
 
     `leaving`: it starts on the surface. A crossing of the chords counts wherever both ends lie, so that nothing is
     too thin to be hit. A curve lies up to `stray` beside its chords: there the exact side of the end decides.
     """
-    if not closed(b):
+    if not is_closed(b):
         _, u, _, side = nearest_on(b, x1, y1)
         if side > 0.0:
             return False, 0, 0.0
@@ -342,7 +342,7 @@ def entered(b: Outline, x0: float, y0: float, x1: float, y1: float, leaving: boo
     if edge >= 0 and (b.stray == 0.0 or fraction < 1.0):
         piece, u = _piece_at(b, edge, t)
         return True, piece, u
-    if (b.stray == 0.0 and not leaving) or clear_of(b, x1, y1):
+    if (b.stray == 0.0 and not leaving) or is_clear_of(b, x1, y1):
         return False, 0, 0.0
     piece, u, distance, side = nearest_on(b, x1, y1)
     if side > 0.0 or distance == 0.0:
@@ -400,7 +400,7 @@ def representation_of(model: Model, representation: str, vertices: int = VERTICE
 
     def make() -> Representation:
         curve = model.curve
-        if curve.closed and straight(curve):
+        if curve.closed and is_straight(curve):
             return Representation(outline_of(model.polygon()), curve, 0.0, 0.0)
         if not as_polygon:
             return Representation(outline_of(curve), curve, 0.0, 0.0)

@@ -48,57 +48,57 @@ ROUNDING = 2e-16
 
 
 @inner
-def level(numbers: Array, first: int, t: float) -> tuple[float, float, float, float]:
+def level_values(numbers: Array, first: int, t: float) -> tuple[float, float, float, float]:
     """Return A, b and their derivatives at level t, of the numbers from `first` on."""
     support, reach = numbers[first + SUPPORT], numbers[first + REACH]
-    begin, end = PARALLEL * reach, LAST * reach
-    if t <= begin and reach > 0.0:
+    blend_begin, blend_end = PARALLEL * reach, LAST * reach
+    if t <= blend_begin and reach > 0.0:
         return 1.0, t, 0.0, 1.0
-    span = end - begin
-    if t >= end or reach == 0.0:
-        b, rate = begin + 0.5 * span, 0.0
+    span = blend_end - blend_begin
+    if t >= blend_end or reach == 0.0:
+        b, b_rate = blend_begin + 0.5 * span, 0.0
     else:
-        x = (t - begin) / span
-        b = begin + span * (x - x * x * x + 0.5 * x * x * x * x)
-        rate = 1.0 - (3.0 - 2.0 * x) * x * x
-    left = support - b
-    return (support - t) / left, b, ((support - t) * rate - left) / (left * left), rate
+        x = (t - blend_begin) / span
+        b = blend_begin + span * (x - x * x * x + 0.5 * x * x * x * x)
+        b_rate = 1.0 - (3.0 - 2.0 * x) * x * x
+    remaining = support - b
+    return (support - t) / remaining, b, ((support - t) * b_rate - remaining) / (remaining * remaining), b_rate
 
 
 @borrowing
-def level_at(numbers: Array, first: int, across: float, h: float) -> float:
+def level_at(numbers: Array, first: int, depth_coordinate: float, h: float) -> float:
     """Return the level t of a point with n.(x - c) = `across` whose IHIP has the support distance h: A (h - b) = it.
 
     A (h - b) falls with t at the rate v > 0.
     """
     support, reach = numbers[first + SUPPORT], numbers[first + REACH]
-    if reach > 0.0 and h - across <= PARALLEL * reach:
-        return float(h - across)
+    if reach > 0.0 and h - depth_coordinate <= PARALLEL * reach:
+        return float(h - depth_coordinate)
     low, high = PARALLEL * reach, LAST * reach
-    a, b, _, _ = level(numbers, first, high)
-    if reach == 0.0 or across <= a * (h - b):
-        return float(support - across / (h - b) * (support - b))
+    a, b, _, _ = level_values(numbers, first, high)
+    if reach == 0.0 or depth_coordinate <= a * (h - b):
+        return float(support - depth_coordinate / (h - b) * (support - b))
     t: float = 0.5 * (low + high)
     for _ in range(STEPS):
-        a, b, da, db = level(numbers, first, t)
-        off = a * (h - b) - across
-        if off > 0.0:
+        a, b, da, db = level_values(numbers, first, t)
+        excess = a * (h - b) - depth_coordinate
+        if excess > 0.0:
             low = t
         else:
             high = t
-        following = t + off / (a * db - da * (h - b))
-        if not low <= following <= high:
-            following = 0.5 * (low + high)
-        if abs(following - t) <= ROUNDING * support:
-            return float(following)
-        t = following
+        next_t = t + excess / (a * db - da * (h - b))
+        if not low <= next_t <= high:
+            next_t = 0.5 * (low + high)
+        if abs(next_t - t) <= ROUNDING * support:
+            return float(next_t)
+        t = next_t
     return t
 
 
 @inner
 def stretch(numbers: Array, first: int, t: float, h: float) -> float:
     """Return t / v (m): K times that is the force at level t where the support distance is h."""
-    a, b, da, db = level(numbers, first, t)
+    a, b, da, db = level_values(numbers, first, t)
     return t / (a * db - da * (h - b))
 
 
@@ -121,16 +121,16 @@ def _shares(numbers: Array, levels: Array, h: float) -> Array:
     """Return the shares of K that the force over the depth is at levels (n,), m, where the support distance is h."""
     shares = np.empty_like(levels)
     for i in range(levels.size):
-        a, b, _, _ = level(numbers, 0, levels[i])
+        a, b, _, _ = level_values(numbers, 0, levels[i])
         shares[i] = stretch(numbers, 0, levels[i], h) / (h - a * (h - b))
     return shares
 
 
 @borrowing
-def pressed(numbers: Array, first: int, hip: Array, ihip: Array, normal: Array) -> float:
+def stretch_at(numbers: Array, first: int, hip: Array, ihip: Array, normal: Array) -> float:
     """Return what K is to be multiplied by (m) for the force on a hand with that IHIP and outward unit normal."""
-    across, h = 0.0, 0.0
+    depth_coordinate, h = 0.0, 0.0
     for i in range(hip.shape[0]):
-        across += normal[i] * (hip[i] - numbers[first + CENTRE + i])
+        depth_coordinate += normal[i] * (hip[i] - numbers[first + CENTRE + i])
         h += normal[i] * (ihip[i] - numbers[first + CENTRE + i])
-    return stretch(numbers, first, level_at(numbers, first, across, h), h)
+    return stretch(numbers, first, level_at(numbers, first, depth_coordinate, h), h)

@@ -28,7 +28,7 @@ from hapticeval.renderers.law import (
     regulate,
     release,
 )
-from hapticeval.renderers.potential import pressed, stiffness_range
+from hapticeval.renderers.potential import stiffness_range, stretch_at
 from hapticeval.renderers.regulation import GRADIENT, SQUARE_ROOT, Regulation
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -77,7 +77,7 @@ def regulated(projection: Projection, regulation: Regulation, scene: Scene) -> P
     return ProjectedRenderer(projection, regulation, scene)
 
 
-def promise(projection: Projection, regulation: Regulation, scene: Scene) -> Declaration:
+def declaration_of(projection: Projection, regulation: Regulation, scene: Scene) -> Declaration:
     """Return what a projection with a scheme keeps to: along what it is a spring, and how its stiffness varies.
 
     The square root's is (e_0 / e)^(1/2) times K, at errors e up to the model's size.
@@ -125,7 +125,7 @@ class CompiledProjection:
 
     def project(self, hip: Array) -> ProxyState:
         """One tick, for a projection without memory."""
-        return ProxyState(*(each[0] for each in self.trace(hip[np.newaxis])))
+        return ProxyState(*(answers[0] for answers in self.trace(hip[np.newaxis])))
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, N): IHIPs, normals and contact."""
@@ -152,9 +152,9 @@ class ProjectiveRenderer(LawRenderer):
         super().__init__(law, projection.surface, rows=projection.rows, **lengths)
         self.projection = projection
         self.regulation = regulation
-        known = projection.exact and regulation.name in SCHEMES
-        claimed = regulation.name if known else None
-        self.declares = replace(promise(projection, regulation, scene), closed_form=claimed)
+        has_closed_form = projection.exact and regulation.name in SCHEMES
+        closed_form = regulation.name if has_closed_form else None
+        self.declares = replace(declaration_of(projection, regulation, scene), closed_form=closed_form)
 
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: inside the model it starts in contact."""
@@ -173,7 +173,7 @@ class ProjectedRenderer:
         self.projection = projection
         self.regulation = regulation
         self.surface, self.resolution, self.standoff = projection.surface, projection.resolution, projection.standoff
-        self.declares = promise(projection, regulation, scene)
+        self.declares = declaration_of(projection, regulation, scene)
         self._params = np.concatenate([gains(regulation, scene), projection.potential])
         self._state = np.zeros(ROOM[self.surface.dimension])
 
@@ -200,7 +200,7 @@ class ProjectedRenderer:
 
     def _led(self, hips: Array, velocities: Array, dt: Array, answers: tuple[Array, Array, BoolArray]) -> Array:
         forces = np.empty_like(hips)
-        _lead(self._params, self._state, hips, velocities, dt, _plain(answers), forces)
+        _regulate_timed_rows(self._params, self._state, hips, velocities, dt, _contiguous(answers), forces)
         return forces
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
@@ -212,11 +212,11 @@ class ProjectedRenderer:
         self.reset(hips[0])
         answers = self.projection.trace(hips)
         forces = np.empty_like(hips)
-        _run(self._params, self._state, hips, np.zeros(hips.shape[1]), dt, _plain(answers), forces)
+        _regulate_rows(self._params, self._state, hips, np.zeros(hips.shape[1]), dt, _contiguous(answers), forces)
         return answers[0], forces
 
 
-def _plain(answers: tuple[Array, Array, BoolArray]) -> tuple[Array, Array, BoolArray]:
+def _contiguous(answers: tuple[Array, Array, BoolArray]) -> tuple[Array, Array, BoolArray]:
     ihips, normals, contact = answers
     return for_kernels(ihips), for_kernels(normals), for_kernels(contact)
 
@@ -226,9 +226,9 @@ def _trace(law: Callable[..., Any], data: LawData, hips: Array) -> tuple[Array, 
     """Answer each of `hips` (n, N) by a law for a hand at rest: IHIPs, normals and contact as its state has them."""
     count, size = hips.shape
     ihips, normals, contact = np.empty_like(hips), np.zeros_like(hips), np.empty(count, np.bool_)
-    rest, force = np.zeros(size), np.empty(size)
+    zero, force = np.zeros(size), np.empty(size)
     for row in range(count):
-        law(data, hips[row], rest, rest, 1.0, ihips[row], force)
+        law(data, hips[row], zero, zero, 1.0, ihips[row], force)
         contact[row] = data.state[HELD] != 0.0
         if contact[row]:
             for i in range(size):
@@ -246,14 +246,14 @@ def _regulate_row(
     if contact[row]:
         for i in range(hip.shape[0]):
             state[ERROR + hip.shape[0] + i] = normals[row, i]
-        known = pressed(params, OWN, hip, ihips[row], normals[row]) if params[SCHEME] == GRADIENT else 0.0
+        known = stretch_at(params, OWN, hip, ihips[row], normals[row]) if params[SCHEME] == GRADIENT else 0.0
         regulate(params, state, hip, velocity, known, dt, ihips[row], force)
     else:
         release(state, hip, ihips[row], force)
 
 
 @borrowing
-def _run(
+def _regulate_rows(
     params: Array, state: Array, hips: Array, velocity: Array, dt: float, answers: tuple[Array, Array, BoolArray],
     forces: Array,
 ) -> None:  # fmt: skip
@@ -264,7 +264,7 @@ def _run(
 
 
 @borrowing
-def _lead(
+def _regulate_timed_rows(
     params: Array, state: Array, hips: Array, velocities: Array, dt: Array, answers: tuple[Array, Array, BoolArray],
     forces: Array,
 ) -> None:  # fmt: skip

@@ -50,8 +50,8 @@ def homothetic(
     model = scene.model
     if isinstance(model.boundary, Mesh) or (model.dimension == 3 and representation == "curve"):
         boundary = model.boundary if isinstance(model.boundary, Mesh) else model.surface
-        middle = middle_of(model, boundary, centre)
-        own = numbers(middle)
+        middle = kernel_centre_of(model, boundary, centre)
+        own = potential_numbers(middle)
         if isinstance(boundary, Mesh):
             faces, corners, tree = boundary.tables
             low, high = np.reshape(boundary.bounds, (2, 3))
@@ -66,51 +66,51 @@ def homothetic(
         )  # fmt: skip
     curve, lengths = model.curve, (0.0, 0.0)
     if curve.closed:
-        shown = representation_of(model, representation, int(vertices))
-        curve, lengths = shown.surface, (shown.resolution, shown.standoff)
-    middle = middle_of(model, curve, centre)
-    own = numbers(middle)
+        shape = representation_of(model, representation, int(vertices))
+        curve, lengths = shape.surface, (shape.resolution, shape.standoff)
+    middle = kernel_centre_of(model, curve, centre)
+    own = potential_numbers(middle)
     return CompiledProjection(
         in_plane, curve, bilateral=scene.bilateral, own=own, potential=own, support_range=middle.support_range,
-        segments=curve.pieces, lookup=rays(curve, own[CENTRE:]), resolution=lengths[0], standoff=lengths[1],
+        segments=curve.pieces, lookup=ray_table(curve, own[CENTRE:]), resolution=lengths[0], standoff=lengths[1],
     )  # fmt: skip
 
 
 def _quadric(boundary: Surface, centre: Centre) -> Array:
     """Return (1, 5): one over the squares of an ellipsoid's axes; 1 less the sum of c^2 / axis^2, and one over that."""
     axes = np.array([*boundary.reals, *boundary.reals, *boundary.reals][:3])
-    rest = 1.0 - float(np.sum((centre.point / axes) ** 2))
-    return np.array([[*axes**-2.0, rest, 1.0 / rest]])
+    centre_power = 1.0 - float(np.sum((centre.point / axes) ** 2))
+    return np.array([[*axes**-2.0, centre_power, 1.0 / centre_power]])
 
 
-def numbers(centre: Centre, reach: float = 0.0) -> list[float]:
+def potential_numbers(centre: Centre, reach: float = 0.0) -> list[float]:
     """Return the numbers of the potential about a centre, with a `reach` (m)."""
     return [centre.support, reach, *centre.point.tolist()]
 
 
-def middle_of(model: Model, boundary: Boundary, centre: ArrayLike | None) -> Centre:
+def kernel_centre_of(model: Model, boundary: Boundary, centre: ArrayLike | None) -> Centre:
     """Return the centre of a model's boundary, or of that of a representation which is kept with it: made once."""
     if centre is not None:
         return centre_of(boundary, model.name, centre)
     return once(model, ("centre", id(boundary)), lambda: centre_of(boundary, model.name))
 
 
-def rays(curve: Curve, centre: ArrayLike) -> Array:
+def ray_table(curve: Curve, centre: ArrayLike) -> Array:
     """Return the table in which the piece on a ray is looked for, (m, 2): turn from the first ray, and parameter.
 
     The turn is that of `_turn`. The last row is a whole turn, and the curve's end.
     """
-    us = []
+    parts = []
     for row in curve.pieces:
         share = (row[U1] - row[U0]) / (curve.pieces[-1, U1] - curve.pieces[0, U0])
         count = 1 if row[KIND] == LINE else max(8, math.ceil(CUTS * share))
-        us.append(np.linspace(row[U0], row[U1], count, endpoint=False))
-    found = np.concatenate(us)
+        parts.append(np.linspace(row[U0], row[U1], count, endpoint=False))
+    parameters = np.concatenate(parts)
     if len(curve.samples):
-        found = np.unique(np.concatenate([found, curve.samples[:-1, 0]]))
-    ways = curve.position(found) - np.asarray(centre)
-    turns = [_turn(*ways[0], *way) for way in ways]
-    return np.vstack([np.column_stack([turns, found]), [4.0, curve.pieces[-1, U1]]])
+        parameters = np.unique(np.concatenate([parameters, curve.samples[:-1, 0]]))
+    directions = curve.position(parameters) - np.asarray(centre)
+    turns = [_turn(*directions[0], *direction) for direction in directions]
+    return np.vstack([np.column_stack([turns, parameters]), [4.0, curve.pieces[-1, U1]]])
 
 
 @borrowing
@@ -150,17 +150,17 @@ def on_ray(pieces: Array, table: Array, cx: float, cy: float, ex: float, ey: flo
     begin, end = u0, u1
     for _ in range(STEPS):
         x, y, dx, dy, _, _ = evaluate(pieces[piece], u)
-        off, slope = ex * (y - cy) - ey * (x - cx), ex * dy - ey * dx
-        if off < 0.0:
+        miss, slope = ex * (y - cy) - ey * (x - cx), ex * dy - ey * dx
+        if miss < 0.0:
             begin = u
         else:
             end = u
-        following = u - off / slope if slope > 0.0 else 0.5 * (begin + end)
-        if not begin <= following <= end:
-            following = 0.5 * (begin + end)
-        if abs(following - u) <= 2e-16 * (abs(u1) + abs(u0)):
-            return piece, following
-        u = following
+        next_u = u - miss / slope if slope > 0.0 else 0.5 * (begin + end)
+        if not begin <= next_u <= end:
+            next_u = 0.5 * (begin + end)
+        if abs(next_u - u) <= 2e-16 * (abs(u1) + abs(u0)):
+            return piece, next_u
+        u = next_u
     return piece, u
 
 
@@ -175,20 +175,20 @@ def in_plane(
     piece, u = on_ray(data.segments, data.lookup, cx, cy, ex, ey)
     x, y, dx, dy, _, _ = evaluate(data.segments[piece], u)
     wx, wy = x - cx, y - cy
-    out = 1.0 - (ex * wx + ey * wy) / (wx * wx + wy * wy)
-    if params[BILATERAL] == 0.0 and not out > 0.0:
+    shortfall = 1.0 - (ex * wx + ey * wy) / (wx * wx + wy * wy)
+    if params[BILATERAL] == 0.0 and not shortfall > 0.0:
         return release(state, hip, ihip, force)
     speed = math.hypot(dx, dy)
     ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = x, y, dy / speed, -dx / speed
     h = (wx * dy - wy * dx) / speed
-    return regulate(params, state, hip, velocity, _known(params, out, h), dt, ihip, force)
+    return regulate(params, state, hip, velocity, _gradient_length(params, shortfall, h), dt, ihip, force)
 
 
 @inner
-def _known(params: Array, out: float, h: float) -> float:
+def _gradient_length(params: Array, shortfall: float, h: float) -> float:
     """Return H^2 (1 - lambda) / h for `gradient`: `potential.stretch` where all level curves are smaller copies."""
     support = params[POTENTIAL + SUPPORT]
-    return support * support * out / h if params[SCHEME] == GRADIENT else 0.0
+    return support * support * shortfall / h if params[SCHEME] == GRADIENT else 0.0
 
 
 @borrowing
@@ -199,30 +199,35 @@ def in_space(
     row, params, state = data.lookup, data.params, data.state
     c = POTENTIAL + CENTRE
     # the ray c + s e is on the surface where the sum of (c + s e)^2 / axis^2 is 1; lambda is one over that s
-    square, along, rest = 0.0, 0.0, row[0, 3]
+    direction_square, direction_centre, centre_power = 0.0, 0.0, row[0, 3]
     for i in range(3):
         e = row[0, i] * (hip[i] - params[c + i])
-        square, along = square + e * (hip[i] - params[c + i]), along + e * params[c + i]
-    whole = math.sqrt(along * along + square * rest) + along
-    share = whole * row[0, 4]
-    if params[BILATERAL] == 0.0 and not share < 1.0:
+        direction_square, direction_centre = (
+            direction_square + e * (hip[i] - params[c + i]),
+            direction_centre + e * params[c + i],
+        )
+    root_sum = math.sqrt(direction_centre * direction_centre + direction_square * centre_power) + direction_centre
+    depth_ratio = root_sum * row[0, 4]
+    if params[BILATERAL] == 0.0 and not depth_ratio < 1.0:
         return release(state, hip, ihip, force)
-    reach = rest / whole if share > 0.0 else 0.0
+    reach = centre_power / root_sum if depth_ratio > 0.0 else 0.0
     for i in range(3):
         ihip[i] = params[c + i] + reach * (hip[i] - params[c + i])
-    if not share > 0.0:
-        share = 0.0
-        ihip[0] = math.sqrt(rest / row[0, 0] + params[c] * params[c])
+    if not depth_ratio > 0.0:
+        depth_ratio = 0.0
+        ihip[0] = math.sqrt(centre_power / row[0, 0] + params[c] * params[c])
     size, h = 0.0, 0.0
     for i in range(3):
-        across = row[0, i] * ihip[i]
-        state[ERROR + 3 + i] = across
-        size += across * across
-        h += across * (ihip[i] - params[c + i])
+        gradient = row[0, i] * ihip[i]
+        state[ERROR + 3 + i] = gradient
+        size += gradient * gradient
+        h += gradient * (ihip[i] - params[c + i])
     size = 1.0 / math.sqrt(size)
     for i in range(3):
         state[ERROR + 3 + i] *= size
-    return regulate(params, state, hip, velocity, _known(params, 1.0 - share, h * size), dt, ihip, force)
+    return regulate(
+        params, state, hip, velocity, _gradient_length(params, 1.0 - depth_ratio, h * size), dt, ihip, force
+    )
 
 
 LENGTH = POTENTIAL + CENTRE + 3
@@ -237,18 +242,20 @@ def on_mesh(
     params, state = data.params, data.state
     c = POTENTIAL + CENTRE
     centre = (params[c], params[c + 1], params[c + 2])
-    way = (hip[0] - centre[0], hip[1] - centre[1], hip[2] - centre[2])
-    far = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+    from_centre = (hip[0] - centre[0], hip[1] - centre[1], hip[2] - centre[2])
+    hand_distance = math.sqrt(
+        from_centre[0] * from_centre[0] + from_centre[1] * from_centre[1] + from_centre[2] * from_centre[2]
+    )
     ray = (params[LENGTH], 0.0, 0.0)
-    if far > 0.0:
-        scale = params[LENGTH] / far
-        ray = (scale * way[0], scale * way[1], scale * way[2])
-    k, share = first_triangle_hit(data.segments, data.vertices, data.tree, centre, ray, 0.0, 1.0)
-    out = 1.0 - far / (share * params[LENGTH])
-    if params[BILATERAL] == 0.0 and not out > 0.0:
+    if hand_distance > 0.0:
+        scale = params[LENGTH] / hand_distance
+        ray = (scale * from_centre[0], scale * from_centre[1], scale * from_centre[2])
+    triangle, ray_share = first_triangle_hit(data.segments, data.vertices, data.tree, centre, ray, 0.0, 1.0)
+    shortfall = 1.0 - hand_distance / (ray_share * params[LENGTH])
+    if params[BILATERAL] == 0.0 and not shortfall > 0.0:
         return release(state, hip, ihip, force)
     h = 0.0
     for i in range(3):
-        ihip[i], state[ERROR + 3 + i] = centre[i] + share * ray[i], data.segments[k, NORMAL + i]
-        h += state[ERROR + 3 + i] * share * ray[i]
-    return regulate(params, state, hip, velocity, _known(params, out, h), dt, ihip, force)
+        ihip[i], state[ERROR + 3 + i] = centre[i] + ray_share * ray[i], data.segments[triangle, NORMAL + i]
+        h += state[ERROR + 3 + i] * ray_share * ray[i]
+    return regulate(params, state, hip, velocity, _gradient_length(params, shortfall, h), dt, ihip, force)

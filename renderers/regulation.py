@@ -70,8 +70,8 @@ PP, PP_V, PP_D, PP_PD, TRANSVERSAL, SQUARE_ROOT, PP_PD_C, GRADIENT = (float(numb
 
 REGULATIONS: Mapping[str, Regulation] = MappingProxyType(
     {
-        each.name: each
-        for each in (
+        regulation.name: regulation
+        for regulation in (
             Regulation("pp", "thesis (4.8)", PP, spring=Spring.ERROR),
             Regulation("pp-v", "thesis (4.10)", PP_V, spring=Spring.ERROR),
             Regulation("pp-d", "thesis (4.12)", PP_D, spring=Spring.ERROR),

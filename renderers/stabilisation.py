@@ -19,7 +19,7 @@ from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledStep, Declaration
-from hapticeval.renderers.atlas import active, by_charts, charts
+from hapticeval.renderers.atlas import active_charts, by_charts, charts
 from hapticeval.renderers.law import LawRenderer
 from hapticeval.renderers.stabilisation_laws import BEYOND, MEMORY, on_curve, on_surface
 from hapticeval.scene import Scene
@@ -74,7 +74,7 @@ def smooth_curve(model: Model) -> Curve:
     curve = model.curve
     if curve.corners:
         corner = curve.corners[0]
-        x, y = (round(float(each), 9) + 0.0 for each in corner.position)
+        x, y = (round(float(coordinate), 9) + 0.0 for coordinate in corner.position)
         error = RefusalError(
             f"model '{model.name}' has {len(curve.corners)} corners, the first at ({x:.6g}, {y:.6g}) m",
             why="set stabilisation follows the curvature of the surface, and a corner has none",
@@ -155,22 +155,28 @@ class SurfaceStabilisation(Stabilisation):
         """
         if not self._atlas:
             return {}
-        given = recording.channels
-        y, yd = given.get("measured_hip", recording.hip), given.get("measured_velocity", recording.velocity)
-        push = given.get("measured_force")
-        found: dict[str, tuple[Signal, Array]] = {
-            "chart": (Signal("1", "the chart that the switching law (7.56) uses"), active(y).astype(float))
+        channels = recording.channels
+        positions, velocities = (
+            channels.get("measured_hip", recording.hip),
+            channels.get("measured_velocity", recording.velocity),
+        )
+        push = channels.get("measured_force")
+        signals: dict[str, tuple[Signal, Array]] = {
+            "chart": (
+                Signal("1", "the chart that the switching law (7.56) uses"),
+                active_charts(positions).astype(float),
+            )
         }
-        answers = charts(self.law.data, y, yd, push)
+        answers = charts(self.law.data, positions, velocities, push)
         for number, answer in enumerate(answers, start=1):
             meaning = Signal("rad, rad/s", f"coordinates and rates of chart {number} (7.10)")
-            found[f"eta{number}"] = (meaning, answer.eta)
-            if "joint_position" in given:
-                found[f"torque{number}"] = (
+            signals[f"eta{number}"] = (meaning, answer.eta)
+            if "joint_position" in channels:
+                signals[f"torque{number}"] = (
                     Signal("N m", f"joint torque by chart {number}", "joint"),
                     self._torques(answer.force, recording, push),
                 )
-        return found
+        return signals
 
     def _torques(self, forces: Array, recording: Recording, push: Array | None) -> Array:
         """What the inner loop makes of forces (n, 3)."""

@@ -80,7 +80,7 @@ FOCAL = 1e-9
 
 
 @compiled
-def ends(state: Array, n: float, pressing: float, spring: float) -> bool:
+def contact_ends(state: Array, n: float, pressing: float, spring: float) -> bool:
     """Return whether a contact is over at `n`, with N = `pressing` and S = `spring`; else note that it lasts."""
     if n > 0.0 and (pressing <= 0.0 or (spring <= 0.0 and n >= state[LAST])):
         return True
@@ -101,26 +101,28 @@ def on_curve(
         return release(state, hip, ihip, force)
     speed = math.hypot(dx, dy)
     tx, ty = dx / speed, dy / speed
-    bend = (dx * ddy - dy * ddx) / (speed * speed * speed)
-    stretch = 1.0 + n * bend
+    curvature = (dx * ddy - dy * ddx) / (speed * speed * speed)
+    stretch = 1.0 + n * curvature
     if not stretch > FOCAL:
         return BEYOND
     mass = params[MASS]
-    along, across = tx * velocity[0] + ty * velocity[1], ty * velocity[0] - tx * velocity[1]
-    foot_speed = along / stretch
+    tangential_velocity, normal_velocity = tx * velocity[0] + ty * velocity[1], ty * velocity[0] - tx * velocity[1]
+    foot_speed = tangential_velocity / stretch
     push_along, push_across = tx * push[0] + ty * push[1], ty * push[0] - tx * push[1]
-    damper = params[DAMPING] * across
-    press = -params[STIFFNESS] * n - damper - push_across
-    centripetal = mass * bend * along * foot_speed
+    damper = params[DAMPING] * normal_velocity
+    unbent_press = -params[STIFFNESS] * n - damper - push_across
+    centripetal = mass * curvature * tangential_velocity * foot_speed
     if bilateral:
-        turning = 2.0 * bend * across + n * curvature_rate(pieces[k], u) * foot_speed
-        sliding = mass * turning * foot_speed - params[VISCOSITY] * along + n * bend * push_along
-        pressing = press - centripetal
+        curve_turning = 2.0 * curvature * normal_velocity + n * curvature_rate(pieces[k], u) * foot_speed
+        sliding = (
+            mass * curve_turning * foot_speed - params[VISCOSITY] * tangential_velocity + n * curvature * push_along
+        )
+        pressing = unbent_press - centripetal
     else:
-        pressing = max(press - centripetal, 0.0)
-        if ends(state, n, pressing, press - centripetal + damper):
+        pressing = max(unbent_press - centripetal, 0.0)
+        if contact_ends(state, n, pressing, unbent_press - centripetal + damper):
             return release(state, hip, ihip, force)
-        sliding = -params[VISCOSITY] * along if pressing > 0.0 else 0.0
+        sliding = -params[VISCOSITY] * tangential_velocity if pressing > 0.0 else 0.0
     ihip[0], ihip[1] = px, py
     force[0] = pressing * ty + sliding * tx
     force[1] = sliding * ty - pressing * tx
@@ -137,37 +139,37 @@ def on_surface(
     bilateral = params[BILATERAL] != 0.0
     if not bilateral and n > 0.0 and state[HELD] == 0.0:
         return release(state, hip, ihip, force)
-    rate, push_across = _along(normal, velocity), _along(normal, push)
+    normal_velocity, push_across = _component(normal, velocity), _component(normal, push)
     first, second = tangents(normal)
     w = shape_operator(surface, p, normal)
-    turned = apply_matrix(w, second)
-    w11, w12, w22 = dot(first, apply_matrix(w, first)), dot(first, turned), dot(second, turned)
-    middle, apart = 0.5 * (w11 + w22), math.hypot(0.5 * (w11 - w22), w12)
-    if not 1.0 + n * middle - abs(n) * apart > FOCAL:
+    w_second = apply_matrix(w, second)
+    w11, w12, w22 = dot(first, apply_matrix(w, first)), dot(first, w_second), dot(second, w_second)
+    mean_curvature, half_difference = 0.5 * (w11 + w22), math.hypot(0.5 * (w11 - w22), w12)
+    if not 1.0 + n * mean_curvature - abs(n) * half_difference > FOCAL:
         return BEYOND
-    a1, a2 = _along(first, velocity), _along(second, velocity)
+    a1, a2 = _component(first, velocity), _component(second, velocity)
     stretch = (1.0 + n * w11) * (1.0 + n * w22) - (n * w12) ** 2
     p1 = ((1.0 + n * w22) * a1 - n * w12 * a2) / stretch
     p2 = ((1.0 + n * w11) * a2 - n * w12 * a1) / stretch
     b1, b2 = w11 * p1 + w12 * p2, w12 * p1 + w22 * p2
     mass = params[MASS]
-    damper = params[DAMPING] * rate
-    press = -params[STIFFNESS] * n - damper - push_across
+    damper = params[DAMPING] * normal_velocity
+    unbent_press = -params[STIFFNESS] * n - damper - push_across
     centripetal = mass * (b1 * a1 + b2 * a2)
-    pressing, friction = press - centripetal, params[VISCOSITY]
+    pressing, friction = unbent_press - centripetal, params[VISCOSITY]
     if not bilateral:
-        if ends(state, n, pressing, pressing + damper):
+        if contact_ends(state, n, pressing, pressing + damper):
             return release(state, hip, ihip, force)
         if pressing <= 0.0:
             pressing, friction = 0.0, 0.0
     s1, s2 = -friction * a1, -friction * a2
     if bilateral:
-        foot_rate = _combined(p1, first, p2, second)
-        change = shape_operator_change(surface, p, normal, foot_rate, foot_rate)
-        f1, f2 = _along(first, push), _along(second, push)
-        s1 += mass * (2.0 * rate * b1 + n * dot(first, change)) + n * (w11 * f1 + w12 * f2)
-        s2 += mass * (2.0 * rate * b2 + n * dot(second, change)) + n * (w12 * f1 + w22 * f2)
-    sliding = _combined(s1, first, s2, second)
+        foot_rate = _combination(p1, first, p2, second)
+        w_change = shape_operator_change(surface, p, normal, foot_rate, foot_rate)
+        f1, f2 = _component(first, push), _component(second, push)
+        s1 += mass * (2.0 * normal_velocity * b1 + n * dot(first, w_change)) + n * (w11 * f1 + w12 * f2)
+        s2 += mass * (2.0 * normal_velocity * b2 + n * dot(second, w_change)) + n * (w12 * f1 + w22 * f2)
+    sliding = _combination(s1, first, s2, second)
     for i in range(3):
         ihip[i], force[i] = p[i], pressing * normal[i] + sliding[i]
     return 0
@@ -184,10 +186,10 @@ def tangents(normal: Triple) -> tuple[Triple, Triple]:
 
 
 @compiled
-def _along(direction: Triple, v: Array) -> float:
+def _component(direction: Triple, v: Array) -> float:
     return dot(direction, (v[0], v[1], v[2]))
 
 
 @compiled
-def _combined(f: float, a: Triple, g: float, b: Triple) -> Triple:
+def _combination(f: float, a: Triple, g: float, b: Triple) -> Triple:
     return f * a[0] + g * b[0], f * a[1] + g * b[1], f * a[2] + g * b[2]

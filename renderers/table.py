@@ -67,27 +67,27 @@ def look_up_many(
     count, (rows, columns) = hips.shape[0], cells.shape
     ihips, normals = np.empty_like(hips), np.empty_like(hips)
     status = np.empty(count, np.uint8)
-    x0, y0, per = frame[0], frame[1], frame[2]
+    x0, y0, per_metre = frame[0], frame[1], frame[2]
     last_column, last_row = np.uint64(columns - 1), np.uint64(rows - 1)
-    which, across, up = np.empty(BLOCK, np.uint64), np.empty(BLOCK, np.uint64), np.empty(BLOCK, np.uint64)
+    hit_rows, across, up = np.empty(BLOCK, np.uint64), np.empty(BLOCK, np.uint64), np.empty(BLOCK, np.uint64)
     right, above, kinds = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK, np.uint8)
     for start in range(0, count, BLOCK):
-        held = np.uint64(0)
+        hit_count = np.uint64(0)
         for k in range(start, min(start + BLOCK, count)):
             x, y = hips[k, 0], hips[k, 1]
-            a, b = (x - x0) * per, (y - y0) * per
+            a, b = (x - x0) * per_metre, (y - y0) * per_metre
             ihips[k, 0], ihips[k, 1], normals[k, 0], normals[k, 1] = x, y, 0.0, 0.0
             if 0.0 <= a <= columns and 0.0 <= b <= rows:
                 i, j = min(np.uint64(np.int64(a)), last_column), min(np.uint64(np.int64(b)), last_row)
                 kind = cells[j, i]
-                which[held], across[held], up[held], kinds[held] = np.uint64(k), i, j, kind
-                right[held], above[held] = a - np.int64(i), b - np.int64(j)
-                held += np.uint64((kind != FREE) & (kind < MARKED))
+                hit_rows[hit_count], across[hit_count], up[hit_count], kinds[hit_count] = np.uint64(k), i, j, kind
+                right[hit_count], above[hit_count] = a - np.int64(i), b - np.int64(j)
+                hit_count += np.uint64((kind != FREE) & (kind < MARKED))
                 status[k] = (kind >> 1) & ASK
             else:
                 status[k] = ASK if everywhere and a == a and b == b else OUT
-        for q in range(held):
-            m = which[q]
+        for q in range(hit_count):
+            m = hit_rows[q]
             px, py, nx, ny = _bilinear(nodes, across[q], up[q], right[q], above[q])
             if kinds[q] == HELD or (hips[m, 0] - px) * nx + (hips[m, 1] - py) * ny < 0.0:
                 ihips[m, 0], ihips[m, 1], normals[m, 0], normals[m, 1] = px, py, nx, ny
@@ -100,18 +100,18 @@ def look_up_in_space(
     nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, hips: Array
 ) -> tuple[Array, Array, ByteArray]:
     """`look_up_many` for rows of hips (n, 3)."""
-    count, most, mean = hips.shape[0], cells.shape[::-1], np.empty(6)
+    count, cell_counts, mean = hips.shape[0], cells.shape[::-1], np.empty(6)
     ihips, normals, status = hips.copy(), np.zeros_like(hips), np.zeros(count, np.uint8)
     cell, share = np.empty(3, np.int64), np.empty(3)
     for row in range(count):
-        on = True
+        on_grid = True
         for axis in range(3):
             at = (hips[row, axis] - frame[axis]) * frame[3]
-            on = on and 0.0 <= at <= most[axis]
-            if on:
-                cell[axis] = min(np.int64(at), most[axis] - 1)
+            on_grid = on_grid and 0.0 <= at <= cell_counts[axis]
+            if on_grid:
+                cell[axis] = min(np.int64(at), cell_counts[axis] - 1)
                 share[axis] = at - cell[axis]
-        if not on:
+        if not on_grid:
             finite = not np.isnan(hips[row]).any()
             status[row] = ASK if everywhere and finite else OUT
             continue
@@ -128,15 +128,15 @@ def look_up_in_space(
             weight *= share[2] if z else 1.0 - share[2]
             for axis in range(6):
                 mean[axis] += weight * nodes[k + z, j + y, i + x, axis]
-        size, behind = 0.0, 0.0
+        normal_squared, behind = 0.0, 0.0
         for axis in range(3):
-            size += mean[3 + axis] * mean[3 + axis]
+            normal_squared += mean[3 + axis] * mean[3 + axis]
             behind += (hips[row, axis] - mean[axis]) * mean[3 + axis]
         if kind == EDGE and not behind < 0.0:
             continue
         status[row] = TOUCHES
         for axis in range(3):
-            ihips[row, axis], normals[row, axis] = mean[axis], mean[3 + axis] / math.sqrt(size)
+            ihips[row, axis], normals[row, axis] = mean[axis], mean[3 + axis] / math.sqrt(normal_squared)
     return ihips, normals, status
 
 
@@ -262,13 +262,13 @@ class Table:
                 f"HIPs of shape {hips.shape} for a table of {n} dimensions",
                 why=f"they must be rows of {n} numbers",
             )
-        most = np.array(self.grid.cells)
-        asked = (hips - self.grid.origin) / self.grid.cell
-        on = np.all((asked >= 0.0) & (asked <= most), axis=1)
-        at = np.clip(np.nan_to_num(asked), 0.0, most)
-        cell = np.minimum(at.astype(np.int64), most - 1)
-        share, kinds = at - cell, self.cells[tuple(cell.T[::-1])]
-        kinds = np.where(on, kinds, HELD + MARKED if self.everywhere else FREE)
+        cell_counts = np.array(self.grid.cells)
+        grid_coordinates = (hips - self.grid.origin) / self.grid.cell
+        on_grid = np.all((grid_coordinates >= 0.0) & (grid_coordinates <= cell_counts), axis=1)
+        clipped = np.clip(np.nan_to_num(grid_coordinates), 0.0, cell_counts)
+        cell = np.minimum(clipped.astype(np.int64), cell_counts - 1)
+        share, kinds = clipped - cell, self.cells[tuple(cell.T[::-1])]
+        kinds = np.where(on_grid, kinds, HELD + MARKED if self.everywhere else FREE)
         share = np.where((kinds >= MARKED)[:, np.newaxis], share > 0.5, share)
         mean = np.zeros((len(hips), 2 * n))
         for corner in itertools.product((0, 1), repeat=n):

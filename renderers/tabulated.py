@@ -135,14 +135,16 @@ def _fill_box(table: Table, source: Source, low: tuple[int, ...], high: tuple[in
         # no point of a cell is further than half its diagonal from a node
         reach = 0.5 * side * dimension**0.5 + source.stray
         distance = _distances(points, source, reach)
-        near = _any(np.abs(distance) <= reach)
-        kinds = np.where(near, np.uint8(EDGE), np.where(_any(distance < 0.0), np.uint8(HELD), np.uint8(0)))
-        needed = _around(kinds != 0)
+        near = _cells_with_a_corner(np.abs(distance) <= reach)
+        kinds = np.where(
+            near, np.uint8(EDGE), np.where(_cells_with_a_corner(distance < 0.0), np.uint8(HELD), np.uint8(0))
+        )
+        needed = _nodes_around(kinds != 0)
     answers = np.zeros((*counts, 2 * dimension))
     answers[needed] = np.concatenate(source.project(points[needed]), axis=1)
-    marked, steep = _jumps(points, answers[..., :dimension], needed, source, side)
-    marked |= _amiss(points, answers[..., :dimension], (kinds != 0) & steep & ~marked, source, AMISS * side)
-    standoff, off = _off_surface(answers, kinds, (kinds != 0) & ~marked, source, OFF * side)
+    marked, steep = _jumping_cells(points, answers[..., :dimension], needed, source, side)
+    marked |= _misplaced(points, answers[..., :dimension], (kinds != 0) & steep & ~marked, source, AMISS * side)
+    standoff, off = _cells_off_surface(answers, kinds, (kinds != 0) & ~marked, source, OFF * side)
     table.nodes[tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))][needed] = answers[needed]
     kinds = kinds + np.uint8(MARKED) * ((kinds != 0) & (marked | off))
     table.cells[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = kinds
@@ -155,64 +157,69 @@ def _distances(points: Array, source: Source, reach: float) -> Array:
     middles = points[(slice(BLOCK // 2, None, BLOCK),) * dimension]
     if middles.size == 0:
         return source.distance(points.reshape(-1, dimension)).reshape(shape)
-    there = source.distance(middles.reshape(-1, dimension)).reshape(middles.shape[:-1])
-    blocks = [np.minimum(np.arange(count) // BLOCK, most - 1) for count, most in zip(shape, there.shape, strict=True)]
-    middle, known = middles[np.ix_(*blocks)], there[np.ix_(*blocks)]
-    least = np.abs(known) - np.linalg.norm(points - middle, axis=-1) - 2.0 * source.stray
-    distance: Array = np.copysign(least, known)
-    unsure = least <= reach
+    block_distances = source.distance(middles.reshape(-1, dimension)).reshape(middles.shape[:-1])
+    blocks = [
+        np.minimum(np.arange(count) // BLOCK, block_count - 1)
+        for count, block_count in zip(shape, block_distances.shape, strict=True)
+    ]
+    middle, block_distance = middles[np.ix_(*blocks)], block_distances[np.ix_(*blocks)]
+    lower_bound = np.abs(block_distance) - np.linalg.norm(points - middle, axis=-1) - 2.0 * source.stray
+    distance: Array = np.copysign(lower_bound, block_distance)
+    unsure = lower_bound <= reach
     distance[unsure] = source.distance(points[unsure])
     return distance
 
 
-def _jumps(points: Array, ihips: Array, needed: BoolArray, source: Source, side: float) -> tuple[BoolArray, BoolArray]:
+def _jumping_cells(
+    points: Array, ihips: Array, needed: BoolArray, source: Source, side: float
+) -> tuple[BoolArray, BoolArray]:
     """Rule 1: the cells of a box with a side across which the projection jumps, and with one that is stretched."""
     marked = np.zeros(tuple(count - 1 for count in needed.shape), bool)
     steep = np.zeros_like(marked)
     for axis in range(needed.ndim):
-        here, there = _ends(needed.ndim, axis)
-        span = np.linalg.norm(ihips[there] - ihips[here], axis=-1)
-        suspect = needed[here] & needed[there] & (span > STRETCH * side)
-        steep |= _shared(suspect, axis)
-        left, right = points[here][suspect], points[there][suspect]
-        at_left, at_right = ihips[here][suspect], ihips[there][suspect]
+        low_ends, high_ends = _side_ends(needed.ndim, axis)
+        span = np.linalg.norm(ihips[high_ends] - ihips[low_ends], axis=-1)
+        suspect = needed[low_ends] & needed[high_ends] & (span > STRETCH * side)
+        steep |= _cells_at_sides(suspect, axis)
+        left, right = points[low_ends][suspect], points[high_ends][suspect]
+        at_left, at_right = ihips[low_ends][suspect], ihips[high_ends][suspect]
         for _ in range(BISECTIONS):
             middle = 0.5 * (left + right)
             at_middle = source.project(middle)[0] if middle.size else middle
-            lower = np.linalg.norm(at_middle - at_left, axis=1) >= np.linalg.norm(at_right - at_middle, axis=1)
-            chosen = lower[:, np.newaxis]
+            left_half = np.linalg.norm(at_middle - at_left, axis=1) >= np.linalg.norm(at_right - at_middle, axis=1)
+            chosen = left_half[:, np.newaxis]
             left, at_left = np.where(chosen, left, middle), np.where(chosen, at_left, at_middle)
             right, at_right = np.where(chosen, middle, right), np.where(chosen, at_middle, at_right)
         jumps = np.zeros(span.shape, bool)
         jumps[suspect] = np.linalg.norm(at_right - at_left, axis=1) > 2.0 ** (-ORDER * BISECTIONS) * span[suspect]
-        marked |= _shared(jumps, axis)
+        marked |= _cells_at_sides(jumps, axis)
     return marked, steep
 
 
-def _shared(sides: BoolArray, axis: int) -> BoolArray:
+def _cells_at_sides(sides: BoolArray, axis: int) -> BoolArray:
     """The cells with one of their sides along an axis where it is true: those on either hand along every other axis."""
     for other in range(sides.ndim):
         if other != axis:
-            one, two = _ends(sides.ndim, other)
+            one, two = _side_ends(sides.ndim, other)
             sides = sides[one] | sides[two]
     return sides
 
 
-def _amiss(points: Array, ihips: Array, candidates: BoolArray, source: Source, limit: float) -> BoolArray:
+def _misplaced(points: Array, ihips: Array, candidates: BoolArray, source: Source, limit: float) -> BoolArray:
     """Rule 3: the candidates whose interpolated IHIP in the middle is off by more than the limit."""
     amiss = np.zeros(candidates.shape, bool)
     if candidates.any():
-        middles, means = (_corners(values)[:, candidates].mean(axis=0) for values in (points, ihips))
+        middles, means = (_corner_values(values)[:, candidates].mean(axis=0) for values in (points, ihips))
         amiss[candidates] = np.linalg.norm(source.project(middles)[0] - means, axis=1) > limit
     return amiss
 
 
-def _off_surface(
+def _cells_off_surface(
     answers: Array, kinds: ByteArray, candidates: BoolArray, source: Source, limit: float
 ) -> tuple[float, BoolArray]:
     """Rules 2 and 4: the largest measured distance off the surface that is within the limit, and the cells beyond."""
     off = np.zeros(candidates.shape, bool)
-    corners = _corners(answers)[:, candidates]
+    corners = _corner_values(answers)[:, candidates]
     dimension = answers.shape[-1] // 2
     length, turn = np.zeros(corners.shape[1]), np.zeros(corners.shape[1])
     for one, two in itertools.combinations(corners, 2):
@@ -229,48 +236,48 @@ def _off_surface(
             for bits in itertools.product((0, 1), repeat=dimension)
         ]
     ).reshape(len(probes), -1)
-    standoff, beyond = 0.0, turn > np.where(kinds[candidates] == EDGE, TURN, 2.0**0.5)
+    standoff, too_far = 0.0, turn > np.where(kinds[candidates] == EDGE, TURN, 2.0**0.5)
     for start in range(0, estimate.size, 1000):
         chosen = order[start : start + 1000]
         if estimate[chosen[0]] <= min(standoff, limit):
             break
         means = np.einsum("pc,ckd->kpd", weights, corners[:, chosen, :dimension])
         distance = np.abs(source.distance(means.reshape(-1, dimension))).reshape(chosen.size, -1).max(axis=1)
-        beyond[chosen] |= distance > limit
-        standoff = max(standoff, float(np.max(distance, where=~beyond[chosen], initial=0.0)))
-    off[candidates] = beyond
+        too_far[chosen] |= distance > limit
+        standoff = max(standoff, float(np.max(distance, where=~too_far[chosen], initial=0.0)))
+    off[candidates] = too_far
     return MARGIN * standoff + source.stray * bool(standoff), off
 
 
-def _ends(dimension: int, axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+def _side_ends(dimension: int, axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
     """Slices of all nodes but the last, and of all but the first, along an axis."""
     before = tuple(slice(None, -1) if k == axis else slice(None) for k in range(dimension))
     after = tuple(slice(1, None) if k == axis else slice(None) for k in range(dimension))
     return before, after
 
 
-def _corners(nodes: Array) -> Array:
+def _corner_values(nodes: Array) -> Array:
     """The values (2^N, ..., m) at the corners of each cell, of values (..., m) at the nodes."""
-    return np.stack([nodes[part] for part in _parts(nodes.shape[:-1])])
+    return np.stack([nodes[part] for part in _corner_slices(nodes.shape[:-1])])
 
 
-def _any(nodes: BoolArray) -> BoolArray:
+def _cells_with_a_corner(nodes: BoolArray) -> BoolArray:
     """The cells with a corner where it is true."""
-    found = np.zeros(tuple(count - 1 for count in nodes.shape), bool)
-    for part in _parts(nodes.shape):
-        found |= nodes[part]
-    return found
+    cells = np.zeros(tuple(count - 1 for count in nodes.shape), bool)
+    for part in _corner_slices(nodes.shape):
+        cells |= nodes[part]
+    return cells
 
 
-def _around(cells: BoolArray) -> BoolArray:
+def _nodes_around(cells: BoolArray) -> BoolArray:
     """The nodes at a corner of a cell where it is true."""
     nodes = np.zeros(tuple(count + 1 for count in cells.shape), bool)
-    for part in _parts(nodes.shape):
+    for part in _corner_slices(nodes.shape):
         nodes[part] |= cells
     return nodes
 
 
-def _parts(shape: tuple[int, ...]) -> list[tuple[slice, ...]]:
+def _corner_slices(shape: tuple[int, ...]) -> list[tuple[slice, ...]]:
     """The slices of nodes of this shape that are one and the same corner of every cell, corner by corner."""
     return [
         tuple(slice(bit, count - 1 + bit) for bit, count in zip(bits, shape, strict=True))
@@ -294,13 +301,13 @@ class LutProjection:
         self.resolution = resolution
         self.standoff = max(table.standoff, exact.standoff)
         self.potential = exact.potential
-        self.support_range: Sequence[float] = _blurred(exact.support_range, STRETCH * resolution)
+        self.support_range: Sequence[float] = _blurred_supports(exact.support_range, STRETCH * resolution)
         self._exact = exact
 
     def project(self, hip: Array) -> ProxyState:
         """One tick."""
         if hip.size == 3:
-            return ProxyState(*(each[0] for each in self.trace(hip[np.newaxis])))
+            return ProxyState(*(answers[0] for answers in self.trace(hip[np.newaxis])))
         x, y = hip.tolist()
         status, px, py, nx, ny = self.table.look(x, y)
         if status == ASK:
@@ -311,21 +318,23 @@ class LutProjection:
         """A tick a row of `hips` (n, N): IHIPs, normals and contact."""
         ihips, normals, status = self.table.look_many(hips)
         contact = status == TOUCHES
-        asked = np.flatnonzero(status == ASK)
-        if asked.size:
-            ihips[asked], normals[asked], contact[asked] = self._exact.trace(np.ascontiguousarray(hips[asked]))
+        marked_rows = np.flatnonzero(status == ASK)
+        if marked_rows.size:
+            ihips[marked_rows], normals[marked_rows], contact[marked_rows] = self._exact.trace(
+                np.ascontiguousarray(hips[marked_rows])
+            )
         return ihips, normals, contact
 
 
-def _blurred(supports: Sequence[float], reach: float) -> tuple[float, ...]:
+def _blurred_supports(supports: Sequence[float], reach: float) -> tuple[float, ...]:
     """Return between what support distances lie those of interpolated IHIPs and normals, for nodes `reach` (m) apart.
 
     A mean of normals is at least 2^(-1/2) long (rule 4), and is divided by that.
     """
     if not supports:
         return ()
-    least, largest = supports
-    return max(least - reach, 0.5 * least), 2.0**0.5 * (largest + reach)
+    smallest, largest = supports
+    return max(smallest - reach, 0.5 * smallest), 2.0**0.5 * (largest + reach)
 
 
 def tabulated(

@@ -107,8 +107,8 @@ def weighted(
 ) -> float:  # fmt: skip
     """Return the mean of a column of filters over a triangle's corners, by their shares, in the column's unit.
 
-    `rows` (n, k) and `location` are what `look_up` takes and gives; `count` is that of the filters. Units are the columns',
-    such as m/s, N or rad.
+    `rows` (n, k) and `location` are what `look_up` takes and gives; `count` is that of the filters. Units are the
+    columns', such as m/s, N or rad.
     """
     row = count + location[0]
     total = 0.0

@@ -13,7 +13,7 @@ from hapticeval.devices.parallelogram import BaseInertia, Dynamics, Parallelogra
 from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import ellipsoid, sphere
-from hapticeval.renderers.atlas import accelerated, active, active_chart, charts, jacobian, turned
+from hapticeval.renderers.atlas import active_chart, active_charts, chart_acceleration, charts, jacobian, to_chart_axes
 from hapticeval.renderers.stabilisation import SurfaceStabilisation
 from hapticeval.scene import Scene
 
@@ -131,7 +131,7 @@ def test_the_renderer_gives_the_torque_of_the_active_chart(both):
         y = ROBOT.position(joints)
         renderer.observe_force(push)
         force = renderer.step(y, ROBOT.jacobian(joints) @ rates, 1e-3).force
-        chart = int(active(y[None])[0])
+        chart = int(active_charts(y[None])[0])
         seen.add(chart)
         expected = derived_torque(chart)((*joints, *rates), push)
         found = torque_of(joints, rates, force, push)
@@ -176,7 +176,7 @@ def test_jacobian_and_determinant():
         sigma = sp.Matrix([length - R, *phi(chart, [R * each / length for each in Y])])
         defined = sp.lambdify(Y, sigma.jacobian(Y).subs(R, RADIUS))
         for y in rng.normal(size=(50, 3)):
-            q = turned(chart, tuple(y))
+            q = to_chart_axes(chart, tuple(y))
             rows = np.array(jacobian(q))
             back = rows if chart == 1 else rows[:, [2, 0, 1]]
             np.testing.assert_allclose(back, defined(*y), atol=1e-11 * np.abs(rows).max())
@@ -216,7 +216,7 @@ def test_the_switching_law():
     angles = np.linspace(0.0, math.pi, 181) + 1e-3
     y = 0.1 * np.column_stack([np.sin(angles), 0.0 * angles, np.cos(angles)])
     expected = np.where((angles >= math.pi / 4.0) & (angles <= 3.0 * math.pi / 4.0), 1, 2)
-    assert np.array_equal(active(y), expected)
+    assert np.array_equal(active_charts(y), expected)
     assert [active_chart(tuple(row)) for row in y] == expected.tolist()
 
 
@@ -234,9 +234,11 @@ def test_a_chart_on_its_axis_says_so_and_the_other_answers():
 def test_the_active_chart_never_comes_near_its_axis():
     rng = np.random.default_rng(7)
     for y in rng.normal(size=(2000, 3)):
-        q = turned(active_chart(tuple(y)), tuple(y))
+        q = to_chart_axes(active_chart(tuple(y)), tuple(y))
         assert math.hypot(q[0], q[1]) >= 0.7071 * np.linalg.norm(y) * (1.0 - 1e-12)
-    assert np.all(np.isfinite(accelerated(0.1, (0.0707, 0.0, 0.0707), (1.0, 2.0, 3.0), 1.0, 1.0, (0.0, 0.0, 0.0))))
+    assert np.all(
+        np.isfinite(chart_acceleration(0.1, (0.0707, 0.0, 0.0707), (1.0, 2.0, 3.0), 1.0, 1.0, (0.0, 0.0, 0.0)))
+    )
 
 
 @pytest.mark.parametrize("bilateral", [False, True])

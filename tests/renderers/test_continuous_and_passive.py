@@ -34,7 +34,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.renderers import level_curves, minimum_distance
 from hapticeval.renderers.kernel_centre import NoKernelError, centre_of
 from hapticeval.renderers.level_curves import combescure
-from hapticeval.renderers.potential import level, level_at
+from hapticeval.renderers.potential import level_at, level_values
 from hapticeval.renderers.projective import regulated
 from hapticeval.renderers.rays import homothetic
 from hapticeval.renderers.regulation import REGULATIONS
@@ -158,7 +158,7 @@ def test_the_homothetic_force_is_minus_the_gradient_of_its_potential_on_an_ellip
 def _levels(numbers, ts):
     out = np.empty((ts.shape[0], 4))
     for i in range(ts.shape[0]):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = level(numbers, 0, ts[i])
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = level_values(numbers, 0, ts[i])
     return out
 
 
