@@ -48,18 +48,22 @@ class Contour(NamedTuple):
 
 @compiled
 def contour_in(data: LawData) -> Contour:
-    """Return the contour that a law works on."""
+    """Return the contour that a law works on, of the fields of its data; lengths in m."""
     x0, y0, dx, dy = data.params[OWN], data.params[OWN + 1], data.params[OWN + 2], data.params[OWN + 3]
     return Contour(data.segments, data.lookup, data.vertices, data.tree, x0, y0, dx, dy)
 
 
 def contour_of(level_set: LevelSet) -> tuple[Contour, Polygon]:
-    """The contour without islands, and the polygon of its cut arcs. Raises `InputError` as `LevelSet.contour` does."""
+    """Return a level set's zero contour as arcs, without islands, and the polygon of its cut arcs.
+
+    Raises `InputError` as `LevelSet.contour` does.
+    """
     level_set = level_set.without_islands()
     ends = level_set.contour().vertices
     x, y = level_set.x, level_set.y
     origin = np.array([x[0], y[0]])
     cell = np.array([(x[-1] - x[0]) / (x.size - 1), (y[-1] - y[0]) / (y.size - 1)])
+    # the middle of an arc's chord is inside the cell that the arc passes
     middles = 0.5 * (ends + np.roll(ends, -1, axis=0))
     cells = np.clip(np.floor((middles - origin) / cell), 0, np.array([x.size - 2, y.size - 2]))
     arcs_only = Contour(
@@ -71,7 +75,7 @@ def contour_of(level_set: LevelSet) -> tuple[Contour, Polygon]:
 
 @compiled
 def value_at(c: Contour, x: float, y: float) -> float:
-    """The interpolated signed distance; infinite off the grid, which covers the model."""
+    """Return the interpolated signed distance (m) at (x, y), m; infinite off the grid, which covers the model."""
     across, up = (x - c.x0) / c.dx, (y - c.y0) / c.dy
     rows, columns = c.values.shape
     if not (0.0 <= across <= columns - 1 and 0.0 <= up <= rows - 1):
@@ -82,7 +86,7 @@ def value_at(c: Contour, x: float, y: float) -> float:
 
 @compiled
 def nearest_on_contour(c: Contour, x: float, y: float) -> tuple[float, float, float, float]:
-    """The nearest point of the contour, and the outward unit normal that holds (x, y) there.
+    """Return the nearest point (m) of the contour, and the outward unit normal that holds the hand (x, y), m, there.
 
     Between points of the cut outline that are equally near to a thousandth of a cell, either may be taken. At a joint
     of two arcs every direction between their normals is one: there it is the direction between the two points.
@@ -93,7 +97,7 @@ def nearest_on_contour(c: Contour, x: float, y: float) -> tuple[float, float, fl
     t = _foot_share(c, arc, (edge % CUTS + along) / CUTS, x, y)
     px, py, nx, ny = _arc_point(c, arc, t)
     distance = math.hypot(x - px, y - py)
-    if t == 0.0 or t == 1.0:
+    if t == 0.0 or t == 1.0:  # at a joint: the nearest point may be inside of the next arc
         other = (arc - 1) % count if t == 0.0 else (arc + 1) % count
         s = _foot_share(c, other, 1.0 - t, x, y)
         qx, qy, mx, my = _arc_point(c, other, s)
@@ -112,7 +116,7 @@ def _bilinear_at(c: Contour, i: int, j: int, x: float, y: float) -> tuple[float,
     a = (x - c.x0) / c.dx - i
     b = (y - c.y0) / c.dy - j
     v00, v10, v01, v11 = c.values[j, i], c.values[j, i + 1], c.values[j + 1, i], c.values[j + 1, i + 1]
-    low, high = v00 + a * (v10 - v00), v01 + a * (v11 - v01)
+    low, high = v00 + a * (v10 - v00), v01 + a * (v11 - v01)  # on the cell's lower and upper side
     gx = ((1.0 - b) * (v10 - v00) + b * (v11 - v01)) / c.dx
     return low + b * (high - low), gx, (high - low) / c.dy
 
@@ -126,13 +130,14 @@ def _arc_point(c: Contour, arc: int, t: float) -> tuple[float, float, float, flo
     dx, dy = c.arcs[next_arc, 0] - ax, c.arcs[next_arc, 1] - ay
     x, y = ax + t * dx, ay + t * dy
     length = math.hypot(dx, dy)
-    mx, my = dy / length, -dx / length
-    if 0.0 < t < 1.0:
+    mx, my = dy / length, -dx / length  # the chord's unit normal
+    if 0.0 < t < 1.0:  # the ends are on the contour as they are
         value, gx, gy = _bilinear_at(c, i, j, x, y)
         slope = gx * mx + gy * my
         # along the line the function is quadratic: its bend is the cell's one mixed difference
         mixed = c.values[j, i] - c.values[j, i + 1] - c.values[j + 1, i] + c.values[j + 1, i + 1]
         bend = mixed / (c.dx * c.dy) * mx * my
+        # value + slope d + bend d^2 = 0: the smaller root, in the form that does not cancel
         root = math.sqrt(max(slope * slope - 4.0 * bend * value, 0.0))
         offset = -2.0 * value / (slope + math.copysign(root, slope))
         x, y = x + offset * mx, y + offset * my
@@ -145,6 +150,7 @@ def _arc_point(c: Contour, arc: int, t: float) -> tuple[float, float, float, flo
 def _onwards(c: Contour, arc: int, t: float, x: float, y: float) -> float:
     """Positive where the distance to (x, y) falls as t grows."""
     px, py, nx, ny = _arc_point(c, arc, t)
+    # (p - y).tangent, with the tangent (-n_y, n_x) of a contour that runs anticlockwise
     return (y - py) * nx - (x - px) * ny
 
 
@@ -152,6 +158,7 @@ def _onwards(c: Contour, arc: int, t: float, x: float, y: float) -> float:
 def _foot_share(c: Contour, arc: int, t: float, x: float, y: float) -> float:
     """The share at which the distance to an arc has the local minimum that is nearest to the share t."""
     low, high = max(t - 1.0 / CUTS, 0.0), min(t + 1.0 / CUTS, 1.0)
+    # widen the bracket to where the distance falls towards the inside at both ends, or to the end of the arc
     at_low, at_high = _onwards(c, arc, low, x, y), _onwards(c, arc, high, x, y)
     while at_low <= 0.0 and low > 0.0:
         low = max(low - 1.0 / CUTS, 0.0)
@@ -236,7 +243,10 @@ def _build_projection(model: Model, shape: tuple[int, int], *, bilateral: bool) 
 def on_level_set(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick, of signature `LAW`."""
+    """One tick of minimum distance on a level set's contour, of signature `LAW`: (4.2), then the scheme's force.
+
+    `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
+    """
     c, params, state = contour_in(data), data.params, data.state
     x, y = hip[0], hip[1]
     if params[BILATERAL] == 0.0 and not value_at(c, x, y) < 0.0:

@@ -34,10 +34,10 @@ class DiskMap(Protocol):
     """
 
     def to_angle(self, points: Array) -> Array:
-        """The boundary angles (n,), rad, arg f(z), of points (n, 2), m, inside the curve."""
+        """Return the angles (n,), rad, on the disk's circle that points (n, 2), m, inside the curve are mapped to."""
 
     def surface(self, angles: Array) -> Array:
-        """The curve's parameters u (n,), inside its `u_range`, at boundary angles (n,), rad, of any turn."""
+        """Return the curve's parameters u (n,), inside its `u_range`, at boundary angles (n,), rad, of any turn."""
 
     def parameter(self, x: float, y: float) -> float:
         """The scalar path for one tick, in compiled code: the u at the boundary angle of one point inside, m."""
@@ -72,8 +72,9 @@ class DiskProjection:
         return ProxyState((px, py), (nx, ny), inside or self._bilateral)
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
+        """Project HIPs (n, 2), m, a tick a row: IHIPs (n, 2), m, outward unit normals (n, 2), and contact (n,)."""
         inside = _are_inside(self._boundary, hips)
+        # (5.17): to the disk, radially out to its circle, and back to the boundary
         parameters = np.full(inside.size, np.nan)
         parameters[inside] = self.map.surface(self.map.to_angle(np.ascontiguousarray(hips[inside])))
         answers = _ihips_and_normals(self._boundary, self._bilateral, inside, parameters, hips)
@@ -90,6 +91,7 @@ def _side_and_clearance(b: Outline, x: float, y: float) -> tuple[bool, float]:
     distance = math.sqrt(distance2)
     if not math.isfinite(distance):
         return False, -1.0
+    # the curve lies within `stray` of its chords: beyond that the polygon of the chords tells the side
     if distance > b.stray:
         return side_kernel(b.vertices, edge, along, x, y) < 0.0, distance - b.stray
     if b.stray == 0.0:
@@ -108,7 +110,7 @@ def _are_inside(b: Outline, points: Array) -> BoolArray:
     inside, clear, x0, y0 = False, -1.0, 0.0, 0.0
     for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
-        if not math.hypot(x - x0, y - y0) < clear:
+        if not math.hypot(x - x0, y - y0) < clear:  # it may have crossed the curve since (x0, y0)
             inside, clear = _side_and_clearance(b, x, y)
             clear = 0.999999 * clear - ROUNDING * (abs(x) + abs(y) + clear)
             x0, y0 = x, y
@@ -123,7 +125,7 @@ def _ihip_and_normal(
     """IHIP and normal of a HIP: at the parameter u where it is `inside`."""
     if inside:
         return frame(b.pieces, b.joints, piece_index(b.pieces, u), u, x, y)
-    if not bilateral:
+    if not bilateral:  # free space
         return x, y, 0.0, 0.0
     piece, u, _, _ = nearest_on(b, x, y)
     return frame(b.pieces, b.joints, piece, u, x, y)

@@ -53,7 +53,7 @@ def god_object(scene: Scene, representation: str, *, vertices: float = VERTICES)
 
 @borrowing
 def begin(data: LawData, hip: Array) -> None:
-    """Prepare the state at the start of a run with the hand at `hip` (2,), m."""
+    """Put the tool where a run starts with the hand at `hip` (2,), m: if that is inside, on the nearest point."""
     state = data.state
     piece, u, _, side = nearest_on(outline_in(data), hip[0], hip[1])
     state[TOUCHES] = 1.0 if data.params[BILATERAL] != 0.0 or side < 0.0 else 0.0
@@ -64,14 +64,17 @@ def begin(data: LawData, hip: Array) -> None:
 def follow(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick, from the last IHIP, or from the last HIP in free space; of signature `LAW`."""
+    """One tick of the constraint projection (4.3), of signature `LAW`: from the last IHIP, or the last HIP if free.
+
+    `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
+    """
     b, params, state = outline_in(data), data.params, data.state
     x, y = hip[0], hip[1]
     touches, piece, u = state[TOUCHES] != 0.0, int(state[PIECE]), state[AT]
     status = LEAVES
-    if touches:
+    if touches:  # downhill in distance, from where the tool is
         status, piece, u = slide(b.pieces, b.joints, params[BILATERAL] == 0.0, piece, u, x, y)
-    if status == LEAVES:
+    if status == LEAVES:  # free, or released just now: straight to the hand
         x0, y0 = state[HIP_X], state[HIP_Y]
         if touches:
             x0, y0, _, _, _, _ = evaluate_at(b.pieces, piece, u)
@@ -88,7 +91,11 @@ def follow(
 def follow_rows(
     data: LawData, push: Array, hips: Array, velocity: Array, dt: float, ihips: Array, forces: Array
 ) -> tuple[int, int]:
-    """Answer each row of a path, as `answer_rows` does: a tick on a polygon takes less time than a call by `LAW`."""
+    """Answer each row of a path, as `answer_rows` does: a tick on a polygon takes less time than a call by `LAW`.
+
+    `hips` (n, N), m, `velocity` (N,), m/s, at the first, `push` (N,), N; `ihips` (n, N), m, and `forces` (n, N), N, are
+    written. Returns n and 0: it never refuses.
+    """
     for row in range(hips.shape[0]):
         move_on(hips, row, dt, velocity)
         follow(data, hips[row], velocity, push, dt, ihips[row], forces[row])
@@ -105,6 +112,7 @@ def _fly(b: Outline, released: bool, x0: float, y0: float, x: float, y: float) -
         touches, piece, u = first_contact(b, x0, y0, x, y, released)
         if not touches:
             return False, piece, u
+        # a new contact: slide on from there, and off again where a corner lets it
         status, piece, u = slide(b.pieces, b.joints, True, piece, u, x, y)
         if status != LEAVES:
             return True, piece, u

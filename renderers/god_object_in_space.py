@@ -45,7 +45,7 @@ def on_mesh(scene: Scene, mesh: Mesh) -> CompiledProjection:
 
 @compiled
 def begin(data: LawData, hip: Array) -> None:
-    """Prepare the state at the start of a run with the hand at `hip` (3,), m."""
+    """Put the tool where a run starts with the hand at `hip` (3,), m: if that is inside, on the nearest point."""
     faces, vertices, tree, state = data.segments, data.vertices, data.tree, data.state
     hand = (hip[0], hip[1], hip[2])
     triangle, feature, foot = closest_feature(faces, vertices, tree, hand, 0)
@@ -60,18 +60,21 @@ def begin(data: LawData, hip: Array) -> None:
 def follow(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick, from the last IHIP, or from the last HIP in free space; of signature `LAW`."""
+    """One tick of the constraint projection (4.3), of signature `LAW`: from the last IHIP, or the last HIP if free.
+
+    `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
+    """
     faces, vertices, params, state = data.segments, data.vertices, data.params, data.state
     hand, triangle, feature = (hip[0], hip[1], hip[2]), int(state[TRIANGLE]), int(state[FEATURE])
     tool = (state[TOOL], state[TOOL + 1], state[TOOL + 2])
     touches = state[TOUCHES] != 0.0
     rests = False
-    if touches:
+    if touches:  # over faces, along edges and into corners, downhill in distance
         status, triangle, feature, tool = walk_downhill(
             faces, vertices, params[BILATERAL] == 0.0, triangle, feature, tool, hand
         )
         rests = status == RESTS
-    if not rests:
+    if not rests:  # free, or released just now: straight to the hand
         start = tool if touches else (state[HIP], state[HIP + 1], state[HIP + 2])
         touches, triangle, feature, tool = fly_to_hand(faces, vertices, data.tree, params[TOUCH], start, hand, triangle)
     state[TOUCHES], state[TRIANGLE], state[FEATURE] = 1.0 if touches else 0.0, triangle, feature
@@ -79,6 +82,7 @@ def follow(
         state[TOOL + i], state[HIP + i] = tool[i], hip[i]
     if not touches:
         return release(state, hip, ihip, force)
+    # on an edge or at a corner the normal is along the error
     tool_to_hand = (hip[0] - tool[0], hip[1] - tool[1], hip[2] - tool[2])
     _, normal = side_and_normal(faces, vertices, triangle, feature, tool, tool_to_hand)
     for i in range(3):

@@ -37,7 +37,7 @@ T = TypeVar("T")
 
 
 def once(model: Model, key: object, make: Callable[[], T]) -> T:
-    """Return what `make` makes of a model for `key`: made once, and kept as long as the model."""
+    """Return what `make` makes of a model under `key`: made at the first call, and kept as long as the model."""
     values = _KEPT.setdefault(model, {})
     if key not in values:
         values[key] = make()
@@ -134,9 +134,11 @@ def answer_rows(
     law: Callable[..., Any], data: LawData, push: Array, hips: Array, velocity: Array, dt: float, ihips: Array,
     forces: Array,
 ) -> tuple[int, int]:  # fmt: skip
-    """Answer each row of a path by a law, with `velocity` (N,), m/s, at the first.
+    """Answer each row of a path by a law, with the velocities that a recording has: differences backwards in time.
 
-    Returns the row at which the law refuses, and its number, 0 where it does not.
+    `push` (N,), N, is the hand's force as sensed; `hips` (n, N), m; `velocity` (N,), m/s, is that at the first row;
+    `ihips` (n, N), m, and `forces` (n, N), N, are written. Returns the row at which the law refuses, and its number, 0
+    where it does not.
     """
     for row in range(hips.shape[0]):
         move_on(hips, row, dt, velocity)
@@ -164,6 +166,7 @@ ROOM = {2: 5, 3: 7}
 
 def gains(regulation: Regulation, scene: Scene) -> Array:
     """Return the first `OWN` of a law's `params` (7,)."""
+    # k_p = K_p e_0^(1/2) and k_d = K_d (rate_0 / e_0)^(1/2), see `regulation` on the square root
     spring = scene.stiffness * REFERENCE_DEPTH**0.5
     damper = scene.damping * (REFERENCE_RATE / REFERENCE_DEPTH) ** 0.5
     bilateral = float(scene.bilateral)
@@ -172,7 +175,7 @@ def gains(regulation: Regulation, scene: Scene) -> Array:
 
 @inner
 def release(state: Array, hip: Array, ihip: Array, force: Array) -> int:
-    """Answer in free space: the IHIP is the HIP and the force zero."""
+    """Answer in free space: `ihip` (N,) is the HIP, `hip` (N,), m, and `force` (N,), N, zero. Returns 0."""
     state[HELD] = 0.0
     for i in range(hip.shape[0]):
         ihip[i], force[i] = hip[i], 0.0
@@ -183,23 +186,25 @@ def release(state: Array, hip: Array, ihip: Array, force: Array) -> int:
 def regulate(
     params: Array, state: Array, hip: Array, velocity: Array, known: float, dt: float, ihip: Array, force: Array
 ) -> int:
-    """Write the force of the scheme, with the IHIP in `ihip` and the normal in `state`.
+    """Write the regulation scheme's force (N,), N, on a hand in contact: the table in `regulation`. Returns 0.
 
-    `known` is what a projection knows beside them: κ v_t^2 (m/s^2) for `pp-pd-c`, p (m) for `gradient`. Sums and
-    products have one order, so that all ways give the same bits.
+    `hip` and `ihip` (N,), m, are the hand and the tool, `velocity` (N,), m/s, the hand's; the outward unit normal at
+    the IHIP stands in `state`. `known` is what a projection knows beside them: κ v_t^2 (m/s^2) for `pp-pd-c`, p (m) for
+    `gradient`. Sums and products have one order, so that all ways give the same bits.
     """
     count = hip.shape[0]
     scheme, stiffness, damping = params[SCHEME], params[STIFFNESS], params[DAMPING]
     was_in_contact, normal = state[HELD] != 0.0, ERROR + count
     normal_velocity, normal_error, depth_squared, error_rate = 0.0, 0.0, 0.0, 0.0
     for i in range(count):
+        # (4.5), and its difference backwards: zero in the first tick of contact, which has no error before it
         error = hip[i] - ihip[i]
         rate = (error - state[ERROR + i]) / dt if was_in_contact else 0.0
         state[ERROR + i] = error
         depth_squared += error * error
         error_rate += error * rate
-        force[i] = -stiffness * error
-        if scheme == PP_D:
+        force[i] = -stiffness * error  # (4.8)
+        if scheme == PP_D:  # (4.12)
             force[i] = force[i] - damping * rate
     state[HELD] = 1.0
     if scheme == PP:
@@ -207,15 +212,17 @@ def regulate(
     for i in range(count):
         normal_velocity += state[normal + i] * velocity[i]
         normal_error += state[normal + i] * state[ERROR + i]
-        if scheme == PP_V:
+        if scheme == PP_V:  # (4.10)
             force[i] = force[i] - damping * velocity[i]
     if scheme in (TRANSVERSAL, GRADIENT):
         if params[BILATERAL] == 0.0:
             normal_error = min(normal_error, 0.0)  # a hand above the tangent at a distant foot is not pulled to it
+        # (5.21) with its signs corrected, or K_p p n - K_d (n.v) n
         size = (-stiffness * normal_error if scheme == TRANSVERSAL else stiffness * known) - damping * normal_velocity
         for i in range(count):
             force[i] = size * state[normal + i]
     elif scheme == SQUARE_ROOT:
+        # section 4.2: F = k_p e^(1/2) + k_d e^(1/2) e'^(1/2) from HIP to IHIP, e' with its sign
         depth = math.sqrt(depth_squared)
         safe = depth if depth > 0.0 else 1.0
         error_rate /= safe
@@ -227,7 +234,7 @@ def regulate(
     elif scheme in (PP_PD, PP_PD_C):
         size = damping * normal_velocity
         for i in range(count):
-            force[i] = force[i] - size * state[normal + i]
-            if scheme == PP_PD_C:
+            force[i] = force[i] - size * state[normal + i]  # (4.14): damp along the normal only
+            if scheme == PP_PD_C:  # (3.8): -m κ v_t^2 n
                 force[i] = force[i] - params[MASS] * known * state[normal + i]
     return 0

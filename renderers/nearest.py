@@ -51,11 +51,14 @@ def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, gr
 def in_plane(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick on a curve or a polygon, of signature `LAW`."""
+    """One tick of minimum distance on a curve or a polygon, of signature `LAW`: (4.2), then the scheme's force.
+
+    `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
+    """
     b, params, state = outline_in(data), data.params, data.state
     x, y = hip[0], hip[1]
     bilateral = params[BILATERAL] != 0.0
-    if not bilateral and b.stray > 0.0 and is_clear_of(b, x, y):
+    if not bilateral and b.stray > 0.0 and is_clear_of(b, x, y):  # without the exact search: it costs more
         return release(state, hip, ihip, force)
     piece, u, _, side = nearest_on(b, x, y)
     if not (bilateral or side < 0.0):
@@ -75,7 +78,10 @@ def in_plane(
 def in_space(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick on a surface in space, whose row `segments` holds, of signature `LAW`."""
+    """One tick of minimum distance on a sphere or an ellipsoid, whose row `segments` holds, of signature `LAW`: (4.2).
+
+    `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
+    """
     surface, params, state = data.segments[0], data.params, data.state
     foot, normal, distance = closest_on_surface(surface, (hip[0], hip[1], hip[2]))
     if params[BILATERAL] == 0.0 and not distance < 0.0:
@@ -84,6 +90,7 @@ def in_space(
         ihip[i], state[ERROR + 3 + i] = foot[i], normal[i]
     centripetal = 0.0
     if params[SCHEME] == PP_PD_C:
+        # v.W v with the shape operator W: κ v_t^2 along the motion, m/s^2
         v = (velocity[0], velocity[1], velocity[2])
         centripetal = dot(v, apply_matrix(shape_operator(surface, foot, normal), v))
     return regulate(params, state, hip, velocity, centripetal, dt, ihip, force)
@@ -93,11 +100,14 @@ def in_space(
 def on_mesh(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick on a triangle mesh, whose faces are flat, of signature `LAW`."""
+    """One tick of minimum distance on a triangle mesh, of signature `LAW`: (4.2). Flat faces have no curvature.
+
+    `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
+    """
     params, state = data.params, data.state
     p, last = (hip[0], hip[1], hip[2]), int(state[TRIANGLE])
     k, foot, normal, distance = place_on_mesh(data.segments, data.vertices, data.tree, p, last)
-    state[TRIANGLE] = k
+    state[TRIANGLE] = k  # the hand is near it at the next tick: the search begins there
     if params[BILATERAL] == 0.0 and not distance < 0.0:
         return release(state, hip, ihip, force)
     for i in range(3):
