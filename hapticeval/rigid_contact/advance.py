@@ -6,8 +6,8 @@ the tool. Kept in one number, U + DU would lose the digits of hops in a corner, 
 and of which each sets the speed of the next. Impacts, corners and coming to rest change it at an instant, and every
 change of velocity adds its impulse to `sums`.
 
-Sequences of ever smaller hops (bounces with 0 < c_r < 1, slides up and down the faces of a notch) never end in
-number but do in time. A hop that stays within CONTACT_HOP of where it began is taken as contact: the tool slides or rests.
+Sequences of ever smaller hops (bounces with 0 < c_r < 1, slides up and down the faces of a notch) never end in number
+but do in time. A hop that stays within CONTACT_HOP of where it began is taken as contact: the tool slides or rests.
 """
 
 from __future__ import annotations
@@ -104,6 +104,7 @@ def log_event(run: Run, kind: int, tau: float, jx: float, jy: float) -> None:
     if k < log.shape[0]:
         log[k, 0], log[k, 1] = run.load[BEGAN] + tau, kind
         log[k, 2], log[k, 3], log[k, 4], log[k, 5] = run.state[X], run.state[Y], jx, jy
+    # counted even where the log is full: the caller then takes a longer one
     run.tally[0] = k + 1
 
 
@@ -136,6 +137,7 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
     state, load, terrain = run.state, run.load, run.terrain
     row = terrain.pieces[piece]
     count = terrain.pieces.shape[0]
+    # within a hop of a concave joint it is the corner that is hit
     for end in range(2):
         joint = (piece + end) % count
         if terrain.joints[joint] < 0.0 and load[BILATERAL] == 0.0 and abs(u - row[U0 + end]) <= CONTACT_HOP:
@@ -144,19 +146,24 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
     u = min(max(u, row[U0]), row[U1])
     _, _, tx, ty, _, _ = surface_frame(row, u)
     mass = load[MASS]
+    # velocity along the face, and along its outward normal (negative: into the model)
     w = state[VX] * tx + state[VY] * ty
     into = state[VX] * ty - state[VY] * tx
     place_on_piece(run, piece, u, w)
+    # held from both sides: the normal velocity is lost, whatever its sign
     if load[BILATERAL] != 0.0:
         jx, jy = apply_impulse(run, w * tx, w * ty)
         if abs(into) > ALIGNED_SHARE * abs(w):
             log_event(run, IMPACT, tau, jx, jy)
         return
     answer, _ = contact_force(row, u, w, tau, load)
+    # it moves off, or is let go: no impact
     if into > ALIGNED_SHARE * abs(w) or (into >= -ALIGNED_SHARE * abs(w) and answer < 0.0):
         state[MODE] = FLIGHT
         return
+    # (3.5) along the normal: c_r times the speed into the face
     bounce = -load[RESTITUTION] * into
+    # a hop of height m v^2 / (2 N) below CONTACT_HOP counts as contact
     if into >= -ALIGNED_SHARE * abs(w) or (answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CONTACT_HOP):
         bounce = 0.0
     jx, jy = apply_impulse(run, w * tx + bounce * ty, w * ty - bounce * tx)
@@ -172,6 +179,7 @@ def _faces_at_joint(run: Run, joint: int) -> tuple[int, Array, Array, tuple[floa
     pieces = run.terrain.pieces
     before = (joint - 1) % pieces.shape[0]
     pre, post = pieces[before], pieces[joint]
+    # unit tangents where the piece before ends, and where the joint's own begins
     _, _, ax, ay, _, _ = surface_frame(pre, pre[U1])
     x, y, bx, by, _, _ = surface_frame(post, post[U0])
     return before, pre, post, (x, y, ax, ay, bx, by)
@@ -188,8 +196,10 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
     before, pre, post, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
     mass, rebound = load[MASS], load[RESTITUTION]
     vx, vy = state[VX], state[VY]
+    # normal velocities below this are rounding
     tiny = ALIGNED_SHARE * math.sqrt(vx * vx + vy * vy)
     state[X], state[Y] = x, y
+    # held: only the velocity along the next face goes on, and none if it points back
     if load[BILATERAL] != 0.0:
         forward = state[W] > 0.0
         tx, ty = (bx, by) if forward else (ax, ay)
@@ -198,18 +208,24 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
             w = 0.0
         vx, vy = w * tx, w * ty
     else:
+        # squared speed that counts as rest: 1e-9 of the first speed
         small = 1e6 * tiny * tiny
         for _ in range(MOST_CORNER_HITS):
+            # normal velocities off both faces: negative runs into one
             from_pre, from_post = vx * ay - vy * ax, vx * by - vy * bx
             if min(from_pre, from_post) >= -tiny or vx * vx + vy * vy <= small:
                 break
+            # the face that it runs against more
             tx, ty, across = (ax, ay, from_pre) if from_pre < from_post else (bx, by, from_post)
+            # (3.5) on that face
             vx, vy = vx - (1.0 + rebound) * across * ty, vy + (1.0 + rebound) * across * tx
             fx, fy = operator_force(load, tau, x, y, vx, vy)
             answer, bounce = -(fx * ty - fy * tx), -rebound * across
+            # a bounce that the force ends within CONTACT_HOP is left out
             if answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CONTACT_HOP:
                 vx, vy = vx - bounce * ty, vy + bounce * tx
         else:
+            # still hitting after MOST_CORNER_HITS: each hit took speed, none is left
             if rebound < 1.0:
                 vx, vy = 0.0, 0.0
         if vx * vx + vy * vy <= small:
@@ -217,20 +233,24 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
     jx, jy = apply_impulse(run, vx, vy)
     if jx != 0.0 or jy != 0.0:
         log_event(run, kind, tau, jx, jy)
+    # speeds away from the corner, along the face after and along the face before
     forth, back = vx * bx + vy * by, -(vx * ax + vy * ay)
     on_post = forth > 0.0 and abs(vx * by - vy * bx) <= tiny
     on_pre = back > 0.0 and abs(vx * ay - vy * ax) <= tiny
     if on_post or on_pre:
         fx, fy = operator_force(load, tau, x, y, vx, vy)
+        # accelerations back into the corner on either face
         pull_post, pull_pre = -(fx * bx + fy * by) / mass, (fx * ax + fy * ay) / mass
         share = max(ax * bx + ay * by, 0.0)
         first, pull, other = (forth, pull_post, pull_pre) if on_post else (back, pull_pre, pull_post)
+        # speed along the other face after the next pass: `share` is the cosine of the corner's turn
         then = first * share
         if pull > 0.0 and other > 0.0 and max(first * first / pull, then * then / other) < 2.0 * CONTACT_HOP:
             # The corner takes the same share of the speed at every pass: the passes' times are a geometric series.
             wait = 2.0 * (first / pull + then / other) / (1.0 - share * share) if rebound == 0.0 else 0.0
             settle_in_corner(run, joint, tau, wait, 0)
             return
+        # it slides off along the face that its velocity lies in
         piece = joint if on_post else before
         w = forth if on_post else -back
         place_on_piece(run, piece, post[U0] if on_post else pre[U1], w)
@@ -257,10 +277,13 @@ def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) 
     apply_impulse(run, 0.0, 0.0)
     state[X], state[Y], state[W] = x, y, 0.0
     fx, fy = operator_force(load, tau, x, y, 0.0, 0.0)
+    # the force along the face after, and along the face before, away from the corner
     forth, back = fx * bx + fy * by, -(fx * ax + fy * ay)
+    # the force off either face: positive leaves it
     lifts_post, lifts_pre = fx * by - fy * bx, fx * ay - fy * ax
     bilateral = load[BILATERAL] != 0.0
     goes_forth, goes_back = forth > 0.0 or exits == 1, back > 0.0 or exits == -1
+    # pressed against both faces
     if not goes_forth and not goes_back:
         state[MODE], state[JOINT] = REST, joint
         if not was_rest:
@@ -301,6 +324,7 @@ def _locate_event(what: int, piece: Array, slide: Slide, tau: float, h: float, e
         f = _watched_value(what, piece, slide, tau, middle, end, load)
         if f == 0.0:
             return middle
+        # the Illinois rule: the value of an end that stays twice is halved
         if (f > 0.0) == positive:
             low, a, b, side_kept = middle, f, b * (0.5 if side_kept == 1 else 1.0), 1
         else:
@@ -323,11 +347,13 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
     piece = terrain.pieces[index]
     bilateral = load[BILATERAL] != 0.0
     answer, along = contact_force(piece, began + state[DU], w, tau, load)
+    # a contact force below zero would pull: the tool leaves
     if not bilateral and answer < 0.0:
         _leave_boundary(run, tau)
         return 0.0
     h = longest_slide_step(terrain.paces[index], w, along, load, time_left)
     du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
+    # a step shorter than rounding has no turn worth looking for
     moves = 0.5 * (abs(w) + abs(w1)) * h > STEP_ROUNDING * (abs(state[X]) + abs(state[Y]))
     if moves and w == 0.0 and abs(along) > 1e-9 * abs(contact_force(piece, began + du, w1, tau + h, load)[1]):
         # Out and back within the step: shorten it until it only goes out.
@@ -337,13 +363,16 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
             h *= 0.5
             du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
     turned = moves and w * w1 < 0.0
+    # the tool stops: the step ends there, at rest
     if turned:
         h = _locate_event(TURN, piece, slide, tau, h, 0.0, load)
         du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
         w1 = 0.0
     direction = w + w1
     crossed = 0
+    # the piece's ends, as du
     first, last = piece[U0] - began, piece[U1] - began
+    # past an end of the piece, in the direction of the motion
     if piece[KIND] != UNBOUNDED and ((du >= last and direction > 0.0) or (du <= first and direction < 0.0)):
         crossed = 1 if direction > 0.0 else -1
         end = last if crossed == 1 else first
@@ -352,6 +381,7 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
             h = _locate_event(END, piece, slide, tau, h, end, load)
             du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
         du = end
+    # the contact force changed its sign within the step: it leaves there
     if not bilateral and contact_force(piece, began + du, w1, tau + h, load)[0] < 0.0:
         h = _locate_event(LIFT, piece, slide, tau, h, 0.0, load)
         du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
@@ -361,6 +391,7 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
     mass = load[MASS]
     sums[0] += jx
     sums[1] += jy
+    # the operator's impulse is the change of momentum less the contact's
     sums[2] += mass * (w1 * tx - state[VX]) - jx
     sums[3] += mass * (w1 * ty - state[VY]) - jy
     state[DU], state[W], state[X], state[Y], state[VX], state[VY] = du, w1, x, y, w1 * tx, w1 * ty
@@ -378,10 +409,12 @@ def _pass_joint(run: Run, direction: int, tau: float) -> None:
     count = terrain.pieces.shape[0]
     index = int(state[PIECE])
     joint = (index + 1) % count if direction > 0 else index
+    # smooth: on to the next piece, from its start or from its end
     if terrain.joints[joint] == 0.0:
         next_piece = joint if direction > 0 else (joint - 1) % count
         state[PIECE], state[DU] = next_piece, 0.0
         state[U] = terrain.pieces[next_piece, U0] if direction > 0 else terrain.pieces[next_piece, U1]
+    # convex: the boundary turns away
     elif terrain.joints[joint] > 0.0 and run.load[BILATERAL] == 0.0:
         _leave_boundary(run, tau)
     else:
@@ -393,6 +426,7 @@ def _advance_flight(run: Run, tau: float, time_left: float) -> float:
     """One step of free flight, of at most `rest` seconds: how long it took."""
     state, load = run.state, run.load
     h = min(time_left, FLIGHT_STEP)
+    # a fifth of a radian of the spring's oscillation
     if load[SPRING] > 0.0:
         h = min(h, 0.2 * math.sqrt(load[MASS] / load[SPRING]))
     x, y, vx, vy = state[X], state[Y], state[VX], state[VY]
@@ -400,6 +434,7 @@ def _advance_flight(run: Run, tau: float, time_left: float) -> float:
     hit = at <= h
     h = min(at, h)
     state[X], state[Y], state[VX], state[VY] = fly_for(x, y, vx, vy, tau, h, load)
+    # in flight all of the change of momentum is the operator's
     run.sums[2] += load[MASS] * (state[VX] - vx)
     run.sums[3] += load[MASS] * (state[VY] - vy)
     if hit:
@@ -416,12 +451,15 @@ def _advance_rest(run: Run, tau: float, time_left: float) -> float:
     gx, gy = load[G1X], load[G1Y]
     h, exits = time_left, 0
     for side in (1, -1):
+        # the direction in which the tool would leave along either face
         tx, ty = (bx, by) if side == 1 else (-ax, -ay)
+        # the force along it is now + grows t: when does that become positive?
         now, grows = fx * tx + fy * ty, gx * tx + gy * ty
         if now > 0.0:
             h, exits = 0.0, side
         elif now + grows * h > 0.0:
             h, exits = -now / grows, side
+    # the integral of a force linear in time; the contact takes all of it
     jx, jy = h * (fx + 0.5 * h * gx), h * (fy + 0.5 * h * gy)
     sums[0] -= jx
     sums[1] -= jy
@@ -460,16 +498,21 @@ def carry_tool(
 ) -> tuple[Array, Array, int]:
     """Carry the tool from `start` (10,), SLIDE where it begins on the boundary at U, through all stretches.
 
-    `gains` is a `load` with its constants filled in. Gives (rows, 8): position and velocity at each sample, contact and
-    operator's impulse until the next; the events (k, 6), see `Run`; and the number of events, of which those above
-    `limit` are not kept and end the run.
+    `gains` (10,) is a `load` with its constants filled in. Returned are
+
+    - rows (rows, 8): position (m) and velocity (m/s) at each sample, contact and operator's impulse (N s) until the
+      next;
+    - the events (k, 6), see `Run`;
+    - the number of events, of which those above `limit` are not kept and end the run.
     """
+    # inside out: no box is known to be free yet
     free = np.array([math.inf, -math.inf, math.inf, -math.inf])
     run = Run(start.copy(), gains.copy(), np.zeros(4), np.zeros((limit, 6)), np.zeros(1, np.int64), free, terrain)
     state, load, out, last = run.state, run.load, np.zeros((rows, 8)), -1
     for i in range(stretches.began.shape[0]):
         load[G0X], load[G0Y], load[G1X], load[G1Y] = stretches.forces[i]
         load[BEGAN] = stretches.began[i]
+        # a new sample: the impulses so far are those of the one before
         if stretches.samples[i] != last:
             if last >= 0:
                 out[last, 4:8] = run.sums
@@ -487,6 +530,7 @@ def carry_tool(
                 h = _advance_slide(run, tau, time_left)
             else:
                 h = _advance_rest(run, tau, time_left)
+            # to the end of the stretch, by rounding too
             if h >= time_left:
                 break
             tau += h

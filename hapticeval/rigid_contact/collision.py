@@ -52,10 +52,11 @@ class BoundaryCells(NamedTuple):
 
 
 def prepare_boundary(curve: Curve) -> BoundaryCells:
-    """Prepare `curve` for the tool, once a scene."""
+    """Return a plane curve as the tool's loops take it, cut into cells: made once a scene."""
     pieces = for_kernels(curve.pieces)
     count = pieces.shape[0]
     joints = np.array([joint_turn(pieces, i) if curve.closed else 0.0 for i in range(count)])
+    # a joint that turns by rounding alone is smooth
     joints[np.abs(joints) <= SMOOTH_TURN] = 0.0
     paces = np.zeros(count)
     rows = []
@@ -73,9 +74,12 @@ def _cuts_and_pace(piece: Array) -> tuple[Array, float]:
     us = np.linspace(start, end, 4097)
     rows = evaluate_many(piece[np.newaxis], us)
     speed = np.hypot(rows[:, 2], rows[:, 3])
+    # (x' y'' - y' x'') / |c'|^2: radians per unit of u
     turning = (rows[:, 2] * rows[:, 5] - rows[:, 3] * rows[:, 4]) / speed**2
+    # as many as keep the turn of each below CELL_TURN
     cells = math.ceil((end - start) * np.abs(turning).max() / CELL_TURN)
     bend = turning / speed
+    # d kappa / ds is zero on an arc
     change = 0.0 if kind == ARC else float(np.abs(np.gradient(bend, us) / speed).max())
     return np.linspace(start, end, max(cells, 2) + 1), max(float(np.abs(bend).max()), math.sqrt(change))
 
@@ -86,6 +90,7 @@ def _cell_rows(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_en
     cells[:, PIECE] = i
     cells[:, UA], cells[:, UB] = cuts[:-1], cuts[1:]
     cells[:, REACH_A : REACH_B + 1] = SEAM_REACH
+    # one cell without ends, which every flight is measured over
     if pieces[i, KIND] == UNBOUNDED:
         cells[:, OX : EY + 1] = pieces[i, 3:7]
         cells[:, UA], cells[:, SPAN] = 0.0, math.inf
@@ -102,6 +107,7 @@ def _cell_rows(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_en
         cells[:, EX], cells[:, EY] = pieces[i, 5], pieces[i, 6]
     else:
         for column, ends in ((SLOPE_A, rows[:-1]), (SLOPE_B, rows[1:])):
+            # slope of the boundary over the chord where the cell begins and where it ends
             cells[:, column] = (ends[:, 2] * ey - ends[:, 3] * ex) / (ends[:, 2] * ex + ends[:, 3] * ey)
     # A graph whose slope stays within CELL_TURN of its chord's lies within half of that times its span.
     margin = (0.0 if pieces[i, KIND] == LINE else CELL_TURN) * cells[:, SPAN] + SEAM_REACH
@@ -117,30 +123,39 @@ def _cell_rows(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_en
 
 @compiled
 def height_over_cell(cell: Array, pieces: Array, x: float, y: float) -> tuple[float, float, float, float]:
-    """Height (m) of a point over a cell along the chord's outward normal, the boundary's slope below it, its u,
-    and how far (m) beyond the cell's ends it is (negative before the start); there the boundary goes on straight."""
+    """Return the height (m) of a point (x, y), m, over a cell (16,), along the chord's outward normal.
+
+    With it come the boundary's slope below the point, its u there, and how far (m) beyond the cell's ends the point is,
+    negative before the start; there the boundary goes on straight. `pieces` (n, 9) are the boundary's.
+    """
     dx, dy = x - cell[OX], y - cell[OY]
+    # coordinates along the chord and along its outward normal
     xi = dx * cell[EX] + dy * cell[EY]
     eta = dx * cell[EY] - dy * cell[EX]
     span = cell[SPAN]
     piece = pieces[int(cell[PIECE])]
     overhang = min(xi, 0.0) + max(xi - span, 0.0)
+    # the chord is the boundary
     if piece[KIND] in (LINE, UNBOUNDED):
         return eta, 0.0, cell[UA] + xi, overhang
+    # before the cell's start and past its end
     if xi <= 0.0:
         return eta - cell[SLOPE_A] * xi, cell[SLOPE_A], cell[UA], overhang
     if xi >= span:
         return eta - cell[SLOPE_B] * (xi - span), cell[SLOPE_B], cell[UB], overhang
     u = cell[UA] + (cell[UB] - cell[UA]) * xi / span
+    # Newton for the u above which the point lies; it ends when it no longer comes closer
     shift = math.inf
     bottom, slope = 0.0, 0.0
     for _ in range(20):
         px, py, tx, ty, _, _ = evaluate(piece, u)
         px -= cell[OX]
         py -= cell[OY]
+        # how fast the point of the boundary moves along the chord with u
         run = tx * cell[EX] + ty * cell[EY]
         slope = (tx * cell[EY] - ty * cell[EX]) / run
         miss = xi - (px * cell[EX] + py * cell[EY])
+        # first order in what is left to the point: the error goes with its square
         bottom = px * cell[EY] - py * cell[EX] + slope * miss
         if abs(miss) >= shift or miss == 0.0:
             break
@@ -156,6 +171,7 @@ def _height_in_flight(
     """Height over the cell h seconds into the flight, how fast it grows, u, and how far beyond the ends."""
     x, y, vx, vy = fly_for(flight[0], flight[1], flight[2], flight[3], flight[4], h, load)
     f, slope, u, overhang = height_over_cell(cell, pieces, x, y)
+    # d/dt (eta - bottom(xi)): the velocity across the chord, less the slope times that along it
     climb = vx * cell[EY] - vy * cell[EX] - slope * (vx * cell[EX] + vy * cell[EY])
     return f, climb, u, overhang
 
@@ -171,6 +187,7 @@ def _crossing_time(
     load: Array,
 ) -> float:
     """Time, to rounding, at which the height falls through -level, given that it does between low and high."""
+    # regula falsi on height + level; the Illinois rule halves the value of an end that stays twice
     above = _height_in_flight(cell, pieces, flight, low, load)[0] + level
     below = _height_in_flight(cell, pieces, flight, high, load)[0] + level
     side_kept = 0
@@ -191,11 +208,13 @@ def _crossing_time(
 @compiled
 def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, load: Array) -> tuple[float, float]:
     """First time within h at which the flight enters through the cell, and u there; infinite if it does not."""
+    # within a step the height has at most one extremum: on both sides of it it rises or falls
     f0, climb0, _, _ = _height_in_flight(cell, pieces, flight, 0.0, load)
     climb1 = _height_in_flight(cell, pieces, flight, h, load)[1]
     turn = h
     if climb0 * climb1 < 0.0:
         low, high = 0.0, h
+        # the extremum, by bisection
         for _ in range(60):
             turn = 0.5 * (low + high)
             if _height_in_flight(cell, pieces, flight, turn, load)[1] * climb0 > 0.0:
@@ -206,12 +225,14 @@ def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, lo
     for part in range(2):
         end = turn if part == 0 else h
         f_end = _height_in_flight(cell, pieces, flight, end, load)[0]
+        # it goes below the skin on this part of the step
         if f >= -SKIN_DEPTH and f_end < -SKIN_DEPTH:
             at = _crossing_time(cell, pieces, flight, start, end, SKIN_DEPTH, load)
             # A flight that began within the skin was on this face: its first crossing of the surface is rounding.
             if f > SKIN_DEPTH:
                 at = _crossing_time(cell, pieces, flight, start, at, 0.0, load)
             _, _, u, overhang = _height_in_flight(cell, pieces, flight, at, load)
+            # through this cell, and not past its ends
             if -cell[REACH_A] <= overhang <= cell[REACH_B]:
                 return at, u
         if turn >= h:
@@ -222,10 +243,10 @@ def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, lo
 
 @compiled
 def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Array, free: Array) -> tuple[float, int, float]:
-    """When the flight (x, y, vx, vy, tau) of h seconds first enters the model, through which piece and at what u.
+    """Return when a flight (x, y, vx, vy, tau) of h seconds first enters the model, through which piece and at what u.
 
-    Infinite if it stays outside. `free` (4,) is a box (xmin, xmax, ymin, ymax) known to hold no boundary: it spares
-    the search, and is renewed here.
+    The time is infinite if it stays outside; x and y are in m. `load` (10,) as in `motion`. `free` (4,) is a box (xmin,
+    xmax, ymin, ymax), m, known to hold no boundary: it spares the search, and is renewed here.
     """
     x0, y0, vx0, vy0, tau = flight
     x1, y1, vx1, vy1 = fly_for(x0, y0, vx0, vy0, tau, h, load)
@@ -236,11 +257,14 @@ def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Array, f
     ymin, ymax = min(y0, y1, ya, yb), max(y0, y1, ya, yb)
     margin = 0.05 * (xmax - xmin + ymax - ymin) + SKIN_DEPTH
     xmin, xmax, ymin, ymax = xmin - margin, xmax + margin, ymin - margin, ymax + margin
+    # the whole flight is inside the free box
     if xmin > free[0] and xmax < free[1] and ymin > free[2] and ymax < free[3]:
         return math.inf, 0, 0.0
+    # `room` is the gap to the nearest cell that the flight's box does not touch
     room, when, where, u = math.inf, math.inf, 0, 0.0
     for i in range(terrain.cells.shape[0]):
         cell = terrain.cells[i]
+        # the boxes are apart by at least this
         gap = max(cell[XMIN] - xmax, xmin - cell[XMAX], cell[YMIN] - ymax, ymin - cell[YMAX])
         if gap > 0.0:
             room = min(room, gap)
@@ -249,6 +273,7 @@ def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Array, f
         at, u_at = _entry_through_cell(cell, terrain.pieces, flight, h, load)
         if at < when:
             when, where, u = at, int(cell[PIECE]), u_at
+    # a cell was touched: no box is known to be free
     if room == 0.0:
         room = -math.inf
     free[0], free[1], free[2], free[3] = xmin - room, xmax + room, ymin - room, ymax + room

@@ -95,6 +95,7 @@ class IdealContact:
         gains[BILATERAL] = float(self.scene.bilateral)
         if isinstance(stimulus, Path):
             gains[SPRING] = self.scene.stiffness
+            # critical damping: 2 sqrt(k m)
             gains[DAMPER] = 2.0 * math.sqrt(self.scene.stiffness * self.scene.mass)
             time = stimulus.sampled(dt)[0]
             knots, values = stimulus.time - stimulus.time[0], stimulus.points
@@ -106,18 +107,22 @@ class IdealContact:
             time = sample_times(stimulus.duration, dt)
             knots, values, slopes = _prescribed_forces(stimulus)
             if stimulus.hand is not None:
+                # a damper alone has no closed form here, see `fly_for`
                 if stimulus.hand.stiffness == 0.0 < stimulus.hand.damping:
                     raise RefusalError(
                         "the hand only brakes", why="the ideal contact flies in closed form under a spring or a push"
                     )
                 gains[SPRING], gains[DAMPER] = stimulus.hand.stiffness, stimulus.hand.damping
             start = self._start_of_experiment(stimulus)
+        # within a stretch the operator's force is linear in time
         began, lasts, samples = _cut_into_stretches(time, knots, dt)
+        # the knot before the middle of each stretch; -1 before the first: the force is held there
         segment = np.searchsorted(knots, began + 0.5 * lasts, side="right") - 1
         known = np.maximum(segment, 0)
         slope = np.where(segment[:, np.newaxis] < 0, 0.0, slopes[known])
         value = values[known] + slope * (began - knots[known])[:, np.newaxis]
         if led:
+            # a spring to the hand's path: g0 = k y_d + d y_d', g1 = k y_d'
             value, slope = gains[SPRING] * value + gains[DAMPER] * slope, gains[SPRING] * slope
         out, events = self._followed(
             start, Stretches(began, lasts, np.hstack([value, slope]), samples), gains, time.size
@@ -126,6 +131,7 @@ class IdealContact:
             "hip": out[:, 0:2],
             "ihip": out[:, 0:2],
             "velocity": out[:, 2:4],
+            # mean over the sample: impulse by its length
             "force": out[:, 4:6] / dt,
             "operator_force": out[:, 6:8] / dt,
         }
@@ -153,6 +159,7 @@ class IdealContact:
                     why="its hops do not come to an end",
                     todo="shorten the run, or choose a restitution further below 1",
                 )
+            # run again with a longer log
             limit *= 8
         return out, [
             {"time": time, "kind": EVENT_KINDS[int(kind)], "position": place, "impulse": impulse}
@@ -184,6 +191,7 @@ class IdealContact:
         index = piece_index(pieces, u)
         state = _in_flight(curve.position(u), velocity)
         for joint in (pieces[index, U0], pieces[index, U1]):
+            # beside a joint it starts at the joint, so that corners are seen
             if abs(u - joint) <= ON_BOUNDARY:
                 u = float(joint)
         state[MODE], state[PIECE], state[U] = SLIDE, index, u
@@ -222,6 +230,7 @@ def _cut_into_stretches(time: Array, knots: Array, dt: float) -> tuple[Array, Ar
     """Cut the run at samples and at the stimulus's knots: beginnings, lengths (s) and the sample each belongs to."""
     end = time[-1] + dt
     steps = knots / dt
+    # knots that fall on samples, to rounding, cut nothing
     between = knots[(knots > 0.0) & (knots < end) & (np.abs(steps - np.round(steps)) > 1e-9)]
     cuts = np.union1d(np.append(time, end), between)
     began, lasts = cuts[:-1], np.diff(cuts)

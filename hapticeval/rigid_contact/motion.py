@@ -34,7 +34,10 @@ and 1e-10 m/s on a 0.2 m model."""
 
 @compiled
 def surface_frame(piece: Array, u: float) -> tuple[float, float, float, float, float, float]:
-    """Point (x, y), unit tangent (tx, ty), |dc/du| and curvature at u; the outward normal is (ty, -tx)."""
+    """Return point (x, y), m, unit tangent (tx, ty), |dc/du| and curvature (1/m) at u of a piece (9,).
+
+    The outward normal is (ty, -tx).
+    """
     x, y, dx, dy, ddx, ddy = evaluate(piece, u)
     speed = math.sqrt(dx * dx + dy * dy)
     return x, y, dx / speed, dy / speed, speed, (dx * ddy - dy * ddx) / (speed * speed * speed)
@@ -42,7 +45,10 @@ def surface_frame(piece: Array, u: float) -> tuple[float, float, float, float, f
 
 @compiled
 def operator_force(load: Array, tau: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
-    """The operator's force (N) on a tool at (x, y) with velocity (vx, vy)."""
+    """Return the operator's force (N) on a tool at (x, y), m, with velocity (vx, vy), m/s.
+
+    `tau` (s) is the time since the beginning of the stretch that `load` (10,) describes.
+    """
     return (
         load[G0X] + load[G1X] * tau - load[SPRING] * x - load[DAMPER] * vx,
         load[G0Y] + load[G1Y] * tau - load[SPRING] * y - load[DAMPER] * vy,
@@ -51,10 +57,12 @@ def operator_force(load: Array, tau: float, x: float, y: float, vx: float, vy: f
 
 @compiled
 def contact_force(piece: Array, u: float, w: float, tau: float, load: Array) -> tuple[float, float]:
-    """Contact force N along the outward normal and tangential operator's force (N), sliding at w = ds/dt.
+    """Return the contact force N (N) along the outward normal and the tangential operator's force (N).
 
-    N = -F.nu - m kappa w^2: thesis (3.3) and (3.8) with the inward centripetal force.
+    For sliding at w = ds/dt (m/s) at u of a piece (9,), `tau` (s) into a `load` (10,). N = -F.nu - m kappa w^2: thesis
+    (3.3) and (3.8) with the inward centripetal force.
     """
+    # the normal is (ty, -tx), so that F.nu = fx ty - fy tx
     x, y, tx, ty, _, bend = surface_frame(piece, u)
     fx, fy = operator_force(load, tau, x, y, w * tx, w * ty)
     return -(fx * ty - fy * tx) - load[MASS] * bend * w * w, fx * tx + fy * ty
@@ -77,7 +85,10 @@ STAGES = np.array(
 
 @compiled
 def slide_for(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> tuple[float, float, float, float]:
-    """(du, w) after h seconds of sliding by thesis (3.1), and the contact impulse (N s) meanwhile: Butcher's step."""
+    """Return (du, w) after h seconds of sliding by thesis (3.1), and the contact impulse (N s) meanwhile.
+
+    On a piece (9,) from `slide`, `tau` (s) into the stretch of `load` (10,): one step of Butcher's method.
+    """
     u, grown, w = slide
     rates, out = np.empty((7, 4)), np.empty(4)  # du/dt, dw/dt and the contact force
     for k in range(7):
@@ -85,25 +96,34 @@ def slide_for(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> 
         for i in range(k):
             du += STAGES[k, i] * rates[i, 0]
             dw += STAGES[k, i] * rates[i, 1]
+        # ds/dt at this stage
         pace = w + h * dw / STAGES[k, 6]
         x, y, tx, ty, speed, bend = surface_frame(piece, u + (grown + h * du / STAGES[k, 6]))
         fx, fy = operator_force(load, tau + STAGES[k, 7] * h / STAGES[k, 8], x, y, pace * tx, pace * ty)
+        # the contact force, as in `contact_force`
         answer = -(fx * ty - fy * tx) - load[MASS] * bend * pace * pace
+        # du/dt = w / |c'(u)|, dw/dt = F_o.t / m
         rates[k, 0], rates[k, 1] = pace / speed, (fx * tx + fy * ty) / load[MASS]
+        # the impulse grows by N nu
         rates[k, 2], rates[k, 3] = answer * ty, -answer * tx
     for c in range(4):
         r = rates[:, c]
+        # the method's weights: 11, 0, 81, 81, -32, -32, 11 over 120
         out[c] = h * (11.0 * (r[0] + r[6]) + 81.0 * (r[2] + r[3]) - 32.0 * (r[4] + r[5])) / 120.0
     return grown + out[0], w + out[1], out[2], out[3]
 
 
 @compiled
 def longest_slide_step(pace: float, w: float, along: float, load: Array, longest: float) -> float:
-    """How long a sliding step may be: `pace` (1/m) is the boundary's, `along` the tangential force (N)."""
+    """Return how long (s) a sliding step may be: `pace` (1/m) is the boundary's, `along` the tangential force (N).
+
+    w is in m/s; `load` (10,). LONGEST_STEP says in what units, `longest` (s) is what is left.
+    """
     h = longest
     omega = math.sqrt(load[SPRING] / load[MASS])
     if h * omega > LONGEST_STEP:
         h = LONGEST_STEP / omega
+    # radians per second, at the speed that the force may have given the tool by the end
     turning = pace * (abs(w) + abs(along) / load[MASS] * h)
     if h * turning > LONGEST_STEP:
         h = LONGEST_STEP / turning
@@ -116,6 +136,7 @@ def guess_between(low: float, high: float, a: float, b: float, i: int) -> float:
     nothing lies there. By the chord, and by halves at every fourth `i`."""
     middle = low + 0.5 * (high - low)
     if i % 4 != 3 and a != b:
+        # regula falsi; every fourth guess halves the bracket, so that it shrinks in any case
         by_chord = high - b * (high - low) / (b - a)
         if low < by_chord < high:
             return by_chord
@@ -126,12 +147,15 @@ def guess_between(low: float, high: float, a: float, b: float, i: int) -> float:
 def damped_oscillation(omega: float, half: float, h: float) -> tuple[float, float]:
     """e^(-at) cos(bt) and e^(-at) sin(bt) / b at t = h; a is `half` and b^2 = omega^2 - a^2, of either sign or zero."""
     square = omega * omega - half * half
+    # critically damped, to rounding: sin(bt) / b becomes t
     if abs(square) <= 1e-12 * omega * omega:
         decay = math.exp(-half * h)
         return decay, h * decay
+    # underdamped
     if square > 0.0:
         b, decay = math.sqrt(square), math.exp(-half * h)
         return decay * math.cos(b * h), decay * math.sin(b * h) / b
+    # overdamped: two exponentials in place of cosh and sinh, which would overflow
     b = math.sqrt(-square)
     slow, fast = math.exp((b - half) * h), math.exp((-b - half) * h)
     return 0.5 * (slow + fast), 0.5 * (slow - fast) / b
@@ -141,9 +165,13 @@ def damped_oscillation(omega: float, half: float, h: float) -> tuple[float, floa
 def fly_for(
     x: float, y: float, vx: float, vy: float, tau: float, h: float, load: Array
 ) -> tuple[float, float, float, float]:
-    """Position and velocity after h seconds of free flight, in closed form."""
+    """Return position (m) and velocity (m/s) after h seconds of free flight, in closed form.
+
+    The flight begins `tau` (s) into the stretch of `load` (10,).
+    """
     mass, spring = load[MASS], load[SPRING]
     gx, gy = load[G0X] + load[G1X] * tau, load[G0Y] + load[G1Y] * tau
+    # a force linear in time: a cubic in time
     if spring == 0.0:
         ax, ay = gx / mass, gy / mass
         jx, jy = load[G1X] / mass, load[G1Y] / mass
@@ -154,9 +182,12 @@ def fly_for(
             vy + h * (ay + h * jy / 2.0),
         )
     omega = math.sqrt(spring / mass)
+    # the point at which spring and push balance moves at this velocity: g1 / k
     drift_x, drift_y = load[G1X] / spring, load[G1Y] / spring
+    # where it is at tau, less what the damper lags behind
     base_x = (gx - load[DAMPER] * drift_x) / spring
     base_y = (gy - load[DAMPER] * drift_y) / spring
+    # the oscillation about that point: p'' + 2 half p' + omega^2 p = 0
     half = load[DAMPER] / (2.0 * mass)
     even, odd = damped_oscillation(omega, half, h)
     px, py = x - base_x, y - base_y
