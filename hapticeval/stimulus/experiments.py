@@ -24,6 +24,7 @@ class HandPath(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         absent = (self.points is None, self.duration is None, self.file is None)
+        # points and a duration, or a file and neither of them
         if absent not in ((False, False, True), (True, True, False)):
             raise ValueError("a hand's path has points and a duration, or a file")
 
@@ -31,6 +32,7 @@ class HandPath(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         """Return the path; a file counts from `folder`."""
         if self.file is not None:
             return read_path(file_below(folder, self.file))
+        # see __post_init__: there is no file, so there are both
         assert self.points is not None
         assert self.duration is not None
         points = as_array(self.points, "the points of the hand's path")
@@ -79,6 +81,7 @@ class ExperimentTable(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     def _force(self, folder: FilePath) -> Array:
         if self.force_file is None:
+            # nobody pushes: one row of zeros, held all the time
             return as_array(self.force or [[0.0] * (len(self.position) + 1)], "the rows of force")
         if self.force is not None:
             raise InputError("both force and force_file are given", why="they say the same", todo="leave one out")

@@ -40,6 +40,7 @@ class HardPlaces(Trajectory, frozen=True, kw_only=True, tag="hard-places"):
 
     def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path: it has a time a tick, at which playback takes the places as they are."""
+        # `rest` ticks at each stop, so that a tool may come to rest there
         points = np.vstack([np.repeat(_stops_of_kind(surface, kind), self.rest, axis=0) for kind in self.of])
         return Path(self.tick * np.arange(len(points), dtype=np.float64), points)
 
@@ -55,8 +56,10 @@ def _stops_of_kind(surface: Boundary, kind: Kind) -> Array:
     """
     places = PLACES_OF_KIND[kind](surface)
     lows, highs = np.array(surface.bounds).reshape(2, -1)
+    # two extents from the centre: clear of the model in every direction
     centre, radius = 0.5 * (lows + highs), 2.0 * float(np.max(highs - lows))
     frame = surface.closest_point(places)
+    # in free space beside the place: half an extent along the normal of its foot
     outs = frame.foot + 0.25 * radius * frame.normal
     if kind in WITHOUT_RETREAT:
         return np.vstack([outs[:1], places, outs[-1:]])
@@ -66,7 +69,9 @@ def _stops_of_kind(surface: Boundary, kind: Kind) -> Array:
         turn = turns[k]
         for share in np.linspace(0.25, 1.0, 4):  # steps of at most 45 degrees, which keep clear of the model
             before = turns[k - 1] if k else turn
+            # nearly opposite directions have no middle: any direction aside will do
             middle = before + turn if before @ turn > -0.9 else np.roll(before, 1) * np.resize([1.0, -1.0], lows.size)
+            # half way to the middle direction, then on to the next place's
             first, last, part = (before, middle, 2.0 * share) if share <= 0.5 else (middle, turn, 2.0 * share - 1.0)
             stops.append(centre + radius * _unit((1.0 - part) * _unit(first) + part * _unit(last)))
         stops += [outs[k], place, outs[k], centre + radius * turn]
@@ -89,16 +94,19 @@ def _vertices(surface: Boundary) -> Array:
     if corners is None and isinstance(surface, Mesh):
         corners = surface.vertices
     vertices = (
+        # every so many of many corners: PLACES_PER_KIND of them, or up to twice that
         _boundary_points(surface)[0]
         if corners is None or not corners.size
         else corners[:: max(1, len(corners) // PLACES_PER_KIND)]
     )
     middle = np.array(surface.bounds).reshape(2, -1).mean(axis=0)
+    # and one rounding inside: towards the middle of the bounds
     return np.vstack([vertices, np.nextafter(vertices, middle)])
 
 
 def _surface(surface: Boundary) -> Array:
     feet, normals, _ = _boundary_points(surface)
+    # a rounding in, on the surface, and a rounding out
     return np.vstack([np.nextafter(feet, feet - normals), feet, np.nextafter(feet, feet + normals)])
 
 
@@ -114,6 +122,7 @@ def _medial(surface: Boundary) -> Array:
     for _ in range(60):
         middle = 0.5 * (low + high)
         near = np.linalg.norm(surface.closest_point(feet - middle[:, np.newaxis] * normals).foot - feet, axis=1)
+        # is the foot still where the normal began, to the rounding of a foot?
         nearest = near <= 1e-7 * size
         low, high = np.where(nearest, middle, low), np.where(nearest, high, middle)
     return np.asarray(feet - low[:, np.newaxis] * normals)
@@ -122,6 +131,7 @@ def _medial(surface: Boundary) -> Array:
 def _focal(surface: Boundary) -> Array:
     feet, normals, curvature = _boundary_points(surface)
     bent = curvature > 0.0
+    # no convex part has a centre of curvature inside
     if not bent.any():
         return _medial(surface)
     return np.asarray(feet[bent] - normals[bent] / curvature[bent][:, np.newaxis])
@@ -129,6 +139,7 @@ def _focal(surface: Boundary) -> Array:
 
 def _far(surface: Boundary) -> Array:
     lows, highs = np.array(surface.bounds).reshape(2, -1)
+    # in, ten sizes out along the diagonal of the bounds, and in again
     return np.vstack(
         [_half_way_to_medial(surface)[:1], highs + 10.0 * (highs - lows), _half_way_to_medial(surface)[:1]]
     )
@@ -140,6 +151,7 @@ def _tiny_steps(surface: Boundary) -> Array:
 
 def _teleports(surface: Boundary) -> Array:
     inside = _half_way_to_medial(surface)
+    # an order in which neighbours are far apart
     return np.asarray(inside[np.argsort(np.arange(len(inside)) * 5 % len(inside))])
 
 

@@ -82,11 +82,14 @@ class Moves(Trajectory, frozen=True, kw_only=True, tag="moves"):
         times, points = [np.zeros(1)], [corners[:1]]
         begin = 0.0
         for move, before, after in zip(self.moves, corners[:-1], corners[1:], strict=True):
+            # a straight stretch at constant speed, or a rest, needs its end alone
             plain = (move.even or np.array_equal(before, after)) and self.tremor is None
+            # the tolerance keeps a whole number of spacings from being one more by rounding
             count = 1 if plain else max(math.ceil(move.seconds / POINT_SPACING - 1e-6), 1)
             share = np.arange(1, count + 1) / count
             times.append(begin + share * move.seconds)
             points.append(before + (share if move.even else share_covered(share))[:, np.newaxis] * (after - before))
+            # to the last bit: the next move begins there
             points[-1][-1] = after
             begin = float(times[-1][-1])
         time, place = np.concatenate(times), np.vstack(points)
@@ -114,6 +117,7 @@ def share_covered(share: Array) -> Array:
 def tremor_offsets(tremor: Tremor, time: Array) -> Array:
     """Return how far tremor leads the hand off its moves at each of `time` (n,), s: (n, N), m. None at the ends."""
     settles = min(TREMOR_RAMP, 0.5 * float(time[-1]))
+    # 0 at both ends, 1 from TREMOR_RAMP on: a squared sine between
     edge = np.clip(np.minimum(time, time[-1] - time) / settles, 0.0, 1.0)
     swing = np.sin(0.5 * np.pi * edge) ** 2 * np.sin(2.0 * np.pi * tremor.hertz * time)
     return np.asarray(swing[:, np.newaxis] * np.array(tremor.amplitude))
@@ -127,6 +131,7 @@ def shortest_duration(length: float, tremor: Tremor | None = None) -> float:
     speed, acceleration = LARGEST_SPEED, LARGEST_ACCELERATION
     if tremor is not None:
         turn = 2.0 * math.pi * tremor.hertz
+        # the largest speed (m/s) of the tremor: amplitude times angular frequency; its acceleration is once more that
         size = 1.3 * math.hypot(*tremor.amplitude) * turn
         speed, acceleration = speed - size, acceleration - size * turn
         if min(speed, acceleration) <= 0.0:

@@ -82,11 +82,13 @@ class Scaled(OnCurve, frozen=True, kw_only=True, tag="scaled"):
         """Return the scaled outline between the two angles."""
         u, outline = self._outline(curve)
         angle = np.unwrap(np.arctan2(outline[:, 1], outline[:, 0]))
+        # the polar angle must rise all the way round for u to be a function of it
         if np.any(np.diff(angle) <= 0.0):
             raise InputError(
                 "a 'scaled' trajectory needs a model that every ray from the origin meets once",
                 todo="use kind = 'points' or 'file'",
             )
+        # each angle brought into the turn that the outline covers
         inside = angle[0] + (self._angles() - angle[0]) % (2.0 * np.pi)
         position = np.asarray(curve.position(np.interp(inside, angle, u)))
         radius, depth = self._radius(outline)
@@ -150,8 +152,10 @@ class PastCorner(OnCurve, frozen=True, kw_only=True, tag="corner"):
             )
         corner, depth = curve.corners[self.corner], self.depth
         start = corner.position - self.before * corner.tangent_pre - depth * corner.normal_pre
+        # straight on: the hand is led out past the corner, and lets go of the first face
         if corner.convex:
             return np.array([start, corner.position + self.after * corner.tangent_pre - depth * corner.normal_pre])
+        # round a concave corner at `depth` from it: from one inward normal to the other
         first = math.atan2(-corner.normal_pre[1], -corner.normal_pre[0])
         angles = np.linspace(first, first + corner.turn, 2048)
         arc = corner.position + depth * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -189,15 +193,18 @@ class Loop(Trajectory, frozen=True, kw_only=True, tag="loop"):
     def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path; see `Trajectory.path`."""
         start, centre, radius = np.array(self.start), np.array(self.centre), self.radius
-        ahead, across, away = self._plane(start, centre)
+        ahead, across, away = self._circle_plane(start, centre)
+        # the circle begins at its point nearest to the start
         turn = math.atan2(*away[::-1]) + np.linspace(0.0, 2.0 * np.pi, LAP_POINTS, endpoint=False)
         circle = centre + radius * (np.outer(np.cos(turn), ahead) + np.outer(np.sin(turn), across))
+        # one more point at the end: the last lap is closed
         laps_forward = np.vstack([np.tile(circle, (self.laps, 1)), circle[:1]])
+        # back over the same points, the last of them not twice
         points = np.vstack([laps_forward, laps_forward[-2::-1]])
         time = self.approach + np.arange(len(points)) * (self.lap / LAP_POINTS)
         return Path(np.concatenate([[0.0], time, [time[-1] + self.approach]]), np.vstack([start, points, start]))
 
-    def _plane(self, start: Array, centre: Array) -> tuple[Array, Array, tuple[float, float]]:
+    def _circle_plane(self, start: Array, centre: Array) -> tuple[Array, Array, tuple[float, float]]:
         """Return two unit vectors (N,) in the plane of the circle, and where along them the start lies, m."""
         if (
             start.size != centre.size
@@ -213,7 +220,9 @@ class Loop(Trajectory, frozen=True, kw_only=True, tag="loop"):
         ahead, across = np.eye(2)
         if self.axis is not None:
             axis = np.array(self.axis)
+            # square to the axis and to the start's direction: anticlockwise seen from its tip
             across = np.cross(axis, away)
+            # on the axis no direction of the plane is the start's
             if not np.linalg.norm(across) > 0.0:
                 raise InputError(
                     f"a loop with axis {self.axis}", why="it points from the centre to the start, or nowhere"
@@ -257,6 +266,7 @@ def read_path(file: FilePath) -> Path:
         from hapticeval.recordings.hdf5 import read_recording
 
         recording = read_recording(file, channels=["hip"])
+        # invalid rows are left out: the path runs straight over them
         rows = slice(None) if recording.valid is None else recording.valid
         time, points = recording.time[rows], recording.hip[rows]
     else:
@@ -294,6 +304,7 @@ def read_rows(file: FilePath, what: str, meaning: str, header: tuple[str, str, s
         )
     for name in table.columns:
         numbers = pd.to_numeric(table[name], errors="coerce")
+        # an empty cell stays NaN; a word is an error
         text = numbers.isna() & table[name].notna()
         if text.any():
             row = int(np.argmax(text.to_numpy()))
@@ -304,6 +315,7 @@ def read_rows(file: FilePath, what: str, meaning: str, header: tuple[str, str, s
 
 def _at_constant_speed(points: Array, duration: float) -> Path:
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    # points that do not move take no time, and would repeat an instant
     keep = np.concatenate([[True], np.diff(along) > 0.0])
     along, points = along[keep], points[keep]
     if along.size < 2:

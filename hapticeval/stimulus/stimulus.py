@@ -27,6 +27,7 @@ def sample_times(duration: float, dt: float) -> Array:
             why=f"a run has {MOST_TICKS:,} at the most",
             todo="choose a shorter duration, or a longer sampling time",
         )
+    # the tolerance counts an end that is missed by rounding alone
     return np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1, dtype=np.float64) * dt
 
 
@@ -52,6 +53,7 @@ class Path:
         check_finite("trajectory time", time)
         check_finite("trajectory position", points)
         check_increasing("trajectory time", time)
+        # a path is a value: others hold it
         time.flags.writeable = False
         points.flags.writeable = False
         object.__setattr__(self, "time", time)
@@ -68,7 +70,7 @@ class Path:
         return float(self.time[-1] - self.time[0])
 
     def sampled(self, dt: float) -> tuple[Array, Array]:
-        """Times from 0 in steps of `dt` (n,), and the positions there (n, N).
+        """Return times from 0 in steps of `dt` (n,), s, and the positions there (n, N), m.
 
         Sampling at dt / 2 keeps every sample of dt, so that refined runs can be compared point by point.
         """
@@ -104,7 +106,7 @@ class Hand:
                 )
 
     def desired(self, time: Array) -> Array:
-        """y_d at each of `time` (n,), from 0 where the path starts: (n, N), m."""
+        """Return where the hand would have the tool, y_d (n, N), m, at each of `time` (n,), s, from its start on."""
         since = self.path.time - self.path.time[0]
         return np.ascontiguousarray(np.column_stack([np.interp(time, since, column) for column in self.path.points.T]))
 
@@ -139,6 +141,7 @@ class Experiment:
         if not (np.isfinite(self.duration) and self.duration > 0.0):
             raise InputError(f"an experiment lasts {self.duration!r} s", todo="give a positive duration")
         check_increasing("experiment force time", self.force_time)
+        # all of one dimension N: a point, a velocity, and the columns of the force
         shapes = (self.position.shape, self.velocity.shape, self.force.shape[1:])
         if self.force.ndim != 2 or len(set(shapes)) != 1 or self.force.shape[0] != self.force_time.size:
             raise InputError(
@@ -158,7 +161,7 @@ class Experiment:
         return int(self.position.size)
 
     def operator_force(self, time: Array) -> Array:
-        """The operator's force at each of `time` (n,): (n, N), N."""
+        """Return the operator's prescribed force (n, N), N, at each of `time` (n,), s: without the hand's spring."""
         return np.column_stack([np.interp(time, self.force_time, column) for column in self.force.T])
 
     @property
@@ -171,11 +174,15 @@ class Experiment:
         return max(ends)
 
     def moved(self, motion: Motion, nudge: Array) -> Experiment:
-        """The same experiment, tool and hand off by `nudge` (N,), m, in the scene moved; `motion` keeps lengths."""
+        """Return the same experiment in the scene moved, with tool and hand off by `nudge` (N,), m.
+
+        `motion` keeps lengths.
+        """
         hand = self.hand
         if hand is not None:
             path = Path(hand.path.time, motion(hand.path.points + nudge))
             hand = Hand(path=path, stiffness=hand.stiffness, damping=hand.damping)
+        # positions move, velocities and forces only turn
         position = motion(self.position + nudge)
         return replace(
             self, position=position, velocity=motion.turned(self.velocity), force=motion.turned(self.force), hand=hand
@@ -186,6 +193,7 @@ class Experiment:
         return Experiment(
             self.duration / factor,
             self.position,
+            # lengths and forces stay, times shrink
             self.velocity * factor,
             self.force_time / factor,
             self.force,
@@ -196,6 +204,7 @@ class Experiment:
 def _still_from(time: Array, values: Array) -> float:
     """Return the time, s, of the first of the equal rows at the end, from 0 on."""
     moving = np.flatnonzero(np.any(values != values[-1], axis=1))
+    # the row after the last that differs from the end
     return max(0.0, float(time[moving[-1] + 1])) if moving.size else 0.0
 
 
