@@ -10,21 +10,21 @@ import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording, runs_of
-from hapticeval.reports.canvas import MM, drawn, figure, legend_above, page_svg, trace
+from hapticeval.reports.canvas import MM, colour_of, draw_over_time, figure, legend_above, page_svg
 
 JOINT = 1
 """The joint of Figure 7.8: the second."""
 
-AGREE = 1e-9
+ROUNDING_SHARE = 1e-9
 """Torques this share of the largest apart are the same: rounding makes less."""
 
-NEEDS = ("chart", "eta1", "eta2", "torque1", "torque2")
+CHART_CHANNELS = ("chart", "eta1", "eta2", "torque1", "torque2")
 DASHED = (0, (4, 1.2))
 
 
 def has_charts(recording: Recording) -> bool:
     """Return whether the renderer recorded charts, and a robot followed them."""
-    return all(name in recording.channels for name in NEEDS)
+    return all(name in recording.channels for name in CHART_CHANNELS)
 
 
 def charts_words(recording: Recording) -> str:
@@ -32,21 +32,21 @@ def charts_words(recording: Recording) -> str:
     time, chart = recording.time, recording.channels["chart"]
     apart = np.max(np.abs(recording.channels["torque1"] - recording.channels["torque2"]), axis=1)
     largest = float(np.max(np.abs(recording.channels["joint_torque"])))
-    far = np.flatnonzero(~(apart <= AGREE * largest))
-    near = np.delete(apart, far)
+    disagreeing = np.flatnonzero(~(apart <= ROUNDING_SHARE * largest))
+    near = np.delete(apart, disagreeing)
     turns = int(np.count_nonzero(np.diff(chart)))
     words = [f"The charts take turns {turns} time{'' if turns == 1 else 's'}."]
     if near.size:
         words.append(f"Their torques agree to {float(near.max()):.1g} N m, of {largest:.3g} N m at the most.")
-    if not far.size:
+    if not disagreeing.size:
         return " ".join([*words, "The chart that is not at work does not spike near its pole; in print it does."])
-    angle = np.where(chart == 1.0, recording.channels["eta2"][:, 2], recording.channels["eta1"][:, 2])[far]
+    angle = np.where(chart == 1.0, recording.channels["eta2"][:, 2], recording.channels["eta1"][:, 2])[disagreeing]
     pole = float(np.degrees(np.max(np.minimum(angle, np.pi - angle))))
-    first, last = time[far[[0, -1]]]
-    when = f"at t = {first:.4g} s" if far.size == 1 else f"between t = {first:.4g} and {last:.4g} s"
+    first, last = time[disagreeing[[0, -1]]]
+    when = f"at t = {first:.4g} s" if disagreeing.size == 1 else f"between t = {first:.4g} and {last:.4g} s"
     words.append(
-        f"Not so in {far.size} of {time.size} samples, {when}, with the chart that is not at work "
-        f"within {pole:.2g}° of its own pole: there they are up to {float(np.max(apart[far])):.3g} N m apart."
+        f"Not so in {disagreeing.size} of {time.size} samples, {when}, with the chart that is not at work "
+        f"within {pole:.2g}° of its own pole: there they are up to {float(np.max(apart[disagreeing])):.3g} N m apart."
     )
     return " ".join(words)
 
@@ -56,33 +56,33 @@ def atlas_svg(recording: Recording, model: Model, *, prefix: str, title: str) ->
     time, chart = recording.time, recording.channels["chart"]
     frame = model.boundary.closest_point(recording.hip)
     rate = np.sum(recording.velocity * frame.normal, axis=1)
-    with figure(8.0, 7.2, page=True) as made:
-        distance, first, second, torques = made.subplots(4, 1, sharex=True)
-        made.subplots_adjust(left=0.10, right=0.90, top=0.97, bottom=0.07, hspace=0.30)
-        trace(distance, recording, MM * frame.distance, "hip", label="ξ₁, distance")
+    with figure(8.0, 7.2, page=True) as fig:
+        distance, first, second, torques = fig.subplots(4, 1, sharex=True)
+        fig.subplots_adjust(left=0.10, right=0.90, top=0.97, bottom=0.07, hspace=0.30)
+        draw_over_time(distance, recording, MM * frame.distance, "hip", label="ξ₁, distance")
         distance.set_ylabel("distance (mm)")
-        beside = distance.twinx()
-        trace(beside, recording, MM * rate, "ihip", label="ξ₂, its rate", linestyle=DASHED)
-        beside.set_ylabel("rate (mm/s)")
+        rate_axes = distance.twinx()
+        draw_over_time(rate_axes, recording, MM * rate, "ihip", label="ξ₂, its rate", linestyle=DASHED)
+        rate_axes.set_ylabel("rate (mm/s)")
         for number, axes in enumerate((first, second), start=1):
             eta = np.degrees(recording.channels[f"eta{number}"])
-            trace(axes, recording, eta[:, 0], "one", label="t̂₁, around the axis")
-            trace(axes, recording, eta[:, 2], "two", label="t̂₂, from the axis", linestyle=DASHED)
+            draw_over_time(axes, recording, eta[:, 0], "one", label="t̂₁, around the axis")
+            draw_over_time(axes, recording, eta[:, 2], "two", label="t̂₂, from the axis", linestyle=DASHED)
             axes.set(ylabel=f"chart {number} (°)", yticks=[-180, -90, 0, 90, 180])
             for begin, end in runs_of(chart != number):
-                axes.axvspan(time[begin], time[min(end, time.size - 1)], color=drawn("model"), zorder=0)
+                axes.axvspan(time[begin], time[min(end, time.size - 1)], color=colour_of("model"), zorder=0)
         for number, role, style in ((1, "hip", "-"), (2, "ihip", DASHED)):
             torque = recording.channels[f"torque{number}"][:, JOINT]
-            trace(torques, recording, torque, role, label=f"by chart {number}", linestyle=style)
+            draw_over_time(torques, recording, torque, role, label=f"by chart {number}", linestyle=style)
         torques.set(ylabel=f"torque {JOINT + 1} (N m)", xlabel="time (s)", xlim=(time[0], time[-1]))
         # What the motors really gave and a margin: a chart that spikes beside its own singularity is cut off.
-        given = recording.channels["joint_torque"][:, JOINT]
-        pad = 0.25 * max(np.ptp(given), 1e-3)
-        torques.set_ylim(given.min() - pad, given.max() + pad)
-        legend_above(distance, beside)
+        motor_torque = recording.channels["joint_torque"][:, JOINT]
+        pad = 0.25 * max(np.ptp(motor_torque), 1e-3)
+        torques.set_ylim(motor_torque.min() - pad, motor_torque.max() + pad)
+        legend_above(distance, rate_axes)
         for axes in (first, second, torques):
             legend_above(axes)
         for axes in (distance, first, second, torques):
             for switch in time[1:][np.diff(chart) != 0.0]:
-                axes.axvline(switch, color=drawn("quiet"), linewidth=0.8, linestyle=(0, (3, 2)), zorder=1)
-        return page_svg(made, prefix=prefix, title=title)
+                axes.axvline(switch, color=colour_of("quiet"), linewidth=0.8, linestyle=(0, (3, 2)), zorder=1)
+        return page_svg(fig, prefix=prefix, title=title)

@@ -16,7 +16,7 @@ COLOURS = {"brightgreen": "#1a7f37", "yellow": "#9a6700", "red": "#cf222e", "lig
 """Names of shields.io, and what the SVG has for them: white text on each has a contrast of at least 4.5 to 1."""
 
 
-def shown(results: ResultsDocument) -> tuple[str, str]:
+def badge_words(results: ResultsDocument) -> tuple[str, str]:
     """Return the badge's text and colour: red where the gate stops, yellow where known failures do not stop it."""
     judged = [
         verdict
@@ -35,15 +35,15 @@ def shown(results: ResultsDocument) -> tuple[str, str]:
     return text, "brightgreen" if passed == len(judged) else "yellow"
 
 
-def shields(results: ResultsDocument) -> str:
+def shields_json(results: ResultsDocument) -> str:
     """Return the JSON that shields.io/endpoint reads."""
-    text, colour = shown(results)
+    text, colour = badge_words(results)
     return json.dumps({"schemaVersion": 1, "label": LABEL, "message": text, "color": colour}, indent=1) + "\n"
 
 
-def svg(results: ResultsDocument) -> str:
+def badge_svg(results: ResultsDocument) -> str:
     """Return the badge as SVG. Text is fitted to widths reckoned at 6.6 px a character, whatever font there is."""
-    text, colour = shown(results)
+    text, colour = badge_words(results)
     left, right = (round(6.6 * len(part)) + 12 for part in (LABEL, text))
     title = escape(f"{LABEL}: {text}")
     parts = [
@@ -65,7 +65,7 @@ def svg(results: ResultsDocument) -> str:
 def write_badge(directory: Path, results: ResultsDocument) -> list[Path]:
     """Write badge.svg and badge.json and return their paths. Raises `HapticevalError` where that cannot be done."""
     written = []
-    for name, text in (("badge.svg", svg(results)), ("badge.json", shields(results))):
+    for name, text in (("badge.svg", badge_svg(results)), ("badge.json", shields_json(results))):
         try:
             with replacing(directory / name) as temporary:
                 temporary.write_text(text, encoding="utf-8")

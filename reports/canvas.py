@@ -110,9 +110,9 @@ def figure(
     from matplotlib.figure import Figure
 
     with in_style(settings):
-        made = Figure(figsize=(width, height), facecolor="white", **options)
-        made.patch.set_visible(not page)
-        yield made
+        fig = Figure(figsize=(width, height), facecolor="white", **options)
+        fig.patch.set_visible(not page)
+        yield fig
 
 
 def in_style(settings: Mapping[str, Any] | None = None) -> AbstractContextManager[None]:
@@ -123,7 +123,7 @@ def in_style(settings: Mapping[str, Any] | None = None) -> AbstractContextManage
     return rc_context(style)
 
 
-def empty(axes: Axes) -> None:
+def clear_axes(axes: Axes) -> None:
     """Take out what has been drawn into axes; their place, ticks and labels stay."""
     legend = axes.get_legend()
     for kind in (axes.lines, axes.patches, axes.collections, axes.texts, axes.artists, axes.child_axes):
@@ -133,23 +133,23 @@ def empty(axes: Axes) -> None:
         legend.remove()
 
 
-def page_svg(made: Figure, *, prefix: str, title: str) -> str:
-    """Return the figure as an SVG element for a page, see `svg.inlined`; the same figure gives the same text."""
+def page_svg(fig: Figure, *, prefix: str, title: str) -> str:
+    """Return the figure as an SVG element for a page, see `svg.inline_svg`; the same figure gives the same text."""
     buffer = io.StringIO()
-    made.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    return page_element(buffer.getvalue(), prefix=prefix, title=title)
+    fig.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    return svg_element(buffer.getvalue(), prefix=prefix, title=title)
 
 
-def page_element(svg: str, *, prefix: str, title: str) -> str:
+def svg_element(svg: str, *, prefix: str, title: str) -> str:
     """Return an SVG file of matplotlib as `page_svg` does."""
-    from hapticeval.reports.svg import inlined
+    from hapticeval.reports.svg import inline_svg
 
     colours = {colour: f"var(--fig-{role})" for role, colour in THEME.items()}
-    return inlined(svg, prefix=prefix, title=title, colours=colours)
+    return inline_svg(svg, prefix=prefix, title=title, colours=colours)
 
 
 def save_figure(
-    made: Figure,
+    fig: Figure,
     directory: Path,
     stem: str,
     *,
@@ -166,37 +166,37 @@ def save_figure(
         "md": text,
         "json": None if document is None else json.dumps(document, indent=1, ensure_ascii=False),
     }
-    paths = [directory / f"{stem}.{kind}" for kind in (*kinds, *(name for name, each in texts.items() if each))]
+    paths = [directory / f"{stem}.{kind}" for kind in (*kinds, *(name for name, content in texts.items() if content))]
     try:
         for path in paths:
             with replacing(path) as temporary:
-                given = texts.get(path.suffix[1:])
-                if given is not None:
-                    temporary.write_text(given + "\n", encoding="utf-8")
+                content = texts.get(path.suffix[1:])
+                if content is not None:
+                    temporary.write_text(content + "\n", encoding="utf-8")
                 else:
                     metadata = UNDATED.get(path.suffix)
-                    made.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
+                    fig.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
     except OSError as error:
         raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
     return paths
 
 
-def drawn(role: str) -> str:
+def colour_of(role: str) -> str:
     """Return the colour to draw a role in; on a page `page_svg` turns it into the page's."""
     return THEME[role]
 
 
-def trace(axes: Axes, recording: Recording, values: Array, role: str, **style: Any) -> None:
+def draw_over_time(axes: Axes, recording: Recording, values: Array, role: str, **style: Any) -> None:
     """Draw values (n,) against time, without a line over a gap: it would show what nobody measured."""
     cuts = np.flatnonzero(~continuing_steps(recording)) + 1 if len(recording) > 1 else np.zeros(0, dtype=np.intp)
-    time, values = (np.insert(each, cuts, np.nan) for each in (recording.time, values))
-    axes.plot(time, values, color=drawn(role), **style)
+    time, values = (np.insert(series, cuts, np.nan) for series in (recording.time, values))
+    axes.plot(time, values, color=colour_of(role), **style)
 
 
-def legend_above(axes: Axes, *beside: Axes, **options: Any) -> None:
+def legend_above(axes: Axes, *others: Axes, **options: Any) -> None:
     """Put one row of labels above the right end of the axes, with those of the axes `beside`."""
     handles, labels = axes.get_legend_handles_labels()
-    for other in beside:
+    for other in others:
         more = other.get_legend_handles_labels()
         handles, labels = handles + more[0], labels + more[1]
     axes.legend(

@@ -29,29 +29,28 @@ from hapticeval.types import Array, BoolArray, IntArray
 SAMPLES = 1000
 """At most about so many samples of a run are kept beside those that are kept for certain."""
 
-WITHIN = 1.0 / 500.0
+LINE_TOLERANCE = 1.0 / 500.0
 """Share of each channel's range that straight lines between the samples may be off: less than can be seen."""
 
-ASTRAY = 0.02
-"""Share of a path's extent by which lines between the samples may leave it; else only its ends are drawn, see `shown`.
-"""
+DEPARTURE_LIMIT = 0.02
+"""Share of a path's extent by which lines between its samples may leave it; else `drawn_rows` takes its ends only."""
 
 INTERVALS = 12
 """The largest and smallest of force, depth and step in so many intervals are kept exactly."""
 
-MOST = 200
+MOST_EVENTS = 200
 """Of what happens more often than so many times, the largest so many are kept for certain."""
 
-JUMPS = 4.0
+JUMP_RATIO = 4.0
 """An IHIP step this many times as long as the HIP's, and as the IHIP steps on both sides of it, is kept: a jump."""
 
-FULL = 32767
+LARGEST_INT16 = 32767
 """The largest number that an array of 16 bits has."""
 
-APART = 4095
+LARGEST_APART = 4095
 """The largest number of IHIP less HIP."""
 
-DRAWN = 2047
+LARGEST_DRAWN = 2047
 """The largest number of what is drawn against time only, in plots of 200 px."""
 
 
@@ -90,7 +89,7 @@ class Track:
         return self.hip if self.apart is None else self.hip + self.apart
 
 
-def placed(recording: Recording) -> Recording:
+def drawable_recording(recording: Recording) -> Recording:
     """Return the rows of a recording that are measurements, in the plane where it is in one dimension."""
     if recording.dimension == 1:
         recording = before_the_wall(recording)
@@ -101,45 +100,47 @@ def placed(recording: Recording) -> Recording:
     return Recording(recording.time[keep], channels, recording.meta, signals=recording.signals)
 
 
-def tracks(
+def sample_tracks(
     recordings: Mapping[str, Recording],
     times: Mapping[str, Collection[float]],
     *,
     held_on: Model | None = None,
     count: int = SAMPLES,
 ) -> list[Track]:
-    """Return samples of each recording (`placed`), see `kept`, with those at the `times` (s) that verdicts name.
+    """Return what is drawn of each recording: samples thinned as `thinned_rows` does, and those that verdicts name.
 
     Runs along one hand path are given the same samples, so that it is held once. Where a surface holds the tools, it is
     that of the model `held_on`: tracks have their motion across and along it.
     """
-    motions = {} if held_on is None else {name: surface_motion(each, held_on) for name, each in recordings.items()}
+    motions = (
+        {} if held_on is None else {name: surface_motion(recording, held_on) for name, recording in recordings.items()}
+    )
     alike: dict[tuple[bytes, bytes], list[str]] = {}
-    for name, each in recordings.items():
-        alike.setdefault((each.time.tobytes(), each.hip.tobytes()), []).append(name)
-    found: dict[str, Track] = {}
+    for name, recording in recordings.items():
+        alike.setdefault((recording.time.tobytes(), recording.hip.tobytes()), []).append(name)
+    track_by_name: dict[str, Track] = {}
     for names in alike.values():
         time = recordings[names[0]].time
-        asked = {int(np.argmin(np.abs(time - each))) for name in names for each in times.get(name, ())}
-        more = [column for name in names if name in motions for column in _drawn_of(*motions[name])]
-        chosen = shown([recordings[name] for name in names], asked, count, more)
+        verdict_rows = {int(np.argmin(np.abs(time - moment))) for name in names for moment in times.get(name, ())}
+        more = [column for name in names if name in motions for column in _surface_signals(*motions[name])]
+        chosen = drawn_rows([recordings[name] for name in names], verdict_rows, count, more)
         rows = chosen.rows
         for name in names:
-            track = _track(name, recordings[name], chosen)
+            track = _sample_track(name, recordings[name], chosen)
             if name in motions:
                 off, along = motions[name]
                 track = replace(track, off=off[rows], along=along[rows])
-            found[name] = track
-    return [found[name] for name in recordings]
+            track_by_name[name] = track
+    return [track_by_name[name] for name in recordings]
 
 
-def _drawn_of(off: Array, along: Array) -> tuple[Array, ...]:
+def _surface_signals(off: Array, along: Array) -> tuple[Array, ...]:
     """What is drawn of the motion on a surface: distance and speed, and the distance's powers of ten."""
     floor = max(float(np.median(np.abs(off))), 1e-12) / 10.0
     return off, along, np.log10(np.maximum(np.abs(off), floor))
 
 
-class Shown(NamedTuple):
+class DrawnRows(NamedTuple):
     """The `rows` to show; those of them that no line leads to, `cuts`; and between which times, s, few are shown."""
 
     rows: IntArray
@@ -147,23 +148,25 @@ class Shown(NamedTuple):
     left_out: tuple[float, float] | None
 
 
-def shown(runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES, more: Sequence[Array] = ()) -> Shown:
-    """Return the rows to show of runs along one hand path: what is `kept`, where lines between them tell the truth.
+def drawn_rows(
+    runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES, more: Sequence[Array] = ()
+) -> DrawnRows:
+    """Return the rows to draw of runs along one hand path: `thinned_rows` where lines between them follow the path.
 
     Of paths that so many samples cannot follow, as of a hundred laps, the beginning and the end are shown, as much as
-    can be followed ten times as closely as `ASTRAY`, and between them `ticks` with the rows beside them.
+    can be followed ten times as closely as `DEPARTURE_LIMIT`, and between them `ticks` with the rows beside them.
     """
-    rows = kept(runs, ticks, count, more)
-    if _astray(runs, rows) <= ASTRAY:
-        return Shown(rows, np.zeros(0, dtype=np.int64), None)
+    rows = thinned_rows(runs, ticks, count, more)
+    if _largest_departure(runs, rows) <= DEPARTURE_LIMIT:
+        return DrawnRows(rows, np.zeros(0, dtype=np.int64), None)
     n, length = len(runs[0]), count // 2
 
     def end(first: int, last: int) -> IntArray | None:
         part = slice(first, last)
         inside = [tick - first for tick in ticks if first <= tick < last]
         parts = [run.part(part) for run in runs]
-        found = kept(parts, inside, count // 2, [each[part] for each in more])
-        return found + first if _astray(parts, found) <= 0.1 * ASTRAY else None
+        end_rows = thinned_rows(parts, inside, count // 2, [signal[part] for signal in more])
+        return end_rows + first if _largest_departure(parts, end_rows) <= 0.1 * DEPARTURE_LIMIT else None
 
     ends = np.arange(length), np.arange(n - length, n)
     while 4 * length < n:
@@ -175,10 +178,12 @@ def shown(runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLE
     alone = np.unique(np.array(between, dtype=np.int64))
     cuts = np.append(alone[np.diff(alone, prepend=-1) > 1], n - length)
     time = runs[0].time
-    return Shown(np.concatenate([ends[0], alone, ends[1]]), cuts, (float(time[length - 1]), float(time[n - length])))
+    return DrawnRows(
+        np.concatenate([ends[0], alone, ends[1]]), cuts, (float(time[length - 1]), float(time[n - length]))
+    )
 
 
-def _astray(runs: Sequence[Recording], rows: IntArray) -> float:
+def _largest_departure(runs: Sequence[Recording], rows: IntArray) -> float:
     """How far lines between the rows leave the paths of HIP and IHIP, as a share of how far these go."""
     time = runs[0].time
     columns = [*runs[0].hip.T, *(column for run in runs if "ihip" in run.channels for column in run.ihip.T)]
@@ -186,10 +191,10 @@ def _astray(runs: Sequence[Recording], rows: IntArray) -> float:
     return off / max(*(float(np.ptp(column)) for column in columns), 1e-300)
 
 
-def kept(
+def thinned_rows(
     runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES, more: Sequence[Array] = ()
 ) -> IntArray:
-    """Return the rows to show of runs along one hand path, so that straight lines between them are `WITHIN` the rest.
+    """Return few rows of runs along one hand path: straight lines between them miss the others by `LINE_TOLERANCE`.
 
     For certain: the ends, `ticks` and those beside them, gaps, contacts, jumps, and extremes; what happens from one row
     to the next is kept with the row before. Then those that are farthest from the lines, up to `count` of them. `more`
@@ -198,28 +203,30 @@ def kept(
     n = len(runs[0])
     if n <= count:
         return np.arange(n)
-    chosen = np.unique(np.concatenate([_special(run, ticks) for run in runs]))
-    for signal in (signal for run in runs for signal in _signals(run)):
+    chosen = np.unique(np.concatenate([_certain_rows(run, ticks) for run in runs]))
+    for signal in (signal for run in runs for signal in _signals_with_extremes(run)):
         chosen = np.union1d(chosen, _extremes(signal, INTERVALS))
-    values = np.column_stack([*(_scaled(run) for run in runs), *(_by_range(each) for each in more)])
-    return _straightened(runs[0].time, values, chosen, count)
+    values = np.column_stack(
+        [*(_channels_in_tolerances(run) for run in runs), *(_in_tolerances(signal) for signal in more)]
+    )
+    return _refined_rows(runs[0].time, values, chosen, count)
 
 
-def _scaled(run: Recording) -> Array:
+def _channels_in_tolerances(run: Recording) -> Array:
     """The channels that are shown (n, k), in units of what straight lines may be off."""
-    parts = [3.0 * _by_range(run.hip)]  # a picture can be enlarged
+    parts = [3.0 * _in_tolerances(run.hip)]  # a picture can be enlarged
     if "ihip" in run.channels:
-        parts += [_by_range(run.ihip - run.hip), _by_range(steps(run, run.ihip))[:, None]]
+        parts += [_in_tolerances(run.ihip - run.hip), _in_tolerances(step_lengths(run, run.ihip))[:, None]]
     if "force" in run.channels:
-        parts.append(_by_range(run.force))
+        parts.append(_in_tolerances(run.force))
     return np.hstack(parts)
 
 
-def _by_range(values: Array) -> Array:
-    return values / max(WITHIN * float(np.ptp(values, axis=0).max()), 1e-300)
+def _in_tolerances(values: Array) -> Array:
+    return values / max(LINE_TOLERANCE * float(np.ptp(values, axis=0).max()), 1e-300)
 
 
-def _straightened(time: Array, values: Array, chosen: IntArray, count: int) -> IntArray:
+def _refined_rows(time: Array, values: Array, chosen: IntArray, count: int) -> IntArray:
     """Add up to `count` rows, always the one that is farthest from the line between those chosen on its sides.
 
     `values` (n, k) are lines of `time` (n,) where they are off by less than 1.
@@ -232,10 +239,14 @@ def _straightened(time: Array, values: Array, chosen: IntArray, count: int) -> I
         share = ((time[first + 1 : last] - time[first]) / (time[last] - time[first]))[:, None]
         line = values[first] + share * (values[last] - values[first])
         off = np.abs(values[first + 1 : last] - line).max(axis=1)
-        most = int(np.argmax(off))
-        return (-float(off[most]), first, first + 1 + most, last) if off[most] > 1.0 else None
+        farthest_index = int(np.argmax(off))
+        return (
+            (-float(off[farthest_index]), first, first + 1 + farthest_index, last)
+            if off[farthest_index] > 1.0
+            else None
+        )
 
-    waiting = [each for pair in pairwise(rows) if (each := farthest(*pair)) is not None]
+    waiting = [candidate for pair in pairwise(rows) if (candidate := farthest(*pair)) is not None]
     heapify(waiting)
     for _ in range(count):
         if not waiting:
@@ -243,23 +254,23 @@ def _straightened(time: Array, values: Array, chosen: IntArray, count: int) -> I
         _, first, middle, last = heappop(waiting)
         rows.append(middle)
         for pair in ((first, middle), (middle, last)):
-            each = farthest(*pair)
-            if each is not None:
-                heappush(waiting, each)
+            candidate = farthest(*pair)
+            if candidate is not None:
+                heappush(waiting, candidate)
     return np.array(sorted(rows), dtype=np.int64)
 
 
-def _signals(recording: Recording) -> list[Array]:
+def _signals_with_extremes(recording: Recording) -> list[Array]:
     """What must keep its extremes: the size of the force, the depth, the IHIP's steps."""
-    found = []
+    signals = []
     if "force" in recording.channels:
-        found.append(np.linalg.norm(recording.force, axis=1))
+        signals.append(np.linalg.norm(recording.force, axis=1))
     if "ihip" in recording.channels:
-        found += [np.linalg.norm(recording.ihip - recording.hip, axis=1), steps(recording, recording.ihip)]
-    return found
+        signals += [np.linalg.norm(recording.ihip - recording.hip, axis=1), step_lengths(recording, recording.ihip)]
+    return signals
 
 
-def steps(recording: Recording, points: Array) -> Array:
+def step_lengths(recording: Recording, points: Array) -> Array:
     """Return how far points (n, N) move in the tick before each row, (n,); 0 where no row lies right before."""
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     return (
@@ -269,33 +280,33 @@ def steps(recording: Recording, points: Array) -> Array:
     )
 
 
-def jumps(recording: Recording) -> IntArray:
-    """Return the rows at which the IHIP has just jumped, the longest `MOST` of them.
+def jump_rows(recording: Recording) -> IntArray:
+    """Return the rows at which the IHIP has just jumped, the longest `MOST_EVENTS` of them.
 
-    A jump is a step `JUMPS` times as long as the HIP's and as the steps before and after it.
+    A jump is a step `JUMP_RATIO` times as long as the HIP's and as the steps before and after it.
     """
     if "ihip" not in recording.channels or len(recording) < 3:
         return np.zeros(0, dtype=np.int64)
-    step, hip = steps(recording, recording.ihip), steps(recording, recording.hip)
+    step, hip = step_lengths(recording, recording.ihip), step_lengths(recording, recording.hip)
     around = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
     # a jump of two ticks has a neighbour as long as itself: that of either side which is shorter decides
     calm = np.minimum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
     floor = 1e-6 * float(np.max(np.abs(recording.hip), initial=0.0))
-    found = np.flatnonzero((step > JUMPS * np.maximum(hip, calm)) & (step > floor) & (step >= 0.5 * around))
-    return np.sort(found[np.argsort(-step[found], kind="stable")[:MOST]]).astype(np.int64)
+    longer = np.flatnonzero((step > JUMP_RATIO * np.maximum(hip, calm)) & (step > floor) & (step >= 0.5 * around))
+    return np.sort(longer[np.argsort(-step[longer], kind="stable")[:MOST_EVENTS]]).astype(np.int64)
 
 
-def _special(recording: Recording, ticks: Collection[int]) -> IntArray:
+def _certain_rows(recording: Recording, ticks: Collection[int]) -> IntArray:
     """What is kept for certain, with the row before: ends, verdicts' places, gaps, jumps, contacts."""
     n = len(recording)
-    found = [np.array([0, n - 1, *(tick + 1 for tick in ticks)]), np.array([*ticks], dtype=np.int64)]
+    row_groups = [np.array([0, n - 1, *(tick + 1 for tick in ticks)]), np.array([*ticks], dtype=np.int64)]
     if n > 1:
-        found.append(np.flatnonzero(~continuing_steps(recording))[:MOST] + 1)
-    found.append(jumps(recording))
+        row_groups.append(np.flatnonzero(~continuing_steps(recording))[:MOST_EVENTS] + 1)
+    row_groups.append(jump_rows(recording))
     if {"ihip", "force"} & recording.channels.keys():
-        found.append(np.flatnonzero(np.diff(recording.contact))[:MOST] + 1)
-    each = np.concatenate(found).astype(np.int64)
-    both = np.union1d(each, each - 1)
+        row_groups.append(np.flatnonzero(np.diff(recording.contact))[:MOST_EVENTS] + 1)
+    rows = np.concatenate(row_groups).astype(np.int64)
+    both = np.union1d(rows, rows - 1)
     return both[(both >= 0) & (both < n)]
 
 
@@ -306,7 +317,7 @@ def _extremes(signal: Array, intervals: int) -> IntArray:
     return np.unique([begin + int(pick(part)) for begin, part in parts for pick in (np.argmax, np.argmin)])
 
 
-def _track(name: str, recording: Recording, chosen: Shown) -> Track:
+def _sample_track(name: str, recording: Recording, chosen: DrawnRows) -> Track:
     rows = chosen.rows
     gaps: BoolArray = np.append(False, ~continuing_steps(recording)) if len(recording) > 1 else np.zeros(1, dtype=bool)
     gaps[chosen.cuts] = True
@@ -319,8 +330,8 @@ def _track(name: str, recording: Recording, chosen: Shown) -> Track:
         hip=recording.hip[rows],
         apart=(recording.ihip - recording.hip)[rows] if has_ihip else None,
         force=recording.force[rows] if "force" in recording.channels else None,
-        step=steps(recording, recording.ihip)[rows] if has_ihip else None,
-        hip_step=steps(recording, recording.hip)[rows],
+        step=step_lengths(recording, recording.ihip)[rows] if has_ihip else None,
+        hip_step=step_lengths(recording, recording.hip)[rows],
         starts=np.flatnonzero(np.diff(after)) + 1,
         dt=recording.dt,
         led=recording.meta.get("source") in LED,
@@ -360,14 +371,14 @@ class Packer:
         """
         table = values.reshape(len(values), -1)
         if scale is None:
-            scale = float(np.max(np.abs(table), initial=0.0)) / FULL or 1.0
-        scale = in_brief(scale)
-        whole = np.rint(table / scale).astype(np.int64)
+            scale = float(np.max(np.abs(table), initial=0.0)) / LARGEST_INT16 or 1.0
+        scale = rounded(scale)
+        integers = np.rint(table / scale).astype(np.int64)
         number = len(self.shapes)
-        self.clocks[number] = whole[:, 0]
-        coded = np.diff(whole, axis=0, prepend=0)
+        self.clocks[number] = integers[:, 0]
+        coded = np.diff(integers, axis=0, prepend=0)
         if clock is not None:
-            coded[2:] -= ahead(coded[1:-1], np.diff(self.clocks[clock])[:, None])
+            coded[2:] -= predicted_steps(coded[1:-1], np.diff(self.clocks[clock])[:, None])
         self.shapes.append([*table.shape, scale, *([] if clock is None else [clock])])
         self.parts.append(varints(coded.T.ravel()))
         return number
@@ -382,21 +393,21 @@ class Packer:
         return base64.b85encode(packed).decode("ascii").replace("<", ",")
 
 
-def in_brief(value: float) -> float:
+def rounded(value: float) -> float:
     """Return a number, to three digits."""
     return float(f"{value:.2e}")
 
 
-def ahead(steps_: IntArray, ticks: IntArray) -> IntArray:
+def predicted_steps(steps_: IntArray, ticks: IntArray) -> IntArray:
     """Return the next step (n, k) along straight lines: after `steps_` (n, k), of `ticks` (n + 1, 1) of the clock."""
     before, after = ticks[:-1], ticks[1:]
     predicted: IntArray = np.floor(steps_.astype(np.float64) * after / np.maximum(before, 1) + 0.5).astype(np.int64)
     return predicted
 
 
-def varints(whole: IntArray) -> bytes:
+def varints(integers: IntArray) -> bytes:
     """Return whole numbers as varints of seven bits a byte, the lowest first, with the sign as the lowest bit."""
-    left = np.where(whole < 0, -2 * whole - 1, 2 * whole).astype(np.uint64)
+    left = np.where(integers < 0, -2 * integers - 1, 2 * integers).astype(np.uint64)
     width = 1
     while width < 10 and bool(np.any(left >> np.uint64(7 * width))):
         width += 1
@@ -409,7 +420,7 @@ def varints(whole: IntArray) -> bytes:
     return out
 
 
-def unpacked(text: str) -> tuple[dict[str, Any], list[Array]]:
+def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
     """Return the document of `Packer.text` and its arrays, each (n, k): what the page's script makes of it."""
     head, _, numbers = zlib.decompress(base64.b85decode(text.replace(",", "<"))).partition(b"\n")
     document: dict[str, Any] = json.loads(head)
@@ -420,15 +431,15 @@ def unpacked(text: str) -> tuple[dict[str, Any], list[Array]]:
     shift = (7 * (np.arange(data.size) - first[owner])).astype(np.uint64)
     coded = np.zeros(ends.size, dtype=np.uint64)
     np.add.at(coded, owner, (data & 127).astype(np.uint64) << shift)
-    whole = (coded >> np.uint64(1)).astype(np.int64) ^ -(coded & np.uint64(1)).astype(np.int64)
+    integers = (coded >> np.uint64(1)).astype(np.int64) ^ -(coded & np.uint64(1)).astype(np.int64)
     tables: list[IntArray] = []
     at = 0
     for rows, columns, _, *clock in document["arrays"]:
-        block = whole[at : at + rows * columns].reshape(columns, rows).T.copy()
+        block = integers[at : at + rows * columns].reshape(columns, rows).T.copy()
         if clock:
             ticks = np.diff(tables[clock[0]], axis=0)
             for k in range(2, rows):
-                block[k] += ahead(block[k - 1 : k], ticks[k - 2 : k])[0]
+                block[k] += predicted_steps(block[k - 1 : k], ticks[k - 2 : k])[0]
         tables.append(np.cumsum(block, axis=0))
         at += rows * columns
     return document, [table * shape[2] for table, shape in zip(tables, document["arrays"], strict=True)]
@@ -443,43 +454,45 @@ def tick_scale(time: Array) -> float:
     return float(max(fine, coarse))
 
 
-def fineness(found: Sequence[Track]) -> float:
+def position_resolution(tracks: Sequence[Track]) -> float:
     """Return in steps of what length, m, places are held: 1/32767 of the largest, or 1/100 of the depth if less."""
-    largest = max(float(np.max(np.abs(each.hip), initial=0.0)) for each in found) or 1.0
-    depths = [np.linalg.norm(each.apart, axis=1).max(initial=0.0) for each in found if each.apart is not None]
+    largest = max(float(np.max(np.abs(track.hip), initial=0.0)) for track in tracks) or 1.0
+    depths = [np.linalg.norm(track.apart, axis=1).max(initial=0.0) for track in tracks if track.apart is not None]
     deepest = float(max(depths, default=0.0)) or largest
-    return float(max(min(largest / FULL, deepest / 100.0), largest * 2.0**-30))
+    return float(max(min(largest / LARGEST_INT16, deepest / 100.0), largest * 2.0**-30))
 
 
-def packed_runs(found: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
+def pack_runs(tracks: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
     """Pack tracks, each array once, and return for each the numbers of its arrays by name."""
-    held: dict[bytes, int] = {}
-    fine = fineness(found)
+    number_by_content: dict[bytes, int] = {}
+    fine = position_resolution(tracks)
 
     def add(values: Array | None, **how: Any) -> int | None:
         if values is None:
             return None
         key = values.tobytes()
-        if key not in held:
-            held[key] = packer.add(values, **how)
-        return held[key]
+        if key not in number_by_content:
+            number_by_content[key] = packer.add(values, **how)
+        return number_by_content[key]
 
-    def drawn(values: Array | None, clock: int | None, most: int = DRAWN) -> int | None:
-        return None if values is None else add(values, scale=float(np.max(np.abs(values))) / most or 1.0, clock=clock)
+    def drawn(values: Array | None, clock: int | None, largest: int = LARGEST_DRAWN) -> int | None:
+        return (
+            None if values is None else add(values, scale=float(np.max(np.abs(values))) / largest or 1.0, clock=clock)
+        )
 
-    made = []
-    for each in found:
-        clock = add(each.time, scale=tick_scale(each.time))
+    packed = []
+    for track in tracks:
+        clock = add(track.time, scale=tick_scale(track.time))
         run = {
             "time": clock,
-            "hip": add(each.hip, scale=fine, clock=clock),
-            "apart": drawn(each.apart, clock, APART),
-            "force": drawn(each.force, clock),
-            "step": drawn(each.step, clock) if each.led else None,
-            "hip_step": drawn(each.hip_step, clock) if each.led or each.apart is None else None,
-            "off": add(each.off, clock=clock),
-            "along": drawn(each.along, clock),
+            "hip": add(track.hip, scale=fine, clock=clock),
+            "apart": drawn(track.apart, clock, LARGEST_APART),
+            "force": drawn(track.force, clock),
+            "step": drawn(track.step, clock) if track.led else None,
+            "hip_step": drawn(track.hip_step, clock) if track.led or track.apart is None else None,
+            "off": add(track.off, clock=clock),
+            "along": drawn(track.along, clock),
         }
-        made.append({"name": each.name, **{name: number for name, number in run.items() if number is not None},
-                     "dt": float(f"{each.dt:.9g}"), "starts": each.starts.tolist()})  # fmt: skip
-    return made
+        packed.append({"name": track.name, **{name: number for name, number in run.items() if number is not None},
+                     "dt": float(f"{track.dt:.9g}"), "starts": track.starts.tolist()})  # fmt: skip
+    return packed

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hapticeval.geometry.model import Model
-from hapticeval.reports.canvas import CURVES, MM, drawn, figure, page_svg
+from hapticeval.reports.canvas import CURVES, MM, colour_of, figure, page_svg
 from hapticeval.reports.case_data import Track
-from hapticeval.reports.case_model import TURN, triangles_of
-from hapticeval.reports.plane import Box, box_round, draw_body, labels, name_axes, shape_of
+from hapticeval.reports.case_model import EYE_AXES, triangles_of
+from hapticeval.reports.plane import Box, aspect_of, box_round, draw_body, labels, name_axes
 from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
@@ -38,19 +38,19 @@ MARKERS: Mapping[str, str] = MappingProxyType(
 )
 """matplotlib's markers, and what each looks like in the middle of a swatch, 34 by 12 px: a path, or a shape of CSS."""
 
-OUT_OF_SIGHT = 3.0
+RUNAWAY_RATIO = 3.0
 """A run that goes this many times as far as the median run leaves the picture, which would show nothing else."""
 
-COLUMNS = 150
+PLOT_COLUMNS = 150
 """A plot without script is as fine as this: columns of two points."""
 
-LEAST = 1e-12
+SMALLEST_DISTANCE = 1e-12
 """m: distances below are rounding errors, and lie on the floor of a logarithmic panel."""
 
-FOLD = 0.5
+SHARP_TURN = 0.5
 """Turn (rad) of the faces at an edge of a solid that is drawn: round ones of few triangles have none."""
 
-EVERY = 12
+PATH_MARKERS = 12
 """A path bears about so many markers."""
 
 
@@ -68,7 +68,7 @@ class Look:
         return f"k{CURVES.index(self.role)}", f"l{DASHES.index(self.dash)}"
 
 
-def look(index: int) -> Look:
+def look_of(index: int) -> Look:
     """Return the look of the renderer at a place in the order of the columns."""
     marker = tuple(MARKERS)[index % len(MARKERS)]
     return Look(CURVES[index % len(CURVES)], DASHES[index % len(DASHES)], marker)
@@ -77,11 +77,11 @@ def look(index: int) -> Look:
 def swatches(looks: Iterable[Look]) -> dict[str, str]:
     """Return the styles by class of the swatches of looks: a line, and in its middle the marker."""
     styles = {}
-    for each in looks:
-        mark, line = each.classes
-        shape = MARKERS[each.marker]
-        styles[mark] = f"color:var(--fig-{each.role});--mark:" + (shape if "(" in shape else f'path("{shape}")')
-        ends = [0, *accumulate(each.dash or (34,))]
+    for look in looks:
+        mark, line = look.classes
+        shape = MARKERS[look.marker]
+        styles[mark] = f"color:var(--fig-{look.role});--mark:" + (shape if "(" in shape else f'path("{shape}")')
+        ends = [0, *accumulate(look.dash or (34,))]
         parts = (f"{colour} {a}px {b}px" for (a, b), colour in zip(pairwise(ends), cycle(("currentColor", "#0000"))))
         styles[line] = f"--line:repeating-linear-gradient(90deg,{','.join(parts)})"
     return styles
@@ -98,7 +98,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Panel:
-    """One plot against time: the label of its axis, and what is drawn of each run; see `term`.
+    """One plot against time: the label of its axis, and what is drawn of each run; see `panel_values`.
 
     Of `terms` the first is drawn of every run, the others where one run is shown alone.
     """
@@ -109,40 +109,40 @@ class Panel:
     """Of a logarithmic axis, both ends."""
 
 
-def panels(found: Sequence[Track], *, held: bool) -> list[Panel]:
+def case_panels(tracks: Sequence[Track], *, held_on_surface: bool) -> list[Panel]:
     """Return the panels of a case: force, and steps or depth; of a tool that is `held` on the surface its distance."""
-    made = []
-    if all(each.hip.shape[1] == 2 and not each.hip[:, 0].any() for each in found):
-        made.append(Panel("place (mm)", (("hip.1", "HIP"), ("ihip.1", "IHIP"))))
-    widest = max((each.hip.shape[1] for each in found), default=2)
-    if any(each.force is not None for each in found):
+    panels = []
+    if all(track.hip.shape[1] == 2 and not track.hip[:, 0].any() for track in tracks):
+        panels.append(Panel("place (mm)", (("hip.1", "HIP"), ("ihip.1", "IHIP"))))
+    widest = max((track.hip.shape[1] for track in tracks), default=2)
+    if any(track.force is not None for track in tracks):
         parts = tuple((f"force.{k}", f"F{'₁₂₃'[k]}") for k in range(widest))
-        made.append(Panel("force (N)", (("|force|", "|F|"), *parts)))
-    if held:
-        made.append(Panel("off the surface (mm)", (("off", "off"),)))
-        made.append(Panel("the same, size (mm)", (("|off|", "off"),), powers=_powers(found)))
-        made.append(Panel("speed along it (m/s)", (("along", "along"),)))
-    elif any(each.apart is None for each in found) and len(found) == 1:
-        made.append(Panel("HIP step a tick (mm)", (("hip_step", "HIP"),)))
-    elif all(each.led for each in found):
-        made.append(Panel("step a tick (mm)", (("step", "IHIP"), ("hip_step", "HIP"))))
+        panels.append(Panel("force (N)", (("|force|", "|F|"), *parts)))
+    if held_on_surface:
+        panels.append(Panel("off the surface (mm)", (("off", "off"),)))
+        panels.append(Panel("the same, size (mm)", (("|off|", "off"),), powers=_power_range(tracks)))
+        panels.append(Panel("speed along it (m/s)", (("along", "along"),)))
+    elif any(track.apart is None for track in tracks) and len(tracks) == 1:
+        panels.append(Panel("HIP step a tick (mm)", (("hip_step", "HIP"),)))
+    elif all(track.led for track in tracks):
+        panels.append(Panel("step a tick (mm)", (("step", "IHIP"), ("hip_step", "HIP"))))
     else:
-        made.append(Panel("depth (mm)", (("|apart|", "depth"),)))
-    return made
+        panels.append(Panel("depth (mm)", (("|apart|", "depth"),)))
+    return panels
 
 
-def _powers(found: Sequence[Track]) -> tuple[float, float]:
+def _power_range(tracks: Sequence[Track]) -> tuple[float, float]:
     """Return whole powers of ten, mm, down to where the run that keeps closest is for half of its time."""
-    sizes = [np.abs(each.off) for each in found if each.off is not None]
-    close = max(min(float(np.median(each)) for each in sizes), LEAST)
-    worst = max(*(float(each.max()) for each in sizes), 10.0 * LEAST)
+    sizes = [np.abs(track.off) for track in tracks if track.off is not None]
+    close = max(min(float(np.median(size)) for size in sizes), SMALLEST_DISTANCE)
+    worst = max(*(float(size.max()) for size in sizes), 10.0 * SMALLEST_DISTANCE)
     return float(MM * 10.0 ** np.floor(np.log10(close))), float(MM * 10.0 ** (np.ceil(np.log10(worst)) + 0.3))
 
 
-def term(each: Track, name: str) -> Array | None:
+def panel_values(track: Track, name: str) -> Array | None:
     """Return what a panel draws of a run, (n,), in N or mm; None where it was not recorded."""
     channel, _, column = name.strip("|").partition(".")
-    values: Array | None = getattr(each, channel)
+    values: Array | None = getattr(track, channel)
     if values is None:
         return None
     scale = 1.0 if channel in ("force", "along") else MM
@@ -155,7 +155,7 @@ def term(each: Track, name: str) -> Array | None:
 
 
 def plane_svg(
-    found: Sequence[Track],
+    tracks: Sequence[Track],
     model: Model | None,
     looks: Mapping[str, Look],
     places: Sequence[Place],
@@ -167,40 +167,44 @@ def plane_svg(
     """Return the model with the paths of all runs as an SVG element; `places` are ringed and numbered.
 
     `crosses` are points, m, by renderer: where it refuses the model. A run in space is seen along the last row of
-    `TURN`; what the model hides of it is drawn faintly.
+    `EYE_AXES`; what the model hides of it is drawn faintly.
     """
-    space = found[0].hip.shape[1] == 3
-    onto = MM * (TURN[:2].T if space else np.eye(2))
-    with figure(5.0, 4.6, page=True) as made:
-        axes = made.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.115, 0.1, 0.875, 0.89))
-        view = view_of(found, model, onto, shape_of(axes))
+    space = tracks[0].hip.shape[1] == 3
+    onto = MM * (EYE_AXES[:2].T if space else np.eye(2))
+    with figure(5.0, 4.6, page=True) as fig:
+        axes = fig.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.115, 0.1, 0.875, 0.89))
+        view = view_of(tracks, model, onto, aspect_of(axes))
         if model is not None and space:
             _draw_solid(axes, model)
         elif model is not None:
             draw_body(axes, model, view)
         hands: dict[bytes, list[Track]] = {}
-        for each in found:
-            hands.setdefault(each.hip.tobytes(), []).append(each)
+        for track in tracks:
+            hands.setdefault(track.hip.tobytes(), []).append(track)
         for group in hands.values():
             if group[0].off is not None:
                 continue
             colour = looks[group[0].name].role if len(hands) > 1 and len(group) == 1 else "quiet"
-            path = _broken(group[0].hip @ onto, group[0].starts)
-            axes.plot(*path.T, color=drawn(colour), linewidth=0.8, zorder=2)
-        for each in found:
-            path = each.ihip if each.off is None else each.hip
-            _draw_path(axes, each, path @ onto, looks[each.name], _hidden(each, model) if space else None)
+            path = _with_gaps(group[0].hip @ onto, group[0].starts)
+            axes.plot(*path.T, color=colour_of(colour), linewidth=0.8, zorder=2)
+        for track in tracks:
+            path = track.ihip if track.off is None else track.hip
+            _draw_path(
+                axes, track, path @ onto, looks[track.name], _hidden_behind_model(track, model) if space else None
+            )
         where = []
         for place in places:
-            each = next(track for track in found if track.name == place.renderer)
-            path = each.ihip if each.off is None else each.hip
-            where.append(path[int(np.argmin(np.abs(each.time - place.time)))] @ onto)
+            track = next(track for track in tracks if track.name == place.renderer)
+            path = track.ihip if track.off is None else track.hip
+            where.append(path[int(np.argmin(np.abs(track.time - place.time)))] @ onto)
             axes.plot(
                 *where[-1], marker="o", markersize=9.0, markerfacecolor="none", markeredgewidth=1.3,
-                color=drawn(looks[each.name].role), zorder=5,
+                color=colour_of(looks[track.name].role), zorder=5,
             )  # fmt: skip
         for name, position in crosses.items():
-            axes.plot(*(np.array(position) @ onto), marker="x", markersize=8.0, color=drawn(looks[name].role), zorder=5)
+            axes.plot(
+                *(np.array(position) @ onto), marker="x", markersize=8.0, color=colour_of(looks[name].role), zorder=5
+            )
         for point, text in labels([place.number for place in places], where, 0.05 * (view[2] - view[0])):
             axes.annotate(text, tuple(point), xytext=(5.5, 3.5), textcoords="offset points", fontsize=8, zorder=6)
         axes.set(xlim=view[::2], ylim=view[1::2], aspect="auto")
@@ -208,40 +212,41 @@ def plane_svg(
             _draw_directions(axes, view)
         else:
             name_axes(axes, (0, 1), 2)
-        return page_svg(made, prefix=prefix, title=title)
+        return page_svg(fig, prefix=prefix, title=title)
 
 
-def _draw_path(axes: Axes, each: Track, path: Array, style: Look, hidden: BoolArray | None) -> None:
+def _draw_path(axes: Axes, track: Track, path: Array, style: Look, hidden: BoolArray | None) -> None:
     """The way of the tool where it is in contact; without IHIP there is none, and where it is `hidden` it is faint.
 
     A tool that is held on a surface is where the hand is.
     """
-    if each.apart is None:
+    if track.apart is None:
         return
-    if each.off is None:
-        path = np.where(np.any(each.apart != 0.0, axis=1)[:, None], path, np.nan)
-    how: dict[str, Any] = {"color": drawn(style.role), "dashes": style.dash or (None, None), "zorder": 3}
-    seen = path if hidden is None else np.where(hidden[:, None], np.nan, path)
+    if track.off is None:
+        path = np.where(np.any(track.apart != 0.0, axis=1)[:, None], path, np.nan)
+    how: dict[str, Any] = {"color": colour_of(style.role), "dashes": style.dash or (None, None), "zorder": 3}
+    visible = path if hidden is None else np.where(hidden[:, None], np.nan, path)
     if hidden is not None:
         behind = hidden | np.append(False, hidden[:-1]) | np.append(hidden[1:], False)
         axes.plot(
-            *_broken(np.where(behind[:, None], path, np.nan), each.starts).T, **{**how, "linewidth": 0.7, "alpha": 0.5}
+            *_with_gaps(np.where(behind[:, None], path, np.nan), track.starts).T,
+            **{**how, "linewidth": 0.7, "alpha": 0.5},
         )
     axes.plot(
-        *_broken(seen, each.starts).T, **how, linewidth=1.3, marker=style.marker, markersize=3.5,
-        markeredgewidth=0.0, markevery=np.unique(np.searchsorted(each.time, _evenly(each.time))).tolist(),
+        *_with_gaps(visible, track.starts).T, **how, linewidth=1.3, marker=style.marker, markersize=3.5,
+        markeredgewidth=0.0, markevery=np.unique(np.searchsorted(track.time, _marker_times(track.time))).tolist(),
     )  # fmt: skip
 
 
-def _evenly(time: Array) -> Array:
-    return np.linspace(time[0], time[-1], EVERY, endpoint=False)
+def _marker_times(time: Array) -> Array:
+    return np.linspace(time[0], time[-1], PATH_MARKERS, endpoint=False)
 
 
-def _hidden(each: Track, model: Model | None) -> BoolArray | None:
+def _hidden_behind_model(track: Track, model: Model | None) -> BoolArray | None:
     """Where the surface under the tool faces away from the eye, (n,)."""
     if model is None:
         return None
-    return np.asarray(model.boundary.closest_point(each.ihip).normal @ TURN[2] < 0.0)
+    return np.asarray(model.boundary.closest_point(track.ihip).normal @ EYE_AXES[2] < 0.0)
 
 
 def _draw_solid(axes: Axes, model: Model) -> None:
@@ -249,23 +254,23 @@ def _draw_solid(axes: Axes, model: Model) -> None:
     import shapely
 
     vertices, rows = triangles_of(model.boundary)
-    corners = MM * vertices @ TURN[:2].T
+    corners = MM * vertices @ EYE_AXES[:2].T
     a, b, c = vertices[rows.T]
     across = np.cross(b - a, c - a)
     normals = across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
-    facing = normals @ TURN[2] > 0.0
+    facing = normals @ EYE_AXES[2] > 0.0
     shadow = shapely.union_all(shapely.polygons(corners[rows[facing]]), grid_size=1e-3)
     for part in shapely.get_parts(shadow):
-        axes.fill(*shapely.get_coordinates(part.exterior).T, facecolor=drawn("model"), edgecolor="none", zorder=0.5)
+        axes.fill(*shapely.get_coordinates(part.exterior).T, facecolor=colour_of("model"), edgecolor="none", zorder=0.5)
     ends = np.sort(np.concatenate([rows[:, [0, 1]], rows[:, [1, 2]], rows[:, [2, 0]]]), axis=1)
     owner = np.tile(np.arange(len(rows)), 3)
     order = np.lexsort(ends.T)
     first, second = owner[order[::2]], owner[order[1::2]]
-    sharp = np.sum(normals[first] * normals[second], axis=1) < np.cos(FOLD)
+    sharp = np.sum(normals[first] * normals[second], axis=1) < np.cos(SHARP_TURN)
     drawn_edges = (facing[first] != facing[second]) | (sharp & (facing[first] | facing[second]))
     lines = corners[ends[order[::2][drawn_edges]]]
     apart = np.concatenate([lines, np.full((len(lines), 1, 2), np.nan)], axis=1).reshape(-1, 2)
-    axes.plot(*apart.T, color=drawn("ink"), linewidth=0.8, zorder=1)
+    axes.plot(*apart.T, color=colour_of("ink"), linewidth=0.8, zorder=1)
 
 
 def _draw_directions(axes: Axes, view: Box) -> None:
@@ -273,31 +278,33 @@ def _draw_directions(axes: Axes, view: Box) -> None:
     size = 0.07 * (view[2] - view[0])
     origin = np.array([view[2] - 1.8 * size, view[1] + 1.6 * size])
     for k, name in enumerate("₁₂₃"):
-        tip = origin + size * TURN[:2, k]
-        axes.plot(*np.stack([origin, tip]).T, color=drawn("quiet"), linewidth=0.8)
-        axes.annotate(f"y{name}", tuple(origin + 1.35 * size * TURN[:2, k]), ha="center", va="center", fontsize=8)
-    most = 0.3 * (view[2] - view[0])
-    power = 10.0 ** np.floor(np.log10(most))
-    length = max(each * power for each in (1.0, 2.0, 5.0) if each * power <= most)
+        tip = origin + size * EYE_AXES[:2, k]
+        axes.plot(*np.stack([origin, tip]).T, color=colour_of("quiet"), linewidth=0.8)
+        axes.annotate(f"y{name}", tuple(origin + 1.35 * size * EYE_AXES[:2, k]), ha="center", va="center", fontsize=8)
+    longest = 0.3 * (view[2] - view[0])
+    power = 10.0 ** np.floor(np.log10(longest))
+    length = max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= longest)
     start = np.array([view[0] + 0.4 * size, view[1] + 0.5 * size])
-    axes.plot([start[0], start[0] + length], [start[1]] * 2, color=drawn("quiet"), linewidth=1.4)
+    axes.plot([start[0], start[0] + length], [start[1]] * 2, color=colour_of("quiet"), linewidth=1.4)
     axes.annotate(f"{length:g} mm", tuple(start), xytext=(0, 3), textcoords="offset points", fontsize=8)
     axes.set_axis_off()
 
 
-def _broken(values: Array, starts: Sequence[int] | Any) -> Array:
+def _with_gaps(values: Array, starts: Sequence[int] | Any) -> Array:
     """Values with a row of NaN before each start, so that no line crosses a gap."""
     return np.insert(values, starts, np.nan, axis=0)
 
 
-def view_of(found: Sequence[Track], model: Model | None, onto: Array, aspect: float) -> Box:
+def view_of(tracks: Sequence[Track], model: Model | None, onto: Array, aspect: float) -> Box:
     """Return what the figure shows, mm: the paths that do not run away, and the whole solid if it is not far larger.
 
     `onto` (N, 2) maps points, m, onto the figure.
     """
-    extent = [float(np.max(np.abs(each.hip))) for each in found]
-    near = [each for each, far in zip(found, extent, strict=True) if far <= OUT_OF_SIGHT * float(np.median(extent))]
-    points = np.vstack([np.vstack([each.hip, each.ihip]) for each in near]) @ onto
+    extent = [float(np.max(np.abs(track.hip))) for track in tracks]
+    near = [
+        track for track, reach in zip(tracks, extent, strict=True) if reach <= RUNAWAY_RATIO * float(np.median(extent))
+    ]
+    points = np.vstack([np.vstack([track.hip, track.ihip]) for track in near]) @ onto
     if model is not None and (model.dimension == 3 or model.boundary.closed):
         solid = (triangles_of(model.boundary)[0] if model.dimension == 3 else model.boundary.points(200)) @ onto
         if np.all(np.ptp(solid, axis=0) < 2.5 * np.ptp(points, axis=0).max()):
@@ -307,8 +314,8 @@ def view_of(found: Sequence[Track], model: Model | None, onto: Array, aspect: fl
 
 
 def panels_svg(
-    found: Sequence[Track],
-    shown: Sequence[Panel],
+    tracks: Sequence[Track],
+    panels: Sequence[Panel],
     looks: Mapping[str, Look],
     places: Sequence[Place],
     *,
@@ -316,21 +323,21 @@ def panels_svg(
     title: str,
 ) -> str:
     """Return the panels, one above the other, as an SVG element."""
-    height = 1.55 if len(shown) > 2 else 2.1
-    with figure(5.0, 0.5 + height * len(shown), page=True) as made:
-        share = 1.0 / len(shown)
-        below = 0.42 / (0.5 + height * len(shown))
+    height = 1.55 if len(panels) > 2 else 2.1
+    with figure(5.0, 0.5 + height * len(panels), page=True) as fig:
+        share = 1.0 / len(panels)
+        below = 0.42 / (0.5 + height * len(panels))
         free = 1.0 - below
-        start = min(float(each.time[0]) for each in found)
-        end = max(float(each.time[-1]) for each in found)
-        for k, panel in enumerate(shown):
-            axes = made.add_axes((0.135, below + free * (1.0 - (k + 1) * share) + 0.02, 0.855, free * share - 0.05))
-            _draw_panel(axes, found, panel, looks, alone=len(found) == 1)
+        start = min(float(track.time[0]) for track in tracks)
+        end = max(float(track.time[-1]) for track in tracks)
+        for k, panel in enumerate(panels):
+            axes = fig.add_axes((0.135, below + free * (1.0 - (k + 1) * share) + 0.02, 0.855, free * share - 0.05))
+            _draw_panel(axes, tracks, panel, looks, alone=len(tracks) == 1)
             axes.set_xlim(start, end if end > start else start + 1e-3)
             axes.set_ylabel(panel.label)
             axes.yaxis.set_label_coords(-0.115, 0.5)
             axes.grid(True)
-            last = k == len(shown) - 1
+            last = k == len(panels) - 1
             axes.tick_params(labelbottom=last, bottom=False, left=False, which="both")
             if panel.powers is None:
                 axes.locator_params(axis="y", nbins=5)
@@ -341,41 +348,41 @@ def panels_svg(
                 at = [time for place in places if place.renderer == name for time in (place.time, place.time, np.nan)]
                 axes.plot(
                     at, [0.0, 1.0, np.nan] * (len(at) // 3), transform=axes.get_xaxis_transform(), zorder=1,
-                    color=drawn(looks[name].role), linewidth=0.9, linestyle=(0, (1.5, 1.5)),
+                    color=colour_of(looks[name].role), linewidth=0.9, linestyle=(0, (1.5, 1.5)),
                 )  # fmt: skip
             times = [np.array([place.time]) for place in places]
             if k == 0:
                 for time, text in labels([place.number for place in places], times, 0.03 * (end - start)):
                     axes.annotate(text, (float(time[0]), 1.0), xycoords=("data", "axes fraction"), xytext=(0, 1),
                                   textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
-        return page_svg(made, prefix=prefix, title=title)
+        return page_svg(fig, prefix=prefix, title=title)
 
 
-def _seen(time: Array, values: Array, starts: IntArray) -> IntArray:
-    """Return the rows that a panel shows: of each of `COLUMNS` the least and the largest, and the ends of stretches."""
-    column = (COLUMNS * (time - time[0]) / max(float(time[-1] - time[0]), 1e-300)).astype(np.int64)
+def _envelope_rows(time: Array, values: Array, starts: IntArray) -> IntArray:
+    """Return the rows that a panel shows: least and largest of each of `PLOT_COLUMNS`, and the ends of stretches."""
+    column = (PLOT_COLUMNS * (time - time[0]) / max(float(time[-1] - time[0]), 1e-300)).astype(np.int64)
     edges = np.union1d(np.flatnonzero(np.diff(column)) + 1, starts)
     parts = zip(np.append(0, edges), np.append(edges, len(time)), strict=True)
     rows = [begin + int(pick(values[begin:end])) for begin, end in parts for pick in (np.argmin, np.argmax)]
     return np.unique([0, len(time) - 1, *(starts - 1), *starts, *rows]).astype(np.int64)
 
 
-def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping[str, Look], *, alone: bool) -> None:
+def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mapping[str, Look], *, alone: bool) -> None:
     highs, lows = [0.0], [0.0]
-    for each in found:
-        style = looks[each.name]
+    for track in tracks:
+        style = looks[track.name]
         for k, (name, _) in enumerate(panel.terms if alone else panel.terms[:1]):
-            values = term(each, name)
+            values = panel_values(track, name)
             if values is None:
                 continue
             if panel.powers:
                 values = np.maximum(values, panel.powers[0])
-            time = each.time
+            time = track.time
             colour, dash = (style.role, style.dash) if k == 0 else (("one", "two", "three")[k - 1], DASHES[k])
-            seen = _seen(time, values, each.starts)
-            starts = np.searchsorted(seen, each.starts)
+            rows = _envelope_rows(time, values, track.starts)
+            starts = np.searchsorted(rows, track.starts)
             axes.plot(
-                np.insert(time[seen], starts, np.nan), _broken(values[seen], starts), color=drawn(colour),
+                np.insert(time[rows], starts, np.nan), _with_gaps(values[rows], starts), color=colour_of(colour),
                 dashes=dash or (None, None), linewidth=1.1,
             )  # fmt: skip
             highs.append(float(values.max()))

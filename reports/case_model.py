@@ -12,30 +12,30 @@ from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.surface import Surface
 from hapticeval.reports.canvas import MM
-from hapticeval.reports.case_data import Packer, Track, fineness
-from hapticeval.reports.plane import Box, solid
+from hapticeval.reports.case_data import Packer, Track, position_resolution
+from hapticeval.reports.plane import Box, filled_part
 from hapticeval.types import Array, IntArray
 
 if TYPE_CHECKING:
     from shapely import Geometry
 
-POINTS = 500
+HULL_POINTS = 500
 """Points of a round solid that is drawn as the hull of them."""
 
-CORNERS = 2047
+LARGEST_VERTEX = 2047
 """The largest number of a vertex: a solid is seen to a thousandth of its size."""
 
-ROUND = 36
+TORUS_QUADS = 36
 """Quadrilaterals of a torus round its axis."""
 
-TURN = np.array([[0.866, 0.5, 0.0], [-0.25, 0.433, 0.866], [0.433, -0.75, 0.5]])
+EYE_AXES = np.array([[0.866, 0.5, 0.0], [-0.25, 0.433, 0.866], [0.433, -0.75, 0.5]])
 """From where a solid is seen first: rows are what lies to the right, up, and towards the eye, 30 degrees above."""
 
-AROUND = 3.0
+VIEW_RATIO = 3.0
 """An open model, or one far larger than the paths, is drawn this many times as far as they go."""
 
 
-def packed_model(model: Model | None, found: Sequence[Track], packer: Packer) -> dict[str, Any] | None:
+def pack_model(model: Model | None, tracks: Sequence[Track], packer: Packer) -> dict[str, Any] | None:
     """Pack the outline of a model in the plane as `rings`, or its `vertices` (m) and `triangles`; None for no model."""
     if model is None:
         return None
@@ -43,16 +43,16 @@ def packed_model(model: Model | None, found: Sequence[Track], packer: Packer) ->
         vertices, triangles = triangles_of(model.boundary)
         return {
             "closed": True,
-            "vertices": packer.add(vertices, scale=float(np.max(np.abs(vertices))) / CORNERS),
+            "vertices": packer.add(vertices, scale=float(np.max(np.abs(vertices))) / LARGEST_VERTEX),
             "triangles": packer.add(triangles.astype(np.float64), scale=1.0),
             "sharp": isinstance(model.boundary, Mesh),
-            "turn": TURN.tolist(),
+            "turn": EYE_AXES.tolist(),
         }
     import shapely
 
-    parts = shapely.get_parts(_outline(model, found))
+    parts = shapely.get_parts(_outline(model, tracks))
     rings = [ring for part in parts if part.geom_type == "Polygon" for ring in (part.exterior, *part.interiors)]
-    scale = fineness(found)
+    scale = position_resolution(tracks)
     return {
         "closed": model.boundary.closed,
         "rings": [packer.add(shapely.get_coordinates(ring) / MM, scale=scale) for ring in rings],
@@ -65,7 +65,7 @@ def triangles_of(boundary: Boundary) -> tuple[Array, IntArray]:
         return boundary.vertices, boundary.triangles
     if isinstance(boundary, Surface) and boundary.kind == "torus":
         return torus(*boundary.reals)
-    points = boundary.points(POINTS)
+    points = boundary.points(HULL_POINTS)
     return points, outward(points, convex_faces(points))
 
 
@@ -85,8 +85,8 @@ def convex_faces(points: Array) -> IntArray:
 
 
 def torus(major: float, minor: float) -> tuple[Array, IntArray]:
-    """Return vertices and triangles of a torus about the z axis: `ROUND` by half as many quadrilaterals."""
-    n, m = ROUND, ROUND // 2
+    """Return vertices and triangles of a torus about the z axis: `TORUS_QUADS` by half as many quadrilaterals."""
+    n, m = TORUS_QUADS, TORUS_QUADS // 2
     turn, tube = np.meshgrid(np.arange(n) * 2.0 * np.pi / n, np.arange(m) * 2.0 * np.pi / m, indexing="ij")
     out = major + minor * np.cos(tube)
     vertices = np.stack([out * np.cos(turn), out * np.sin(turn), minor * np.sin(tube)], axis=-1).reshape(-1, 3)
@@ -98,24 +98,24 @@ def torus(major: float, minor: float) -> tuple[Array, IntArray]:
     return vertices, rows.astype(np.int64)
 
 
-def _outline(model: Model, found: Sequence[Track]) -> Geometry:
+def _outline(model: Model, tracks: Sequence[Track]) -> Geometry:
     """What the model fills round the paths, mm: a closed outline as fine as the depth asks for."""
-    view = _round(model, found)
-    whole = solid(model, view)
+    view = _view_around_paths(model, tracks)
+    filled = filled_part(model, view)
     if not model.boundary.closed or view[2] - view[0] < MM * model.size:
-        return whole
+        return filled
     import shapely
 
-    depths = [np.linalg.norm(each.apart, axis=1).max(initial=0.0) for each in found if each.apart is not None]
+    depths = [np.linalg.norm(track.apart, axis=1).max(initial=0.0) for track in tracks if track.apart is not None]
     within = float(np.clip(MM * max(depths, default=0.0) / 30.0, MM * model.size / 2e5, MM * model.size / 2000.0))
     ring = shapely.make_valid(shapely.Polygon(MM * model.boundary.points(max(6000, 8 * len(model.boundary.corners)))))
     return shapely.simplify(ring, within)
 
 
-def _round(model: Model, found: Sequence[Track]) -> Box:
-    points = MM * np.vstack([np.vstack([each.hip, each.ihip]) for each in found])
+def _view_around_paths(model: Model, tracks: Sequence[Track]) -> Box:
+    points = MM * np.vstack([np.vstack([track.hip, track.ihip]) for track in tracks])
     low, high = points.min(axis=0), points.max(axis=0)
-    half = 0.5 * AROUND * max(float(np.ptp(points, axis=0).max()), 1.0)
+    half = 0.5 * VIEW_RATIO * max(float(np.ptp(points, axis=0).max()), 1.0)
     middle = 0.5 * (low + high)
     low, high = middle - half, middle + half
     if model.boundary.closed:

@@ -21,31 +21,38 @@ from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
-from hapticeval.reports.case_data import Packer, Track, fineness, packed_runs, placed, tracks
-from hapticeval.reports.case_figure import Look, Panel, Place, look, panels, panels_svg, plane_svg, swatches
-from hapticeval.reports.case_model import packed_model
+from hapticeval.reports.case_data import (
+    Packer,
+    Track,
+    drawable_recording,
+    pack_runs,
+    position_resolution,
+    sample_tracks,
+)
+from hapticeval.reports.case_figure import Look, Panel, Place, case_panels, look_of, panels_svg, plane_svg, swatches
+from hapticeval.reports.case_model import pack_model
 from hapticeval.reports.places import ASSETS as ASSET_FOLDER
 from hapticeval.reports.places import CHECK_PAGES, INDEX, ROOT, anchor, case_file
 from hapticeval.reports.plane import refusal_svg
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
-from hapticeval.reports.svg import classed, sheet
+from hapticeval.reports.svg import style_sheet, styles_as_classes
 from hapticeval.reports.templates import environment
 from hapticeval.runner.results import RunEntry, VerdictEntry
 
 ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.js")
-"""Style sheets and scripts of a case page, in the order in which it needs them; `FIGURES` beside them."""
+"""Style sheets and scripts of a case page, in the order in which it needs them; `FIGURE_SHEET` beside them."""
 
-FIGURES = "figures.css"
+FIGURE_SHEET = "figures.css"
 """The style sheet of what all figures look like."""
 
-OURS = {INDEX, ASSET_FOLDER}
+VIEW_FILES = {INDEX, ASSET_FOLDER}
 """What a folder of a view holds."""
 
 LICENCES = ("LICENSE-uPlot.txt",)
 
 
 @dataclass(frozen=True)
-class Around:
+class Neighbours:
     """Where a page lies among others: titles and addresses of the first screen, and of the cases before and after."""
 
     home: tuple[str, str] | None = None
@@ -53,7 +60,7 @@ class Around:
     after: tuple[str, str] | None = None
 
 
-ELSEWHERE = ("time", "tick", "moments")
+EVIDENCE_ELSEWHERE = ("time", "tick", "moments")
 """Evidence that is shown in another way."""
 
 
@@ -72,7 +79,7 @@ class Cell(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ShownCheck:
+class CheckSection:
     """The verdicts of one check: a row each, but those of one outcome that say the same share theirs."""
 
     name: str
@@ -88,16 +95,16 @@ class ShownCheck:
     def keys(self) -> Sequence[str]:
         """What the evidence has, but for what stands elsewhere: in the row, or with the closed forms."""
         keys = dict.fromkeys(key for row in self.rows for verdict in row for key in verdict.evidence)
-        return [key for key in keys if key not in ELSEWHERE]
+        return [key for key in keys if key not in EVIDENCE_ELSEWHERE]
 
     @property
     def evidence(self) -> Sequence[tuple[str, Sequence[Cell]]]:
         """Each renderer that has evidence, and what it has by `keys`; one cell for equal ones that meet."""
-        found = [verdict for row in self.rows for verdict in row if verdict.evidence]
-        columns = [list(_spanned([each.evidence.get(key) for each in found])) for key in self.keys]
+        with_evidence = [verdict for row in self.rows for verdict in row if verdict.evidence]
+        columns = [list(_spanning_cells([verdict.evidence.get(key) for verdict in with_evidence])) for key in self.keys]
         return [
             (verdict.renderer, [cell for cells in columns if (cell := cells[k]) is not None])
-            for k, verdict in enumerate(found)
+            for k, verdict in enumerate(with_evidence)
         ]
 
 
@@ -109,7 +116,7 @@ def write_case_page(
     *,
     verdicts: Mapping[str, Sequence[VerdictEntry]],
     order: Sequence[str] = (),
-    around: Around | None = None,
+    around: Neighbours | None = None,
 ) -> Mapping[str, str]:
     """Write the page of a case (suite and name) below `folder` as `places.case_file`; return the styles that it needs.
 
@@ -118,7 +125,7 @@ def write_case_page(
     page. It needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be written.
     """
     section = case_section(case, entries, recordings, verdicts=verdicts, order=order, check_pages=ROOT + CHECK_PAGES)
-    _write_page(folder / case_file(*case), section.text, entries[0], around or Around(), ROOT)
+    _write_page(folder / case_file(*case), section.text, entries[0], around or Neighbours(), ROOT)
     return section.styles
 
 
@@ -129,8 +136,8 @@ def write_view(
 
     Raises `InputError` for a folder that holds other files than those of an earlier page.
     """
-    held_there = {each.name for each in folder.iterdir()} if folder.is_dir() else {""} if folder.exists() else set()
-    if held_there and not held_there >= OURS:
+    held_there = {file.name for file in folder.iterdir()} if folder.is_dir() else {""} if folder.exists() else set()
+    if held_there and not held_there >= VIEW_FILES:
         raise InputError(
             f"'{folder}' is not empty and holds no page of an earlier view",
             why="files that hapticeval did not write are never overwritten",
@@ -139,13 +146,13 @@ def write_view(
     case, path = (entry.suite, entry.case), folder / INDEX
     section = case_section(case, [entry], {entry.renderer: recording}, verdicts={entry.renderer: verdicts}, note=note)
     write_assets(folder, section.styles)
-    _write_page(path, section.text, entry, Around(), "")
+    _write_page(path, section.text, entry, Neighbours(), "")
     return path
 
 
-def _write_page(path: Path, section: str, first: RunEntry, around: Around, root: str) -> None:
+def _write_page(path: Path, section: str, first: RunEntry, around: Neighbours, root: str) -> None:
     text = environment().get_template("case_page.html.j2").render(
-        section=section, around=around, first=first, files=(*ASSETS, FIGURES), root=root
+        section=section, around=around, first=first, files=(*ASSETS, FIGURE_SHEET), root=root
     )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -157,7 +164,7 @@ def _write_page(path: Path, section: str, first: RunEntry, around: Around, root:
 
 def write_assets(folder: Path, styles: Mapping[str, str]) -> None:
     """Write scripts, their licences and the sheets, with the `styles` of figures, into `folder`/assets, once."""
-    contents = {name: asset(name) for name in (*ASSETS, *LICENCES)} | {FIGURES: sheet(styles).encode()}
+    contents = {name: asset(name) for name in (*ASSETS, *LICENCES)} | {FIGURE_SHEET: style_sheet(styles).encode()}
     try:
         (folder / ASSET_FOLDER).mkdir(parents=True, exist_ok=True)
         for name, content in contents.items():
@@ -194,63 +201,67 @@ def case_section(
 
     names = [entry.renderer for entry in entries]
     columns = list(dict.fromkeys([*order, *names]))
-    looks = {name: look(columns.index(name)) for name in names}
-    given = [verdict for entry in entries if not entry.error for verdict in verdicts.get(entry.renderer, ())]
-    whole = {name: placed(each) for name, each in recordings.items() if isinstance(each, Recording) and _shown(each)}
-    problems = {name: each for name, each in recordings.items() if isinstance(each, str)}
-    times = {name: [t for v in verdicts.get(name, ()) if (t := time_of(v)) is not None] for name in whole}
-    model = model_of(entries[0], next(iter(whole.values()), None))
-    if model is not None and any(each.dimension != model.dimension for each in whole.values()):
+    looks = {name: look_of(columns.index(name)) for name in names}
+    judged = [verdict for entry in entries if not entry.error for verdict in verdicts.get(entry.renderer, ())]
+    drawable = {
+        name: drawable_recording(recording)
+        for name, recording in recordings.items()
+        if isinstance(recording, Recording) and _has_measured_hips(recording)
+    }
+    problems = {name: reason for name, reason in recordings.items() if isinstance(reason, str)}
+    times = {name: [t for v in verdicts.get(name, ()) if (t := time_of(v)) is not None] for name in drawable}
+    model = model_of(entries[0], next(iter(drawable.values()), None))
+    if model is not None and any(recording.dimension != model.dimension for recording in drawable.values()):
         model = None
-    is_led = any(each.meta.get("source") in LED for each in whole.values())
+    is_led = any(recording.meta.get("source") in LED for recording in drawable.values())
     surface = model if entries[0].scene.bilateral and not is_led else None
-    found = tracks({name: whole[name] for name in names if name in whole}, times, held_on=surface)
+    tracks = sample_tracks({name: drawable[name] for name in names if name in drawable}, times, held_on=surface)
     crosses = {
         entry.renderer: entry.refusal.position
         for entry in entries
         if entry.refusal is not None and entry.refusal.position is not None
     }
-    places = _places(given, {each.name for each in found})
-    questions = {v.check: read_page(CHECKS[v.check]).question for v in given if v.check in CHECKS}
+    places = _failed_places(judged, {track.name for track in tracks})
+    questions = {v.check: read_page(CHECKS[v.check]).question for v in judged if v.check in CHECKS}
     figures: dict[str, str] = {}
     data = ""
     label = "/".join(case)
-    if found:
-        shown = panels(found, held=surface is not None)
+    if tracks:
+        panels = case_panels(tracks, held_on_surface=surface is not None)
         figures = {
             "plane": plane_svg(
-                found, model, looks, places, crosses=crosses, prefix=f"{prefix}p", title=f"{label}: paths on the model"
+                tracks, model, looks, places, crosses=crosses, prefix=f"{prefix}p", title=f"{label}: paths on the model"
             ),
             "plots": panels_svg(
-                found, shown, looks, places, prefix=f"{prefix}t", title=f"{label}: force and motion against time"
+                tracks, panels, looks, places, prefix=f"{prefix}t", title=f"{label}: force and motion against time"
             ),
         }
-        data = _data(found, shown, model, looks, names, crosses)
+        data = _script_data(tracks, panels, model, looks, names, crosses)
     elif crosses and model is not None and model.dimension == 2:
         title = f"{label}: the outline of the model, and where renderers refuse it"
         figures = {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{prefix}p", title=title)}
     charts: list[tuple[str, str, str]] = []
-    for name, each in whole.items():
-        if model is not None and has_charts(each):
+    for name, recording in drawable.items():
+        if model is not None and has_charts(recording):
             title, key = f"{name} in {label}: the charts", f"charts of {name}"
-            figures[key] = atlas_svg(each, model, prefix=f"{prefix}a{len(charts)}", title=title)
-            charts.append((name, key, charts_words(each)))
-    elements, styles = classed(list(figures.values()))
+            figures[key] = atlas_svg(recording, model, prefix=f"{prefix}a{len(charts)}", title=title)
+            charts.append((name, key, charts_words(recording)))
+    elements, styles = styles_as_classes(list(figures.values()))
     figures = dict(zip(figures, elements, strict=True))
     text = environment().get_template("case_section.html.j2").render(
         suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems, model=model,
-        checks=_by_check(given), questions=questions, check_pages=check_pages,
+        checks=_check_sections(judged), questions=questions, check_pages=check_pages,
         figures=figures, data=data, charts=charts,
         time_of=time_of, place=partial(anchor, *within), numbers={name: k for k, name in enumerate(names)}, note=note,
         scene_words=scene_words, robot_words=robot_words, ended_words=ended_words, figures_cited=figures_cited,
-        places={(each.renderer, each.time): each.number for each in places},
-        tracks={each.name for each in found},
-        parts=_parts(found),
+        places={(place.renderer, place.time): place.number for place in places},
+        tracks={track.name for track in tracks},
+        parts=_drawn_parts(tracks),
     )  # fmt: skip
     return Section(text, {**styles, **swatches(looks.values())})
 
 
-def _shown(recording: Recording) -> bool:
+def _has_measured_hips(recording: Recording) -> bool:
     return "hip" in recording.channels and bool(recording.measured.any())
 
 
@@ -268,40 +279,40 @@ def time_of(verdict: VerdictEntry) -> float | None:
     return float(time) if type(time) in (int, float) else None
 
 
-def _places(verdicts: Iterable[VerdictEntry], shown: set[str]) -> list[Place]:
+def _failed_places(verdicts: Iterable[VerdictEntry], drawn_renderers: set[str]) -> list[Place]:
     """Number the places where something failed; verdicts of one place share its number."""
-    found: dict[tuple[str, float], Place] = {}
+    place_by_key: dict[tuple[str, float], Place] = {}
     for verdict in verdicts:
         time = time_of(verdict)
-        if time is not None and verdict.outcome is Outcome.FAIL and verdict.renderer in shown:
+        if time is not None and verdict.outcome is Outcome.FAIL and verdict.renderer in drawn_renderers:
             key = (verdict.renderer, time)
-            found.setdefault(key, Place(len(found) + 1, *key))
-    return list(found.values())
+            place_by_key.setdefault(key, Place(len(place_by_key) + 1, *key))
+    return list(place_by_key.values())
 
 
-def _parts(found: Sequence[Track]) -> dict[tuple[float, float], list[str]]:
+def _drawn_parts(tracks: Sequence[Track]) -> dict[tuple[float, float], list[str]]:
     """The seconds at the beginning and at the end that are drawn of runs too long to be drawn whole: which runs."""
     parts: dict[tuple[float, float], list[str]] = {}
-    for each in found:
-        if each.left_out is not None:
-            first, last = each.left_out
-            seconds = first - float(each.time[0]) + each.dt, float(each.time[-1]) - last + each.dt
-            parts.setdefault(seconds, []).append(each.name)
+    for track in tracks:
+        if track.left_out is not None:
+            first, last = track.left_out
+            seconds = first - float(track.time[0]) + track.dt, float(track.time[-1]) - last + track.dt
+            parts.setdefault(seconds, []).append(track.name)
     return parts
 
 
-def _by_check(verdicts: Sequence[VerdictEntry]) -> list[ShownCheck]:
+def _check_sections(verdicts: Sequence[VerdictEntry]) -> list[CheckSection]:
     """The verdicts by check, what is not as expected first, then what failed."""
     checks: dict[str, dict[tuple[Any, ...], list[VerdictEntry]]] = {}
     for verdict in verdicts:
         alike = verdict.metric is None and time_of(verdict) is None
         key = (verdict.outcome, verdict.message, verdict.level) if alike else (verdict.renderer,)
         checks.setdefault(verdict.check, {}).setdefault(key, []).append(verdict)
-    found = [ShownCheck(check, list(rows.values())) for check, rows in checks.items()]
-    return sorted(found, key=lambda each: min(_rank(row[0]) for row in each.rows))
+    sections = [CheckSection(check, list(rows.values())) for check, rows in checks.items()]
+    return sorted(sections, key=lambda section: min(_expectedness(row[0]) for row in section.rows))
 
 
-def _spanned(values: Sequence[Any]) -> Iterator[Cell | None]:
+def _spanning_cells(values: Sequence[Any]) -> Iterator[Cell | None]:
     """The cells of a column: None where the one above reaches there."""
     for value, alike in groupby(values):
         rows = len(list(alike))
@@ -309,15 +320,15 @@ def _spanned(values: Sequence[Any]) -> Iterator[Cell | None]:
         yield from [None] * (rows - 1)
 
 
-def _rank(verdict: VerdictEntry) -> int:
+def _expectedness(verdict: VerdictEntry) -> int:
     if not verdict.as_expected:
         return 0
     return 1 if verdict.outcome is Outcome.FAIL else 2
 
 
-def _data(
-    found: Sequence[Track],
-    shown: Sequence[Panel],
+def _script_data(
+    tracks: Sequence[Track],
+    panels: Sequence[Panel],
     model: Model | None,
     looks: Mapping[str, Look],
     names: Sequence[str],
@@ -325,22 +336,22 @@ def _data(
 ) -> str:
     """What the script reads: runs, panels and model, with the numbers of their arrays, and the arrays, packed."""
     packer = Packer()
-    runs = packed_runs(found, packer)
+    runs = pack_runs(tracks, packer)
     document = {
-        "dimension": int(found[0].hip.shape[1]),
+        "dimension": int(tracks[0].hip.shape[1]),
         "runs": [
             {
                 **run,
-                "number": names.index(each.name),
-                "role": looks[each.name].role,
-                "dash": looks[each.name].dash,
-                "marker": looks[each.name].marker,
+                "number": names.index(track.name),
+                "role": looks[track.name].role,
+                "dash": looks[track.name].dash,
+                "marker": looks[track.name].marker,
             }
-            for run, each in zip(runs, found, strict=True)
+            for run, track in zip(runs, tracks, strict=True)
         ],
-        "panels": [{"label": each.label, "terms": each.terms, "range": each.powers} for each in shown],
-        "model": packed_model(model, found, packer),
-        "fine": fineness(found),
+        "panels": [{"label": panel.label, "terms": panel.terms, "range": panel.powers} for panel in panels],
+        "model": pack_model(model, tracks, packer),
+        "fine": position_resolution(tracks),
         "crosses": crosses,
     }
     return packer.text(document)

@@ -20,11 +20,11 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LIMITS = {"shoulder": PALETTE["line"], "elbow": PALETTE["tool"], "stop": PALETTE["stop"]}
-SINGULAR: dict[str, Any] = {"color": PALETTE["jump"], "label": "base's axis: singular"}
-ELLIPSE = 18.0
+LIMIT_COLOURS = {"shoulder": PALETTE["line"], "elbow": PALETTE["tool"], "stop": PALETTE["stop"]}
+SINGULAR_STYLE: dict[str, Any] = {"color": PALETTE["jump"], "label": "base's axis: singular"}
+ELLIPSE_RADIUS = 18.0
 """Half-axis (mm) of the ellipse of 1 kg; it goes with the root of the mass, so that 2 and 0.15 kg are both seen."""
-SPACING, CLEARANCE = 0.5, 0.12
+POSE_SPACING, POSE_CLEARANCE = 0.5, 0.12
 """rad: between the poses that an ellipse is drawn for, and their least margin."""
 
 
@@ -35,69 +35,69 @@ def write_device(directory: Path, device: Parallelogram, joints: Array, *, stem:
     """
     deep = isinstance(device, Parallelogram3)
     size, widths = ((13.2, 5.3), (1.12, 1.25, 0.9)) if deep else ((9.2, 5.3), (1.2, 0.9))
-    with figure(*size, settings={**BOXED, "axes.titlesize": 8.5}, layout="constrained") as made:
-        panels = made.subplots(1, len(widths), width_ratios=widths)
-        _side(panels[0], device, joints)
+    with figure(*size, settings={**BOXED, "axes.titlesize": 8.5}, layout="constrained") as fig:
+        panels = fig.subplots(1, len(widths), width_ratios=widths)
+        _draw_side(panels[0], device, joints)
         title = device.name
         if isinstance(device, Parallelogram3):
-            _top(panels[1], device, joints)
+            _draw_top(panels[1], device, joints)
             title += f": {device.dynamics} dynamics, d₀ with {device.base_inertia}² x₃"
-        _joint_space(panels[-1], device, joints)
+        _draw_joint_space(panels[-1], device, joints)
         handles, labels = panels[0].get_legend_handles_labels()
-        made.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=1.8)
-        made.suptitle(title, fontsize=10, color=INK)
-        return save_figure(made, directory, stem)
+        fig.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=1.8)
+        fig.suptitle(title, fontsize=10, color=INK)
+        return save_figure(fig, directory, stem)
 
 
-def _side(axes: Axes, device: Parallelogram, joints: Array) -> None:
+def _draw_side(axes: Axes, device: Parallelogram, joints: Array) -> None:
     """The linkage's plane: what is reached, its edges by limit, inertia, and the pose with both links."""
     deep, constants = isinstance(device, Parallelogram3), device.constants
     flat = Parallelogram2(constants)
     around = MM * np.concatenate([points for _, points in device.edges()])
     axes.fill(*around.T, facecolor=PALETTE["model"], edgecolor="none")
     axes.fill(*(MM * device.section().T), facecolor=PALETTE["inside"], edgecolor="none", label="functional workspace")
-    names = _names(device)
+    names = _joint_names(device)
     for name, points in device.edges():
         label = f"{names.pop(name)} at its limit" if name in names else None
-        axes.plot(*(MM * points.T), color=LIMITS[name], linewidth=1.5, label=label)
+        axes.plot(*(MM * points.T), color=LIMIT_COLOURS[name], linewidth=1.5, label=label)
     if deep:
         axis = [-MM * constants.l4] * 2, [around[:, 1].min(), around[:, 1].max()]
-        axes.plot(*axis, linewidth=1.3, linestyle="--", **SINGULAR)
-    for pose in lattice(flat, step=SPACING, clearance=CLEARANCE):
+        axes.plot(*axis, linewidth=1.3, linestyle="--", **SINGULAR_STYLE)
+    for pose in lattice(flat, step=POSE_SPACING, clearance=POSE_CLEARANCE):
         # The hand's distance from the base's axis, m.
         if not deep or constants.l4 * math.cos(pose[1]) - constants.l1 * math.sin(pose[0]) > 0.05:
-            _ellipse(axes, flat.position(pose), cartesian_inertia(flat, pose))
-    words = f"inertia: half-axis {ELLIPSE:g} mm at 1 kg, ∝ √mass"
+            _draw_ellipse(axes, flat.position(pose), cartesian_inertia(flat, pose))
+    words = f"inertia: half-axis {ELLIPSE_RADIUS:g} mm at 1 kg, ∝ √mass"
     axes.plot([], [], color=PALETTE["inertia"], linewidth=1.0, label=words)
     linkage = joints[-2:]
     shoulder = np.array([-constants.l4, -constants.l1])
     elbow = shoulder + constants.l1 * np.array([-math.sin(linkage[0]), math.cos(linkage[0])])
     hand = flat.position(linkage)
-    _links(axes, np.array([shoulder, elbow, hand]), markersize=3.5, solid_capstyle="round", label="the pose")
-    _ellipse(axes, hand, cartesian_inertia(flat, linkage), strong=True)
+    _draw_links(axes, np.array([shoulder, elbow, hand]), markersize=3.5, solid_capstyle="round", label="the pose")
+    _draw_ellipse(axes, hand, cartesian_inertia(flat, linkage), strong=True)
     axes.set(aspect="equal", title="in the plane of the linkage" if deep else "where the hand reaches")
     axes.set(xlabel="from home, outwards (mm)" if deep else "y₁ (mm)", ylabel="y₃ (mm)" if deep else "y₂ (mm)")
 
 
-def _names(device: Parallelogram) -> dict[str, str]:
+def _joint_names(device: Parallelogram) -> dict[str, str]:
     first, second = ("x₂", "x₃") if isinstance(device, Parallelogram3) else ("x₁", "x₂")
     return {"shoulder": first, "elbow": second, "stop": f"{first} − {second}"}  # noqa: RUF001
 
 
-def _links(axes: Axes, points: Array, **style: Any) -> None:
+def _draw_links(axes: Axes, points: Array, **style: Any) -> None:
     axes.plot(*(MM * points.T), "-o", color=INK, linewidth=2.4, zorder=5, **style)
 
 
-def _ellipse(axes: Axes, centre: Array, inertia: Array, *, strong: bool = False) -> None:
+def _draw_ellipse(axes: Axes, centre: Array, inertia: Array, *, strong: bool = False) -> None:
     """The square root of M̂ as an ellipse: long where the hand feels heavy."""
     masses, directions = np.linalg.eigh(inertia)
     angles = np.linspace(0.0, 2.0 * math.pi, 73)
     circle = np.array([np.cos(angles), np.sin(angles)])
-    points = MM * centre[:, None] + ELLIPSE * directions @ (np.sqrt(masses)[:, None] * circle)
+    points = MM * centre[:, None] + ELLIPSE_RADIUS * directions @ (np.sqrt(masses)[:, None] * circle)
     axes.plot(*points, color=PALETTE["inertia"], linewidth=1.8 if strong else 0.8, zorder=6 if strong else 3)
 
 
-def _top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
+def _draw_top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
     """From above: what the base sweeps, with the horizontal part of the inertia at the height of the pose."""
     outline, axis = device.section(), np.array([-device.constants.l4, 0.0])
     inner, outer = (device.constants.l4 + end for end in (outline[:, 0].min(), outline[:, 0].max()))
@@ -107,7 +107,7 @@ def _top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
     axes.fill(*ring.T, facecolor=PALETTE["inside"], edgecolor="none")
     for end, label in zip((arc[0], arc[-1]), (None, "x₁ at its limit"), strict=True):
         axes.plot(*(MM * np.array([axis, axis + outer * end]).T), color=INK, linewidth=1.3, label=label)
-    axes.plot(*(MM * axis), "x", markersize=7, markeredgewidth=1.6, zorder=5, **SINGULAR)
+    axes.plot(*(MM * axis), "x", markersize=7, markeredgewidth=1.6, zorder=5, **SINGULAR_STYLE)
     height = round(float(device.position(joints)[2]), 12) + 0.0
     flat = Parallelogram2(device.constants)
     for turn in np.arange(-3, 4) * 0.7:
@@ -115,16 +115,16 @@ def _top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
             with suppress(DomainError):
                 pose = np.array([turn, *flat.joints((reach - device.constants.l4, height))])
                 if device.margin(pose) > 0.0:
-                    _ellipse(axes, device.position(pose)[:2], cartesian_inertia(device, pose)[:2, :2])
+                    _draw_ellipse(axes, device.position(pose)[:2], cartesian_inertia(device, pose)[:2, :2])
     hand = device.position(joints)[:2]
-    _links(axes, np.array([axis, hand]), markersize=4.5)
-    _ellipse(axes, hand, cartesian_inertia(device, joints)[:2, :2], strong=True)
+    _draw_links(axes, np.array([axis, hand]), markersize=4.5)
+    _draw_ellipse(axes, hand, cartesian_inertia(device, joints)[:2, :2], strong=True)
     axes.set(aspect="equal", xlabel="y₁ (mm)", ylabel="y₂ (mm)")
     axes.set_title(f"from above, with inertia at y₃ = {quantity(height, 'm')}")
     axes.legend(loc="lower left")
 
 
-def _joint_space(axes: Axes, device: Parallelogram, joints: Array) -> None:
+def _draw_joint_space(axes: Axes, device: Parallelogram, joints: Array) -> None:
     """The limits of the linkage's joints, and the singular curve between them."""
     ends = corners()
     axes.fill(*ends.T, facecolor=PALETTE["inside"], edgecolor="none")
@@ -136,8 +136,8 @@ def _joint_space(axes: Axes, device: Parallelogram, joints: Array) -> None:
         axes.contourf(*field, levels=[-10.0, 0.0], colors=[PALETTE["model"]])
         axes.contour(*field, levels=[0.0], colors=[PALETTE["jump"]], linewidths=1.3, linestyles=[(0, (4, 2))])
     axes.plot(*joints[-2:], "o", color=INK, markersize=5, zorder=5)
-    for name, here, there in zip(EDGES, ends, np.roll(ends, -1, axis=0), strict=True):
-        axes.plot(*np.array([here, there]).T, color=LIMITS[name], linewidth=1.5)
-    names = _names(device)
+    for name, corner, next_corner in zip(EDGES, ends, np.roll(ends, -1, axis=0), strict=True):
+        axes.plot(*np.array([corner, next_corner]).T, color=LIMIT_COLOURS[name], linewidth=1.5)
+    names = _joint_names(device)
     axes.set(xlabel=f"{names['shoulder']} (rad)", ylabel=f"{names['elbow']} (rad)", aspect="equal")
     axes.set_title("the linkage's joints")

@@ -18,7 +18,7 @@ from hapticeval.effects.effect import Effect, Stage
 from hapticeval.errors import HapticevalError
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording, runs_of
-from hapticeval.reports.canvas import MM, drawn, figure, page_svg
+from hapticeval.reports.canvas import MM, colour_of, figure, page_svg
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 from hapticeval.study.effects.document import EffectsDocument, Ladder
 from hapticeval.types import Array
@@ -28,17 +28,17 @@ if TYPE_CHECKING:
 
 # ruff: noqa: ARG001 - every panel has these arguments
 
-SEGMENT = 256
+WELCH_SAMPLES = 256
 """Samples of a segment of Welch's spectra."""
 
-NOTHING = 1e-9
+ROUNDING_SHARE = 1e-9
 """Share of the work to and fro below which what is left of it after a lap is rounding."""
 
-BEFORE, AFTER = 0.005, 0.12
+SECONDS_BEFORE, SECONDS_AFTER = 0.005, 0.12
 """Seconds before and after the start of a contact that are drawn of a transient."""
 
 WIDTH, HEIGHT = 4.2, 2.6
-PLACE = (0.15, 0.18, 0.82, 0.76)
+PANEL_AREA = (0.15, 0.18, 0.82, 0.76)
 
 
 @dataclass(frozen=True)
@@ -58,13 +58,15 @@ def effect_plots(directory: Path, results: ResultsDocument) -> list[EffectPlot]:
     from hapticeval.phenomena.registry import CHECKS
 
     plots = []
-    for number, (effect, run) in enumerate(shown_alone(results)):
+    for number, (effect, run) in enumerate(effects_alone(results)):
         verdicts = results.verdicts_of.get(run.key, [])
-        about = [each for each in verdicts if each.check in CHECKS and effect.kind in CHECKS[each.check].effects]
+        about = [
+            verdict for verdict in verdicts if verdict.check in CHECKS and effect.kind in CHECKS[verdict.check].effects
+        ]
         words = effect.describe(turning=run.scene.device is not None and run.scene.device.kind != PointMass.name)
         title = f"{words}: {run.renderer} in {run.suite}/{run.case}"
         try:
-            svg = effect_svg(effect, *recorded(directory, run), prefix=f"e{number}", title=title)
+            svg = effect_svg(effect, *read_run(directory, run), prefix=f"e{number}", title=title)
         except HapticevalError as error:
             plots.append(EffectPlot(effect.kind, words, run, about, problem=error.what))
         else:
@@ -72,19 +74,19 @@ def effect_plots(directory: Path, results: ResultsDocument) -> list[EffectPlot]:
     return plots
 
 
-def shown_alone(results: ResultsDocument) -> list[tuple[Effect, RunEntry]]:
+def effects_alone(results: ResultsDocument) -> list[tuple[Effect, RunEntry]]:
     """Return each effect of `PANELS` with the first recorded run whose scene calls for no other of the surface."""
-    found: dict[str, tuple[Effect, RunEntry]] = {}
+    alone_by_kind: dict[str, tuple[Effect, RunEntry]] = {}
     for run in results.runs:
         if not run.scene.effects or run.error or run.refusal or run.recording is None:
             continue
-        called = [each for each in map(make_effect, run.scene.effects) if each.stage is Stage.ANSWER]
+        called = [effect for effect in map(make_effect, run.scene.effects) if effect.stage is Stage.ANSWER]
         if len(called) == 1 and called[0].kind in PANELS:
-            found.setdefault(called[0].kind, (called[0], run))
-    return list(found.values())
+            alone_by_kind.setdefault(called[0].kind, (called[0], run))
+    return list(alone_by_kind.values())
 
 
-def recorded(directory: Path, run: RunEntry) -> tuple[Recording, Model]:
+def read_run(directory: Path, run: RunEntry) -> tuple[Recording, Model]:
     """Read a run's recording, and make its model. Raises `InputError` as `read_recording` does."""
     from hapticeval.recordings.hdf5 import read_recording
 
@@ -95,9 +97,9 @@ def recorded(directory: Path, run: RunEntry) -> tuple[Recording, Model]:
 
 def effect_svg(effect: Effect, recording: Recording, model: Model, *, prefix: str, title: str) -> str:
     """Return the panel of an effect as an SVG element for a page."""
-    with figure(WIDTH, HEIGHT, page=True) as made:
-        draw_effect(made.add_axes(PLACE), effect, recording, model)
-        return page_svg(made, prefix=prefix, title=title)
+    with figure(WIDTH, HEIGHT, page=True) as fig:
+        draw_effect(fig.add_axes(PANEL_AREA), effect, recording, model)
+        return page_svg(fig, prefix=prefix, title=title)
 
 
 def draw_effect(axes: Axes, effect: Effect, recording: Recording, model: Model) -> None:
@@ -106,7 +108,7 @@ def draw_effect(axes: Axes, effect: Effect, recording: Recording, model: Model) 
     axes.grid(True)
 
 
-def slip(recording: Recording, model: Model) -> tuple[Array, Array, Array]:
+def sliding_motion(recording: Recording, model: Model) -> tuple[Array, Array, Array]:
     """Return, of a hand in contact, its way along the surface (n,), m, and the force along it and across, (n,), N.
 
     The way is the sum of the hand's steps along the surface; its sense, and that of the force, is that of the first of
@@ -115,12 +117,12 @@ def slip(recording: Recording, model: Model) -> tuple[Array, Array, Array]:
     normal = model.boundary.closest_point(recording.hip).normal
     steps = np.diff(recording.hip, axis=0, prepend=recording.hip[:1])
     steps -= np.sum(steps * normal, axis=1)[:, np.newaxis] * normal
-    along = _directions(steps, normal)
+    along = _sliding_directions(steps, normal)
     across = np.sum(recording.force * normal, axis=1)
     return np.cumsum(np.sum(steps * along, axis=1)), np.sum(recording.force * along, axis=1), across
 
 
-def _directions(steps: Array, normal: Array) -> Array:
+def _sliding_directions(steps: Array, normal: Array) -> Array:
     """Return a unit vector along the surface at each row, (n, N), that turns with it and never reverses with the hand.
 
     In the plane it is the normal's right angle; in space the hand's largest step, carried along.
@@ -134,28 +136,28 @@ def _directions(steps: Array, normal: Array) -> Array:
     return np.asarray(carried / np.maximum(np.linalg.norm(carried, axis=1), 1e-300)[:, np.newaxis])
 
 
-def contacts(recording: Recording) -> list[tuple[int, int]]:
+def contact_stretches(recording: Recording) -> list[tuple[int, int]]:
     """Return the first and the last row but one of each stretch in which the renderer answers with a force."""
     return list(runs_of(np.linalg.norm(recording.force, axis=1) > 0.0))
 
 
-def given(recording: Recording) -> Array:
+def work_on_hand(recording: Recording) -> Array:
     """Return the work that the hand has got of the force, (n,), J: the force times the hand's way, trapezoidal."""
     mean = 0.5 * (recording.force[1:] + recording.force[:-1])
     return np.append(0.0, np.cumsum(np.sum(mean * np.diff(recording.hip, axis=0), axis=1)))
 
 
 def _draw_slip(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
-    way, along, across = slip(recording, model)
-    held = across > 0.0
-    ratio = np.where(held, along / np.where(held, across, 1.0), np.nan)
-    axes.plot(MM * way, ratio, color=drawn("hip"))
+    travelled, along, across = sliding_motion(recording, model)
+    pressed = across > 0.0
+    ratio = np.where(pressed, along / np.where(pressed, across, 1.0), np.nan)
+    axes.plot(MM * travelled, ratio, color=colour_of("hip"))
     axes.set(xlabel="way of the hand along the surface (mm)", ylabel="force along over force across")
 
 
 def _draw_drag(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
-    way, along, _ = slip(recording, model)
-    axes.plot(MM * np.gradient(way, recording.time), along, color=drawn("hip"))
+    travelled, along, _ = sliding_motion(recording, model)
+    axes.plot(MM * np.gradient(travelled, recording.time), along, color=colour_of("hip"))
     axes.set(xlabel="speed of the hand along the surface (mm/s)", ylabel="force along (N)")
 
 
@@ -165,23 +167,23 @@ def _draw_spectrum(axes: Axes, recording: Recording, model: Model, effect: Any) 
 
     from hapticeval.effects.texture import power_spectrum
 
-    first, end = max(contacts(recording), key=lambda each: each[1] - each[0], default=(0, 0))
-    way, along, across = slip(recording, model)
-    values = (across if effect.direction == "normal" else along)[first + SEGMENT : end]
-    if values.size < SEGMENT:
+    first, end = max(contact_stretches(recording), key=lambda rows: rows[1] - rows[0], default=(0, 0))
+    travelled, along, across = sliding_motion(recording, model)
+    values = (across if effect.direction == "normal" else along)[first + WELCH_SAMPLES : end]
+    if values.size < WELCH_SAMPLES:
         axes.annotate("too short a contact for a spectrum", (0.5, 0.5), xycoords="axes fraction", ha="center")
         return
     rate = 1.0 / recording.dt
-    frequency, power = welch(values, fs=rate, nperseg=SEGMENT)
-    speed = float(np.mean(np.abs(np.gradient(way, recording.time)[first + SEGMENT : end])))
+    frequency, power = welch(values, fs=rate, nperseg=WELCH_SAMPLES)
+    speed = float(np.mean(np.abs(np.gradient(travelled, recording.time)[first + WELCH_SAMPLES : end])))
     model_power = effect.mass**2 * power_spectrum(
-        effect.model.between(speed, float(np.mean(across[first + SEGMENT : end]))), rate, frequency
+        effect.model.between(speed, float(np.mean(across[first + WELCH_SAMPLES : end]))), rate, frequency
     )
-    for found, role, style, label in (
-        (power, "hip", "-", f"the force, Welch of {SEGMENT}"),
+    for density, role, style, label in (
+        (power, "hip", "-", f"the force, Welch of {WELCH_SAMPLES}"),
         (model_power, "ihip", (0, (4, 1.2)), "the texture's filter"),
     ):
-        axes.plot(frequency[1:], 10.0 * np.log10(found[1:]), color=drawn(role), linestyle=style, label=label)
+        axes.plot(frequency[1:], 10.0 * np.log10(density[1:]), color=colour_of(role), linestyle=style, label=label)
     axes.set(xlabel="frequency (Hz)", ylabel="force (dB of 1 N²/Hz)")
     axes.legend(loc="upper right")
 
@@ -190,34 +192,36 @@ def _draw_work(axes: Axes, recording: Recording, model: Model, effect: Effect) -
     """Draw the work over the laps that the hand does one after the other, with a mark at the end of each."""
     from hapticeval.phenomena.passivity import laps
 
-    work, hip = 1e3 * given(recording), recording.hip
+    work, hip = 1e3 * work_on_hand(recording), recording.hip
     first, period, number = next(iter(laps(hip, model.size)), (0, len(recording) - 1, 1))
     rows = slice(first, first + number * period + 1)
-    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(hip[rows], axis=0), axis=1)))
+    travelled = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(hip[rows], axis=0), axis=1)))
     work = work[rows] - work[first]
-    axes.plot(MM * way, work, color=drawn("hip"))
-    axes.plot(MM * way[::period], work[::period], "o", color=drawn("mark"), markersize=4)
+    axes.plot(MM * travelled, work, color=colour_of("hip"))
+    axes.plot(MM * travelled[::period], work[::period], "o", color=colour_of("mark"), markersize=4)
     a_lap = (work[-1] - work[0]) / number
-    words = f"{a_lap:+.3g} mJ a lap" if abs(a_lap) > NOTHING * np.ptp(work) else "nothing in a lap"
+    words = f"{a_lap:+.3g} mJ a lap" if abs(a_lap) > ROUNDING_SHARE * np.ptp(work) else "nothing in a lap"
     axes.annotate(words, (1.0, 1.0), xycoords="axes fraction", ha="right", va="bottom")
     axes.set(xlabel="way of the hand (mm)", ylabel="work that the hand has got (mJ)")
 
 
 def _draw_transient(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
-    begins = next((first for first, _ in contacts(recording) if first > 0), 0)
+    begins = next((first for first, _ in contact_stretches(recording) if first > 0), 0)
     start = recording.time[begins]
-    shown = (recording.time >= start - BEFORE) & (recording.time <= start + AFTER)
-    _, _, across = slip(recording, model)
+    drawn = (recording.time >= start - SECONDS_BEFORE) & (recording.time <= start + SECONDS_AFTER)
+    _, _, across = sliding_motion(recording, model)
     depth = np.maximum(-model.boundary.closest_point(recording.hip).distance, 0.0)
-    time = 1e3 * (recording.time[shown] - start)
-    axes.step(time, across[shown], where="post", color=drawn("hip"), label="force across")
-    axes.set_position((*PLACE[:2], 0.72, PLACE[3]))
-    beside = axes.twinx()
-    beside.plot(time, MM * depth[shown], color=drawn("ihip"), linestyle=(0, (4, 1.2)), label="depth of the hand")
-    beside.set_ylabel("depth (mm)")
-    beside.spines["right"].set_visible(True)
+    time = 1e3 * (recording.time[drawn] - start)
+    axes.step(time, across[drawn], where="post", color=colour_of("hip"), label="force across")
+    axes.set_position((*PANEL_AREA[:2], 0.72, PANEL_AREA[3]))
+    depth_axes = axes.twinx()
+    depth_axes.plot(
+        time, MM * depth[drawn], color=colour_of("ihip"), linestyle=(0, (4, 1.2)), label="depth of the hand"
+    )
+    depth_axes.set_ylabel("depth (mm)")
+    depth_axes.spines["right"].set_visible(True)
     axes.set(xlabel="time since contact (ms)", ylabel="force across (N)")
-    handles = [each.get_legend_handles_labels() for each in (axes, beside)]
+    handles = [panel.get_legend_handles_labels() for panel in (axes, depth_axes)]
     axes.legend(handles[0][0] + handles[1][0], handles[0][1] + handles[1][1], loc="upper right")
 
 
@@ -240,19 +244,26 @@ def cost_svg(document: EffectsDocument) -> str:
     """Return the cost of an answer by the number of effects called for, as an SVG element; "" without a ladder."""
     if document.ladder is None:
         return ""
-    with figure(6.4, 3.2, page=True) as made:
-        axes = made.add_axes((0.1, 0.24, 0.87, 0.72))
+    with figure(6.4, 3.2, page=True) as fig:
+        axes = fig.add_axes((0.1, 0.24, 0.87, 0.72))
         _draw_cost(axes, document.ladder)
-        return page_svg(made, prefix="ec", title="Time of an answer by the number of effects that a scene calls for")
+        return page_svg(fig, prefix="ec", title="Time of an answer by the number of effects that a scene calls for")
 
 
 def _draw_cost(axes: Axes, ladder: Ladder) -> None:
     counts = range(len(ladder.rungs))
     for times, role, marker, label in (
-        ([each.tested for each in ladder.rungs], "ihip", "s", "an engine with all of them, which tests flags"),
-        ([each.composed for each in ladder.rungs], "hip", "o", "composed of those called for"),
+        ([rung.tested for rung in ladder.rungs], "ihip", "s", "an engine with all of them, which tests flags"),
+        ([rung.composed for rung in ladder.rungs], "hip", "o", "composed of those called for"),
     ):
-        axes.plot(counts, [1e9 * each for each in times], marker=marker, markersize=4, color=drawn(role), label=label)
+        axes.plot(
+            counts,
+            [1e9 * seconds for seconds in times],
+            marker=marker,
+            markersize=4,
+            color=colour_of(role),
+            label=label,
+        )
     axes.set_xticks(list(counts), [f"+ {rung.kinds[-1]}" if rung.kinds else "none" for rung in ladder.rungs])
     axes.tick_params(axis="x", labelsize=6.5, labelrotation=25.0)
     for text in axes.get_xticklabels():

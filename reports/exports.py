@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from hapticeval.errors import HapticevalError, NothingSelectedError, printable
 from hapticeval.files import csv_cell, file_stem, replacing
-from hapticeval.reports.grid import Tile, hard_cases, phenomena, state
+from hapticeval.reports.grid import Tile, hard_cases, phenomenon_grid, state_of
 from hapticeval.reports.table import provenance, summaries
-from hapticeval.runner.results import ResultsDocument, RunEntry
+from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,23 +34,23 @@ class Sheet:
 
 def sheets(results: ResultsDocument) -> Iterator[Sheet]:
     """Yield the tables that the results fill: summary, renderers by phenomena, digits, closed forms, every verdict."""
-    for each in summaries(results):
+    for summary in summaries(results):
         cells = [
-            [row.title, *(_answer(*cell) for cell in row.cells), *(value or "--" for value in row.printed)]
-            for row in each.rows
+            [row.title, *(_answer_words(*cell) for cell in row.cells), *(value or "--" for value in row.printed)]
+            for row in summary.rows
         ]
-        name = "summary" if each.suite is None else f"summary-{file_stem(each.suite.name)}"
-        header = ["", *each.renderers, *(f"{name} (in print)" for name in each.printed)]
+        name = "summary" if summary.suite is None else f"summary-{file_stem(summary.suite.name)}"
+        header = ["", *summary.renderers, *(f"{name} (in print)" for name in summary.printed)]
         yield Sheet(name, header, cells, "Summary of the renderers' performance")
-    grid = phenomena(results)
+    grid = phenomenon_grid(results)
     if grid.rows and grid.columns:
-        cells = [[name, *(_tile(tile) for tile in tiles)] for name, tiles in grid.rows]
+        cells = [[name, *(_tile_words(tile) for tile in tiles)] for name, tiles in grid.rows]
         yield Sheet("phenomena", ["renderer", *grid.columns], cells, "Renderers by phenomena")
     names, digits = hard_cases(results)
     if digits:
         cells = [[row.case, *("--" if count is None else str(count) for count, _ in row.cells)] for row in digits]
         yield Sheet("hard-cases", ["case", *names], cells, "Decimal digits that are kept in hard cases")
-    moments = list(_moments(results))
+    moments = list(_closed_form_rows(results))
     if moments:
         header = ["case", "renderer", "law", "time (s)", "measured (mm)", "closed form (mm)"]
         yield Sheet("closed-forms", header, moments, "Distances from the surface beside the closed forms")
@@ -60,29 +60,34 @@ def sheets(results: ResultsDocument) -> Iterator[Sheet]:
         [*fields, "state", "published", "metric", "value", "unit", "bound", "margin", "message"],
         [
             [
-                *(str(getattr(each, name)) for name in fields), state(each), str(each.published or ""),
-                *((each.metric.name, _number(each.metric.value), each.metric.unit) if each.metric else ("", "", "")),
-                _number(each.bound), _number(each.margin), each.message,
+                *(str(getattr(verdict, name)) for name in fields), state_of(verdict), str(verdict.published or ""),
+                *_metric_cells(verdict), _number_text(verdict.bound), _number_text(verdict.margin), verdict.message,
             ]
-            for each in results.verdicts
+            for verdict in results.verdicts
         ],
     )  # fmt: skip
 
 
-def _moments(results: ResultsDocument) -> Iterator[list[str]]:
+def _metric_cells(verdict: VerdictEntry) -> tuple[str, str, str]:
+    """Return a metric's name, value and unit; three empty cells where nothing was measured."""
+    metric = verdict.metric
+    return (metric.name, _number_text(metric.value), metric.unit) if metric else ("", "", "")
+
+
+def _closed_form_rows(results: ResultsDocument) -> Iterator[list[str]]:
     for verdict in results.verdicts:
-        for each in verdict.evidence.get("moments", ()):
-            values = (each.get("measured_distance"), each.get("closed_form_distance"))
+        for moment in verdict.evidence.get("moments", ()):
+            values = (moment.get("measured_distance"), moment.get("closed_form_distance"))
             law = str(verdict.evidence.get("law", ""))
-            shown = ["" if value is None else f"{1e3 * value:.6f}" for value in values]
-            yield [f"{verdict.suite}/{verdict.case}", verdict.renderer, law, f"{each['time']:g}", *shown]
+            distances = ["" if value is None else f"{1e3 * value:.6f}" for value in values]
+            yield [f"{verdict.suite}/{verdict.case}", verdict.renderer, law, f"{moment['time']:g}", *distances]
 
 
-def _answer(value: str | None, published: str | None) -> str:
+def _answer_words(value: str | None, published: str | None) -> str:
     return value or "--" if published in (None, value) or value is None else f"{value} (published: {published})"
 
 
-def _tile(tile: Tile | None) -> str:
+def _tile_words(tile: Tile | None) -> str:
     if tile is None:
         return ""
     count = tile.counts[tile.state]
@@ -90,7 +95,7 @@ def _tile(tile: Tile | None) -> str:
     return f"{words}, {tile.margin}" if tile.margin else words
 
 
-def _number(value: float | None) -> str:
+def _number_text(value: float | None) -> str:
     return "" if value is None else repr(value)
 
 
@@ -109,7 +114,7 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
             texts = {"csv": frame.map(csv_cell).rename(columns=csv_cell).to_csv(index=False)}
             if sheet.caption:
                 texts["tex"] = (
-                    f"% {provenance(results)}\n% \\usepackage{{booktabs,array,longtable}}\n{_tex(sheet, frame)}"
+                    f"% {provenance(results)}\n% \\usepackage{{booktabs,array,longtable}}\n{_latex_table(sheet, frame)}"
                 )
             for kind, text in texts.items():
                 with replacing(folder / f"{sheet.name}.{kind}") as temporary:
@@ -119,64 +124,62 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
     return folder
 
 
-SPECIAL = {
+LATEX_ESCAPES = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
     "×": r"$\times$", "∞": r"$\infty$",  # noqa: RUF001
     **{sign: f"\\{sign}" for sign in "&%$#_{}"}, **{sign: rf"{sign}\allowbreak{{}}" for sign in "+@/"},
 }  # fmt: skip
 
 
-def _tex(sheet: Sheet, frame: pd.DataFrame) -> str:
+def _latex_table(sheet: Sheet, frame: pd.DataFrame) -> str:
     """Return a table as LaTeX, small enough for a page. What is set before a float does not reach into it."""
-    columns, size = _columns(sheet)
-    environment = "longtable" if len(sheet.rows) > LONG else "tabular"
-    cells = frame.map(_latex).rename(columns=_latex)
-    made = cells.to_latex(
+    columns, size = _latex_columns(sheet)
+    environment = "longtable" if len(sheet.rows) > LONG_TABLE_ROWS else "tabular"
+    cells = frame.map(_latex_text).rename(columns=_latex_text)
+    table = cells.to_latex(
         index=False,
         caption=sheet.caption,
         label=f"tab:{sheet.name}",
         longtable=environment == "longtable",
         column_format=columns,
     )
-    begin, end = (f"\\{each}{{{environment}}}" for each in ("begin", "end"))
+    begin, end = (f"\\{command}{{{environment}}}" for command in ("begin", "end"))
     small = f"{{{size}\\setlength{{\\tabcolsep}}{{2pt}}\n{begin}"
-    return made.replace(begin, small).replace(end, f"{end}}}") if size else made
+    return table.replace(begin, small).replace(end, f"{end}}}") if size else table
 
 
-NEEDS = r"% \usepackage{booktabs,array,longtable}"
-
-LONG = 40
+LONG_TABLE_ROWS = 40
 """Rows from which on a table goes over several pages."""
 
-FITS = {"": 66, r"\scriptsize": 88, r"\tiny": 112}
+LINE_CHARACTERS = {"": 66, r"\scriptsize": 88, r"\tiny": 112}
 """Characters that fit beside each other into the text of an article on A4, by the size of the letters."""
 
-GAP = 2
+COLUMN_GAP = 2
 """Characters that the gap between two columns takes."""
 
 
-def _columns(sheet: Sheet) -> tuple[str, str]:
+def _latex_columns(sheet: Sheet) -> tuple[str, str]:
     """Return the columns of a table for LaTeX, and the size of its letters.
 
     Those of a wide one are as wide as their longest words, and share what is left by how much they hold.
     """
     columns = list(zip(sheet.header, *sheet.rows, strict=True))
     longest = [max(map(len, column)) for column in columns]
-    if sum(longest) + GAP * len(columns) <= FITS[""]:
+    if sum(longest) + COLUMN_GAP * len(columns) <= LINE_CHARACTERS[""]:
         return "l" * len(columns), ""
     parts = ([word for cell in column for word in re.split(r"\s|(?<=\w)[-+@/]", cell)] for column in columns)
-    words = [max(map(len, each)) + GAP for each in parts]
-    size = r"\scriptsize" if sum(words) <= FITS[r"\scriptsize"] else r"\tiny"
-    held = [max(most + GAP - word, 0) for most, word in zip(longest, words, strict=True)]
-    free = max(FITS[size] - sum(words), 0) / max(sum(held), 1)
-    widths = [word + min(free, 1.0) * more - GAP for word, more in zip(words, held, strict=True)]
-    scale = 1.0 / max(FITS[size], sum(words))
-    return "".join(rf">{{\raggedright\arraybackslash}}p{{{scale * each:.3f}\linewidth}}" for each in widths), size
+    words = [max(map(len, words_of_column)) + COLUMN_GAP for words_of_column in parts]
+    size = r"\scriptsize" if sum(words) <= LINE_CHARACTERS[r"\scriptsize"] else r"\tiny"
+    room = [max(cell_width + COLUMN_GAP - word, 0) for cell_width, word in zip(longest, words, strict=True)]
+    free = max(LINE_CHARACTERS[size] - sum(words), 0) / max(sum(room), 1)
+    widths = [word + min(free, 1.0) * more - COLUMN_GAP for word, more in zip(words, room, strict=True)]
+    scale = 1.0 / max(LINE_CHARACTERS[size], sum(words))
+    return "".join(rf">{{\raggedright\arraybackslash}}p{{{scale * width:.3f}\linewidth}}" for width in widths), size
 
 
-def _latex(text: str) -> str:
+def _latex_text(text: str) -> str:
     sign, text = (r"$-$", text[1:]) if re.match(r"-\d", text) else ("", text)
-    return sign + "".join(SPECIAL.get(each, each) for each in printable(text))
+    return sign + "".join(LATEX_ESCAPES.get(character, character) for character in printable(text))
 
 
 def write_figures(directory: Path, results: ResultsDocument, globs: Sequence[str]) -> list[Path]:
@@ -195,18 +198,18 @@ def write_figures(directory: Path, results: ResultsDocument, globs: Sequence[str
                 todo=f"for instance '{'/'.join(results.runs[0].key)}'" if results.runs else "",
             )
         for run in chosen:
-            written += _figure(directory, results, run)
+            written += _write_run_figure(directory, results, run)
     return written
 
 
-def _figure(directory: Path, results: ResultsDocument, run: RunEntry) -> list[Path]:
+def _write_run_figure(directory: Path, results: ResultsDocument, run: RunEntry) -> list[Path]:
     from hapticeval.reports.canvas import in_style, save_figure
-    from hapticeval.reports.effects_figure import recorded
+    from hapticeval.reports.effects_figure import read_run
     from hapticeval.reports.run_figure import marks_of, run_figure
 
-    recording, model = recorded(directory, run)
+    recording, model = read_run(directory, run)
     marks = tuple(marks_of(results.verdicts_of.get(run.key, [])).values())
     folder = directory / FIGURES / file_stem(run.suite) / file_stem(run.case)
     with in_style():
-        made = run_figure(recording, model, marks=marks, title=f"{run.renderer} on {run.suite}/{run.case}")
-        return save_figure(made, folder, file_stem(run.renderer), kinds=("svg", "pdf"))
+        fig = run_figure(recording, model, marks=marks, title=f"{run.renderer} on {run.suite}/{run.case}")
+        return save_figure(fig, folder, file_stem(run.renderer), kinds=("svg", "pdf"))

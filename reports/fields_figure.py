@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.patches import Polygon
 
-PAD = 0.03
+MARGIN_SHARE = 0.03
 """Room around the model, as a share of its size."""
 
 LEFT, PLOT, RIGHT, ABOVE = 0.65, 5.5, 0.15, 0.35
 """Inches: beside and above the axes, and their width."""
 
-PRECISION = 2e-5
+LINE_TOLERANCE = 2e-5
 """How far (m) a drawn line may be from the computed one."""
 
-EVERY_LEVEL, EVERY_LINE = 4, 8
+LEVEL_STRIDE, LINE_STRIDE = 4, 8
 """Of a flow's levels and lines, those that are drawn."""
 
 
@@ -41,12 +41,12 @@ def write_field(directory: Path, field: Field, document: Mapping[str, Any]) -> l
     `document` is `Field.summary`'s with a `title` and the files' `stem`. The same field gives the same files. Raises
     `HapticevalError` where a file cannot be written.
     """
-    with _plate(field.surface, field.lattice.size, document["title"], below=1.4) as (made, axes, outline):
+    with _model_figure(field.surface, field.lattice.size, document["title"], below=1.4) as (fig, axes, outline):
         _draw_field(axes, field, outline)
-        _legend(made, 1.4, ncols=4, handlelength=1.6)
-        place = (0.35 / made.get_figwidth(), 0.62 / made.get_figheight())
-        made.text(*place, caption(document), fontsize=8, color=INK, va="top", linespacing=1.5)
-        return save_figure(made, directory, document["stem"], document=document)
+        _add_legend(fig, 1.4, ncols=4, handlelength=1.6)
+        place = (0.35 / fig.get_figwidth(), 0.62 / fig.get_figheight())
+        fig.text(*place, caption(document), fontsize=8, color=INK, va="top", linespacing=1.5)
+        return save_figure(fig, directory, document["stem"], document=document)
 
 
 def write_flow(
@@ -58,43 +58,45 @@ def write_flow(
     cannot be written.
     """
     xmin, ymin, xmax, ymax = model.boundary.bounds
-    with _plate(model.boundary, max(xmax - xmin, ymax - ymin), title, below=0.85) as (made, axes, _):
+    with _model_figure(model.boundary, max(xmax - xmin, ymax - ymin), title, below=0.85) as (fig, axes, _):
         if flow is not None:
             points = MM * flow.points
-            levels = [[*level, level[0]] for level in points[EVERY_LEVEL::EVERY_LEVEL]]
-            _lines(axes, levels, "tool", "levels")
-            _lines(axes, [points[:, k] for k in range(0, points.shape[1], EVERY_LINE)], "line", "transversal lines")
+            levels = [[*level, level[0]] for level in points[LEVEL_STRIDE::LEVEL_STRIDE]]
+            _add_lines(axes, levels, "tool", "levels")
+            _add_lines(
+                axes, [points[:, k] for k in range(0, points.shape[1], LINE_STRIDE)], "line", "transversal lines"
+            )
         if cross is not None:
             axes.plot(
                 [MM * cross[0]], [MM * cross[1]], "x", color=PALETTE["jump"], markersize=12, markeredgewidth=2.4,
                 label="no map: here", zorder=5,
             )  # fmt: skip
-        _legend(made, 0.85, ncols=3)
-        return save_figure(made, directory, "flow-" + file_stem(re.sub(r"[ :=,]+", "-", title)))
+        _add_legend(fig, 0.85, ncols=3)
+        return save_figure(fig, directory, "flow-" + file_stem(re.sub(r"[ :=,]+", "-", title)))
 
 
 @contextmanager
-def _plate(surface: Any, size: float, title: str, *, below: float) -> Iterator[tuple[Figure, Axes, Polygon]]:
+def _model_figure(surface: Any, size: float, title: str, *, below: float) -> Iterator[tuple[Figure, Axes, Polygon]]:
     """A figure with a model in the plane, to scale; `below` (inches) is the room under its axes. Also its outline."""
     xmin, ymin, xmax, ymax = (MM * bound for bound in surface.bounds)
-    pad = PAD * MM * size
+    pad = MARGIN_SHARE * MM * size
     tall = PLOT * (ymax - ymin + 2.0 * pad) / (xmax - xmin + 2.0 * pad)
     width, height = LEFT + PLOT + RIGHT, below + tall + ABOVE
-    with figure(width, height, settings=BOXED) as made:
-        axes = made.add_axes((LEFT / width, below / height, PLOT / width, tall / height))
+    with figure(width, height, settings=BOXED) as fig:
+        axes = fig.add_axes((LEFT / width, below / height, PLOT / width, tall / height))
         points = MM * surface.points(max(2000, 8 * len(surface.corners)))
         (outline,) = axes.fill(points[:, 0], points[:, 1], facecolor=PALETTE["model"], edgecolor="none")
         axes.plot(points[:, 0], points[:, 1], color=INK, linewidth=1.3, zorder=3)
         axes.set(aspect="equal", xlabel="y₁ (mm)", ylabel="y₂ (mm)")
         axes.set(xlim=(xmin - pad, xmax + pad), ylim=(ymin - pad, ymax + pad))
         axes.set_title(title, fontsize=10, color=INK)
-        yield made, axes, outline
+        yield fig, axes, outline
 
 
-def _legend(made: Figure, below: float, **options: Any) -> None:
+def _add_legend(fig: Figure, below: float, **options: Any) -> None:
     """Put the legend 0.42 inches under axes that stand `below` inches above the figure's edge."""
-    place = ((LEFT + 0.5 * PLOT) / made.get_figwidth(), (below - 0.42) / made.get_figheight())
-    made.legend(loc="upper center", bbox_to_anchor=place, **options)
+    place = ((LEFT + 0.5 * PLOT) / fig.get_figwidth(), (below - 0.42) / fig.get_figheight())
+    fig.legend(loc="upper center", bbox_to_anchor=place, **options)
 
 
 def caption(summary: Mapping[str, Any]) -> str:
@@ -113,8 +115,8 @@ def caption(summary: Mapping[str, Any]) -> str:
     lines.append(f"Amplification |dIHIP| / |dHIP|: {rates} (median / 95 % / largest on the lattice)")
     if summary.get("shallow_angle_deg"):
         angles = ", ".join(
-            f"{each['median']:.3g} / {each['p95']:.3g} at {quantity(each['depth'], 'm')}"
-            for each in summary["shallow_angle_deg"]
+            f"{angle['median']:.3g} / {angle['p95']:.3g} at {quantity(angle['depth'], 'm')}"
+            for angle in summary["shallow_angle_deg"]
         )
         lines.append(f"Error vector against the normal, degrees (median / 95 %): {angles}")
     third = []
@@ -130,11 +132,13 @@ def _draw_field(axes: Axes, field: Field, outline: Polygon) -> None:
     import shapely
 
     _draw_rests(axes, field, outline)
-    _lines(axes, [_simple(shapely.LineString(line)) for line in field.lines if len(line) > 1], "line",
+    _add_lines(axes, [_simplified_line(shapely.LineString(line)) for line in field.lines if len(line) > 1], "line",
            "constant projection")  # fmt: skip
-    jumps = [_simple(part) for part in shapely.get_parts(field.discontinuity) if part.geom_type == "LineString"]
+    jumps = [
+        _simplified_line(part) for part in shapely.get_parts(field.discontinuity) if part.geom_type == "LineString"
+    ]
     if jumps:
-        _lines(axes, jumps, "jump", "discontinuity", linewidths=1.6, zorder=4)
+        _add_lines(axes, jumps, "jump", "discontinuity", linewidths=1.6, zorder=4)
     points = MM * field.singular.points
     if len(points):
         label = "single point" if not jumps else None
@@ -144,7 +148,7 @@ def _draw_field(axes: Axes, field: Field, outline: Polygon) -> None:
         axes.plot(*place, "D", color=PALETTE["tool"], markersize=7, zorder=6, linestyle="none", label="previous IHIP")
 
 
-def _lines(axes: Axes, lines: Any, colour: str, label: str, *, linewidths: float = 0.7, **style: Any) -> None:
+def _add_lines(axes: Axes, lines: Any, colour: str, label: str, *, linewidths: float = 0.7, **style: Any) -> None:
     from matplotlib.collections import LineCollection
 
     axes.add_collection(LineCollection(lines, colors=PALETTE[colour], linewidths=linewidths, label=label, **style))
@@ -158,15 +162,15 @@ def _draw_rests(axes: Axes, field: Field, outline: Polygon) -> None:
     resting = binary_opening(field.rests, np.ones((2, 2), dtype=bool))
     if not resting.any():
         return
-    shown = np.ma.masked_array(np.ones(resting.shape), mask=~resting)
+    tint = np.ma.masked_array(np.ones(resting.shape), mask=~resting)
     colours = ListedColormap([PALETTE["rests"]])
     x, y = MM * field.lattice.x, MM * field.lattice.y
-    mesh = axes.pcolormesh(x, y, shown, shading="nearest", cmap=colours, rasterized=True, zorder=1.1)
+    mesh = axes.pcolormesh(x, y, tint, shading="nearest", cmap=colours, rasterized=True, zorder=1.1)
     mesh.set_clip_path(outline)
     axes.fill([], [], facecolor=PALETTE["rests"], label="rests at a corner")
 
 
-def _simple(line: Any) -> Any:
+def _simplified_line(line: Any) -> Any:
     import shapely
 
-    return MM * shapely.get_coordinates(shapely.simplify(line, PRECISION))
+    return MM * shapely.get_coordinates(shapely.simplify(line, LINE_TOLERANCE))

@@ -89,7 +89,7 @@ MEANING: Mapping[State, str] = MappingProxyType(
 )
 
 OTHER, HELD, EFFECTS = "Other properties", "Held constraint", "Effects of the surface"
-SIX = (
+SIX_PHENOMENA = (
     "Continuous Contact Point",
     "Contact Normal Force",
     "Broken Contact",
@@ -100,7 +100,7 @@ SIX = (
 """The phenomena of thesis section 3.2, as checks name them."""
 
 
-def state(verdict: VerdictEntry) -> State:
+def state_of(verdict: VerdictEntry) -> State:
     """Return what a verdict means."""
     outcome, published = verdict.outcome, verdict.published
     if verdict.known is not None:
@@ -108,19 +108,23 @@ def state(verdict: VerdictEntry) -> State:
     if not verdict.as_expected and published is not None and outcome is not Outcome.ERROR:
         return State.DIFFERS
     if published is not None and outcome is published:
-        return State.KNOWN if outcome in (Outcome.FAIL, Outcome.INCONCLUSIVE, Outcome.ERROR) else _plain(outcome)
+        return (
+            State.KNOWN
+            if outcome in (Outcome.FAIL, Outcome.INCONCLUSIVE, Outcome.ERROR)
+            else _state_of_outcome(outcome)
+        )
     if outcome is Outcome.NOT_APPLICABLE or outcome is Outcome.ERROR:
-        return _plain(outcome)
+        return _state_of_outcome(outcome)
     if verdict.level is Level.INFO:
         return State.NOT_JUDGED
-    return State.WARNING if verdict.warns else _plain(outcome)
+    return State.WARNING if verdict.warns else _state_of_outcome(outcome)
 
 
-def _plain(outcome: Outcome) -> State:
+def _state_of_outcome(outcome: Outcome) -> State:
     return State.UNDECIDED if outcome is Outcome.INCONCLUSIVE else State(str(outcome))
 
 
-def used(verdict: VerdictEntry) -> float | None:
+def bound_share(verdict: VerdictEntry) -> float | None:
     """Return a metric as a share of its bound, infinity where it was not finite; None where that says nothing."""
     if verdict.metric is None or verdict.bound is None or verdict.bound < 0.0:
         return None
@@ -142,7 +146,7 @@ class Tile:
     @cached_property
     def counts(self) -> Counter[State]:
         """How many verdicts have each state; a run that broke counts as an error."""
-        return Counter([*map(state, self.verdicts), *(State.ERROR for _ in self.broken)])
+        return Counter([*map(state_of, self.verdicts), *(State.ERROR for _ in self.broken)])
 
     @property
     def total(self) -> int:
@@ -157,13 +161,15 @@ class Tile:
     @cached_property
     def worst(self) -> VerdictEntry | RunEntry:
         """The verdict of the gravest state that is farthest beyond its bound, or closest to it."""
-        found = sorted((each for each in self.verdicts if state(each) is self.state), key=_load, reverse=True)
-        return found[0] if found else self.broken[0]
+        gravest = sorted(
+            (verdict for verdict in self.verdicts if state_of(verdict) is self.state), key=_bound_load, reverse=True
+        )
+        return gravest[0] if gravest else self.broken[0]
 
     @property
     def heat(self) -> int:
         """From 1 to 3: how close to its bound the worst passes (half, nine tenths), or how far beyond it is (2, 10)."""
-        load = _load(self.worst) if isinstance(self.worst, VerdictEntry) else 0.0
+        load = _bound_load(self.worst) if isinstance(self.worst, VerdictEntry) else 0.0
         limits = (0.5, 0.9) if self.state is State.PASS else (2.0, 10.0)
         return 1 + sum(load >= limit for limit in limits)
 
@@ -172,12 +178,12 @@ class Tile:
         """The worst margin in per cent of its bound, or how many times its bound the metric is; "" without a bound."""
         if not isinstance(self.worst, VerdictEntry) or self.state is State.NOT_APPLICABLE:
             return ""
-        share = used(self.worst)
+        share = bound_share(self.worst)
         if share is None:
             return ""
         if share <= 1.0:
             return f"{100.0 * (1.0 - share):.0f} % left"
-        return f"{times(share)}×"  # noqa: RUF001
+        return f"{ratio_words(share)}×"  # noqa: RUF001
 
     @property
     def where(self) -> str:
@@ -190,14 +196,14 @@ class Tile:
         return f"worst of {self.total}: {worst.check} in {place}" + (f": {figures}" if figures else "")
 
 
-def times(share: float) -> str:
+def ratio_words(share: float) -> str:
     """Return a ratio in few signs: 1.3, 48, 840, 4200, 9.1e6."""
     return "∞" if math.isinf(share) else number(share, 2)
 
 
-def _load(entry: VerdictEntry | RunEntry) -> float:
+def _bound_load(entry: VerdictEntry | RunEntry) -> float:
     """How much of its bound a verdict uses; what has no bound lies below."""
-    share = used(entry) if isinstance(entry, VerdictEntry) else None
+    share = bound_share(entry) if isinstance(entry, VerdictEntry) else None
     return -1.0 if share is None else share
 
 
@@ -209,35 +215,46 @@ class Grid:
     rows: Sequence[tuple[str, Sequence[Tile | None]]]
 
 
-def phenomena(results: ResultsDocument) -> Grid:
+def phenomenon_grid(results: ResultsDocument) -> Grid:
     """Return the grid of renderers by phenomena: the six of thesis section 3.2 that were asked for, then the others."""
     from hapticeval.phenomena.registry import CHECKS
 
-    groups = {name: _group(CHECKS[name]) if name in CHECKS else OTHER for name in {v.check for v in results.verdicts}}
-    columns = [name for name in (*SIX, HELD, EFFECTS, OTHER) if name in groups.values()]
-    found: dict[tuple[str, str], list[VerdictEntry]] = {}
+    groups = {
+        name: _column_of(CHECKS[name]) if name in CHECKS else OTHER for name in {v.check for v in results.verdicts}
+    }
+    columns = [name for name in (*SIX_PHENOMENA, HELD, EFFECTS, OTHER) if name in groups.values()]
+    verdicts_by_cell: dict[tuple[str, str], list[VerdictEntry]] = {}
     for verdict in results.verdicts:
-        found.setdefault((verdict.renderer, groups[verdict.check]), []).append(verdict)
-    names = {each.renderer: None for each in results.entries()}
+        verdicts_by_cell.setdefault((verdict.renderer, groups[verdict.check]), []).append(verdict)
+    names = {entry.renderer: None for entry in results.entries()}
     return Grid(
         columns,
-        [(name, [Tile(found[name, each]) if (name, each) in found else None for each in columns]) for name in names],
+        [
+            (
+                name,
+                [
+                    Tile(verdicts_by_cell[name, column]) if (name, column) in verdicts_by_cell else None
+                    for column in columns
+                ],
+            )
+            for name in names
+        ],
     )
 
 
-def _group(check: object) -> str:
+def _column_of(check: object) -> str:
     """Return the column of a check; those of other packages may name one of the six as well."""
     from hapticeval.phenomena.check import Check
 
     assert isinstance(check, Check)
-    if check.phenomenon in SIX:
+    if check.phenomenon in SIX_PHENOMENA:
         return check.phenomenon
     if check.effects:
         return EFFECTS
     return HELD if check.holds or check.needs_closed_form else OTHER
 
 
-def cases(results: ResultsDocument, suite: str) -> Grid:
+def case_grid(results: ResultsDocument, suite: str) -> Grid:
     """Return the grid of a suite's cases by the renderers that ran there."""
     runs = [run for run in results.runs if run.suite == suite]
     renderers = list(dict.fromkeys(run.renderer for run in runs))
@@ -254,11 +271,11 @@ def cases(results: ResultsDocument, suite: str) -> Grid:
     return Grid(renderers, rows)
 
 
-def counted(results: ResultsDocument) -> list[tuple[State, int]]:
+def state_counts(results: ResultsDocument) -> list[tuple[State, int]]:
     """Return how many verdicts have each state, of those that there are: what calls for attention, then what passes."""
-    counts = Counter(map(state, results.verdicts))
-    order = sorted(State, key=lambda each: (not each.grave, each is not State.WARNING, each is not State.PASS))
-    return [(each, counts[each]) for each in order if counts[each]]
+    counts = Counter(map(state_of, results.verdicts))
+    order = sorted(State, key=lambda state: (not state.grave, state is not State.WARNING, state is not State.PASS))
+    return [(state, counts[state]) for state in order if counts[state]]
 
 
 def headline(results: ResultsDocument) -> str:
@@ -268,7 +285,7 @@ def headline(results: ResultsDocument) -> str:
     if results.all_refused:
         return "Every renderer refused every case"
     broken = sum(run.error is not None for run in results.runs)
-    unexpected = sum(not each.as_expected for each in results.verdicts)
+    unexpected = sum(not verdict.as_expected for verdict in results.verdicts)
     are = "is" if unexpected == 1 else "are"
     parts = [f"{unexpected:,} of {_plural(results.ran, 'verdict')} {are} not as expected"] * bool(unexpected)
     parts += [f"{_plural(broken, 'run')} broke"] * bool(broken)
@@ -277,7 +294,7 @@ def headline(results: ResultsDocument) -> str:
     return ", ".join(parts) or "Every verdict is as expected"
 
 
-def sound(results: ResultsDocument) -> bool:
+def is_sound(results: ResultsDocument) -> bool:
     """Return whether nothing of a run calls for attention, as its exit code has it."""
     return (
         results.complete
@@ -291,23 +308,25 @@ def _plural(count: int, noun: str) -> str:
     return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
 
 
-def worst(results: ResultsDocument, most: int) -> list[VerdictEntry]:
+def worst_verdicts(results: ResultsDocument, count: int) -> list[VerdictEntry]:
     """Return what is not as expected, or warns, the gravest first; where there is none, the failures that are known.
 
     Of the verdicts of a check on a renderer, only the worst; of known ones, only the worst of a check. What broken runs
     took away is left out.
     """
-    unexpected = [each for each in results.verdicts if state(each).grave or state(each) is State.WARNING]
-    grave = [each for each in unexpected if not results.lost(each)]
-    given = grave or [each for each in results.verdicts if state(each) is State.KNOWN]
-    found: dict[tuple[str, ...], VerdictEntry] = {}
-    for each in ordered(given):
-        found.setdefault((each.check, each.renderer) if grave else (each.check,), each)
-    return list(found.values())[:most]
+    unexpected = [
+        verdict for verdict in results.verdicts if state_of(verdict).grave or state_of(verdict) is State.WARNING
+    ]
+    grave = [verdict for verdict in unexpected if not results.lost(verdict)]
+    candidates = grave or [verdict for verdict in results.verdicts if state_of(verdict) is State.KNOWN]
+    worst_by_check: dict[tuple[str, ...], VerdictEntry] = {}
+    for verdict in gravest_first(candidates):
+        worst_by_check.setdefault((verdict.check, verdict.renderer) if grave else (verdict.check,), verdict)
+    return list(worst_by_check.values())[:count]
 
 
 @dataclass(frozen=True)
-class Digits:
+class HardCase:
     """The digits that renderers keep in a hard case; None where none were counted."""
 
     suite: str
@@ -316,28 +335,28 @@ class Digits:
     cells: Sequence[tuple[int | None, VerdictEntry | None]]
 
 
-def hard_cases(results: ResultsDocument) -> tuple[Sequence[str], Sequence[Digits]]:
+def hard_cases(results: ResultsDocument) -> tuple[Sequence[str], Sequence[HardCase]]:
     """Return the renderers, and by case the decimal digits that their answers keep when the scene is moved.
 
     Read off the evidence `digits`; a case that no renderer has it for is left out.
     """
-    found: dict[tuple[str, str], dict[str, VerdictEntry]] = {}
+    verdicts_by_case: dict[tuple[str, str], dict[str, VerdictEntry]] = {}
     for verdict in results.verdicts:
         if isinstance(verdict.evidence.get("digits"), int | float):
-            found.setdefault((verdict.suite, verdict.case), {})[verdict.renderer] = verdict
-    names = [name for name in results.renderers if any(name in row for row in found.values())]
+            verdicts_by_case.setdefault((verdict.suite, verdict.case), {})[verdict.renderer] = verdict
+    names = [name for name in results.renderers if any(name in row for row in verdicts_by_case.values())]
     titles = {(run.suite, run.case): run.title for run in results.runs}
     return names, [
-        Digits(*key, titles.get(key, key[1]), [(_digits(row.get(name)), row.get(name)) for name in names])
-        for key, row in found.items()
+        HardCase(*key, titles.get(key, key[1]), [(_whole_digits(row.get(name)), row.get(name)) for name in names])
+        for key, row in verdicts_by_case.items()
     ]
 
 
-def _digits(verdict: VerdictEntry | None) -> int | None:
+def _whole_digits(verdict: VerdictEntry | None) -> int | None:
     return None if verdict is None else max(0, math.floor(verdict.evidence["digits"]))
 
 
-def ordered(verdicts: Iterable[VerdictEntry]) -> list[VerdictEntry]:
+def gravest_first(verdicts: Iterable[VerdictEntry]) -> list[VerdictEntry]:
     """Return verdicts, the gravest first."""
     order = list(State).index
-    return sorted(verdicts, key=lambda each: (order(state(each)), -_load(each)))
+    return sorted(verdicts, key=lambda verdict: (order(state_of(verdict)), -_bound_load(verdict)))

@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING, NamedTuple
 from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.bench_figure import TITLES, bench_plots
-from hapticeval.reports.canvas import page_element
+from hapticeval.reports.canvas import svg_element
 from hapticeval.reports.check_pages import link_to
 from hapticeval.reports.effects_figure import EffectPlot, cost_svg
 from hapticeval.reports.grid import (
     Grid,
     State,
-    cases,
-    counted,
+    case_grid,
     hard_cases,
     headline,
-    phenomena,
-    sound,
-    state,
-    worst,
+    is_sound,
+    phenomenon_grid,
+    state_counts,
+    state_of,
+    worst_verdicts,
 )
 from hapticeval.reports.places import anchor, case_file
-from hapticeval.reports.svg import classed, sheet
-from hapticeval.reports.table import by_commit, provenance, ran, summaries
+from hapticeval.reports.svg import style_sheet, styles_as_classes
+from hapticeval.reports.table import provenance, ran_words, renderers_by_commit, summaries
 from hapticeval.reports.templates import environment
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, SuiteEntry, VerdictEntry
 from hapticeval.study.bench.document import BenchResults
@@ -38,7 +38,7 @@ from hapticeval.study.effects.document import EffectsDocument
 if TYPE_CHECKING:
     from hapticeval.phenomena.check import Check
 
-MOST = 6
+MOST_FAILURES = 6
 """Failures that are shown with their figure."""
 
 
@@ -51,7 +51,7 @@ class Drawing:
 
 
 @dataclass(frozen=True)
-class ShownSuite:
+class SuiteSection:
     """A suite with the grid of its cases by renderers."""
 
     name: str
@@ -63,7 +63,7 @@ class ShownSuite:
     @property
     def grave(self) -> bool:
         """Return whether anything here is not as expected."""
-        return any(each.grave for each, _ in self.counted)
+        return any(state.grave for state, _ in self.counted)
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def render_index(
     replayed: ResultsDocument | None = None,
     single: Single | None = None,
 ) -> str:
-    """Return the page; `drawings` are the figures of the runs that `worst` names.
+    """Return the page; `drawings` are the figures of the runs that `worst_verdicts` names.
 
     It has a section on `bench` where there is one, on `effects` and their `costs`, on the `counterexamples` of a
     search, and on a recording that was `replayed` into replay/. Without `single` it needs the style beside it, and
@@ -111,24 +111,26 @@ def render_index(
     """
     from hapticeval.closed_forms import CLOSED_FORMS
 
-    given = worst(results, MOST)
-    first = {verdict.key: verdict for verdict in reversed(given)}  # of several failures of a run, one has the figure
-    shown = [
+    worst = worst_verdicts(results, MOST_FAILURES)
+    first = {verdict.key: verdict for verdict in reversed(worst)}  # of several failures of a run, one has the figure
+    failures = [
         (verdict, (drawings or {}).get(verdict.key, Drawing()) if first[verdict.key] is verdict else Drawing())
-        for verdict in given
+        for verdict in worst
     ]
     plots = [] if bench is None else bench_plots(bench)
-    pictures = [_picture(each, f"x{number}") for number, each in enumerate(counterexamples)]
+    pictures = [
+        _counterexample_svg(counterexample, f"x{number}") for number, counterexample in enumerate(counterexamples)
+    ]
     costs_svg = "" if costs is None else cost_svg(costs)
-    drawn = [*(each.svg for _, each in shown), *(svg for _, svg in plots), *(each.svg for each in effects)]
-    elements, styles = classed([*drawn, *pictures, costs_svg])
-    taken = iter(elements)
+    drawn = [*(drawing.svg for _, drawing in failures), *(svg for _, svg in plots), *(effect.svg for effect in effects)]
+    elements, styles = styles_as_classes([*drawn, *pictures, costs_svg])
+    svgs = iter(elements)
     known = judged_checks(results)
     recorded = {run.renderer for run in results.runs if run.is_recorded}
     names, hard = hard_cases(results)
     replays = [run for run in results.runs if run.replay]
-    beside = not replays and replayed is not None
-    if replayed is not None and beside:
+    replayed_beside = not replays and replayed is not None
+    if replayed is not None and replayed_beside:
         replays = [run for run in replayed.runs if run.replay]
 
     def page(suite: str, case: str) -> str:
@@ -143,36 +145,36 @@ def render_index(
 
     return environment().get_template("index.html.j2").render(
         single=single,
-        styles=sheet(styles),
+        styles=style_sheet(styles),
         results=results,
         headline=headline(results),
-        sound=sound(results),
+        sound=is_sound(results),
         provenance=provenance(results),
-        ran=ran(results),
-        counted=counted(results),
+        ran=ran_words(results),
+        counted=state_counts(results),
         judged_renderers=[name for name in results.renderers if name not in recorded],
         recorded=bool(recorded),
         case_count=len({(run.suite, run.case) for run in results.runs}),
         replays=replays,
-        replay_page=("replay" if single else "../replay") + "/report/index.html" if beside else None,
+        replay_page=("replay" if single else "../replay") + "/report/index.html" if replayed_beside else None,
         replayed=[run for run in replays if run.replay is not None and run.replay.difference is not None],
         replay=replays[0].replay if replays else None,
-        commits=by_commit(results),
+        commits=renderers_by_commit(results),
         broken=sum(run.error is not None for run in results.runs),
         breakdowns=results.breakdowns,
         ended=sum(run.ended is not None for run in results.runs),
-        grid=phenomena(results),
-        worst_words=_worst_words({state(each) for each in given}),
-        failures=[(verdict, Drawing(next(taken), each.problem)) for verdict, each in shown],
-        more=_more(results, given),
+        grid=phenomenon_grid(results),
+        worst_words=_worst_words({state_of(verdict) for verdict in worst}),
+        failures=[(verdict, Drawing(next(svgs), drawing.problem)) for verdict, drawing in failures],
+        more=_unlisted_count(results, worst),
         hard_names=names,
         hard=hard,
         summaries=summaries(results),
-        closed_forms=_closed_forms(results, {name for name, check in known.items() if check.needs_closed_form}),
+        closed_forms=_closed_form_tables(results, {name for name, check in known.items() if check.needs_closed_form}),
         forms=CLOSED_FORMS,
-        suites=_suites(results),
-        grave_states=[each for each in State if each.grave],
-        failing_states=[State.KNOWN, State.WARNING, *(each for each in State if each.grave)],
+        suites=_suite_sections(results),
+        grave_states=[state for state in State if state.grave],
+        failing_states=[State.KNOWN, State.WARNING, *(state for state in State if state.grave)],
         titles={(run.suite, run.case): run.title for run in results.runs},
         aside={(run.suite, run.case) for run in results.runs if not run.judged},
         page=page,
@@ -181,56 +183,58 @@ def render_index(
         about=None if single else link_to,
         command={name: getattr(results.command, name) for name in results.command.__struct_fields__},
         bench=bench,
-        bench_plots=[(title, next(taken)) for title, _ in plots],
+        bench_plots=[(title, next(svgs)) for title, _ in plots],
         bench_titles=TITLES,
-        effects=[replace(each, svg=next(taken)) for each in effects],
-        counterexamples=[(each, next(taken)) for each in counterexamples],
+        effects=[replace(effect, svg=next(svgs)) for effect in effects],
+        counterexamples=[(counterexample, next(svgs)) for counterexample in counterexamples],
         costs=costs,
-        cost_svg=next(taken),
+        cost_svg=next(svgs),
     )  # fmt: skip
 
 
 def _worst_words(states: set[State]) -> str:
     """Return the title of what is shown of the verdicts: all of them known failures, or warnings at worst, or more."""
-    if any(each.grave for each in states):
+    if any(state.grave for state in states):
         return "Not as expected"
     return "Warnings" if State.WARNING in states else "Known failures"
 
 
-def _more(results: ResultsDocument, shown: Sequence[VerdictEntry]) -> int:
+def _unlisted_count(results: ResultsDocument, listed: Sequence[VerdictEntry]) -> int:
     """How many verdicts are not as expected, or warn, beside those `shown` and those that broken runs took away."""
-    given = [each for each in results.verdicts if not results.lost(each)]
-    return max(0, sum(state(each).grave or state(each) is State.WARNING for each in given) - len(shown))
+    candidates = [verdict for verdict in results.verdicts if not results.lost(verdict)]
+    return max(
+        0, sum(state_of(verdict).grave or state_of(verdict) is State.WARNING for verdict in candidates) - len(listed)
+    )
 
 
-def _picture(found: Counterexample, prefix: str) -> str:
+def _counterexample_svg(counterexample: Counterexample, prefix: str) -> str:
     """Return the picture of a counterexample as an element; empty where there is none."""
-    if found.picture is None:
+    if counterexample.picture is None:
         return ""
-    return page_element(found.picture.read_text(encoding="utf-8"), prefix=prefix, title=found.line)
+    return svg_element(counterexample.picture.read_text(encoding="utf-8"), prefix=prefix, title=counterexample.line)
 
 
-def _suites(results: ResultsDocument) -> list[ShownSuite]:
+def _suite_sections(results: ResultsDocument) -> list[SuiteSection]:
     """Every suite in the order in which they ran."""
-    given = {suite.name: suite for suite in results.suites}
-    shown = []
+    suite_by_name = {suite.name: suite for suite in results.suites}
+    sections = []
     for name in dict.fromkeys(run.suite for run in results.runs):
-        suite = given.get(name, SuiteEntry(name=name, title="", citation="", rows=[]))
-        counts = Counter(state(each) for each in results.verdicts if each.suite == name)
-        grid = cases(results, name)
-        shown.append(
-            ShownSuite(
+        suite = suite_by_name.get(name, SuiteEntry(name=name, title="", citation="", rows=[]))
+        counts = Counter(state_of(verdict) for verdict in results.verdicts if verdict.suite == name)
+        grid = case_grid(results, name)
+        sections.append(
+            SuiteSection(
                 name,
                 suite.title or name,
                 suite.citation,
                 grid,
-                [(each, counts[each]) for each in State if counts[each]],
+                [(state, counts[state]) for state in State if counts[state]],
             )
         )
-    return shown
+    return sections
 
 
-def _closed_forms(results: ResultsDocument, checks: set[str]) -> list[tuple[RunEntry, list[VerdictEntry], str]]:
+def _closed_form_tables(results: ResultsDocument, checks: set[str]) -> list[tuple[RunEntry, list[VerdictEntry], str]]:
     """One table per case with verdicts of these checks: a run, the verdicts, and the number of the table in print.
 
     Those that cite a table come first, by its number.

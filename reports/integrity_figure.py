@@ -19,12 +19,12 @@ from hapticeval.types import BoolArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-GREY = "#9a9a9a"
-LINES = ("#0072b2", "#d55e00", "#009e73")
-MARKS = {Severity.FAULT: "#cc3311", Severity.SUSPICIOUS: "#e69f00", Severity.NOTE: "#56b4e9"}
-MOST = 6
+LEFT_OUT_COLOUR = "#9a9a9a"
+LINE_COLOURS = ("#0072b2", "#d55e00", "#009e73")
+FINDING_COLOURS = {Severity.FAULT: "#cc3311", Severity.SUSPICIOUS: "#e69f00", Severity.NOTE: "#56b4e9"}
+MOST_CHANNELS = 6
 """Channels that are drawn."""
-MANY = 100
+MOST_FINDINGS = 100
 """Findings that are drawn of each channel."""
 
 
@@ -38,45 +38,51 @@ def write_integrity(
     from matplotlib.patches import Patch
 
     stem = "integrity-" + (stem or file_stem(re.sub(r"[ :=,.]+", "-", title).strip("-")))
-    names, left = list(recording.channels)[:MOST], list(recording.channels)[MOST:]
-    with figure(7.2, 2.25 + 1.15 * len(names), layout="constrained") as made:
-        *channels, clock = panels = made.subplots(len(names) + 1, 1, sharex=True, squeeze=False)[:, 0]
+    names, left = list(recording.channels)[:MOST_CHANNELS], list(recording.channels)[MOST_CHANNELS:]
+    with figure(7.2, 2.25 + 1.15 * len(names), layout="constrained") as fig:
+        *channels, clock = panels = fig.subplots(len(names) + 1, 1, sharex=True, squeeze=False)[:, 0]
         valid = soundness.rows(len(recording))
         for axes, name in zip(channels, names, strict=True):
-            _channel(axes, recording, name, valid)
-            _marks(axes, [fault for fault in report.faults if fault.channel.partition(".")[0] == name])
+            _draw_channel(axes, recording, name, valid)
+            _draw_findings(axes, [fault for fault in report.faults if fault.channel.partition(".")[0] == name])
         steps = 1e3 * np.diff(recording.nanoseconds) * 1e-9
         clock.plot(recording.time[1:], steps, ".", color=INK, markersize=1.5, rasterized=True)
         clock.set(ylabel="step (ms)", xlabel="time (s)")
-        _marks(clock, [fault for fault in report.faults if fault.channel == "time"])
-        told = f"\n(not drawn: {', '.join(left)})" if left else ""
-        panels[0].set_title(f"{title}: {'suspicious' if report.suspicious else 'nothing suspicious'}{told}", color=INK)
-        there = {fault.severity for fault in report.faults if fault.time is not None}
-        handles = [Patch(color=MARKS[each], alpha=0.5, label=str(each)) for each in MARKS if each in there]
+        _draw_findings(clock, [fault for fault in report.faults if fault.channel == "time"])
+        not_drawn = f"\n(not drawn: {', '.join(left)})" if left else ""
+        panels[0].set_title(
+            f"{title}: {'suspicious' if report.suspicious else 'nothing suspicious'}{not_drawn}", color=INK
+        )
+        severities = {fault.severity for fault in report.faults if fault.time is not None}
+        handles = [
+            Patch(color=FINDING_COLOURS[severity], alpha=0.5, label=str(severity))
+            for severity in FINDING_COLOURS
+            if severity in severities
+        ]
         if not valid.all():
-            handles.append(Patch(color=GREY, alpha=0.25, label="left out"))
+            handles.append(Patch(color=LEFT_OUT_COLOUR, alpha=0.25, label="left out"))
         if handles:
-            made.legend(handles=handles, loc="outside lower center", ncols=4)
-        return save_figure(made, directory, stem, dpi=140)
+            fig.legend(handles=handles, loc="outside lower center", ncols=4)
+        return save_figure(fig, directory, stem, dpi=140)
 
 
-def _channel(axes: Axes, recording: Recording, name: str, valid: BoolArray) -> None:
+def _draw_channel(axes: Axes, recording: Recording, name: str, valid: BoolArray) -> None:
     """A channel's columns over time, broken where rows are left out, which are shaded."""
     columns = recording.channels[name].reshape(len(recording), -1).T
     signal = recording.signals[name]
     for k, column in enumerate(columns):
         label = "xyz"[k] if signal.frame == "world" else str(k)
-        shown = np.where(valid, column, np.nan)
-        axes.plot(recording.time, shown, color=LINES[k % len(LINES)], linewidth=0.8, label=label)
+        valid_values = np.where(valid, column, np.nan)
+        axes.plot(recording.time, valid_values, color=LINE_COLOURS[k % len(LINE_COLOURS)], linewidth=0.8, label=label)
     if len(columns) > 1:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.0, borderpad=0.2)
     axes.set_ylabel(f"{name}\n({signal.unit})")
     for first, end in runs_of(~valid):
-        axes.axvspan(recording.time[first], recording.time[end - 1], color=GREY, alpha=0.25, linewidth=0)
+        axes.axvspan(recording.time[first], recording.time[end - 1], color=LEFT_OUT_COLOUR, alpha=0.25, linewidth=0)
 
 
-def _marks(axes: Axes, faults: Sequence[Issue]) -> None:
+def _draw_findings(axes: Axes, faults: Sequence[Issue]) -> None:
     """What was found, over its times: a line for a moment, a band for a stretch."""
-    for fault in faults[:MANY]:
+    for fault in faults[:MOST_FINDINGS]:
         if fault.time is not None:
-            axes.axvspan(*fault.time, color=MARKS[fault.severity], alpha=0.5, linewidth=1.2)
+            axes.axvspan(*fault.time, color=FINDING_COLOURS[fault.severity], alpha=0.5, linewidth=1.2)

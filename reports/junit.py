@@ -12,7 +12,7 @@ import xml.etree.ElementTree as ET
 
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.scene_words import ended_words
-from hapticeval.reports.table import ran
+from hapticeval.reports.table import ran_words
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
 NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -27,8 +27,8 @@ def junit(results: ResultsDocument) -> str:
     def suite_of(entry: RunEntry | VerdictEntry) -> ET.Element:
         key = (entry.suite, entry.renderer)
         if key not in suites:
-            suites[key] = ET.SubElement(root, "testsuite", name=_clean(": ".join(key)), time="0")
-            _provenance(suites[key], results, entry.renderer)
+            suites[key] = ET.SubElement(root, "testsuite", name=_xml_text(": ".join(key)), time="0")
+            _add_provenance(suites[key], results, entry.renderer)
         return suites[key]
 
     for run in results.runs:
@@ -36,14 +36,14 @@ def junit(results: ResultsDocument) -> str:
         suite.set("time", f"{float(suite.get('time', '0')) + run.wall_seconds:.3f}")
         if run.error and run.key not in results.verdicts_of:
             text = "\n".join(filter(None, (run.error.why, run.error.todo)))
-            _say(_case(suite, run, "run"), "error", run.error.what, text)
+            _add_result(_add_testcase(suite, run, "run"), "error", run.error.what, text)
     for verdict in results.verdicts:
-        case = _case(suite_of(verdict), verdict, verdict.check)
-        _tell(case, verdict, ended.get(verdict.key, ""), stopped=results.stops(verdict))
+        case = _add_testcase(suite_of(verdict), verdict, verdict.check)
+        _add_verdict(case, verdict, ended.get(verdict.key, ""), stopped=results.stops(verdict))
     if not results.complete:
         suite = ET.SubElement(root, "testsuite", name="hapticeval: completeness", time="0")
         case = ET.SubElement(suite, "testcase", classname="hapticeval", name="every planned verdict ran")
-        _say(case, "error", ran(results), "Verdicts that did not run are not shown below or above.")
+        _add_result(case, "error", ran_words(results), "Verdicts that did not run are not shown below or above.")
     for element in (*root, root):
         for name, tag in (("tests", "testcase"), ("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
             element.set(name, str(sum(1 for _ in element.iter(tag))))
@@ -51,51 +51,54 @@ def junit(results: ResultsDocument) -> str:
     return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _provenance(suite: ET.Element, results: ResultsDocument, renderer: str) -> None:
+def _add_provenance(suite: ET.Element, results: ResultsDocument, renderer: str) -> None:
     """Date, version and commit, which a reader of the file alone wants to know."""
     if results.date:
         suite.set("timestamp", results.date)
-    found = {"hapticeval": results.environment.versions.get("hapticeval"), "commit": results.commits.get(renderer)}
+    property_values = {
+        "hapticeval": results.environment.versions.get("hapticeval"),
+        "commit": results.commits.get(renderer),
+    }
     properties = ET.SubElement(suite, "properties")
-    for name, value in found.items():
+    for name, value in property_values.items():
         if value:
-            ET.SubElement(properties, "property", name=name, value=_clean(value))
+            ET.SubElement(properties, "property", name=name, value=_xml_text(value))
 
 
-def _case(suite: ET.Element, entry: RunEntry | VerdictEntry, name: str) -> ET.Element:
+def _add_testcase(suite: ET.Element, entry: RunEntry | VerdictEntry, name: str) -> ET.Element:
     """The renderer is a part of the name: CI services tell testcases apart by class and name alone."""
-    classname, name = _clean(f"{entry.suite}.{entry.case}"), _clean(f"{name} [{entry.renderer}]")
+    classname, name = _xml_text(f"{entry.suite}.{entry.case}"), _xml_text(f"{name} [{entry.renderer}]")
     return ET.SubElement(suite, "testcase", classname=classname, name=name)
 
 
-def _tell(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped: bool) -> None:
+def _add_verdict(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped: bool) -> None:
     outcome, published = verdict.outcome, verdict.published
     figures = verdict.measured
     text = verdict.message + (f" ({figures})" if figures else "") + (f"; the run {ended}" if ended else "")
     warning = "warning: " * verdict.warns
     if outcome is Outcome.ERROR:
-        _say(case, "error", text)
+        _add_result(case, "error", text)
     elif stopped:
         differs = f"{outcome}, published {published}: " if published else ""
         if verdict.outdated:
             differs = f"{outcome}, and on the list of known failures ({verdict.known}): "
-        _say(case, "failure", differs + text, "The outcome differs from the published one." if published else "")
+        _add_result(case, "failure", differs + text, "The outcome differs from the published one." if published else "")
     elif outcome in (Outcome.INCONCLUSIVE, Outcome.NOT_APPLICABLE):
-        _say(case, "skipped", f"{warning}{outcome}: {text}")
+        _add_result(case, "skipped", f"{warning}{outcome}: {text}")
     elif outcome is Outcome.FAIL:
         why = "fails, as known" if published else f"fails; level {verdict.level} stops no gate"
         if verdict.known is not None:
             why = f"fails, and is known: {verdict.known}"
-        ET.SubElement(case, "system-out").text = _clean(f"{warning}{why}: {text}")
+        ET.SubElement(case, "system-out").text = _xml_text(f"{warning}{why}: {text}")
 
 
-def _say(case: ET.Element, kind: str, message: str, text: str = "") -> None:
-    element = ET.SubElement(case, kind, message=_clean(message))
+def _add_result(case: ET.Element, kind: str, message: str, text: str = "") -> None:
+    element = ET.SubElement(case, kind, message=_xml_text(message))
     if kind != "skipped":
         element.set("type", kind)
-    element.text = _clean(text) or None
+    element.text = _xml_text(text) or None
 
 
-def _clean(text: str) -> str:
+def _xml_text(text: str) -> str:
     """Without the characters that XML 1.0 has no way to write: a renderer's message may hold any."""
     return NOT_XML.sub("\ufffd", text)

@@ -14,7 +14,7 @@ from hapticeval.reports.canvas import INK, PALETTE, QUIET, figure, save_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SERIES = ("#56b4e9", "#0072b2", "#1c1f23", "#d55e00")
+SAMPLING_TIME_COLOURS = ("#56b4e9", "#0072b2", "#1c1f23", "#d55e00")
 """One colour per sampling time, from the shortest."""
 
 
@@ -24,23 +24,23 @@ def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:
     Return the paths written. Raises `HapticevalError` where a file cannot be written.
     """
     case = document["scene"].rpartition("/")[2]
-    panels = [_width, _delay, *([_workspace] if document["workspace"] else [])]
-    with figure(4.6 * len(panels), 4.4, layout="constrained") as made:
-        for axes, draw in zip(made.subplots(1, len(panels)), panels, strict=True):
+    panels = [_draw_z_width, _draw_delay, *([_draw_workspace] if document["workspace"] else [])]
+    with figure(4.6 * len(panels), 4.4, layout="constrained") as fig:
+        for axes, draw in zip(fig.subplots(1, len(panels)), panels, strict=True):
             draw(axes, document)
-            axes.legend(fontsize=8, loc="upper right" if draw is _workspace else "best")
+            axes.legend(fontsize=8, loc="upper right" if draw is _draw_workspace else "best")
         title = f"Stable stiffness: {document['scene']}, {document['renderer']} on {document['device']}"
-        made.suptitle(title, fontsize=11, color=INK)
-        return save_figure(made, directory, file_stem(f"limits-{case}-{document['device']}"), document=document)
+        fig.suptitle(title, fontsize=11, color=INK)
+        return save_figure(fig, directory, file_stem(f"limits-{case}-{document['device']}"), document=document)
 
 
-def _width(axes: Axes, document: Mapping[str, Any]) -> None:
+def _draw_z_width(axes: Axes, document: Mapping[str, Any]) -> None:
     """K over B for several T: stable below the solid line, passive below the dashed one."""
     passive: dict[str, Any] = {"linestyle": "--", "linewidth": 1.0}
-    for colour, curve in zip(SERIES, document["width"], strict=True):
+    for colour, curve in zip(SAMPLING_TIME_COLOURS, document["width"], strict=True):
         label = f"T = {1e3 * curve['sampling_time']:.3g} ms"
-        axes.plot(curve["damping"], _kilo(curve["eigenvalues"]), color=colour, label=label)
-        axes.plot(curve["damping"], _kilo(curve["passive"]), color=colour, **passive)
+        axes.plot(curve["damping"], _thousands(curve["eigenvalues"]), color=colour, label=label)
+        axes.plot(curve["damping"], _thousands(curve["passive"]), color=colour, **passive)
     if document["passive"] is not None:
         axes.plot([], [], color=QUIET, label="passive (2.40)", **passive)
     place = [document["damping"]], [1e-3 * document["stiffness"]]
@@ -53,15 +53,15 @@ def _width(axes: Axes, document: Mapping[str, Any]) -> None:
     axes.set(xlabel="damping B (N s/m)", ylabel="stiffness K (kN/m)", title="Z-width: stable below the line")
 
 
-def _delay(axes: Axes, document: Mapping[str, Any]) -> None:
+def _draw_delay(axes: Axes, document: Mapping[str, Any]) -> None:
     """K over the delay. Wide under narrow and broken, and not clipped: where both are zero they lie on the axis."""
     curve = document["delay"]
-    delay, limit = 1e3 * np.array(curve["delay"]), _kilo(curve["eigenvalues"])
-    axes.plot(delay, limit, color=SERIES[0], linewidth=3.5, label="eigenvalues", clip_on=False)
+    delay, limit = 1e3 * np.array(curve["delay"]), _thousands(curve["eigenvalues"])
+    axes.plot(delay, limit, color=SAMPLING_TIME_COLOURS[0], linewidth=3.5, label="eigenvalues", clip_on=False)
     axes.axhline(1e-3 * document["stiffness"], color=PALETTE["jump"], linewidth=1.0, linestyle="-.", label="the scene")
     if document["passive"] is not None:
-        style: dict[str, Any] = {"color": SERIES[2], "linestyle": "--", "linewidth": 1.2}
-        axes.plot(delay, _kilo(curve["passive"]), label="passive (2.40)", clip_on=False, **style)
+        style: dict[str, Any] = {"color": SAMPLING_TIME_COLOURS[2], "linestyle": "--", "linewidth": 1.2}
+        axes.plot(delay, _thousands(curve["passive"]), label="passive (2.40)", clip_on=False, **style)
     if not any(value is None or value > 0.0 for value in curve["eigenvalues"]):
         axes.text(0.5, 0.5, "no stiffness is stable at any delay", transform=axes.transAxes, ha="center", fontsize=9)
     axes.set_ylim(bottom=0.0)
@@ -69,18 +69,18 @@ def _delay(axes: Axes, document: Mapping[str, Any]) -> None:
     axes.set(xlabel="computation delay (ms)", ylabel="stiffness K (kN/m)", title="Delay")
 
 
-def _workspace(axes: Axes, document: Mapping[str, Any]) -> None:
+def _draw_workspace(axes: Axes, document: Mapping[str, Any]) -> None:
     """The limit at each pose, at a wall that faces the worst direction there."""
-    found = document["workspace"]
-    first, second = (1e3 * np.array(found[name]) for name in ("first", "second"))
-    limits = np.array([_kilo(row) for row in found["eigenvalues"]])
+    workspace = document["workspace"]
+    first, second = (1e3 * np.array(workspace[name]) for name in ("first", "second"))
+    limits = np.array([_thousands(row) for row in workspace["eigenvalues"]])
     mesh = axes.pcolormesh(first, second, limits, cmap="cividis", shading="nearest", rasterized=True)
     axes.figure.colorbar(mesh, ax=axes, shrink=0.85, label="stiffness K (kN/m)")
     point = 1e3 * np.array(document["point"])
     axes.plot([point[0]], [point[-1]], "o", color=PALETTE["jump"], label="the place", zorder=5)
-    names = [f"y{'₀₁₂₃'[int(name[1:])]} (mm)" for name in found["axes"]]
+    names = [f"y{'₀₁₂₃'[int(name[1:])]} (mm)" for name in workspace["axes"]]
     axes.set(xlabel=names[0], ylabel=names[1], title="Workspace, worst wall direction", aspect="equal")
 
 
-def _kilo(values: Sequence[float | None]) -> list[float]:
+def _thousands(values: Sequence[float | None]) -> list[float]:
     return [np.nan if value is None else 1e-3 * value for value in values]

@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.canvas import MM, drawn, figure, legend_above, page_svg
+from hapticeval.reports.canvas import MM, colour_of, figure, legend_above, page_svg
 from hapticeval.types import Array, IntArray
 
 if TYPE_CHECKING:
@@ -26,10 +26,10 @@ OVERVIEW_BELOW = 0.35
 """Share of the model in view below which a small picture of the whole is added."""
 LENS_BELOW = 0.025
 """Depth as a share of the view below which the points cannot be told apart without a lens."""
-INSET = 0.31
+INSET_SIDE = 0.31
 """Side of a small picture, as a share of the axes."""
 SHADOW_POINTS = 4000
-SHARP = 0.1
+SHARP_TURN = 0.1
 """Turn (rad) of the faces at an edge of a mesh that is drawn."""
 
 Box = tuple[float, float, float, float]
@@ -40,16 +40,16 @@ def draw_plane(
     axes: Axes, recording: Recording, model: Model | None, *, ticks: Mapping[int, int], failed: Collection[int]
 ) -> None:
     """Draw into `axes`; `ticks` maps the numbers of marks to samples, `failed` are the numbers that failed."""
-    shown = shown_axes(recording.hip)
-    name_axes(axes, shown, recording.hip.shape[1])
-    columns = list(shown)
+    coordinates = widest_coordinates(recording.hip)
+    name_axes(axes, coordinates, recording.hip.shape[1])
+    columns = list(coordinates)
     channels = {name: getattr(recording, name)[:, columns] for name in ("hip", "ihip", "force")}
     recording = Recording(recording.time, channels, recording.meta)
     points = MM * np.vstack([recording.hip, recording.ihip])
-    view = box_round(0.5 * (points.min(axis=0) + points.max(axis=0)), 1.24 * np.ptp(points, axis=0), shape_of(axes))
-    body = None if model is None else body_of(model, shown, view)
+    view = box_round(0.5 * (points.min(axis=0) + points.max(axis=0)), 1.24 * np.ptp(points, axis=0), aspect_of(axes))
+    body = None if model is None else model_shadow(model, coordinates, view)
     _draw_body(axes, body, view)
-    chosen = along_path(recording, SAMPLES, keep=ticks.values())
+    chosen = samples_along_path(recording, SAMPLES, keep=ticks.values())
     _draw_samples(axes, recording, chosen)
     for number, tick in ticks.items():
         _draw_mark(axes, recording, tick, failed=number in failed)
@@ -75,25 +75,25 @@ def refusal_svg(model: Model, position: Sequence[float], *, prefix: str = "f", t
     """Return the outline of a model that a renderer refuses as an SVG element, with a cross at `position` (m)."""
     xmin, ymin, xmax, ymax = (MM * bound for bound in model.boundary.bounds)
     edge = 0.06 * max(xmax - xmin, ymax - ymin)
-    with figure(8.0, 2.8, page=True) as made:
-        axes = made.add_axes((0.08, 0.18, 0.55, 0.77))
+    with figure(8.0, 2.8, page=True) as fig:
+        axes = fig.add_axes((0.08, 0.18, 0.55, 0.77))
         axes.set_aspect("equal")
         draw_body(axes, model, (xmin - edge, ymin - edge, xmax + edge, ymax + edge))
-        axes.plot(MM * position[0], MM * position[1], "x", color=drawn("ihip"), markersize=11, markeredgewidth=2.2)
+        axes.plot(MM * position[0], MM * position[1], "x", color=colour_of("ihip"), markersize=11, markeredgewidth=2.2)
         axes.set(xlabel="y₁ (mm)", ylabel="y₂ (mm)")
-        return page_svg(made, prefix=prefix, title=title)
+        return page_svg(fig, prefix=prefix, title=title)
 
 
-def shown_axes(hips: Array) -> tuple[int, int]:
+def widest_coordinates(hips: Array) -> tuple[int, int]:
     """Return the two coordinates of (n, N) in which the HIP moves most, in order."""
     first, second = sorted(np.argsort(np.ptp(hips, axis=0), kind="stable")[-2:].tolist())
     return int(first), int(second)
 
 
-def name_axes(axes: Axes, shown: tuple[int, int], dimension: int) -> None:
+def name_axes(axes: Axes, coordinates: tuple[int, int], dimension: int) -> None:
     """Label a plane with its two coordinates, and with the direction from which a run in space is seen."""
-    first, second = ("₁₂₃"[axis] for axis in shown)
-    along = f", seen along y{'₁₂₃'[3 - sum(shown)]}" if dimension == 3 else ""
+    first, second = ("₁₂₃"[axis] for axis in coordinates)
+    along = f", seen along y{'₁₂₃'[3 - sum(coordinates)]}" if dimension == 3 else ""
     axes.set(xlabel=f"y{first} (mm){along}", ylabel=f"y{second} (mm)")
     axes.yaxis.set_label_coords(-0.13, 0.5)
 
@@ -110,7 +110,7 @@ def labels(numbers: Sequence[int], places: Sequence[Array], near: float) -> list
     return [(where, ",".join(map(str, together))) for where, together in groups]
 
 
-def shape_of(axes: Axes) -> float:
+def aspect_of(axes: Axes) -> float:
     """Return the width of the axes over their height, on paper."""
     size = axes.get_window_extent()
     return float(size.width / size.height)
@@ -124,7 +124,7 @@ def box_round(centre: Array, size: Array, aspect: float) -> Box:
     return float(xmin), float(ymin), float(xmax), float(ymax)
 
 
-def body_of(model: Model, shown: tuple[int, int], view: Box) -> Geometry:
+def model_shadow(model: Model, coordinates: tuple[int, int], view: Box) -> Geometry:
     """Return what to draw of a model, mm: what it fills in the plane, or its shadow on the coordinates `shown`.
 
     That of a mesh is the union of its triangles, with its sharp edges that face the eye; other models in space are
@@ -133,40 +133,40 @@ def body_of(model: Model, shown: tuple[int, int], view: Box) -> Geometry:
     import shapely
 
     if model.dimension == 2:
-        return solid(model, view)
+        return filled_part(model, view)
     from hapticeval.geometry.mesh import Mesh
 
     if isinstance(model.boundary, Mesh):
-        return _facets(model.boundary, shown)
-    return shapely.MultiPoint(MM * model.boundary.points(SHADOW_POINTS)[:, list(shown)]).convex_hull
+        return _mesh_shadow(model.boundary, coordinates)
+    return shapely.MultiPoint(MM * model.boundary.points(SHADOW_POINTS)[:, list(coordinates)]).convex_hull
 
 
-def _facets(mesh: Mesh, shown: tuple[int, int]) -> Geometry:
+def _mesh_shadow(mesh: Mesh, coordinates: tuple[int, int]) -> Geometry:
     """Return the shadow of a mesh and the edges that are seen, mm: the first coordinate to the right, the second up."""
     import shapely
 
-    eye = np.cross(*np.eye(3)[list(shown)])
-    seen = mesh.normals @ eye > 0.0
-    corners = MM * mesh.vertices[:, list(shown)]
-    shadow = shapely.union_all(shapely.polygons(corners[mesh.triangles[seen]]))
-    edges = shapely.MultiLineString(list(MM * mesh.edges(SHARP, eye)[..., list(shown)]))
+    eye = np.cross(*np.eye(3)[list(coordinates)])
+    facing = mesh.normals @ eye > 0.0
+    corners = MM * mesh.vertices[:, list(coordinates)]
+    shadow = shapely.union_all(shapely.polygons(corners[mesh.triangles[facing]]))
+    edges = shapely.MultiLineString(list(MM * mesh.edges(SHARP_TURN, eye)[..., list(coordinates)]))
     return shapely.GeometryCollection([*shapely.get_parts(shadow), edges])
 
 
-def solid(model: Model, view: Box) -> Geometry:
+def filled_part(model: Model, view: Box) -> Geometry:
     """Return what the model fills of `view` and a bit around it, mm, as fine as can be seen."""
     import shapely
 
     xmin, ymin, xmax, ymax = view
     width, height = xmax - xmin, ymax - ymin
-    area = shapely.make_valid(shapely.Polygon(_ring(model, view)))
+    area = shapely.make_valid(shapely.Polygon(_outline(model, view)))
     clipped = shapely.clip_by_rect(
         area, xmin - 0.1 * width, ymin - 0.1 * height, xmax + 0.1 * width, ymax + 0.1 * height
     )
     return shapely.simplify(clipped, width / 1500.0)
 
 
-def _ring(model: Model, view: Box) -> Array:
+def _outline(model: Model, view: Box) -> Array:
     """The closed outline, or of an open one a ring that is large enough to fill the view on its inside."""
     boundary = model.boundary
     if boundary.closed:
@@ -176,8 +176,8 @@ def _ring(model: Model, view: Box) -> Array:
     frame = boundary.closest_point(centre[np.newaxis] / MM)
     point, left = MM * frame.foot[0], -frame.normal[0]
     tangent = np.array([left[1], -left[0]])
-    far = 3.0 * (np.linalg.norm(centre - point) + view[2] - view[0] + view[3] - view[1])
-    return np.asarray(point + far * np.array([-tangent, tangent, tangent + left, left - tangent]))
+    reach = 3.0 * (np.linalg.norm(centre - point) + view[2] - view[0] + view[3] - view[1])
+    return np.asarray(point + reach * np.array([-tangent, tangent, tangent + left, left - tangent]))
 
 
 def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float = 1.1) -> None:
@@ -187,28 +187,32 @@ def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float
     for part in () if body is None else shapely.get_parts(body):
         if part.geom_type == "Polygon" and not part.is_empty:
             ring = shapely.get_coordinates(part.exterior)
-            axes.fill(*ring.T, facecolor=drawn("model"), edgecolor=drawn("ink"), linewidth=linewidth, zorder=1)
+            axes.fill(*ring.T, facecolor=colour_of("model"), edgecolor=colour_of("ink"), linewidth=linewidth, zorder=1)
             for hole in part.interiors:
                 rim = shapely.get_coordinates(hole)
-                axes.fill(*rim.T, facecolor=axes.get_facecolor(), edgecolor=drawn("ink"), linewidth=linewidth, zorder=1)
+                axes.fill(
+                    *rim.T, facecolor=axes.get_facecolor(), edgecolor=colour_of("ink"), linewidth=linewidth, zorder=1
+                )
         elif part.geom_type == "MultiLineString":
             lines = list(shapely.get_coordinates(part).reshape(-1, 2, 2))
-            axes.add_collection(LineCollection(lines, colors=drawn("ink"), linewidths=0.4 * linewidth, zorder=1))
+            axes.add_collection(LineCollection(lines, colors=colour_of("ink"), linewidths=0.4 * linewidth, zorder=1))
     axes.set(xlim=view[::2], ylim=view[1::2])
 
 
-def draw_body(axes: Axes, model: Model, view: Box, shown: tuple[int, int] = (0, 1)) -> None:
+def draw_body(axes: Axes, model: Model, view: Box, coordinates: tuple[int, int] = (0, 1)) -> None:
     """Draw what the model fills of `view`, mm, in the coordinates `shown`."""
-    _draw_body(axes, body_of(model, shown, view), view)
+    _draw_body(axes, model_shadow(model, coordinates, view), view)
 
 
-def along_path(recording: Recording, count: int, *, keep: Collection[int] = ()) -> IntArray:
+def samples_along_path(recording: Recording, count: int, *, keep: Collection[int] = ()) -> IntArray:
     """Return about `count` samples, evenly spaced by how far HIP and IHIP travel, and `keep` with those before."""
     points = np.hstack([recording.hip, recording.ihip])
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     even = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], count))
-    beside = [tick + offset for tick in keep for offset in (-1, 0)]
-    chosen = np.unique(np.concatenate([even, [0, len(recording) - 1], np.array(beside, dtype=int)]).astype(np.int64))
+    kept_ticks = [tick + offset for tick in keep for offset in (-1, 0)]
+    chosen = np.unique(
+        np.concatenate([even, [0, len(recording) - 1], np.array(kept_ticks, dtype=int)]).astype(np.int64)
+    )
     return chosen[(chosen >= 0) & (chosen < len(recording))]
 
 
@@ -218,20 +222,20 @@ def _draw_samples(axes: Axes, recording: Recording, chosen: IntArray, *, size: f
     rays = np.stack([hip, ihip, np.full_like(hip, np.nan)], axis=1)[touching].reshape(-1, 2)
     dot: dict[str, Any] = {"linestyle": "none", "marker": "o"}
     axes.plot(
-        *hip.T, **dot, markersize=size, markerfacecolor="none", markeredgewidth=0.8, color=drawn("hip"), zorder=3,
+        *hip.T, **dot, markersize=size, markerfacecolor="none", markeredgewidth=0.8, color=colour_of("hip"), zorder=3,
         label="HIP",
     )  # fmt: skip
     axes.plot(
-        *ihip[touching].T, **dot, markersize=0.85 * size, markeredgewidth=0.0, color=drawn("ihip"), zorder=4,
+        *ihip[touching].T, **dot, markersize=0.85 * size, markeredgewidth=0.0, color=colour_of("ihip"), zorder=4,
         label="IHIP",
     )  # fmt: skip
-    axes.plot(*rays.T, color=drawn("ray"), linewidth=0.7, zorder=2, label="projection")
+    axes.plot(*rays.T, color=colour_of("ray"), linewidth=0.7, zorder=2, label="projection")
 
 
 def _draw_mark(axes: Axes, recording: Recording, tick: int, *, failed: bool) -> None:
     """The marked sample ringed, with the IHIP's way there from the sample before."""
     hip, ihip = MM * recording.hip[tick], MM * recording.ihip[tick]
-    style: dict[str, Any] = {"color": drawn("mark")}
+    style: dict[str, Any] = {"color": colour_of("mark")}
     if tick > 0:
         axes.plot(*(MM * recording.ihip[tick - 1 : tick + 1]).T, linewidth=1.6, zorder=2.5, **style)
     axes.plot(*np.stack([hip, ihip]).T, linewidth=1.2 if failed else 0.8, zorder=2.4, **style)
@@ -246,16 +250,16 @@ def _emptiest_corners(recording: Recording, chosen: IntArray, view: Box) -> list
     """Places for insets, as shares of the axes, those that hide the fewest points first."""
     points = MM * np.vstack([recording.hip[chosen], recording.ihip[chosen]])
     share = (points - view[:2]) / (np.array(view[2:]) - view[:2])
-    high = 0.985 - INSET
+    high = 0.985 - INSET_SIDE
     places = [(high, high), (0.015, high), (high, 0.015), (0.015, 0.015)]
     return sorted(
-        places, key=lambda place: int(np.sum(np.all((share > place) & (share < np.add(place, INSET)), axis=1)))
+        places, key=lambda place: int(np.sum(np.all((share > place) & (share < np.add(place, INSET_SIDE)), axis=1)))
     )
 
 
-def _inset(axes: Axes, corner: Corner) -> Axes:
-    inset = axes.inset_axes((*corner, INSET, INSET))
-    inset.set(facecolor=drawn("paper"), xticks=[], yticks=[])
+def _add_inset(axes: Axes, corner: Corner) -> Axes:
+    inset = axes.inset_axes((*corner, INSET_SIDE, INSET_SIDE))
+    inset.set(facecolor=colour_of("paper"), xticks=[], yticks=[])
     inset.spines[["top", "right"]].set_visible(True)
     return inset
 
@@ -264,28 +268,32 @@ def _draw_overview(axes: Axes, corner: Corner, model: Model, view: Box) -> None:
     """The whole model, with a rectangle round what the large picture shows of it."""
     from matplotlib.patches import Rectangle
 
-    inset = _inset(axes, corner)
+    inset = _add_inset(axes, corner)
     bounds = MM * np.array(model.boundary.bounds)
-    whole = box_round(0.5 * (bounds[:2] + bounds[2:]), 1.15 * (bounds[2:] - bounds[:2]), shape_of(axes))
-    _draw_body(inset, solid(model, whole), whole, linewidth=0.8)
+    model_box = box_round(0.5 * (bounds[:2] + bounds[2:]), 1.15 * (bounds[2:] - bounds[:2]), aspect_of(axes))
+    _draw_body(inset, filled_part(model, model_box), model_box, linewidth=0.8)
     width, height = view[2] - view[0], view[3] - view[1]
-    inset.add_patch(Rectangle(view[:2], width, height, fill=False, edgecolor=drawn("ihip"), linewidth=1.0, zorder=3))
+    inset.add_patch(
+        Rectangle(view[:2], width, height, fill=False, edgecolor=colour_of("ihip"), linewidth=1.0, zorder=3)
+    )
 
 
 def _draw_lens(
     axes: Axes, corner: Corner, recording: Recording, body: Geometry | None, tick: int, depth: float
 ) -> None:
     """The neighbourhood of one sample, enlarged until its depth can be seen."""
-    inset = _inset(axes, corner)
+    inset = _add_inset(axes, corner)
     centre = MM * 0.5 * (recording.hip[tick] + recording.ihip[tick])
-    box = box_round(centre, np.full(2, 3.2 * depth), shape_of(axes))
+    box = box_round(centre, np.full(2, 3.2 * depth), aspect_of(axes))
     _draw_body(inset, body, box)
     points = MM * recording.hip
     inside = np.flatnonzero(np.all((points > box[:2]) & (points < box[2:]), axis=1))
     near = inside[np.linspace(0, inside.size - 1, min(7, inside.size)).astype(int)]
     _draw_samples(inset, recording, near.astype(np.int64), size=4.0)
-    times = np.ptp(axes.get_xlim()) * INSET / (box[2] - box[0])
-    paper = {"facecolor": drawn("paper"), "edgecolor": "none", "pad": 1.0}
+    times = np.ptp(axes.get_xlim()) * INSET_SIDE / (box[2] - box[0])
+    paper = {"facecolor": colour_of("paper"), "edgecolor": "none", "pad": 1.0}
     text = f"× {float(f'{times:.2g}'):g}"  # noqa: RUF001
     inset.text(0.05, 0.95, text, fontsize=7.5, va="top", transform=inset.transAxes, zorder=6, bbox=paper)
-    axes.indicate_inset((box[0], box[1], box[2] - box[0], box[3] - box[1]), inset, edgecolor=drawn("quiet"), alpha=1.0)
+    axes.indicate_inset(
+        (box[0], box[1], box[2] - box[0], box[3] - box[1]), inset, edgecolor=colour_of("quiet"), alpha=1.0
+    )

@@ -21,8 +21,8 @@ LOOKS = {
     "verner": ("#cc79a7", "<"),
     "dop853": ("#009e73", "P"),
 }
-MARK = "#e69f00"
-MS = 1e3
+TARGET_COLOUR = "#e69f00"
+MILLISECONDS = 1e3
 
 
 def write_precision(directory: Path, document: Mapping[str, Any]) -> list[Path]:
@@ -33,15 +33,15 @@ def write_precision(directory: Path, document: Mapping[str, Any]) -> list[Path]:
     """
     devices = document["devices"]
     width = 0.6 + 4.2 * len(devices)
-    with figure(width, 4.6, settings={"grid.linewidth": 0.4}) as made:
-        panels = made.subplots(1, len(devices), squeeze=False, sharey=True)[0]
-        made.subplots_adjust(left=0.7 / width, right=0.985, top=0.92, bottom=0.235, wspace=0.05)
+    with figure(width, 4.6, settings={"grid.linewidth": 0.4}) as fig:
+        panels = fig.subplots(1, len(devices), squeeze=False, sharey=True)[0]
+        fig.subplots_adjust(left=0.7 / width, right=0.985, top=0.92, bottom=0.235, wspace=0.05)
         for axes, device in zip(panels, devices, strict=True):
             _draw_panel(axes, device, document)
         panels[0].set_ylabel("relative error after a tick, largest")
         handles, labels = panels[0].get_legend_handles_labels()
-        made.legend(handles, labels, loc="lower center", ncols=4, handlelength=1.6)
-        return save_figure(made, directory, STEM, document=document)
+        fig.legend(handles, labels, loc="lower center", ncols=4, handlelength=1.6)
+        return save_figure(fig, directory, STEM, document=document)
 
 
 def _draw_panel(axes: Axes, device: Mapping[str, Any], document: Mapping[str, Any]) -> None:
@@ -50,7 +50,7 @@ def _draw_panel(axes: Axes, device: Mapping[str, Any], document: Mapping[str, An
     axes.grid(True, which="major")
     for method in device["methods"]:
         name, (colour, marker) = method["name"], LOOKS[method["name"]]
-        places = [(MS * point["seconds_per_second"], point["error"]) for point in method["points"]]
+        places = [(MILLISECONDS * point["seconds_per_second"], point["error"]) for point in method["points"]]
         style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 4, "linewidth": 0.9}
         axes.plot(*zip(*places, strict=True), label=f"{name} (order {method['order']})", **style)
         if name == default["method"]:
@@ -60,9 +60,9 @@ def _draw_panel(axes: Axes, device: Mapping[str, Any], document: Mapping[str, An
                 markeredgewidth=1.4, label=f"what closed loops use: {name}, tolerance {default['tolerance']:.0e}",
             )  # fmt: skip
     target = document["target"]
-    axes.axhline(target, color=MARK, linewidth=1.0, zorder=1.5)
+    axes.axhline(target, color=TARGET_COLOUR, linewidth=1.0, zorder=1.5)
     axes.annotate(
         f"{target:g}: what closed loops promise", (0.99, target), xycoords=("axes fraction", "data"), ha="right",
         va="bottom", fontsize=7,
     )  # fmt: skip
-    axes.set_title(f"{device['device']}, ticks of {MS * document['dt']:g} ms", fontsize=9)
+    axes.set_title(f"{device['device']}, ticks of {MILLISECONDS * document['dt']:g} ms", fontsize=9)

@@ -18,7 +18,16 @@ from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import continuing_steps
-from hapticeval.reports.canvas import MM, drawn, empty, figure, in_style, legend_above, page_svg, trace
+from hapticeval.reports.canvas import (
+    MM,
+    clear_axes,
+    colour_of,
+    draw_over_time,
+    figure,
+    in_style,
+    legend_above,
+    page_svg,
+)
 from hapticeval.reports.plane import draw_plane, labels
 from hapticeval.runner.results import VerdictEntry
 from hapticeval.types import Array
@@ -30,28 +39,28 @@ if TYPE_CHECKING:
 Frame: TypeAlias = "tuple[Axes, Axes, Axes]"
 """The plane, the force, and what is below it."""
 
-Place: TypeAlias = tuple[float, float, float, float]
+Area: TypeAlias = tuple[float, float, float, float]
 """Left, bottom, width and height of axes, as shares of the figure."""
 
-BESIDE: tuple[Place, Place, Place] = (
+AREAS_SIDE_BY_SIDE: tuple[Area, Area, Area] = (
     (0.08, 0.12, 0.405, 0.79),
     (0.59, 0.45, 0.39, 0.46),
     (0.59, 0.12, 0.39, 0.225),
 )
-STACKED: tuple[Place, Place, Place] = (
+AREAS_STACKED: tuple[Area, Area, Area] = (
     (0.16, 0.50, 0.805, 0.46),
     (0.16, 0.225, 0.805, 0.17),
     (0.16, 0.075, 0.805, 0.105),
 )
 """Where plane, force and what is below it lie: side by side on paper, one above the other on a page."""
 
-ASIDE = 0.44
+LABEL_DISTANCE = 0.44
 """Inches from an axis to its label: numbers of five characters lie between."""
 
-HEIGHT, LINE = 3.7, 0.16
+HEIGHT, LINE_HEIGHT = 3.7, 0.16
 """Inches of a figure under a title of one line, and of each further one."""
 
-WIDEST = 100
+TITLE_CHARACTERS = 100
 """Characters of a line of the title."""
 
 DASHED, DOTTED = (0, (4, 1.2)), (0, (1.2, 1.2))
@@ -82,43 +91,43 @@ def figure_svg(
 
     Of a recording in 3D the two coordinates in which it moves most are drawn, and all three force components.
     """
-    made, axes = _page()
+    fig, axes = _page_figure()
     with in_style():
         try:
             _draw(axes, recording, model, marks)
-            return page_svg(made, prefix=prefix, title=title)
+            return page_svg(fig, prefix=prefix, title=title)
         finally:
-            for each in axes:
-                empty(each)
+            for panel in axes:
+                clear_axes(panel)
 
 
 @cache
-def _page() -> tuple[Figure, Frame]:
+def _page_figure() -> tuple[Figure, Frame]:
     """Make the figure that each of a page is drawn in: axes and ticks take as long to make as all that they hold."""
-    with figure(4.4, 5.2, page=True) as made:
-        return made, _frame(made, STACKED)
+    with figure(4.4, 5.2, page=True) as fig:
+        return fig, _add_frame(fig, AREAS_STACKED)
 
 
 def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), title: str = "") -> Figure:
     """Return the same as a figure of matplotlib, under a title, which takes as many lines as it needs."""
-    lines = wrap(title, WIDEST)
-    height = HEIGHT + LINE * max(len(lines) - 1, 0)
-    with figure(8.0, height) as made:
-        left, bottom, width, high = np.array(BESIDE).T
+    lines = wrap(title, TITLE_CHARACTERS)
+    height = HEIGHT + LINE_HEIGHT * max(len(lines) - 1, 0)
+    with figure(8.0, height) as fig:
+        left, bottom, width, high = np.array(AREAS_SIDE_BY_SIDE).T
         share = HEIGHT / height
         places = np.column_stack([left, share * bottom, width, share * high]).tolist()
-        _draw(_frame(made, places), recording, model, marks)
-        made.suptitle("\n".join(lines), y=1.0 - 0.01 * share, fontsize="medium")
-        return made
+        _draw(_add_frame(fig, places), recording, model, marks)
+        fig.suptitle("\n".join(lines), y=1.0 - 0.01 * share, fontsize="medium")
+        return fig
 
 
-def _frame(made: Figure, places: Sequence[Place]) -> Frame:
-    plane, force, below = map(made.add_axes, places)
+def _add_frame(fig: Figure, places: Sequence[Area]) -> Frame:
+    plane, force, below = map(fig.add_axes, places)
     below.sharex(force)
     force.tick_params(labelbottom=False)
     below.set_xlabel("time (s)")
     for axes in (force, below):
-        axes.yaxis.set_label_coords(-ASIDE / (axes.get_position().width * made.get_figwidth()), 0.5)
+        axes.yaxis.set_label_coords(-LABEL_DISTANCE / (axes.get_position().width * fig.get_figwidth()), 0.5)
         axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         axes.grid(True)
     return plane, force, below
@@ -135,7 +144,7 @@ def _draw(frame: Frame, recording: Recording, model: Model | None, marks: Sequen
     for axes in (force, below):
         for mark in marks:
             axes.axvline(
-                mark.time, color=drawn("mark"), linewidth=1.3 if mark.failed else 0.9, zorder=1.5,
+                mark.time, color=colour_of("mark"), linewidth=1.3 if mark.failed else 0.9, zorder=1.5,
                 linestyle="-" if mark.failed else (0, (1.5, 1.5)),
             )  # fmt: skip
     times = [np.array([mark.time]) for mark in marks]
@@ -148,11 +157,11 @@ def _draw(frame: Frame, recording: Recording, model: Model | None, marks: Sequen
 
 def _draw_force(axes: Axes, recording: Recording) -> None:
     magnitude = np.linalg.norm(recording.force, axis=1)
-    trace(axes, recording, magnitude, "ink", label="|F|", linewidth=1.6)
+    draw_over_time(axes, recording, magnitude, "ink", label="|F|", linewidth=1.6)
     for column, role, style, name in zip(
         recording.force.T, ("one", "two", "three"), ("-", DASHED, DOTTED), "₁₂₃", strict=False
     ):
-        trace(axes, recording, column, role, label=f"F{name}", linestyle=style)
+        draw_over_time(axes, recording, column, role, label=f"F{name}", linestyle=style)
     axes.set_ylabel("response force (N)")
     _include_zero(axes, recording.force, magnitude)
     _legend(axes)
@@ -161,20 +170,20 @@ def _draw_force(axes: Axes, recording: Recording) -> None:
 def _draw_below(axes: Axes, recording: Recording) -> None:
     """Steps of both points on one axis, where an IHIP that jumps and a HIP that does not are pop-through; or depth."""
     if recording.meta.get("source") in ("playback", "replay") and len(recording) > 2:
-        ihip, hip = (_steps(recording, points) for points in (recording.ihip, recording.hip))
-        trace(axes, recording, ihip, "ihip", label="IHIP")
-        trace(axes, recording, hip, "hip", label="HIP", linestyle=DASHED)
+        ihip, hip = (_step_lengths(recording, points) for points in (recording.ihip, recording.hip))
+        draw_over_time(axes, recording, ihip, "ihip", label="IHIP")
+        draw_over_time(axes, recording, hip, "hip", label="HIP", linestyle=DASHED)
         axes.set_ylabel("step a tick\n(mm)")
         _include_zero(axes, ihip, hip)
         _legend(axes)
         return
     depth = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)
-    trace(axes, recording, depth, "ihip")
+    draw_over_time(axes, recording, depth, "ihip")
     axes.set_ylabel("|IHIP − HIP|\n(mm)")  # noqa: RUF001
     _include_zero(axes, depth)
 
 
-def _steps(recording: Recording, points: Array) -> Array:
+def _step_lengths(recording: Recording, points: Array) -> Array:
     """How far (mm) the points (n, N) move in the tick before each sample; NaN where there is none before it."""
     steps = MM * np.linalg.norm(np.diff(points, axis=0), axis=1)
     return np.append(np.nan, np.where(continuing_steps(recording), steps, np.nan))
@@ -186,8 +195,8 @@ def _legend(axes: Axes) -> None:
 
 def _include_zero(axes: Axes, *columns: Array) -> None:
     """Zero is always in sight, and rounding errors are never blown up to the height of the axis."""
-    low = min(0.0, *(float(np.nanmin(each)) for each in columns), 0.0)
-    high = max(0.0, *(float(np.nanmax(each)) for each in columns), 0.0)
+    low = min(0.0, *(float(np.nanmin(column)) for column in columns), 0.0)
+    high = max(0.0, *(float(np.nanmax(column)) for column in columns), 0.0)
     if high - low < 1e-6:
         high = 1.0
     pad = 0.07 * (high - low)

@@ -11,15 +11,15 @@ from hapticeval.quantity import quantity
 from hapticeval.runner.results import RunEntry, SceneEntry
 
 GAINS = {"stiffness": "N/m", "damping": "N s/m", "mass": "kg", "restitution": ""}
-LOOPS = {
+INNER_LOOPS = {
     "static": "static inner loop, torques Jᵀ F (2.8)",
     "compensated": "inner loop with dynamic compensation (2.11)",
     "linearised": "inner loop by feedback linearisation (6.7)",
 }
-SURFACE = (None, Stage.ANSWER)
+SURFACE_STAGES = (None, Stage.ANSWER)
 """Stages of the surface's effects."""
 
-FIGURES = re.compile(r"Figures? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*")
+CITED_FIGURES = re.compile(r"Figures? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*")
 
 
 def scene_words(run: RunEntry) -> str:
@@ -44,7 +44,7 @@ def robot_words(run: RunEntry) -> str:
         dynamics = {"lagrangian": "Lagrangian dynamics", "printed": "dynamics as printed (2.26)"}
         words += [dynamics.get(device.dynamics or "", device.dynamics or ""), f"d₀ with {device.base_inertia}² x₃"]
     if device.kind != "point-mass" and scene.inner_loop is not None:
-        words.append(LOOPS[scene.inner_loop])
+        words.append(INNER_LOOPS[scene.inner_loop])
     wrong = _effects(scene, of_surface=False)
     return f"{', '.join(words)}; {', '.join(wrong) if wrong else 'no imperfections'}"
 
@@ -52,8 +52,8 @@ def robot_words(run: RunEntry) -> str:
 def _effects(scene: SceneEntry, *, of_surface: bool) -> list[str]:
     """Describe each effect that the scene calls for, of the surface or of the robot."""
     turning = scene.device is not None and scene.device.kind != PointMass.name
-    found = (make_effect(each) for each in scene.effects)
-    return [each.describe(turning=turning) for each in found if (each.stage in SURFACE) == of_surface]
+    effects = (make_effect(effect) for effect in scene.effects)
+    return [effect.describe(turning=turning) for effect in effects if (effect.stage in SURFACE_STAGES) == of_surface]
 
 
 def ended_words(run: RunEntry) -> str:
@@ -67,8 +67,8 @@ def ended_words(run: RunEntry) -> str:
 
 def figures_cited(run: RunEntry) -> str:
     """The figures of the thesis that a case's citation names, for instance "Figures 6.22 and 7.3"; "" for none."""
-    found = [each.split(" ", 1)[1] for each in FIGURES.findall(run.citation or "")]
-    if not found:
+    cited = [citation.split(" ", 1)[1] for citation in CITED_FIGURES.findall(run.citation or "")]
+    if not cited:
         return ""
-    several = len(found) > 1 or not re.fullmatch(r"\d+\.\d+", found[0])
-    return f"Figure{'s' if several else ''} {' and '.join(found)}"
+    several = len(cited) > 1 or not re.fullmatch(r"\d+\.\d+", cited[0])
+    return f"Figure{'s' if several else ''} {' and '.join(cited)}"

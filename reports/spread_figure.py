@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = ("#0067b1", "#c4501b", "#2f7d32", "#7b3f99", "#8a6d00", "#00757a")
-SCALE = {"rad": (180.0 / math.pi, "degrees"), "m": (1e3, "mm"), "N": (1.0, "N")}
+SHOWN_UNITS = {"rad": (180.0 / math.pi, "degrees"), "m": (1e3, "mm"), "N": (1.0, "N")}
 TITLES = {
     "direction": "direction of the force",
     "leaning": "force against the model's normal",
     "magnitude": "size of the force",
     "depth": "distance of IHIP and HIP",
 }
-ALONG = {"angle": "polar angle of the HIP", "arc": "arc length along the model"}
-WAYS = {1: "forward", -1: "backward"}
+ABSCISSA_WORDS = {"angle": "polar angle of the HIP", "arc": "arc length along the model"}
+DIRECTION_WORDS = {1: "forward", -1: "backward"}
 SETTINGS = {"axes.titlesize": 9.0, "axes.titlelocation": "left"}
 
 
@@ -41,52 +41,56 @@ def write_spread(
     columns = [name for name in TITLES if any(band.column == name for band in bands)]
     rows = (len(columns) + 1) // 2
     height = 0.9 + 2.6 * rows
-    with figure(9.0, height, settings=SETTINGS) as made:
-        panels = list(made.subplots(rows, 2, squeeze=False).flat)
+    with figure(9.0, height, settings=SETTINGS) as fig:
+        panels = list(fig.subplots(rows, 2, squeeze=False).flat)
         for axes, column in zip(panels, columns, strict=False):
-            _draw(axes, aligned, [band for band in bands if band.column == column])
+            _draw_column(axes, aligned, [band for band in bands if band.column == column])
         for axes in panels[len(columns) :]:
             axes.set_visible(False)
-        made.legend(*panels[0].get_legend_handles_labels(), loc="upper left", ncols=3)
-        made.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.35 / height))
+        fig.legend(*panels[0].get_legend_handles_labels(), loc="upper left", ncols=3)
+        fig.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.35 / height))
         document = _document(aligned, bands, comparisons)
-        return save_figure(made, directory, "comparison", text=table(aligned, comparisons), document=document)
+        return save_figure(fig, directory, "comparison", text=table(aligned, comparisons), document=document)
 
 
-def _draw(axes: Axes, aligned: Aligned, bands: Sequence[Band]) -> None:
+def _draw_column(axes: Axes, aligned: Aligned, bands: Sequence[Band]) -> None:
     column = bands[0].column
-    scale, unit = _scaled(COLUMNS[column][0])
-    across, along = _scaled(aligned.unit)
+    scale, unit = _shown_unit(COLUMNS[column][0])
+    across, along = _shown_unit(aligned.unit)
     names = list(dict.fromkeys(band.renderer for band in bands))
     ways = len({band.direction for band in bands}) > 1
     for band in bands:
         order = names.index(band.renderer)
         colour = COLOURS[order % len(COLOURS)]
         width = 0.9 + 1.1 * (len(names) - 1 - order) / max(len(names) - 1, 1)  # curves that coincide are all seen
-        label = f"{band.renderer}{f', {WAYS[band.direction]}' if ways else ''} ({int(band.count.max())} repeats)"
+        label = (
+            f"{band.renderer}{f', {DIRECTION_WORDS[band.direction]}' if ways else ''} ({int(band.count.max())} repeats)"
+        )
         low, high, median = (
-            np.where(band.count > 0, scale * each, np.nan) for each in (band.low, band.high, band.median)
+            np.where(band.count > 0, scale * quantile, np.nan) for quantile in (band.low, band.high, band.median)
         )
         axes.fill_between(across * aligned.grid, low, high, color=colour, alpha=0.18, linewidth=0.0)
         style = "-" if band.direction > 0 else "--"
         axes.plot(across * aligned.grid, median, color=colour, linewidth=width, label=label, linestyle=style)
-    axes.set(title=TITLES[column], xlabel=f"{ALONG.get(aligned.by, aligned.by)} ({along})", ylabel=unit)
+    axes.set(title=TITLES[column], xlabel=f"{ABSCISSA_WORDS.get(aligned.by, aligned.by)} ({along})", ylabel=unit)
     axes.grid(True)
 
 
-def _scaled(unit: str) -> tuple[float, str]:
+def _shown_unit(unit: str) -> tuple[float, str]:
     """The factor to the unit that is shown, and that unit."""
-    return SCALE.get(unit, (1.0, unit))
+    return SHOWN_UNITS.get(unit, (1.0, unit))
 
 
 def table(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
     """Describe how renderers differ, and every pass that was aligned, as markdown."""
     head = ("renderer", "run", "direction", "lap", "from (s)", "to (s)", "coverage")
     rows = []
-    for each in aligned.passes:
-        run = aligned.runs[each.run]
-        when = (f"{each.start:.4g}", f"{each.end:.4g}", f"{100.0 * each.coverage:.3g} %")
-        rows.append((run.renderer, run.label, WAYS[each.direction], str(each.lap + 1), *when))
+    for aligned_pass in aligned.passes:
+        run = aligned.runs[aligned_pass.run]
+        when = (f"{aligned_pass.start:.4g}", f"{aligned_pass.end:.4g}", f"{100.0 * aligned_pass.coverage:.3g} %")
+        rows.append(
+            (run.renderer, run.label, DIRECTION_WORDS[aligned_pass.direction], str(aligned_pass.lap + 1), *when)
+        )
     return _markdown(aligned, comparisons, head, rows)
 
 
@@ -95,8 +99,12 @@ def summary(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
     rows = []
     for number, run in enumerate(aligned.runs):
         cells = []
-        for direction in WAYS:
-            own = [each.mask for each in aligned.passes if each.run == number and each.direction == direction]
+        for direction in DIRECTION_WORDS:
+            own = [
+                aligned_pass.mask
+                for aligned_pass in aligned.passes
+                if aligned_pass.run == number and aligned_pass.direction == direction
+            ]
             share = f"{100.0 * float(np.mean(np.any(own, axis=0))):.3g} %" if own else ""
             cells.append(f"{share} in {len(own)} passes" if len(own) > 1 else share)
         rows.append((run.renderer, run.label, *cells))
@@ -106,69 +114,80 @@ def summary(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
 def _markdown(
     aligned: Aligned, comparisons: Sequence[Comparison], head: Sequence[str], rows: Sequence[Sequence[str]]
 ) -> str:
-    said = list(_statements(aligned, comparisons)) or [
+    statements = list(_statements(aligned, comparisons)) or [
         "Nothing is compared: that takes two renderers with repeats of each."
     ]
     first, *lines = (f"| {' | '.join(row)} |" for row in (head, *rows))
-    return "\n".join([*said, "", first, f"|{'---|' * len(head)}", *lines])
+    return "\n".join([*statements, "", first, f"|{'---|' * len(head)}", *lines])
 
 
 def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator[str]:
     """One line for each two renderers, direction and column."""
-    across, along = _scaled(aligned.unit)
-    for each in comparisons:
-        scale, unit = _scaled(COLUMNS[each.column][0])
-        size = f"{scale * each.difference:.3g} {unit}"
-        tested = f"p = {each.p:.2g}, {each.repeats[0]} and {each.repeats[1]} repeats ({each.basis})"
-        spreads = f"which is {each.times:.3g} times the repeat spread of {scale * each.spread:.3g} {unit}"
-        if each.spread == 0.0:
+    across, along = _shown_unit(aligned.unit)
+    for comparison in comparisons:
+        scale, unit = _shown_unit(COLUMNS[comparison.column][0])
+        size = f"{scale * comparison.difference:.3g} {unit}"
+        tested = (
+            f"p = {comparison.p:.2g}, {comparison.repeats[0]} and {comparison.repeats[1]} repeats ({comparison.basis})"
+        )
+        spreads = f"which is {comparison.times:.3g} times the repeat spread of {scale * comparison.spread:.3g} {unit}"
+        if comparison.spread == 0.0:
             spreads = "where repeats do not differ at all"
-        if each.outcome == "too little in common":
-            said = f"too little in common: {100.0 * each.common:.3g} % of the way"
-        elif each.outcome == "the same to rounding":
-            said = (
-                f"the same to rounding: {scale * each.largest:.2g} {unit} apart at most, and no two repeats by "
-                f"more than {each.rounding:.2g} of what their numbers resolve; not tested"
+        if comparison.outcome == "too little in common":
+            finding = f"too little in common: {100.0 * comparison.common:.3g} % of the way"
+        elif comparison.outcome == "the same to rounding":
+            finding = (
+                f"the same to rounding: {scale * comparison.largest:.2g} {unit} apart at most, and no two repeats by "
+                f"more than {comparison.rounding:.2g} of what their numbers resolve; not tested"
             )
-        elif each.outcome in ("differs", "the runs differ"):
-            said = f"{each.outcome} by {size}, {spreads} ({tested}); most at {across * each.worst:.4g} {along}"
-            if each.outcome == "the runs differ":
-                said += ". These are single runs: whether other runs of the same renderers would differ is not known"
-        elif each.outcome == "within the spread":
-            said = f"within the spread: {size} apart, repeats {scale * each.spread:.3g} {unit} ({tested})"
+        elif comparison.outcome in ("differs", "the runs differ"):
+            finding = (
+                f"{comparison.outcome} by {size}, {spreads} ({tested}); most at {across * comparison.worst:.4g} {along}"
+            )
+            if comparison.outcome == "the runs differ":
+                finding += ". These are single runs: whether other runs of the same renderers would differ is not known"
+        elif comparison.outcome == "within the spread":
+            finding = f"within the spread: {size} apart, repeats {scale * comparison.spread:.3g} {unit} ({tested})"
         else:
-            said = (
+            finding = (
                 f"too few repeats: {size} apart, {spreads}, "
-                f"and these repeats cannot give a p below {each.least:.2g} ({tested}); {_needed(each)}"
+                f"and these repeats cannot give a p below {comparison.least:.2g} ({tested}); "
+                f"{_repeats_needed(comparison)}"
             )
-        yield f"- {each.first} and {each.second}, {WAYS[each.direction]}, {TITLES[each.column]}: {said}"
+        what = f"{DIRECTION_WORDS[comparison.direction]}, {TITLES[comparison.column]}"
+        yield f"- {comparison.first} and {comparison.second}, {what}: {finding}"
 
 
-def _needed(each: Comparison) -> str:
+def _repeats_needed(comparison: Comparison) -> str:
     """How many repeats were given, and how many more of which it takes."""
-    given = f"given are {each.repeats[0]} of {each.first} and {each.repeats[1]} of {each.second}"
-    if each.needed is None:
-        return f"{given}, and among so many renderers no number is enough: compare fewer at once"
+    repeats_words = (
+        f"given are {comparison.repeats[0]} of {comparison.first} and {comparison.repeats[1]} of {comparison.second}"
+    )
+    if comparison.needed is None:
+        return f"{repeats_words}, and among so many renderers no number is enough: compare fewer at once"
     more = [
         f"{enough - had} more of {renderer}"
-        for renderer, had, enough in zip((each.first, each.second), each.repeats, each.needed, strict=True)
+        for renderer, had, enough in zip(
+            (comparison.first, comparison.second), comparison.repeats, comparison.needed, strict=True
+        )
         if enough > had
     ]
-    return f"{given}; it takes {' and '.join(more)} at the least ({each.needed[0]} and {each.needed[1]})"
+    totals = f"{comparison.needed[0]} and {comparison.needed[1]}"
+    return f"{repeats_words}; it takes {' and '.join(more)} at the least ({totals})"
 
 
 def _document(aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Comparison]) -> Any:
     passes = [
         {
-            "renderer": aligned.runs[each.run].renderer,
-            "run": aligned.runs[each.run].label,
-            "direction": each.direction,
-            "lap": each.lap,
-            "start_s": each.start,
-            "end_s": each.end,
-            "coverage": each.coverage,
+            "renderer": aligned.runs[aligned_pass.run].renderer,
+            "run": aligned.runs[aligned_pass.run].label,
+            "direction": aligned_pass.direction,
+            "lap": aligned_pass.lap,
+            "start_s": aligned_pass.start,
+            "end_s": aligned_pass.end,
+            "coverage": aligned_pass.coverage,
         }
-        for each in aligned.passes
+        for aligned_pass in aligned.passes
     ]
     document = {
         "by": aligned.by,
@@ -176,6 +195,9 @@ def _document(aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Com
         "grid": aligned.grid,
         "passes": passes,
         "bands": [asdict(band) for band in bands],
-        "comparisons": [{**asdict(each), "times": each.times, "outcome": each.outcome} for each in comparisons],
+        "comparisons": [
+            {**asdict(comparison), "times": comparison.times, "outcome": comparison.outcome}
+            for comparison in comparisons
+        ],
     }
     return without_non_finite(plain(document, "comparison"))[0]

@@ -8,27 +8,25 @@ from dataclasses import dataclass
 from hapticeval.errors import printable
 from hapticeval.reports.grid import (
     MEANING,
+    SYMBOLS,
     Grid,
     State,
     Tile,
-    cases,
-    counted,
+    case_grid,
+    gravest_first,
     hard_cases,
     headline,
-    ordered,
-    phenomena,
-    state,
+    phenomenon_grid,
+    state_counts,
+    state_of,
 )
-from hapticeval.reports.grid import SYMBOLS as SIGNS
 from hapticeval.reports.scene_words import ended_words
 from hapticeval.runner.results import Breakdown, ResultsDocument, SuiteEntry
-
-SYMBOLS = {"pass": "✓", "fail": "✗", "inconclusive": "?", "not-applicable": "-", "error": "!"}
 
 LIMIT = 60_000
 """Bytes of table.md: a comment on GitHub holds 65,536 characters."""
 
-FEW = 50
+MOST_LISTED = 50
 """Verdicts that are not as expected, and warnings, that are listed one by one."""
 
 
@@ -64,14 +62,14 @@ def summaries(results: ResultsDocument) -> list[Summary]:
     for suite in results.suites:
         groups.append((suite, [title for title in suite.rows if left.pop(title, None) is not None]))
     groups.append((None, list(left)))
-    made = [_summary(results, suite, titles) for suite, titles in groups if titles]
-    return [each for each in made if each.renderers]
+    tables = [_summary(results, suite, titles) for suite, titles in groups if titles]
+    return [table for table in tables if table.renderers]
 
 
 def _summary(results: ResultsDocument, suite: SuiteEntry | None, titles: Sequence[str]) -> Summary:
-    found = {title: results.table[title] for title in titles}
+    answers = {title: results.table[title] for title in titles}
     published = {title: results.published_table.get(title, {}) for title in titles}
-    names = tuple(name for name in results.renderers if any(name in row for row in found.values()))
+    names = tuple(name for name in results.renderers if any(name in row for row in answers.values()))
     printed = tuple(dict.fromkeys(name for row in published.values() for name in row if name not in results.renderers))
     return Summary(
         suite,
@@ -80,7 +78,7 @@ def _summary(results: ResultsDocument, suite: SuiteEntry | None, titles: Sequenc
         tuple(
             SummaryRow(
                 title,
-                tuple((found[title].get(name), published[title].get(name)) for name in names),
+                tuple((answers[title].get(name), published[title].get(name)) for name in names),
                 tuple(published[title].get(name) for name in printed),
             )
             for title in titles
@@ -88,7 +86,7 @@ def _summary(results: ResultsDocument, suite: SuiteEntry | None, titles: Sequenc
     )
 
 
-def ran(results: ResultsDocument) -> str:
+def ran_words(results: ResultsDocument) -> str:
     """Describe how much ran, in one sentence: never fewer than planned without the reason."""
     sentence = f"{results.ran:,} of {results.planned:,} planned verdicts ran"
     return sentence if results.complete else f"{sentence}: incomplete, {results.reason}"
@@ -99,37 +97,37 @@ def provenance(results: ResultsDocument) -> str:
     parts = [f"hapticeval {results.environment.versions.get('hapticeval') or '?'}"]
     if results.date:
         parts.append(results.date[:16].replace("T", " ") + " UTC")
-    found = by_commit(results)
-    alone = len(found) == 1 and len(results.commits) == len(results.renderers)
-    for commit, names in found.items():
+    groups = renderers_by_commit(results)
+    alone = len(groups) == 1 and len(results.commits) == len(results.renderers)
+    for commit, names in groups.items():
         several = f"{len(names)} renderers" if len(names) > 2 else " and ".join(names)
-        parts.append(f"commit {short(commit)}" if alone else f"{several} at commit {short(commit)}")
+        parts.append(f"commit {short_commit(commit)}" if alone else f"{several} at commit {short_commit(commit)}")
     return ", ".join(parts)
 
 
-def by_commit(results: ResultsDocument) -> dict[str, list[str]]:
+def renderers_by_commit(results: ResultsDocument) -> dict[str, list[str]]:
     """Return the renderers of each commit."""
-    found: dict[str, list[str]] = {}
+    renderers: dict[str, list[str]] = {}
     for name, commit in results.commits.items():
-        found.setdefault(commit, []).append(name)
-    return found
+        renderers.setdefault(commit, []).append(name)
+    return renderers
 
 
-def short(commit: str) -> str:
+def short_commit(commit: str) -> str:
     """Return a commit with twelve of its digits; whether files differ from it stays."""
-    digits, hyphen, rest = commit.partition("-")
-    return digits[:12] + hyphen + rest
+    digits, hyphen, suffix = commit.partition("-")
+    return digits[:12] + hyphen + suffix
 
 
 def counts_words(results: ResultsDocument) -> str:
     """Return how many verdicts have each state, in words."""
-    return ", ".join(f"{count:,} {each.many}" for each, count in counted(results))
+    return ", ".join(f"{count:,} {state.many}" for state, count in state_counts(results))
 
 
 def markdown(results: ResultsDocument) -> str:
     """Return the report as markdown, the summary first, at most `LIMIT` bytes: what is left out is said at the end."""
     parts, size = [], len(LEFT_OUT.encode()) + 20
-    blocks = list(_blocks(results))
+    blocks = list(_report_blocks(results))
     for number, block in enumerate(blocks):
         size += len(block.encode()) + 2
         if size > LIMIT:
@@ -142,93 +140,103 @@ def markdown(results: ResultsDocument) -> str:
 LEFT_OUT = "{count} more sections are left out here, which results.json and the report have."
 
 
-def _blocks(results: ResultsDocument) -> Iterator[str]:
+def _report_blocks(results: ResultsDocument) -> Iterator[str]:
     yield f"# hapticeval: {_escape(headline(results))}"
-    yield f"{ran(results)}: {counts_words(results) or 'none'}."
+    yield f"{ran_words(results)}: {counts_words(results) or 'none'}."
     yield f"{_escape(provenance(results))}; seed {results.seed}."
-    grid = phenomena(results)
+    grid = phenomenon_grid(results)
     if grid.rows and grid.columns:
         yield "## Renderers by phenomena"
-        yield _grid(grid, tile=_tile)
-        yield f"Of the worst verdict: what is left of its bound, or by how many times it is beyond. {_legend(results)}"
+        yield _grid_table(grid, tile=_tile_words)
+        legend = _legend_words(results)
+        yield f"Of the worst verdict: what is left of its bound, or by how many times it is beyond. {legend}"
     groups = summaries(results)
     if groups:
         yield "## Summary of the renderers' performance"
-    for each in groups:
-        if each.suite is not None and len(groups) > 1:
-            yield f"### {_escape(each.suite.title or each.suite.name)}"
-        heading = ["", *each.renderers, *(f"{name} (in print)" for name in each.printed)]
-        yield aligned(
+    for summary in groups:
+        if summary.suite is not None and len(groups) > 1:
+            yield f"### {_escape(summary.suite.title or summary.suite.name)}"
+        heading = ["", *summary.renderers, *(f"{name} (in print)" for name in summary.printed)]
+        yield aligned_table(
             heading,
             [
-                [row.title, *(_answer(*cell) for cell in row.cells), *(cell or "-" for cell in row.printed)]
-                for row in each.rows
+                [row.title, *(_answer_words(*cell) for cell in row.cells), *(cell or "-" for cell in row.printed)]
+                for row in summary.rows
             ],
         )
-    yield from _lists(results)
+    yield from _list_blocks(results)
     names, digits = hard_cases(results)
     if digits:
         yield "## Digits that are kept in hard cases"
-        shown = [[f"{row.suite}/{row.case}", *("" if n is None else str(n) for n, _ in row.cells)] for row in digits]
-        yield aligned(["case", *names], shown)
-    for suite in dict.fromkeys(each.suite for each in results.entries()):
-        by_case = cases(results, suite)
+        digit_rows = [
+            [f"{row.suite}/{row.case}", *("" if n is None else str(n) for n, _ in row.cells)] for row in digits
+        ]
+        yield aligned_table(["case", *names], digit_rows)
+    for suite in dict.fromkeys(entry.suite for entry in results.entries()):
+        by_case = case_grid(results, suite)
         if by_case.rows:
             yield f"## Every case of {_escape(suite)}"
-            yield _grid(by_case, tile=lambda tile: SIGNS[tile.state])
+            yield _grid_table(by_case, tile=lambda tile: SYMBOLS[tile.state])
 
 
-def _lists(results: ResultsDocument) -> Iterator[str]:
+def _list_blocks(results: ResultsDocument) -> Iterator[str]:
     broken = results.breakdowns
     if broken:
         yield "## What broke"
-        yield "\n".join(_escape(f"- {_broke(each)}") for each in broken[:FEW])
-    grave = [each for each in ordered(results.verdicts) if state(each).grave and not results.lost(each)]
-    warned = [each for each in ordered(results.verdicts) if state(each) is State.WARNING]
-    for title, given in (("Not as expected, the worst first", grave), ("Warnings", warned)):
-        if given:
+        yield "\n".join(_escape(f"- {_breakdown_words(breakdown)}") for breakdown in broken[:MOST_LISTED])
+    grave = [
+        breakdown
+        for breakdown in gravest_first(results.verdicts)
+        if state_of(breakdown).grave and not results.lost(breakdown)
+    ]
+    warned = [breakdown for breakdown in gravest_first(results.verdicts) if state_of(breakdown) is State.WARNING]
+    for title, verdicts in (("Not as expected, the worst first", grave), ("Warnings", warned)):
+        if verdicts:
             lines = []
-            for each in given[:FEW]:
-                published = f", published {each.published}" if each.published else ""
-                figures = each.measured
-                place = f"{each.renderer} on {each.suite}/{each.case}/{each.check}"
-                lines.append(f"- {SIGNS[state(each)]} {place}: {each.outcome}{published}; {figures or each.message}")
-            lines += [f"- and {len(given) - FEW} more"] * (len(given) > FEW)
+            for verdict in verdicts[:MOST_LISTED]:
+                published = f", published {verdict.published}" if verdict.published else ""
+                figures = verdict.measured
+                place = f"{verdict.renderer} on {verdict.suite}/{verdict.case}/{verdict.check}"
+                lines.append(
+                    f"- {SYMBOLS[state_of(verdict)]} {place}: {verdict.outcome}{published}; "
+                    f"{figures or verdict.message}"
+                )
+            lines += [f"- and {len(verdicts) - MOST_LISTED} more"] * (len(verdicts) > MOST_LISTED)
             yield f"## {title}"
             yield "\n".join(map(_escape, lines))
     ended = [f"{run.renderer} on {run.suite}/{run.case} {ended_words(run)}" for run in results.runs if run.ended]
     if ended:
         yield "## Ended early"
-        yield "\n".join(_escape(f"- {each}") for each in ended[:FEW])
+        yield "\n".join(_escape(f"- {line}") for line in ended[:MOST_LISTED])
 
 
-def _broke(broken: Breakdown) -> str:
+def _breakdown_words(broken: Breakdown) -> str:
     error, cases = broken.error, broken.cases
     why = f"; {error.why}" * bool(error.why)
     return f"{broken.words}; {error.what}{why}" + f" (first on {', then '.join(cases)})" * bool(cases)
 
 
-def _legend(results: ResultsDocument) -> str:
-    return "; ".join(f"{SIGNS[each]} {each.words}: {MEANING[each]}" for each, _ in counted(results)) + "."
+def _legend_words(results: ResultsDocument) -> str:
+    return "; ".join(f"{SYMBOLS[state]} {state.words}: {MEANING[state]}" for state, _ in state_counts(results)) + "."
 
 
-def _tile(tile: Tile) -> str:
+def _tile_words(tile: Tile) -> str:
     count = tile.counts[tile.state]
-    words = [f"{SIGNS[tile.state]} {tile.state.words}"]
+    words = [f"{SYMBOLS[tile.state]} {tile.state.words}"]
     words += [f"{count} of {tile.total}"] * (tile.state is not State.PASS)
     return ", ".join([*words, *([tile.margin] if tile.margin else [])])
 
 
-def _grid(grid: Grid, *, tile: Callable[[Tile], str]) -> str:
-    rows = [[name, *("" if each is None else tile(each) for each in tiles)] for name, tiles in grid.rows]
-    return aligned(["", *grid.columns], rows)
+def _grid_table(grid: Grid, *, tile: Callable[[Tile], str]) -> str:
+    rows = [[name, *("" if cell is None else tile(cell) for cell in tiles)] for name, tiles in grid.rows]
+    return aligned_table(["", *grid.columns], rows)
 
 
-def _answer(value: str | None, published: str | None) -> str:
+def _answer_words(value: str | None, published: str | None) -> str:
     return value or "-" if published in (None, value) or value is None else f"**{value}** (published: {published})"
 
 
-def aligned(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def aligned_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a markdown table with its pipes aligned, so that it reads well as text too."""
     lines = [[_escape(text) for text in row] for row in (header, *rows)]
     widths = [max(3, *map(len, column)) for column in zip(*lines, strict=True)]

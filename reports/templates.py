@@ -10,14 +10,14 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from hapticeval.quantity import duration, length, number, quantity, size
-from hapticeval.reports.grid import MEANING, SYMBOLS, State, state
+from hapticeval.reports.grid import MEANING, SYMBOLS, State, state_of
 from hapticeval.reports.places import ASSETS, INDEX, ROOT, anchor, case_file
 from hapticeval.runner.results import RunEntry
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-BRIEF = 120
+MOST_CHARACTERS = 120
 """Characters of a model's parameters above which only its kind is named: an imported outline has thousands."""
 
 
@@ -27,16 +27,16 @@ def environment() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    made = Environment(
+    jinja = Environment(
         loader=PackageLoader("hapticeval.reports", "."),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {
+    jinja.filters |= {
         "breakable": lambda name: name.replace("+", "+\u200b").replace("@", "\u200b@").replace("/", "/\u200b"),
-        "brief": _brief,
+        "brief": _json_text,
         "bytes": size,
         "duration": duration,
         "in_unit": length,
@@ -44,13 +44,13 @@ def environment() -> Environment:
         "number": number,
         "plural": lambda count, noun: f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s",
         "quantity": quantity,
-        "seen": _seen,
-        "short": _short,
+        "seen": _evidence_text,
+        "short": _small_length,
         "svg": Markup,
     }
-    made.globals |= {
+    jinja.globals |= {
         "State": State,
-        "state": state,
+        "state": state_of,
         "symbols": SYMBOLS,
         "meaning": MEANING,
         "anchor": anchor,
@@ -61,14 +61,14 @@ def environment() -> Environment:
         "index": INDEX,
         "assets": ASSETS,
     }
-    return made
+    return jinja
 
 
 def model_words(run: RunEntry) -> str:
     """Return the model in a few words."""
-    words = ", ".join(f"{name} {_brief(each)}" for name, each in run.model_parameters.items())
+    words = ", ".join(f"{name} {_json_text(value)}" for name, value in run.model_parameters.items())
     kind = str(run.model["kind"])
-    return f"{kind} ({words})" if 0 < len(words) < BRIEF else kind
+    return f"{kind} ({words})" if 0 < len(words) < MOST_CHARACTERS else kind
 
 
 UNITS: Mapping[str, str] = MappingProxyType(
@@ -94,33 +94,33 @@ UNITS: Mapping[str, str] = MappingProxyType(
 )
 """How names of evidence end, and the unit that this means."""
 
-POINTS = re.compile("(to_)?i?hip(_before|_other_path)?")
+POINT_NAMES = re.compile("(to_)?i?hip(_before|_other_path)?")
 """Names of evidence that are points, in m."""
 
 
 def evidence_words(name: str) -> str:
     """Return a name of evidence in words, with its unit: `foot_speed_m_s` is the foot speed (m/s)."""
-    end = next((each for each in UNITS if name.endswith(f"_{each}")), "")
+    end = next((suffix for suffix in UNITS if name.endswith(f"_{suffix}")), "")
     words = name if end == "time" else name.removesuffix(f"_{end}")
-    unit = "m" if POINTS.fullmatch(name) else UNITS.get(end)
-    words = re.sub("i?hips?", lambda found: found[0].upper().replace("S", "s"), words.replace("_", " "))
+    unit = "m" if POINT_NAMES.fullmatch(name) else UNITS.get(end)
+    words = re.sub("i?hips?", lambda match: match[0].upper().replace("S", "s"), words.replace("_", " "))
     return words if unit is None else f"{words} ({unit})"
 
 
-def _seen(value: Any) -> str:
+def _evidence_text(value: Any) -> str:
     """Evidence in a table: numbers to four digits, lists without brackets."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
         return number(value).replace("-", "\u2212")
     if isinstance(value, list):
-        return ", ".join(map(_seen, value))
+        return ", ".join(map(_evidence_text, value))
     if isinstance(value, dict):
-        return "; ".join(f"{name}: {_seen(each)}" for name, each in value.items())
+        return "; ".join(f"{name}: {_evidence_text(part)}" for name, part in value.items())
     return "–" if value is None else str(value)  # noqa: RUF001
 
 
-def _brief(value: Any) -> str:
+def _json_text(value: Any) -> str:
     """A value as JSON text, numbers to six digits."""
     if isinstance(value, str):
         return value
@@ -136,7 +136,7 @@ def _millimetres(metres: float | None) -> str:
     return text.removeprefix("-") if not float(text) else text.replace("-", "−")  # noqa: RUF001
 
 
-def _short(metres: float | None) -> str:
+def _small_length(metres: float | None) -> str:
     """A length for which millimetres may be far too much."""
     if metres is None or not 0.0 < metres < 1e-4:
         return quantity(metres, "m")

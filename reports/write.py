@@ -15,14 +15,14 @@ from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.check_pages import render_check_pages
-from hapticeval.reports.effects_figure import effect_plots, recorded
+from hapticeval.reports.effects_figure import effect_plots, read_run
 from hapticeval.reports.exports import write_tables
-from hapticeval.reports.grid import worst
-from hapticeval.reports.index import MOST, Counterexample, Drawing, Single, judged_checks, render_index
+from hapticeval.reports.grid import worst_verdicts
+from hapticeval.reports.index import MOST_FAILURES, Counterexample, Drawing, Single, judged_checks, render_index
 from hapticeval.reports.junit import junit
 from hapticeval.reports.places import CHECK_PAGES, FOLDER, INDEX, ROOT, case_file
 from hapticeval.reports.run_figure import figure_svg, marks_of
-from hapticeval.reports.svg import sheet
+from hapticeval.reports.svg import style_sheet
 from hapticeval.reports.table import markdown
 from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
 from hapticeval.study.bench.document import FILE as BENCH
@@ -32,23 +32,23 @@ from hapticeval.study.effects.document import read_costs
 from hapticeval.workers import Answer, Ended, Workers
 
 if TYPE_CHECKING:
-    from hapticeval.reports.case_page import Around, Section
+    from hapticeval.reports.case_page import Neighbours, Section
 
 REPLAY = "replay"
 """The folder below a result folder that holds a replay, of which the first page has the outcome."""
 
-SINGLE = "report.html"
+SINGLE_FILE = "report.html"
 """The report as one file."""
 
-PATIENCE = 0.1
+WAIT_SECONDS = 0.1
 """Seconds after which it is seen at the latest that the drawing is to stop."""
 
-DRAWN = 200
+MOST_DRAWN = 200
 """Cases that are drawn at most: those with the worst failures, then the first. A page without figures takes little."""
 
-NOT_DRAWN = f"of many cases {DRAWN} are drawn, the worst first: `hapticeval report DIR --figures` draws others"
+NOT_DRAWN = f"of many cases {MOST_DRAWN} are drawn, the worst first: `hapticeval report DIR --figures` draws others"
 
-DIED = "the process that drew this figure has ended, for lack of memory perhaps"
+DRAWING_DIED = "the process that drew this figure has ended, for lack of memory perhaps"
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Page:
     runs: tuple[RunEntry, ...]
     verdicts: Mapping[str, Sequence[VerdictEntry]]
     order: Sequence[str]
-    around: Around
+    around: Neighbours
     prefix: str
     drawn: bool = True
 
@@ -73,19 +73,21 @@ class Page:
         """Read the recordings and write the page; without figures if it is not to be `drawn`."""
         if not self.drawn:
             return self._made({run.renderer: NOT_DRAWN for run in self.runs if not run.error})
-        return self._made({run.renderer: _recording(self.directory, run) for run in self.runs if not run.error})
+        return self._made(
+            {run.renderer: _recording_or_problem(self.directory, run) for run in self.runs if not run.error}
+        )
 
     def without(self) -> Section:
         """Write the page without figures, where the process that drew them has ended."""
-        return self._made({run.renderer: DIED for run in self.runs if not run.error})
+        return self._made({run.renderer: DRAWING_DIED for run in self.runs if not run.error})
 
     def _made(self, recordings: Mapping[str, Recording | str]) -> Section:
         from hapticeval.reports.case_page import Section, case_section, write_case_page
 
-        given = (self.case, self.runs, recordings)
+        common = (self.case, self.runs, recordings)
         if self.pages is None:
-            return case_section(*given, verdicts=self.verdicts, order=self.order, prefix=self.prefix, within=self.case)
-        styles = write_case_page(self.pages, *given, verdicts=self.verdicts, order=self.order, around=self.around)
+            return case_section(*common, verdicts=self.verdicts, order=self.order, prefix=self.prefix, within=self.case)
+        styles = write_case_page(self.pages, *common, verdicts=self.verdicts, order=self.order, around=self.around)
         return Section("", styles)
 
 
@@ -105,9 +107,9 @@ class Picture:
         from hapticeval.recordings.channels import REQUIRED
 
         try:
-            recording, model = recorded(self.directory, self.run)
+            recording, model = read_run(self.directory, self.run)
         except HapticevalError as error:
-            return Drawing(problem=_problem(self.directory, self.run, error))
+            return Drawing(problem=_problem_words(self.directory, self.run, error))
         lacking = [name for name in REQUIRED if name not in recording.channels]
         if lacking:
             return Drawing(problem=f"the recording has no channel '{lacking[0]}'")
@@ -117,7 +119,7 @@ class Picture:
 
     def without(self) -> Drawing:
         """Return what stands there where the process that drew it has ended."""
-        return Drawing(problem=DIED)
+        return Drawing(problem=DRAWING_DIED)
 
 
 def write_reports(
@@ -147,17 +149,17 @@ def write_reports(
     costs = read_costs(directory) if (directory / COSTS).exists() else None
     replayed = read_results(directory / REPLAY) if (directory / REPLAY / FILE).exists() else None
     with _replacing_folder(directory / FOLDER, single_file) as pages:
-        orders: list[Page | Picture] = [*_pages(directory, results, None if single_file else pages)]
-        orders += _pictures(directory, results)
-        made = _made(orders, progress or (lambda *_: None), workers, stopped)
+        orders: list[Page | Picture] = [*_case_pages(directory, results, None if single_file else pages)]
+        orders += _failure_pictures(directory, results)
+        outcomes = _carry_out(orders, progress or (lambda *_: None), workers, stopped)
         drawings = {
             order.run.key: drawing
-            for order, drawing in zip(orders, made, strict=True)
+            for order, drawing in zip(orders, outcomes, strict=True)
             if isinstance(order, Picture) and isinstance(drawing, Drawing)
         }
-        sections = [each for each in made if not isinstance(each, Drawing)]
-        styles = {name: style for each in sections for name, style in each.styles.items()}
-        single = _single([each.text for each in sections], styles) if single_file else None
+        sections = [outcome for outcome in outcomes if not isinstance(outcome, Drawing)]
+        styles = {name: style for section in sections for name, style in section.styles.items()}
+        single = _single_page([section.text for section in sections], styles) if single_file else None
         text = render_index(
             results,
             drawings,
@@ -170,25 +172,25 @@ def write_reports(
         )
         written = {"table.md": markdown(results), "junit.xml": junit(results)}
         if single_file:
-            written[SINGLE] = text
+            written[SINGLE_FILE] = text
         else:
             write_assets(pages, styles)
             _write(pages / INDEX, text)
             _write(pages / CHECK_PAGES, render_check_pages(judged_checks(results).values(), INDEX))
-    for name, each in written.items():
-        _write(directory / name, each)
+    for name, content in written.items():
+        _write(directory / name, content)
     tables = write_tables(directory, results)
     index = [] if single_file else [directory / FOLDER / INDEX]
     return [*(directory / name for name in written), *index, tables]
 
 
-def _single(bodies: Sequence[str], styles: Mapping[str, str]) -> Single:
+def _single_page(bodies: Sequence[str], styles: Mapping[str, str]) -> Single:
     """Return what a page holds beside the results that needs nothing else: styles, scripts and the cases."""
     from hapticeval.reports.case_page import ASSETS, asset
 
     texts = {name: asset(name).decode() for name in ASSETS}
     return Single(
-        [*(text for name, text in texts.items() if name.endswith(".css")), sheet(styles)],
+        [*(text for name, text in texts.items() if name.endswith(".css")), style_sheet(styles)],
         [text for name, text in texts.items() if name.endswith(".js")],
         bodies,
     )
@@ -220,18 +222,18 @@ def _replacing_folder(path: Path, unused: bool) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def _pages(directory: Path, results: ResultsDocument, pages: Path | None) -> Iterator[Page]:
+def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -> Iterator[Page]:
     """One page for each case, that links to the first page and to the cases before and after."""
-    from hapticeval.reports.case_page import Around
+    from hapticeval.reports.case_page import Neighbours
 
     cases: dict[tuple[str, str], list[RunEntry]] = {}
     for run in results.runs:
         cases.setdefault((run.suite, run.case), []).append(run)
-    failing = dict.fromkeys(verdict.key[:2] for verdict in worst(results, len(results.verdicts)))
-    drawn = set(islice(dict.fromkeys([*failing, *cases]), DRAWN))
+    failing = dict.fromkeys(verdict.key[:2] for verdict in worst_verdicts(results, len(results.verdicts)))
+    drawn = set(islice(dict.fromkeys([*failing, *cases]), MOST_DRAWN))
     links = [(runs[0].title, ROOT + case_file(*case)) for case, runs in cases.items()]
     for number, runs in enumerate(cases.values()):
-        around = Around(
+        around = Neighbours(
             home=("All results", ROOT + INDEX),
             before=links[number - 1] if number else None,
             after=links[number + 1] if number + 1 < len(links) else None,
@@ -249,25 +251,25 @@ def _pages(directory: Path, results: ResultsDocument, pages: Path | None) -> Ite
         )
 
 
-def _pictures(directory: Path, results: ResultsDocument) -> list[Picture]:
+def _failure_pictures(directory: Path, results: ResultsDocument) -> list[Picture]:
     """One figure for each run that the first page shows the failure of."""
-    wanted: dict[RunKey, None] = dict.fromkeys(verdict.key for verdict in worst(results, MOST))
+    run_keys: dict[RunKey, None] = dict.fromkeys(verdict.key for verdict in worst_verdicts(results, MOST_FAILURES))
     runs = {run.key: run for run in results.runs}
     return [
         Picture(directory, runs[key], results.verdicts_of[key], f"f{number}")
-        for number, key in enumerate(wanted)
+        for number, key in enumerate(run_keys)
         if key in runs
     ]
 
 
-def _made(
+def _carry_out(
     orders: Sequence[Page | Picture],
     progress: Callable[[int, int], None],
     workers: int,
     stopped: Callable[[], bool] | None,
 ) -> list[Section | Drawing]:
     progress(0, len(orders))
-    made: dict[int, Section | Drawing] = {}
+    outcome_by_number: dict[int, Section | Drawing] = {}
     waiting = iter(enumerate(orders))
     with Workers(draw, workers) as crew:
         while True:
@@ -276,10 +278,10 @@ def _made(
             if stopped is not None and stopped():
                 raise KeyboardInterrupt
             if not crew.busy:
-                return [made[number] for number in range(len(orders))]
-            for answer in crew.answers(PATIENCE):
-                made[answer.call] = _answered(answer, orders[answer.call])
-                progress(len(made), len(orders))
+                return [outcome_by_number[number] for number in range(len(orders))]
+            for answer in crew.answers(WAIT_SECONDS):
+                outcome_by_number[answer.call] = _outcome_of(answer, orders[answer.call])
+                progress(len(outcome_by_number), len(orders))
 
 
 def draw(order: Page | Picture) -> Section | Drawing:
@@ -287,7 +289,7 @@ def draw(order: Page | Picture) -> Section | Drawing:
     return order.make()
 
 
-def _answered(answer: Answer[Section | Drawing], order: Page | Picture) -> Section | Drawing:
+def _outcome_of(answer: Answer[Section | Drawing], order: Page | Picture) -> Section | Drawing:
     if isinstance(answer.error, Ended):
         return order.without()
     if answer.error is not None:
@@ -296,7 +298,7 @@ def _answered(answer: Answer[Section | Drawing], order: Page | Picture) -> Secti
     return answer.value
 
 
-def _recording(directory: Path, run: RunEntry) -> Recording | str:
+def _recording_or_problem(directory: Path, run: RunEntry) -> Recording | str:
     """Read a run's recording, or return the reason why there is none to draw."""
     from hapticeval.recordings.hdf5 import read_recording
 
@@ -305,10 +307,10 @@ def _recording(directory: Path, run: RunEntry) -> Recording | str:
     try:
         return read_recording(directory / run.recording)
     except HapticevalError as error:
-        return _problem(directory, run, error)
+        return _problem_words(directory, run, error)
 
 
-def _problem(directory: Path, run: RunEntry, error: HapticevalError) -> str:
+def _problem_words(directory: Path, run: RunEntry, error: HapticevalError) -> str:
     """Return an error in one line, without the place of the result folder."""
     problem = " ".join(part for part in (f"{error.what}:", error.why) if part)
     return problem if run.recording is None else problem.replace(f"{(directory / run.recording).parent}/", "")

@@ -156,16 +156,18 @@ def _annotation(kind: str, title: str, message: str) -> str:
 
 
 def _markdown(found: Diff, times: Sequence[Change], verbose: bool) -> str:
-    from hapticeval.reports.table import aligned
+    from hapticeval.reports.table import aligned_table
 
     def tables() -> Iterator[str]:
         yield f"**hapticeval**: {_counts(found, times)}"
         if found.verdicts:
             rows = [[c.standing, c.renderer, c.place, _outcomes(c), c.message] for c in found.verdicts]
-            yield aligned(["", "renderer", "verdict", "outcome", "what was seen"], rows)
+            yield aligned_table(["", "renderer", "verdict", "outcome", "what was seen"], rows)
         margins = found.margins if verbose else found.margins[:SHOWN]
         if margins:
-            yield aligned(["renderer", "margin that moved", "by"], [[m.renderer, m.place, _move(m)] for m in margins])
+            yield aligned_table(
+                ["renderer", "margin that moved", "by"], [[m.renderer, m.place, _move(m)] for m in margins]
+            )
         if times:
             yield lines(f"- {_time(each)}" for each in times)
 

@@ -21,13 +21,23 @@ from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports import case_data
 from hapticeval.reports.canvas import THEME
-from hapticeval.reports.case_data import Packer, fineness, jumps, kept, placed, steps, surface_motion, tracks, unpacked
-from hapticeval.reports.case_figure import look, panels, panels_svg, plane_svg
-from hapticeval.reports.case_model import TURN, packed_model, triangles_of
+from hapticeval.reports.case_data import (
+    Packer,
+    drawable_recording,
+    jump_rows,
+    position_resolution,
+    sample_tracks,
+    step_lengths,
+    surface_motion,
+    thinned_rows,
+    unpack,
+)
+from hapticeval.reports.case_figure import case_panels, look_of, panels_svg, plane_svg
+from hapticeval.reports.case_model import EYE_AXES, pack_model, triangles_of
 from hapticeval.reports.case_page import (
     ASSETS,
-    FIGURES,
-    ShownCheck,
+    FIGURE_SHEET,
+    CheckSection,
     case_section,
     write_assets,
     write_case_page,
@@ -44,7 +54,7 @@ from hapticeval.runner.results import Refusal
 def test_whole_numbers_survive_packing(whole):
     packer = Packer()
     packer.add(whole.astype(np.float64), scale=1.0)
-    np.testing.assert_array_equal(unpacked(packer.text({}))[1][0][:, 0], whole)
+    np.testing.assert_array_equal(unpack(packer.text({}))[1][0][:, 0], whole)
 
 
 @given(
@@ -55,7 +65,7 @@ def test_whole_numbers_survive_packing_along_their_clock(whole, data):
     packer = Packer()
     clock = packer.add(np.cumsum(ticks).astype(np.float64), scale=1.0)
     packer.add(whole.astype(np.float64), scale=1.0, clock=clock)
-    np.testing.assert_array_equal(unpacked(packer.text({}))[1][1], whole)
+    np.testing.assert_array_equal(unpack(packer.text({}))[1][1], whole)
 
 
 @given(
@@ -67,22 +77,22 @@ def test_what_is_packed_is_off_by_half_a_step_at_most(values, size):
     packer = Packer()
     packer.add(np.zeros(3))
     number = packer.add(values)
-    found = unpacked(packer.text({}))[1][number]
+    found = unpack(packer.text({}))[1][number]
     assert found.shape == values.shape
-    assert np.abs(found - values).max() <= 0.503 * np.abs(values).max() / case_data.FULL
+    assert np.abs(found - values).max() <= 0.503 * np.abs(values).max() / case_data.LARGEST_INT16
 
 
 def test_of_a_long_run_ends_jump_extremes_and_places_of_verdicts_are_kept_exactly():
     recording = lobe_recording()
     tick = jump_tick(recording)
-    rows = kept([recording], [7, 1234], 300)
+    rows = thinned_rows([recording], [7, 1234], 300)
     assert {0, len(recording) - 1, tick - 1, tick, 6, 7, 8, 1233, 1234} <= set(rows.tolist())
     for signal in (np.linalg.norm(recording.force, axis=1), np.linalg.norm(recording.ihip - recording.hip, axis=1)):
         assert signal[rows].max() == signal.max()
         assert signal[rows].min() == signal.min()
     assert rows.size <= 400
     assert np.all(np.diff(rows) > 0)
-    assert jumps(recording).tolist() == [tick]
+    assert jump_rows(recording).tolist() == [tick]
 
 
 @given(st.lists(st.integers(2, 1995), min_size=1, max_size=12, unique=True), st.integers(0, 2**32 - 1))
@@ -94,27 +104,27 @@ def test_no_jump_is_lost_wherever_it_is(where, seed):
     for row in where:
         ihip[row:] += rng.choice([-1.0, 1.0]) * rng.uniform(1e-3, 1e-2)
     run = Recording(np.arange(2000) * 1e-3, {"hip": hip, "ihip": ihip, "force": ihip - hip}, {"source": "playback"})
-    assert jumps(run).tolist() == where
-    assert {row + side for row in where for side in (-1, 0)} <= set(kept([run], [], 200).tolist())
+    assert jump_rows(run).tolist() == where
+    assert {row + side for row in where for side in (-1, 0)} <= set(thinned_rows([run], [], 200).tolist())
 
 
 def test_lines_between_the_samples_are_as_good_as_the_rest():
     time = np.arange(6000) * 1e-3
     hip = np.column_stack([np.cos(time), np.sin(3.0 * time)]) * 0.1
     run = Recording(time, {"hip": hip, "ihip": 1.1 * hip, "force": 100.0 * hip}, {"source": "playback"})
-    rows = kept([run], [])
+    rows = thinned_rows([run], [])
     assert rows.size < 500
     for channel in ("hip", "force"):
         values = run.channels[channel]
         lines = np.column_stack([np.interp(time, time[rows], column[rows]) for column in values.T])
-        assert np.abs(lines - values).max() <= case_data.WITHIN * np.ptp(values, axis=0).max()
+        assert np.abs(lines - values).max() <= case_data.LINE_TOLERANCE * np.ptp(values, axis=0).max()
 
 
 def test_of_laps_that_samples_cannot_follow_both_ends_are_drawn_and_no_line_leads_across():
     turn = 2.0 * np.pi * np.arange(40_000) / 500.0
     hip = 0.1 * np.column_stack([np.cos(turn), np.sin(turn)])
     run = Recording(np.arange(40_000) * 1e-3, {"hip": hip, "ihip": hip, "force": 0.0 * hip}, {"source": "playback"})
-    (track,) = tracks({"r": run}, {"r": [20.0]})
+    (track,) = sample_tracks({"r": run}, {"r": [20.0]})
     assert len(track.time) < 1100
     first, last = track.left_out
     assert first > 0.9
@@ -130,36 +140,36 @@ def test_of_laps_that_samples_cannot_follow_both_ends_are_drawn_and_no_line_lead
 
 def test_between_jumps_the_steps_are_as_small_as_they_were():
     recording = lobe_recording()
-    step = steps(recording, recording.ihip)
-    rows = kept([recording], [], 300)
+    step = step_lengths(recording, recording.ihip)
+    rows = thinned_rows([recording], [], 300)
     lines = np.interp(recording.time, recording.time[rows], step[rows])
-    assert np.abs(lines - step).max() <= case_data.WITHIN * np.ptp(step)
+    assert np.abs(lines - step).max() <= case_data.LINE_TOLERANCE * np.ptp(step)
 
 
 def test_runs_along_one_path_share_its_samples_and_their_place_in_the_data():
     plain = lobe_recording()
     other = Recording(plain.time, {**plain.channels, "ihip": plain.hip, "force": 0.0 * plain.hip}, plain.meta)
     alone = Recording(plain.time + 5.0, plain.channels, plain.meta)
-    found = tracks({"a": plain, "b": other, "c": alone}, {"b": [0.777]})
+    found = sample_tracks({"a": plain, "b": other, "c": alone}, {"b": [0.777]})
     assert found[0].rows is found[1].rows
     assert 777 in found[0].rows
     packer = Packer()
-    runs = case_data.packed_runs(found, packer)
+    runs = case_data.pack_runs(found, packer)
     assert runs[0]["hip"] == runs[1]["hip"]
     assert runs[0]["time"] == runs[1]["time"] != runs[2]["time"]
-    arrays_ = unpacked(packer.text({}))[1]
+    arrays_ = unpack(packer.text({}))[1]
     for run, track in zip(runs, found, strict=True):
         np.testing.assert_allclose(arrays_[run["time"]][:, 0], track.time, atol=1e-5)
-        np.testing.assert_allclose(arrays_[run["hip"]], track.hip, atol=fineness(found))
+        np.testing.assert_allclose(arrays_[run["hip"]], track.hip, atol=position_resolution(found))
 
 
 def test_a_shallow_contact_is_held_finer_than_its_depth():
     hip = np.column_stack([np.linspace(-0.05, 0.05, 50), np.full(50, -1e-8)])
     ihip = hip * [1.0, 0.0]
-    [track] = tracks({"r": Recording(np.arange(50) * 1e-3, {"hip": hip, "ihip": ihip, "force": ihip - hip})}, {})
+    [track] = sample_tracks({"r": Recording(np.arange(50) * 1e-3, {"hip": hip, "ihip": ihip, "force": ihip - hip})}, {})
     packer = Packer()
-    [run] = case_data.packed_runs([track], packer)
-    held = unpacked(packer.text({}))[1]
+    [run] = case_data.pack_runs([track], packer)
+    held = unpack(packer.text({}))[1]
     np.testing.assert_allclose(held[run["hip"]][:, 1], -1e-8, rtol=0.01)
     np.testing.assert_allclose(held[run["apart"]][:, 1], 1e-8, rtol=1e-4)
 
@@ -169,7 +179,7 @@ def test_gaps_and_rows_that_are_no_measurement_part_a_run():
     hip = np.column_stack([time, time])
     valid = np.ones(60, dtype=bool)
     valid[10:20] = False
-    [track] = tracks({"r": placed(Recording(time, {"hip": hip, "ihip": hip}, valid=valid))}, {})
+    [track] = sample_tracks({"r": drawable_recording(Recording(time, {"hip": hip, "ihip": hip}, valid=valid))}, {})
     assert track.starts.tolist() == [10, 20]
     assert track.time[10] == pytest.approx(0.02)
     assert track.force is None
@@ -177,12 +187,14 @@ def test_gaps_and_rows_that_are_no_measurement_part_a_run():
 
 def test_a_recording_of_one_dimension_is_shown_before_its_wall():
     along = np.linspace(0.01, -0.002, 40)[:, None]
-    run = placed(Recording(np.arange(40) * 1e-3, {"hip": along, "ihip": np.maximum(along, 0.0), "force": -along}))
-    [track] = tracks({"r": run}, {})
+    run = drawable_recording(
+        Recording(np.arange(40) * 1e-3, {"hip": along, "ihip": np.maximum(along, 0.0), "force": -along})
+    )
+    [track] = sample_tracks({"r": run}, {})
     assert track.hip.shape == (40, 2)
-    shown = panels([track], held=False)
+    shown = case_panels([track], held_on_surface=False)
     assert [each.label for each in shown] == ["place (mm)", "force (N)", "depth (mm)"]
-    assert "place (mm)" in panels_svg([track], shown, {"r": look(0)}, [], prefix="p", title="t")
+    assert "place (mm)" in panels_svg([track], shown, {"r": look_of(0)}, [], prefix="p", title="t")
 
 
 def orbit(radius, speed, count=500, dt=1e-3):
@@ -222,19 +234,19 @@ def test_a_solid_becomes_closed_triangles_that_face_outwards(kind):
 
 
 def test_the_eye_turns_and_does_not_stretch():
-    np.testing.assert_allclose(TURN @ TURN.T, np.eye(3), atol=2e-3)
-    assert np.linalg.det(TURN) > 0.0
+    np.testing.assert_allclose(EYE_AXES @ EYE_AXES.T, np.eye(3), atol=2e-3)
+    assert np.linalg.det(EYE_AXES) > 0.0
 
 
 @pytest.mark.parametrize("kind", ["circle", "star", "line"])
 def test_the_outline_of_a_model_lies_on_it(kind):
     model = make_model(kind)
     hip = np.column_stack([np.linspace(-0.05, 0.05, 20), np.full(20, -0.001)])
-    [track] = tracks({"r": Recording(np.arange(20) * 1e-3, {"hip": hip, "ihip": hip})}, {})
+    [track] = sample_tracks({"r": Recording(np.arange(20) * 1e-3, {"hip": hip, "ihip": hip})}, {})
     packer = Packer()
-    shown = packed_model(model, [track], packer)
+    shown = pack_model(model, [track], packer)
     assert shown is not None
-    outline = unpacked(packer.text({}))[1][shown["rings"][0]]
+    outline = unpack(packer.text({}))[1][shown["rings"][0]]
     if model.boundary.closed:
         assert np.abs(model.boundary.signed_distance(outline)).max() < 1e-4
     else:
@@ -249,7 +261,7 @@ def words(svg):
 
 
 def test_no_two_of_many_renderers_look_alike():
-    shown = [look(k) for k in range(28)]
+    shown = [look_of(k) for k in range(28)]
     assert len({(each.role, each.dash, each.marker) for each in shown}) == 28
     for one, two in pairwise(shown):
         assert one.role != two.role
@@ -258,11 +270,11 @@ def test_no_two_of_many_renderers_look_alike():
 
 
 def held_on(model, **runs):
-    found = tracks({name: placed(run) for name, run in runs.items()}, {}, held_on=model)
-    looks = {name: look(k) for k, name in enumerate(runs)}
+    found = sample_tracks({name: drawable_recording(run) for name, run in runs.items()}, {}, held_on=model)
+    looks = {name: look_of(k) for k, name in enumerate(runs)}
     return (
         plane_svg(found, model, looks, [], crosses={}, prefix="a", title="three"),
-        panels_svg(found, panels(found, held=True), looks, [], prefix="b", title="three"),
+        panels_svg(found, case_panels(found, held_on_surface=True), looks, [], prefix="b", title="three"),
     )
 
 
@@ -333,7 +345,7 @@ def test_a_page_has_every_verdict_at_its_anchor_with_a_link_to_its_time():
         assert f"plain/{check}" in page.ids
     assert f"data-time={time:.12g} data-mark=1>" in text
     assert "pop-through &lt;here&gt;" in text
-    document, held = unpacked(re.search(r'class="case-data">(.*?)</script>', text)[1])
+    document, held = unpack(re.search(r'class="case-data">(.*?)</script>', text)[1])
     run = document["runs"][0]
     times = held[run["time"]][:, 0]
     assert np.abs(times - time).min() < 1e-6
@@ -386,11 +398,11 @@ def test_pages_and_what_they_share_are_written_and_nothing_is_asked_of_a_network
     path = tmp_path / case_file("synthetic", "lobe")
     text = path.read_text(encoding="utf-8")
     links = re.findall(r'(?:src|href)="([^"#]+)"', text)
-    assert len(links) == len((*ASSETS, FIGURES))
+    assert len(links) == len((*ASSETS, FIGURE_SHEET))
     used = {each for names in re.findall(r"class=(z[0-9a-z]+)", text) for each in names.split()}
     assert used
     used |= {each for names in re.findall(r'<i class="([^"]+)"', text) for each in names.split()}
-    assert used == set(re.findall(r"^[.](\w+){", (tmp_path / "assets" / FIGURES).read_text(), re.MULTILINE))
+    assert used == set(re.findall(r"^[.](\w+){", (tmp_path / "assets" / FIGURE_SHEET).read_text(), re.MULTILINE))
     for link in links:
         assert (path.parent / link).resolve().is_file()
     assert "http" not in text
@@ -450,5 +462,5 @@ def test_evidence_that_rows_share_is_one_cell():
         verdict("x", name, "drift", Finding(Outcome.PASS, "", evidence={"rows": rows, "kind": "led"}))
         for name, rows in (("a", 1), ("b", 2), ("c", 2))
     ]
-    cells = dict(ShownCheck("x", [[each] for each in found]).evidence)
+    cells = dict(CheckSection("x", [[each] for each in found]).evidence)
     assert cells == {"a": [(1, 1), ("led", 3)], "b": [(2, 2)], "c": []}

@@ -12,7 +12,7 @@ from hapticeval.cli import main
 from hapticeval.effects.catalogue import EFFECTS, make_effect
 from hapticeval.effects.effect import Stage
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.reports.effects_figure import PANELS, contacts, effect_svg, given, slip
+from hapticeval.reports.effects_figure import PANELS, contact_stretches, effect_svg, sliding_motion, work_on_hand
 from hapticeval.reports.write import write_reports
 from hapticeval.study.effects.document import Cost, EffectsDocument, Ladder, Rung, SceneEntry, write_costs
 
@@ -52,7 +52,7 @@ def rubbed(dimension=2, ratio=0.4):
 
 def test_friction_is_a_loop_of_the_force_along_over_the_force_across():
     recording = rubbed()
-    way, along, across = slip(recording, make_model("line"))
+    way, along, across = sliding_motion(recording, make_model("line"))
     np.testing.assert_allclose(way, recording.hip[:, 0], atol=1e-15)
     np.testing.assert_allclose(along, recording.force[:, 0])
     np.testing.assert_allclose(across, 1.0)
@@ -64,21 +64,21 @@ def test_the_way_along_a_round_surface_goes_round_it_and_back(kind):
     model = make_model(kind)
     hip = np.zeros((801, model.dimension))
     hip[:, 0], hip[:, 1] = 0.09 * np.cos(angle), 0.09 * np.sin(angle)
-    way, _, across = slip(recorded(hip, force=hip), model)
+    way, _, across = sliding_motion(recorded(hip, force=hip), model)
     np.testing.assert_allclose(way, 0.09 * angle, rtol=1e-3, atol=1e-6)
     np.testing.assert_allclose(across, 0.09)
 
 
 def test_work_is_what_the_hand_gets():
     """Against 0.4 N over 2 cm; the tick at which the hand turns counts half for either sense."""
-    assert given(rubbed())[-1] == pytest.approx(-0.4 * 0.02, rel=2e-2)
+    assert work_on_hand(rubbed())[-1] == pytest.approx(-0.4 * 0.02, rel=2e-2)
 
 
 def test_contacts_are_where_there_is_a_force():
     recording = rubbed()
     force = recording.force.copy()
     force[10:20] = 0.0
-    assert contacts(recorded(recording.hip, force=force)) == [(0, 10), (20, 101)]
+    assert contact_stretches(recorded(recording.hip, force=force)) == [(0, 10), (20, 101)]
 
 
 @pytest.mark.parametrize("kind", PANELS)

@@ -14,9 +14,9 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import THEME
-from hapticeval.reports.plane import along_path, labels, solid
-from hapticeval.reports.run_figure import Mark, _page, figure_svg, marks_of
-from hapticeval.reports.svg import inlined
+from hapticeval.reports.plane import filled_part, labels, samples_along_path
+from hapticeval.reports.run_figure import Mark, _page_figure, figure_svg, marks_of
+from hapticeval.reports.svg import inline_svg
 
 
 def words(svg):
@@ -42,7 +42,7 @@ def test_nothing_of_a_figure_is_left_in_the_next():
     others = [partial(figure_svg, tip_recording(), model, marks=marks), partial(figure_svg, tip_recording(), None)]
     alone = figure_svg(lobe_recording(), model)
     for other in others:
-        _page.cache_clear()
+        _page_figure.cache_clear()
         before = other()
         assert figure_svg(lobe_recording(), model) == alone
         assert other() == before
@@ -68,7 +68,7 @@ def test_every_kind_of_model_is_drawn_solid_on_its_inside(kind):
     import shapely
 
     curve = make_model(kind).curve
-    body = solid(make_model(kind), (-130.0, -110.0, 130.0, 110.0))
+    body = filled_part(make_model(kind), (-130.0, -110.0, 130.0, 110.0))
     grid = np.stack(np.meshgrid(np.linspace(-0.12, 0.12, 41), np.linspace(-0.1, 0.1, 37)), axis=-1).reshape(-1, 2)
     far = np.abs(curve.signed_distance(grid)) > 5e-4
     drawn = shapely.contains_xy(body, *(1e3 * grid[far]).T)
@@ -80,7 +80,7 @@ def test_a_strong_zoom_still_follows_the_curve():
 
     curve = make_model("cassinian").curve
     x, y = 1e3 * curve.position(0.3)
-    body = solid(make_model("cassinian"), (x - 0.5, y - 0.4, x + 0.5, y + 0.4))
+    body = filled_part(make_model("cassinian"), (x - 0.5, y - 0.4, x + 0.5, y + 0.4))
     near = curve.position(np.linspace(0.298, 0.302, 50))
     distances = shapely.distance(shapely.points(1e3 * near), shapely.boundary(body))
     assert distances.max() < 0.005
@@ -135,7 +135,7 @@ def test_no_line_leads_over_a_gap():
 def test_samples_are_even_along_the_path_and_hold_the_evidence():
     recording = lobe_recording()
     tick = jump_tick(recording)
-    chosen = along_path(recording, 60, keep=[tick, 0])
+    chosen = samples_along_path(recording, 60, keep=[tick, 0])
     assert {0, tick - 1, tick, len(recording) - 1} <= set(chosen)
     assert 40 <= chosen.size <= 64
     assert np.all(np.diff(chosen) > 0)
@@ -158,7 +158,7 @@ def test_laps_over_each_other_are_drawn_once():
         d = "M " + " L ".join(f"{x:.3f} {y:.3f}" for x, y in corners)
         path = f'<path d="{d}" style="fill:none;stroke:#000"/>'
         svg = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 400 200">{path}</svg>'
-        return re.search(' d="([^"]*)"', inlined(svg, prefix="p", title="laps", colours={}))[1]
+        return re.search(' d="([^"]*)"', inline_svg(svg, prefix="p", title="laps", colours={}))[1]
 
     assert drawn(100).replace("m0 0 ", " ") == drawn(1)
 
@@ -168,7 +168,7 @@ def test_letters_that_a_file_draws_keep_their_size_and_place():
     uses = '<use xlink:href="#L"/><use xlink:href="#L" transform="translate(60 0)"/>'
     text = f'<g transform="translate(50 20) scale(0.1 -0.1)">{letters}{uses}</g>'
     links = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
-    made = inlined(f'<svg {links} viewBox="0 0 400 200">{text}</svg>', prefix="p", title="letters", colours={})
+    made = inline_svg(f'<svg {links} viewBox="0 0 400 200">{text}</svg>', prefix="p", title="letters", colours={})
     assert '<path d="m0 0 3200 0 0 3200z" id="p-0" transform="scale(0.015625)"/>' in made
     assert '<use href="#p-0"/><use href="#p-0" transform="translate(300 0)"/>' in made
     assert "marker" not in made
@@ -178,6 +178,6 @@ def test_a_hollow_mark_that_stands_alone_is_drawn_as_wide_as_it_was():
     mark = '<defs><path id="m" d="M 0 3 L 3 0 L 0 -3 z" style="stroke:#000"/></defs>'
     use = '<use xlink:href="#m" x="100" y="50" style="fill-opacity:0;stroke:#000"/>'
     links = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
-    made = inlined(f'<svg {links} viewBox="0 0 400 200">{mark}{use}</svg>', prefix="p", title="a mark", colours={})
+    made = inline_svg(f'<svg {links} viewBox="0 0 400 200">{mark}{use}</svg>', prefix="p", title="a mark", colours={})
     assert re.search(r'<svg [^>]*viewBox="0 0 2000 1000"[^>]*stroke-width="5"', made), "1 where nothing else is given"
     assert 'd="m500 250 0 0"' in made, "a browser draws no mark on a path without a line"

@@ -21,7 +21,7 @@ from hapticeval.reports.canvas import THEME
 from hapticeval.reports.grid import SYMBOLS, State
 from hapticeval.reports.index import _worst_words
 from hapticeval.reports.places import anchor, case_file
-from hapticeval.reports.svg import classed, sheet
+from hapticeval.reports.svg import style_sheet, styles_as_classes
 from hapticeval.runner.results import Replay, SuiteEntry, write_results
 from hapticeval.study.bench.document import (
     Answer,
@@ -313,13 +313,13 @@ def test_styles_become_classes_of_the_page():
         '<svg class="figure" aria-label="a &quot;b&quot;"><path d="M 0 0" style="fill:none"/>',
         '<g style="fill:none"><text style="x:1"> style="y" </text></g>',
     ]
-    (first, second), styles = classed(given)
+    (first, second), styles = styles_as_classes(given)
     [none, one] = styles
     assert styles == {none: "fill:none", one: "x:1"}
     assert first == f'<svg class="figure" aria-label="a &quot;b&quot;"><path d="M 0 0" class={none} />'
     assert second == f'<g class={none}><text class={one}> style="y" </text></g>'
-    assert classed(given[1:])[1] == styles, "the same style has the same name on every page"
-    assert sorted(sheet(styles).split()) == sorted([f".{none}{{fill:none}}", f".{one}{{x:1}}"])
+    assert styles_as_classes(given[1:])[1] == styles, "the same style has the same name on every page"
+    assert sorted(style_sheet(styles).split()) == sorted([f".{none}{{fill:none}}", f".{one}{{x:1}}"])
 
 
 # Closed forms: the evidence of the verdicts, digit for digit.

@@ -19,15 +19,15 @@ from hapticeval.reports.grid import (
     SYMBOLS,
     State,
     Tile,
-    cases,
-    counted,
+    bound_share,
+    case_grid,
     hard_cases,
     headline,
-    phenomena,
-    sound,
-    state,
-    used,
-    worst,
+    is_sound,
+    phenomenon_grid,
+    state_counts,
+    state_of,
+    worst_verdicts,
 )
 from hapticeval.runner.results import Problem
 
@@ -63,13 +63,13 @@ def found(
     ],
 )
 def test_a_state_compares_the_outcome_with_what_was_expected(outcome, published, level, expected):
-    assert state(found(outcome, published=published, level=Level(level))) == expected
+    assert state_of(found(outcome, published=published, level=Level(level))) == expected
 
 
 @given(outcome=st.sampled_from(Outcome), published=st.sampled_from([None, *Outcome]), level=st.sampled_from(Level))
 def test_a_state_is_grave_exactly_where_the_verdict_is_not_as_expected(outcome, published, level):
     each = found(outcome, published=published, level=level)
-    assert state(each).grave is not each.as_expected
+    assert state_of(each).grave is not each.as_expected
 
 
 def test_a_tile_shows_its_gravest_state_and_there_the_worst():
@@ -93,8 +93,8 @@ def test_a_tile_shows_its_gravest_state_and_there_the_worst():
     [(0.5, 1.0, 0.5), (-2.0, 1.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, np.inf), (1.0, -1.0, None), (np.inf, 1.0, np.inf)],
 )
 def test_the_share_of_a_bound(value, bound, share):
-    assert used(found(value=value, bound=bound)) == share
-    assert used(found(value=None)) is None
+    assert bound_share(found(value=value, bound=bound)) == share
+    assert bound_share(found(value=None)) is None
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_a_margin_reads_well(value, words):
 
 
 def test_renderers_by_phenomena(results):
-    grid = phenomena(results)
+    grid = phenomenon_grid(results)
     assert [name for name, _ in grid.rows] == ["plain", "broken", HOSTILE]
     assert grid.columns[:2] == ["Continuous Contact Point", "Contact Normal Force"]
     assert grid.columns[-1] == "Other properties", "memoryless is none of the six"
@@ -119,7 +119,7 @@ def test_renderers_by_phenomena(results):
 
 
 def test_cases_by_renderers_show_a_run_that_broke_before_any_check(results):
-    grid = cases(results, "synthetic")
+    grid = case_grid(results, "synthetic")
     tiles = {case: dict(zip(grid.columns, row, strict=True)) for case, row in grid.rows}
     assert tiles["tip"]["plain"].state is State.ERROR
     assert tiles["tip"]["broken"] is None
@@ -127,25 +127,25 @@ def test_cases_by_renderers_show_a_run_that_broke_before_any_check(results):
 
 
 def test_the_worst_come_first_and_once_for_each_check_of_a_renderer(results):
-    given = worst(results, 99)
+    given = worst_verdicts(results, 99)
     keys = [(each.check, each.renderer) for each in given]
     assert len(keys) == len(set(keys))
-    assert [state(each) for each in given] == sorted(map(state, given), key=list(State).index)
-    known = [each for each in results.verdicts if state(each) is State.KNOWN]
+    assert [state_of(each) for each in given] == sorted(map(state_of, given), key=list(State).index)
+    known = [each for each in results.verdicts if state_of(each) is State.KNOWN]
     again = [changed(each, case="again", metric=changed(each.metric, value=0.005)) for each in known]
-    only = worst(synthetic_results(verdicts=[*again, *known]), 99)
+    only = worst_verdicts(synthetic_results(verdicts=[*again, *known]), 99)
     assert [each.check for each in only] == ["continuous-contact"]
     assert only[0].case != "again"
 
 
 def test_the_headline_and_the_exit_code_agree(results):
-    assert not sound(results)
+    assert not is_sound(results)
     fine = [each for each in results.verdicts if each.as_expected]
     runs = [run for run in results.runs if not run.error]
     assert headline(synthetic_results(verdicts=fine, runs=runs)) == "Every verdict is as expected"
-    assert sound(synthetic_results(verdicts=fine, runs=runs))
-    assert not sound(synthetic_results(verdicts=fine, runs=runs, strict=True)), "a warning counts"
-    assert sum(count for _, count in counted(results)) == len(results.verdicts)
+    assert is_sound(synthetic_results(verdicts=fine, runs=runs))
+    assert not is_sound(synthetic_results(verdicts=fine, runs=runs, strict=True)), "a warning counts"
+    assert sum(count for _, count in state_counts(results)) == len(results.verdicts)
 
 
 def test_hard_cases_show_the_digits_that_are_kept():
@@ -239,4 +239,4 @@ def test_what_broke_is_shown_once_with_the_checks_that_it_took_away():
     found = results.breakdowns
     assert [[run.case for run in each.runs] for each in found] == [["one", "two"], ["one"], ["two"]]
     assert found[0].checks == ["passivity", "broken-contact"]
-    assert worst(results, 10) == [], "none of them is a failure that was measured"
+    assert worst_verdicts(results, 10) == [], "none of them is a failure that was measured"

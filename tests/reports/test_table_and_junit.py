@@ -22,7 +22,7 @@ from hapticeval.effects.viscosity import Viscosity
 from hapticeval.files import csv_cell
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.reports import junit, markdown, render_index, summaries
-from hapticeval.reports.exports import Sheet, _tex, write_tables
+from hapticeval.reports.exports import Sheet, _latex_table, write_tables
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.table import LIMIT
 from hapticeval.runner.results import Ended, Robot
@@ -265,7 +265,7 @@ def test_a_run_that_ended_early_is_told_in_every_report(results):
 @pytest.mark.parametrize("count", [2, 9])
 def test_a_wide_table_is_set_small_in_columns_that_share_the_page(count):
     sheet = Sheet("t", [f"one+{k}" for k in range(count)], [["-0.25", *["known, 10 of 83"] * (count - 1)]], "Title")
-    text = _tex(sheet, pd.DataFrame(sheet.rows, columns=sheet.header))
+    text = _latex_table(sheet, pd.DataFrame(sheet.rows, columns=sheet.header))
     assert "$-$0.25" in text
     assert "one+\\allowbreak{}1" in text
     widths = [float(each) for each in re.findall(r"p{([\d.]+)\\linewidth}", text)]
