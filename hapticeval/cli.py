@@ -27,7 +27,7 @@ from hapticeval.commands import (
     texture,
     viewing,
 )
-from hapticeval.commands.arguments import Grouped, Sections
+from hapticeval.commands.arguments import Grouped, SectionedCommand
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError, printable
 
@@ -134,28 +134,28 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
     {
         "Judge": (
             (judging.run, judging.EXIT_CODES, "Run suites on renderers, judge, and report."),
-            (judging.list_, judging.LISTED, "List renderers, suites, cases, checks, effects, formats."),
-            (judging.explain, judging.LISTED, "Explain what a check asks, measures and allows, and why."),
-            (judging.report, judging.REPORTED, "Write the reports of an earlier run anew, from its results."),
+            (judging.list_, judging.LIST_CODES, "List renderers, suites, cases, checks, effects, formats."),
+            (judging.explain, judging.LIST_CODES, "Explain what a check asks, measures and allows, and why."),
+            (judging.report, judging.REPORT_CODES, "Write the reports of an earlier run anew, from its results."),
             (diff.diff, diff.EXIT_CODES, "Compare two runs: verdicts, margins and times."),
             (search.search, search.EXIT_CODES, "Find the smallest path that breaks a renderer."),
             (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
         ),
         "Write a renderer": (
-            (authors.new, authors.WRITTEN, "Write a renderer to start from."),
-            (authors.doctor, authors.EXAMINED, "Walk a renderer through the contract."),
-            (authors.header, authors.PRINTED, "Print the C header for libraries."),
+            (authors.new, authors.NEW_CODES, "Write a renderer to start from."),
+            (authors.doctor, authors.DOCTOR_CODES, "Walk a renderer through the contract."),
+            (authors.header, authors.HEADER_CODES, "Print the C header for libraries."),
         ),
         "Record and replay": (
             (record.record, record.EXIT_CODES, "Run a renderer on a robot and record it."),
-            (recordings.inspect, recordings.INSPECTED, "Examine a recording: clock, channels, units, physics."),
-            (judging.replay, judging.REPLAYED, "Lead renderers along a recorded hand path."),
-            (viewing.view, viewing.SHOWN, "Show a recording in a page, with a slider over time."),
-            (recordings.convert, recordings.CONVERTED, "Convert foreign files, journals and recordings."),
-            (recordings.compare, recordings.COMPARED, "Compare the force of runs that no clock can align."),
+            (recordings.inspect, recordings.INSPECT_CODES, "Examine a recording: clock, channels, units, physics."),
+            (judging.replay, judging.REPLAY_CODES, "Lead renderers along a recorded hand path."),
+            (viewing.view, viewing.VIEW_CODES, "Show a recording in a page, with a slider over time."),
+            (recordings.convert, recordings.CONVERT_CODES, "Convert foreign files, journals and recordings."),
+            (recordings.compare, recordings.COMPARE_CODES, "Compare the force of runs that no clock can align."),
         ),
         "Beside these": (
-            (judging.merge, judging.MERGED, "Make one run of several, as of its shards."),
+            (judging.merge, judging.MERGE_CODES, "Make one run of several, as of its shards."),
             (badge.badge, badge.EXIT_CODES, "Draw a badge of what a run found."),
         ),
     }
@@ -163,14 +163,14 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
 """The commands as the first page of help groups them: each with its exit codes and its line there."""
 
 STUDIES: Sequence[tuple[Callable[..., None], str, str]] = (
-    (bench.rates, bench.RATED, "Measure what a faster loop buys."),
-    (effects.effects, effects.MEASURED, "Measure what the effects of scenes cost."),
-    (texture.texture, texture.SHOWN, "Show a texture, or take over a toolkit's."),
-    (draw.field, draw.DRAWN, "Draw where a projection leads, and where it jumps."),
-    (draw.flow, draw.DRAWN, "Draw how a model's outline shrinks to a point."),
-    (draw.device, draw.DRAWN, "Show what the hand feels of a device, and its reach."),
-    (draw.limits, draw.LIMITS, "Find the largest stiffness that stays stable."),
-    (draw.integrators, draw.DRAWN, "Draw how exactly a robot's motion is integrated."),
+    (bench.rates, bench.RATES_CODES, "Measure what a faster loop buys."),
+    (effects.effects, effects.EFFECTS_CODES, "Measure what the effects of scenes cost."),
+    (texture.texture, texture.TEXTURE_CODES, "Show a texture, or take over a toolkit's."),
+    (draw.field, draw.DRAW_CODES, "Draw where a projection leads, and where it jumps."),
+    (draw.flow, draw.DRAW_CODES, "Draw how a model's outline shrinks to a point."),
+    (draw.device, draw.DRAW_CODES, "Show what the hand feels of a device, and its reach."),
+    (draw.limits, draw.LIMITS_CODES, "Find the largest stiffness that stays stable."),
+    (draw.integrators, draw.DRAW_CODES, "Draw how exactly a robot's motion is integrated."),
 )
 
 
@@ -180,9 +180,9 @@ def _name_of(function: Callable[..., None]) -> str:
 
 for _group, _commands_of_group in COMMANDS.items():
     for _function, _epilog, _short in _commands_of_group:
-        app.command(_name_of(_function), cls=Sections, epilog=_epilog, short_help=_short, rich_help_panel=_group)(
-            _function
-        )
+        app.command(
+            _name_of(_function), cls=SectionedCommand, epilog=_epilog, short_help=_short, rich_help_panel=_group
+        )(_function)
 for _function, _epilog, _short in STUDIES:
-    study.command(_name_of(_function), cls=Sections, epilog=_epilog, short_help=_short)(_function)
+    study.command(_name_of(_function), cls=SectionedCommand, epilog=_epilog, short_help=_short)(_function)
 app.add_typer(study, name="study", rich_help_panel="Beside these")

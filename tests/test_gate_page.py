@@ -12,7 +12,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from hapticeval.cli import main
-from hapticeval.commands.starters import STARTERS, WORKFLOW, write
+from hapticeval.commands.starters import STARTERS, WORKFLOW, write_starter
 from hapticeval.runner.known import KnownVerdict, read_known
 from hapticeval.runner.results import read_results
 
@@ -168,7 +168,7 @@ def workflows():
                 yield f"{name}-{number}", block
     for kind in STARTERS:
         with tempfile.TemporaryDirectory() as folder:
-            write(kind, Path(folder) / "mine")
+            write_starter(kind, Path(folder) / "mine")
             yield f"new-{kind}", (Path(folder) / "mine" / WORKFLOW).read_text()
 
 
@@ -189,7 +189,7 @@ def test_the_steps_of_a_workflow_run_in_a_scratch_repository(place, tmp_path):
     kind = place.removeprefix("new-")
     repository = tmp_path / "mine"
     if kind in STARTERS:
-        write(kind, repository)
+        write_starter(kind, repository)
     else:
         repository.mkdir()
         (repository / "mine.py").write_text(RENDERER)

@@ -18,18 +18,20 @@ if TYPE_CHECKING:
     from hapticeval.types import Array
 
 
-class Sections(TyperCommand):
+class SectionedCommand(TyperCommand):
     """A command whose help has a section for each `rich_help_panel` of its options, and one for its exit codes."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write them in the order in which the command has them."""
         sections: dict[str, list[tuple[str, str]]] = {}
-        for each in self.get_params(ctx):
-            shown = each.get_help_record(ctx)
-            if shown is not None:
-                name, text = shown
-                if isinstance(each, TyperOption):
-                    sections.setdefault(getattr(each, "rich_help_panel", None) or "Options", []).append(shown)
+        for parameter in self.get_params(ctx):
+            help_record = parameter.get_help_record(ctx)
+            if help_record is not None:
+                name, text = help_record
+                if isinstance(parameter, TyperOption):
+                    sections.setdefault(getattr(parameter, "rich_help_panel", None) or "Options", []).append(
+                        help_record
+                    )
                 else:  # some versions of typer append a Python type
                     sections.setdefault("Arguments", []).append((name.partition(" <")[0], text))
         for title, rows in sorted(sections.items(), key=lambda section: section[0] not in ("Arguments", "Options")):
@@ -38,8 +40,8 @@ class Sections(TyperCommand):
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - click's
         """Write the exit codes as a section, with their words beside them."""
-        title, _, rest = (self.epilog or "").removeprefix("\b\n").partition(":\n")
-        codes = re.findall(r"^  (\d)  (.*(?:\n     .*)*)", rest, re.MULTILINE)
+        title, _, body = (self.epilog or "").removeprefix("\b\n").partition(":\n")
+        codes = re.findall(r"^  (\d)  (.*(?:\n     .*)*)", body, re.MULTILINE)
         with formatter.section(title):
             formatter.write_dl([(code, " ".join(text.split())) for code, text in codes])
 
@@ -132,7 +134,7 @@ FormatName = Annotated[
 ]
 
 
-Touched = Annotated[
+TouchedModel = Annotated[
     str | None,
     option(
         "--model",
@@ -141,7 +143,7 @@ Touched = Annotated[
     ),
 ]
 
-CaseTaken = Annotated[
+SuiteCase = Annotated[
     str | None, option("--suite-case", metavar="SUITE/CASE", help="Take model, scene and checks from a case.")
 ]
 
@@ -167,13 +169,13 @@ def model_named(text: str) -> Model:
     from hapticeval.geometry.mesh_files import FILE_ENDINGS
 
     file = Path(text)
-    kind, _, rest = text.partition(":")
+    kind, _, entries = text.partition(":")
     if file.suffix.lower() in FILE_ENDINGS and kind != "mesh":
         raise InputError(
             f"the mesh file {file} has no unit", why="the format has none", todo=f"write mesh:file={file},unit=mm"
         )
     if kind == "mesh":
-        return make_model(kind, **dict(part.partition("=")[::2] for part in rest.split(",")))
+        return make_model(kind, **dict(part.partition("=")[::2] for part in entries.split(",")))
     if file.suffix in (".wkt", ".geojson", ".json") or file.is_file():
         try:
             content = file.read_text(encoding="utf-8")
@@ -184,7 +186,7 @@ def model_named(text: str) -> Model:
     if kind not in drawable:
         raise UnknownNameError("model", kind, drawable)
     parameters: dict[str, float] = {}
-    for part in rest.split(",") if rest else []:
+    for part in entries.split(",") if entries else []:
         name, equals, value = part.partition("=")
         try:
             parameters[name.strip()] = float(value)
@@ -224,7 +226,7 @@ def parse_knobs(options: Sequence[str]) -> dict[str, tuple[float, ...]]:
     for option in options:
         knob, equals, text = option.partition("=")
         try:
-            values = tuple(_number(each) for each in text.split(","))
+            values = tuple(_number_or_length(part) for part in text.split(","))
         except (ValueError, InputError):
             values = ()
         if not knob or not equals or not values or not all(0.0 < value < float("inf") for value in values):
@@ -237,7 +239,7 @@ def parse_knobs(options: Sequence[str]) -> dict[str, tuple[float, ...]]:
     return chosen
 
 
-def _number(text: str) -> float:
+def _number_or_length(text: str) -> float:
     """Return a plain number, or the metres of a length with its unit."""
     from hapticeval.quantity import parse_length
 

@@ -8,12 +8,12 @@ from typing import Annotated
 import typer
 
 from hapticeval.commands.arguments import argument
-from hapticeval.commands.terminal import Terminal, columns, say, wrote
+from hapticeval.commands.terminal import Terminal, columns, say, wrote_lines
 
-PATIENCE = 60.0
+ANSWER_SECONDS = 60.0
 """Seconds for an answer, unless given: a renderer's own kernels to compile and a large program to start included."""
 
-EXAMINED = """\b
+DOCTOR_CODES = """\b
 Exit codes:
   0  the contract is kept
   1  something is missing
@@ -21,13 +21,13 @@ Exit codes:
   3  the renderer broke: it raised, crashed or hung
 """
 
-WRITTEN = """\b
+NEW_CODES = """\b
 Exit codes:
   0  the files are written
   2  wrong usage, or the folder is not empty
 """
 
-PRINTED = """\b
+HEADER_CODES = """\b
 Exit codes:
   0  printed
 """
@@ -49,7 +49,7 @@ def doctor(
     renderer: Annotated[str, typer.Option("-r", "--renderer", metavar="NAME", help="As for `hapticeval run`.")],
     timeout: Annotated[
         float, typer.Option("--timeout", metavar="SECONDS", help="How long it has for an answer.", min=0.1)
-    ] = PATIENCE,
+    ] = ANSWER_SECONDS,
 ) -> None:
     """Walk a renderer through the contract, and print what holds and what is missing.
 
@@ -63,17 +63,17 @@ def doctor(
     """
     from hapticeval.study.doctor import examine, exit_code
 
-    found = []
+    findings = []
     kind = ""
     with Terminal() as terminal:
-        for each in examine(renderer, patience=timeout, waiting=terminal.waiting):
+        for finding in examine(renderer, patience=timeout, waiting=terminal.waiting):
             terminal.clear()
-            found.append(each)
-            if each.kind != kind:
-                kind = each.kind
+            findings.append(finding)
+            if finding.kind != kind:
+                kind = finding.kind
                 say(f"in {'the ' * (kind == 'plane')}{kind}" if kind else "")
-            say(columns([(f"  {each.state:<8}{each.what:<12}", each.text)]))
-    raise typer.Exit(exit_code(found))
+            say(columns([(f"  {finding.state:<8}{finding.what:<12}", finding.text)]))
+    raise typer.Exit(exit_code(findings))
 
 
 def new(
@@ -87,8 +87,8 @@ def new(
       hapticeval new python myrenderer
       hapticeval new cpp myrenderer
     """
-    from hapticeval.commands.starters import write
+    from hapticeval.commands.starters import write_starter
 
-    written, steps = write(kind, directory)
-    say(wrote(written))
+    written, steps = write_starter(kind, directory)
+    say(wrote_lines(written))
     say("\n".join(["", "then:", *(f"  {step}" for step in steps)]))

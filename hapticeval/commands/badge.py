@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from hapticeval.commands.arguments import argument, option
-from hapticeval.commands.terminal import say, wrote
+from hapticeval.commands.terminal import say, wrote_lines
 
 EXIT_CODES = """\b
 Exit codes:
@@ -30,4 +30,4 @@ def badge(
     from hapticeval.reports.badge import write_badge
     from hapticeval.runner.results import read_results
 
-    say(wrote(write_badge(output or directory, read_results(directory))))
+    say(wrote_lines(write_badge(output or directory, read_results(directory))))

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from hapticeval.commands.arguments import Folder, Seed, option, parse_knobs, renderers_option
-from hapticeval.commands.terminal import Terminal, paragraphs, say, wrote
+from hapticeval.commands.terminal import Terminal, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError
 
 EXIT_CODES = """\b
@@ -20,7 +20,7 @@ Exit codes:
   3  a renderer broke (outranks 1 and 2)
 """
 
-RATED = """\b
+RATES_CODES = """\b
 Exit codes:
   0  measured; a renderer that refuses a case or breaks in it has the reason in its row
   2  wrong usage or input
@@ -90,11 +90,11 @@ def bench(
     from hapticeval.study.bench.sweep import Sweep, settings_by_model
     from hapticeval.study.bench.text import describe
 
-    wanted = None if within is None else parse_length(within, option="--within")
+    error_limit = None if within is None else parse_length(within, option="--within")
     limit = None if budget is None else parse_duration(budget, option="--budget")
     before = None if compare is None else (read_bench(compare), read_samples(compare))
     settings = settings_by_model(models, renderers, quick=quick, chosen=parse_knobs(knobs or []))
-    names = list(dict.fromkeys(each.renderer for of_model in settings.values() for each in of_model))
+    names = list(dict.fromkeys(setting.renderer for of_model in settings.values() for setting in of_model))
     command = {"renderers": names, "models": list(settings), "knobs": knobs or [], "within": within, "budget": budget}
     sweep = Sweep(settings, quick=quick, seed=seed, command=command)
     with prepared_folder(directory, keep_reports=True):
@@ -106,14 +106,16 @@ def bench(
             results = replace(results, comparison=compare_benches(results, samples, *before))
         with suppress(InputError):  # one that is not there, or of another version, has nothing to keep
             results, samples = join_benches(results, samples, read_bench(directory), read_samples(directory))
-        results = judge_bench(results, within=wanted, budget=limit)
+        results = judge_bench(results, within=error_limit, budget=limit)
         written = write_bench(directory, results, samples)
-    there = (directory / RESULTS).exists()
-    hint = f"hapticeval report {directory} puts it into the report of the run that lies there" if there else ""
-    say(paragraphs(describe(results), wrote(written), hint))
-    missed = within is not None and any(each.what == "step" and each.key is None for each in results.answers)
-    worse = any(each.verdict == "worse" for each in results.comparison)
-    raise typer.Exit(max([int(missed or worse or not results.complete), *(each.exit_code for each in sweep.failures)]))
+    has_results = (directory / RESULTS).exists()
+    hint = f"hapticeval report {directory} puts it into the report of the run that lies there" if has_results else ""
+    say(paragraphs(describe(results), wrote_lines(written), hint))
+    missed = within is not None and any(answer.what == "step" and answer.key is None for answer in results.answers)
+    worse = any(change.verdict == "worse" for change in results.comparison)
+    raise typer.Exit(
+        max([int(missed or worse or not results.complete), *(failure.exit_code for failure in sweep.failures)])
+    )
 
 
 def rates(
@@ -138,13 +140,13 @@ def rates(
 
     with Terminal() as terminal:
         document = study_rates(renderers or own_renderers(), RATES, terminal.working)
-    found: dict[tuple[str, str], dict[float, str]] = {}
+    cells_by_row: dict[tuple[str, str], dict[float, str]] = {}
     for row in document["rows"]:
         cell = row.get("outcome", "left out") + (f" {row['metric']['value']:.2g}" if "metric" in row else "")
-        found.setdefault((row["renderer"], row["check"]), {})[row["rate"]] = cell
+        cells_by_row.setdefault((row["renderer"], row["check"]), {})[row["rate"]] = cell
     head = ["", "", *(f"{1e-3 * rate:g} kHz" for rate in RATES)]
-    table = [[*key, *(cells.get(rate, "-") for rate in RATES)] for key, cells in found.items()]
+    table = [[*key, *(cells.get(rate, "-") for rate in RATES)] for key, cells in cells_by_row.items()]
     limit = ["stable stiffness", "N/m"] + [
         "none" if row["stable"] is None else f"{row['stable']:.4g}" for row in document["limit"]["rows"]
     ]
-    say(paragraphs("\n".join(aligned([head, *table, limit], left=2)), wrote(write_rates(directory, document))))
+    say(paragraphs("\n".join(aligned([head, *table, limit], left=2)), wrote_lines(write_rates(directory, document))))

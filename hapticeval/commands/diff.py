@@ -28,7 +28,7 @@ Exit codes:
   2  wrong usage or input
 """
 
-SHOWN = 10
+MARGINS_SHOWN = 10
 """Margins that are shown without -v: those that moved most."""
 
 
@@ -62,20 +62,22 @@ def diff(
       hapticeval diff main results
       hapticeval diff main results --format markdown >> "$GITHUB_STEP_SUMMARY"
     """
-    found = compare_results(*(read_results(each.parent if each.name == FILE else each) for each in (old, new)))
-    times = _times(old, new)
+    comparison = compare_results(
+        *(read_results(folder.parent if folder.name == FILE else folder) for folder in (old, new))
+    )
+    times = _significant_times(old, new)
     written = {
-        Format.TEXT: _text,
-        Format.GITHUB: _github,
-        Format.MARKDOWN: _markdown,
-        Format.JSON: _json,
+        Format.TEXT: _as_text,
+        Format.GITHUB: _as_github,
+        Format.MARKDOWN: _as_markdown,
+        Format.JSON: _as_json,
     }[format_]
-    say(written(found, times, verbose))
-    slower = any(each.verdict == "worse" for each in times)
-    raise typer.Exit(int(found.stops(strict=strict) or (strict and slower)))
+    say(written(comparison, times, verbose))
+    slower = any(change.verdict == "worse" for change in times)
+    raise typer.Exit(int(comparison.stops(strict=strict) or (strict and slower)))
 
 
-def _times(old: Path, new: Path) -> Sequence[Change]:
+def _significant_times(old: Path, new: Path) -> Sequence[Change]:
     """Return the changes of two benches that differ significantly; none where a folder holds no bench."""
     from hapticeval.study.bench.compare import compare_benches
     from hapticeval.study.bench.document import FILE as BENCH
@@ -84,68 +86,78 @@ def _times(old: Path, new: Path) -> Sequence[Change]:
     if not all((folder / BENCH).is_file() for folder in (old, new)):
         return []
     (before, earlier), (now, samples) = ((read_bench(folder), read_samples(folder)) for folder in (old, new))
-    return [each for each in compare_benches(now, samples, before, earlier) if each.verdict != "not significant"]
+    return [change for change in compare_benches(now, samples, before, earlier) if change.verdict != "not significant"]
 
 
-def _counts(found: Diff, times: Sequence[Change]) -> str:
-    standings = [each.standing for each in found.verdicts]
+def _counts_words(comparison: Diff, times: Sequence[Change]) -> str:
+    standings = [verdict.standing for verdict in comparison.verdicts]
     counted = [f"{standings.count(name)} {name}" for name in dict.fromkeys(standings)]
-    moved = f"{plural(len(found.margins), 'margin')} moved"
+    moved = f"{plural(len(comparison.margins), 'margin')} moved"
     timed = f", {plural(len(times), 'time')} moved significantly" if times else ""
-    ended = f"; the new run is incomplete: {found.incomplete}" if found.incomplete else ""
-    both = f"{plural(found.compared, 'verdict')} in both runs"
+    ended = f"; the new run is incomplete: {comparison.incomplete}" if comparison.incomplete else ""
+    both = f"{plural(comparison.compared, 'verdict')} in both runs"
     return f"{both}: {', '.join(counted) or 'none changed'}; {moved}{timed}{ended}"
 
 
-def _change(each: VerdictChange) -> str:
-    return f"{each.standing}: {_outcomes(each)}"
+def _change_words(change: VerdictChange) -> str:
+    return f"{change.standing}: {_outcome_words(change)}"
 
 
-def _outcomes(each: VerdictChange) -> str:
-    if each.before is None or each.now is None:
-        return str(each.now or each.before)
-    return f"{each.before}, now {each.now}"
+def _outcome_words(change: VerdictChange) -> str:
+    if change.before is None or change.now is None:
+        return str(change.now or change.before)
+    return f"{change.before}, now {change.now}"
 
 
-def _move(each: MarginMove) -> str:
-    way = "nearer to failing" if each.by < 0.0 else "further from failing"
-    values = f"{quantity(each.before, each.unit)}, now {quantity(each.now, each.unit)}"
-    return f"{each.metric} {values}: {abs(each.by):.3g} bounds {way}"
+def _move_words(move: MarginMove) -> str:
+    direction = "nearer to failing" if move.by < 0.0 else "further from failing"
+    values = f"{quantity(move.before, move.unit)}, now {quantity(move.now, move.unit)}"
+    return f"{move.metric} {values}: {abs(move.by):.3g} bounds {direction}"
 
 
-def _time(each: Change) -> str:
-    ratio = "" if each.ratio is None else f" {each.ratio:.3g} times what it was"
-    return f"{each.label} on {each.model}: {each.what}{ratio}, {each.verdict}"
+def _time_words(change: Change) -> str:
+    ratio = "" if change.ratio is None else f" {change.ratio:.3g} times what it was"
+    return f"{change.label} on {change.model}: {change.what}{ratio}, {change.verdict}"
 
 
-def _text(found: Diff, times: Sequence[Change], verbose: bool) -> str:
+def _as_text(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
     colours = {"worse": "red", "gone": "yellow", "changed": "yellow", "better": "green"}
-    margins = found.margins if verbose else found.margins[:SHOWN]
-    more = len(found.margins) - len(margins)
+    margins = comparison.margins if verbose else comparison.margins[:MARGINS_SHOWN]
+    more = len(comparison.margins) - len(margins)
     return paragraphs(
         lines(
-            f"{paint(each.standing, colours.get(each.standing))}: {each.renderer} on {each.place}: {_outcomes(each)}\n"
-            f"  {each.message}"
-            for each in found.verdicts
+            f"{paint(change.standing, colours.get(change.standing))}: {change.renderer} on {change.place}: "
+            f"{_outcome_words(change)}\n  {change.message}"
+            for change in comparison.verdicts
         ),
-        lines(f"margin: {each.renderer} on {each.place}: {_move(each)}" for each in margins),
+        lines(f"margin: {move.renderer} on {move.place}: {_move_words(move)}" for move in margins),
         f"and {plural(more, 'margin')} more: -v shows them" if more else "",
-        lines(f"time: {_time(each)}" for each in times),
-        _counts(found, times),
+        lines(f"time: {_time_words(change)}" for change in times),
+        _counts_words(comparison, times),
     )
 
 
-def _github(found: Diff, times: Sequence[Change], verbose: bool) -> str:
+def _as_github(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
     """Workflow commands: GitHub shows each beside the job."""
     kinds = {"worse": "error", "gone": "warning", "changed": "warning"}
-    told = [
-        _annotation(kinds.get(c.standing, "notice"), f"{c.renderer} on {c.place}", f"{_change(c)}: {c.message}")
-        for c in found.verdicts
+    annotations = [
+        _annotation(kinds.get(c.standing, "notice"), f"{c.renderer} on {c.place}", f"{_change_words(c)}: {c.message}")
+        for c in comparison.verdicts
     ]
     if verbose:
-        told += [_annotation("notice", f"{each.renderer} on {each.place}", _move(each)) for each in found.margins]
-    told += [_annotation("warning" if each.verdict == "worse" else "notice", "time", _time(each)) for each in times]
-    return lines([*told, _annotation("error" if found.incomplete else "notice", "hapticeval", _counts(found, times))])
+        annotations += [
+            _annotation("notice", f"{move.renderer} on {move.place}", _move_words(move)) for move in comparison.margins
+        ]
+    annotations += [
+        _annotation("warning" if change.verdict == "worse" else "notice", "time", _time_words(change))
+        for change in times
+    ]
+    return lines(
+        [
+            *annotations,
+            _annotation("error" if comparison.incomplete else "notice", "hapticeval", _counts_words(comparison, times)),
+        ]
+    )
 
 
 def _annotation(kind: str, title: str, message: str) -> str:
@@ -155,25 +167,25 @@ def _annotation(kind: str, title: str, message: str) -> str:
     return f"::{kind} title={escaped(title).replace(':', '%3A').replace(',', '%2C')}::{escaped(message)}"
 
 
-def _markdown(found: Diff, times: Sequence[Change], verbose: bool) -> str:
+def _as_markdown(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
     from hapticeval.reports.table import aligned_table
 
     def tables() -> Iterator[str]:
-        yield f"**hapticeval**: {_counts(found, times)}"
-        if found.verdicts:
-            rows = [[c.standing, c.renderer, c.place, _outcomes(c), c.message] for c in found.verdicts]
+        yield f"**hapticeval**: {_counts_words(comparison, times)}"
+        if comparison.verdicts:
+            rows = [[c.standing, c.renderer, c.place, _outcome_words(c), c.message] for c in comparison.verdicts]
             yield aligned_table(["", "renderer", "verdict", "outcome", "what was seen"], rows)
-        margins = found.margins if verbose else found.margins[:SHOWN]
+        margins = comparison.margins if verbose else comparison.margins[:MARGINS_SHOWN]
         if margins:
             yield aligned_table(
-                ["renderer", "margin that moved", "by"], [[m.renderer, m.place, _move(m)] for m in margins]
+                ["renderer", "margin that moved", "by"], [[m.renderer, m.place, _move_words(m)] for m in margins]
             )
         if times:
-            yield lines(f"- {_time(each)}" for each in times)
+            yield lines(f"- {_time_words(change)}" for change in times)
 
     return "\n\n".join(tables())
 
 
-def _json(found: Diff, times: Sequence[Change], verbose: bool) -> str:  # noqa: ARG001 - as the others
-    document = {**msgspec.structs.asdict(found), "times": times}
+def _as_json(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:  # noqa: ARG001 - as the others
+    document = {**msgspec.structs.asdict(comparison), "times": times}
     return msgspec.json.format(msgspec.json.encode(document), indent=1).decode()

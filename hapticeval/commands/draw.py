@@ -19,7 +19,7 @@ from hapticeval.commands.arguments import (
     parse_knobs,
     parse_point,
 )
-from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote
+from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError, RefusalError
 
 if TYPE_CHECKING:
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from hapticeval.devices.device import Device
     from hapticeval.types import Array
 
-DRAWN = """\b
+DRAW_CODES = """\b
 Exit codes:
   0  measured and drawn
   2  wrong usage or input: the message says what, why, and what to do
 """
 
-LIMITS = """\b
+LIMITS_CODES = """\b
 Exit codes:
   0  the scene's own stiffness is stable
   1  it is not
@@ -41,7 +41,7 @@ Exit codes:
   3  the renderer broke
 """
 
-SPREAD = {
+SPREAD_ROWS = {
     "lightest": ("lightest direction", "kg", 1.0),
     "heaviest": ("heaviest direction", "kg", 1.0),
     "anisotropy": ("anisotropy", "", 1.0),
@@ -99,11 +99,11 @@ def field(
     start = None if origin is None else parse_point(origin, 2, option="--from")
     if arc is not None:
         start = shape.curve.position(shape.curve.parameter(arc))
-    found, document = study_field(
+    projection_field, document = study_field(
         renderer, shape, within=distance, name=model_title(model), origin=start, knobs=settings, cells=cells
     )
-    written = write_field(directory, found, document)
-    say(paragraphs(lines([document["title"], caption(document)]), wrote(written)))
+    written = write_field(directory, projection_field, document)
+    say(paragraphs(lines([document["title"], caption(document)]), wrote_lines(written)))
 
 
 def flow(
@@ -131,17 +131,17 @@ def flow(
     shape = model_named(model)
     title = f"{velocity} flow of {model_title(model)}"
     try:
-        made = shrink(shape, FlowSettings(velocity=velocity, cells=cells))
+        levels = shrink(shape, FlowSettings(velocity=velocity, cells=cells))
     except RefusalError as refusal:
         if refusal.position is None:  # there is no outline that shrinks, as of a line
             raise
-        say(wrote(write_flow(directory, shape, None, title=title, cross=refusal.position)))
+        say(wrote_lines(write_flow(directory, shape, None, title=title, cross=refusal.position)))
         raise
-    found = (
-        f"{title}: {len(made.times)} levels, {made.points.shape[1]} lines, "
-        f"{1e3 * made.lengths[0]:.4g} mm of outline shrunk to {1e3 * made.lengths[-1]:.3g} mm"
+    size_words = (
+        f"{title}: {len(levels.times)} levels, {levels.points.shape[1]} lines, "
+        f"{1e3 * levels.lengths[0]:.4g} mm of outline shrunk to {1e3 * levels.lengths[-1]:.3g} mm"
     )
-    say(lines([found, wrote(write_flow(directory, shape, made, title=title))]))
+    say(lines([size_words, wrote_lines(write_flow(directory, shape, levels, title=title))]))
 
 
 def device(
@@ -184,15 +184,15 @@ def device(
     limit = MOTOR_TORQUE if torque is None and not isinstance(robot, PointMass) else torque
     place = np.zeros(robot.dimension) if at is None else parse_point(at, robot.dimension, option="--at")
     joints = robot.joints(place)
-    found = criteria(robot, joints, torque_limit=limit)
-    parts = [columns(_rows(robot, found, limit))]
+    measured = criteria(robot, joints, torque_limit=limit)
+    parts = [columns(_criteria_rows(robot, measured, limit))]
     if isinstance(robot, Parallelogram):
-        parts.append(_table(over_workspace(robot, torque_limit=limit)))
-        parts.append(wrote(write_device(directory, robot, joints, stem=f"device-{robot.name}")))
+        parts.append(_workspace_table(over_workspace(robot, torque_limit=limit)))
+        parts.append(wrote_lines(write_device(directory, robot, joints, stem=f"device-{robot.name}")))
     say(paragraphs(*parts))
 
 
-def _rows(robot: Device, at: Criteria, limit: float | None) -> Iterator[tuple[str, str]]:
+def _criteria_rows(robot: Device, at: Criteria, limit: float | None) -> Iterator[tuple[str, str]]:
     """Yield name and text of each criterion at the pose."""
     from hapticeval.devices.criteria import SAMPLING_TIME
     from hapticeval.devices.parallelogram import Parallelogram
@@ -201,56 +201,56 @@ def _rows(robot: Device, at: Criteria, limit: float | None) -> Iterator[tuple[st
     yield "device", f"{robot.name}, {robot.dimension} degrees of freedom"
     if isinstance(robot, Parallelogram):
         yield "dynamics", robot.described_dynamics
-    yield "hand", f"{_vector(1e3 * at.position)} mm"
+    yield "hand", f"{_vector_text(1e3 * at.position)} mm"
     nearest = nearest_limit(robot, at.joints)
     if nearest is None:
         yield "workspace", "all of space"
     else:
-        yield "joints", f"{_vector(at.joints)} rad"
+        yield "joints", f"{_vector_text(at.joints)} rad"
         yield "nearest limit", nearest.text
         yield "singularities", f"none within {nearest_singularity(robot, at.joints):.4g} rad of the joints"
     if isinstance(robot, Parallelogram):
         yield "workspace", f"{robot.size():.4g} {'m²' if robot.dimension == 2 else 'm³'}"
-    yield from _along("inertia", at.masses, "kg", at.directions)
+    yield from _direction_rows("inertia", at.masses, "kg", at.directions)
     yield "anisotropy", f"{at.anisotropy:.4g}, the heaviest direction over the lightest"
-    yield from _along("damping", at.resistances, "N s/m", at.resistance_directions)
+    yield from _direction_rows("damping", at.resistances, "N s/m", at.resistance_directions)
     if at.resistances[-1] > 0.0:
-        yield from _along("stiffest (2.40)", at.stiffest, "N/m", at.resistance_directions)
+        yield from _direction_rows("stiffest (2.40)", at.stiffest, "N/m", at.resistance_directions)
     if nearest is not None:
-        yield "resolution", f"{_vector(1e6 * at.resolution)} µm a coordinate"
+        yield "resolution", f"{_vector_text(1e6 * at.resolution)} µm a coordinate"
     if at.force is not None and at.acceleration is not None and limit is not None:
         motors = f"motors of {limit:g} {'N' if nearest is None else 'N m'}"
-        yield "peak force", f"{_peak(at.force, 'N')}, with {motors}"
-        yield "peak acceleration", f"{_peak(at.acceleration, 'm/s²')}, from rest"
+        yield "peak force", f"{_peak_words(at.force, 'N')}, with {motors}"
+        yield "peak acceleration", f"{_peak_words(at.acceleration, 'm/s²')}, from rest"
     yield "manipulability", f"{at.manipulability:.4g}, |det J|"
     yield "sampling rate", f"{1.0 / SAMPLING_TIME:g} Hz"
 
 
-def _along(name: str, values: Array, unit: str, directions: Array) -> Iterator[tuple[str, str]]:
+def _direction_rows(name: str, values: Array, unit: str, directions: Array) -> Iterator[tuple[str, str]]:
     for i, value in enumerate(values):
-        yield "" if i else name, f"{value:.4g} {unit} along {_vector(_pointed(directions[:, i]))}"
+        yield "" if i else name, f"{value:.4g} {unit} along {_vector_text(_sign_fixed(directions[:, i]))}"
 
 
-def _peak(peak: Peak, unit: str) -> str:
-    along = _vector(_pointed(peak.best_direction))
+def _peak_words(peak: Peak, unit: str) -> str:
+    along = _vector_text(_sign_fixed(peak.best_direction))
     return f"{peak.worst:.4g} {unit} in every direction, {peak.best:.4g} {unit} along {along}"
 
 
-def _pointed(direction: Array) -> Array:
+def _sign_fixed(direction: Array) -> Array:
     """Return a direction or its opposite, whichever has its largest part positive."""
     return -direction if direction[abs(direction).argmax()] < 0.0 else direction
 
 
-def _vector(values: Array) -> str:
+def _vector_text(values: Array) -> str:
     return f"({', '.join(f'{value + 0.0:.4g}' for value in values.round(12))})"
 
 
-def _table(spread: dict[str, Spread]) -> str:
+def _workspace_table(spread: dict[str, Spread]) -> str:
     """Format the least, median and greatest of each criterion in columns."""
     from hapticeval.devices.criteria import CLEARANCE
 
     lines = [f"{f'over the workspace, {CLEARANCE:g} rad clear of its edge':46}{'least':>9}{'median':>9}{'greatest':>9}"]
-    for key, (name, unit, scale) in SPREAD.items():
+    for key, (name, unit, scale) in SPREAD_ROWS.items():
         if key in spread:
             title = f"  {name} ({unit})" if unit else f"  {name}"
             lines.append(f"{title:46}" + "".join(f"{scale * value:9.4g}" for value in spread[key]))
@@ -313,7 +313,7 @@ def limits(
         document = study_limits(resolve(renderer), built, place, terminal.working)
     document = {"scene": scene, "renderer": renderer, **document}
     written = write_limits(directory, document)
-    say(paragraphs(columns(describe(document)), wrote(written)))
+    say(paragraphs(columns(describe(document)), wrote_lines(written)))
     raise typer.Exit(int(document["growth"] >= 1.0))
 
 
@@ -343,4 +343,4 @@ def integrators(
             f"error {point['error']:.1e} after a tick at the most, {1.0 / point['seconds_per_second']:.0f} times real "
             "time"
         )
-    say(wrote(write_precision(directory, document)))
+    say(wrote_lines(write_precision(directory, document)))

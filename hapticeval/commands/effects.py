@@ -9,21 +9,27 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hapticeval.commands.arguments import argument, option
-from hapticeval.commands.terminal import Terminal, lines, paragraphs, say, wrote
+from hapticeval.commands.terminal import Terminal, lines, paragraphs, say, wrote_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hapticeval.study.effects.document import Cost, EffectsDocument, SceneEntry
 
-MEASURED = """\b
+EFFECTS_CODES = """\b
 Exit codes:
   0  measured
   2  wrong usage or input: the message says what, why, and what to do
   4  nothing is selected
 """
 
-STAGES = {"renderer": "renderer", "sense": "sensors", "feel": "force sensor", "answer": "answer", "command": "motors"}
+STAGE_WORDS = {
+    "renderer": "renderer",
+    "sense": "sensors",
+    "feel": "force sensor",
+    "answer": "answer",
+    "command": "motors",
+}
 """What the table calls the stages of a tick; another by its name."""
 
 
@@ -64,35 +70,44 @@ def effects(
         with Terminal() as terminal:
             document = measure(jobs, terminal.working)
         written = [] if directory is None else [write_costs(directory, document)]
-    say(paragraphs(lines(_table(document)), lines(_ladder(document)), lines(_problems(document)), wrote(written)))
+    say(
+        paragraphs(
+            lines(_cost_lines(document)),
+            lines(_ladder_lines(document)),
+            lines(_problem_lines(document)),
+            wrote_lines(written),
+        )
+    )
 
 
-def _table(document: EffectsDocument) -> Iterator[str]:
+def _cost_lines(document: EffectsDocument) -> Iterator[str]:
     from hapticeval.quantity import aligned
 
     head = ["scene", "effects, by where they take part", "ticks", "without", "with", "more", "code without", "with"]
-    rows = [_row(each, each.cost) for each in document.scenes if each.cost is not None]
+    rows = [_cost_row(scene, scene.cost) for scene in document.scenes if scene.cost is not None]
     yield f"{document.scenes[0].renderer}: a tick, ns, and machine code, bytes"
     yield from aligned([head, *rows], left=2)
 
 
-def _row(scene: SceneEntry, cost: Cost) -> list[str]:
+def _cost_row(scene: SceneEntry, cost: Cost) -> list[str]:
     plain = scene.plain or cost
     more = f"{1e9 * (cost.tick - plain.tick):+.0f}" if scene.plain else "0"
-    where = "; ".join(f"{STAGES.get(stage, stage)}: {', '.join(kinds)}" for stage, kinds in scene.assembled.items())
-    numbers = [f"{scene.ticks}", _ns(plain), _ns(cost), more, _bytes(plain), _bytes(cost)]
+    where = "; ".join(
+        f"{STAGE_WORDS.get(stage, stage)}: {', '.join(kinds)}" for stage, kinds in scene.assembled.items()
+    )
+    numbers = [f"{scene.ticks}", _tick_ns(plain), _tick_ns(cost), more, _code_bytes(plain), _code_bytes(cost)]
     return [f"{scene.suite}/{scene.case}", where or "none", *numbers]
 
 
-def _ns(cost: Cost) -> str:
+def _tick_ns(cost: Cost) -> str:
     return f"{1e9 * cost.tick:.0f}"
 
 
-def _bytes(cost: Cost) -> str:
+def _code_bytes(cost: Cost) -> str:
     return "-" if cost.code is None else f"{cost.code}"
 
 
-def _ladder(document: EffectsDocument) -> Iterator[str]:
+def _ladder_lines(document: EffectsDocument) -> Iterator[str]:
     from hapticeval.quantity import aligned
 
     ladder = document.ladder
@@ -106,5 +121,5 @@ def _ladder(document: EffectsDocument) -> Iterator[str]:
     yield from aligned([["up to", "composed", "tested"], *rows], left=1)
 
 
-def _problems(document: EffectsDocument) -> Iterator[str]:
-    yield from (f"{each.suite}/{each.case}: {each.problem}" for each in document.scenes if each.problem)
+def _problem_lines(document: EffectsDocument) -> Iterator[str]:
+    yield from (f"{scene.suite}/{scene.case}: {scene.problem}" for scene in document.scenes if scene.problem)

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hapticeval.commands.arguments import (
-    CaseTaken,
     FormatName,
     MappingFile,
     MemoryLimit,
     SceneEntries,
     Scheduler,
     Seed,
+    SuiteCase,
     Timeout,
-    Touched,
+    TouchedModel,
     Verbose,
     argument,
     model_named,
@@ -27,7 +27,7 @@ from hapticeval.commands.arguments import (
     renderers_option,
 )
 from hapticeval.commands.summary import summary, terminal_width
-from hapticeval.commands.terminal import Terminal, columns, paragraphs, say, wrote
+from hapticeval.commands.terminal import Terminal, columns, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.recordings.memory import LIMIT
@@ -42,9 +42,9 @@ DEFAULT_SUITE = "thesis"
 TIMEOUT = 600.0
 """Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""
 
-loop = partial(option, rich_help_panel="While you work on a renderer")
-gate = partial(option, rich_help_panel="Gate")
-long_run = partial(option, rich_help_panel="Long runs")
+loop_option = partial(option, rich_help_panel="While you work on a renderer")
+gate_option = partial(option, rich_help_panel="Gate")
+long_run_option = partial(option, rich_help_panel="Long runs")
 
 EXIT_CODES = """\b
 Exit codes:
@@ -59,7 +59,7 @@ Exit codes:
   4  nothing was selected
 """
 
-REPLAYED = """\b
+REPLAY_CODES = """\b
 Exit codes:
   0  every verdict is as required; with --as-recorded, the log follows from its renderer
   1  a check failed, could not decide or differs; with --as-recorded, the log does not follow
@@ -67,13 +67,13 @@ Exit codes:
   3  a renderer broke
 """
 
-LISTED = """\b
+LIST_CODES = """\b
 Exit codes:
   0  listed
   2  wrong usage, or no such name
 """
 
-MERGED = """\b
+MERGE_CODES = """\b
 Exit codes:
   0  every verdict is as required, or as published where the suite publishes one
   1  a check failed, could not decide or differs, or one of the runs is incomplete
@@ -82,7 +82,7 @@ Exit codes:
   3  a renderer broke
 """
 
-REPORTED = """\b
+REPORT_CODES = """\b
 Exit codes:
   0  the reports are written, whatever they say
   1  interrupted: no reports are written
@@ -113,28 +113,38 @@ def run(
     verbose: Verbose = False,
     quick: Annotated[
         bool,
-        loop("--quick", help="Run few cases, which have every check between them, and write no reports: some seconds."),
+        loop_option(
+            "--quick", help="Run few cases, which have every check between them, and write no reports: some seconds."
+        ),
     ] = False,
-    no_report: Annotated[bool, loop("--no-report", help="Write results.json and recordings alone.")] = False,
-    exit_first: Annotated[bool, loop("-x", help="Stop at the first verdict that is not as required.")] = False,
-    failed_first: Annotated[bool, loop("--failed-first", help="Begin with what failed in DIR the last time.")] = False,
-    watch: Annotated[bool, loop("--watch", help="Run again whenever a file of renderer or suite changes.")] = False,
+    no_report: Annotated[bool, loop_option("--no-report", help="Write results.json and recordings alone.")] = False,
+    exit_first: Annotated[bool, loop_option("-x", help="Stop at the first verdict that is not as required.")] = False,
+    failed_first: Annotated[
+        bool, loop_option("--failed-first", help="Begin with what failed in DIR the last time.")
+    ] = False,
+    watch: Annotated[
+        bool, loop_option("--watch", help="Run again whenever a file of renderer or suite changes.")
+    ] = False,
     strict: Annotated[
-        bool, gate("--strict", help="Let warnings count, and known failures that are none any more.")
+        bool, gate_option("--strict", help="Let warnings count, and known failures that are none any more.")
     ] = False,
     known: Annotated[
-        Path | None, gate("--known", metavar="TOML", help="Let the failures on this list pass, each with its reason.")
+        Path | None,
+        gate_option("--known", metavar="TOML", help="Let the failures on this list pass, each with its reason."),
     ] = None,
     write_known: Annotated[
         Path | None,
-        gate("--write-known", metavar="TOML", help="Make or renew that list from what fails now; its reasons stay."),
+        gate_option(
+            "--write-known", metavar="TOML", help="Make or renew that list from what fails now; its reasons stay."
+        ),
     ] = None,
     timeout: Timeout = TIMEOUT,
     resume: Annotated[
-        bool, long_run("--resume", help="Keep what an earlier run into DIR has finished, and run the rest.")
+        bool, long_run_option("--resume", help="Keep what an earlier run into DIR has finished, and run the rest.")
     ] = False,
     shard: Annotated[
-        str | None, long_run("--shard", metavar="K/N", help="Run part K of N only: `hapticeval merge` makes them one.")
+        str | None,
+        long_run_option("--shard", metavar="K/N", help="Run part K of N only: `hapticeval merge` makes them one."),
     ] = None,
     scheduler: Scheduler = None,
 ) -> None:
@@ -190,13 +200,13 @@ def run(
         return results if write_known is None else results.write_known(write_known)
 
     def once() -> int:
-        return reported(judged, verbose=verbose, report=not (quick or no_report), also=write_known)
+        return judge_and_summarise(judged, verbose=verbose, report=not (quick or no_report), also=write_known)
 
     if not watch:
         raise typer.Exit(once())
     from hapticeval.commands.watching import files_behind, run_again
 
-    listed = [Path(each) for each in suites or () if each.endswith(".toml")] + ([] if known is None else [known])
+    listed = [Path(suite) for suite in suites or () if suite.endswith(".toml")] + ([] if known is None else [known])
     raise typer.Exit(run_again(once, lambda: [*files_behind(renderers or ()), *listed]))
 
 
@@ -216,10 +226,10 @@ def merge(
     """
     from hapticeval import api
 
-    raise typer.Exit(reported(lambda _: api.merge(folders, directory)))
+    raise typer.Exit(judge_and_summarise(lambda _: api.merge(folders, directory)))
 
 
-def reported(
+def judge_and_summarise(
     judge: Callable[[Terminal], Results],
     before: Callable[[Results], str] | None = None,
     *,
@@ -237,14 +247,14 @@ def reported(
         if kernels_are_new():
             terminal.line("compiling kernels as they are first used, once: this run takes longer than later ones")
         results = judge(terminal)
-        reports = _report(results, terminal, interrupts) if report else [results.file]
+        reports = _write_reports(results, terminal, interrupts) if report else [results.file]
         first = "" if before is None else before(results)
         written = [*(reports or [results.file]), *([also] if also else [])]
         say(paragraphs(first, summary(results.document, written, verbose=verbose, width=terminal_width())))
     return max(results.exit_code, int(reports is None))
 
 
-def _report(results: Results, terminal: Terminal, interrupts: Interrupts, **options: Any) -> list[Path] | None:
+def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts, **options: Any) -> list[Path] | None:
     """Write the reports of results, with the `options` of `Results.report`, and return all paths.
 
     Not where the user has stopped the run at once, or stops the drawing: then it says how to have them later, and
@@ -297,9 +307,9 @@ def report(
 
     results = Results.read(directory)
     with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
-        written = _report(results, terminal, interrupts, single_file=single_file, figures=figures or ())
+        written = _write_reports(results, terminal, interrupts, single_file=single_file, figures=figures or ())
     if written is not None:
-        say(wrote(written[1:]))
+        say(wrote_lines(written[1:]))
     raise typer.Exit(int(written is None))
 
 
@@ -309,8 +319,8 @@ def replay(
     as_recorded: Annotated[
         bool, typer.Option("--as-recorded", help="Compute the recorded renderer again, and compare with the log.")
     ] = False,
-    model: Touched = None,
-    suite_case: CaseTaken = None,
+    model: TouchedModel = None,
+    suite_case: SuiteCase = None,
     scene: SceneEntries = None,
     mapping: MappingFile = None,
     format_: FormatName = None,
@@ -347,54 +357,58 @@ def replay(
         )
     with limited(memory_limit):
         recording = load(file, mapping=mapping, format=format_)
-    made = subject(
-        file, recording, model=_model(model), suite_case=suite_case, scene=scene or (),
+    replay_case = subject(
+        file, recording, model=_model_table(model), suite_case=suite_case, scene=scene or (),
         unsaid=unsaid(recording, renderers or ()) if as_recorded else None,
     )  # fmt: skip
     see = f"see `hapticeval inspect {file}{'' if mapping is None else f' --mapping {mapping}'}`"
     if as_recorded:
-        raise typer.Exit(_as_recorded(made, renderers, see))
-    raise typer.Exit(_replay(made, renderers or list(own_renderers()), directory, seed, see, verbose=verbose))
+        raise typer.Exit(_recompute_recorded(replay_case, renderers, see))
+    raise typer.Exit(
+        _replay_path(replay_case, renderers or list(own_renderers()), directory, seed, see, verbose=verbose)
+    )
 
 
-def _model(name: str | None) -> Mapping[str, Any] | None:
+def _model_table(name: str | None) -> Mapping[str, Any] | None:
     if name is None:
         return None
-    found = model_named(name)
-    return {"kind": found.name, **found.parameters}
+    model = model_named(name)
+    return {"kind": model.name, **model.parameters}
 
 
-def _replay(made: ReplayCase, renderers: list[str], directory: Path, seed: int, see: str, *, verbose: bool) -> int:
+def _replay_path(
+    replay_case: ReplayCase, renderers: list[str], directory: Path, seed: int, see: str, *, verbose: bool
+) -> int:
     from hapticeval.api import carry_out
     from hapticeval.replay.job import differences, prepared, replay_plan
     from hapticeval.workers import cores
 
-    planned = replay_plan(made, renderers, seed=seed)
-    work = prepared(made)
+    planned = replay_plan(replay_case, renderers, seed=seed)
+    work = prepared(replay_case)
 
     def judged(terminal: Terminal) -> Results:
-        _warn(work.path.suspicious, see, terminal)
+        _warn_of_suspicious(work.path.suspicious, see, terminal)
         return carry_out(planned, output=directory, workers=cores(), watch=terminal, work=work)
 
-    return reported(judged, before=lambda results: differences(results.document), verbose=verbose)
+    return judge_and_summarise(judged, before=lambda results: differences(results.document), verbose=verbose)
 
 
-def _warn(suspicious: Sequence[str], see: str, terminal: Terminal) -> None:
+def _warn_of_suspicious(suspicious: Sequence[str], see: str, terminal: Terminal) -> None:
     """Say what an examination of the recording found: verdicts on it may say little."""
-    for each in suspicious:
-        terminal.line(f"suspicious: {each}")
+    for finding in suspicious:
+        terminal.line(f"suspicious: {finding}")
     if suspicious:
         terminal.line(see)
 
 
-def _as_recorded(made: ReplayCase, renderers: list[str] | None, see: str) -> int:
+def _recompute_recorded(replay_case: ReplayCase, renderers: list[str] | None, see: str) -> int:
     from hapticeval.replay.as_recorded import as_recorded
 
-    found = as_recorded(made, renderers or ())
+    comparison = as_recorded(replay_case, renderers or ())
     with Terminal() as terminal:
-        _warn(found.suspicious, see, terminal)
-    say(found.describe())
-    return int(not found.follows)
+        _warn_of_suspicious(comparison.suspicious, see, terminal)
+    say(comparison.describe())
+    return int(not comparison.follows)
 
 
 def list_(
@@ -412,7 +426,7 @@ def list_(
     """
     from hapticeval.commands import listing
 
-    say(listing.listed(what, suites or ()))
+    say(listing.listing_text(what, suites or ()))
 
 
 def explain(
@@ -426,4 +440,4 @@ def explain(
     """
     from hapticeval.commands import listing
 
-    say(columns(listing.explained(check)))
+    say(columns(listing.check_rows(check)))

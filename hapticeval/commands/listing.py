@@ -50,12 +50,15 @@ def cases(named: Sequence[str] = ()) -> Iterator[tuple[str, Rows]]:
     Raises as `suites_named` and `load_suite` do.
     """
     installed = find_suites()
-    for name in dict.fromkeys(member for each in named or installed for member in suites_named(each)):
-        found = outline(installed[name]).cases if name in installed else _cases_of(name)
-        yield name, ((heading.name, heading.title + ("" if judged else " (not judged)")) for heading, judged in found)
+    for name in dict.fromkeys(member for name_or_group in named or installed for member in suites_named(name_or_group)):
+        outlined = outline(installed[name]).cases if name in installed else _cases_in_file(name)
+        yield (
+            name,
+            ((heading.name, heading.title + ("" if judged else " (not judged)")) for heading, judged in outlined),
+        )
 
 
-def _cases_of(file: str) -> Sequence[tuple[Heading, bool]]:
+def _cases_in_file(file: str) -> Sequence[tuple[Heading, bool]]:
     from hapticeval.suite.reading import load_suite
 
     return [(Heading(case.name, case.title), case.judged) for case in load_suite(file).cases]
@@ -77,51 +80,51 @@ def devices() -> Rows:
     """The devices, each with its parameters."""
     from hapticeval.devices.catalogue import DEVICES
 
-    return _made(DEVICES)
+    return _catalogue_rows(DEVICES)
 
 
 def models() -> Rows:
     """The models, each with its parameters."""
     from hapticeval.geometry.catalogue import MODELS
 
-    return _made(MODELS)
+    return _catalogue_rows(MODELS)
 
 
 def effects() -> Rows:
     """What a scene may call for, each with its numbers, in the order in which effects take part in a tick."""
     from hapticeval.effects.catalogue import EFFECTS
 
-    return _made({kind: entry.of for kind, entry in EFFECTS.items()})
+    return _catalogue_rows({kind: entry.of for kind, entry in EFFECTS.items()})
 
 
 def formats() -> Rows:
     """The file formats that are read, each with its name for `--format`; also those of other packages."""
     from hapticeval.recordings import formats as known
 
-    return ((each.name, each.about) for each in known.formats().values())
+    return ((format_.name, format_.about) for format_ in known.formats().values())
 
 
-def _made(catalogue: Mapping[str, Callable[..., object]]) -> Rows:
+def _catalogue_rows(catalogue: Mapping[str, Callable[..., object]]) -> Rows:
     for name, factory in catalogue.items():
         yield name, _first_sentence(factory)
-        given = [_parameter(each) for each in inspect.signature(factory).parameters.values()]
-        if given:
-            yield "", f"takes {', '.join(given)}"
+        parameters = [_parameter_text(parameter) for parameter in inspect.signature(factory).parameters.values()]
+        if parameters:
+            yield "", f"takes {', '.join(parameters)}"
 
 
-def _parameter(parameter: inspect.Parameter) -> str:
+def _parameter_text(parameter: inspect.Parameter) -> str:
     if parameter.kind is parameter.VAR_KEYWORD:
         return parameter.name
     return parameter.name if parameter.default is parameter.empty else f"{parameter.name}={parameter.default}"
 
 
 LISTINGS: Mapping[str, Callable[[], Rows]] = MappingProxyType(
-    {each.__name__: each for each in (renderers, suites, checks, devices, models, effects, formats)}
+    {listing.__name__: listing for listing in (renderers, suites, checks, devices, models, effects, formats)}
 )
 """What can be listed beside the cases, by name."""
 
 
-def listed(what: str, named: Sequence[str] = ()) -> str:
+def listing_text(what: str, named: Sequence[str] = ()) -> str:
     """Return all that there is of one kind, of the cases those of the suites that are `named`, for a terminal.
 
     Raises `UnknownNameError` for what cannot be listed, and `InputError` for names of what is in no suites.
@@ -140,7 +143,7 @@ def listed(what: str, named: Sequence[str] = ()) -> str:
     return columns(LISTINGS[what]())
 
 
-def explained(name: str) -> Rows:
+def check_rows(name: str) -> Rows:
     """Yield what is asked first of a check; its page has the rest. Raises `UnknownNameError` for an id that is none."""
     from hapticeval.phenomena.pages import page_file, read_page
     from hapticeval.phenomena.registry import CHECKS

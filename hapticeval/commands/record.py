@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from hapticeval.scene import Scene
 
 TWIN = "twin"
-ROBOT = "parallelogram-2dof"
-STIFFNESS = 300.0
+DEFAULT_ROBOT = "parallelogram-2dof"
+DEFAULT_STIFFNESS = 300.0
 """N/m: below the bound (2.40) of the robot at 1 kHz all over the model."""
 
-SUFFIXES = (".h5", ".hdf5")
+RECORDING_SUFFIXES = (".h5", ".hdf5")
 
 EXIT_CODES = """\b
 Exit codes:
@@ -54,7 +54,7 @@ def record(
         str | None,
         option(
             metavar="NAME",
-            help=f"Of the twin: what it simulates, as in `hapticeval study device`; {ROBOT} if not given.",
+            help=f"Of the twin: what it simulates, as in `hapticeval study device`; {DEFAULT_ROBOT} if not given.",
         ),
     ] = None,
     wiring: Annotated[
@@ -64,7 +64,7 @@ def record(
         ),
     ] = None,
     seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="How long.", min=0.01)] = 10.0,
-    stiffness: Annotated[float, typer.Option(metavar="N/M", help="K_p of the scene.")] = STIFFNESS,
+    stiffness: Annotated[float, typer.Option(metavar="N/M", help="K_p of the scene.")] = DEFAULT_STIFFNESS,
     damping: Annotated[float, typer.Option(metavar="NS/M", help="K_d of the scene.")] = 0.0,
     model: Annotated[
         str, typer.Option(metavar="MODEL", help="As in `hapticeval study field`: circle, cassinian:size=0.15, ...")
@@ -94,83 +94,83 @@ def record(
     from hapticeval.study.limits.search import describe_instability
 
     journal = output.with_suffix(".journal")
-    if output.suffix.lower() not in SUFFIXES:
+    if output.suffix.lower() not in RECORDING_SUFFIXES:
         raise InputError(
-            f"-o {output} does not end in {' or '.join(SUFFIXES)}",
+            f"-o {output} does not end in {' or '.join(RECORDING_SUFFIXES)}",
             why="a recording is HDF5, whatever its name",
             todo=f"name it {output.with_suffix('.h5')}; hapticeval convert makes .csv, .mat or .npz of it",
         )
     for file in (output, journal):
         if file.exists():
             raise InputError(f"{file} is there already", why="a recording is never written over", todo="name another")
-    wired = _wiring(hardware, robot, wiring)
-    scene = _scene(wired, wiring, model, stiffness=stiffness, damping=damping, rate=rate)
+    wired = _wiring_of(hardware, robot, wiring)
+    scene = _make_scene(wired, wiring, model, stiffness=stiffness, damping=damping, rate=rate)
     factory = resolve(renderer)
-    made = make_renderer(factory, scene)
-    if not isinstance(made, Renderer):
+    chosen_renderer = make_renderer(factory, scene)
+    if not isinstance(chosen_renderer, Renderer):
         raise InputError(
             f"'{renderer}' cannot run on hardware", why="it has physics of its own", todo="choose another with -r"
         )
-    warm(wired, made, scene)
+    warm(wired, chosen_renderer, scene)
     warning = describe_instability(factory, scene, cutoff=CUTOFF)
     if warning:
         typer.echo(printable(f"warning: {warning}"), err=True)
     cycles = max(1, round(seconds * rate))
-    meta = {**_meta(scene, wired, renderer, hardware=hardware, who=who), **abilities_of(made).meta}
+    meta = {**_recording_meta(scene, wired, renderer, hardware=hardware, who=who), **abilities_of(chosen_renderer).meta}
     failure: HapticevalError | None = None
     live: LiveRun | None = None
     recorder: Recorder | None = None
     try:
         with (
-            _place(hardware, wired, scene) as connect,
+            _hardware_opener(hardware, wired, scene) as connect,
             Recorder(journal, channels(wired.device.dimension), signals=signals(wired), meta=meta) as recorder,
             Terminal() as terminal,
         ):
-            shown = 0
+            reported_cycles = 0
 
             def tell(done: int) -> None:
-                nonlocal shown
-                if done >= shown + rate:
-                    shown = done
+                nonlocal reported_cycles
+                if done >= reported_cycles + rate:
+                    reported_cycles = done
                     terminal.working(min(done, cycles) - 1, cycles, f"{done / rate:.0f} of {seconds:g} s")
 
             try:
-                live = run(connect, wired, made, scene, recorder, cycles=cycles, tell=tell)
+                live = run(connect, wired, chosen_renderer, scene, recorder, cycles=cycles, tell=tell)
             except HapticevalError as error:
                 failure = error
             summary = recorder.close()
-        _finish(journal, output, summary)
+        _write_recording(journal, output, summary)
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left to do is to say so, and to end
-        typer.echo(_interrupted(journal, output, None if recorder is None else recorder.summary), err=True)
+        typer.echo(_interrupted_words(journal, output, None if recorder is None else recorder.summary), err=True)
         raise typer.Exit(1) from None
     if failure is not None:
         raise failure
     assert live is not None
     early = f"; ended early: {live.ended}" if live.ended else ""
-    say(f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}\n{_steps(live, rate)}")
+    say(f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}\n{_step_times(live, rate)}")
     raise typer.Exit(int(bool(summary.lost or live.missed or live.ended)))
 
 
-def _steps(live: LiveRun, rate: float) -> str:
+def _step_times(live: LiveRun, rate: float) -> str:
     """How long a step took, beside the time that there is for it; where that was too long, what to do."""
     period = 1.0 / rate
-    told = (
+    times = (
         f"a step took {1e3 * live.median:.3g} ms in the median, {1e3 * live.longest:.3g} ms at the longest; "
         f"a cycle comes every {1e3 * period:.3g} ms"
     )
     if not live.missed:
-        return told
+        return times
     if live.median > period:
         todo = f"a --rate below {rate:g}, or a faster renderer"
     elif live.longest > period:
         todo = f"a --rate below {rate:g}, a faster renderer, or fewer other programs, which hold up single steps"
     else:
         todo = "no step was too long: see what else runs here, and what holds up the way from the robot"
-    return f"{told}\n  what to do: {todo}"
+    return f"{times}\n  what to do: {todo}"
 
 
-def _finish(journal: Path, output: Path, summary: Summary) -> None:
+def _write_recording(journal: Path, output: Path, summary: Summary) -> None:
     """Make a recording of the journal, which goes when that is done; one without a row goes at once."""
     from hapticeval.recordings.journal import finish
 
@@ -189,7 +189,7 @@ def _finish(journal: Path, output: Path, summary: Summary) -> None:
     say(f"{summary}\nwrote {output}")
 
 
-def _interrupted(journal: Path, output: Path, summary: Summary | None) -> str:
+def _interrupted_words(journal: Path, output: Path, summary: Summary | None) -> str:
     """What there is of a run that was interrupted outside of its loop, where nothing more is done for it."""
     if output.exists():
         return f"interrupted: the run is in {output}"
@@ -200,7 +200,7 @@ def _interrupted(journal: Path, output: Path, summary: Summary | None) -> str:
     return f"interrupted: the run is kept in {journal}: hapticeval convert {journal} -o {output}"
 
 
-def _wiring(hardware: str, robot: str | None, file: Path | None) -> Wiring:
+def _wiring_of(hardware: str, robot: str | None, file: Path | None) -> Wiring:
     """From a file; else, of the twin alone, the named robot with its own encoders, wired straight.
 
     No other hardware has a wiring that could be taken for granted: radians taken as counts would be a hand that stands
@@ -212,14 +212,14 @@ def _wiring(hardware: str, robot: str | None, file: Path | None) -> Wiring:
     from hapticeval.hardware.wiring import Wiring, read_wiring
 
     if file is None:
-        device = device_named(robot or ROBOT)
+        device = device_named(robot or DEFAULT_ROBOT)
         if hardware != TWIN:
             raise InputError(
                 f"--device {hardware} needs a --wiring",
                 why="what its readings and commands mean, only you know: radians taken as encoder counts, or the "
                 "reverse, put the hand elsewhere, and the force of that place on the motors",
                 todo="write them into a file, and give --wiring FILE; the smallest is\n"
-                + _smallest(robot or ROBOT, slides=isinstance(device, PointMass)),
+                + _smallest_wiring(robot or DEFAULT_ROBOT, slides=isinstance(device, PointMass)),
             )
         return Wiring(device=device, counts_per_turn=None if isinstance(device, PointMass) else ENCODER_COUNTS)
     if robot is not None:
@@ -227,14 +227,14 @@ def _wiring(hardware: str, robot: str | None, file: Path | None) -> Wiring:
     return read_wiring(file)
 
 
-def _smallest(robot: str, *, slides: bool) -> str:
+def _smallest_wiring(robot: str, *, slides: bool) -> str:
     """The least that a wiring says of a robot named so, as the lines of a file."""
-    kind, _, rest = robot.partition(":")
-    given = [part.partition("=") for part in rest.split(",") if part]
+    kind, _, entries = robot.partition(":")
+    pairs = [part.partition("=") for part in entries.split(",") if part]
     lines = [
         f"[device]                        # {'metres and N' if slides else 'joint angles in rad and torques in N m'}",
         f'kind = "{kind}"',
-        *(f"{name.strip()} = {_toml(value.strip())}" for name, _, value in given),
+        *(f"{name.strip()} = {_toml_value(value.strip())}" for name, _, value in pairs),
     ]
     if not slides:
         lines.append("# counts_per_turn = 262144      # where read() gives encoder counts")
@@ -242,14 +242,16 @@ def _smallest(robot: str, *, slides: bool) -> str:
     return "\n".join(f"    {line}" for line in lines)
 
 
-def _toml(value: str) -> str:
+def _toml_value(value: str) -> str:
     try:
         return f"{float(value):g}"
     except ValueError:
         return f'"{value}"'
 
 
-def _scene(wiring: Wiring, file: Path | None, model: str, *, stiffness: float, damping: float, rate: float) -> Scene:
+def _make_scene(
+    wiring: Wiring, file: Path | None, model: str, *, stiffness: float, damping: float, rate: float
+) -> Scene:
     """The scene, on a model that the robot can reach."""
     from hapticeval.commands.arguments import model_named
     from hapticeval.devices.workspace import require
@@ -273,7 +275,7 @@ def _scene(wiring: Wiring, file: Path | None, model: str, *, stiffness: float, d
 
 
 @contextlib.contextmanager
-def _place(name: str, wiring: Wiring, scene: Scene) -> Iterator[Callable[[], HardwareDevice]]:
+def _hardware_opener(name: str, wiring: Wiring, scene: Scene) -> Iterator[Callable[[], HardwareDevice]]:
     """What opens the hardware of that name: the twin behind a loopback socket, a robot behind a socket, or a driver.
 
     The twin's process starts here, before the recorder's, so that it holds nothing of that.
@@ -295,11 +297,11 @@ def _place(name: str, wiring: Wiring, scene: Scene) -> Iterator[Callable[[], Har
     else:
         from hapticeval.discovery import load
 
-        made = load(name, kind="driver")
-        yield lambda: _driver(name, made)
+        driver_factory = load(name, kind="driver")
+        yield lambda: _open_driver(name, driver_factory)
 
 
-def _driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
+def _open_driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
     from hapticeval.hardware.device import HardwareDevice
 
     try:
@@ -319,7 +321,7 @@ def _driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
     return driver
 
 
-def _meta(scene: Scene, wiring: Wiring, renderer: str, *, hardware: str, who: str) -> dict[str, Any]:
+def _recording_meta(scene: Scene, wiring: Wiring, renderer: str, *, hardware: str, who: str) -> dict[str, Any]:
     from datetime import UTC, datetime
 
     from hapticeval.runner.results import environment
@@ -327,7 +329,7 @@ def _meta(scene: Scene, wiring: Wiring, renderer: str, *, hardware: str, who: st
     gains = {"stiffness": scene.stiffness, "damping": scene.damping, "mass": scene.mass}
     model = {"kind": scene.model.name, **scene.model.parameters}
     device = wiring.description()
-    told = {
+    meta = {
         "source": "hardware",
         "renderer": renderer,
         "scene": {**gains, "sampling_time": scene.sampling_time, "bilateral": scene.bilateral, "model": model},
@@ -339,4 +341,4 @@ def _meta(scene: Scene, wiring: Wiring, renderer: str, *, hardware: str, who: st
         "when": datetime.now(UTC).isoformat(timespec="seconds"),
         "software": environment()["versions"],
     }
-    return {**told, "who": who} if who else told
+    return {**meta, "who": who} if who else meta

@@ -21,7 +21,7 @@ from hapticeval.commands.arguments import (
     option,
     parse_point,
 )
-from hapticeval.commands.terminal import lines, paragraphs, say, wrote
+from hapticeval.commands.terminal import lines, paragraphs, say, wrote_lines
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.memory import LIMIT
 
@@ -32,21 +32,21 @@ if TYPE_CHECKING:
     from hapticeval.recordings.integrity.consistency import ConsistencyTest
     from hapticeval.recordings.recording import Recording
 
-INSPECTED = """\b
+INSPECT_CODES = """\b
 Exit codes:
   0  sound, as far as can be told
   1  something is suspicious, or rows are missing
   2  wrong usage, or unreadable
 """
 
-CONVERTED = """\b
+CONVERT_CODES = """\b
 Exit codes:
   0  converted
   1  converted, but rows are lost or masked, the run ended early, or something is suspicious
   2  wrong usage, or unreadable; nothing is written
 """
 
-COMPARED = """\b
+COMPARE_CODES = """\b
 Exit codes:
   0  aligned and drawn, and compared where there are repeats; or no renderers to compare
   2  wrong usage or input, or a renderer without repeats to compare it by
@@ -89,13 +89,13 @@ def inspect(
 
     with limited(memory_limit):
         if mapping is None and not is_ours(file):
-            raise typer.Exit(_foreign(read_table(file, format=format_), file, write_mapping))
+            raise typer.Exit(_show_foreign_file(read_table(file, format=format_), file, write_mapping))
         recording = load(file, mapping=mapping, format=format_, salvaging=True)
         others = {other.name: load(other, mapping=None if is_ours(other) else mapping) for other in against or []}
-    raise typer.Exit(_examined(recording, file, model, stiffness, others, directory))
+    raise typer.Exit(_examine_recording(recording, file, model, stiffness, others, directory))
 
 
-def _foreign(table: Table, file: Path, write_mapping: Path | None) -> int:
+def _show_foreign_file(table: Table, file: Path, write_mapping: Path | None) -> int:
     """Show the columns, and a mapping to begin with."""
     from hapticeval.files import creating
     from hapticeval.recordings.formats import formats
@@ -117,7 +117,7 @@ def _foreign(table: Table, file: Path, write_mapping: Path | None) -> int:
     return 1 if table.warnings else 0
 
 
-def _examined(
+def _examine_recording(
     recording: Recording,
     file: Path,
     model: str | None,
@@ -133,34 +133,36 @@ def _examined(
     spring, damped = spring_of(recording)
     report = examine(
         recording,
-        device=_device(recording),
-        model=_model(recording, model),
+        device=_recorded_robot(recording),
+        model=_touched_model(recording, model),
         stiffness=spring if stiffness is None else stiffness,
         others=others,
     )
-    report = replace(report, checks=(*report.checks, *_not_asked(recording, damped if stiffness is None else "")))
+    report = replace(
+        report, checks=(*report.checks, *_impossible_tests(recording, damped if stiffness is None else ""))
+    )
     soundness = sound_intervals(recording, report)
     parts = [summary(report, soundness, title=file.name)]
     if recording.dimension == 1 and {"wall_force", "force"} & recording.channels.keys():
         parts.append(contacts(impacts(recording)))
-    written = write_integrity(directory, recording, report, soundness, title=file.name, stem=_stem(file))
-    say(paragraphs(*parts, wrote(written)))
+    written = write_integrity(directory, recording, report, soundness, title=file.name, stem=_picture_stem(file))
+    say(paragraphs(*parts, wrote_lines(written)))
     return int(report.suspicious)
 
 
-def _stem(file: Path) -> str:
+def _picture_stem(file: Path) -> str:
     """The name of the picture: the file's without its ending, where no other file beside it would have the same."""
-    beside = file.parent.iterdir() if file.parent.is_dir() else ()
+    neighbours = file.parent.iterdir() if file.parent.is_dir() else ()
     alike = {
         other.name
-        for other in beside
+        for other in neighbours
         if other.stem.casefold() == file.stem.casefold() and other.suffix not in (".toml", ".png", ".svg")
     }
     plain = re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]*", file.stem)
     return file.stem if plain and alike <= {file.name} else ""
 
 
-def _device(recording: Recording) -> Any:
+def _recorded_robot(recording: Recording) -> Any:
     """The robot that a recording names, or why there is none."""
     from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3, ParallelogramParameters
 
@@ -169,38 +171,38 @@ def _device(recording: Recording) -> Any:
     if kind is None:
         return None
     known = ParallelogramParameters.__dataclass_fields__
-    said = recording.meta.get("device_parameters", {})
-    return kind(ParallelogramParameters(**{name: value for name, value in said.items() if name in known}))
+    parameters = recording.meta.get("device_parameters", {})
+    return kind(ParallelogramParameters(**{name: value for name, value in parameters.items() if name in known}))
 
 
-def _model(recording: Recording, name: str | None) -> Any:
+def _touched_model(recording: Recording, name: str | None) -> Any:
     from hapticeval.geometry.catalogue import make_model
     from hapticeval.recordings.provenance import LINE, model_of
 
     if name is not None:
-        made = model_named(name)
-        walled = recording.dimension == 1 and made.name == LINE
-        if recording.dimension != made.dimension and not walled:
+        touched = model_named(name)
+        walled = recording.dimension == 1 and touched.name == LINE
+        if recording.dimension != touched.dimension and not walled:
             raise InputError(
-                f"the recording is in {recording.dimension}D, the model '{name}' in {made.dimension}D",
+                f"the recording is in {recording.dimension}D, the model '{name}' in {touched.dimension}D",
                 why="hand and model must live in the same space",
                 todo="give the wall: --model line" if recording.dimension == 1 else "give another model with --model",
             )
-        return made
-    said = model_of(recording)
-    return None if said is None else make_model(**said)
+        return touched
+    recorded_model = model_of(recording)
+    return None if recorded_model is None else make_model(**recorded_model)
 
 
-def _not_asked(recording: Recording, damped: str) -> list[ConsistencyTest]:
+def _impossible_tests(recording: Recording, damped: str) -> list[ConsistencyTest]:
     """Checks that the recording's own words ask for, and cannot be given."""
     from hapticeval.recordings.integrity.consistency import KINEMATICS, SPRING, ConsistencyTest
 
-    found = [ConsistencyTest(SPRING, why=damped)] if damped else []
+    tests = [ConsistencyTest(SPRING, why=damped)] if damped else []
     name = recording.meta.get("device")
-    if name is not None and "joint_position" in recording.channels and _device(recording) is None:
+    if name is not None and "joint_position" in recording.channels and _recorded_robot(recording) is None:
         why = f"the device '{name}' is none whose kinematics are known"
-        found.append(ConsistencyTest(KINEMATICS, why=why))
-    return found
+        tests.append(ConsistencyTest(KINEMATICS, why=why))
+    return tests
 
 
 def convert(
@@ -290,22 +292,22 @@ def compare(
     from hapticeval.reports.spread_figure import summary, write_spread
 
     with limited(memory_limit):
-        runs = [_run(each, mapping, format_) for each in files]
-    x, y = (float(each) for each in parse_point(centre, 2, option="--centre"))
-    abscissa = Abscissa(by, centre=(x, y), curve=_curve(model, runs))
+        runs = [_read_run(file, mapping, format_) for file in files]
+    x, y = (float(coordinate) for coordinate in parse_point(centre, 2, option="--centre"))
+    abscissa = Abscissa(by, centre=(x, y), curve=_touched_curve(model, runs))
     aligned = align(runs, abscissa, split=split)
     refused: HapticevalError | None = None
     try:
-        found = compared(aligned, seed=seed)
+        comparisons = compared(aligned, seed=seed)
     except InputError as error:
-        refused, found = error, ()
-    written = write_spread(directory, aligned, bands(aligned), found)
-    say(paragraphs(summary(aligned, found), wrote(written)))
+        refused, comparisons = error, ()
+    written = write_spread(directory, aligned, bands(aligned), comparisons)
+    say(paragraphs(summary(aligned, comparisons), wrote_lines(written)))
     if refused is not None and len({run.renderer for run in runs}) > 1:
         raise refused
 
 
-def _run(text: str, mapping: Path | None, format_: str | None) -> Run:
+def _read_run(text: str, mapping: Path | None, format_: str | None) -> Run:
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.compare.align import Run
     from hapticeval.recordings.importing.convert import is_ours
@@ -314,17 +316,17 @@ def _run(text: str, mapping: Path | None, format_: str | None) -> Run:
     file = Path(name if equals else text)
     recording = load(file, mapping=None if is_ours(file) else mapping, format=format_)
     recording.require("hip", "force")
-    said = renderer if equals else recording.meta.get("renderer")
-    if not isinstance(said, str) or not said:
+    renderer_name = renderer if equals else recording.meta.get("renderer")
+    if not isinstance(renderer_name, str) or not renderer_name:
         raise InputError(
             f"{file} does not say its renderer",
             why="repeats of one renderer belong together",
             todo=f"name it: constraint={file}",
         )
-    return Run(str(file), said, recording)
+    return Run(str(file), renderer_name, recording)
 
 
-def _curve(model: str | None, runs: Sequence[Run]) -> Curve | None:
+def _touched_curve(model: str | None, runs: Sequence[Run]) -> Curve | None:
     """The model's outline: the given one, else the one that all recordings name."""
     from hapticeval.geometry.catalogue import make_model
     from hapticeval.recordings.provenance import model_of
@@ -332,8 +334,8 @@ def _curve(model: str | None, runs: Sequence[Run]) -> Curve | None:
     if model is not None:
         return model_named(model).curve
     models = [model_of(run.recording) for run in runs]
-    said = {json.dumps(model, sort_keys=True, default=str) for model in models}
-    if len(said) > 1:
+    distinct = {json.dumps(model, sort_keys=True, default=str) for model in models}
+    if len(distinct) > 1:
         raise InputError(
             "the recordings are of different models",
             why="what is felt is compared at places of one model",
@@ -342,5 +344,5 @@ def _curve(model: str | None, runs: Sequence[Run]) -> Curve | None:
     document = models[0] if models else None
     if document is None:
         return None
-    made = make_model(**document)
-    return made.curve if made.dimension == 2 else None
+    touched = make_model(**document)
+    return touched.curve if touched.dimension == 2 else None

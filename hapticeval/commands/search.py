@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hapticeval.commands.arguments import Scheduler, Seed, model_named, option, renderers_option
-from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, plural, say, wrote
+from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, plural, say, wrote_lines
 from hapticeval.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from hapticeval.search.counterexample import StoredCounterexample
     from hapticeval.search.seeds import Hunt, HuntResult
 
-PICTURES = 20.0
+PICTURE_SECONDS = 20.0
 """Seconds in which the pictures of a renderer's counterexamples begin: what is slow, or hangs, ends there."""
 
 EXIT_CODES = """\b
@@ -104,15 +104,15 @@ def search(
       hapticeval run found/constraint/continuous-contact.toml -r constraint
     """
     raise typer.Exit(
-        _replay(replay, renderers)
+        _replay_kept(replay, renderers)
         if replay is not None
-        else _search(
+        else _search_renderers(
             renderers, checks, models, dimension, seconds, examples, directory, range(seed, seed + seeds), scheduler
         )
     )
 
 
-def _search(
+def _search_renderers(
     renderers: list[str] | None,
     checks: list[str] | None,
     models: list[str] | None,
@@ -147,7 +147,7 @@ def _search(
                 why="it asks for an effect, and no scene that is drawn calls for one",
                 todo="judge it in a suite: hapticeval run effects",
             )
-    asked = tuple(checks or judgeable())
+    check_ids = tuple(checks or judgeable())
     if models and dimension is not None:
         raise InputError("--dimension and --model", why="a model has a dimension", todo="give one of the two")
     on = [plain(model_named(text).table, "model") for text in models or ()]
@@ -162,19 +162,21 @@ def _search(
         def progress(done: float, what: str) -> None:
             terminal.searching(done, seconds, what)
 
-        all_asked = [Hunt(name, asked, on, known, seconds, examples, dimension or _dimension(name)) for name in names]
+        all_asked = [
+            Hunt(name, check_ids, on, known, seconds, examples, dimension or _default_dimension(name)) for name in names
+        ]
         begun = time.monotonic()
         if len(seeds) > 1 or scheduler is not None:
             terminal.line(f"searching with {plural(len(seeds), 'seed')} for what breaks {', '.join(names)}")
             options: dict[str, Any] = {"workers": cores(), "scheduler": scheduler, "interrupted": interrupted}
-            for hunt, made, ended in run_hunts(
+            for hunt, outcome, ended in run_hunts(
                 all_asked, seeds, **options, progress=terminal.still, report=terminal.line
             ):
                 terminal.clear()
                 if ended < len(seeds):
                     terminal.line(f"{hunt.renderer}: {ended} of {plural(len(seeds), 'seed')} ended")
                     codes.append(1)
-                codes.append(_written(hunt, made, directory, time.monotonic() - begun))
+                codes.append(_write_findings(hunt, outcome, directory, time.monotonic() - begun))
             return max(codes)
         for hunt in all_asked:
             if interrupted():
@@ -183,13 +185,13 @@ def _search(
             begun = time.monotonic()
             started = f"searching for what breaks {hunt.renderer}: up to {seconds:g} s"
             terminal.line(f"{started}, Ctrl-C ends it and keeps what is found")
-            made = run_hunt(hunt, seeds[0], interrupted=interrupted, progress=progress, report=terminal.line)
+            outcome = run_hunt(hunt, seeds[0], interrupted=interrupted, progress=progress, report=terminal.line)
             terminal.clear()
-            codes.append(max(_written(hunt, made, directory, time.monotonic() - begun), int(interrupted())))
+            codes.append(max(_write_findings(hunt, outcome, directory, time.monotonic() - begun), int(interrupted())))
     return max(codes)
 
 
-def _dimension(renderer: str) -> int:
+def _default_dimension(renderer: str) -> int:
     """Return 3 for a renderer whose factory declares that it is for models in space alone, else 2."""
     from hapticeval.discovery import resolve
     from hapticeval.renderer import choices_of
@@ -199,51 +201,56 @@ def _dimension(renderer: str) -> int:
     return 3 if SPACE in declared and PLANE not in declared else 2
 
 
-def _written(hunt: Hunt, made: HuntResult, directory: Path, took: float) -> int:
+def _write_findings(hunt: Hunt, outcome: HuntResult, directory: Path, took: float) -> int:
     """Write what was found of one renderer, print it, and return the exit code."""
     from hapticeval.search.counterexample import line, notes, write
     from hapticeval.search.hunt import deadline
     from hapticeval.search.trial import RENDERER
 
     written, bare = [], []
-    suites = [write(each, directory)[0] for each in made.counterexamples]
-    over = deadline(PICTURES, lambda: False)
-    for each, suite in zip(made.counterexamples, suites, strict=True):
-        pictures = _picture(each, suite, over)
+    suites = [write(counterexample, directory)[0] for counterexample in outcome.counterexamples]
+    over = deadline(PICTURE_SECONDS, lambda: False)
+    for counterexample, suite in zip(outcome.counterexamples, suites, strict=True):
+        pictures = _draw_counterexample(counterexample, suite, over)
         written += [suite, *(pictures or ())]
-        bare += [] if pictures is not None else [each.fault.check]
+        bare += [] if pictures is not None else [counterexample.fault.check]
     say(
         paragraphs(
-            lines("\n  ".join([f"{hunt.renderer}: {line(each)}", *notes(each)]) for each in made.counterexamples),
-            _told(hunt, made, took),
+            lines(
+                "\n  ".join([f"{hunt.renderer}: {line(counterexample)}", *notes(counterexample)])
+                for counterexample in outcome.counterexamples
+            ),
+            _search_words(hunt, outcome, took),
             f"no picture, for its time was over, of: {', '.join(bare)}" if bare else "",
-            wrote(written),
+            wrote_lines(written),
         )
     )
-    if any(each.fault.check == RENDERER for each in made.counterexamples):
+    if any(counterexample.fault.check == RENDERER for counterexample in outcome.counterexamples):
         return 3
-    if made.refused is not None:
+    if outcome.refused is not None:
         return 2
-    return int(bool(made.counterexamples) or not made.judged)
+    return int(bool(outcome.counterexamples) or not outcome.judged)
 
 
-def _told(hunt: Hunt, made: HuntResult, took: float) -> str:
+def _search_words(hunt: Hunt, outcome: HuntResult, took: float) -> str:
     """Return what was searched, and what was not found."""
-    if made.refused is not None:
-        return f"{hunt.renderer} refuses every model that was tried: {made.refused}"
-    found = {each.fault.check for each in made.counterexamples}
-    missing = [name for name in hunt.checks if name not in found]
-    passed = [f"{name} ({made.judged[name]})" for name in missing if made.judged[name]]
-    silent = [name for name in missing if not made.judged[name]]
-    ended = "" if made.finished else "; stopped before the end"
-    tried = f"{plural(made.tried, 'example')} drawn, {made.trials} tried in {took:.1f} s{ended}"
-    if not made.judged and not made.counterexamples:
+    if outcome.refused is not None:
+        return f"{hunt.renderer} refuses every model that was tried: {outcome.refused}"
+    failing = {counterexample.fault.check for counterexample in outcome.counterexamples}
+    missing = [name for name in hunt.checks if name not in failing]
+    passed = [f"{name} ({outcome.judged[name]})" for name in missing if outcome.judged[name]]
+    silent = [name for name in missing if not outcome.judged[name]]
+    ended = "" if outcome.finished else "; stopped before the end"
+    tried = f"{plural(outcome.tried, 'example')} drawn, {outcome.trials} tried in {took:.1f} s{ended}"
+    if not outcome.judged and not outcome.counterexamples:
         return lines([tried, "nothing was judged: no example had an answer when the time was over"])
-    said = [("no failure, in so many examples, of", passed), ("no example decides", silent)]
-    return lines([tried, *(f"{words}: {', '.join(names)}" for words, names in said if names)])
+    unfailing = [("no failure, in so many examples, of", passed), ("no example decides", silent)]
+    return lines([tried, *(f"{words}: {', '.join(names)}" for words, names in unfailing if names)])
 
 
-def _picture(made: StoredCounterexample, suite: Path, over: Callable[[], bool]) -> list[Path] | None:
+def _draw_counterexample(
+    counterexample: StoredCounterexample, suite: Path, over: Callable[[], bool]
+) -> list[Path] | None:
     """Draw what the renderer does in a counterexample beside its suite; nothing where it breaks.
 
     None where the time is `over` before the renderer has answered.
@@ -253,22 +260,22 @@ def _picture(made: StoredCounterexample, suite: Path, over: Callable[[], bool]) 
     from hapticeval.search.counterexample import line
     from hapticeval.search.trial import RENDERER, Bench, Stopped, recorded
 
-    if made.fault.check == RENDERER:
+    if counterexample.fault.check == RENDERER:
         return []
     try:
-        with Bench(made.renderer, made.seed, over) as bench:
-            recording = bench.call_in_case(made.case, recorded, made.case)
+        with Bench(counterexample.renderer, counterexample.seed, over) as bench:
+            recording = bench.call_in_case(counterexample.case, recorded, counterexample.case)
     except Stopped:
         return None
     if recording is None:
         return []
-    marks = [] if made.fault.time is None else [Mark(1, made.fault.time, True)]
-    model, title = made.case.build_scene().model, f"{made.renderer}: {line(made)}"
+    marks = [] if counterexample.fault.time is None else [Mark(1, counterexample.fault.time, True)]
+    model, title = counterexample.case.build_scene().model, f"{counterexample.renderer}: {line(counterexample)}"
     with in_style():
         return save_figure(run_figure(recording, model, marks=marks, title=title), suite.parent, suite.stem)[:1]
 
 
-def _replay(folder: Path, renderers: list[str] | None) -> int:
+def _replay_kept(folder: Path, renderers: list[str] | None) -> int:
     """Try the cases below a folder, print which are fixed, and return the exit code."""
     from hapticeval.discovery import resolve, resolve_installed
     from hapticeval.runner.interrupts import Interrupts
@@ -285,17 +292,19 @@ def _replay(folder: Path, renderers: list[str] | None) -> int:
     rows: list[tuple[str, str]] = []
     codes = [0]
     with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
-        for done, made in enumerate(all_kept):
-            terminal.still(done, len(all_kept), f"trying what breaks {made.renderer}: {made.fault.check}")
+        for done, counterexample in enumerate(all_kept):
+            terminal.still(
+                done, len(all_kept), f"trying what breaks {counterexample.renderer}: {counterexample.fault.check}"
+            )
             if not renderers:
-                resolve_installed(made.renderer, source=str(folder))
-            for name in dict.fromkeys(renderers or [made.renderer]):
-                with Bench(name, made.seed, lambda: interrupts.count > 0) as bench:
+                resolve_installed(counterexample.renderer, source=str(folder))
+            for name in dict.fromkeys(renderers or [counterexample.renderer]):
+                with Bench(name, counterexample.seed, lambda: interrupts.count > 0) as bench:
                     try:
-                        answer = bench(made.case)
+                        answer = bench(counterexample.case)
                     except Stopped:
                         break
-                check = made.fault.check
+                check = counterexample.fault.check
                 again = next((fault for fault in answer.faults if fault.check in (check, RENDERER)), None)
                 outcome = answer.outcomes.get(check, "pass")
                 if again is not None:
@@ -307,7 +316,12 @@ def _replay(folder: Path, renderers: list[str] | None) -> int:
                 else:
                     state = f"NOT DECIDED: {outcome}"
                 rows.append(
-                    (f"{name} {made.renderer if name != made.renderer else ''} {check}".replace("  ", " "), state)
+                    (
+                        f"{name} {counterexample.renderer if name != counterexample.renderer else ''} {check}".replace(
+                            "  ", " "
+                        ),
+                        state,
+                    )
                 )
                 broke = again is not None and again.check == RENDERER
                 codes.append(3 if broke else int(state != "FIXED"))

@@ -17,7 +17,7 @@ from hapticeval.errors import InputError, UnknownNameError
 
 WORKFLOW = Path(".github", "workflows", "hapticeval.yml")
 
-CI = """\
+WORKFLOW_TEXT = """\
 name: hapticeval
 on: [push, pull_request]
 env:
@@ -77,7 +77,7 @@ STARTERS: Mapping[str, Starter] = MappingProxyType(
 """By kind, which is the folder of its files among the examples."""
 
 
-def write(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
+def write_starter(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
     """Write a renderer to start from, named after its folder; return the files, and the commands that come next.
 
     Raises `UnknownNameError` for another kind, and `InputError` for a folder that has something in it.
@@ -89,20 +89,20 @@ def write(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
     starter = STARTERS[kind]
     named = re.compile(rf"\b(lib|test_|){starter.stem}\b")
     files_alone = re.compile(rf"{named.pattern}(?=\.(?:c|cpp|so)\b)")
-    name = _name(directory.resolve().name)
+    name = _module_name(directory.resolve().name)
 
     def renamed(text: str, pattern: re.Pattern[str] = named) -> str:
         return pattern.sub(rf"\g<1>{name}", text)
 
     texts = {}
-    for each in starter.files:
-        text = files("hapticeval.examples").joinpath(kind, each).read_text("utf-8")
-        texts[renamed(each)] = renamed(text, files_alone if Path(each).suffix in (".c", ".cpp") else named)
+    for file_name in starter.files:
+        text = files("hapticeval.examples").joinpath(kind, file_name).read_text("utf-8")
+        texts[renamed(file_name)] = renamed(text, files_alone if Path(file_name).suffix in (".c", ".cpp") else named)
     if starter.header:
         texts["hapticeval.h"] = files("hapticeval.adapters").joinpath("hapticeval.h").read_text("utf-8")
     build = f"      - run: {starter.build}\n" if starter.build else ""
     renderer = renamed(starter.renderer)
-    texts[str(WORKFLOW)] = CI.format(build=build, renderer=renderer, judged=starter.judged)
+    texts[str(WORKFLOW)] = WORKFLOW_TEXT.format(build=build, renderer=renderer, judged=starter.judged)
     written = []
     for path, text in texts.items():
         file = directory / path
@@ -116,11 +116,11 @@ def write(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
     return written, [*filter(None, steps), f"hapticeval run {starter.judged} -r {renderer}"]
 
 
-def _name(folder: str) -> str:
+def _module_name(folder: str) -> str:
     """Return the name of a module and a library for a folder's: not one that another module has."""
     name = re.sub(r"\W", "_", folder, flags=re.ASCII)
     if not name.isidentifier():
         name = f"renderer_{name}"
     spec = find_spec(name)
-    taken = spec is not None and spec.origin is not None
-    return f"{name}_renderer" if keyword.iskeyword(name) or name in sys.stdlib_module_names or taken else name
+    exists = spec is not None and spec.origin is not None
+    return f"{name}_renderer" if keyword.iskeyword(name) or name in sys.stdlib_module_names or exists else name

@@ -11,16 +11,16 @@ from pathlib import Path
 
 import typer
 
-from hapticeval.commands.terminal import counted, lines, paragraphs, plural, wrote
+from hapticeval.commands.terminal import lines, outcome_counts, paragraphs, plural, wrote_lines
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.quantity import aligned
 from hapticeval.runner.known import describe_outdated
 from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
 
-SHOWN = 10
+VERDICTS_SHOWN = 10
 """Unexpected verdicts that are shown without -v: the worst; more scroll off a screen, and the report has them all."""
 
-CASES = 3
+CASES_NAMED = 3
 """Cases that are named of those in which a renderer broke in one way, without -v."""
 
 LEGEND = {
@@ -36,30 +36,30 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
     Where a `width` is given, tables that are wider are shown as lists.
     """
     stops = [verdict for verdict in results.verdicts if results.stops(verdict) and not results.lost(verdict)]
-    stops.sort(key=lambda each: each.severity, reverse=True)
-    rest = [verdict for verdict in results.verdicts if not results.stops(verdict)]
-    shown = stops if verbose else stops[:SHOWN]
-    more = len(stops) - len(shown)
+    stops.sort(key=lambda verdict: verdict.severity, reverse=True)
+    unstopping = [verdict for verdict in results.verdicts if not results.stops(verdict)]
+    worst = stops if verbose else stops[:VERDICTS_SHOWN]
+    more = len(stops) - len(worst)
     return paragraphs(
-        _grid(results, width),
-        *_tables(results, width),
-        lines(_broke(each, verbose=verbose) for each in results.breakdowns),
+        _pass_grid(results, width),
+        *_summary_tables(results, width),
+        lines(_breakdown_words(breakdown, verbose=verbose) for breakdown in results.breakdowns),
         lines(
-            _stopped(f"refuses: {run.renderer} on {run.suite}/{run.case}", run.refusal)
-            for run in _refused(results)
+            _problem_lines(f"refuses: {run.renderer} on {run.suite}/{run.case}", run.refusal)
+            for run in _all_refused_runs(results)
             if run.refusal
         ),
-        lines(map(_shown, shown)),
+        lines(map(_verdict_words, worst)),
         f"and {plural(more, 'verdict')} more that {'is' if more == 1 else 'are'} not as expected: "
         "-v shows them, and so does a report"
         if more
         else "",
-        lines(_shown(verdict) for verdict in rest if verdict.outdated),
-        lines(_shown(verdict) for verdict in rest if verdict.warns) if verbose else "",
-        lines(_shown(verdict) for verdict in rest if verdict.standing == "known") if verbose else "",
-        lines(_not_applicable(results)) if verbose else "",
-        _totals(results, verbose=verbose),
-        wrote(written),
+        lines(_verdict_words(verdict) for verdict in unstopping if verdict.outdated),
+        lines(_verdict_words(verdict) for verdict in unstopping if verdict.warns) if verbose else "",
+        lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing == "known") if verbose else "",
+        lines(_not_applicable_reasons(results)) if verbose else "",
+        _totals_words(results, verbose=verbose),
+        wrote_lines(written),
     )
 
 
@@ -74,68 +74,79 @@ def terminal_width() -> int:
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
 
 
-def _grid(results: ResultsDocument, width: int) -> str:
+def _pass_grid(results: ResultsDocument, width: int) -> str:
     """A row a suite and a column a renderer: how many of the judged verdicts pass, and how many are a surprise."""
     cells: dict[str, dict[str, list[VerdictEntry]]] = {}
     for verdict in results.verdicts:
         cells.setdefault(verdict.suite, {}).setdefault(verdict.renderer, []).append(verdict)
     renderers = list(dict.fromkeys(verdict.renderer for verdict in results.verdicts))
     rows = [
-        [(suite, None), *(_share(row[name], results) if name in row else ("", None) for name in renderers)]
+        [(suite, None), *(_grid_cell(row[name], results) if name in row else ("", None) for name in renderers)]
         for suite, row in cells.items()
     ]
     if not rows:
         return ""
     marks = [text for mark, text in LEGEND.items() if any(mark in cell for row in rows for cell, _ in row[1:])]
-    return _laid_out(["", *renderers], rows, width) + "\n" + "; ".join(["passed/judged", *marks])
+    return _aligned_cells(["", *renderers], rows, width) + "\n" + "; ".join(["passed/judged", *marks])
 
 
-def _share(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tuple[str, str | None]:
+def _grid_cell(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tuple[str, str | None]:
     """A cell of the grid and its colour; verdicts of level info are shown in the report and never judged."""
-    judged = [each for each in verdicts if each.level is not Level.INFO and each.outcome is not Outcome.NOT_APPLICABLE]
-    wrong = sum(results.stops(each) for each in verdicts)
+    judged = [
+        verdict
+        for verdict in verdicts
+        if verdict.level is not Level.INFO and verdict.outcome is not Outcome.NOT_APPLICABLE
+    ]
+    wrong = sum(results.stops(verdict) for verdict in verdicts)
     if not judged and not wrong:
         return "-", None
-    kinds = Counter(each.standing for each in judged if not results.stops(each) and each.outcome is not Outcome.PASS)
+    kinds = Counter(
+        verdict.standing for verdict in judged if not results.stops(verdict) and verdict.outcome is not Outcome.PASS
+    )
     counts = {"!": wrong, "~": kinds["known"] + kinds["as known"], "?": kinds["warning"]}
-    text = f"{sum(each.outcome is Outcome.PASS for each in judged)}/{len(judged)}"
+    text = f"{sum(verdict.outcome is Outcome.PASS for verdict in judged)}/{len(judged)}"
     noted = "".join(f" {mark}{count}" for mark, count in counts.items() if count)
     return text + noted, "red" if wrong else "yellow" if noted else "green"
 
 
-def _tables(results: ResultsDocument, width: int) -> Iterator[str]:
+def _summary_tables(results: ResultsDocument, width: int) -> Iterator[str]:
     """A table a suite that has rows which some renderer has decided."""
     titles = [(suite.title, suite.rows) for suite in results.suites if suite.rows]
     named = {title for _, rows in titles for title in rows}
     left = [title for title in results.table if title not in named]
     for name, rows in [*titles, ("", left)]:
-        found = {title: row for title in rows if (row := results.table.get(title))}
-        if found:
+        answered = {title: row for title in rows if (row := results.table.get(title))}
+        if answered:
             heading = f"{name}\n" if name and len(titles) > 1 else ""
-            yield heading + _table(found, results.published_table, width)
+            yield heading + _summary_table(answered, results.published_table, width)
 
 
-def _table(table: Mapping[str, Mapping[str, str]], published_table: Mapping[str, Mapping[str, str]], width: int) -> str:
+def _summary_table(
+    table: Mapping[str, Mapping[str, str]], published_table: Mapping[str, Mapping[str, str]], width: int
+) -> str:
     """Rows by renderers; a cell that differs from what is in print says so."""
     renderers = list(dict.fromkeys(renderer for row in table.values() for renderer in row))
     rows = [
-        [(title, None), *(_cell(row.get(name, "-"), published_table.get(title, {}).get(name)) for name in renderers)]
+        [
+            (title, None),
+            *(_answer_cell(row.get(name, "-"), published_table.get(title, {}).get(name)) for name in renderers),
+        ]
         for title, row in table.items()
     ]
-    return _laid_out(["", *renderers], rows, width)
+    return _aligned_cells(["", *renderers], rows, width)
 
 
-def _cell(found: str, published: str | None) -> tuple[str, str | None]:
-    if published in (None, found) or found == "-":
-        return found, {"Yes": "green", "No": "yellow"}.get(found)
-    return f"{found} (published {published})", "red"
+def _answer_cell(answer: str, published: str | None) -> tuple[str, str | None]:
+    if published in (None, answer) or answer == "-":
+        return answer, {"Yes": "green", "No": "yellow"}.get(answer)
+    return f"{answer} (published {published})", "red"
 
 
-def _laid_out(header: Sequence[str], rows: Sequence[Sequence[tuple[str, str | None]]], width: int) -> str:
+def _aligned_cells(header: Sequence[str], rows: Sequence[Sequence[tuple[str, str | None]]], width: int) -> str:
     """Return cells with their colours in aligned columns; where these are too wide, a list for each row."""
     texts = [list(header), *([text for text, _ in row] for row in rows)]
-    whole = aligned(texts)
-    if width and max(map(len, whole)) > width:
+    aligned_lines = aligned(texts)
+    if width and max(map(len, aligned_lines)) > width:
         lists = []
         for (title, _), *row in rows:
             named = aligned([[f"  {name}", text] for name, (text, _) in zip(header[1:], row, strict=True) if text])
@@ -147,36 +158,38 @@ def _laid_out(header: Sequence[str], rows: Sequence[Sequence[tuple[str, str | No
         [paint(text, colour) + " " * (place - len(text)) for (text, colour), place in zip(row, places, strict=True)]
         for row in rows
     )
-    return lines([whole[0], *("  ".join(row).rstrip() for row in painted)])
+    return lines([aligned_lines[0], *("  ".join(row).rstrip() for row in painted)])
 
 
-def _broke(broken: Breakdown, *, verbose: bool) -> str:
+def _breakdown_words(broken: Breakdown, *, verbose: bool) -> str:
     cases = broken.cases
-    shown = cases if verbose else cases[:CASES]
-    more = f", and {plural(len(cases) - len(shown), 'other')}" * (len(shown) < len(cases))
-    text = _stopped(f"broke: {broken.words}", broken.error)
+    named_cases = cases if verbose else cases[:CASES_NAMED]
+    more = f", and {plural(len(cases) - len(named_cases), 'other')}" * (len(named_cases) < len(cases))
+    text = _problem_lines(f"broke: {broken.words}", broken.error)
     if not broken.error.todo:
         text += f"\n  what to do: see what `hapticeval doctor -r {broken.runs[0].renderer}` finds of the contract"
-    return lines([text, f"  first on {', then '.join(shown)}{more}"] if cases else [text])
+    return lines([text, f"  first on {', then '.join(named_cases)}{more}"] if cases else [text])
 
 
-def _stopped(head: str, problem: Problem) -> str:
-    shown = [paint(head, "red"), f"  {problem.what}"]
-    shown += [f"  {label}: {each}" for label, each in (("why", problem.why), ("what to do", problem.todo)) if each]
-    return lines(shown)
+def _problem_lines(head: str, problem: Problem) -> str:
+    problem_lines = [paint(head, "red"), f"  {problem.what}"]
+    problem_lines += [
+        f"  {label}: {text}" for label, text in (("why", problem.why), ("what to do", problem.todo)) if text
+    ]
+    return lines(problem_lines)
 
 
-def _refused(results: ResultsDocument) -> Iterator[RunEntry]:
+def _all_refused_runs(results: ResultsDocument) -> Iterator[RunEntry]:
     """The first run of each renderer that has refused all that it was given: it has not been judged at all."""
     judged = {run.renderer for run in results.runs if not run.refusal}
-    seen: set[str] = set()
+    yielded: set[str] = set()
     for run in results.runs:
-        if run.renderer not in judged | seen:
-            seen.add(run.renderer)
+        if run.renderer not in judged | yielded:
+            yielded.add(run.renderer)
             yield run
 
 
-def _shown(verdict: VerdictEntry) -> str:
+def _verdict_words(verdict: VerdictEntry) -> str:
     """A verdict of which there is something to say, with its measure and its bound."""
     outcome, published = verdict.outcome, verdict.published
     place = f"{verdict.renderer} on {verdict.place}"
@@ -192,7 +205,7 @@ def _shown(verdict: VerdictEntry) -> str:
     return lines([paint(head, colour), *(f"  {text}" for text in (verdict.measured, verdict.message, reason) if text)])
 
 
-def _not_applicable(results: ResultsDocument) -> Iterator[str]:
+def _not_applicable_reasons(results: ResultsDocument) -> Iterator[str]:
     """Yield why checks were not applicable, once for each reason, less the refusals, which are shown as such."""
     refused = {run.key for run in results.runs if run.refusal}
     reasons = Counter(
@@ -204,7 +217,7 @@ def _not_applicable(results: ResultsDocument) -> Iterator[str]:
         yield f"not applicable: {check}{f' ({count} times)' if count > 1 else ''}: {why}"
 
 
-def _totals(results: ResultsDocument, *, verbose: bool) -> str:
+def _totals_words(results: ResultsDocument, *, verbose: bool) -> str:
     unexpected = sum(not verdict.as_expected for verdict in results.verdicts)
     warnings = sum(verdict.warns for verdict in results.verdicts)
     known = sum(verdict.standing == "known" for verdict in results.verdicts)
@@ -216,10 +229,11 @@ def _totals(results: ResultsDocument, *, verbose: bool) -> str:
     ran = f"{results.ran} of {plural(results.planned, 'planned verdict')} ran"
     if not results.complete:
         ran += f" (incomplete: {results.reason})"
-    return f"{ran}: {counted(results.verdicts)}; {unexpected or 'none'} not as expected{noted}\n{_took(results.timing)}"
+    counts = f"{ran}: {outcome_counts(results.verdicts)}; {unexpected or 'none'} not as expected{noted}"
+    return f"{counts}\n{_time_words(results.timing)}"
 
 
-def _took(timing: Timing) -> str:
+def _time_words(timing: Timing) -> str:
     """How long it took, beside the time that was simulated where that says anything."""
     if timing.times_real_time < 0.05:
         return f"took {timing.wall_seconds:.1f} s"

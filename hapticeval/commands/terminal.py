@@ -22,21 +22,21 @@ if TYPE_CHECKING:
 
     from hapticeval.runner.results import VerdictEntry
 
-FEW = 10
+FIGURES_UNANNOUNCED = 10
 """Figures that are drawn before anyone wonders what goes on."""
 
-PATIENCE = 2.0
+BAR_AFTER = 2.0
 """Seconds after which a person wants to see that something moves."""
 
-REMIND = 5.0
+REMINDER_SECONDS = 5.0
 """Seconds between two lines about what is waited for."""
 
-QUIET = 30.0
+SILENCE_SECONDS = 30.0
 """Seconds without a line, where there is no bar, after which one says what is at work."""
 
 
 @dataclass
-class _Suite:
+class _SuiteProgress:
     """What has come of the jobs of a suite."""
 
     planned: int
@@ -49,14 +49,14 @@ class Terminal:
     """Shows a run as it goes on: a bar on a terminal when the run is not quick, elsewhere a line a suite.
 
     If it is `verbose`, elsewhere a line a job; else one for the first job in which a renderer breaks in some way.
-    Elsewhere what is at work has a line after each silence of `QUIET` seconds, too. A context manager, so that the bar
+    Elsewhere what is at work has a line after a silence of `SILENCE_SECONDS`, too. A context manager, so that the bar
     leaves the terminal as it found it whatever happens.
     """
 
     def __init__(self, stream: TextIO | None = None, *, verbose: bool = False) -> None:
         self._stream = sys.stderr if stream is None else stream
         self._verbose = verbose
-        self._suites: dict[str, _Suite] = {}
+        self._suites: dict[str, _SuiteProgress] = {}
         self._broken: set[tuple[str, tuple[str, str]]] = set()
         self._begun = time.monotonic()
         self._reminded = 0.0
@@ -79,11 +79,11 @@ class Terminal:
         """Take one event of the stream."""
         if isinstance(event, RunStarted):
             self._planned_jobs = event.planned_jobs
-            kept = f", {plural(event.kept_jobs, 'run')} of them finished before" if event.kept_jobs else ""
+            kept_words = f", {plural(event.kept_jobs, 'run')} of them finished before" if event.kept_jobs else ""
             self._finished_jobs = event.kept_jobs
-            self._suites = {name: _Suite(planned) for name, planned in event.jobs_of.items()}
+            self._suites = {name: _SuiteProgress(planned) for name, planned in event.jobs_of.items()}
             planned = f"{plural(event.planned_jobs, 'run')}, {plural(event.planned_verdicts, 'verdict')} planned"
-            self.line(planned + kept)
+            self.line(planned + kept_words)
             for note in event.notes:
                 self.line(note)
         elif isinstance(event, JobFinished):
@@ -92,16 +92,16 @@ class Terminal:
                 self._advance(self._finished_jobs, self._planned_jobs, f"{event.run.renderer} on {event.run.case}")
             elif self._verbose or self._breaks_anew(event):
                 count = f"[{self._finished_jobs}/{self._planned_jobs}]"
-                self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}: {_told(event)}")
+                self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}: {_job_words(event)}")
             if not self._stream.isatty() and not self._verbose:
                 self._add(event)
         elif isinstance(event, AtWork):
-            self.still(event.finished_jobs, self._planned_jobs, _at_work(event))
+            self.still(event.finished_jobs, self._planned_jobs, _at_work_words(event))
         elif isinstance(event, WorkerRefused):
             self.line(f"refused: the worker {event.worker} is given no run: {event.why}")
         elif isinstance(event, Interrupted):
             self.interrupted = True
-            self.line(_interrupted(event))
+            self.line(_interrupted_words(event))
         elif isinstance(event, RunFinished):
             for name in [name for name, suite in self._suites.items() if suite.finished]:
                 self._close(name)
@@ -116,7 +116,7 @@ class Terminal:
 
     def _add(self, event: JobFinished) -> None:
         """Count a job of a suite, and print the suite's line after its last one."""
-        suite = self._suites.setdefault(event.run.suite, _Suite(0))
+        suite = self._suites.setdefault(event.run.suite, _SuiteProgress(0))
         suite.finished += 1
         suite.refused += event.run.refusal is not None
         suite.verdicts += event.verdicts
@@ -130,7 +130,7 @@ class Terminal:
             runs = f"{suite.finished} of {plural(suite.planned, 'run')}"
         refused = f", {suite.refused} refused" * bool(suite.refused)
         count = f"[{self._finished_jobs}/{self._planned_jobs}]"
-        self.line(f"{count} {name}: {runs}{refused}: {_judged(suite.verdicts)}")
+        self.line(f"{count} {name}: {runs}{refused}: {_verdicts_words(suite.verdicts)}")
 
     def working(self, done: int, total: int, what: str) -> None:
         """Take how much of a bench is done and what comes next: a bar on a terminal, elsewhere a line each."""
@@ -144,25 +144,25 @@ class Terminal:
         self.still(min(int(done), int(total)), int(total), what, " s")
 
     def still(self, done: int, total: int, what: str, unit: str = "") -> None:
-        """Move the bar on a terminal; elsewhere print what is at work where nothing was printed for `QUIET` seconds."""
+        """Move the bar on a terminal; elsewhere print what is at work, after a silence of `SILENCE_SECONDS`."""
         if self._stream.isatty():
             self._advance(done, total, what)
-        elif time.monotonic() - self._spoke >= QUIET:
+        elif time.monotonic() - self._spoke >= SILENCE_SECONDS:
             self.line(f"[{done}/{total}{unit}] {what}")
 
-    def waiting(self, what: str, seconds: float, most: float) -> None:
+    def waiting(self, what: str, seconds: float, limit: float) -> None:
         """Take what is waited for since how many of `most` seconds: a bar on a terminal, else a line now and then."""
         if self._stream.isatty():
-            self._advance(int(seconds), int(most), what)
+            self._advance(int(seconds), int(limit), what)
         elif seconds < self._reminded:  # another wait
             self._reminded = 0.0
-        elif seconds >= self._reminded + REMIND:
+        elif seconds >= self._reminded + REMINDER_SECONDS:
             self._reminded = seconds
-            self.line(f"{what}: {seconds:.0f} of {most:.0f} s")
+            self.line(f"{what}: {seconds:.0f} of {limit:.0f} s")
 
     def drawn(self, done: int, total: int) -> None:
         """Take how many of the report's figures are drawn: a bar on a terminal, elsewhere a line before many."""
-        if done == 0 and total > FEW and not self._stream.isatty():
+        if done == 0 and total > FIGURES_UNANNOUNCED and not self._stream.isatty():
             self.line(f"drawing {plural(total, 'figure')}")
         self.still(done, total, "drawing figures")
 
@@ -173,9 +173,9 @@ class Terminal:
             self._bar = None
 
     def _advance(self, done: int, total: int, what: str) -> None:
-        """Move the bar; it appears with the first step that ends after `PATIENCE` seconds."""
+        """Move the bar; it appears with the first step that ends after `BAR_AFTER` seconds."""
         if self._bar is None:
-            if time.monotonic() - self._begun < PATIENCE:
+            if time.monotonic() - self._begun < BAR_AFTER:
                 return
             from rich.console import Console
             from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -202,37 +202,37 @@ class Terminal:
         print(printable(text), file=self._stream, flush=True)
 
 
-def _told(event: JobFinished) -> str:
+def _job_words(event: JobFinished) -> str:
     if event.error is not None:
         return f"broke: {event.error.what}"
     if event.run.refusal is not None:
         return f"refuses: {event.run.refusal.what}"
-    return _judged(event.verdicts)
+    return _verdicts_words(event.verdicts)
 
 
-def _judged(verdicts: Sequence[VerdictEntry]) -> str:
+def _verdicts_words(verdicts: Sequence[VerdictEntry]) -> str:
     surprises = sum(not verdict.as_expected for verdict in verdicts)
     known = sum(verdict.standing == "known" for verdict in verdicts)
     warnings = sum(verdict.warns for verdict in verdicts)
     notes = [f"{surprises} not as expected"] * bool(surprises) + [f"{known} known"] * bool(known)
     notes += [plural(warnings, "warning")] * bool(warnings)
-    return counted(verdicts) + (f" ({', '.join(notes)})" if notes else "")
+    return outcome_counts(verdicts) + (f" ({', '.join(notes)})" if notes else "")
 
 
-def _at_work(event: AtWork) -> str:
+def _at_work_words(event: AtWork) -> str:
     (suite, case, renderer), *others = event.runs
     more = f", and {plural(len(others), 'other run')}" * bool(others)
     return f"at work for {event.seconds:.0f} s: {renderer} on {suite}/{case}{more}"
 
 
-def _interrupted(event: Interrupted) -> str:
+def _interrupted_words(event: Interrupted) -> str:
     runs = f"{plural(event.begun, 'run')} that had begun {'is' if event.begun == 1 else 'are'}"
-    kept = "what is done is kept"
+    kept_words = "what is done is kept"
     if event.at_once:
-        return f"stopped: {runs} given up; {kept}"
+        return f"stopped: {runs} given up; {kept_words}"
     if not event.begun:
-        return f"interrupted: {kept}"
-    return f"interrupted: {runs} being finished, {kept}; press Ctrl-C again to stop at once"
+        return f"interrupted: {kept_words}"
+    return f"interrupted: {runs} being finished, {kept_words}; press Ctrl-C again to stop at once"
 
 
 def plural(count: int, noun: str) -> str:
@@ -240,7 +240,7 @@ def plural(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def counted(verdicts: Iterable[VerdictEntry]) -> str:
+def outcome_counts(verdicts: Iterable[VerdictEntry]) -> str:
     """For instance `12 pass, 3 fail`, in the order of `Outcome`."""
     counts = Counter(verdict.outcome for verdict in verdicts)
     return ", ".join(f"{counts[outcome]} {outcome}" for outcome in Outcome if counts[outcome]) or "no verdicts"
@@ -269,7 +269,7 @@ def columns(rows: Iterable[tuple[str, str]]) -> str:
     return "\n".join(lines)
 
 
-def wrote(paths: Iterable[Path]) -> str:
+def wrote_lines(paths: Iterable[Path]) -> str:
     """Return a line for each file that was written."""
     return lines(f"wrote {path}" for path in paths)
 

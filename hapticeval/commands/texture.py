@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 from hapticeval.commands.arguments import argument, option
-from hapticeval.commands.terminal import lines, say, wrote
+from hapticeval.commands.terminal import lines, say, wrote_lines
 
-SHOWN = """\b
+TEXTURE_CODES = """\b
 Exit codes:
   0  shown, or written
   2  wrong usage or input: the message says what, why, and what to do
@@ -54,24 +54,24 @@ def texture(
                 why="line spectral frequencies are angles a sample",
                 todo="give --rate: 10000 as measured, or what the model was resampled to",
             )
-        found = read_toolkit(path, rate=rate)
+        source = read_toolkit(path, rate=rate)
     elif rate is not None:
         raise InputError("--rate with a texture of ours", why="it holds its own", todo="leave --rate out")
     else:
-        found = read_texture(path) if path.suffix == ".toml" else named(file)
-    first = found.filters[0]
-    friction = "no friction" if found.friction is None else f"friction {found.friction:g}"
+        source = read_texture(path) if path.suffix == ".toml" else named(file)
+    first = source.filters[0]
+    friction = "no friction" if source.friction is None else f"friction {source.friction:g}"
     say(
-        f"{found.title}: {len(found.filters)} filters of {len(first.ar)} poles and {len(first.ma)} zeros for "
-        f"{found.rate:g} Hz, in {len(found.corners())} triangles; {friction}"
+        f"{source.title}: {len(source.filters)} filters of {len(first.ar)} poles and {len(first.ma)} zeros for "
+        f"{source.rate:g} Hz, in {len(source.corners())} triangles; {friction}"
     )
     say(
         lines(
-            f"{each.speed:8.4g} m/s {each.force:8.4g} N   rms {math.sqrt(autocovariance(each, 1)[0]):.4g} m/s^2"
-            for each in sorted(found.filters, key=lambda each: (each.speed, each.force))
+            f"{model.speed:8.4g} m/s {model.force:8.4g} N   rms {math.sqrt(autocovariance(model, 1)[0]):.4g} m/s^2"
+            for model in sorted(source.filters, key=lambda model: (model.speed, model.force))
         )
     )
     if output is not None:
         with creating(output) as temporary:
-            temporary.write_text(as_toml(found), encoding="utf-8")
-        say(wrote([output]))
+            temporary.write_text(as_toml(source), encoding="utf-8")
+        say(wrote_lines([output]))

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Annotated
 
 from hapticeval.commands.arguments import (
-    CaseTaken,
     FormatName,
     MappingFile,
     MemoryLimit,
     SceneEntries,
-    Touched,
+    SuiteCase,
+    TouchedModel,
     argument,
     model_named,
     option,
@@ -21,7 +21,7 @@ from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.recordings.memory import LIMIT
 
-SHOWN = """\b
+VIEW_CODES = """\b
 Exit codes:
   0  the page is written, whatever it shows
   2  wrong usage, or the recording cannot be read
@@ -30,8 +30,8 @@ Exit codes:
 
 def view(
     file: Annotated[Path, argument(metavar="FILE", help="A recording, or a foreign file.")],
-    model: Touched = None,
-    suite_case: CaseTaken = None,
+    model: TouchedModel = None,
+    suite_case: SuiteCase = None,
     scene: SceneEntries = None,
     mapping: MappingFile = None,
     format_: FormatName = None,
@@ -66,11 +66,17 @@ def view(
             why="hand and model must live in the same space",
             todo="give another model with --model",
         )
-    found = viewed(
+    viewed_run = viewed(
         file, recording, suite_case=suite_case, scene=scene or (),
         model=None if named is None else {"kind": named.name, **named.parameters},
     )  # fmt: skip
-    page = write_view(directory, found.entry, found.recording, found.verdicts, note=found.unjudged)
+    page = write_view(directory, viewed_run.entry, viewed_run.recording, viewed_run.verdicts, note=viewed_run.unjudged)
     say(
-        lines([*(f"suspicious: {each}" for each in found.suspicious), *filter(None, [found.unjudged]), f"wrote {page}"])
+        lines(
+            [
+                *(f"suspicious: {finding}" for finding in viewed_run.suspicious),
+                *filter(None, [viewed_run.unjudged]),
+                f"wrote {page}",
+            ]
+        )
     )

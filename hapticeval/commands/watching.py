@@ -15,7 +15,7 @@ from hapticeval.discovery import ADAPTERS, known_renderers, parse, see_current_d
 from hapticeval.errors import HapticevalError, printable
 from hapticeval.runner.interrupts import Interrupts
 
-LOOK = 0.2
+LOOK_SECONDS = 0.2
 """Seconds between two looks at the files."""
 
 
@@ -26,18 +26,18 @@ def run_again(once: Callable[[], int], files: Callable[[], Iterable[Path]]) -> i
     """
     with Interrupts() as interrupts:
         while True:
-            seen = _stamps(files())
+            stamps = _file_stamps(files())
             process = multiprocessing.get_context("fork").Process(target=_exit_with, args=(once,))
             process.start()
             process.join()
             code = process.exitcode or 0
             if interrupts.count:
                 return code
-            print(f"exit code {code}; watching {plural(len(seen), 'file')}, Ctrl-C ends it", file=sys.stderr)
-            while _stamps(files()) == seen:
+            print(f"exit code {code}; watching {plural(len(stamps), 'file')}, Ctrl-C ends it", file=sys.stderr)
+            while _file_stamps(files()) == stamps:
                 if interrupts.count:
                     return code
-                time.sleep(LOOK)
+                time.sleep(LOOK_SECONDS)
 
 
 def _exit_with(once: Callable[[], int]) -> None:
@@ -49,16 +49,16 @@ def _exit_with(once: Callable[[], int]) -> None:
     sys.exit(code)
 
 
-def _stamps(files: Iterable[Path]) -> dict[Path, tuple[int, int]]:
+def _file_stamps(files: Iterable[Path]) -> dict[Path, tuple[int, int]]:
     """Return time and size of those files that are there."""
-    found = {}
+    stamps = {}
     for file in files:
         try:
             about = file.stat()
         except OSError:
             continue
-        found[file] = (about.st_mtime_ns, about.st_size)
-    return found
+        stamps[file] = (about.st_mtime_ns, about.st_size)
+    return stamps
 
 
 def files_behind(renderers: Iterable[str]) -> list[Path]:
@@ -66,13 +66,13 @@ def files_behind(renderers: Iterable[str]) -> list[Path]:
 
     Nothing is imported: of a module in a package the package is found. A name whose module is not found has none.
     """
-    return sorted({file for name in renderers for file in _sources(parse(name).base)})
+    return sorted({file for name in renderers for file in _source_files(parse(name).base)})
 
 
-def _sources(base: str) -> Iterator[Path]:
-    kind, _, rest = base.partition(":")
+def _source_files(base: str) -> Iterator[Path]:
+    kind, _, words = base.partition(":")
     if kind in ADAPTERS:  # a library, or a command with files among its words
-        yield from (file for word in shlex.split(rest) if (file := Path(word)).is_file())
+        yield from (file for word in shlex.split(words) if (file := Path(word)).is_file())
         return
     entry = known_renderers().get(base)
     module = (base if entry is None else entry.value).partition(":")[0].strip()

@@ -6,7 +6,7 @@ import pytest
 from result_entries import changed, results_of, run_entry
 
 from hapticeval.commands import summary as module
-from hapticeval.commands.summary import SHOWN, summary
+from hapticeval.commands.summary import VERDICTS_SHOWN, summary
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.reports.table import markdown
 from hapticeval.runner.results import Problem, VerdictEntry
@@ -101,12 +101,12 @@ def test_a_narrow_terminal_gets_lists():
 
 
 def test_the_worst_come_first_and_the_rest_with_v():
-    many = [jump(0.002 * (1 + number), case=f"c{number:02}") for number in range(SHOWN + 2)]
+    many = [jump(0.002 * (1 + number), case=f"c{number:02}") for number in range(VERDICTS_SHOWN + 2)]
     shown = summary(results_of(*many, verdict(Outcome.ERROR, case="broken")), [])
     heads = [line for line in shown.splitlines() if " on s/" in line]
     last = len(many) - 1
     assert heads[:2] == ["error: r on s/broken/memoryless", f"fail: r on s/c{last}/memoryless"]
-    assert len(heads) == SHOWN
+    assert len(heads) == VERDICTS_SHOWN
     assert "and 3 verdicts more that are not as expected: -v shows them, and so does a report" in shown
     assert len([line for line in summary(results_of(*many), [], verbose=True).splitlines() if " on s/" in line]) == 12
 

@@ -120,7 +120,7 @@ class Tty(io.StringIO):
 
 @pytest.mark.parametrize(("patience", "shown"), [(0.0, True), (3600.0, False)])
 def test_a_bar_on_a_terminal_when_it_takes_long(monkeypatch, patience, shown):
-    monkeypatch.setattr(terminal, "PATIENCE", patience)
+    monkeypatch.setattr(terminal, "BAR_AFTER", patience)
     monkeypatch.setenv("TERM", "xterm")
     stream = Tty()
     with terminal.Terminal(stream) as sink:

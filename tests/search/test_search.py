@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hapticeval import cli, strategies
-from hapticeval.commands.search import _picture
+from hapticeval.commands.search import _draw_counterexample
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
@@ -102,7 +102,7 @@ def test_the_same_seed_gives_the_same_bytes_and_knows_nothing_of_time(jump, tmp_
         for at, each in enumerate((jump, again))
     ]
     for each in files:
-        each += _picture(stored_counterexample(jump, "minimum-distance", 0), each[0], lambda: False)
+        each += _draw_counterexample(stored_counterexample(jump, "minimum-distance", 0), each[0], lambda: False)
     for one, other in zip(*files, strict=True):
         assert one.read_bytes() == other.read_bytes()
 
@@ -247,15 +247,15 @@ def test_the_end_of_the_time_ends_a_case_that_is_slow(mine, monkeypatch):
 
 def test_the_end_of_their_time_ends_the_drawing_of_pictures(jump, mine, tmp_path):
     made = stored_counterexample(jump, "minimum-distance", 0)
-    assert _picture(made, tmp_path / "a.toml", stopped_after(0)) is None
+    assert _draw_counterexample(made, tmp_path / "a.toml", stopped_after(0)) is None
     replace = msgspec.structs.replace
     deep = replace(made.trajectory, moves=(replace(made.trajectory.moves[0], to=[0.0, 0.0]),))
     hangs = replace(made, renderer="mine:Hangs", trajectory=deep)
-    assert _picture(hangs, tmp_path / "a.toml", stopped_after(1)) is None
+    assert _draw_counterexample(hangs, tmp_path / "a.toml", stopped_after(1)) is None
 
 
 def test_pictures_that_were_not_drawn_are_named(mine, monkeypatch, capsys):
-    monkeypatch.setattr("hapticeval.commands.search.PICTURES", -1.0)
+    monkeypatch.setattr("hapticeval.commands.search.PICTURE_SECONDS", -1.0)
     asked = ("--check", "reset-clears", "--model", "circle", "--examples", 1, "-o", mine / "found")
     assert run("-r", "mine:Keeps", *asked) == 1
     assert "no picture, for its time was over, of: reset-clears" in capsys.readouterr().out

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hapticeval.cli import main
-from hapticeval.commands.authors import PATIENCE
+from hapticeval.commands.authors import ANSWER_SECONDS
 from hapticeval.study import doctor
 from hapticeval.study.doctor import State, examine
 
@@ -151,7 +151,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
 )
 def test_what_ails_a_renderer_is_found(here: Path, name: str, ails: dict[str, str]) -> None:
-    found = list(examine(f"patients:{name}", patience=PATIENCE))
+    found = list(examine(f"patients:{name}", patience=ANSWER_SECONDS))
     assert {each.what: str(each.state) for each in found if each.state in (State.MISSING, State.BROKE)} == ails
     assert doctor.exit_code(found) == (3 if "broke" in ails.values() else int(bool(ails)))
 
@@ -175,7 +175,7 @@ def test_one_that_hangs_is_given_up_where_it_hangs(here: Path) -> None:
     ],
 )
 def test_what_broke_is_named(here: Path, name: str, words: str) -> None:
-    first = next(each for each in examine(f"patients:{name}", patience=PATIENCE) if each.state is State.BROKE)
+    first = next(each for each in examine(f"patients:{name}", patience=ANSWER_SECONDS) if each.state is State.BROKE)
     assert words in first.text
 
 
@@ -190,19 +190,19 @@ def test_what_broke_is_named(here: Path, name: str, words: str) -> None:
     ],
 )
 def test_a_unit_or_a_sign_is_named(here: Path, name: str, what: str, state: State, words: str) -> None:
-    found = [each for each in examine(f"patients:{name}", patience=PATIENCE) if each.what == what]
+    found = [each for each in examine(f"patients:{name}", patience=ANSWER_SECONDS) if each.what == what]
     assert len(found) == 2, "in the plane and in space"
     assert all(each.state is state and words in each.text for each in found)
 
 
 def test_one_cause_is_reported_once(here: Path) -> None:
-    texts = [each.text for each in examine("patients:Dies", patience=PATIENCE) if each.state is State.BROKE]
+    texts = [each.text for each in examine("patients:Dies", patience=ANSWER_SECONDS) if each.state is State.BROKE]
     assert texts == ["it ends the process that it runs in: exit code 7"] + ["as at 'contact' in the plane"] * 11
 
 
 @pytest.mark.parametrize("name", ["constraint", "minimum-distance"])
 def test_our_own_keep_the_contract(name: str) -> None:
-    assert [each for each in examine(name, patience=PATIENCE) if each.state not in (State.OK, State.NOTE)] == []
+    assert [each for each in examine(name, patience=ANSWER_SECONDS) if each.state not in (State.OK, State.NOTE)] == []
 
 
 def test_the_command_shows_it(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
