@@ -30,14 +30,14 @@ def has_charts(recording: Recording) -> bool:
 def charts_words(recording: Recording) -> str:
     """Describe how often the charts take turns, and how far apart their torques are."""
     time, chart = recording.time, recording.channels["chart"]
-    apart = np.max(np.abs(recording.channels["torque1"] - recording.channels["torque2"]), axis=1)
+    differences = np.max(np.abs(recording.channels["torque1"] - recording.channels["torque2"]), axis=1)
     largest = float(np.max(np.abs(recording.channels["joint_torque"])))
-    disagreeing = np.flatnonzero(~(apart <= ROUNDING_SHARE * largest))
-    near = np.delete(apart, disagreeing)
+    disagreeing = np.flatnonzero(~(differences <= ROUNDING_SHARE * largest))
+    agreeing = np.delete(differences, disagreeing)
     turns = int(np.count_nonzero(np.diff(chart)))
     words = [f"The charts take turns {turns} time{'' if turns == 1 else 's'}."]
-    if near.size:
-        words.append(f"Their torques agree to {float(near.max()):.1g} N m, of {largest:.3g} N m at the most.")
+    if agreeing.size:
+        words.append(f"Their torques agree to {float(agreeing.max()):.1g} N m, of {largest:.3g} N m at the most.")
     if not disagreeing.size:
         return " ".join([*words, "The chart that is not at work does not spike near its pole; in print it does."])
     angle = np.where(chart == 1.0, recording.channels["eta2"][:, 2], recording.channels["eta1"][:, 2])[disagreeing]
@@ -46,7 +46,8 @@ def charts_words(recording: Recording) -> str:
     when = f"at t = {first:.4g} s" if disagreeing.size == 1 else f"between t = {first:.4g} and {last:.4g} s"
     words.append(
         f"Not so in {disagreeing.size} of {time.size} samples, {when}, with the chart that is not at work "
-        f"within {pole:.2g}° of its own pole: there they are up to {float(np.max(apart[disagreeing])):.3g} N m apart."
+        f"within {pole:.2g}° of its own pole: there they are up to "
+        f"{float(np.max(differences[disagreeing])):.3g} N m apart."
     )
     return " ".join(words)
 

@@ -148,10 +148,10 @@ def _draw_panel(axes: Axes, placed: PlottedSettings, kind: Kind, names: Sequence
         axes.plot(*zip(*(at for _, at in of_renderer), strict=True), color=colour, linewidth=0.7, alpha=0.6)
         label, foreign = name, _is_foreign(name)
         for proven, fill in ((True, colour), (False, "none")):
-            some = [at for setting, at in of_renderer if bool(setting.proven) is proven]
-            if some:
+            points = [point for setting, point in of_renderer if bool(setting.proven) is proven]
+            if points:
                 axes.plot(
-                    *zip(*some, strict=True), linestyle="none", marker=marker, markersize=10 if foreign else 6,
+                    *zip(*points, strict=True), linestyle="none", marker=marker, markersize=10 if foreign else 6,
                     color=colour, markerfacecolor=fill, markeredgecolor=colour_of("ink") if foreign else colour,
                     label=label,
                 )  # fmt: skip
@@ -162,13 +162,13 @@ def _draw_panel(axes: Axes, placed: PlottedSettings, kind: Kind, names: Sequence
     small: dict[str, Any] = {"fontsize": 7}
     axes.annotate("0.1 mm", (1.0, TARGET_ERROR), xycoords=("axes fraction", "data"), ha="right", va="bottom", **small)
     low, high = axes.get_xlim()
-    for at, text in TIME_LIMITS:
-        if low < at < high:
-            axes.axvline(at, color=colour_of("quiet"), linewidth=0.9, linestyle=(0, (4, 2)), zorder=1.5)
+    for limit, text in TIME_LIMITS:
+        if low < limit < high:
+            axes.axvline(limit, color=colour_of("quiet"), linewidth=0.9, linestyle=(0, (4, 2)), zorder=1.5)
             where: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
-            axes.annotate(text, (at, 1.0), xytext=(3, -2), va="top", **where, **small)
-        elif at >= high:
-            words = f"{text} lies {at / high:.2g} times further right →"
+            axes.annotate(text, (limit, 1.0), xytext=(3, -2), va="top", **where, **small)
+        elif limit >= high:
+            words = f"{text} lies {limit / high:.2g} times further right →"
             axes.annotate(words, (1.0, 1.01), xycoords="axes fraction", ha="right", va="bottom", **small)
 
 

@@ -196,9 +196,9 @@ def draw_over_time(axes: Axes, recording: Recording, values: Array, role: str, *
 def legend_above(axes: Axes, *others: Axes, **options: Any) -> None:
     """Put one row of labels above the right end of the axes, with those of the axes `beside`."""
     handles, labels = axes.get_legend_handles_labels()
-    for other in others:
-        more = other.get_legend_handles_labels()
-        handles, labels = handles + more[0], labels + more[1]
+    for twin_axes in others:
+        twin = twin_axes.get_legend_handles_labels()
+        handles, labels = handles + twin[0], labels + twin[1]
     axes.legend(
         handles,
         labels,

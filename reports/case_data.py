@@ -115,15 +115,15 @@ def sample_tracks(
     motions = (
         {} if held_on is None else {name: surface_motion(recording, held_on) for name, recording in recordings.items()}
     )
-    alike: dict[tuple[bytes, bytes], list[str]] = {}
+    names_by_path: dict[tuple[bytes, bytes], list[str]] = {}
     for name, recording in recordings.items():
-        alike.setdefault((recording.time.tobytes(), recording.hip.tobytes()), []).append(name)
+        names_by_path.setdefault((recording.time.tobytes(), recording.hip.tobytes()), []).append(name)
     track_by_name: dict[str, Track] = {}
-    for names in alike.values():
+    for names in names_by_path.values():
         time = recordings[names[0]].time
         verdict_rows = {int(np.argmin(np.abs(time - moment))) for name in names for moment in times.get(name, ())}
-        more = [column for name in names if name in motions for column in _surface_signals(*motions[name])]
-        chosen = drawn_rows([recordings[name] for name in names], verdict_rows, count, more)
+        surface_signals = [column for name in names if name in motions for column in _surface_signals(*motions[name])]
+        chosen = drawn_rows([recordings[name] for name in names], verdict_rows, count, surface_signals)
         rows = chosen.rows
         for name in names:
             track = _sample_track(name, recordings[name], chosen)
@@ -149,14 +149,14 @@ class DrawnRows(NamedTuple):
 
 
 def drawn_rows(
-    runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES, more: Sequence[Array] = ()
+    runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES, extra_signals: Sequence[Array] = ()
 ) -> DrawnRows:
     """Return the rows to draw of runs along one hand path: `thinned_rows` where lines between them follow the path.
 
     Of paths that so many samples cannot follow, as of a hundred laps, the beginning and the end are shown, as much as
     can be followed ten times as closely as `DEPARTURE_LIMIT`, and between them `ticks` with the rows beside them.
     """
-    rows = thinned_rows(runs, ticks, count, more)
+    rows = thinned_rows(runs, ticks, count, extra_signals)
     if _largest_departure(runs, rows) <= DEPARTURE_LIMIT:
         return DrawnRows(rows, np.zeros(0, dtype=np.int64), None)
     n, length = len(runs[0]), count // 2
@@ -165,7 +165,7 @@ def drawn_rows(
         part = slice(first, last)
         inside = [tick - first for tick in ticks if first <= tick < last]
         parts = [run.part(part) for run in runs]
-        end_rows = thinned_rows(parts, inside, count // 2, [signal[part] for signal in more])
+        end_rows = thinned_rows(parts, inside, count // 2, [signal[part] for signal in extra_signals])
         return end_rows + first if _largest_departure(parts, end_rows) <= 0.1 * DEPARTURE_LIMIT else None
 
     ends = np.arange(length), np.arange(n - length, n)
@@ -175,11 +175,11 @@ def drawn_rows(
             break
         ends, length = (begun, ended), 2 * length
     between = [k for tick in ticks for k in (tick - 1, tick, tick + 1) if length <= k < n - length]
-    alone = np.unique(np.array(between, dtype=np.int64))
-    cuts = np.append(alone[np.diff(alone, prepend=-1) > 1], n - length)
+    verdict_rows = np.unique(np.array(between, dtype=np.int64))
+    cuts = np.append(verdict_rows[np.diff(verdict_rows, prepend=-1) > 1], n - length)
     time = runs[0].time
     return DrawnRows(
-        np.concatenate([ends[0], alone, ends[1]]), cuts, (float(time[length - 1]), float(time[n - length]))
+        np.concatenate([ends[0], verdict_rows, ends[1]]), cuts, (float(time[length - 1]), float(time[n - length]))
     )
 
 
@@ -192,7 +192,7 @@ def _largest_departure(runs: Sequence[Recording], rows: IntArray) -> float:
 
 
 def thinned_rows(
-    runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES, more: Sequence[Array] = ()
+    runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES, extra_signals: Sequence[Array] = ()
 ) -> IntArray:
     """Return few rows of runs along one hand path: straight lines between them miss the others by `LINE_TOLERANCE`.
 
@@ -207,7 +207,7 @@ def thinned_rows(
     for signal in (signal for run in runs for signal in _signals_with_extremes(run)):
         chosen = np.union1d(chosen, _extremes(signal, INTERVALS))
     values = np.column_stack(
-        [*(_channels_in_tolerances(run) for run in runs), *(_in_tolerances(signal) for signal in more)]
+        [*(_channels_in_tolerances(run) for run in runs), *(_in_tolerances(signal) for signal in extra_signals)]
     )
     return _refined_rows(runs[0].time, values, chosen, count)
 
@@ -238,25 +238,25 @@ def _refined_rows(time: Array, values: Array, chosen: IntArray, count: int) -> I
             return None
         share = ((time[first + 1 : last] - time[first]) / (time[last] - time[first]))[:, None]
         line = values[first] + share * (values[last] - values[first])
-        off = np.abs(values[first + 1 : last] - line).max(axis=1)
-        farthest_index = int(np.argmax(off))
+        departures = np.abs(values[first + 1 : last] - line).max(axis=1)
+        farthest_index = int(np.argmax(departures))
         return (
-            (-float(off[farthest_index]), first, first + 1 + farthest_index, last)
-            if off[farthest_index] > 1.0
+            (-float(departures[farthest_index]), first, first + 1 + farthest_index, last)
+            if departures[farthest_index] > 1.0
             else None
         )
 
-    waiting = [candidate for pair in pairwise(rows) if (candidate := farthest(*pair)) is not None]
-    heapify(waiting)
+    candidates = [candidate for pair in pairwise(rows) if (candidate := farthest(*pair)) is not None]
+    heapify(candidates)
     for _ in range(count):
-        if not waiting:
+        if not candidates:
             break
-        _, first, middle, last = heappop(waiting)
+        _, first, middle, last = heappop(candidates)
         rows.append(middle)
         for pair in ((first, middle), (middle, last)):
             candidate = farthest(*pair)
             if candidate is not None:
-                heappush(waiting, candidate)
+                heappush(candidates, candidate)
     return np.array(sorted(rows), dtype=np.int64)
 
 
@@ -288,12 +288,14 @@ def jump_rows(recording: Recording) -> IntArray:
     if "ihip" not in recording.channels or len(recording) < 3:
         return np.zeros(0, dtype=np.int64)
     step, hip = step_lengths(recording, recording.ihip), step_lengths(recording, recording.hip)
-    around = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
+    longer_neighbour = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
     # a jump of two ticks has a neighbour as long as itself: that of either side which is shorter decides
-    calm = np.minimum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
+    shorter_neighbour = np.minimum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
     floor = 1e-6 * float(np.max(np.abs(recording.hip), initial=0.0))
-    longer = np.flatnonzero((step > JUMP_RATIO * np.maximum(hip, calm)) & (step > floor) & (step >= 0.5 * around))
-    return np.sort(longer[np.argsort(-step[longer], kind="stable")[:MOST_EVENTS]]).astype(np.int64)
+    jumping = np.flatnonzero(
+        (step > JUMP_RATIO * np.maximum(hip, shorter_neighbour)) & (step > floor) & (step >= 0.5 * longer_neighbour)
+    )
+    return np.sort(jumping[np.argsort(-step[jumping], kind="stable")[:MOST_EVENTS]]).astype(np.int64)
 
 
 def _certain_rows(recording: Recording, ticks: Collection[int]) -> IntArray:
@@ -306,8 +308,8 @@ def _certain_rows(recording: Recording, ticks: Collection[int]) -> IntArray:
     if {"ihip", "force"} & recording.channels.keys():
         row_groups.append(np.flatnonzero(np.diff(recording.contact))[:MOST_EVENTS] + 1)
     rows = np.concatenate(row_groups).astype(np.int64)
-    both = np.union1d(rows, rows - 1)
-    return both[(both >= 0) & (both < n)]
+    with_previous = np.union1d(rows, rows - 1)
+    return with_previous[(with_previous >= 0) & (with_previous < n)]
 
 
 def _extremes(signal: Array, intervals: int) -> IntArray:
@@ -321,7 +323,7 @@ def _sample_track(name: str, recording: Recording, chosen: DrawnRows) -> Track:
     rows = chosen.rows
     gaps: BoolArray = np.append(False, ~continuing_steps(recording)) if len(recording) > 1 else np.zeros(1, dtype=bool)
     gaps[chosen.cuts] = True
-    after = np.cumsum(gaps)[rows]
+    gaps_before = np.cumsum(gaps)[rows]
     has_ihip = "ihip" in recording.channels
     return Track(
         name=name,
@@ -332,7 +334,7 @@ def _sample_track(name: str, recording: Recording, chosen: DrawnRows) -> Track:
         force=recording.force[rows] if "force" in recording.channels else None,
         step=step_lengths(recording, recording.ihip)[rows] if has_ihip else None,
         hip_step=step_lengths(recording, recording.hip)[rows],
-        starts=np.flatnonzero(np.diff(after)) + 1,
+        starts=np.flatnonzero(np.diff(gaps_before)) + 1,
         dt=recording.dt,
         led=recording.meta.get("source") in LED,
         left_out=chosen.left_out,
@@ -407,41 +409,41 @@ def predicted_steps(steps_: IntArray, ticks: IntArray) -> IntArray:
 
 def varints(integers: IntArray) -> bytes:
     """Return whole numbers as varints of seven bits a byte, the lowest first, with the sign as the lowest bit."""
-    left = np.where(integers < 0, -2 * integers - 1, 2 * integers).astype(np.uint64)
+    zigzag = np.where(integers < 0, -2 * integers - 1, 2 * integers).astype(np.uint64)
     width = 1
-    while width < 10 and bool(np.any(left >> np.uint64(7 * width))):
+    while width < 10 and bool(np.any(zigzag >> np.uint64(7 * width))):
         width += 1
-    digits = (left[:, np.newaxis] >> (7 * np.arange(width, dtype=np.uint64))) & np.uint64(127)
-    used = np.maximum(1, width - np.argmax(digits[:, ::-1] != 0, axis=1))
-    used[left == 0] = 1
+    digits = (zigzag[:, np.newaxis] >> (7 * np.arange(width, dtype=np.uint64))) & np.uint64(127)
+    bytes_needed = np.maximum(1, width - np.argmax(digits[:, ::-1] != 0, axis=1))
+    bytes_needed[zigzag == 0] = 1
     place = np.arange(width)
-    digits[place[np.newaxis] < used[:, np.newaxis] - 1] |= np.uint64(128)
-    out: bytes = digits[place[np.newaxis] < used[:, np.newaxis]].astype(np.uint8).tobytes()
-    return out
+    digits[place[np.newaxis] < bytes_needed[:, np.newaxis] - 1] |= np.uint64(128)
+    packed: bytes = digits[place[np.newaxis] < bytes_needed[:, np.newaxis]].astype(np.uint8).tobytes()
+    return packed
 
 
 def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
     """Return the document of `Packer.text` and its arrays, each (n, k): what the page's script makes of it."""
     head, _, numbers = zlib.decompress(base64.b85decode(text.replace(",", "<"))).partition(b"\n")
     document: dict[str, Any] = json.loads(head)
-    data = np.frombuffer(numbers, dtype=np.uint8)
-    ends = np.flatnonzero(data < 128)
-    owner = np.searchsorted(ends, np.arange(data.size))
-    first = np.append(0, ends[:-1] + 1)
-    shift = (7 * (np.arange(data.size) - first[owner])).astype(np.uint64)
+    encoded = np.frombuffer(numbers, dtype=np.uint8)
+    ends = np.flatnonzero(encoded < 128)
+    owner = np.searchsorted(ends, np.arange(encoded.size))
+    first_byte = np.append(0, ends[:-1] + 1)
+    shift = (7 * (np.arange(encoded.size) - first_byte[owner])).astype(np.uint64)
     coded = np.zeros(ends.size, dtype=np.uint64)
-    np.add.at(coded, owner, (data & 127).astype(np.uint64) << shift)
+    np.add.at(coded, owner, (encoded & 127).astype(np.uint64) << shift)
     integers = (coded >> np.uint64(1)).astype(np.int64) ^ -(coded & np.uint64(1)).astype(np.int64)
     tables: list[IntArray] = []
-    at = 0
+    offset = 0
     for rows, columns, _, *clock in document["arrays"]:
-        block = integers[at : at + rows * columns].reshape(columns, rows).T.copy()
+        block = integers[offset : offset + rows * columns].reshape(columns, rows).T.copy()
         if clock:
             ticks = np.diff(tables[clock[0]], axis=0)
             for k in range(2, rows):
                 block[k] += predicted_steps(block[k - 1 : k], ticks[k - 2 : k])[0]
         tables.append(np.cumsum(block, axis=0))
-        at += rows * columns
+        offset += rows * columns
     return document, [table * shape[2] for table, shape in zip(tables, document["arrays"], strict=True)]
 
 

@@ -134,9 +134,9 @@ def case_panels(tracks: Sequence[Track], *, held_on_surface: bool) -> list[Panel
 def _power_range(tracks: Sequence[Track]) -> tuple[float, float]:
     """Return whole powers of ten, mm, down to where the run that keeps closest is for half of its time."""
     sizes = [np.abs(track.off) for track in tracks if track.off is not None]
-    close = max(min(float(np.median(size)) for size in sizes), SMALLEST_DISTANCE)
+    closest = max(min(float(np.median(size)) for size in sizes), SMALLEST_DISTANCE)
     worst = max(*(float(size.max()) for size in sizes), 10.0 * SMALLEST_DISTANCE)
-    return float(MM * 10.0 ** np.floor(np.log10(close))), float(MM * 10.0 ** (np.ceil(np.log10(worst)) + 0.3))
+    return float(MM * 10.0 ** np.floor(np.log10(closest))), float(MM * 10.0 ** (np.ceil(np.log10(worst)) + 0.3))
 
 
 def panel_values(track: Track, name: str) -> Array | None:
@@ -192,20 +192,20 @@ def plane_svg(
             _draw_path(
                 axes, track, path @ onto, looks[track.name], _hidden_behind_model(track, model) if space else None
             )
-        where = []
+        ringed_points = []
         for place in places:
             track = next(track for track in tracks if track.name == place.renderer)
             path = track.ihip if track.off is None else track.hip
-            where.append(path[int(np.argmin(np.abs(track.time - place.time)))] @ onto)
+            ringed_points.append(path[int(np.argmin(np.abs(track.time - place.time)))] @ onto)
             axes.plot(
-                *where[-1], marker="o", markersize=9.0, markerfacecolor="none", markeredgewidth=1.3,
+                *ringed_points[-1], marker="o", markersize=9.0, markerfacecolor="none", markeredgewidth=1.3,
                 color=colour_of(looks[track.name].role), zorder=5,
             )  # fmt: skip
         for name, position in crosses.items():
             axes.plot(
                 *(np.array(position) @ onto), marker="x", markersize=8.0, color=colour_of(looks[name].role), zorder=5
             )
-        for point, text in labels([place.number for place in places], where, 0.05 * (view[2] - view[0])):
+        for point, text in labels([place.number for place in places], ringed_points, 0.05 * (view[2] - view[0])):
             axes.annotate(text, tuple(point), xytext=(5.5, 3.5), textcoords="offset points", fontsize=8, zorder=6)
         axes.set(xlim=view[::2], ylim=view[1::2], aspect="auto")
         if space:
@@ -224,16 +224,16 @@ def _draw_path(axes: Axes, track: Track, path: Array, style: Look, hidden: BoolA
         return
     if track.off is None:
         path = np.where(np.any(track.apart != 0.0, axis=1)[:, None], path, np.nan)
-    how: dict[str, Any] = {"color": colour_of(style.role), "dashes": style.dash or (None, None), "zorder": 3}
+    line_style: dict[str, Any] = {"color": colour_of(style.role), "dashes": style.dash or (None, None), "zorder": 3}
     visible = path if hidden is None else np.where(hidden[:, None], np.nan, path)
     if hidden is not None:
         behind = hidden | np.append(False, hidden[:-1]) | np.append(hidden[1:], False)
         axes.plot(
             *_with_gaps(np.where(behind[:, None], path, np.nan), track.starts).T,
-            **{**how, "linewidth": 0.7, "alpha": 0.5},
+            **{**line_style, "linewidth": 0.7, "alpha": 0.5},
         )
     axes.plot(
-        *_with_gaps(visible, track.starts).T, **how, linewidth=1.3, marker=style.marker, markersize=3.5,
+        *_with_gaps(visible, track.starts).T, **line_style, linewidth=1.3, marker=style.marker, markersize=3.5,
         markeredgewidth=0.0, markevery=np.unique(np.searchsorted(track.time, _marker_times(track.time))).tolist(),
     )  # fmt: skip
 
@@ -269,8 +269,8 @@ def _draw_solid(axes: Axes, model: Model) -> None:
     sharp = np.sum(normals[first] * normals[second], axis=1) < np.cos(SHARP_TURN)
     drawn_edges = (facing[first] != facing[second]) | (sharp & (facing[first] | facing[second]))
     lines = corners[ends[order[::2][drawn_edges]]]
-    apart = np.concatenate([lines, np.full((len(lines), 1, 2), np.nan)], axis=1).reshape(-1, 2)
-    axes.plot(*apart.T, color=colour_of("ink"), linewidth=0.8, zorder=1)
+    separated = np.concatenate([lines, np.full((len(lines), 1, 2), np.nan)], axis=1).reshape(-1, 2)
+    axes.plot(*separated.T, color=colour_of("ink"), linewidth=0.8, zorder=1)
 
 
 def _draw_directions(axes: Axes, view: Box) -> None:
