@@ -30,8 +30,10 @@ def has_charts(recording: Recording) -> bool:
 def charts_words(recording: Recording) -> str:
     """Describe how often the charts take turns, and how far apart their torques are."""
     time, chart = recording.time, recording.channels["chart"]
+    # The largest torque difference of any joint at each sample (ticks,), N m.
     differences = np.max(np.abs(recording.channels["torque1"] - recording.channels["torque2"]), axis=1)
     largest = float(np.max(np.abs(recording.channels["joint_torque"])))
+    # Negated <=, so that a torque that is not finite counts as disagreeing.
     disagreeing = np.flatnonzero(~(differences <= ROUNDING_SHARE * largest))
     agreeing = np.delete(differences, disagreeing)
     turns = int(np.count_nonzero(np.diff(chart)))
@@ -41,6 +43,7 @@ def charts_words(recording: Recording) -> str:
     if not disagreeing.size:
         return " ".join([*words, "The chart that is not at work does not spike near its pole; in print it does."])
     angle = np.where(chart == 1.0, recording.channels["eta2"][:, 2], recording.channels["eta1"][:, 2])[disagreeing]
+    # A chart is singular where its polar angle is 0 or pi: how far the idle one is from the nearer, at the most.
     pole = float(np.degrees(np.max(np.minimum(angle, np.pi - angle))))
     first, last = time[disagreeing[[0, -1]]]
     when = f"at t = {first:.4g} s" if disagreeing.size == 1 else f"between t = {first:.4g} and {last:.4g} s"
@@ -56,6 +59,7 @@ def atlas_svg(recording: Recording, model: Model, *, prefix: str, title: str) ->
     """Return the figure as an SVG element for a page, from the signals that set stabilisation by an atlas records."""
     time, chart = recording.time, recording.channels["chart"]
     frame = model.boundary.closest_point(recording.hip)
+    # xi_2, the derivative of the distance: the velocity's part along the outward normal.
     rate = np.sum(recording.velocity * frame.normal, axis=1)
     with figure(8.0, 7.2, page=True) as fig:
         distance, first, second, torques = fig.subplots(4, 1, sharex=True)
@@ -70,6 +74,7 @@ def atlas_svg(recording: Recording, model: Model, *, prefix: str, title: str) ->
             draw_over_time(axes, recording, eta[:, 0], "one", label="t̂₁, around the axis")
             draw_over_time(axes, recording, eta[:, 2], "two", label="t̂₂, from the axis", linestyle=DASHED)
             axes.set(ylabel=f"chart {number} (°)", yticks=[-180, -90, 0, 90, 180])
+            # Shade the stretches in which the other chart is at work.
             for begin, end in runs_of(chart != number):
                 axes.axvspan(time[begin], time[min(end, time.size - 1)], color=colour_of("model"), zorder=0)
         for number, role, style in ((1, "hip", "-"), (2, "ihip", DASHED)):

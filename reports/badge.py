@@ -25,11 +25,13 @@ def badge_words(results: ResultsDocument) -> tuple[str, str]:
     ]
     passed = sum(verdict.outcome is Outcome.PASS for verdict in judged)
     known = sum(verdict.standing in ("known", "as known") for verdict in judged)
+    # Information and checks that do not apply are no part of the share.
     text = f"{passed}/{len(judged)} pass" + f", {known} known" * bool(known)
     if not results.complete:
         return f"incomplete: {text}", "lightgrey"
     if not judged:
         return "nothing judged", "lightgrey"
+    # Red is what fails a gate, whatever the share that passes.
     if any(map(results.stops, results.verdicts)):
         return text, "red"
     return text, "brightgreen" if passed == len(judged) else "yellow"
@@ -44,6 +46,7 @@ def shields_json(results: ResultsDocument) -> str:
 def badge_svg(results: ResultsDocument) -> str:
     """Return the badge as SVG. Text is fitted to widths reckoned at 6.6 px a character, whatever font there is."""
     text, colour = badge_words(results)
+    # Widths in px of the two fields, each with 6 px on either side of its text.
     left, right = (round(6.6 * len(part)) + 12 for part in (LABEL, text))
     title = escape(f"{LABEL}: {text}")
     parts = [

@@ -42,6 +42,7 @@ def bench_plots(bench: BenchResults) -> list[tuple[str, str]]:
     for kind, title in TITLES.items():
         placed = {model: _plotted_settings(settings, kind) for model, settings in bench.by_model().items()}
         drawable = [(model, plotted) for model, plotted in placed.items() if plotted]
+        # One figure for each row of panels: a figure as wide as the page stays readable.
         for first in range(0, len(drawable), PANELS_IN_ROW):
             plots.append((title, _precision_svg(dict(drawable[first : first + PANELS_IN_ROW]), kind, names, first)))
     if any(setting.build_seconds for setting in bench.settings):
@@ -68,6 +69,7 @@ def _costs_svg(settings: Sequence[SettingEntry], names: Sequence[str]) -> str:
             axes = fig.add_axes((0.28 + 0.36 * k, 0.55 / height, 0.34, 1.0 - 0.75 / height))
             for row, entries in zip(rows, settings_by_label.values(), strict=True):
                 colour, marker = _colour_and_marker(entries[0].renderer, names)
+                # Of several models the dearest counts, in memory as in time.
                 axes.plot(max(map(cost, entries)), row, linestyle="none", marker=marker, markersize=6, color=colour)
             axes.set(xscale="log", xlabel=words, ylim=(len(settings_by_label) - 0.5, -0.5))
             axes.set_yticks(rows, list(settings_by_label) if k == 0 else [])
@@ -88,6 +90,7 @@ def _changes_svg(comparison: Sequence[Change]) -> str:
         axes = fig.add_axes((0.38, 0.55 / height, 0.6, 1.0 - 0.75 / height))
         for row, (change, ratio, low) in enumerate(timed):
             role, marker = roles[change.verdict]
+            # The interval as a line, the ratio as a mark on it; without an interval the mark alone.
             axes.plot((low or ratio, change.high or ratio), (row, row), color=colour_of(role), linewidth=1.2)
             axes.plot(ratio, row, linestyle="none", marker=marker, markersize=6, color=colour_of(role))
         axes.axvline(1.0, color=colour_of("ink"), linewidth=1.0)
@@ -102,6 +105,7 @@ def _changes_svg(comparison: Sequence[Change]) -> str:
 def _plotted_settings(settings: Sequence[SettingEntry], kind: Kind) -> PlottedSettings:
     """Those that have both a time of that kind and a proven error."""
     return [
+        # An exact setting has no place on a logarithmic axis: it is drawn at EXACT_ERROR.
         (setting, (MICROSECONDS * times.median, max(MM * setting.claims["ihip"]["p99"], EXACT_ERROR)))
         for setting in settings
         if setting.claims and (times := setting.times(kind))
@@ -122,6 +126,7 @@ def _precision_svg(models: Mapping[str, PlottedSettings], kind: Kind, names: Seq
             if k == 0:
                 axes.set_ylabel("IHIP error, 99 % (mm)")
             drawings, labels = axes.get_legend_handles_labels()
+            # The panels share one legend: each name once, from the first panel that has it.
             handles |= {label: drawing for label, drawing in zip(labels, drawings, strict=True) if label not in handles}
         fig.legend(
             handles.values(), handles.keys(), loc="lower center", ncols=4, fontsize=8, handlelength=1.2,
@@ -144,9 +149,11 @@ def _draw_panel(axes: Axes, placed: PlottedSettings, kind: Kind, names: Sequence
     for name in dict.fromkeys(setting.renderer for setting, _ in placed):
         colour, marker = _colour_and_marker(name, names)
         of_renderer = [(setting, at) for setting, at in placed if setting.renderer == name]
+        # The first and the last setting of a sweep are named, and what is on the front.
         labelled += [of_renderer[0], of_renderer[-1]]
         axes.plot(*zip(*(at for _, at in of_renderer), strict=True), color=colour, linewidth=0.7, alpha=0.6)
         label, foreign = name, _is_foreign(name)
+        # Filled where the error is proven, hollow where it is an upper bound only.
         for proven, fill in ((True, colour), (False, "none")):
             points = [point for setting, point in of_renderer if bool(setting.proven) is proven]
             if points:
@@ -176,6 +183,7 @@ def _colour_and_marker(name: str, names: Sequence[str]) -> tuple[str, str]:
     """Colour and marker of a renderer: one colour for all its representations, one marker for each representation."""
     bases = list(dict.fromkeys(full_name.partition("@")[0] for full_name in names))
     kinds = list(dict.fromkeys(full_name.partition("@")[2] for full_name in names))
+    # A name is renderer@representation.
     base, _, kind = name.partition("@")
     return colour_of(CURVES[bases.index(base) % len(CURVES)]), MARKERS[kinds.index(kind) % len(MARKERS)]
 
@@ -187,8 +195,10 @@ def _is_foreign(name: str) -> bool:
 
 def _set_axis_limits(axes: Axes, placed: PlottedSettings) -> None:
     times, errors = zip(*(at for _, at in placed), strict=True)
+    # us: the 10 us line is always in view.
     low, high = min(*times, 8.0), max(*times, 12.0)
     axes.set_xlim(low / 1.35, high * 1.6)
+    # Ticks at 1, 2 and 5 where fewer than two decades are shown, else at the powers of ten.
     ticks = [m * 10.0**k for k in range(-3, 6) for m in ((1, 2, 5) if high / low < 100.0 else (1,))]
     axes.set_xticks([at for at in ticks if low / 1.35 <= at <= high * 1.6])
     axes.set_xticks([], minor=True)
@@ -208,6 +218,7 @@ def _label_settings(axes: Axes, labelled: PlottedSettings) -> None:
     for setting, place in labelled:
         text = setting.label if _is_foreign(setting.renderer) else setting.label.removeprefix(setting.renderer).strip()
         x, y = axes.transData.transform(place)
+        # In pixels: a character is about 4 wide, a line 9 high; what would cover an earlier label is left out.
         if text and not any(abs(x - a) < 4.0 * len(text) and abs(y - b) < 9.0 for a, b in occupied):
             occupied.append((x, y))
             axes.annotate(text, place, xytext=(5, 3), textcoords="offset points", fontsize=6.5, zorder=6)

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MM = 1e3
-INK, QUIET = "#1c1f23", "#6b7280"
+"""Millimetres in a metre: figures show lengths in mm, everything else is in m."""
+
+INK, QUIET = "#1c1f23", "#6b7280"  # of what is read, and of what stands beside it
 PALETTE: Mapping[str, str] = MappingProxyType(
     {
         "model": "#f3f5f7",
@@ -111,6 +113,7 @@ def figure(
 
     with in_style(settings):
         fig = Figure(figsize=(width, height), facecolor="white", **options)
+        # On a page its background shows through.
         fig.patch.set_visible(not page)
         yield fig
 
@@ -126,6 +129,7 @@ def in_style(settings: Mapping[str, Any] | None = None) -> AbstractContextManage
 def clear_axes(axes: Axes) -> None:
     """Take out what has been drawn into axes; their place, ticks and labels stay."""
     legend = axes.get_legend()
+    # Copied before it is emptied: removing an artist changes its list.
     for kind in (axes.lines, axes.patches, axes.collections, axes.texts, axes.artists, axes.child_axes):
         for artist in list(kind):
             artist.remove()
@@ -136,6 +140,7 @@ def clear_axes(axes: Axes) -> None:
 def page_svg(fig: Figure, *, prefix: str, title: str) -> str:
     """Return the figure as an SVG element for a page, see `svg.inline_svg`; the same figure gives the same text."""
     buffer = io.StringIO()
+    # Without date and creator, so that the same figure gives the same bytes.
     fig.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     return svg_element(buffer.getvalue(), prefix=prefix, title=title)
 
@@ -144,6 +149,7 @@ def svg_element(svg: str, *, prefix: str, title: str) -> str:
     """Return an SVG file of matplotlib as `page_svg` does."""
     from hapticeval.reports.svg import inline_svg
 
+    # Each role has a colour of its own, so that a colour in the file tells its role.
     colours = {colour: f"var(--fig-{role})" for role, colour in THEME.items()}
     return inline_svg(svg, prefix=prefix, title=title, colours=colours)
 
@@ -169,6 +175,7 @@ def save_figure(
     paths = [directory / f"{stem}.{kind}" for kind in (*kinds, *(name for name, content in texts.items() if content))]
     try:
         for path in paths:
+            # An earlier file stays whole until the new one is complete.
             with replacing(path) as temporary:
                 content = texts.get(path.suffix[1:])
                 if content is not None:
@@ -187,14 +194,18 @@ def colour_of(role: str) -> str:
 
 
 def draw_over_time(axes: Axes, recording: Recording, values: Array, role: str, **style: Any) -> None:
-    """Draw values (n,) against time, without a line over a gap: it would show what nobody measured."""
+    """Draw a channel (n,) against time in s, without a line over a gap: it would show what nobody measured.
+
+    The unit of `values` is that of the axis, such as N or mm; `role` is a key of `THEME`.
+    """
+    # NaN at each gap breaks the line there.
     cuts = np.flatnonzero(~continuing_steps(recording)) + 1 if len(recording) > 1 else np.zeros(0, dtype=np.intp)
     time, values = (np.insert(series, cuts, np.nan) for series in (recording.time, values))
     axes.plot(time, values, color=colour_of(role), **style)
 
 
 def legend_above(axes: Axes, *others: Axes, **options: Any) -> None:
-    """Put one row of labels above the right end of the axes, with those of the axes `beside`."""
+    """Put one row of labels above the right end of the axes, with those of the `others` that share its place."""
     handles, labels = axes.get_legend_handles_labels()
     for twin_axes in others:
         twin = twin_axes.get_legend_handles_labels()

@@ -90,7 +90,10 @@ class Track:
 
 
 def drawable_recording(recording: Recording) -> Recording:
-    """Return the rows of a recording that are measurements, in the plane where it is in one dimension."""
+    """Return the rows of a recording that are measurements, in the plane where it is in one dimension.
+
+    A run in one dimension is drawn as a hand before a wall, m.
+    """
     if recording.dimension == 1:
         recording = before_the_wall(recording)
     if recording.valid is None:
@@ -115,12 +118,14 @@ def sample_tracks(
     motions = (
         {} if held_on is None else {name: surface_motion(recording, held_on) for name, recording in recordings.items()}
     )
+    # Runs with the same clock and hand path get the same rows, so that both are packed once.
     names_by_path: dict[tuple[bytes, bytes], list[str]] = {}
     for name, recording in recordings.items():
         names_by_path.setdefault((recording.time.tobytes(), recording.hip.tobytes()), []).append(name)
     track_by_name: dict[str, Track] = {}
     for names in names_by_path.values():
         time = recordings[names[0]].time
+        # The sample nearest to each time that a verdict names.
         verdict_rows = {int(np.argmin(np.abs(time - moment))) for name in names for moment in times.get(name, ())}
         surface_signals = [column for name in names if name in motions for column in _surface_signals(*motions[name])]
         chosen = drawn_rows([recordings[name] for name in names], verdict_rows, count, surface_signals)
@@ -136,6 +141,7 @@ def sample_tracks(
 
 def _surface_signals(off: Array, along: Array) -> tuple[Array, ...]:
     """What is drawn of the motion on a surface: distance and speed, and the distance's powers of ten."""
+    # m: the logarithm must not spend samples on rounding errors near zero.
     floor = max(float(np.median(np.abs(off))), 1e-12) / 10.0
     return off, along, np.log10(np.maximum(np.abs(off), floor))
 
@@ -159,6 +165,7 @@ def drawn_rows(
     rows = thinned_rows(runs, ticks, count, extra_signals)
     if _largest_departure(runs, rows) <= DEPARTURE_LIMIT:
         return DrawnRows(rows, np.zeros(0, dtype=np.int64), None)
+    # Lines cannot follow the whole path: start from `length` rows at either end, one after the other.
     n, length = len(runs[0]), count // 2
 
     def end(first: int, last: int) -> IntArray | None:
@@ -169,13 +176,16 @@ def drawn_rows(
         return end_rows + first if _largest_departure(parts, end_rows) <= 0.1 * DEPARTURE_LIMIT else None
 
     ends = np.arange(length), np.arange(n - length, n)
+    # Reach twice as far from both ends as long as half the samples still follow the path there.
     while 4 * length < n:
         begun, ended = end(0, 2 * length), end(n - 2 * length, n)
         if begun is None or ended is None:
             break
         ends, length = (begun, ended), 2 * length
+    # In the part that is left out, each verdict has its row and the two beside it.
     between = [k for tick in ticks for k in (tick - 1, tick, tick + 1) if length <= k < n - length]
     verdict_rows = np.unique(np.array(between, dtype=np.int64))
+    # No line leads to the first of neighbouring rows, nor to the first row of the end.
     cuts = np.append(verdict_rows[np.diff(verdict_rows, prepend=-1) > 1], n - length)
     time = runs[0].time
     return DrawnRows(
@@ -187,6 +197,7 @@ def _largest_departure(runs: Sequence[Recording], rows: IntArray) -> float:
     """How far lines between the rows leave the paths of HIP and IHIP, as a share of how far these go."""
     time = runs[0].time
     columns = [*runs[0].hip.T, *(column for run in runs if "ihip" in run.channels for column in run.ihip.T)]
+    # m: the largest distance of any coordinate from its interpolation between the chosen rows.
     off = max(float(np.max(np.abs(np.interp(time, time[rows], column[rows]) - column))) for column in columns)
     return off / max(*(float(np.ptp(column)) for column in columns), 1e-300)
 
@@ -203,9 +214,11 @@ def thinned_rows(
     n = len(runs[0])
     if n <= count:
         return np.arange(n)
+    # All runs share their rows: what one of them needs, all of them get.
     chosen = np.unique(np.concatenate([_certain_rows(run, ticks) for run in runs]))
     for signal in (signal for run in runs for signal in _signals_with_extremes(run)):
         chosen = np.union1d(chosen, _extremes(signal, INTERVALS))
+    # Every column is scaled by its tolerance, so that one threshold of 1 holds for all.
     values = np.column_stack(
         [*(_channels_in_tolerances(run) for run in runs), *(_in_tolerances(signal) for signal in extra_signals)]
     )
@@ -234,8 +247,10 @@ def _refined_rows(time: Array, values: Array, chosen: IntArray, count: int) -> I
     rows = chosen.tolist()
 
     def farthest(first: int, last: int) -> tuple[float, int, int, int] | None:
+        # Between neighbours there is nothing to add.
         if last - first < 2:
             return None
+        # The straight line in time from first to last, and how far each row between is from it.
         share = ((time[first + 1 : last] - time[first]) / (time[last] - time[first]))[:, None]
         line = values[first] + share * (values[last] - values[first])
         departures = np.abs(values[first + 1 : last] - line).max(axis=1)
@@ -247,12 +262,14 @@ def _refined_rows(time: Array, values: Array, chosen: IntArray, count: int) -> I
         )
 
     candidates = [candidate for pair in pairwise(rows) if (candidate := farthest(*pair)) is not None]
+    # A heap with the farthest row on top: adding the worst row first is the greedy form of Douglas and Peucker.
     heapify(candidates)
     for _ in range(count):
         if not candidates:
             break
         _, first, middle, last = heappop(candidates)
         rows.append(middle)
+        # The new row splits its interval into two, each with a farthest row of its own.
         for pair in ((first, middle), (middle, last)):
             candidate = farthest(*pair)
             if candidate is not None:
@@ -271,7 +288,10 @@ def _signals_with_extremes(recording: Recording) -> list[Array]:
 
 
 def step_lengths(recording: Recording, points: Array) -> Array:
-    """Return how far points (n, N) move in the tick before each row, (n,); 0 where no row lies right before."""
+    """Return how far points move in the tick before each row, m; 0 where no row lies right before.
+
+    `points` (n, N) are places of the recording's n samples, m; the result is (n,).
+    """
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     return (
         np.append(0.0, np.where(continuing_steps(recording), lengths, 0.0))
@@ -287,20 +307,24 @@ def jump_rows(recording: Recording) -> IntArray:
     """
     if "ihip" not in recording.channels or len(recording) < 3:
         return np.zeros(0, dtype=np.int64)
+    # m a tick.
     step, hip = step_lengths(recording, recording.ihip), step_lengths(recording, recording.hip)
     longer_neighbour = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
     # a jump of two ticks has a neighbour as long as itself: that of either side which is shorter decides
     shorter_neighbour = np.minimum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
+    # m: steps as short as rounding errors are no jumps.
     floor = 1e-6 * float(np.max(np.abs(recording.hip), initial=0.0))
     jumping = np.flatnonzero(
         (step > JUMP_RATIO * np.maximum(hip, shorter_neighbour)) & (step > floor) & (step >= 0.5 * longer_neighbour)
     )
+    # The longest ones, back in the order of time.
     return np.sort(jumping[np.argsort(-step[jumping], kind="stable")[:MOST_EVENTS]]).astype(np.int64)
 
 
 def _certain_rows(recording: Recording, ticks: Collection[int]) -> IntArray:
     """What is kept for certain, with the row before: ends, verdicts' places, gaps, jumps, contacts."""
     n = len(recording)
+    # A verdict's tick and the one after it; the ones before are added below.
     row_groups = [np.array([0, n - 1, *(tick + 1 for tick in ticks)]), np.array([*ticks], dtype=np.int64)]
     if n > 1:
         row_groups.append(np.flatnonzero(~continuing_steps(recording))[:MOST_EVENTS] + 1)
@@ -308,6 +332,7 @@ def _certain_rows(recording: Recording, ticks: Collection[int]) -> IntArray:
     if {"ihip", "force"} & recording.channels.keys():
         row_groups.append(np.flatnonzero(np.diff(recording.contact))[:MOST_EVENTS] + 1)
     rows = np.concatenate(row_groups).astype(np.int64)
+    # What happens from one row to the next needs both.
     with_previous = np.union1d(rows, rows - 1)
     return with_previous[(with_previous >= 0) & (with_previous < n)]
 
@@ -322,7 +347,9 @@ def _extremes(signal: Array, intervals: int) -> IntArray:
 def _sample_track(name: str, recording: Recording, chosen: DrawnRows) -> Track:
     rows = chosen.rows
     gaps: BoolArray = np.append(False, ~continuing_steps(recording)) if len(recording) > 1 else np.zeros(1, dtype=bool)
+    # A cut is drawn like a gap of the recording.
     gaps[chosen.cuts] = True
+    # Counts the gaps so far: it grows between two drawn rows where a gap lies between them.
     gaps_before = np.cumsum(gaps)[rows]
     has_ihip = "ihip" in recording.channels
     return Track(
@@ -348,8 +375,10 @@ def surface_motion(recording: Recording, model: Model) -> tuple[Array, Array]:
     """
     frame = model.boundary.closest_point(recording.hip)
     velocity = recording.velocity
+    # Leave the velocity's tangential part, P_T ẏ.
     across = np.sum(velocity * frame.normal, axis=1)[:, None] * frame.normal
     count = recording.hip.shape[1]
+    # I + n W with the shape operator W: how much longer a path off the surface is than its foot's.
     stretch = np.eye(count) + frame.distance[:, None, None] * frame.shape
     foot = np.linalg.solve(stretch, (velocity - across)[..., None])[..., 0]
     if count == 2:
@@ -367,10 +396,13 @@ class Packer:
     clocks: dict[int, IntArray] = field(default_factory=dict)
 
     def add(self, values: Array, *, scale: float | None = None, clock: int | None = None) -> int:
-        """Pack an array (n,) or (n, k) in steps of `scale`, or of 1/32767 of its largest value.
+        """Pack an array (n,) or (n, k), in its own SI unit such as m or N, and return its number.
+
+        It is written in steps of `scale`, or of 1/32767 of its largest value.
 
         `clock` is the number of the array of its times: what is smooth in time takes less room with it.
         """
+        # One row a sample, whatever the number of columns.
         table = values.reshape(len(values), -1)
         if scale is None:
             scale = float(np.max(np.abs(table), initial=0.0)) / LARGEST_INT16 or 1.0
@@ -378,10 +410,13 @@ class Packer:
         integers = np.rint(table / scale).astype(np.int64)
         number = len(self.shapes)
         self.clocks[number] = integers[:, 0]
+        # Row 0: the number; row 1 and after: its difference to the row before.
         coded = np.diff(integers, axis=0, prepend=0)
         if clock is not None:
+            # From row 2 on: the error of going on in a straight line in time.
             coded[2:] -= predicted_steps(coded[1:-1], np.diff(self.clocks[clock])[:, None])
         self.shapes.append([*table.shape, scale, *([] if clock is None else [clock])])
+        # Column by column, as neighbours in a column are alike.
         self.parts.append(varints(coded.T.ravel()))
         return number
 
@@ -391,32 +426,44 @@ class Packer:
         It is JSON, a line feed, and the numbers of all arrays, column by column: deflated, in base 85 with , for <.
         """
         head = json.dumps({**document, "arrays": self.shapes}, separators=(",", ":"), allow_nan=False)
+        # The head holds no line feed, so that the first one ends it.
         packed = zlib.compress(b"\n".join([head.encode(), b"".join(self.parts)]), 9)
+        # Base 85 has no quote; its < would end the script element of the page.
         return base64.b85encode(packed).decode("ascii").replace("<", ",")
 
 
 def rounded(value: float) -> float:
-    """Return a number, to three digits."""
+    """Return a number rounded to three digits, which the page writes in few characters."""
     return float(f"{value:.2e}")
 
 
 def predicted_steps(steps_: IntArray, ticks: IntArray) -> IntArray:
-    """Return the next step (n, k) along straight lines: after `steps_` (n, k), of `ticks` (n + 1, 1) of the clock."""
+    """Return the step that goes straight on from the one before: the packer stores only what differs from it.
+
+    `steps_` (n, k) are the steps before, in units of their array's scale; `ticks` (n + 1, 1) how long each of them and
+    the next takes, in units of the clock's, s. The result (n, k) is rounded to whole numbers.
+    """
     before, after = ticks[:-1], ticks[1:]
+    # step * after / before, rounded half up as JavaScript's Math.round does.
     predicted: IntArray = np.floor(steps_.astype(np.float64) * after / np.maximum(before, 1) + 0.5).astype(np.int64)
     return predicted
 
 
 def varints(integers: IntArray) -> bytes:
-    """Return whole numbers as varints of seven bits a byte, the lowest first, with the sign as the lowest bit."""
+    """Return whole numbers (n,) as varints: seven bits a byte, the lowest first, with the sign as the lowest bit."""
+    # 0, -1, 1, -2, ... become 0, 1, 2, 3, ...: small numbers of either sign have few digits.
     zigzag = np.where(integers < 0, -2 * integers - 1, 2 * integers).astype(np.uint64)
     width = 1
+    # Seven bits a byte: ten bytes hold any 64 bits.
     while width < 10 and bool(np.any(zigzag >> np.uint64(7 * width))):
         width += 1
+    # Digits of base 128, the lowest first (numbers, width).
     digits = (zigzag[:, np.newaxis] >> (7 * np.arange(width, dtype=np.uint64))) & np.uint64(127)
+    # A number ends with its highest digit that is not 0; 0 itself takes one byte.
     bytes_needed = np.maximum(1, width - np.argmax(digits[:, ::-1] != 0, axis=1))
     bytes_needed[zigzag == 0] = 1
     place = np.arange(width)
+    # The top bit says that another byte of the same number follows.
     digits[place[np.newaxis] < bytes_needed[:, np.newaxis] - 1] |= np.uint64(128)
     packed: bytes = digits[place[np.newaxis] < bytes_needed[:, np.newaxis]].astype(np.uint8).tobytes()
     return packed
@@ -427,12 +474,15 @@ def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
     head, _, numbers = zlib.decompress(base64.b85decode(text.replace(",", "<"))).partition(b"\n")
     document: dict[str, Any] = json.loads(head)
     encoded = np.frombuffer(numbers, dtype=np.uint8)
+    # A byte without the top bit ends its number; `owner` is the number that each byte belongs to.
     ends = np.flatnonzero(encoded < 128)
     owner = np.searchsorted(ends, np.arange(encoded.size))
     first_byte = np.append(0, ends[:-1] + 1)
+    # Bits by which each byte is shifted: 7 for each byte before it in its number.
     shift = (7 * (np.arange(encoded.size) - first_byte[owner])).astype(np.uint64)
     coded = np.zeros(ends.size, dtype=np.uint64)
     np.add.at(coded, owner, (encoded & 127).astype(np.uint64) << shift)
+    # Undo the zigzag: the lowest bit is the sign.
     integers = (coded >> np.uint64(1)).astype(np.int64) ^ -(coded & np.uint64(1)).astype(np.int64)
     tables: list[IntArray] = []
     offset = 0
@@ -440,6 +490,7 @@ def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
         block = integers[offset : offset + rows * columns].reshape(columns, rows).T.copy()
         if clock:
             ticks = np.diff(tables[clock[0]], axis=0)
+            # Each step is predicted from the one before it, which has to be complete.
             for k in range(2, rows):
                 block[k] += predicted_steps(block[k - 1 : k], ticks[k - 2 : k])[0]
         tables.append(np.cumsum(block, axis=0))
@@ -448,16 +499,18 @@ def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
 
 
 def tick_scale(time: Array) -> float:
-    """Return the power of ten, s, in steps of which times are held: below a hundredth of a tick, in 31 bits."""
+    """Return the power of ten, s, in steps of which times (n,), s, are packed: under 1/100 of a tick, in 31 bits."""
+    # s: the largest time that has to be written as a whole number.
     span = float(time[-1] - time[0]) + abs(float(time[0]))
     shortest = float(np.min(np.diff(time), initial=span or 1.0))
+    # Fine enough for a hundredth of the shortest tick, coarse enough for 31 bits; the latter wins.
     fine = 10.0 ** np.floor(np.log10(max(shortest, 1e-12) / 100.0))
     coarse = 10.0 ** np.ceil(np.log10(max(span, 1e-12) / 2.0**31))
     return float(max(fine, coarse))
 
 
 def position_resolution(tracks: Sequence[Track]) -> float:
-    """Return in steps of what length, m, places are held: 1/32767 of the largest, or 1/100 of the depth if less."""
+    """Return in steps of what length, m, places are packed: 1/32767 of the largest, or 1/100 of the depth if less."""
     largest = max(float(np.max(np.abs(track.hip), initial=0.0)) for track in tracks) or 1.0
     depths = [np.linalg.norm(track.apart, axis=1).max(initial=0.0) for track in tracks if track.apart is not None]
     deepest = float(max(depths, default=0.0)) or largest
@@ -472,6 +525,7 @@ def pack_runs(tracks: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
     def add(values: Array | None, **how: Any) -> int | None:
         if values is None:
             return None
+        # Arrays of equal content, as the hand path of a playback, are packed once.
         key = values.tobytes()
         if key not in number_by_content:
             number_by_content[key] = packer.add(values, **how)
@@ -484,6 +538,7 @@ def pack_runs(tracks: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
 
     packed = []
     for track in tracks:
+        # Times first: every other array of the run is predicted along them.
         clock = add(track.time, scale=tick_scale(track.time))
         run = {
             "time": clock,

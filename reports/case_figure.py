@@ -70,6 +70,7 @@ class Look:
 
 def look_of(index: int) -> Look:
     """Return the look of the renderer at a place in the order of the columns."""
+    # 7 colours and markers with 4 dashes: 28 renderers before a look comes again.
     marker = tuple(MARKERS)[index % len(MARKERS)]
     return Look(CURVES[index % len(CURVES)], DASHES[index % len(DASHES)], marker)
 
@@ -81,6 +82,7 @@ def swatches(looks: Iterable[Look]) -> dict[str, str]:
         mark, line = look.classes
         shape = MARKERS[look.marker]
         styles[mark] = f"color:var(--fig-{look.role});--mark:" + (shape if "(" in shape else f'path("{shape}")')
+        # Where line and gap take turns along the swatch of 34 px, in px.
         ends = [0, *accumulate(look.dash or (34,))]
         parts = (f"{colour} {a}px {b}px" for (a, b), colour in zip(pairwise(ends), cycle(("currentColor", "#0000"))))
         styles[line] = f"--line:repeating-linear-gradient(90deg,{','.join(parts)})"
@@ -112,6 +114,7 @@ class Panel:
 def case_panels(tracks: Sequence[Track], *, held_on_surface: bool) -> list[Panel]:
     """Return the panels of a case: force, and steps or depth; of a tool that is `held` on the surface its distance."""
     panels = []
+    # A run in one dimension, which lies on the second axis: its place says what the plane cannot.
     if all(track.hip.shape[1] == 2 and not track.hip[:, 0].any() for track in tracks):
         panels.append(Panel("place (mm)", (("hip.1", "HIP"), ("ihip.1", "IHIP"))))
     widest = max((track.hip.shape[1] for track in tracks), default=2)
@@ -122,8 +125,10 @@ def case_panels(tracks: Sequence[Track], *, held_on_surface: bool) -> list[Panel
         panels.append(Panel("off the surface (mm)", (("off", "off"),)))
         panels.append(Panel("the same, size (mm)", (("|off|", "off"),), powers=_power_range(tracks)))
         panels.append(Panel("speed along it (m/s)", (("along", "along"),)))
+    # Without an IHIP there is neither depth nor its step: the hand alone is drawn.
     elif any(track.apart is None for track in tracks) and len(tracks) == 1:
         panels.append(Panel("HIP step a tick (mm)", (("hip_step", "HIP"),)))
+    # On a given path a tool that jumps farther than the hand moves is pop-through.
     elif all(track.led for track in tracks):
         panels.append(Panel("step a tick (mm)", (("step", "IHIP"), ("hip_step", "HIP"))))
     else:
@@ -134,6 +139,7 @@ def case_panels(tracks: Sequence[Track], *, held_on_surface: bool) -> list[Panel
 def _power_range(tracks: Sequence[Track]) -> tuple[float, float]:
     """Return whole powers of ten, mm, down to where the run that keeps closest is for half of its time."""
     sizes = [np.abs(track.off) for track in tracks if track.off is not None]
+    # m: the best run's median is the floor, so that it is not all below the panel.
     closest = max(min(float(np.median(size)) for size in sizes), SMALLEST_DISTANCE)
     worst = max(*(float(size.max()) for size in sizes), 10.0 * SMALLEST_DISTANCE)
     return float(MM * 10.0 ** np.floor(np.log10(closest))), float(MM * 10.0 ** (np.ceil(np.log10(worst)) + 0.3))
@@ -145,7 +151,9 @@ def panel_values(track: Track, name: str) -> Array | None:
     values: Array | None = getattr(track, channel)
     if values is None:
         return None
+    # Forces are shown in N and speeds in m/s, lengths in mm.
     scale = 1.0 if channel in ("force", "along") else MM
+    # "force.1" is one coordinate; one that a run in the plane does not have is not drawn.
     if column:
         return scale * values[:, int(column)] if int(column) < values.shape[1] else None
     if name.startswith("|"):
@@ -170,6 +178,7 @@ def plane_svg(
     `EYE_AXES`; what the model hides of it is drawn faintly.
     """
     space = tracks[0].hip.shape[1] == 3
+    # (N, 2), mm/m: in space the projection along the direction to the eye.
     onto = MM * (EYE_AXES[:2].T if space else np.eye(2))
     with figure(5.0, 4.6, page=True) as fig:
         axes = fig.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.115, 0.1, 0.875, 0.89))
@@ -178,10 +187,12 @@ def plane_svg(
             _draw_solid(axes, model)
         elif model is not None:
             draw_body(axes, model, view)
+        # Runs on one hand path share its line; a path of one run alone has that run's colour.
         hands: dict[bytes, list[Track]] = {}
         for track in tracks:
             hands.setdefault(track.hip.tobytes(), []).append(track)
         for group in hands.values():
+            # A tool that is held on a surface is where the hand is: its path is drawn below.
             if group[0].off is not None:
                 continue
             colour = looks[group[0].name].role if len(hands) > 1 and len(group) == 1 else "quiet"
@@ -196,6 +207,7 @@ def plane_svg(
         for place in places:
             track = next(track for track in tracks if track.name == place.renderer)
             path = track.ihip if track.off is None else track.hip
+            # The sample nearest to the verdict's time, in the figure's coordinates, mm.
             ringed_points.append(path[int(np.argmin(np.abs(track.time - place.time)))] @ onto)
             axes.plot(
                 *ringed_points[-1], marker="o", markersize=9.0, markerfacecolor="none", markeredgewidth=1.3,
@@ -223,10 +235,12 @@ def _draw_path(axes: Axes, track: Track, path: Array, style: Look, hidden: BoolA
     if track.apart is None:
         return
     if track.off is None:
+        # Free motion, where the tool is at the hand, is not drawn.
         path = np.where(np.any(track.apart != 0.0, axis=1)[:, None], path, np.nan)
     line_style: dict[str, Any] = {"color": colour_of(style.role), "dashes": style.dash or (None, None), "zorder": 3}
     visible = path if hidden is None else np.where(hidden[:, None], np.nan, path)
     if hidden is not None:
+        # One sample more on both sides, so that the faint line meets the strong one.
         behind = hidden | np.append(False, hidden[:-1]) | np.append(hidden[1:], False)
         axes.plot(
             *_with_gaps(np.where(behind[:, None], path, np.nan), track.starts).T,
@@ -246,6 +260,7 @@ def _hidden_behind_model(track: Track, model: Model | None) -> BoolArray | None:
     """Where the surface under the tool faces away from the eye, (n,)."""
     if model is None:
         return None
+    # Of a convex solid this is exact; of others it misses what a part in front hides.
     return np.asarray(model.boundary.closest_point(track.ihip).normal @ EYE_AXES[2] < 0.0)
 
 
@@ -256,19 +271,25 @@ def _draw_solid(axes: Axes, model: Model) -> None:
     vertices, rows = triangles_of(model.boundary)
     corners = MM * vertices @ EYE_AXES[:2].T
     a, b, c = vertices[rows.T]
+    # Normals of the triangles, outwards since corners are anticlockwise; 1e-300 saves degenerate ones.
     across = np.cross(b - a, c - a)
     normals = across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
     facing = normals @ EYE_AXES[2] > 0.0
+    # Faces towards the eye cover all that the solid covers; joined on a grid of 1 um.
     shadow = shapely.union_all(shapely.polygons(corners[rows[facing]]), grid_size=1e-3)
     for part in shapely.get_parts(shadow):
         axes.fill(*shapely.get_coordinates(part.exterior).T, facecolor=colour_of("model"), edgecolor="none", zorder=0.5)
+    # Every edge of a closed mesh belongs to two triangles: sorted by its corners, the two are neighbours.
     ends = np.sort(np.concatenate([rows[:, [0, 1]], rows[:, [1, 2]], rows[:, [2, 0]]]), axis=1)
     owner = np.tile(np.arange(len(rows)), 3)
     order = np.lexsort(ends.T)
     first, second = owner[order[::2]], owner[order[1::2]]
+    # The cosine of the turn from one face to the other.
     sharp = np.sum(normals[first] * normals[second], axis=1) < np.cos(SHARP_TURN)
+    # The outline, where one face looks at the eye and the other away, and sharp edges in sight.
     drawn_edges = (facing[first] != facing[second]) | (sharp & (facing[first] | facing[second]))
     lines = corners[ends[order[::2][drawn_edges]]]
+    # All edges as one line, with NaN between them.
     separated = np.concatenate([lines, np.full((len(lines), 1, 2), np.nan)], axis=1).reshape(-1, 2)
     axes.plot(*separated.T, color=colour_of("ink"), linewidth=0.8, zorder=1)
 
@@ -281,6 +302,7 @@ def _draw_directions(axes: Axes, view: Box) -> None:
         tip = origin + size * EYE_AXES[:2, k]
         axes.plot(*np.stack([origin, tip]).T, color=colour_of("quiet"), linewidth=0.8)
         axes.annotate(f"y{name}", tuple(origin + 1.35 * size * EYE_AXES[:2, k]), ha="center", va="center", fontsize=8)
+    # mm: the bar is the largest of 1, 2, 5 times a power of ten below a third of the width.
     longest = 0.3 * (view[2] - view[0])
     power = 10.0 ** np.floor(np.log10(longest))
     length = max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= longest)
@@ -300,6 +322,7 @@ def view_of(tracks: Sequence[Track], model: Model | None, onto: Array, aspect: f
 
     `onto` (N, 2) maps points, m, onto the figure.
     """
+    # m, from the origin.
     extent = [float(np.max(np.abs(track.hip))) for track in tracks]
     near = [
         track for track, reach in zip(tracks, extent, strict=True) if reach <= RUNAWAY_RATIO * float(np.median(extent))
@@ -307,6 +330,7 @@ def view_of(tracks: Sequence[Track], model: Model | None, onto: Array, aspect: f
     points = np.vstack([np.vstack([track.hip, track.ihip]) for track in near]) @ onto
     if model is not None and (model.dimension == 3 or model.boundary.closed):
         solid = (triangles_of(model.boundary)[0] if model.dimension == 3 else model.boundary.points(200)) @ onto
+        # The whole solid is in view where the paths still fill two fifths of it.
         if np.all(np.ptp(solid, axis=0) < 2.5 * np.ptp(points, axis=0).max()):
             points = np.vstack([points, solid])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -325,6 +349,7 @@ def panels_svg(
     """Return the panels, one above the other, as an SVG element."""
     height = 1.55 if len(panels) > 2 else 2.1
     with figure(5.0, 0.5 + height * len(panels), page=True) as fig:
+        # Heights as shares of the figure, above the room for the time axis.
         share = 1.0 / len(panels)
         below = 0.42 / (0.5 + height * len(panels))
         free = 1.0 - below
@@ -345,6 +370,7 @@ def panels_svg(
             if last:
                 axes.set_xlabel("time (s)")
             for name in dict.fromkeys(place.renderer for place in places):
+                # All lines of a renderer as one, from bottom to top and broken by NaN.
                 at = [time for place in places if place.renderer == name for time in (place.time, place.time, np.nan)]
                 axes.plot(
                     at, [0.0, 1.0, np.nan] * (len(at) // 3), transform=axes.get_xaxis_transform(), zorder=1,
@@ -360,14 +386,17 @@ def panels_svg(
 
 def _envelope_rows(time: Array, values: Array, starts: IntArray) -> IntArray:
     """Return the rows that a panel shows: least and largest of each of `PLOT_COLUMNS`, and the ends of stretches."""
+    # The column of the plot that each sample falls into.
     column = (PLOT_COLUMNS * (time - time[0]) / max(float(time[-1] - time[0]), 1e-300)).astype(np.int64)
     edges = np.union1d(np.flatnonzero(np.diff(column)) + 1, starts)
+    # Least and largest of each column: the line covers the same pixels as all samples would.
     parts = zip(np.append(0, edges), np.append(edges, len(time)), strict=True)
     rows = [begin + int(pick(values[begin:end])) for begin, end in parts for pick in (np.argmin, np.argmax)]
     return np.unique([0, len(time) - 1, *(starts - 1), *starts, *rows]).astype(np.int64)
 
 
 def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mapping[str, Look], *, alone: bool) -> None:
+    # Zero is always in view.
     highs, lows = [0.0], [0.0]
     for track in tracks:
         style = looks[track.name]
@@ -376,6 +405,7 @@ def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mappin
             if values is None:
                 continue
             if panel.powers:
+                # What lies below a logarithmic panel runs along its floor.
                 values = np.maximum(values, panel.powers[0])
             time = track.time
             colour, dash = (style.role, style.dash) if k == 0 else (("one", "two", "three")[k - 1], DASHES[k])
@@ -392,6 +422,7 @@ def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mappin
         axes.set_ylim(*panel.powers)
         return
     low, high = min(lows), max(highs)
+    # Nothing but rounding errors: show an axis from 0 to 1.
     if high - low < 1e-9:
         high = 1.0
     pad = 0.07 * (high - low)

@@ -50,6 +50,7 @@ def pack_model(model: Model | None, tracks: Sequence[Track], packer: Packer) -> 
         }
     import shapely
 
+    # Holes are rings of their own; the script fills by the even-odd rule.
     parts = shapely.get_parts(_outline(model, tracks))
     rings = [ring for part in parts if part.geom_type == "Polygon" for ring in (part.exterior, *part.interiors)]
     scale = position_resolution(tracks)
@@ -70,27 +71,36 @@ def triangles_of(boundary: Boundary) -> tuple[Array, IntArray]:
 
 
 def outward(points: Array, rows: IntArray) -> IntArray:
-    """Return the triangles of a convex solid, each turned so that it is anticlockwise seen from outside."""
+    """Return the triangles of a convex solid, each turned so that it is anticlockwise seen from outside.
+
+    `points` (v, 3) are the vertices, m, and `rows` (t, 3) the numbers of each triangle's corners, which are changed.
+    """
     a, b, c = points[rows.T]
+    # The normal of the corners' order points to the centre: the order has to be reversed.
     inwards = np.sum(np.cross(b - a, c - a) * (a - points.mean(axis=0)), axis=1) < 0.0
     rows[inwards] = rows[inwards][:, ::-1]
     return rows
 
 
 def convex_faces(points: Array) -> IntArray:
-    """Return the triangles (t, 3) of the convex hull of points (n, 3)."""
+    """Return the triangles (t, 3), numbers of points, of the convex hull of points (n, 3), m."""
     from scipy.spatial import ConvexHull
 
     return np.asarray(ConvexHull(points).simplices, dtype=np.int64)
 
 
 def torus(major: float, minor: float) -> tuple[Array, IntArray]:
-    """Return vertices and triangles of a torus about the z axis: `TORUS_QUADS` by half as many quadrilaterals."""
+    """Return vertices (v, 3), m, and triangles (t, 3) of a torus about the z axis.
+
+    It has `TORUS_QUADS` quadrilaterals round its axis and half as many round its tube, of two triangles each.
+    """
     n, m = TORUS_QUADS, TORUS_QUADS // 2
     turn, tube = np.meshgrid(np.arange(n) * 2.0 * np.pi / n, np.arange(m) * 2.0 * np.pi / m, indexing="ij")
+    # Distance from the axis: ((R + r cos v) cos u, (R + r cos v) sin u, r sin v).
     out = major + minor * np.cos(tube)
     vertices = np.stack([out * np.cos(turn), out * np.sin(turn), minor * np.sin(tube)], axis=-1).reshape(-1, 3)
     i, k = np.meshgrid(np.arange(n), np.arange(m), indexing="ij")
+    # Vertex numbers of each quadrilateral's corners, in order; both directions close on themselves.
     corner = [((i + a) % n * m + (k + b) % m).ravel() for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
     rows = np.concatenate(
         [np.column_stack([corner[0], corner[1], corner[2]]), np.column_stack([corner[0], corner[2], corner[3]])]
@@ -102,11 +112,13 @@ def _outline(model: Model, tracks: Sequence[Track]) -> Geometry:
     """What the model fills round the paths, mm: a closed outline as fine as the depth asks for."""
     view = _view_around_paths(model, tracks)
     filled = filled_part(model, view)
+    # Open, or far larger than the paths: only what the view holds of it.
     if not model.boundary.closed or view[2] - view[0] < MM * model.size:
         return filled
     import shapely
 
     depths = [np.linalg.norm(track.apart, axis=1).max(initial=0.0) for track in tracks if track.apart is not None]
+    # mm: a thirtieth of the deepest penetration, but no finer than 1/200000 and no coarser than 1/2000 of the size.
     within = float(np.clip(MM * max(depths, default=0.0) / 30.0, MM * model.size / 2e5, MM * model.size / 2000.0))
     ring = shapely.make_valid(shapely.Polygon(MM * model.boundary.points(max(6000, 8 * len(model.boundary.corners)))))
     return shapely.simplify(ring, within)
@@ -115,11 +127,13 @@ def _outline(model: Model, tracks: Sequence[Track]) -> Geometry:
 def _view_around_paths(model: Model, tracks: Sequence[Track]) -> Box:
     points = MM * np.vstack([np.vstack([track.hip, track.ihip]) for track in tracks])
     low, high = points.min(axis=0), points.max(axis=0)
+    # mm; at least 1.5 where nothing moves.
     half = 0.5 * VIEW_RATIO * max(float(np.ptp(points, axis=0).max()), 1.0)
     middle = 0.5 * (low + high)
     low, high = middle - half, middle + half
     if model.boundary.closed:
         bounds = MM * np.array(model.boundary.bounds)
+        # A model that is not far larger is shown whole.
         if np.all(np.abs(bounds - np.tile(middle, 2)) < 3.0 * half):
             low, high = np.minimum(low, bounds[:2]), np.maximum(high, bounds[2:])
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
