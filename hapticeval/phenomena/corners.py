@@ -47,6 +47,7 @@ def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, stro
     """Judge one convex corner; None where the tool does not press before it on the face that the hand is under."""
     along, under = crossing.along, crossing.under
     crossed, end = crossing.crossed, crossing.end
+    # Along n_pre: within a share of the angle that the corner turns by.
     first_face = strong & (angle_between(base.force, crossing.normal_pre) <= FACE_TURN_SHARE * crossing.turn)
     # A tool that another part of the solid bars from the hand, or a late one, comes to this face when it does.
     pressed = np.flatnonzero((strong & crossing.tool)[crossing.first : crossed])
@@ -56,23 +57,28 @@ def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, stro
     settled = pressed[pressed > pressed[0] + LAG_TICKS]
     first = crossing.first + int((settled if settled.size else pressed)[0])
     strength = np.linalg.norm(base.force, axis=1)
+    # The force that is usual on the first face, N.
     usual = float(np.median(strength[first:crossed][crossing.tool[first:crossed]]))
     # A hand that is no deeper than the floor of forces presses by less than that: it may rest on the face.
     rests = ~strong & (under <= force_depth(scene))
+    # What a rigid corner gives up to its place: n_pre, with the tool on that face.
     holding = ((first_face | rests) & crossing.tool)[first:crossed]
     # A spring's force goes with the depth, and a rigid contact's with what the hand does: only at one depth is it held.
     depth = float(np.median(under[first:crossed]))
     if depth > rounding(scene) and np.ptp(under[first:crossed]) <= 0.5 * HELD_FORCE_SHARE * depth:
         holding = holding & (strength[first:crossed] >= HELD_FORCE_SHARE * usual)
     early_ticks = first + np.flatnonzero(~holding)
+    # `along` is negative before the corner: the distance from it at which n_pre is lost.
     early = -float(along[early_ticks[0]]) if early_ticks.size else 0.0
     after = strong[crossed:end]
+    # A force that is only late is gone after a few ticks; up to there it remains wrongly, too.
     ticks_to_zero = int(np.argmax(~after)) if not after.all() else after.size
     # Past the corner no force may remain, and none may come back from the face that was left.
     wrong = first_face[crossed:end] | (np.arange(after.size) < ticks_to_zero)
     late = float(np.max(along[crossed:end], where=wrong, initial=0.0))
     too_early = early >= late
     tick = int(early_ticks[0]) if too_early and early_ticks.size else min(crossed + ticks_to_zero, len(base) - 1)
+    # In the order of what is seen first: no force, another face, another direction, less of it.
     fails = f"a force remains up to {mm(late)} past the corner"
     if too_early:
         before = f"{mm(early)} before the corner"
@@ -120,25 +126,29 @@ def _judge_concave_corner(base: Recording, scene: Scene, crossing: Crossing, str
     pressed = crossing.first + np.flatnonzero(strong[crossing.first : crossing.end])
     if pressed.size == 0:
         return None
-    pre, post = (
+    on_pre, on_post = (
         angle_between(base.force[pressed], normal) <= FACE_TURN_SHARE * crossing.turn
         for normal in (crossing.normal_pre, crossing.normal_post)
     )
-    if not pre.any() or not post.any():
+    if not on_pre.any() or not on_post.any():
         return None
     # As it comes and goes, with no depth yet, a tool that stands off the surface leans: what counts is in between.
-    begin, last = int(np.argmax(pre)), post.size - 1 - int(np.argmax(post[::-1]))
-    leaves = begin + int(np.argmin(pre[begin:]))
+    # First tick on n_pre, and last on n_post, of those with a force.
+    begin, last = int(np.argmax(on_pre)), on_post.size - 1 - int(np.argmax(on_post[::-1]))
+    # The first tick that is not along n_pre any more.
+    leaves = begin + int(np.argmin(on_pre[begin:]))
     if leaves > last:
         return None
     left = int(pressed[leaves - 1])
-    reached = int(pressed[last - int(np.argmin(post[last::-1])) + 1])
+    # Backwards from the last tick on n_post to the first of that run.
+    reached = int(pressed[last - int(np.argmin(on_post[last::-1])) + 1])
     # A rigid tool may strike both faces by turns: as long as it is at one place that is one switch.
     within = position_tolerance(base, scene)
-    left = _last_tick_within(base, pressed[pre & (pressed < reached)], left, within)
-    reached = _last_tick_within(base, pressed[post & (pressed > left)][::-1], reached, within)
+    left = _last_tick_within(base, pressed[on_pre & (pressed < reached)], left, within)
+    reached = _last_tick_within(base, pressed[on_post & (pressed > left)][::-1], reached, within)
     takes = float(base.time[reached] - base.time[left])
     travel = float(np.sum(crossing.steps[left:reached]))
+    # The usual depth before the switch: travel is told in units of it, and no less than a step.
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
     depth = max(float(np.median(depths[pressed[pressed <= left]])), hip_step(base, scene))
     return compared(
@@ -160,7 +170,7 @@ def _judge_concave_corner(base: Recording, scene: Scene, crossing: Crossing, str
 
 
 def _last_tick_within(base: Recording, ticks: IntArray, tick: int, within: float) -> int:
-    """Return the last of `ticks` at which the HIP is `within` metres of where it is at `tick`."""
+    """Return the last of `ticks` (k,) at which the HIP is `within` metres of where it is at `tick`; else `tick`."""
     nearby = ticks[np.linalg.norm(base.hip[ticks] - base.hip[tick], axis=1) <= within]
     return int(nearby[-1]) if nearby.size else tick
 

@@ -37,13 +37,16 @@ RESTS = -2
 class Crossing:
     """A corner that the hand passes, with its faces in the order of travel.
 
-    `place` (N,), m: the corner, or where an edge is passed; `normal_pre`, `normal_post` (N,): outward unit normals;
-    `turn` rad, unsigned, from one to the other. The hand is under the first face from tick `first` on, past it from
-    tick `crossed` on, and up to, not including, `end` it does nothing else. `along` (n,), m: at each tick of the
-    recording how far it is past the corner, square to it, along the first face; `under` (n,), m, how deep under that
-    face. `steps` (n - 1,), m: its ways from tick to tick, without what leads a tool that rests on an edge along it.
-    `tool` (n,): in the plane, where the tool is on the first face by the IHIP, or by the force where that is all
-    there is; on a solid, where the rigid tool that follows the hand is, whatever the renderer's does.
+    The hand is under the first face from tick `first` on, past it from tick `crossed` on, and up to, not including,
+    `end` it does nothing else. n counts the ticks of the recording.
+
+    - `place` (N,), m: the corner, or where an edge is passed.
+    - `normal_pre`, `normal_post` (N,): outward unit normals; `turn`, rad, unsigned, from one to the other.
+    - `along` (n,), m: how far the hand is past the corner, square to it, along the first face.
+    - `under` (n,), m: how deep it is under that face.
+    - `steps` (n - 1,), m: its ways from tick to tick, without what leads a tool that rests on an edge along it.
+    - `tool` (n,): where the tool is on the first face. In the plane by the IHIP, or by the force where that is all
+      there is; on a solid by the rigid tool that follows the hand, whatever the renderer's does.
     """
 
     place: Array
@@ -62,11 +65,13 @@ class Crossing:
 def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[Crossing]:
     """Find where the hand passes a corner as the two phenomena suppose it, whatever the renderer answers.
 
-    It comes under the first face from outside, through that face, or along it, or the recording begins there, and it
-    stays under that face until it is past the corner. Past a convex one it is then in free space: deeper in the model
-    the solid goes on beyond the corner, and a rigid tool would go round it. Past a concave one it goes on under the
-    second face, by the corner's own zone or at once. In the plane all of it is nearer than half of the way to the next
-    corner; on a mesh a rigid tool that follows the hand shows under which face it is.
+    - It comes under the first face from outside, through that face, or along it, or the recording begins there, and it
+      stays under that face until it is past the corner.
+    - Past a convex corner it is then in free space: deeper in the model the solid goes on beyond the corner, and a
+      rigid tool would go round it.
+    - Past a concave one it goes on under the second face, by the corner's own zone or at once.
+    - In the plane all of it is nearer than half of the way to the next corner; on a mesh a rigid tool that follows the
+      hand shows under which face it is.
     """
     boundary = scene.model.boundary
     if isinstance(boundary, Mesh):
@@ -88,7 +93,7 @@ def has_corners(boundary: Boundary) -> tuple[bool, bool]:
 
 
 def angle_between(vectors: Array, direction: Array) -> Array:
-    """Return the unsigned angle of each of `vectors` (n, N) to a unit `direction` (N,), rad; zero vectors give zero."""
+    """Return the unsigned angle (n,), rad, of each of `vectors` (n, N) to a unit `direction` (N,); of zeros 0."""
     along = vectors @ direction
     return np.asarray(np.arctan2(np.linalg.norm(vectors - along[:, np.newaxis] * direction, axis=1), along))
 
@@ -100,25 +105,33 @@ def _cross_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterato
     near = np.linalg.norm(from_corner, axis=1) <= 0.5 * _length_to_next_corner(boundary, corner)
     if not near.any():
         return
+    # Along the boundary, anticlockwise, and against it: the faces change places.
     for heading in (1.0, -1.0):
         pre, post = (corner.normal_pre, corner.normal_post)[:: int(heading)]
         ahead, leaves = (heading * corner.tangent_pre, heading * corner.tangent_post)[:: int(heading)]
+        # Coordinates of the hand in the frame of the first face, with the corner as origin.
         along, under = from_corner @ ahead, -from_corner @ pre
+        # Under the first face; at a concave corner not yet in the corner's own zone.
         before = near & (along <= (0.0 if corner.convex else -slack)) & (under >= -slack)
         if corner.convex:
             free = near & (along > 0.0)
+            # Beyond the corner and out of the solid; deeper a rigid tool goes round.
             free[free] = boundary.signed_distance(recording.hip[free]) > slack
             between, after = np.zeros_like(near), free
         else:
             past_post = from_corner @ leaves
+            # Under the second face, past the plane through the corner that is square to it.
             after = near & (past_post > slack) & (-from_corner @ post >= -slack)
+            # The corner's own zone, between the two normals: the tool rests in the corner.
             between = near & (along >= -slack) & (past_post <= slack) & ~before & ~after
         for crossed in (np.flatnonzero(after[1:] & ~after[:-1]) + 1).tolist():
             last = crossed - 1
+            # Back over the corner's zone to the last tick under the first face.
             while last > 0 and between[last]:
                 last -= 1
             first = last - _count_leading(before[last::-1]) + 1
             end = crossed + _count_leading(after[crossed:])
+            # Shorter than a lag shows nothing of what comes after.
             if first > last or end - crossed <= LAG_TICKS:
                 continue
             if _comes_from_outside(recording, boundary, first, under, pre, slack):
@@ -141,11 +154,13 @@ def _distance_to_face(recording: Recording, scene: Scene, corner: Corner, headin
         normal = corner.normal_pre if heading > 0.0 else corner.normal_post
         return np.where(angle_between(recording.force, normal) <= FACE_TURN_SHARE * abs(corner.turn), 0.0, np.inf)
     boundary, within = scene.model.boundary, position_tolerance(recording, scene) + resolution(recording, scene)
+    # Arc lengths back along the face to the corner at its other end.
     behind = [heading * (corner.s - other.s) for other in boundary.corners if other is not corner]
     if boundary.closed:
         behind = [length % boundary.girth for length in behind]
     longest = min((length for length in behind if length > 0.0), default=boundary.girth)
     face = boundary.walk(corner.position, -heading * np.linspace(0.0, longest, SAMPLES)).foot
+    # A straight face needs two of these points: distances to it are then fast.
     line = shapely.simplify(shapely.LineString(face), FACE_SAMPLES_SHARE * within)
     feet = boundary.closest_point(recording.ihip).foot
     return np.asarray(shapely.distance(shapely.points(feet), line))
@@ -159,7 +174,10 @@ def _count_leading(flags: BoolArray) -> int:
 def _comes_from_outside(
     recording: Recording, boundary: Boundary, first: int, under: Array, normal: Array, slack: float
 ) -> bool:
-    """Whether a rigid tool is on a face from tick `first` on: the hand was above it, or it is the nearest one there."""
+    """Return whether a rigid tool is on a face from tick `first` on: the hand was above it, or it is the nearest.
+
+    `under` (n,), m, is how deep the hand is under the face, and `normal` (N,) the face's.
+    """
     if first > 0 and under[first - 1] < -slack:
         return True
     at = boundary.closest_point(recording.hip[first : first + 1])
@@ -176,17 +194,20 @@ def _cross_convex_edges(recording: Recording, mesh: Mesh, slack: float) -> Itera
     """Yield where a rigid tool is let go past the border of a face, with the hand still under that face's plane."""
     faces, triangles, tools = _follow_with_rigid_tool(recording, mesh)
     steps = hip_steps(recording)
+    # On a face, and right after it free: a convex edge was passed.
     for (first, crossed, face), (_, end, after) in pairwise(_label_runs(faces)):
         if face < 0 or after != IN_FREE_SPACE:
             continue
         pre = mesh.normals[triangles[first]]
         under = (tools[first] - recording.hip) @ pre
+        # The hand, drawn up into the plane of the face it was under: where it leaves that face.
         feet = recording.hip[crossed - 1 : crossed + 1] + under[crossed - 1 : crossed + 1, np.newaxis] * pre
         left = _leave_face(mesh, face, pre, *feet) if under[crossed] > slack else None
         if left is None:
             continue
         place, ahead, post = left
         along = (recording.hip - place) @ ahead
+        # Past the edge and out of the solid, as in the plane.
         free = (along > 0.0) & (faces == IN_FREE_SPACE)
         free[crossed:end] &= mesh.signed_distance(recording.hip[crossed:end]) > slack
         end = crossed + _count_leading(free[crossed:end])
@@ -199,10 +220,12 @@ def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float) -> Iter
     """Yield where a rigid tool goes from one face to another that rises from it: by an edge, or a corner of three."""
     faces, triangles, tools = _follow_with_rigid_tool(recording, mesh)
     rests = (faces[1:] == RESTS) & (faces[:-1] == RESTS)
+    # On an edge the tool slides along it: that travel is no part of a switch.
     led_along = np.where(rests[:, np.newaxis], np.diff(tools, axis=0), 0.0)
     steps = np.linalg.norm(np.diff(recording.hip, axis=0) - led_along, axis=1)
     stretches = _label_runs(faces)
     for number, (first, last, face) in enumerate(stretches[:-1]):
+        # By way of the edge, where the tool rests, or at once.
         rested = stretches[number + 1][2] == RESTS
         next_number = number + 1 + rested
         if face < 0 or next_number >= len(stretches):
@@ -222,14 +245,15 @@ def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float) -> Iter
 
 
 def _follow_with_rigid_tool(recording: Recording, mesh: Mesh) -> tuple[IntArray, IntArray, Array]:
-    """Return the flat face of the mesh (n,) that a rigid tool is on, its triangle, and its place.
+    """Return the flat face of the mesh (n,) that a rigid tool is on, its triangle (n,), and its place (n, 3), m.
 
-    In place of a face it is `IN_FREE_SPACE` or `RESTS`.
-    On an edge or a vertex in the middle of a flat face it is on that face.
+    In place of a face it is `IN_FREE_SPACE` or `RESTS`. On an edge or a vertex in the middle of a flat face the tool is
+    on that face.
     """
     triangles, features, tools = mesh.rigid_tool(recording.hip)
     faces = mesh.facets[triangles]
     corners, vertices, across = mesh.triangles, mesh.tables[1], mesh.neighbours
+    # On an edge or a vertex; flat where its normal is that of the face.
     for tick in np.flatnonzero(features > FACE).tolist():
         triangle, feature = int(triangles[tick]), int(features[tick])
         if feature < VERTEX:
@@ -262,11 +286,14 @@ def _leave_face(mesh: Mesh, face: int, normal: Array, start: Array, end: Array) 
     a, b = mesh.vertices[mesh.triangles[triangles, i]], mesh.vertices[mesh.triangles[triangles, (i + 1) % 3]]
     lengths = np.linalg.norm(b - a, axis=1)
     ways = (b - a) / lengths[:, np.newaxis]
+    # Square to each border edge, out of the face: signed distances of start and end from the edge.
     outward = np.cross(ways, normal)
     before, after = np.sum(outward * (start - a), axis=1), np.sum(outward * (end - a), axis=1)
     crosses = np.flatnonzero((after > 0.0) & (before < after))
+    # before (1 - s) + after s = 0, within the step
     share = np.clip(before[crosses] / (before[crosses] - after[crosses]), 0.0, 1.0)
     places = start + share[:, np.newaxis] * (end - start)
+    # How far the crossing lies along the edge; beyond its ends it misses it.
     along = np.sum(ways[crosses] * (places - a[crosses]), axis=1)
     misses = np.maximum(np.maximum(-along, along - lengths[crosses]), np.maximum(before[crosses], 0.0))
     if not misses.size or misses.min() > BORDER_MISS * float(np.linalg.norm(end - start)) + BORDER_ROUNDING:

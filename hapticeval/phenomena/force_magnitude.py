@@ -42,12 +42,13 @@ from hapticeval.types import Array, BoolArray, IntArray
 
 @dataclass(frozen=True)
 class Measured:
-    """The apparent stiffness, as a share of the scene's, at `ticks` (n,) of a recording.
+    """The apparent stiffness, as a share of the scene's, at `ticks` (n,) of a recording; all arrays are (n,).
 
-    `ratio` is that of HIP and IHIP of the same tick; `low` and `high` are its ends over all that a lag may have done,
-    and `allowed` what a damper, the way's curvature and rounding may add; `allowed_in_lag` is that with the largest
-    speeds within a lag. `rate` is that of the depth, m/s, and `begins` where a lag reaches to before or behind the
-    contact.
+    - `ratio`: by HIP and IHIP of the same tick; `low` and `high` its ends over all that a lag may have done.
+    - `allowed`: what a damper, the way's curvature and rounding may add; `allowed_in_lag` that with the largest speeds
+      within a lag.
+    - `depth`, m, and `rate`, m/s, at which it changes.
+    - `begins`: where a lag reaches to before or behind the contact.
     """
 
     ticks: IntArray
@@ -62,15 +63,18 @@ class Measured:
 
     @property
     def excess(self) -> Array:
-        """How far a share is from one beyond what is allowed: (n,)."""
+        """Return how far a share is from one, beyond what is allowed: (n,)."""
         return self.beyond((1.0, 1.0), self.allowed)
 
     def beyond(self, shares: tuple[float, float], allowed: Array) -> Array:
-        """How far a share is outside of a least and a largest one, beyond what is allowed: (n,)."""
+        """Return how far a share is outside of a least and a largest one, beyond what is `allowed` (n,): (n,).
+
+        Both are shares of the scene's stiffness, N/m.
+        """
         return np.asarray(np.maximum(np.maximum(self.low - shares[1], shares[0] - self.high), 0.0) - allowed)
 
     def rows(self, rows: BoolArray) -> Measured:
-        """Return the samples of some rows (n,)."""
+        """Return the samples of some `rows` (n,): stiffness as a share, depth in m."""
         return Measured(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
@@ -88,6 +92,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         message = "a rigid contact: its force comes without a depth, and has no stiffness that could be measured"
         return Finding(Outcome.NOT_APPLICABLE, message, level=level)
     springs = tuple(Spring) if declared is None else (Spring(declared),)
+    # Both laws where none is declared: along the error, and across the surface.
     measured = [_measure_stiffness(base, scene, spring) for spring in springs]
     # One who does not declare a law is measured by the one that fits better.
     finding = _finding(base, scene, min(measured, key=lambda stiffness: _misfit(stiffness, base)), level)
@@ -113,6 +118,7 @@ def declares_wide_range(base: Recording) -> bool:
 
 
 def _misfit(measured: Measured, base: Recording) -> tuple[float, bool, float, float]:
+    """Rank how ill a law fits: beyond the declared range, with nothing clear, in more ticks, by a larger excess."""
     coarse = float(measured.beyond(declared_range(base) or UNDECLARED_RANGE, measured.allowed_in_lag).max(initial=0.0))
     clear = measured.rows(measured.allowed <= TELLING_SHARE)
     off = clear.excess > 0.0
@@ -121,14 +127,20 @@ def _misfit(measured: Measured, base: Recording) -> tuple[float, bool, float, fl
 
 
 def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measured:
+    """Measure the stiffness in each tick that calls for a force, and its ends over all lags that may explain it.
+
+    `spring` says whether the law is along the error or across the surface.
+    """
     pressing = _calls_for_force(base, scene)
     now = np.flatnonzero(pressing)
     last = len(base) - 1
+    # (lags, n): the ticks within a lag of each, cut to the recording.
     window = np.clip(now + np.arange(-LAG_TICKS, LAG_TICKS + 1)[:, np.newaxis], 0, last)
     force, error = base.force[now], base.hip - base.ihip
     errors = [error[now]]
     for lag in range(1, LAG_TICKS + 1):
         before, after = np.maximum(now - lag, 0), np.minimum(now + lag, last)
+        # Late are the whole answer, the force alone, or the IHIP's record.
         errors += [base.hip[hip] - base.ihip[ihip] for hip, ihip in ((before, now), (before, before), (now, after))]
     # Where the depth has an extremum, those of whole ticks may all lie on one side of a lag's between them.
     late = find_lag(base, scene)
@@ -144,7 +156,7 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
         ]
         along[idle] = _depth_direction(force[idle], errors[0][idle], Spring.ERROR)[0]
         depth[idle] = _sure_depth(base, scene, spring)[window[:, idle]].min(axis=0)
-    # So does one at the end of the run, of which a late IHIP is not recorded any more.
+    # Contact begins or ends within a lag, or the recording does, in which a late IHIP is then missing.
     begins = np.isnan(shares).any(axis=0) | ~pressing[window].all(axis=0) | (now > last - LAG_TICKS)
     # Where the contact begins or ends a force may be late, and is not larger than any depth within a lag explains.
     reach = np.max([np.linalg.norm(candidate, axis=1) for candidate in errors], axis=0)
@@ -152,6 +164,7 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
     if spring is Spring.ERROR:  # what is across the error is another check's
         size = np.where(np.any(along != 0.0, axis=1), np.abs(np.sum(along * force, axis=1)), size)
     depth[begins] = reach[begins]
+    # K_eff / K = |F| / (K e): as large as the largest depth within a lag makes it.
     explained = np.divide(size, scene.stiffness * reach, out=np.zeros_like(size), where=reach > 0.0)
     low, high = shares.min(axis=0), shares.max(axis=0)
     if "spring" not in base.meta:
@@ -159,6 +172,7 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
         gap = standoff(base, scene)
         low *= np.divide(depth, depth + gap, out=np.ones_like(depth), where=depth > 0.0)
         high *= np.divide(depth, depth - gap, out=np.full_like(depth, np.inf), where=depth > gap)
+    # There a force may be too large, and not too small.
     low[begins], high[begins] = explained[begins], np.inf
     velocity, sinking = _velocity(base), backward_difference(error, base.time)
     speeds = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
@@ -167,6 +181,7 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
     if "spring" not in base.meta:
         bending = scene.mass * _curvature_acceleration(base, scene, velocity, now)
     coarse = _force_coarseness(base, size)
+    # What rounding leaves open of the difference of HIP and IHIP, m.
     apart = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
     other_force = bending + coarse + scene.stiffness * apart
     with np.errstate(divide="ignore"):
@@ -174,6 +189,7 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
             (scene.damping * rate + other_force) / (scene.stiffness * depth)
             for rate in (np.maximum(speed, spreading), speeds[window].max(axis=0))
         )
+    # (K_d v + G) / (K d): the share that damper, curvature and rounding may make.
     ratio = np.where(begins, explained, shares[0])
     measured = Measured(
         now, ratio, low, high, allowed, allowed_in_lag, depth, np.sum(along * sinking[now], axis=1), begins
@@ -182,9 +198,9 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
 
 
 def _force_coarseness(base: Recording, sizes: Array) -> float:
-    """Return how coarse the force is by what is declared, N.
+    """Return how coarse the force is by what is declared, N: at most a twentieth of the largest of `sizes` (n,), N.
 
-    Of a coarser one than a twentieth of the largest of `sizes` (n,), N, nothing could be told even there.
+    Of a coarser one nothing could be told even there.
     """
     return min(float(base.meta.get("force_resolution", 0.0)), 0.5 * TELLING_SHARE * float(sizes.max()))
 
@@ -207,16 +223,21 @@ def _sure_depth(base: Recording, scene: Scene, spring: Spring) -> Array:
     if spring is Spring.ERROR:
         depth = np.linalg.norm(error, axis=1)
     else:
+        # Along the normal at the IHIP; nothing above its tangent plane.
         depth = np.maximum(-np.sum(boundary.closest_point(base.ihip).normal * error, axis=1), 0.0)
     return np.asarray(np.minimum(depth, np.abs(boundary.signed_distance(base.hip))))
 
 
 def _velocity(base: Recording) -> Array:
+    """Return the hand's velocity (n, N), m/s: as recorded, else the difference to the row before."""
     return base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
 
 
 def _depth_direction(force: Array, error: Array, spring: Spring) -> tuple[Array, Array]:
-    """Return the direction in which the depth is measured, (n, N), and the depth, (n,), m; zero where there is none."""
+    """Return the unit direction (n, N) in which depth is measured, and the depth (n,), m; zero where there is none.
+
+    Along the error (n, N), m, or against the force (n, N), N, which is across the surface.
+    """
     direction = error if spring is Spring.ERROR else -force
     size = np.linalg.norm(direction, axis=1)
     unit = np.divide(direction, size[:, np.newaxis], out=np.zeros_like(direction), where=size[:, np.newaxis] > 0.0)
@@ -224,7 +245,10 @@ def _depth_direction(force: Array, error: Array, spring: Spring) -> tuple[Array,
 
 
 def _stiffness_share(force: Array, error: Array, stiffness: float, spring: Spring) -> Array:
-    """Return the stiffness as a share of the scene's, (n,): -F.e / e^2, or F^2 / -F.e across the surface."""
+    """Return the stiffness as a share of the scene's, (n,): -F.e / e^2, or F^2 / -F.e across the surface.
+
+    F is (n, N), N, and e = HIP - IHIP (n, N), m; not a number where there is nothing to divide by.
+    """
     push = -np.sum(force * error, axis=1)
     above, below = (push, np.sum(error**2, axis=1)) if spring is Spring.ERROR else (np.sum(force**2, axis=1), push)
     share = np.full(push.size, np.nan)
@@ -245,7 +269,7 @@ def largest_other_force(base: Recording, scene: Scene) -> Array:
 
 
 def _curvature_acceleration(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) -> Array:
-    """Return |kappa| v^2 of the way along the surface (3.8), (n,), m/s^2: by which a law that knows it may differ.
+    """Return |kappa| v^2 of the way along the surface (3.8), (n,), m/s^2: what a law may add that knows it.
 
     With v the speed of the hand, or of the IHIP since the tick before or to the next, whichever is largest: where the
     curvature jumps, so does the IHIP's speed.
@@ -268,6 +292,7 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
     depth, no_tool = np.maximum(-scene.model.boundary.signed_distance(base.hip), 0.0), declares_force_only(base)
     # Who has no tool calls for a force wherever the hand is inside, and not only where there is one.
     ticks = np.flatnonzero(above_force_floor(base, scene) | (no_tool & (depth > 0.0)))
+    # Depths (lags, n) that a late force may answer.
     late = np.array([depth[np.maximum(ticks - lag, 0)] for lag in range(LAG_TICKS + 1)])
     size = np.linalg.norm(base.force[ticks], axis=1)
     shares = np.divide(size, scene.stiffness * late, out=np.full(late.shape, np.inf), where=late > 0.0)
@@ -295,6 +320,7 @@ def _finding(base: Recording, scene: Scene, measured: Measured, level: Level) ->
         level = Level.SHOULD  # what is called for beside the spring changes the force by a law of its own
     elif outside.size and outside.max() > 0.0:
         worst = int(np.argmax(outside))
+        # The bound, as a distance from one: the edge of the range that is left.
         edge = shares[1] - 1.0 if measured.low[worst] > shares[1] else 1.0 - shares[0]
         return replace(
             _failed_finding(base, scene, measured, outside, worst, edge + float(measured.allowed_in_lag[worst])),
@@ -321,6 +347,7 @@ def _finding(base: Recording, scene: Scene, measured: Measured, level: Level) ->
 
 
 def _evidence(base: Recording, scene: Scene, measured: Measured, worst: int) -> dict[str, Any]:
+    """Return as evidence the spread of the apparent stiffness (N/m), and force and depth where it is deepest."""
     inner = measured.rows(~measured.begins) if not measured.begins.all() else measured
     low, median, high = (scene.stiffness * float(share) for share in np.percentile(inner.ratio, (5, 50, 95)))
     deepest = int(np.argmax(measured.depth))
@@ -368,14 +395,17 @@ def _describe_pattern(base: Recording, scene: Scene, measured: Measured, off: Bo
         return f"a kick where the contact begins or ends: up to {largest:.3g} N", numbers | {"kicks": ticks.size}
     inner = measured.rows(~measured.begins)
     off = off[~measured.begins]
+    # The plainest cause first: a missing force, then what goes with direction, depth, time or place.
     quiet = _describe_missing_force(base, scene, inner, off)
     if quiet is not None:
         return quiet, numbers
     middle = float(np.median(inner.ratio))
+    # The same everywhere: the spread is small beside the deviation.
     uniform = np.max(np.abs(inner.ratio - middle)) <= CAUSE_SHARE * abs(middle - 1.0)
     medians, explained = _explain_by_causes(base, inner, GROUP_SAMPLES)
     if max(explained.values()) < CAUSE_SHARE and inner.ticks.size >= FINE_GROUPS * GROUP_SAMPLES:
         explained = _explain_by_causes(base, inner, FINE_GROUPS)[1]
+    # Rounded, so that of causes that explain alike the first counts.
     cause = max(explained, key=lambda name: round(explained[name], 2))
     if off.mean() <= SPIKE_SHARE and (uniform or explained[cause] < CAUSE_SHARE):
         return _describe_rare(base, inner.ticks[off]), numbers | {"spikes": ticks.size}
@@ -419,6 +449,7 @@ def _explain_by_causes(base: Recording, measured: Measured, count: int) -> tuple
     Depths, times and places are divided into `count` groups.
     """
     time = base.time[measured.ticks]
+    # First and last, shallowest and deepest tenth of the samples.
     early, late = np.quantile(time, (0.1, 0.9))
     shallow, deep = np.quantile(measured.depth, (0.1, 0.9))
     sides = {
@@ -453,6 +484,7 @@ def _describe_missing_force(base: Recording, scene: Scene, measured: Measured, o
     if "ihip" in base.channels and base.apart.any():
         depths = np.linalg.norm(base.hip - base.ihip, axis=1)[measured.ticks]
     depth = float(depths[silent].max())
+    # All that is silent is shallower than all that is not: a dead band.
     if depth <= float(depths[~silent].min(initial=np.inf)):
         gives = f"{scene.stiffness * depth:.3g} N"
         return f"a dead band: no force up to a depth of {mm(depth)}, where the spring gives {gives}"
@@ -469,6 +501,7 @@ def _describe_rare(base: Recording, ticks: IntArray) -> str:
     if longest.size > LAG_TICKS:
         return f"off {_describe_stretch(base, longest)}{more}"
     gaps = np.diff(ticks)
+    # Every so many ticks: the gaps differ by a tenth of their mean at the most.
     regular = gaps.size > 1 and gaps.mean() > 1.0 and np.ptp(gaps) <= TELLING_SHARE * gaps.mean()
     every = f", every {round(gaps.mean())} ticks" if regular else ""
     return f"spikes: {ticks.size} tick{'s' if ticks.size > 1 else ''} off{every}"
@@ -515,6 +548,7 @@ def _place_groups(points: Array, count: int) -> IntArray:
             break
         rows = np.flatnonzero(group == int(np.argmax(spans)))
         along = points[rows, int(np.argmax(np.ptp(points[rows], axis=0)))]
+        # The longest group is cut in the middle of its longest side.
         group[rows[along > 0.5 * (along.min() + along.max())]] = number
     return group
 
@@ -524,6 +558,7 @@ def _explained_share(ratio: Array, group: IntArray) -> float:
 
     Ranks, for a ratio may be of any size where the depth is next to nothing.
     """
+    # 1 - (variance within the groups) / (variance of all), of ranks
     ranks = np.unique(np.round(ratio, 6), return_inverse=True)[1]
     group = np.unique(group, return_inverse=True)[1]
     count = np.bincount(group)

@@ -31,6 +31,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     frame = scene.model.boundary.closest_point(base.ihip[struck : struck + 1])
     normal = frame.normal[0]
     along = base.velocity @ normal
+    # v . n_e at the sample before the contact acts, positive into the surface, m/s
     approach = -float(along[struck])
     if approach <= 0.0:
         return undecided("the tool does not move into the surface when it meets it")
@@ -41,24 +42,31 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(
             Outcome.NOT_APPLICABLE, f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact"
         )
+    # (3.5): (1 + c_r) m (v . n_e), N s
     required = (1.0 + scene.restitution) * scene.mass * approach
     impulses = _operator_impulses(base, normal)
     pushed = float(np.sum(impulses[struck:end]))
+    # m dv along the normal, less what the operator has given in that time.
     removed = scene.mass * float(along[end] - along[struck]) - pushed
     velocity = base.velocity[struck : end + 1]
+    # <W v, v>: how fast the normal component changes for the turning normal alone, m/s^2
     bend = np.einsum("ni,nij,nj->n", velocity, window.shape, velocity)
     turn = np.linalg.norm(window.normal - normal, axis=1)
     sliding_speed = np.linalg.norm(velocity - np.outer(velocity @ normal, normal), axis=1)
+    # By curvature over the window, or over a facet by the sliding speed times the turn of the normal.
     turning = max(float(np.abs(bend).max()) * WINDOW_TICKS * base.dt, float(np.max(sliding_speed * turn)))
     if "operator_force" in base.channels:
+        # The operator's force, too, has another normal part when the normal turns.
         push = np.linalg.norm(base.channels["operator_force"][struck:end], axis=1)
         turning += float(np.sum(push)) * base.dt * float(turn.max()) / scene.mass
+    # What the operator adds before the tool is met is part of what has to be taken out.
     before, inwards = _operator_until_met(base, impulses, struck), np.maximum(-impulses, 0.0)
     slower, faster = ((1.0 + scene.restitution) * impulse for impulse in (before[1], -before[0]))
     if slower > UNKNOWN_MOMENTUM * required:
         return undecided("the operator may take most of the tool's momentum before it is met, within a tick")
     # A tool that stays in contact has the operator's push answered as well.
     answered = required + faster + float(np.sum(inwards[struck:end]))
+    # Too little or too much of it, as a share of what (3.5) asks for.
     missing = max(required - slower - removed, removed - answered, 0.0) / required
     stopped = np.flatnonzero(along[struck:] >= 0.0)
     stopped_ms = 1e3 * float(base.time[struck + stopped[0]] - base.time[struck]) if stopped.size else None
@@ -84,12 +92,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def _meets_another_face(base: Recording, scene: Scene, normal: Array, struck: int, end: int) -> bool:
-    """Whether a force in the window is normal to the surface within the tool's step, and not along `normal`.
+    """Return whether a force in the window is normal to the surface within the tool's step, and not along `normal`.
 
-    So it is in a notch, of whose end either face has the normal.
+    `normal` is (N,), of unit length. So it is in a notch, of whose end either face has the normal.
     """
     rows = np.arange(struck, end)
     size = np.linalg.norm(base.force[rows], axis=1)
+    # Forces that lean from `normal` by more than the granted angle.
     rows = rows[(size > 0.0) & (base.force[rows] @ normal < SAME_FACE_COSINE * size)]
     if rows.size == 0:
         return False
@@ -99,7 +108,7 @@ def _meets_another_face(base: Recording, scene: Scene, normal: Array, struck: in
 
 
 def _operator_impulses(recording: Recording, normal: Array) -> Array:
-    """Return the operator's impulse along the normal in each tick, (n,), N s, outwards."""
+    """Return the operator's impulse along a unit `normal` (N,) in each tick, (n,), N s, outwards."""
     if "operator_force" not in recording.channels:
         return np.zeros(len(recording))
     return np.asarray(recording.channels["operator_force"] @ normal) * recording.dt
@@ -113,6 +122,7 @@ def _operator_until_met(recording: Recording, impulses: Array, struck: int) -> t
     """
     if not np.array_equal(recording.ihip[struck], recording.hip[struck]):
         return 0.0, 0.0
+    # The last two ticks give the push and its change; zero where it is met at once.
     last = impulses[max(struck - 2, 0) : struck]
     change = float(np.ptp(last))
     around = (float(last[-1]) - change, float(last[-1]) + change, 0.0)

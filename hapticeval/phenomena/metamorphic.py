@@ -75,9 +75,11 @@ def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
         return undecided("the hand never touches the model")
     # What `run` answers at once, `step` may answer to single precision.
     step = rounding(scene) + SINGLE_ROUNDINGS * SINGLE * float(np.abs(base.hip).max())
+    # A velocity over dt is off by two roundings: K_d 2 step / dt, as a length by the stiffness.
     force = (1.0 + 2.0 * scene.damping / (scene.stiffness * base.dt)) * step
     force += SINGLE_ROUNDINGS * SINGLE * float(np.abs(base.force).max()) / scene.stiffness
     scatter = [float(base.meta.get(f"{name}_scatter", 0.0)) for name in ("ihip", "force")]
+    # Beside rounding what the renderer declares to scatter, of IHIP and force, as lengths.
     allowed = np.full(len(base), max(step, force) + max(scatter[0], scatter[1] / scene.stiffness))
     off = answers_apart(runs, other, scene)
     return _relation_finding(
@@ -94,13 +96,17 @@ def _compare_runs(
     *,
     among: Callable[[Runs, Scene], BoolArray] | None = None,
 ) -> Finding:
-    """Compare the base run with `other`; rows that `among` returns, and those beside a discontinuity, are exempt."""
+    """Compare the base run with `other`, which is the same contact stated otherwise, in the words of `how`.
+
+    Rows that `among` returns are exempt: those on a discontinuity.
+    """
     base = runs.base
     if other is None:
         return Finding(Outcome.NOT_APPLICABLE, f"the model has no such form, or the renderer refuses it {how}")
     if not (has_answer(base) | has_answer(other)).any():
         return undecided("the hand never touches the model")
     off = answers_apart(runs, other, scene)
+    # What restating a scene changes of the hand: a rounding of its coordinates.
     hand = HAND_ROUNDING * float(np.abs(base.hip).max())
     declared = max(resolution(recording, scene) + believed_standoff(recording, scene) for recording in (base, other))
     # A damper takes the velocity from hands that are off by rounding, a step of half a tick apart.
@@ -108,9 +114,11 @@ def _compare_runs(
     allowed = np.full(len(base), hand + declared + damped)
     exempt = np.zeros(len(base), dtype=bool)
     if np.any(off > allowed + SAME_ANSWER * scene.model.size) and runs.moved is not None:
+        # Only where something is off are nudged runs made: each costs a run of its own.
         allowed += STEEP_FACTOR * steepness(runs, hand + declared, scene)
         if among is not None:
             exempt = among(runs, scene)
+    # A renderer that answers a stimulus whole has events at instants that it has to find.
     allowed += 0.0 if runs.subdivided is not None else (SAME_SIMULATED_ANSWER - SAME_ANSWER) * scene.model.size
     return _relation_finding(check, base, scene, off, allowed, exempt, how)
 
@@ -124,8 +132,10 @@ def _relation_finding(
     exempt: BoolArray,
     how: str,
 ) -> Finding:
+    """Judge how far answers are `off` (n,), m, beyond what is `allowed` (n,), m, in rows that are not `exempt` (n,)."""
     size = scene.model.size
     excess = np.where(exempt, 0.0, np.maximum(off - allowed, 0.0)) / size
+    # Without an excess the largest change of a row that counts is shown.
     worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(exempt, -1.0, off)))
     return compared(
         Metric(check.metric, float(excess.max()), check.unit),
@@ -146,9 +156,10 @@ def _relation_finding(
 def _rows_on_jumps(runs: Runs, scene: Scene) -> BoolArray:
     """Return the rows (n,) on a discontinuity, or behind one that a renderer with memory has crossed.
 
-    A hand that is off by half a step on its whole way finds it elsewhere on that way, and steps of half the length may
-    cross it from elsewhere: the answers are more than tenfold of that apart there.
+    Steps of half the length may cross it from elsewhere. A hand that is off by half a step on its whole way does so
+    too, and its answers are apart by more than tenfold of that there.
     """
+    # A subdivided run has a HIP so far from the nearest of the base run.
     half = 0.5 * hip_step(runs.base, scene)
     astride: BoolArray = steepness(runs, half, scene) > AMPLIFIED_FACTOR * half
     return astride
@@ -162,7 +173,7 @@ def _every_second(fine: Recording, first: int) -> Recording:
 
 
 def _ticks_late(base: Recording, fine: Recording, scene: Scene) -> int | None:
-    """Return by how many ticks both runs' answers come late, where that is all that is between them.
+    """Return by how many ticks both runs' answers come late, where nothing else is between them; else None.
 
     The answer to HIP k of an answer that comes L ticks late stands in row k + L of the base, and in row 2 k + L of the
     subdivided run.
@@ -170,6 +181,7 @@ def _ticks_late(base: Recording, fine: Recording, scene: Scene) -> int | None:
     ways: Mapping[str, Array] = {"ihip": base.ihip, "force": base.force / scene.stiffness}
     finer: Mapping[str, Array] = {"ihip": fine.ihip, "force": fine.force / scene.stiffness}
     for late in range(1, LAG_TICKS + 1):
+        # HIP k is row 2 k of the subdivided run; both answer `late` rows later.
         rows = np.arange(LAG_TICKS, len(base) - late)
         if rows.size and all(
             np.allclose(

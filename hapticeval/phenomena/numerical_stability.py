@@ -56,40 +56,48 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if not contact.any():
         return undecided("the hand never touches the model")
     size = scene.model.size
+    # Each run comes back moved back, so that rows compare as they are.
     moved_runs = [(name, motion, runs.moved(motion, (0.0,) * base.hip.shape[1])) for name, motion in motions(scene)]
     answering_runs = [(name, motion, run) for name, motion, run in moved_runs if run is not None]
     if not answering_runs:
         return undecided("the model cannot be moved or scaled, or the renderer refuses it then")
     hips = base.hip[contact]  # a hand in free space may be as far away as centres of curvature are
     farthest = max(float(np.abs(motion(hips)).max()) / motion.scale for _, motion, _ in answering_runs)
+    # Moved coordinates are rounded where they are; moved back, that is divided by the scale.
     hand = HAND_ROUNDING * max(farthest, float(np.abs(hips).max()))
     declared = max(
         resolution(recording, scene) + believed_standoff(recording, scene)
         for recording in (base, *(r for *_, r in answering_runs))
     )
+    # The worst of all motions; under a scale the IHIPs alone are compared.
     off = np.max(
         [answers_apart(runs, run, scene, forces=motion.scale == 1.0) for _, motion, run in answering_runs], axis=0
     )
     # Where no answer is off by more than a thousandth of the bound there is nothing that nudges need explain.
     suspect = bool(off.max() > hand + declared + SUSPECT_SHARE * ANSWER_CHANGE * size)
     steep = steepness(runs, hand + declared, scene) if suspect else np.zeros(len(base))
+    # The hand's rounding, what is declared, and what both become where the answer is steep.
     allowed = hand + declared + STEEP_FACTOR * steep
     on_surface = np.zeros(len(base))
     if not lacks_ihip(base, scene):
+        # An IHIP that is off the surface in every motion alike is no less wrong.
         on_surface[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
         # A rigid tool is struck between two samples: at the first it flies yet, and is there before the next.
         flies = np.all(base.ihip == base.hip, axis=1)
         ahead = np.append(hip_steps(base), _step_behind(base, scene))
         on_surface[flies] = np.maximum(on_surface[flies] - ahead[flies], 0.0)
     off = np.maximum(off, on_surface)
+    # Rows beside a discontinuity tell nothing of digits: nudges change their answers by more than tenfold.
     clear = contact & (steep <= AMPLIFIED_FACTOR * (hand + declared) + ANSWER_CHANGE * size)
     excess = np.where(contact, np.maximum(off - allowed, 0.0), 0.0) / size
+    # Without an excess the answer with the fewest digits is shown.
     worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(clear, off, -1.0)))
     digits = -math.log10(max(float(off[clear].max(initial=0.0)) / size, EPS))
     which = max(
         answering_runs,
         key=lambda moved_run: float(answers_apart(runs, moved_run[2], scene, forces=moved_run[1].scale == 1.0)[worst]),
     )[0]
+    # The distance from the surface is that of the run as it is, and not of a motion.
     if on_surface[worst] == off[worst]:
         which = "as it is"
     least_digits = int(np.argmax(np.where(clear, off, 0.0)))
@@ -122,7 +130,7 @@ def _words_listed(names: list[str]) -> str:
 
 
 def _in_contact(base: Recording, scene: Scene) -> BoolArray:
-    """Return the rows (n,) in contact, or with the hand on the surface up to rounding and an answer to compare."""
+    """Return the rows (n,) in contact, or with an answer to compare of a hand on the surface up to rounding."""
     near = np.asarray(scene.model.boundary.signed_distance(base.hip) <= rounding(scene))
     return touching(base, scene) | (has_answer(base) & near)
 

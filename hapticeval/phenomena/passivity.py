@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,9 +32,20 @@ from hapticeval.types import Array, BoolArray, IntArray
 LAP = "in each lap after the first"
 
 
+class LapRun(NamedTuple):
+    """Laps that follow each other on the same points: the `first` row, the `period` in rows, and how many: `count`."""
+
+    first: int
+    period: int
+    count: int
+
+
 @dataclass(frozen=True)
 class Span:
-    """Rows [first, last] of the base recording that bound what the renderer has stored, with what they are."""
+    """Rows [first, last] of the base recording between which the work is balanced, with words for what they are.
+
+    Nothing is stored in free space, and after a lap as much as before it.
+    """
 
     first: int
     last: int
@@ -79,11 +91,13 @@ class Gain:
 
 
 class SampledWork:
-    """Sums of a recording at `factor` times the base rate, J from its first row to each of the base run's, (n,).
+    """Running sums of the work in a recording at `factor` times the base rate: (n,), J, at each row of the base run.
 
-    `smooth` is the trapezoid and `held` the work of a force that is held; `error` bounds what the trapezoid is off by.
-    `crossed` is the work without its sign, `path` (m) the hand's way, `effort` that times the force, and `free` where
-    nothing touches.
+    - `smooth`: the work by the trapezoid, and `error` what bounds that it is off by.
+    - `held`: the work of a force that is held from row to row.
+    - `crossed`: the work without its sign.
+    - `path` (m): the hand's way, and `effort` that times the force.
+    - `free`: where nothing touches.
     """
 
     def __init__(self, recording: Recording, factor: int, scene: Scene) -> None:
@@ -108,19 +122,20 @@ class SampledWork:
 
 
 def running_sums(steps: Array) -> Array:
-    """Return the sums up to each row, from 0 at the first: (n + 1,)."""
+    """Return the running sums of `steps` (n,), as J, from 0 at the first row: (n + 1,)."""
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
-    """The first row, the period in rows and the number, two or more, of laps that follow each other on the same points.
+def laps(hip: Array, size: float) -> list[LapRun]:
+    """Return where a hand goes round two or more times on the same points `hip` (n, N), m.
 
-    `hip` (n, N), m. Points are the same within `SAME_POINT` of `size`, m; a hand that stays at one, or creeps by less
-    than that, makes no lap.
+    Points are the same within `SAME_POINT` of `size`, m; a hand that stays at one, or creeps by less than that, makes
+    no lap.
     """
     count, near = hip.shape[0], SAME_POINT * size
     if count < 3:
         return []
+    # Rows of one cell of a fine grid: candidates for the same point, each with the next row of its cell.
     cells = np.unique(np.rint(hip / near), axis=0, return_inverse=True)[1].reshape(-1)
     order = np.argsort(cells, kind="stable")
     same = cells[order[1:]] == cells[order[:-1]]
@@ -133,16 +148,20 @@ def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
         rows, period = rows[fits], period[fits]
     periods = dict(zip(rows.tolist(), period.tolist(), strict=True))
     lap_runs, end = [], 0
+    # The earliest first; rows within laps that are known begin none of their own. Two rows are no lap.
     for row in sorted(periods):
         number = _count_laps(hip, row, periods[row], near) if row >= end and periods[row] > 2 else 0
         if number >= 2:
-            lap_runs.append((row, periods[row], number))
+            lap_runs.append(LapRun(row, periods[row], number))
             end = row + number * periods[row]
     return lap_runs
 
 
 def _count_laps(hip: Array, first: int, period: int, near: float) -> int:
-    """Return how many laps of `period` rows follow each other from row `first` on, each with the row that ends it."""
+    """Return how many laps of `period` rows follow each other from row `first` on, each with the row that ends it.
+
+    The points are `hip` (n, N), m; those within `near` (m) of each other are the same.
+    """
     lap = hip[first : first + period + 1]
     if np.linalg.norm(lap - lap[0], axis=1).max() <= 2.0 * near:  # all may be within that of one point
         return 0
@@ -156,7 +175,11 @@ def _count_laps(hip: Array, first: int, period: int, near: float) -> int:
 
 
 def contact_spans(free: BoolArray) -> Iterator[Span]:
-    """From each last row in free space to the next one there, or to the end."""
+    """Yield the spans from each last row in free space to the next one there, or to the end.
+
+    `free` (n,) is where nothing touches. The first row of a span bounds the work, J: there nothing is stored.
+    """
+    # The last free row before each contact: what happens from there on is all of the contact's.
     edges = np.flatnonzero(free[:-1] & ~free[1:])
     for first in edges:
         later = np.flatnonzero(free[first + 1 :])
@@ -164,34 +187,40 @@ def contact_spans(free: BoolArray) -> Iterator[Span]:
         yield Span(int(first), last, "since free space" if not later.size else "from free space to free space")
 
 
-def _gain(sampled: Sequence[SampledWork], heading: Span, rounding: Array, *, anywhere: bool) -> Gain:
-    """The gain over `way`; with `anywhere` up to the row of it where it is furthest beyond what is open, if at any.
+def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, *, anywhere: bool) -> Gain:
+    """Return the gain over a span; with `anywhere` up to the row of it where it is farthest beyond what is open.
 
-    `sampled` are the base run, and three of which each has twice the rate of the one before.
+    `sampled` are the base run, and three of which each has twice the rate of the one before. `rounding` (n,), J, is
+    what the running sums may be off by.
     """
-    rows = np.arange(heading.first + 1, heading.last + 1) if anywhere else np.array([heading.last])
+    rows = np.arange(span.first + 1, span.last + 1) if anywhere else np.array([span.last])
 
     def over(sums: Array) -> Array:
-        return np.asarray(sums[rows] - sums[heading.first])
+        """Return what running sums (n,), as J, gain from the first row of the span to `rows`: (k,)."""
+        return np.asarray(sums[rows] - sums[span.first])
 
     base_rate, *_, finest = sampled
     coarse, half, quarter = (over(sums.smooth) for sums in sampled[1:])
+    # Richardson's differences: a held force is of first order, so that after / before tends to 1/2.
     before, after = half - coarse, quarter - half
     first, last = np.abs(before), np.abs(after)
     error = over(finest.error) + over(rounding)
     settled = last <= np.maximum(SETTLING_RATIO * first, error)
+    # W(0) = 2 W(T/4) - W(T/2) = quarter + after
     law = np.where(settled, quarter + after, quarter)
     # A gain that shrinks, and not yet in the ratio of any order, may shrink to nothing: finer runs show it.
     shrinking = np.where(after < 0.0, np.inf, np.maximum(first, last))
     correction = np.where(settled, np.maximum(last, 0.5 * np.abs(after - before + after)), shrinking)
     unknown = error + correction
+    # The row with the largest gain beyond what is open; at the end of the span where none is.
     row = int(np.argmax(law - unknown))
     if law[row] <= unknown[row]:
         row = rows.size - 1
     return Gain(
-        heading.what,
-        heading.first,
+        span.what,
+        span.first,
         int(rows[row]),
+        # What a held force gives more than the trapezoid through the same rows.
         hold=float(over(base_rate.held - base_rate.smooth)[row]),
         lag=float(over(base_rate.smooth)[row] - law[row]),
         law=float(law[row]),
@@ -206,7 +235,7 @@ def _gain(sampled: Sequence[SampledWork], heading: Span, rounding: Array, *, any
 class AtOwnRate:
     """The work, J, that the hand gets over rows [first, last] at the scene's own rate, and how much is explained.
 
-    By `explained_work`, with a `lag` of the force, ticks.
+    `explained` is what `explained_work` makes of a `lag` of the force, ticks.
     """
 
     what: str
@@ -229,6 +258,7 @@ def force_lag(base: Recording, scene: Scene) -> float:
     """
     if lacks_ihip(base, scene) or "ihip" not in base.channels:
         return float(LAG_TICKS)
+    # A force that rests while the error changes is later by the ticks of its rest.
     resting = np.maximum(resting_ticks(base.force) - resting_ticks(base.hip - base.ihip), 0)[touching(base, scene)]
     return min(find_lag(base, scene).force + float(resting.mean() if resting.size else 0.0), float(LAG_TICKS))
 
@@ -236,11 +266,14 @@ def force_lag(base: Recording, scene: Scene) -> float:
 def explained_work(base: Recording, scene: Scene, lag: float) -> Array:
     """Return what a spring and a damper give the hand for being held and late, J from the first row to each, (n,).
 
-    Let F = -K (x - p) with an IHIP p that is nowhere led against the hand, dp . dx >= 0, as no nearest point is. Held
-    for a tick, F . dx is the work of its law and at most (K/2) |dx|^2 more, for at s of the way it has changed by
-    (F(s) - F) . dx >= -K s |dx|^2. Each tick of lag adds K |dx|^2. A force G beside it adds (1/2 + lag) |dG| |dx|: that
-    of a damper, and of what the curvature asks for, is as large as it may be at most. A stiffness that is declared to
-    vary changes the force by |dK| |x - p| as well, with K within its range.
+    Let F = -K (x - p) with an IHIP p that is nowhere led against the hand, dp . dx >= 0, as no nearest point is.
+
+    - Held for a tick, F . dx is the work of its law and at most (K/2) |dx|^2 more, for at s of the way it has changed
+      by (F(s) - F) . dx >= -K s |dx|^2.
+    - Each tick of lag adds K |dx|^2.
+    - A force G beside it adds (1/2 + lag) |dG| |dx|: that of a damper, and of what the curvature asks for, is as large
+      as it may be at most.
+    - A stiffness that is declared to vary, with K within its range, changes the force by |dK| |x - p| as well.
     """
     error, moved = base.hip - base.ihip, np.linalg.norm(np.diff(base.hip, axis=0), axis=1)
     touches = touching(base, scene)
@@ -248,10 +281,12 @@ def explained_work(base: Recording, scene: Scene, lag: float) -> Array:
     push, square = -np.sum(base.force * error, axis=1), scene.stiffness * np.sum(error**2, axis=1)
     declared = declared_range(base)
     softest, largest = declared or (1.0, UNDECLARED_RANGE[1])
+    # K / K_p = -F . e / (K_p e^2), within what is declared
     share = np.clip(np.divide(push, square, out=np.ones_like(push), where=square > 0.0), softest, largest)
     other_force = base.force + (scene.stiffness * share)[:, np.newaxis] * error
     largest_other = largest_other_force(base, scene)
     size = np.linalg.norm(other_force, axis=1)
+    # G is cut to the largest that a damper and the curvature may give.
     other_force *= np.divide(np.minimum(size, largest_other), size, out=np.zeros_like(size), where=size > 0.0)[
         :, np.newaxis
     ]
@@ -259,24 +294,24 @@ def explained_work(base: Recording, scene: Scene, lag: float) -> Array:
     if declared is not None:
         depth = np.linalg.norm(error, axis=1)
         changed += scene.stiffness * np.abs(np.diff(share)) * np.maximum(depth[1:], depth[:-1])
+    # Only steps that begin or end in contact: in free space there is no force to be held.
     steps = np.where(touches[1:] | touches[:-1], moved, 0.0)
     stiffness = scene.stiffness * np.maximum(share[1:], share[:-1])
     # The lag reaches back: to the longest of the steps, and the largest change, that it may be made of.
     steps, changed = _largest_of_recent(steps, math.ceil(lag)), _largest_of_recent(changed, math.ceil(lag))
+    # (1/2 + lag) (K |dx|^2 + |dG| |dx|)
     return running_sums((0.5 + lag) * (stiffness * steps**2 + changed * steps))
 
 
 def _largest_of_recent(values: Array, ticks: int) -> Array:
-    """Return the largest of each value (n,) and of so many before it."""
+    """Return the largest of each of `values` (n,), as m or N, and of so many `ticks` before it: (n,)."""
     later = [
         np.concatenate([np.zeros(back), values[: values.size - back]]) for back in range(min(ticks, values.size) + 1)
     ]
     return np.asarray(np.max(later, axis=0))
 
 
-def _at_own_rate(
-    base: Recording, sampled: SampledWork, scene: Scene, round_trips: list[tuple[int, int, int]]
-) -> AtOwnRate | None:
+def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, round_trips: list[LapRun]) -> AtOwnRate | None:
     """Return over what rows the hand gets most beyond what is explained; None where nothing says what is.
 
     A scene's effects have laws of their own, and a stiffness that varies by much may have any slope.
@@ -286,29 +321,28 @@ def _at_own_rate(
     lag = force_lag(base, scene)
     work, may = sampled.held, explained_work(base, scene, lag) + _rounding_work(base, sampled, scene)
 
-    def largest(heading: Span, rows: IntArray) -> AtOwnRate:
+    def largest(span: Span, rows: IntArray) -> AtOwnRate:
+        """Return the work, J, of a span up to that of `rows` (k,) where it is farthest beyond what is explained."""
         last = int(rows[np.argmax((work - may)[rows])])
-        gained, granted = (float(sums[last] - sums[heading.first]) for sums in (work, may))
-        return AtOwnRate(heading.what, heading.first, last, gained, granted, lag)
+        gained, granted = (float(sums[last] - sums[span.first]) for sums in (work, may))
+        return AtOwnRate(span.what, span.first, last, gained, granted, lag)
 
-    gains = [
-        largest(heading, np.arange(heading.first + 1, heading.last + 1))
-        for heading in contact_spans(~touching(base, scene))
-    ]
+    gains = [largest(span, np.arange(span.first + 1, span.last + 1)) for span in contact_spans(~touching(base, scene))]
     for after in _later_laps(sampled, round_trips, len(base)):
         # As of the law: what is created comes in every lap.
-        each_lap = [largest(heading, np.array([heading.last])) for heading in after]
+        # A span of a lap has one end: where it closes.
+        each_lap = [largest(span, np.array([span.last])) for span in after]
         gains.append(min(each_lap, key=lambda gain: gain.excess))
     return max(gains, key=lambda gain: gain.excess, default=None)
 
 
 def active_by_nature(scene: Scene) -> str | None:
-    """What the scene calls for that gives energy away whatever the renderer does; None where nothing does."""
+    """Say what the scene calls for that gives energy away whatever the renderer does; None where nothing does."""
     return next((why for effect in scene.effects if (why := effect.active(scene.damping)) is not None), None)
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
-    """Compare what the hand gets with nothing, where what is stored is known to be the same or none at the start."""
+    """Ask whether the hand gets work out of a way that closes, at the start and end of which the same is stored."""
     active = active_by_nature(scene)
     finding = _judge_fixed(runs.base) if runs.refine is None else _judge(runs.base, runs.refine, scene)
     if active is None:
@@ -326,11 +360,13 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) ->
             "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known"
         )
     sampled = SampledWork(base, 1, scene)
+    # Refined until a gain is certain, or nothing is open.
     for finest in FINER_RATES:
         gains = _gains(base, sampled, refine, scene, round_trips, finest)
         telling = [gain for gain in gains if gain.telling]
         if any(gain.excess > 0.0 for gain in telling) or len(telling) == len(gains):
             break
+    # First the limit of fast sampling, then what sampling at this rate may add.
     finding = _judge_law(base, gains, telling)
     if finding.outcome is Outcome.FAIL:
         return finding
@@ -343,6 +379,7 @@ def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) 
     if not telling:
         return undecided("refinement does not settle the work that crosses between hand and renderer")
     open_ways = [gain for gain in gains if not gain.telling]
+    # The gain farthest beyond what is open of it.
     worst = max(telling, key=lambda gain: gain.excess)
     metric = Metric(CHECK.metric, worst.law, "J")
     evidence = {
@@ -384,7 +421,7 @@ def _gains(
     base_sums: SampledWork,
     refine: Callable[[int], Recording],
     scene: Scene,
-    round_trips: list[tuple[int, int, int]],
+    round_trips: list[LapRun],
     finest: int,
 ) -> list[Gain]:
     """Return the gains over all ways of the base run, extrapolated from `finest` times its rate."""
@@ -396,17 +433,18 @@ def _gains(
     count = min(sums.free.size for sums in sampled)
     last = sampled[-1]
     rounding = _rounding_work(base, last, scene)
+    # Free in all of the runs: their contacts may begin a tick apart.
     free = np.logical_and.reduce([sums.free[:count] for sums in sampled])
-    gains = [_gain(sampled, heading, rounding, anywhere=True) for heading in contact_spans(free)]
+    gains = [_gain(sampled, span, rounding, anywhere=True) for span in contact_spans(free)]
     for after in _later_laps(base_sums, round_trips, count):
         # What one lap alone gives may have been stored; what is created comes in every lap.
-        lasting = [_gain(sampled, heading, rounding, anywhere=False) for heading in after]
+        lasting = [_gain(sampled, span, rounding, anywhere=False) for span in after]
         gains.append(min(lasting, key=lambda gain: (not gain.telling, gain.excess)))
     return gains
 
 
-def _later_laps(sampled: SampledWork, round_trips: list[tuple[int, int, int]], count: int) -> Iterator[list[Span]]:
-    """For each of the round trips its laps after the first in which something is touched, if there are any."""
+def _later_laps(sampled: SampledWork, round_trips: list[LapRun], count: int) -> Iterator[list[Span]]:
+    """Yield for each of the round trips its laps after the first in which something is touched, if there are any."""
     for first, period, number in round_trips:
         starts = [first + lap * period for lap in range(1, number) if first + (lap + 1) * period < count]
         after = [Span(start, start + period, LAP) for start in starts if not sampled.free[start:][:period].all()]
@@ -436,6 +474,7 @@ def _hold_failure(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
 
 def _rounding_work(base: Recording, sampled: SampledWork, scene: Scene) -> Array:
     largest = float(np.max(np.abs(base.hip)))
+    # Single precision of the hand, as a force K |x| over the way, and of the force itself.
     return SINGLE_ROUNDINGS * SINGLE * (scene.stiffness * largest * sampled.path + sampled.effort)
 
 
