@@ -115,8 +115,10 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Import a name on its first use (PEP 562)."""
+    # Reading the package's metadata is slow next to this import: only who asks for the version pays for it.
     if name == "__version__":
         return import_module("importlib.metadata").version("hapticeval")
+    # The message is as Python's own: `hasattr` and `from ... import` rely on the type.
     if name not in _LAZY:
         raise AttributeError(f"module 'hapticeval' has no attribute '{name}'")
     return getattr(import_module(_LAZY[name]), name)

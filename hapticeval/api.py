@@ -91,10 +91,12 @@ def run(
     none of these, and as `plan` and `prepare` do; what a renderer gets wrong is in the results.
     """
     named = _name_renderers(renderers)
+    # Names are resolved in each process; what is none is a factory, which has to travel there.
     factories = {name: factory for name, factory in named.items() if not isinstance(factory, str)}
     for what, value, minimum in (("seed", seed, 0), ("workers", 0 if workers is None else workers, 0)):
         if not isinstance(value, int) or value < minimum:
             raise InputError(f"{what} = {value!r}", why="it is a whole number, and not negative")
+    # Without workers the factories stay in this process: anything may run.
     if workers or scheduler is not None:
         _refuse_unpicklable(factories)
     if resume and output is None:
@@ -113,9 +115,11 @@ def run(
         exit_first=exit_first,
         shard=None if shard is None else Shard.parse(shard),
     )
+    # The results that the folder holds now, before this run writes its own.
     if failed_first and output is not None and (Path(output) / FILE).exists():
         planned = planned.failed_first(read_results(Path(output)))
     if workers is None:
+        # A class of a notebook cannot travel to another process.
         workers = 0 if factories else cores()
     return carry_out(
         planned,
@@ -164,6 +168,7 @@ def judge(
         **{"output": output, "seed": seed, "strict": strict, "known": known, "exit_first": exit_first},
         **{"workers": workers, "timeout": timeout, "watch": watch},
     }
+    # Cases make a suite of their own here, globs choose from the installed ones: a run takes one or the other.
     if chosen_cases and globs:
         raise InputError("cases are globs and `Case`s", why="these come from different suites", todo="give one kind")
     if chosen_cases:
@@ -196,6 +201,7 @@ def carry_out(
                 if event.recording is not None:
                     recordings[event.run.key] = event.recording
             elif isinstance(event, Interrupted):
+                # With workers the first Ctrl-C lets what has begun end, and the second gives it up.
                 stopped = event.at_once
             elif isinstance(event, RunFinished):
                 document = event.results
@@ -237,6 +243,7 @@ class Results:
         run was refused.
         """
         document = self.document
+        # 1: a verdict is not as it must be, or the run was cut short. 2: every run was refused. Else an error's own.
         differs = not document.complete or any(map(document.stops, document.verdicts))
         codes = [run.error.exit_code for run in document.runs if run.error]
         return max([int(differs or self.stopped), 2 * int(document.all_refused), *codes])
@@ -282,6 +289,7 @@ class Results:
         if run.key in self.recordings:
             return self.recordings[run.key]
         if self.folder is None or run.recording is None:
+            # Why there is no recording: the renderer broke, or refused the case.
             problem = run.error or run.refusal
             raise InputError(f"{run.renderer} recorded nothing on {run.case}", why=problem.what if problem else "")
         from hapticeval.recordings.hdf5 import read_recording
@@ -342,8 +350,10 @@ class Results:
         Reasons that the file has stay, what passes now leaves it: see `Known.renewed`. Raises as `read_known` does.
         """
         listed = read_known(Path(file)) if Path(file).exists() else Known(source=Path(file).name)
+        # Marked anew by the list that is written: what has just been listed is known from here on.
         listed = listed.renewed(self.document)
         write_listed(Path(file), listed)
+        # Outdated entries left the list; their marks go too.
         current = [replace(verdict, known=None) if verdict.outdated else verdict for verdict in self.verdicts]
         document = replace(self.document, verdicts=list(map(listed.marked, current)))
         if self.folder is not None:
@@ -370,6 +380,7 @@ class Results:
         runs = [run for run in self.document.runs if case in (None, run.case, f"{run.suite}/{run.case}")]
         if not runs:
             raise UnknownNameError("case", str(case), {run.case for run in self.document.runs})
+        # None for what the caller leaves open: enough where one run alone fits.
         matching_runs = [run for run in runs if renderer in (None, run.renderer)]
         if not matching_runs:
             raise UnknownNameError(
@@ -389,6 +400,7 @@ class Results:
 def _name_renderers(renderers: Any) -> dict[str, str | RendererFactory]:
     """Return a name for each renderer, and the factory behind those that are no names themselves."""
     if isinstance(renderers, Mapping):
+        # A mapping's key is the name in verdicts; a string value is resolved, unless it is called as it is written.
         factories = {str(name): _factory_of(renderer) for name, renderer in renderers.items()}
         return {
             name: resolve(factory) if isinstance(factory, str) and factory != name else factory
@@ -397,6 +409,7 @@ def _name_renderers(renderers: Any) -> dict[str, str | RendererFactory]:
     listed = list(renderers) if isinstance(renderers, list | tuple) else [renderers]
     named: dict[str, str | RendererFactory] = {}
     for renderer in listed:
+        # Classes and functions have a name; an instance goes by its class's.
         kind = renderer if hasattr(renderer, "__name__") else type(renderer)
         name = renderer if isinstance(renderer, str) else kind.__name__
         if name in named and named[name] is not renderer:
@@ -414,6 +427,7 @@ def _factory_of(renderer: Any) -> str | RendererFactory:
     if isinstance(renderer, str):
         return renderer
     if not isinstance(renderer, type) and isinstance(renderer, Renderer | TrajectoryRenderer):
+        # An instance is judged as it is, in every scene: it is reset at the start of each run.
         return lambda scene: renderer  # noqa: ARG005 - a factory's
     if callable(renderer):
         return cast("RendererFactory", renderer)
@@ -428,6 +442,7 @@ def _refuse_unpicklable(factories: Mapping[str, RendererFactory]) -> None:
     """Raise `InputError` for a factory that cannot travel to another process."""
     for name, factory in factories.items():
         try:
+            # Closures, lambdas and classes of a notebook fail here, before anything has run.
             pickle.dumps(factory)
         except Exception as error:
             raise InputError(
@@ -451,6 +466,7 @@ def _read_counterexamples(folder: Path) -> list[Any]:
     searched = folder / "counterexamples"
     if not searched.is_dir():
         return []
+    # Imported where there is something to show: most runs have no search beside them.
     from hapticeval.reports.index import Counterexample
     from hapticeval.search.counterexample import list_counterexamples
 

@@ -76,7 +76,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
+            # A terminal that lacks a character shows a question mark; no run ends for that.
             stream.reconfigure(errors="replace")
+    # Commands may change what Ctrl-C does; a caller in Python gets its own handler back.
     interrupted = signal.getsignal(signal.SIGINT)
     try:
         _typer_command()(args=None if arguments is None else list(arguments), prog_name="hapticeval")
@@ -88,6 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SystemExit as stop:
         if stop.code == INTERRUPTED_CODE:
             return _interrupted_code()
+        # SystemExit without a code is a success; with a text, which Python would print, a failure.
         return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 1
     finally:
         if arguments is not None and signal.getsignal(signal.SIGINT) is not interrupted:
@@ -103,6 +106,7 @@ def _typer_command() -> Callable[..., object]:
 
 def _interrupted_code() -> int:
     """The exit code of a command that was interrupted; nothing disturbs the end of it."""
+    # A second Ctrl-C while Python ends would print a traceback.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     print("interrupted", file=sys.stderr)
     return 1

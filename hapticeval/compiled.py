@@ -82,10 +82,13 @@ def law_data(
     tree: ArrayLike = EMPTY_TABLE,
     state: int = 0,
 ) -> LawData:
-    """Return what a law works on, of the type that `LAW` asks for; `state` is its size.
+    """Return what a law works on, of the type that `LAW` asks for, from what a renderer has.
 
-    Tables that have that type are shared: a mesh has many megabytes of them.
+    `params` (k,) are its numbers; the tables are (rows, columns), what each means is the renderer's own matter, with
+    lengths in m; `state` is the size m of the state (m,), all zeros. Tables that have the type already are shared: a
+    mesh has many megabytes of them.
     """
+    # Tables are shared where they have the type already; the few numbers are copied.
     tables = (for_kernels(np.asarray(table, dtype=np.float64)) for table in (segments, joints, lookup, vertices, tree))
     return LawData._make([np.array(params, dtype=np.float64), *tables, np.zeros(state)])
 
@@ -158,10 +161,12 @@ def _call_step(
 
     All are addresses but `dt`: it returns what the library returns.
     """
+    # An address is a 64-bit integer to numba; dt alone is a double.
     place, integer = ir.IntType(64), ir.IntType(32)
     kind = ir.FunctionType(integer, [place, place, place, ir.DoubleType(), place, place])
 
     def code(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        # An address is no function to LLVM until it is cast to a pointer of the function's type.
         return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), arguments[1:])
 
     return types.int32(step, self, hip, velocity, dt, ihip, force), code
@@ -172,6 +177,7 @@ call_step: Callable[..., int] = intrinsic(_call_step)
 
 def law_value(function: Callable[..., Any], data: Any) -> FirstClass:
     """Return a compiled step as a value: of signature `LAW`, with the type of its own data in place of `LawData`."""
+    # Another tuple, of a law with effects, has a type of its own, and so the kernel a signature of its own.
     if isinstance(data, LawData):
         return first_class(function, LAW)
     return first_class(function, types.int64(numba.typeof(data), *LAW.args[1:]))  # type: ignore[no-untyped-call]
@@ -221,6 +227,7 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
     lock = Path(kernel.stats.cache_path, f"{function.__module__}.{function.__qualname__}.lock")
 
     def compile_alone(signature: Any) -> Any:
+        # Compiled already in this process: nothing to lock for.
         if signature in kernel.overloads:
             return compile_(signature)
         # A process that compiles a kernel waits for nothing but what that calls: no two wait for each other. Nor do two
@@ -253,6 +260,7 @@ def machine_code(kernel: Callable[..., Any], *arguments: Any) -> bytes:
     typeof: Any = numba.typeof
     signature = tuple(argument if isinstance(argument, types.Type) else typeof(argument) for argument in arguments)
     own.compile(signature)
+    # Numba's private cache, by the key that it would look for itself.
     cache_entry = own._cache._cache_file.load(own._cache._index_key(signature, own.targetctx.codegen()))
     (_, _, (code, _)), *_ = cache_entry
     return b"".join(section.data() for section in ObjectFileRef.from_data(code).sections() if section.is_text())
@@ -273,11 +281,13 @@ def _lock_file(path: Path) -> Iterator[None]:
 
 
 def for_kernels(values: NDArray[T]) -> NDArray[T]:
-    """`values` as kernels take them, writable and contiguous: a copy, unless they are.
+    """Return an array as kernels take it, writable and contiguous: a copy, unless it is so already.
 
+    `values` have any shape, (n,) or (rows, columns), and any unit, m or N or none; the result has the same.
     To numba an array that is locked, or a slice with gaps, has a type of its own, for which a kernel and all that it
     calls would be compiled again. Value types lock what they show; what they give to kernels goes through here.
     """
+    # carray: contiguous, aligned and writable.
     return values if values.flags.carray else np.require(values, requirements=["C", "W"])
 
 
@@ -289,6 +299,7 @@ class FirstClass(types.WrapperAddressProtocol):
     """
 
     def __init__(self, kernel: Callable[..., Any], signature: Any) -> None:
+        # The address exists only for a signature that is compiled.
         kernel.compile(signature.args)  # type: ignore[attr-defined]
         self.kernel = kernel
         self.type = types.FunctionType(signature)

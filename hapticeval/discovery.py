@@ -54,13 +54,16 @@ def parse(name: str) -> Name:
 
     What is no Python has no variants: a path and a command are taken as they are.
     """
+    # `lib:` and `cmd:` first: what follows may hold a plus or an at sign of its own.
     kind, colon, address = name.partition(":")
     if colon and kind in ADAPTERS:
         if not address.strip():
             raise InputError(f"'{name}' does not name a renderer", todo="write lib:./libmine.so, or cmd:./mine")
         return Name(name, None, None)
     front, at, representation = name.partition("@")
+    # The first plus alone separates: pp+v is one scheme.
     base, plus, regulation = front.partition("+")
+    # A separator with nothing after it was meant to name something.
     if not base or (plus and not regulation) or (at and not representation):
         raise InputError(
             f"'{name}' does not name a renderer",
@@ -77,6 +80,7 @@ def known_renderers() -> Mapping[str, EntryPoint]:
 
 @lru_cache(maxsize=1)
 def _installed(folders: tuple[str, ...]) -> Mapping[str, EntryPoint]:  # noqa: ARG001 - where entry points lie
+    # Keyed by sys.path: a test or a notebook that adds a folder sees its entry points too.
     entries = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
     return MappingProxyType({entry.name: entry for entry in entries})
 
@@ -97,6 +101,7 @@ def resolve(name: str) -> RendererFactory:
     """
     parts = parse(name)
     factory = cast("RendererFactory", load(parts.base))
+    # Most names have no suffix, and need not import what reads them.
     if parts.regulation is None and parts.representation is None:
         return factory
     from hapticeval.renderer import choices_of
@@ -114,6 +119,7 @@ def resolve(name: str) -> RendererFactory:
         ("representation", parts.representation, "representation", choices.representations),
     ):
         if value is not None:
+            # A factory that does not list what it offers refuses by itself.
             if offered is not None and value not in offered:
                 raise UnknownNameError(f"{kind} of {parts.base}", value, offered)
             chosen[keyword] = value
@@ -142,6 +148,7 @@ def load(base: str, *, kind: str = "renderer") -> Any:
 
     `kind` is what it is in messages; a driver of hardware is named as renderers are. Raises as `resolve` does.
     """
+    # Three kinds of names: an adapter's, package.module:factory, and an entry point.
     module, colon, attribute = base.partition(":")
     if colon and kind == "renderer" and module in ADAPTERS:
         place, _, name = ADAPTERS[module].partition(":")
@@ -156,6 +163,7 @@ def load(base: str, *, kind: str = "renderer") -> Any:
     else:
         known = known_renderers()
         if base not in known:
+            # A file in this folder that the name may mean is the better advice; else the closest known names.
             error = UnknownNameError("renderer", base, known)
             likely_names = _likely_names(base)
             error.todo = (
@@ -171,12 +179,15 @@ def load(base: str, *, kind: str = "renderer") -> Any:
 
 def _likely_names(base: str) -> list[str]:
     """Return the names that a file may be meant by: `mine`, `mine.py`, `mine.Nearest` in this folder, a library."""
+    # A library without a folder is looked for by the system's loader, hence the ./ before it.
     if Path(base).suffix in LIBRARIES:
         return [f"lib:{base if Path(base).parent.name or base.startswith(('.', '/')) else f'./{base}'}"]
     stem = base.removesuffix(".py")
+    # `mine` as a module of its own, then `mine.Nearest` as a name in the module `mine`.
     for module, attribute in ((stem, ""), stem.rpartition(".")[::2]):
         file = Path(f"{module.replace('.', '/')}.py")
         if module and file.is_file():
+            # The file is searched as text: no code runs before the user has named it.
             public = re.findall(r"^(?:class|def) ([^\W_]\w*)", file.read_text(encoding="utf-8", errors="replace"), re.M)
             return [f"{module}:{public_name}" for public_name in ([attribute] if attribute else public[:8])]
     return []
@@ -185,6 +196,7 @@ def _likely_names(base: str) -> list[str]:
 def _import_factory(base: str, module: str, attribute: str, kind: str) -> Any:
     """Import, look up, and see that it can be called; each failure says which step it was."""
     try:
+        # Step 1: import the module; a module that calls sys.exit is caught too.
         target: Any = import_module(module)
     except (Exception, SystemExit) as error:
         todo = f"see that `python -c 'import {module}'` works in the folder where you start hapticeval"
@@ -196,6 +208,7 @@ def _import_factory(base: str, module: str, attribute: str, kind: str) -> Any:
             why=_describe_cause(error),
             todo=_advise_module(module, attribute) if module.endswith(".py") else todo,
         ) from error
+    # Step 2: look the attribute up, which may be nested as in Class.method.
     for part in attribute.split("."):
         try:
             target = getattr(target, part)
@@ -203,6 +216,7 @@ def _import_factory(base: str, module: str, attribute: str, kind: str) -> Any:
             callables = {
                 name: value for name, value in vars(target).items() if not name.startswith("_") and callable(value)
             }
+            # What the module itself defines is meant rather than what it imports.
             public = [name for name, value in callables.items() if getattr(value, "__module__", module) == module]
             close = difflib.get_close_matches(part, public, n=1)
             raise InputError(
@@ -214,6 +228,7 @@ def _import_factory(base: str, module: str, attribute: str, kind: str) -> Any:
                 if callables
                 else f"write it in {getattr(target, '__file__', module)}, where there is no class and no function yet",
             ) from error
+    # Step 3: it must be callable.
     if not callable(target):
         takes = "a factory takes a scene and returns a renderer" if kind == "renderer" else "it must be a class"
         raise InputError(
@@ -227,6 +242,7 @@ def _advise_module(file: str, attribute: str) -> str:
     """Return how a factory in a file is named: by its module, in the folder where that can be imported."""
     path = Path(file)
     inside = Path.cwd() if path.is_absolute() else Path()
+    # A module can be imported only from below the folder in which hapticeval starts.
     relative = path.relative_to(inside) if path.is_relative_to(inside) else path
     if relative.is_absolute() or ".." in relative.parts:
         return f"name the module, not its file: in {path.parent}, {path.stem}:{attribute}"
@@ -237,6 +253,7 @@ def _describe_cause(error: BaseException) -> str:
     """The cause's own text, and the line of the user's file at which it was raised."""
     text = describe_error(error)
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "importlib" not in frame.filename]
+    # A syntax error names its line itself; one frame is this file's own, of a module that is not there.
     if isinstance(error, SyntaxError) or len(frames) < 2:
         return text
     return f"{text} ({frames[-1].filename}, line {frames[-1].lineno})"
@@ -245,5 +262,6 @@ def _describe_cause(error: BaseException) -> str:
 def see_current_directory() -> None:
     """Let a module in the current directory be imported, as pytest and `python -m` do."""
     folder = str(Path.cwd())
+    # An empty entry of sys.path stands for the current directory already.
     if folder not in sys.path and "" not in sys.path:
         sys.path.insert(0, folder)

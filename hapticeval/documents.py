@@ -54,6 +54,7 @@ def parse_json(text: str | bytes, place: str) -> Any:
 
 def check_depth(document: Any, place: str) -> None:
     """Raise `InputError` for plain values nested deeper than `DEEPEST_NESTING`, before a reader recurses into them."""
+    # Breadth first, level by level: this check must not recurse either.
     level, depth = [document], 0
     while level := [entry for value in level for entry in _children(value)]:
         depth += 1
@@ -83,6 +84,7 @@ def convert(data: Any, kind: type[T] | Any, place: str, *, todo: str = "") -> T:
     except OverflowError as error:
         raise InputError(f"{place} holds a whole number that no float can hold", why=str(error), todo=todo) from error
     except msgspec.ValidationError as error:
+        # msgspec ends its messages with the path, as in " - at `$.cases[0].depth`".
         what, _, path = str(error).partition(" - at `$")
         steps = _steps(data, re.findall(r"\.?([^.\[\]`]+|\.\.\.)", path), what)
         with at(":".join([place, *_readable_places(data, steps)])):
@@ -95,6 +97,7 @@ def _steps(data: Any, path: list[str], what: str) -> list[str]:
     quoted = re.search("'.*'", what)
     steps = []
     for step in path:
+        # Of a mapping msgspec names no key: the entry is meant that holds what the message quotes.
         if step == "..." and quoted is not None and isinstance(data, Mapping):
             step = next((str(key) for key, value in data.items() if quoted[0] in repr(value)), step)
         steps.append(step)
@@ -107,6 +110,7 @@ def _readable_places(data: Any, steps: list[str]) -> Iterator[str]:
     place = ""
     for step in steps:
         data = _entry_at(data, step)
+        # An item of a list is named by its own name where it has one, and else by its index.
         names = [data[key] for key in ("name", "title", "label") if key in data] if isinstance(data, Mapping) else []
         if step.isdigit() and names:
             yield f" {place} '{names[0]}'"
@@ -119,6 +123,7 @@ def _readable_places(data: Any, steps: list[str]) -> Iterator[str]:
 
 def _entry_at(data: Any, step: str) -> Any:
     try:
+        # A step is a key of a table or an index of a list; one that leads nowhere gives None.
         return data[int(step)] if isinstance(data, list) else data[step]
     except (KeyError, IndexError, TypeError, ValueError):
         return None
@@ -129,14 +134,17 @@ def _misfit_error(data: Any, kind: Any, steps: list[str], what: str, todo: str) 
     value, expected = data, inspect.type_info(kind)
     for step in steps:
         expected, value = _entry_type(expected, value, step), _entry_at(value, step)
+    # Case 1: an entry that the table has not. The close names are those of its fields.
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
         struct = _matching_type(expected, value)
         known = [field.encode_name for field in struct.fields] if isinstance(struct, inspect.StructType) else []
         return UnknownNameError("entry", unknown[1], known)
+    # Case 2: a word or a kind that is none of the choices.
     choices = list(_choices(expected))
     if what.startswith("Invalid") and choices:
         return UnknownNameError("kind" if steps[-1:] == ["kind"] else "choice", str(value), choices)
+    # Case 3: a value of a wrong type or out of its range. msgspec's words, and the value where it is short to show.
     text = repr(value)
     text = text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}..."
     quoted_value = "" if isinstance(value, Mapping | list) or value is None else f", and it is {text}"
@@ -148,8 +156,10 @@ def _entry_type(expected: Any, value: Any, step: str) -> Any:
     expected = _matching_type(expected, value)
     if isinstance(expected, inspect.StructType):
         return next((field.type for field in expected.fields if field.encode_name == step), None)
+    # A tag that is none of the union's leaves the struct unknown: its choices are those of the whole union.
     if isinstance(expected, inspect.UnionType) and step == "kind":
         return expected
+    # The type of a mapping's values or of a list's items; None for a scalar.
     return getattr(expected, "value_type", getattr(expected, "item_type", None))
 
 
@@ -162,6 +172,7 @@ def _matching_type(expected: Any, value: Any) -> Any:
         struct for struct in structs if isinstance(value, Mapping) and value.get(str(struct.tag_field)) == struct.tag
     ]
     lists: list[Any] = [member for member in expected.types if isinstance(value, list) and hasattr(member, "item_type")]
+    # In this order: the table with the kind that it names, a list for a list, the only table that there is.
     return next(iter(tagged + lists + structs[:1] * (len(structs) == 1)), expected)
 
 

@@ -43,6 +43,7 @@ class HapticevalError(Exception):
         return "\n  ".join(parts)
 
     def __reduce__(self) -> tuple[object, ...]:
+        # By the class and the fields, for the constructors of subclasses take other arguments.
         return _rebuild, (type(self), self.__dict__)
 
 
@@ -69,6 +70,7 @@ class UnknownNameError(InputError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str], *, todo: str = "") -> None:
         names = sorted(known)
+        # A likeness of one half: a wrong letter or two still match, and unlike words do not.
         close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
         suggestion = f"known: {', '.join(names)}" if names else "there is none: leave it out"
         suggestion = f"did you mean {' or '.join(close)}?" if close else suggestion
@@ -107,6 +109,7 @@ class RendererError(HapticevalError):
         self.hip = None if hip is None else tuple(float(x) for x in hip)
         place = ""
         if tick is not None and self.hip is not None:
+            # Without both tick and HIP it broke outside of a step: nothing to add.
             place = f" at tick {tick} (counted from 0), HIP {in_mm(self.hip)}"
         super().__init__(what + place, why=why, todo=todo)
 
@@ -144,6 +147,7 @@ def renderer_errors(
     except BaseException as error:
         if not is_foreign(error):
             raise
+        # The cause stays chained for a debugger; the message alone is for the user.
         raise blame_renderer(call, error, tick=tick, hip=hip, why=why, todo=todo) from error
 
 
@@ -166,6 +170,7 @@ def blame_renderer(
     """Return the `RendererError` for what a renderer's `call` raised: see `renderer_errors`."""
     what = f"the renderer's {call} raised {describe_error(error)}"
     frames = traceback.extract_tb(error.__traceback__)
+    # A TypeError with no frame of foreign code: the call itself did not fit the signature.
     if call in CALLS and isinstance(error, TypeError) and all(_is_ours(PurePath(frame.filename)) for frame in frames):
         why, todo = f"it is called as {CALLS[call]}", "let it take these arguments; see docs/write-a-renderer.md"
     return RendererError(what, tick=tick, hip=hip, why=why or origin(error), todo=todo)
@@ -191,6 +196,7 @@ def at(place: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
+        # `args` as well, which `repr` shows.
         error.what = f"{place}: {error.what}"
         error.args = (error.what,)
         raise
@@ -199,6 +205,7 @@ def at(place: str) -> Iterator[None]:
 def describe_error(error: BaseException) -> str:
     """Return the type and the text of an exception of foreign code, whose text may not be readable or printable."""
     try:
+        # Surrogates, as of undecodable file names, could not be printed or written.
         text = str(error).encode("utf-8", "backslashreplace").decode()
     except (Exception, SystemExit) as unreadable:
         text = f"(its text cannot be read: {type(unreadable).__name__})"
@@ -208,6 +215,7 @@ def describe_error(error: BaseException) -> str:
 def origin(error: BaseException, file: str | None = None) -> str:
     """Where in foreign code an exception came from: the innermost frame in `file`, else of all, as an error's `why`."""
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "importlib" not in frame.filename]
+    # The innermost frame, if there is any: a slice instead of an index.
     for last in ([frame for frame in frames if frame.filename == file] or frames)[-1:]:
         return _describe_frame(last)
     return ""
@@ -219,8 +227,11 @@ def place_in_stack(stack: Sequence[tuple[str, int, str]]) -> str:
     Foreign code begins where ours calls it: of its frames the innermost is named that lies in the same folder, and not
     the library's that it waits in. Where there is none, as in a C library that ours calls, ours is named.
     """
+    # Frames of the standard library, such as sleep or a lock, say nothing of who called them.
     code = [frame for frame in stack if not _is_standard(PurePath(frame[0]))]
+    # The outermost frame that is not ours; the first one where all are ours.
     foreign = next((at for at, (file, *_) in enumerate(code) if not _is_ours(PurePath(file))), 0)
+    # From the innermost outwards, until one in the same folder as that.
     for file, line, name in reversed(code[foreign:]):
         if PurePath(file).is_relative_to(PurePath(code[foreign][0]).parent):
             return _describe_frame(traceback.FrameSummary(file, line, name))

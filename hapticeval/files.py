@@ -29,6 +29,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Readers see the old file or the new one, never a part of one. Missing folders are made.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
+    # Process and thread in the name: two that write the same file at once do not share a temporary one.
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
         yield temporary
@@ -49,6 +50,7 @@ def creating(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         try:
+            # A link fails where the name exists: look and creation are one step, which renaming is not.
             os.link(temporary, path)
         except FileExistsError:
             raise existing_file_error(path) from None
@@ -81,6 +83,7 @@ def file_stem(name: str) -> str:
     """
     if SAFE_STEM.fullmatch(name) and not name.endswith("."):
         return name
+    # 40 characters at most, a tilde and 12 digits: the tilde makes it differ from every name that is safe as it is.
     safe_part = re.sub(r"[^a-z0-9._-]+", "-", name.lower()).strip("-.")[:40]
     return f"{safe_part}~{hashlib.sha256(name.encode('utf-8', 'surrogatepass')).hexdigest()[:12]}"
 
@@ -91,6 +94,7 @@ def csv_cell(text: str) -> str:
     A number stays as it is, and so do dashes that stand for nothing.
     """
     text = printable(" ".join(text.split()))
+    # A spreadsheet runs a cell that begins so, whoever wrote it.
     formula = text.startswith(("=", "+", "-", "@")) and text.strip("-") and not NUMBER.fullmatch(text)
     return f"'{text}" if formula else text
 
@@ -106,15 +110,18 @@ def plain(value: Any, place: str = "value") -> Any:
     Floats are kept as they are, the non-finite ones too: see `without_non_finite`. Raises `InputError`, naming
     the place, for a type that JSON has no counterpart of.
     """
+    # bool before int, of which it is a subclass.
     if value is None or isinstance(value, bool):
         return value
     if isinstance(value, str):
+        # Subclasses, such as of StrEnum, become the plain type.
         return str(value)
     if isinstance(value, int):
         return int(value)
     if isinstance(value, float):
         return float(value)
     if isinstance(value, np.generic | np.ndarray):
+        # tolist gives Python's own numbers, in nested lists.
         return plain(value.tolist(), place)
     if isinstance(value, Mapping):
         return {str(key): plain(entry, f"{place}.{key}") for key, entry in value.items()}
@@ -129,6 +136,7 @@ def plain(value: Any, place: str = "value") -> Any:
 
 def without_non_finite(value: Any, place: str = "value") -> tuple[Any, list[str]]:
     """A plain value with null for each NaN or infinity, and what these were: ["evidence.gain = inf", ...]."""
+    # JSON has no number for it: null, and the place with the value in words.
     if isinstance(value, float) and not math.isfinite(value):
         return None, [f"{place} = {value}"]
     non_finite: list[str] = []
@@ -157,6 +165,7 @@ def write_json(path: Path, document: Any) -> Path:
 
     from hapticeval.documents import convert
 
+    # Reading it back is the check: a typed struct does not check its fields when it is made.
     text = msgspec.json.encode(document)
     try:
         msgspec.json.decode(text, type=type(document))
@@ -184,6 +193,7 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
         why = "it is a file" if folder.exists() else "there is no such folder"
         raise InputError(f"no result folder '{folder}'", why=why, todo=todo)
     try:
+        # Python reads NaN and Infinity, which are no JSON: refused.
         document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except FileNotFoundError as error:
         raise InputError(
@@ -196,8 +206,10 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
         raise InputError(f"{path} is not JSON: {place}", why=error.msg, todo=again) from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is not JSON text", why=str(error), todo=again) from error
+    # What is no table is left to `convert`, whose message is better.
     file_version = document.get("format_version") if isinstance(document, dict) else version
     if file_version != version:
+        # An older format was never released: such a file is damaged or edited.
         newer = isinstance(file_version, int) and file_version > version
         raise InputError(
             f"{path} has format {file_version!r}; this hapticeval reads format {version}",
@@ -216,6 +228,7 @@ def _refuse_constant(name: str) -> NoReturn:
 def file_below(folder: Path, name: str) -> Path:
     """The file that a suite names. Raises `InputError` unless it lies below the suite's folder, links followed."""
     file = folder / name
+    # Both resolved: neither ".." nor a link leads out of the folder.
     if not file.resolve().is_relative_to(folder.resolve()):
         raise InputError(
             f"the file '{name}' is not below the suite's folder {folder}",

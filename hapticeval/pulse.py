@@ -29,6 +29,7 @@ def share_pulse(pulse: Pulse, pending: PendingStep) -> None:
 
 def note_pending(tick: int, hip: Sequence[float]) -> None:
     """Note which step a renderer is asked for, until `count_answer`."""
+    # The count of coordinates says that a step is under way. It goes last: who finds it finds tick and HIP complete.
     _pending[1] = tick
     _pending[2 : 2 + len(hip)] = hip
     _pending[0] = len(hip)
@@ -36,12 +37,14 @@ def note_pending(tick: int, hip: Sequence[float]) -> None:
 
 def unanswered_step(pending: PendingStep) -> tuple[int, tuple[float, ...]] | None:
     """Return the tick and HIP (m) of a step that was not answered; None where there was none."""
+    # 0 coordinates: the last step was answered.
     count = int(pending[0])
     return (int(pending[1]), tuple(pending[2 : 2 + count])) if count else None
 
 
 def count_answer() -> None:
     """Count an answer of a renderer."""
+    # One process counts and others only read: no lock is needed.
     _pulse[0] += 1
     _pending[0] = 0
 
@@ -49,6 +52,7 @@ def count_answer() -> None:
 @contextmanager
 def compiling() -> Iterator[None]:
     """While it lasts, this process compiles, and no renderer is to blame for its silence."""
+    # A count and no flag: kernels that are compiled may call others that are compiled meanwhile.
     _pulse[1] += 1
     try:
         yield

@@ -71,6 +71,7 @@ def pytest_configure(config: pytest.Config) -> None:
         argument for argument in config.args if argument == ROOT or argument.startswith(f"{ROOT}::")
     ]
     if config.getoption("hapticeval"):
+        # An id of ours is no path: pytest would look for a file of that name.
         config.args[:] = [argument for argument in config.args if argument not in config.stash[CHOSEN_IDS]]
     elif any("::" in node_id for node_id in config.stash[CHOSEN_IDS]):
         raise pytest.UsageError(f"{config.stash[CHOSEN_IDS][0]} needs --hapticeval RENDERER")
@@ -82,6 +83,7 @@ def pytest_make_collect_report(collector: pytest.Collector) -> Iterator[None]:
     outcome = yield
     if isinstance(collector, pytest.Session) and collector.config.getoption("hapticeval"):
         report = cast("Any", outcome).get_result()
+        # The root beside the directories and files that pytest has collected itself.
         report.result.append(Renderers.from_parent(collector, name=ROOT, nodeid=ROOT))
 
 
@@ -95,6 +97,7 @@ class Renderers(pytest.Collector):
 
         options = self.config.getoption
         try:
+            # A name that leads nowhere is an error of the collection, not of every verdict.
             for name in options("hapticeval"):
                 resolve(name)
             selection = Selection.of(
@@ -109,6 +112,7 @@ class Renderers(pytest.Collector):
         suites = {suite.name: suite for suite, _ in selection.cases}
         suite_collectors = [_Suite.from_parent(self, name=name, selection=selection) for name in suites]
         chosen_ids = [node_id for node_id in self.config.stash[CHOSEN_IDS] if node_id != ROOT]
+        # Collected here for the check of the ids alone; pytest collects again for itself.
         ids = [
             verdict_item.nodeid
             for suite in suite_collectors
@@ -168,10 +172,12 @@ class VerdictItem(pytest.Item):
         self.case, self.renderer, self.check = parent, renderer, check
         selection, place = parent.selection, f"{parent.suite.name}/{parent.case.name}/{check}"
         self.add_marker(pytest.mark.hapticeval)
+        # With --dist loadgroup all verdicts of one run go to one process: the case is judged once.
         if self.config.pluginmanager.hasplugin("xdist"):
             self.add_marker(pytest.mark.xdist_group(f"{renderer} {parent.suite.name}/{parent.case.name}"))
         entry = selection.known.entries.get((renderer, place))
         if entry is not None:
+            # xfail by `raises`: only the failure that is on the list is expected, no other.
             self.add_marker(pytest.mark.xfail(reason=entry.reason, raises=KnownFailure, strict=selection.strict))
 
     def runtest(self) -> None:
@@ -240,6 +246,7 @@ def _judge_case(config: pytest.Config, renderer: AnyRenderer, suite: Suite, case
     """Return what the checks of a case find, judged once for items that follow one another."""
     from hapticeval import api
 
+    # pytest runs items in order, so that the verdicts of one case follow one another: one result is enough to keep.
     last = config.stash.get(LAST_JUDGED, None)
     if last is None or last.renderer is not renderer or last.place != (suite.name, case):
         results = api.run([renderer], suites=replace(suite, cases=(case,), rows=()), workers=0)
@@ -257,8 +264,10 @@ def conclude(node: pytest.Item, results: Results, check: str, selection: Selecti
     __tracebackhide__ = True
     verdict = selection.known.marked(next(entry for entry in results.verdicts if entry.check == check))
     _note_known(node, selection.known_file, [verdict])
+    # A verdict that passes though it is listed is told by the strict xfail mark, not here.
     if verdict.stops(strict=selection.strict) and not (verdict.outdated and verdict.outcome == "pass"):
         raise NotConforming(describe_verdict(node.config, results, verdict))
+    # What does not stop: not applicable is skipped, known and warned-of failures are expected, and the rest passes.
     if verdict.outcome == "not-applicable":
         pytest.skip(verdict.message)
     if verdict.standing == "known":
@@ -287,6 +296,7 @@ def _describe_place(verdict: VerdictEntry) -> str:
     from hapticeval.errors import in_mm
 
     evidence = verdict.evidence
+    # Evidence comes from checks of other people too: each entry is looked at before it is formatted.
     parts = [f"t = {evidence['time']:.4g} s"] if isinstance(evidence.get("time"), float) else []
     for name in ("hip", "ihip"):
         point = evidence.get(name)
@@ -300,6 +310,7 @@ def _draw_picture(config: pytest.Config, results: Results, verdict: VerdictEntry
     from hapticeval.files import file_stem
 
     name = file_stem(f"{verdict.suite}-{verdict.case}-{verdict.renderer}")
+    # -p no:cacheprovider takes the cache away.
     cache = getattr(config, "cache", None)
     if cache is None:
         return "none, for pytest has no cache"
@@ -316,6 +327,7 @@ def _selection_of(marker: pytest.Mark, folder: Path) -> Selection:
     from hapticeval.errors import HapticevalError
 
     options = {"suite": DEFAULT_SUITE, "select": (), "known": None, "strict": False, "renderer": None, **marker.kwargs}
+    # Five options are all: a sixth key is a word that the marker does not know.
     if marker.args or len(options) > 5:
         raise pytest.UsageError(f"@pytest.mark.hapticeval takes no others than {MARKER.partition(':')[0]}")
     try:
@@ -332,6 +344,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if marker is None or "hapticeval" not in metafunc.fixturenames:
         return
     selection = _selection_of(marker, metafunc.definition.path.parent)
+    # One parameter a verdict: its id is that of the verdict.
     places = [(selection, suite, case, check) for suite, case in selection.cases for check in case.checks]
     ids = [f"{suite.name}/{case.name}/{check}" for _, suite, case, check in places]
     metafunc.parametrize("hapticeval", places, ids=ids, indirect=True)
@@ -346,6 +359,7 @@ def hapticeval(request: pytest.FixtureRequest) -> Callable[..., Any]:
     """
     place = getattr(request, "param", None)
     config = request.config
+    # Without the marker there are no parameters: the fixture judges all cases at once.
     if place is None:
 
         def judge_all(renderer: AnyRenderer, **options: Any) -> Results:
@@ -363,6 +377,7 @@ def hapticeval(request: pytest.FixtureRequest) -> Callable[..., Any]:
             raise pytest.UsageError("hapticeval(RENDERER): no renderer is given, and none by the marker")
         results = _judge_case(config, judged_renderer, suite, case)
         name = results.document.renderers[0]
+        # The renderer is known only now, and with it what of the list is about it.
         entry = selection.known.entries.get((name, f"{suite.name}/{case.name}/{check}"))
         if entry is not None:
             request.applymarker(pytest.mark.xfail(reason=entry.reason, raises=KnownFailure, strict=selection.strict))
@@ -414,6 +429,7 @@ def _note_known(node: pytest.Item, listed: Path | None, verdicts: Iterable[Verdi
         (str(listed), verdict.renderer, verdict.suite, *(describe_outdated(verdict) if verdict.outdated else ()))
         for verdict in verdicts
     ]
+    # User properties travel from xdist's processes with the report; the stash does not.
     node.user_properties += [(KNOWN_PROPERTY, note) for note in dict.fromkeys(notes)]
 
 
@@ -429,6 +445,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     lines: list[str] = []
     for file in dict.fromkeys(note[0] for note in notes):
         ran = [note[1:3] for note in notes if note[0] == file]
+        # What ran with this list: entries of other renderers and suites were not planned.
         renderers, suites = ({pair[at] for pair in ran} for at in (0, 1))
         known = read_known(Path(file))
         lines += known.unplanned(sorted(renderers), sorted(suites)) + known.unsized()

@@ -24,6 +24,7 @@ def parse_duration(text: str, *, option: str) -> float:
 
 
 def _parsed(text: str, units: Mapping[str, float], option: str, example: str) -> float:
+    # A text that is not of that form, or `1e` and the like, gives NaN, which the checks below refuse.
     match = NUMBER.fullmatch(text)
     try:
         number = float(match[1]) if match else math.nan
@@ -45,6 +46,7 @@ def _parsed(text: str, units: Mapping[str, float], option: str, example: str) ->
 def number(value: float, digits: int = 4) -> str:
     """Format a number, as in `0.83`, `1450`, `120,000`; with a power of ten from 1e6 on and below 1e-4 only."""
     text = f"{value:.{digits}g}"
+    # The format "g" turns to powers of ten at once beyond the digits: 120,000 at four digits is 1.2e+05.
     mantissa, e, power = text.partition("e")
     if not e:
         return text
@@ -68,7 +70,9 @@ def length(metres: float, *, micro: str = "µ") -> str:
     if metres == 0.0:
         return "0"
     unit, scale = next(
-        ((u, s) for u, s in (("mm", 1e3), (f"{micro}m", 1e6), ("nm", 1e9)) if metres * s >= 0.0995), ("pm", 1e12)
+        # The first unit in which the number does not round to less than 0.1.
+        ((u, s) for u, s in (("mm", 1e3), (f"{micro}m", 1e6), ("nm", 1e9)) if metres * s >= 0.0995),
+        ("pm", 1e12),
     )
     value = metres * scale
     return f"{number(value, 2) if value < 99.5 else number(round(value))} {unit}"
@@ -77,7 +81,9 @@ def length(metres: float, *, micro: str = "µ") -> str:
 def duration(seconds: float, *, micro: str = "µ") -> str:
     """Format a time in the unit that suits its size, as in `2.4 µs`."""
     unit, scale = next(
-        ((u, s) for u, s in (("s", 1.0), ("ms", 1e3), (f"{micro}s", 1e6)) if seconds * s >= 0.995), ("ns", 1e9)
+        # The first unit in which the number is about 1 or more: 0.995 s is 0.995 s, 0.994 s is 994 ms.
+        ((u, s) for u, s in (("s", 1.0), ("ms", 1e3), (f"{micro}s", 1e6)) if seconds * s >= 0.995),
+        ("ns", 1e9),
     )
     return f"{number(seconds * scale, 3)} {unit}"
 
@@ -90,6 +96,7 @@ def size(count: int) -> str:
 
 def aligned(rows: Sequence[Sequence[str]], *, left: int | None = None) -> list[str]:
     """Return rows of cells as lines with aligned columns: the first `left` (all unless given) to the left."""
+    # A column is as wide as its longest cell.
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     sides = ["<" if left is None or place < left else ">" for place in range(len(widths))]
     return [

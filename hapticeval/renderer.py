@@ -63,6 +63,7 @@ class Declaration:
         """Whether its values are such as they should be."""
         lengths = (self.ihip_scatter, self.force_scatter, self.force_resolution)
         return (
+            # Declarations come from foreign code: no type is trusted.
             self.spring in (None, *Spring)
             and self.closed_form in (None, *SCHEMES)
             and isinstance(self.force_only, bool)
@@ -83,6 +84,7 @@ class Declaration:
 
 
 def _is_number(value: object) -> bool:
+    # bool is a subclass of int.
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
@@ -219,11 +221,13 @@ def abilities_of(renderer: object) -> Abilities:
     `UnknownNameError`, with the closest names, for a requirement that there is not.
     """
     known = _KNOWN_ABILITIES.get(id(renderer))
+    # An id is used again after an object is gone: the weak reference tells that it is another one.
     if known is not None and known[0]() is renderer:
         return known[1]
     with renderer_errors("attributes"):
         abilities = _read_abilities(renderer)
     with suppress(TypeError):  # what cannot be referred to weakly is read again
+        # The entry goes with the renderer.
         key = id(renderer)
         _KNOWN_ABILITIES[key] = weakref.ref(renderer, lambda _: _KNOWN_ABILITIES.pop(key, None)), abilities
     return abilities
@@ -233,6 +237,7 @@ _KNOWN_ABILITIES: dict[int, tuple[weakref.ref[object], Abilities]] = {}
 
 
 def _read_abilities(renderer: object) -> Abilities:
+    # One with both reset and step, and simulate, is asked tick by tick.
     steps = _has_method(renderer, "reset") and _has_method(renderer, "step")
     if not steps and not _has_method(renderer, "simulate"):
         raise RendererError(
@@ -240,6 +245,7 @@ def _read_abilities(renderer: object) -> Abilities:
             why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
             todo="see docs/write-a-renderer.md",
         )
+    # Each attribute is read once: a property may be expensive, or answer differently.
     surface, pieces, law, promise = (getattr(renderer, name, None) for name in ("surface", "pieces", "law", "declares"))
     for name, boundary in (("surface", surface), ("pieces", pieces)):
         if boundary is not None and not is_boundary(boundary):
@@ -287,6 +293,7 @@ def _declared_length(renderer: object, name: str) -> float:
         length = float(value)
     except (TypeError, ValueError):
         length = math.nan
+    # NaN fails here too.
     if not 0.0 <= length < math.inf:
         raise RendererError(
             f"the renderer declares {name} = {value!r}",
@@ -301,9 +308,11 @@ def _declared_support(declaring: object) -> frozenset[str] | None:
     names = getattr(declaring, "supports", None)
     if isinstance(declaring, type) and not isinstance(names, Collection):
         return None  # a property of what the class makes
+    # A method says it: observe_force is what a force sensor is for.
     feels = {FORCE_SENSOR} if hasattr(declaring, "observe_force") else set()
     if names is None:
         return frozenset(feels) or None
+    # A string is a collection of its letters.
     if isinstance(names, str) or not (isinstance(names, Collection) and all(isinstance(name, str) for name in names)):
         raise RendererError(
             f"the renderer declares supports = {names!r}",
@@ -323,6 +332,7 @@ def check_support(scene: Scene, supports: frozenset[str]) -> None:
     declared a renderer is given both kinds, and its own code refuses what it cannot take, as `scene.model.curve` does.
     A renderer that has `observe_force` supports "force-sensor" without declaring it.
     """
+    # Neither kind of model declared: both are tried, and its own code refuses.
     anywhere = supports.isdisjoint((PLANE, SPACE))
     lacking = {
         name: meaning
@@ -366,6 +376,7 @@ def choices_of(factory: object) -> Choices:
         attributes: dict[str, Any] = {name: getattr(factory, name, None) for name in Choices.__dataclass_fields__}
         for name in ("regulations", "representations"):
             attributes[name] = None if attributes[name] is None else tuple(attributes[name])
+        # What is no mapping, such as a method of that name, declares no knobs.
         knobs = attributes["knobs"] if isinstance(attributes["knobs"], Mapping) else {}
         if knobs and not callable(attributes["with_knobs"]):
             raise InputError(

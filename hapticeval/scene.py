@@ -64,8 +64,10 @@ class Scene:
                 f"restitution = {self.restitution!r}",
                 why="a collision that creates energy is not passive: c_r of (3.5) lies between 0 and 1",
             )
+        # The scene is frozen: this is the one way to put the effects in order.
         object.__setattr__(self, "effects", in_order(self.effects))
         for effect in self.effects:
+            # First the effect on the device, then the effects with one another and with the gains.
             effect.check(self.robot)
             effect.fits(self)
 
@@ -84,6 +86,7 @@ class Scene:
 
         By its kind an effect is asked for without importing it.
         """
+        # A class of effects carries its kind as an attribute.
         of = kind if isinstance(kind, str) else kind.kind
         return next((effect for effect in self.effects if effect.kind == of), None)
 
@@ -105,10 +108,12 @@ class Scene:
     @property
     def requirements(self) -> dict[str, str]:
         """Return what this scene asks of a renderer: name -> meaning, to complete "the scene asks for NAME: ..."."""
+        # Effects of the stage ANSWER are put on the answers of any renderer, and so ask nothing of it.
         names = [PLANE if self.model.dimension == 2 else SPACE]
         names += [BILATERAL] if self.bilateral else []
         names += [effect.kind for effect in self.effects if effect.stage is not Stage.ANSWER]
         known = requirements()
+        # Kinds without a meaning in the catalogue ask nothing of a renderer.
         return {name: known[name] for name in names if name in known}
 
     @property

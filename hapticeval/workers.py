@@ -64,6 +64,7 @@ PARENT_CHECK_PERIOD = 1.0
 def _processor_wait(worker: _Worker) -> float:
     """Return the seconds that a process has waited for a processor so far; 0.0 where it is not known."""
     try:
+        # /proc/PID/schedstat: ns on a processor, ns waiting for one, and the number of turns. Linux alone has it.
         return 1e-9 * int(Path(f"/proc/{worker.process.pid}/schedstat").read_bytes().split()[1])
     except (OSError, ValueError, IndexError):
         return 0.0
@@ -194,6 +195,7 @@ class _Worker:
         """Return what it writes until then: outermost frame first, below the call; empty where it writes nothing."""
         text = b""
         with contextlib.suppress(OSError):
+            # faulthandler writes in pieces, and says nowhere that it is done: the time decides.
             while self.stack_pipe.poll(max(0.0, until - time.monotonic())):
                 piece = os.read(self.stack_pipe.fileno(), 1 << 16)
                 if not piece:
@@ -203,6 +205,7 @@ class _Worker:
             (file, int(line), function)
             for file, line, function in re.findall(r'^  File "(.*)", line (\d+) in (.*)$', text.decode(), re.MULTILINE)
         ]
+        # faulthandler writes the innermost frame first; from `_serve` on the frames are ours, and left out.
         calls = [place for place, (file, _, name) in enumerate(frames) if (file, name) == (__file__, _serve.__name__)]
         return tuple(reversed(frames[: calls[0] if calls else None]))
 
@@ -210,6 +213,7 @@ class _Worker:
         """Close the pipe and kill the process after so many seconds; return the exit code if it ended before."""
         self.pipe.close()
         self.stack_pipe.close()
+        # Popen and BaseProcess do the same under different names.
         if isinstance(self.process, subprocess.Popen):
             try:
                 return self.process.wait(patience)
@@ -218,6 +222,7 @@ class _Worker:
                 self.process.wait()
                 return None
         self.process.join(patience)
+        # Read before the kill: None where it had not ended by itself.
         code = self.process.exitcode
         self.process.kill()
         self.process.join()
@@ -261,6 +266,7 @@ class Workers(Generic[T]):
         return self
 
     def __exit__(self, *_: object) -> None:
+        # What works is killed at once; who waits is told first, all of them, and then waited for.
         for call in self._begun.values():
             call.worker.end(0.0)
         for worker in self._idle:
@@ -298,15 +304,18 @@ class Workers(Generic[T]):
             except Exception:  # the arguments cannot travel, and nothing of them was sent
                 self._idle.append(worker)
                 raise
+            # What the call before left there is not of this one.
             worker.pending_step[0] = 0
             self._begun[call] = _Call(worker, arguments, killed, time.monotonic(), _processor_wait(worker))
             return
 
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
         """Return the answers that there are, after waiting for the first, for at most `timeout` seconds if given."""
+        # With a count of 0 the answers are here already.
         answers, self._local_answers = self._local_answers, []
         calls = {begun.worker.pipe: call for call, begun in self._begun.items()}
         for pipe in multiprocessing.connection.wait(list(calls), timeout) if calls else ():
+            # A pipe is ready with an answer, or because its other end is closed: the process is gone.
             call = calls[cast("Connection", pipe)]
             worker, arguments, killed, *_ = self._begun.pop(call)
             try:
@@ -314,6 +323,7 @@ class Workers(Generic[T]):
             except (EOFError, OSError):  # in the middle of an answer, or before
                 stack, pending = worker.stack(time.monotonic()), unanswered_step(worker.pending_step)
                 ended = Ended(worker.end(EXIT_PATIENCE), pending, stack)
+                # Killed from outside, as for lack of memory: another process tries, so often and no more.
                 if ended.killed and killed + 1 < self._tries:
                     self._begin(call, arguments, killed + 1)
                 else:
@@ -330,11 +340,13 @@ class Workers(Generic[T]):
 
         What they have waited for a processor meanwhile does not count, see `starved`.
         """
+        # Two steps: the file of the second is read only for calls that are old by the clock.
         end = time.monotonic() - seconds
         old = [(call, at) for call, at in self._begun.items() if at.begun < end]
         late = [call for call, at in old if at.begun + _processor_wait(at.worker) - at.waited < end]
         workers = {call: self._begun.pop(call).worker for call in late}
         for worker in workers.values():
+            # All are asked before any is waited for: several stacks take the time of one.
             worker.ask_for_stack()
         until = time.monotonic() + STACK_PATIENCE
         given_up: list[Answer[T]] = []
@@ -366,6 +378,7 @@ class Workers(Generic[T]):
         return answers, compilations > 0
 
     def _new(self) -> _Worker:
+        # Calls and answers by one pipe, stacks by another: a stack may come in the middle of an answer.
         ours, theirs = multiprocessing.Pipe()
         stack_pipe, stack_end = multiprocessing.Pipe(duplex=False)
         process: BaseProcess | subprocess.Popen[bytes]
@@ -380,6 +393,7 @@ class Workers(Generic[T]):
             arguments = (theirs, stack_end, (ours, stack_pipe), self._function, pulse, pending)
             process = multiprocessing.Process(target=_serve_forked, args=arguments)
             process.start()
+        # Only the child holds these ends now: when it dies, reading here ends.
         theirs.close()
         stack_end.close()
         return _Worker(process, ours, stack_pipe, pulse, pending)
@@ -423,6 +437,7 @@ def _end_with_parent(parent: int) -> None:
     """
 
     def watch() -> None:
+        # The system gives an orphan another parent.
         while os.getppid() == parent:
             time.sleep(PARENT_CHECK_PERIOD)
         os._exit(1)
@@ -433,6 +448,7 @@ def _end_with_parent(parent: int) -> None:
 def _serve(pipe: Connection, stack_end: Connection, function: Callable[..., Any]) -> None:
     """Answer calls until the other end of the pipe is closed; it closes as well when the parent dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A crash in compiled code leaves its stack there too.
     faulthandler.enable(file=stack_end.fileno(), all_threads=False)
     if STACK_SIGNAL is not None:
         faulthandler.register(STACK_SIGNAL, file=stack_end.fileno(), all_threads=False)
@@ -459,10 +475,12 @@ def _pickled_answer(value: Any, error: Exception | None) -> bytes:
             return pickle.dumps((value, None))
     except Exception as raised:
         error = raised
+    # A traceback does not travel: it goes along as a note.
     text = "".join(traceback.format_exception(error))
     error.add_note(f"in another process:\n{text}")
     try:
         answer = pickle.dumps((None, error))
+        # Some exceptions pickle and cannot be made again: tried here, not in the parent.
         pickle.loads(answer)
     except Exception:
         answer = pickle.dumps((None, RuntimeError(text)))

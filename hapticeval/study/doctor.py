@@ -114,6 +114,7 @@ def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> It
     first: dict[object, str] = {}
     with Workers(_put_question, 1) as crew:
         for kind in MODELS:
+            # Once a model: what compiles here is not waited for at the renderer's cost.
             _await_answer(crew, MODEL_PATIENCE, waiting, f"preparing the {MODELS[kind]}", name, kind, "")
             for what in QUESTIONS:
                 place = f"'{what}' in {'the ' * (kind == 'plane')}{kind}"
@@ -121,6 +122,7 @@ def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> It
                     state, text = _await_answer(crew, patience, waiting, f"waiting for {place}", name, kind, what)
                 except RendererBroke as broke:
                     state, text = State.BROKE, broke.text
+                    # The same fault breaks most questions: it is told once.
                     if broke.cause in first:
                         text = f"as at {first[broke.cause]}"
                     first.setdefault(broke.cause, place)
@@ -128,6 +130,7 @@ def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> It
                         yield ContractFinding(what, kind, state, text)
                         return
                 yield ContractFinding(what, kind, state, text)
+                # A renderer that was not made can be asked nothing on this model.
                 if what == "made" and state is not State.OK:
                     refused += state is State.NOTE
                     break
@@ -145,6 +148,7 @@ def _await_answer(
     begun, starved = time.monotonic(), crew.starved(0)
     while not (answers := crew.answers(POLL_PERIOD) or crew.give_up(patience)):
         if waiting is not None:
+            # Time that the process has waited for a processor is not the renderer's.
             waiting(asked_for, time.monotonic() - begun - (crew.starved(0) - starved), patience)
     answer = answers[0]
     if isinstance(answer.error, Overdue):
@@ -223,20 +227,25 @@ def _hand_path(scene: Scene, standoff: float) -> HandPath:
     model = scene.model
     size = model.size
     low, high = np.reshape(model.boundary.bounds, (2, -1))
+    # Beside the middle of a face, a little off its axes of symmetry: the closest point is on no corner or edge.
     start = 0.5 * (low + high) + 0.05 * size * np.arange(1, low.size + 1) / low.size
+    # Outside the box, so that the closest point is on the surface towards +x.
     start[0] = high[0] + 0.1 * size
     frame = model.boundary.closest_point(start[np.newaxis])
     foot, normal = frame.foot[0], frame.normal[0]
+    # Height over the foot: half the depth and the standoff above the surface, down to the depth, a rest, and back.
     heights = np.arange(0.5 * LEAD_DEPTH + standoff / size, -LEAD_DEPTH, -LEAD_STEP) * size
     heights = np.concatenate(
         [heights, np.full(REST_TICKS, -LEAD_DEPTH * size), heights[::-1], np.full(REST_TICKS, heights[0])]
     )
+    # argmin is the first row of the rest at the deepest point; this is its last one.
     deep = int(np.argmin(heights)) + REST_TICKS - 1
     return HandPath(foot + heights[:, np.newaxis] * normal, deep, len(heights) - REST_TICKS, foot, normal)
 
 
 def _answers_along(case: Case, hips: Array, dt: float) -> tuple[Array, Array]:
     """Return the answers, (n, N) each, of a reset and a step a row."""
+    # As the runner does: the velocity from this sample and the last one.
     velocity = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
     reset_checked(case.renderer, hips[0])
     answers = [step_checked(case.renderer, k, hip, velocity[k], dt) for k, hip in enumerate(hips)]
@@ -244,6 +253,7 @@ def _answers_along(case: Case, hips: Array, dt: float) -> tuple[Array, Array]:
 
 
 def _rounding_of(hips: Array) -> float:
+    # A renderer may work in single precision: four of its units in the last place of the largest coordinate.
     return 4.0 * SINGLE * float(np.abs(hips).max())
 
 
@@ -254,6 +264,7 @@ def _check_free_space(case: Case) -> StateAndText:
     off, force = float(np.linalg.norm(ihips - hips, axis=1).max()), float(np.linalg.norm(forces, axis=1).max())
     if force > 0.0:
         return State.MISSING, f"a force of {force:.3g} N in free space: return zero there"
+    # Millimetres for metres is the likeliest cause, and has an advice of its own.
     if off > _rounding_of(hips):
         if _is_thousandfold(ihips, hips):
             return State.MISSING, "the IHIP is a thousand times the HIP: points are in m, not in mm"
@@ -269,6 +280,7 @@ def _check_contact(case: Case) -> StateAndText:
     ihips, forces = _answers_along(case, path.hips[: path.deep + 1], scene.sampling_time)
     touches = getattr(case.renderer, "contact", None)
     depth = LEAD_DEPTH * scene.model.size
+    # The part of the force along the outward normal, N.
     outwards = float(forces[-1] @ path.normal)
     if not forces[-1].any() and np.linalg.norm(ihips[-1] - path.hips[path.deep]) <= _rounding_of(path.hips):
         return (
@@ -279,6 +291,7 @@ def _check_contact(case: Case) -> StateAndText:
         return State.MISSING, f"the force {forces[-1]} N does not push the hand out, along {path.normal}: turn its sign"
     if touches is False:
         return State.MISSING, f"it reports free space {1e3 * depth:.3g} mm under the surface"
+    # Distance of the IHIP from the true surface, m: what a standoff would have to declare.
     off = abs(float(scene.model.boundary.signed_distance(ihips[-1:])[0]))
     abilities, farthest = abilities_of(case.renderer), farthest_standoff(scene)
     force = f"{outwards:.3g} N at {1e3 * depth:.3g} mm, of {scene.stiffness * depth:.3g} N of a spring"
@@ -293,11 +306,13 @@ def _check_contact(case: Case) -> StateAndText:
             "model's size: what lies farther off is another surface. A smaller tool, or a larger model, is judged "
             "fairly",
         )
+    # A thousandth of the depth for a renderer that holds the surface coarsely.
     if off > abilities.standoff + _rounding_of(path.hips) + 1e-3 * depth:
         return (
             State.MISSING,
             f"the IHIP is {1e3 * off:.3g} mm off the surface: declare a standoff of that, or put it there",
         )
+    # Compared with a spring of the scene's stiffness, either way: N/mm for N/m, or N/m for N/mm.
     if _is_thousandfold(scene.stiffness * depth * path.normal, forces[-1]) or _is_thousandfold(
         forces[-1], scene.stiffness * depth * path.normal
     ):
@@ -314,6 +329,7 @@ def _advise_without_ihip(declared: Declaration | None) -> str:
 
 def _is_thousandfold(values: Array, right: Array) -> bool:
     """Whether numbers are a thousand times the right ones, as where a unit is taken for another."""
+    # Within a tenth: another law than a spring differs by some per cent, a unit by 1000.
     return bool(np.linalg.norm(values - 1e3 * right) <= 0.1 * np.linalg.norm(1e3 * right))
 
 
@@ -321,6 +337,7 @@ def _check_leaving(case: Case) -> StateAndText:
     """Out again it lets go, within the lag that is granted."""
     path = case.path
     ihips, forces = _answers_along(case, path.hips, case.scene.sampling_time)
+    # The rest outside, without the ticks in which a contact may still end.
     last = slice(path.out + LAG_TICKS, None)
     if forces[last].any() or np.linalg.norm(ihips[last] - path.hips[last], axis=1).max() > _rounding_of(path.hips):
         return State.MISSING, "it still holds the hand that has left the model: compare with the surface in each tick"
@@ -332,6 +349,7 @@ def _check_reset(case: Case) -> StateAndText:
     dt = case.scene.sampling_time
     first = _answers_along(case, case.path.hips[: case.path.deep + 1], dt)
     second = _answers_along(case, case.path.hips[: case.path.deep + 1], dt)
+    # The largest difference of an IHIP (m) and of a force (N).
     apart = [float(np.abs(a - b).max()) for a, b in zip(first, second, strict=True)]
     declared = abilities_of(case.renderer).declares
     allowed = (0.0, 0.0) if declared is None else (declared.ihip_scatter, declared.force_scatter)
@@ -346,6 +364,7 @@ def _check_reset(case: Case) -> StateAndText:
 def _check_reset_inside(case: Case) -> StateAndText:
     """A reset with the hand inside, as closed loops do, begins in contact."""
     hip = case.path.hips[case.path.deep]
+    # The hand rests inside for as long as an answer may be late.
     _, forces = _answers_along(case, np.repeat(hip[np.newaxis], LAG_TICKS + 1, axis=0), case.scene.sampling_time)
     if forces[-1] @ case.path.normal < 0.0:
         return State.MISSING, "after a reset with the hand inside the force pulls the hand in: turn its sign"
@@ -361,12 +380,14 @@ def _check_batch(case: Case) -> StateAndText:
     dt = case.scene.sampling_time
     single = _answers_along(case, case.path.hips, dt)
     with renderer_errors("run()"):
+        # A copy: a renderer that writes into its argument must not change the path.
         answer = cast("Batch", case.renderer).run(case.path.hips.copy(), dt)
         batch = [np.asarray(values, dtype=np.float64) for values in answer]
     shapes = [values.shape for values in batch]
     if shapes != [case.path.hips.shape] * 2:
         raise RendererError(f"the renderer's run() answered shapes {shapes}, not two of {case.path.hips.shape}")
     apart = [float(np.abs(a - b).max()) for a, b in zip(single, batch, strict=True)]
+    # Written with `not <=`, so that NaN is a difference.
     if not apart[0] <= _rounding_of(case.path.hips) or not apart[1] <= case.scene.stiffness * _rounding_of(
         case.path.hips
     ):
@@ -378,12 +399,14 @@ def _check_non_finite(case: Case) -> StateAndText:
     """A HIP that is not finite is refused, and leaves nothing behind."""
     dt, hips = case.scene.sampling_time, case.path.hips[: case.path.deep + 1]
     before = _answers_along(case, hips, dt)
+    # NaN in every coordinate, as of a broken sensor.
     nowhere = np.full_like(hips[0], np.nan)
     try:
         answer = case.renderer.step(nowhere, np.zeros_like(nowhere), dt)
         finite = all(np.isfinite(np.asarray(values, dtype=np.float64)).all() for values in answer)
     except Exception:  # as it should
         finite = False
+    # Whatever it answered: after a reset it must be as before, to the bit.
     if not all(map(np.array_equal, before, _answers_along(case, hips, dt))):
         return State.MISSING, "after a HIP that is not finite, and a reset, it answers otherwise than before"
     if finite:
@@ -397,6 +420,7 @@ def _check_speed(case: Case) -> StateAndText:
     reset_checked(case.renderer, hips[0])
     still, spent = np.zeros_like(hips[0]), []
     for k in range(TIMED_TICKS):
+        # Called bare, without the checks of `step_checked`: their time is not the renderer's.
         with renderer_errors("step()", tick=k, hip=hips[k % len(hips)]):
             begun = time.perf_counter()
             case.renderer.step(hips[k % len(hips)], still, dt)

@@ -54,13 +54,19 @@ def energy_field(renderer: Batch, curve: Curve, *, cell: float = 1e-3) -> Energy
     counts = [max(1, int(np.ceil((high - low) / cell))) for low, high in ((xmin, xmax), (ymin, ymax))]
     xs, ys = xmin + cell * np.arange(counts[0] + 1), ymin + cell * np.arange(counts[1] + 1)
     centres = np.stack(np.meshgrid(xs[:-1] + 0.5 * cell, ys[:-1] + 0.5 * cell), axis=-1)
+    # Depth is positive inside, a signed distance negative.
     depth = -curve.signed_distance(centres.reshape(-1, 2)).reshape(centres.shape[:2])
+    # Gauss and Legendre on [-1, 1], moved to a side of length h: x = h/2 (1 + node), weight h/2.
     shares, weights = 0.5 * cell * (1.0 + NODES), 0.5 * cell * WEIGHTS
+    # Points on all horizontal sides (rows + 1, columns, 8, 2), then on all vertical ones (rows, columns + 1, 8, 2).
     along_x = np.stack(np.broadcast_arrays(xs[:-1, np.newaxis] + shares, ys[:, np.newaxis, np.newaxis]), axis=-1)
     along_y = np.stack(np.broadcast_arrays(xs[:, np.newaxis], (ys[:-1, np.newaxis] + shares)[:, np.newaxis]), axis=-1)
+    # The work along each side: the integral of F_x to the right, and of F_y up.
     right = _forces_at(renderer, along_x)[..., 0] @ weights
     up = _forces_at(renderer, along_y)[..., 1] @ weights
+    # Anticlockwise: right along the lower side, up the right one, back along the upper, down the left one.
     round_about = right[:-1] + up[:, 1:] - right[1:] - up[:, :-1]
+    # Green: work round a cell = curl x area. The forces act on the hand, so the work is what it gets.
     return EnergyField(centres, cell, np.where(depth > cell, round_about / cell**2, np.nan), depth)
 
 
@@ -72,8 +78,10 @@ def _forces_at(renderer: Batch, points: Array) -> Array:
 def work_round(renderer: Batch, centre: tuple[float, float], radius: float) -> Loop:
     """Lead a renderer once round a circle (m), by the trapezoid over `LOOP_POINTS` points."""
     angles = np.linspace(0.0, 2.0 * np.pi, LOOP_POINTS + 1)
+    # The last point is the first one again: the loop is closed.
     hips = np.asarray(centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     _, forces = renderer.run(hips, 1.0)
+    # W = sum of (F_k + F_k+1)/2 . (x_k+1 - x_k), J.
     work = float(np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(hips, axis=0)))
     return Loop((float(centre[0]), float(centre[1])), radius, work)
 
@@ -88,9 +96,11 @@ def works_at(field: EnergyField, radius: float) -> Array:
     reach = int(np.ceil(radius / field.cell))
     steps = field.cell * np.arange(-reach, reach + 1)
     disc = (np.hypot(steps[:, np.newaxis], steps) <= radius).astype(np.float64)
+    # The sum of the curl over a disc about every centre at once is a convolution with the disc.
     total = fftconvolve(np.nan_to_num(field.curl), disc, mode="same") * field.cell**2
     # the disc as cells has another area
     share = np.pi * radius**2 / (disc.sum() * field.cell**2)
+    # Only discs all of whose cells are inside: elsewhere NaN was counted as zero.
     return np.where(field.depth > radius + field.cell, share * total, np.nan)
 
 
@@ -104,6 +114,7 @@ def worst_loop(
     """
     works = np.abs(works_at(field, radius))
     works[(field.depth < depths[0]) | (field.depth > depths[1])] = np.nan
+    # From the largest magnitude down; NaN last.
     order = np.argsort(np.where(np.isnan(works), -1.0, works), axis=None)[::-1][:MEASURED_LOOPS]
     chosen = [tuple(field.centres.reshape(-1, 2)[index].tolist()) for index in order if works.flat[index] >= 0.0]
     if not chosen:

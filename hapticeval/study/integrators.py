@@ -49,9 +49,11 @@ def integration_benchmark(device: Device, *, ticks: int = 300, dt: float = TICK)
     angle = 2.0 * math.pi * 2.0 * dt * np.arange(ticks + 1)
     path = np.zeros((ticks + 1, size))
     path[:, 0], path[:, 1] = 0.03 * np.sin(angle), 0.03 * (1.0 - np.cos(angle))
+    # N m, constant in each tick and jumping at its ends: no method may step across one.
     torque = 0.2 * np.random.default_rng(0).standard_normal((ticks, size))
     states = np.zeros((ticks + 1, 2 * size))
     for k in range(ticks):
+        # From tick to tick, for the right-hand side is smooth within one only.
         states[k + 1] = advance_reference(device, states[k], torque[k], path[k : k + 2], grip, dt)
     return IntegrationBenchmark(device, dt, torque, path, grip, states)
 
@@ -69,9 +71,11 @@ def _slope(t: float, state: Array, *, device: Device, torque: Array, path: Array
     joints, rates = np.split(state, 2)
     jacobian = device.jacobian(joints)
     displacement = path[1] - path[0]
+    # The hand: a spring K (y_h - y) and a damper B (ẏ_h - ẏ), its path straight within the tick.
     push = grip[0] * (path[0] + t / dt * displacement - device.position(joints)) + grip[1] * (
         displacement / dt - jacobian @ rates
     )
+    # M q̈ = τ + Jᵀ F_hand - bias(q, q̇).
     net = torque + jacobian.T @ push - device.bias(joints, rates)
     return np.concatenate([rates, np.linalg.solve(device.inertia(joints), net)])
 
@@ -96,6 +100,7 @@ class Integrator:
 
 def relative_errors(states: Array, reference: Array) -> Array:
     """Return the error after each tick (n,), relative to the largest joint and the largest rate of the tick."""
+    # The first half of a state are joints, the second half rates: of different units, so each is relative by itself.
     size = states.shape[1] // 2
     astray = np.abs(states - reference)[1:]
     parts = [
@@ -140,9 +145,11 @@ def _measure_settings(task: IntegrationBenchmark, method: Method, rounds: int) -
         knob = "tolerance" if method.adaptive else "substeps"
         knobs = control(method, tolerance=value) if method.adaptive else control(method, substeps=int(value))
         run = Integrator(task, method, knobs)
+        # The error of one tick: each starts from the reference, so that errors do not add up.
         states, _ = run(afresh=True)
         tick_errors = relative_errors(states, task.states)
         _, steps = run(afresh=False)
+        # The shortest of the rounds: what disturbs a round only adds to its time.
         best = math.inf
         for _ in range(rounds):
             started = time.perf_counter()

@@ -69,9 +69,11 @@ def _judge_at_rates(name: str, factory: Any, check: str, rates: Sequence[float])
     took: list[tuple[float, float]] = []
     for rate in rates:
         row: dict[str, Any] = {"renderer": name, "check": check, "rate": rate}
+        # A rate that is left out keeps its row, which says why.
         if (expected := _expected_seconds(took, rate)) > LONGEST_RUN:
             rows.append({**row, "left_out": f"it would take some {expected:.0f} s"})
             continue
+        # The same case and gains, its one check, another sampling time 1 / rate.
         faster = msgspec.structs.replace(case, checks=(check,), scene={**case.scene, "sampling_time": 1.0 / rate})
         begun = time.perf_counter()
         judged = judge(factory, name, "rates", faster)
@@ -81,6 +83,7 @@ def _judge_at_rates(name: str, factory: Any, check: str, rates: Sequence[float])
         if finding.metric is not None:
             row |= {"metric": msgspec.to_builtins(finding.metric), "bound": finding.bound}
         rows.append(row)
+        # What refuses or breaks at one rate is not tried at the next.
         if finding.outcome in (Outcome.ERROR, Outcome.NOT_APPLICABLE):
             break
     return rows
@@ -91,6 +94,7 @@ def _expected_seconds(took: Sequence[tuple[float, float]], rate: float) -> float
     if len(took) < 2:
         return 0.0
     (first, quick), (second, slow) = took[-2:]
+    # A straight line through the last two: the ticks grow with the rate, and so does the time.
     return slow + max(slow - quick, 0.0) / (second - first) * (rate - second)
 
 
@@ -98,6 +102,7 @@ def _stiffness_limit(rate: float) -> dict[str, float | None]:
     """Find the largest stiffness (N/m) of the robot's loop at a rate: by its eigenvalues, and by (2.40)."""
     case = case_named(PRESS_CASE)
     scene = replace(case.build_scene(), device=device_named(ROBOT), sampling_time=1.0 / rate)
+    # The point of the plane nearest to the origin.
     frame = scene.model.boundary.closest_point(np.zeros((1, scene.model.dimension)))
     place = Place(frame.foot[0], frame.normal[0])
     robot = robot_at(scene.robot, place.point)

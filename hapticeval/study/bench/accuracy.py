@@ -78,6 +78,7 @@ def workload(kind: str, *, seed: int) -> Workload:
     scene = fresh_scene(kind, 0)
     boundary = scene.model.boundary
     if kind in PLANE:
+        # Single points anywhere inside, for accuracy, and a path for the time: times need a hand that moves.
         points = interior_points(scene.model, POINTS, seed=seed)
         table = {**PLANE[kind], "duration": SLIDE_SECONDS}
     else:
@@ -91,6 +92,7 @@ def fresh_scene(kind: str, number: int) -> Scene:
 
     Model number n is n parts in 1e12 larger than the others.
     """
+    # 1e-12 of 0.2 m is far below every error that is measured, and enough for another hash.
     grown = 1.0 + 1e-12 * number
     sizes = {"major": 0.07 * grown, "minor": 0.03 * grown} if kind == "torus" else {"size": MODEL_SIZE * grown}
     return Scene(model=make_model(kind, **sizes))
@@ -110,6 +112,7 @@ def points_under(boundary: Boundary, count: int, *, seed: int) -> Array:
     points = np.empty((0, 3))
     while points.shape[0] < count:
         drawn = random.uniform(low, high, (4 * count, 3))
+        # Rejection: uniform in the box, kept in the layer 0 < depth < 10 mm.
         depth = -boundary.signed_distance(drawn)
         points = np.vstack([points, drawn[(depth > 0.0) & (depth < DEEPEST_HAND)]])
     return np.ascontiguousarray(points[:count])
@@ -118,8 +121,10 @@ def points_under(boundary: Boundary, count: int, *, seed: int) -> Array:
 def path_under(boundary: Boundary) -> Array:
     """Return points (n, 3), m, 4 mm under a surface: under a straight line that passes beside it, askew to all axes."""
     reach = np.array(boundary.bounds[3:])
+    # A line on which one coordinate stays at 1.2 of the reach: it passes beside the model.
     along = np.linspace(-0.5, 0.5, 41)[:, np.newaxis]
     at = boundary.closest_point(reach * (np.array([0.3, 0.5, 1.2]) + along * np.array([1.0, 0.5, 0.0])))
+    # x = foot - depth n: straight under the closest point of each.
     return np.asarray(at.foot - SLIDE_DEPTH * at.normal)
 
 
@@ -135,12 +140,14 @@ def interior_points(model: Model, count: int, *, seed: int) -> Array:
     def nearest(points: Array) -> Array:
         return curve.position(curve.nearest(points))
 
+    # Beside a jump of the exact projection a small error of a renderer picks the other side, and counts as a large one.
     jumps = singular_geometry(singular_set(nearest, sample_projection(nearest, curve, cells=JUMP_CELLS)))
     xmin, ymin, xmax, ymax = curve.bounds
     random = np.random.default_rng(seed)
     points = np.empty((0, 2))
     while points.shape[0] < count:
         drawn = random.uniform((xmin, ymin), (xmax, ymax), (2 * count, 2))
+        # Two rejections: outside the model, then within 2 mm of a jump.
         drawn = drawn[curve.contains(drawn)]
         points = np.vstack([points, drawn[~shapely.dwithin(jumps, shapely.points(drawn), CLEARANCE)]])
     return np.ascontiguousarray(points[:count])
@@ -165,6 +172,7 @@ def answers_to(renderer: Renderer, work: Workload) -> Answers:
     still = np.zeros(work.points.shape[1])
     for row, hip in enumerate(work.points):
         reset_checked(renderer, hip)
+        # At rest a proxy that lags gets there; the last of these answers is the one that stays.
         for _ in range(LAG_TICKS + 1):
             ihips[row], forces[row] = step_checked(renderer, row, hip, still, work.dt)
     slid = play(renderer, work.slide, work.dt)
@@ -177,11 +185,15 @@ def errors_against(measured: Answers, reference: Answers, *, floor: float) -> Er
     Where one tool is free its IHIP is at the hand, and counts there. Directions are compared where both forces exceed
     the `floor`, N.
     """
+    # Directions of a force that is close to zero are noise: both must exceed the floor.
     size, reference_size = (np.linalg.norm(answers.force, axis=1) for answers in (measured, reference))
     pressed = np.minimum(size, reference_size) > floor
     a, b = (
-        np.pad(answers.force[pressed], ((0, 0), (0, 3 - answers.force.shape[1]))) for answers in (measured, reference)
+        # Padded to 3D with zeros, so that one cross product serves plane and space.
+        np.pad(answers.force[pressed], ((0, 0), (0, 3 - answers.force.shape[1])))
+        for answers in (measured, reference)
     )
+    # atan2(|a x b|, a . b) is exact for small angles, where the arc cosine loses half the digits.
     angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)))
     return {
         "ihip": _summary(np.linalg.norm(measured.ihip - reference.ihip, axis=1)),
@@ -192,6 +204,7 @@ def errors_against(measured: Answers, reference: Answers, *, floor: float) -> Er
 
 def _summary(values: Array) -> dict[str, float]:
     if values.size == 0:
+        # No pair of forces to compare: no error in direction.
         return dict.fromkeys(STATISTICS, 0.0)
     return {
         "rms": float(np.sqrt(np.mean(values**2))),
@@ -216,6 +229,7 @@ class Reference:
         if self.disagreement is None:
             return measured
         return {
+            # What is below ten times the reference's own error cannot be told from it.
             metric: {
                 statistic: max(value[statistic], MARGIN * self.disagreement[metric][statistic])
                 for statistic in STATISTICS
@@ -250,6 +264,7 @@ def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: 
         known = choices_of(exact).representation == "curve"
         return Reference("the exact curve", _answers_of_factory(exact, work), None) if known else None
     before, last = refinements(knobs, quick=quick)
+    # The change from the last refinement but one to the last bounds the error that is left.
     coarse, fine = (_answers_of_factory(configured(exact, settings, name=name), work) for settings in (before, last))
     return Reference(
         f"itself at {', '.join(f'{knob} {value:g}' for knob, value in last.items())}",
@@ -274,6 +289,7 @@ def nearest_of_ours(measured: Answers, work: Workload) -> Reference | None:
     if not known:
         return None
 
+    # The 99 per cent quantile: one point on the other side of a jump does not decide.
     def apart(name: str) -> float:
         return errors_against(measured, known[name], floor=force_floor(work.scene))["ihip"]["p99"]
 
@@ -289,6 +305,7 @@ def refinements(knobs: Mapping[str, Knob], *, quick: bool = False) -> tuple[Sett
     """
     chosen = {}
     for name, knob in knobs.items():
+        # Coarse to fine, without doubles: `finest` may repeat the end of `values`.
         values = tuple(dict.fromkeys((*knob.values, *knob.finest)))
         if len(values) < 2:
             raise InputError(
@@ -296,6 +313,7 @@ def refinements(knobs: Mapping[str, Knob], *, quick: bool = False) -> tuple[Sett
                 why="a reference without an exact form needs a second, coarser one to show that it has converged",
                 todo="give the knob at least two values",
             )
+        # Quick: one refinement finer than the finest that is swept; else the finest of all.
         last = max(values.index(knob.quick[-1]) + 1, 1) if quick and knob.quick else -1
         chosen[name] = values[: last + 1][-2:] if 0 < last < len(values) else values[-2:]
     return {name: pair[0] for name, pair in chosen.items()}, {name: pair[1] for name, pair in chosen.items()}

@@ -41,10 +41,13 @@ def estimate_shift(now: Array, before: Array) -> Shift:
     """
     from scipy.stats import mannwhitneyu
 
+    # Logarithms: the shift of two samples is then the ratio of the times.
     a, b = np.log(now), np.log(before)
     p = float(mannwhitneyu(a, b, alternative="two-sided", method="auto").pvalue)
+    # Hodges and Lehmann: the median of all pairwise differences.
     apart = np.sort(np.subtract.outer(a, b).ravel())
     outside = _outside_count(a.size, b.size)
+    # The interval leaves out as many of the sorted differences at each end.
     low = float(np.exp(apart[outside - 1])) if outside else 0.0
     high = float(np.exp(apart[apart.size - outside])) if outside else math.inf
     return Shift(float(np.exp(np.median(apart))), low, high, p)
@@ -61,12 +64,14 @@ def _outside_count(n: int, m: int) -> int:
         counts[m + k :] -= counts[: -(m + k)].copy() if m + k <= n * m else 0.0
         for j in range(k, n * m + 1):
             counts[j] += counts[j - k]
+    # P(U <= c): the counts over all (n + m choose n) orders.
     below = np.cumsum(counts) / math.comb(n + m, n)
     return int(np.searchsorted(below, SIGNIFICANCE / 2.0, side="right"))
 
 
 def holm(ps: Sequence[float]) -> list[float]:
     """Return Holm's adjusted p values: below `SIGNIFICANCE` for shifts that are significant among all tested."""
+    # Holm: the smallest p is multiplied by the number of tests, the next by one less, and so on; never falling.
     order = sorted(range(len(ps)), key=lambda index: ps[index])
     adjusted = [1.0] * len(ps)
     largest = 0.0
@@ -78,6 +83,7 @@ def holm(ps: Sequence[float]) -> list[float]:
 
 def judge_shift(estimate: Shift, adjusted: float, *, worth: float) -> Literal["better", "worse", "not significant"]:
     """Return `better`, `worse` or `not significant` for a shift of times; `worth` is the least share that counts."""
+    # Significant, and larger than the same code differs from itself: |log ratio| > log(1 + worth).
     if adjusted >= SIGNIFICANCE or abs(math.log(estimate.ratio)) <= math.log1p(worth):
         return "not significant"
     return "better" if estimate.ratio < 1.0 else "worse"
@@ -98,8 +104,10 @@ def compare_benches(now: BenchResults, samples: Samples, before: BenchResults, e
     for setting, old in pairs:
         for kind in WORTH:
             blocks = [_round_medians(some, one.key, kind) for some, one in ((samples, setting), (earlier, old))]
+            # One round is no sample.
             if blocks[0].size >= 2 and blocks[1].size >= 2:
                 shifts.append((setting, kind, estimate_shift(blocks[0], blocks[1])))
+    # All shifts of the two benches are tested together: one family.
     adjusted = holm([some.p for _, _, some in shifts])
     times = [
         Change(
@@ -120,6 +128,7 @@ def compare_benches(now: BenchResults, samples: Samples, before: BenchResults, e
 def _round_medians(samples: Samples, key: str, kind: str) -> Array:
     """Return the median of each round."""
     rounds = samples.get(f"{key}/{kind}")
+    # At least 1 unit of the clock: a logarithm is taken of it.
     return np.empty(0) if rounds is None else np.maximum(np.median(rounds, axis=1), 1.0)
 
 
@@ -127,6 +136,7 @@ def _error_change(now: SettingEntry, before: SettingEntry) -> Iterator[Change]:
     if now.errors is None or before.errors is None:
         return
     new, old = now.errors["ihip"]["p99"], before.errors["ihip"]["p99"]
+    # Errors are deterministic: a difference beyond rounding is a change, no test is needed.
     if abs(new - old) > ERROR_WORTH * max(new, old) + 1e-12:
         ratio = new / old if old > 0.0 else None
         yield Change(

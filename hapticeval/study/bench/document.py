@@ -178,8 +178,10 @@ def join_benches(
         )
     ):
         return results, samples
+    # New measurements of a renderer on a model replace all old ones of that pair.
     measured = {(setting.renderer, setting.model) for setting in results.settings}
     keys = {
+        # Keys of their own, which no key "s..." of this bench can equal.
         setting.key: f"k{number:03d}"
         for number, setting in enumerate(
             setting for setting in before.settings if (setting.renderer, setting.model) not in measured
@@ -189,6 +191,7 @@ def join_benches(
         replace(setting, key=keys[setting.key], kept=True) for setting in before.settings if setting.key in keys
     ]
     references = [reference for reference in before.references if (reference.renderer, reference.model) not in measured]
+    # Samples are named "key/kind": the key is the part before the slash.
     old = {
         f"{keys[key]}/{kind}": rows
         for (key, _, kind), rows in ((name.partition("/"), rows) for name, rows in earlier.items())
@@ -221,6 +224,7 @@ def read_samples(directory: Path) -> dict[str, IntArray]:
     """Read the raw samples beside a bench.json. Raises `InputError` for a file that is not there or is damaged."""
     path = directory / SAMPLES
     try:
+        # No pickles: a file that is read never runs code.
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             return {name: np.asarray(archive[name], dtype=np.int64) for name in archive.files}
     except FileNotFoundError as error:

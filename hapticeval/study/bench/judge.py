@@ -23,6 +23,7 @@ def judge_bench(results: BenchResults, *, within: float | None = None, budget: f
     """
     on_front: dict[str, list[Kind]] = {}
     answers = []
+    # A tolerance of the user's own without a budget has none: the budget belongs to the question that is always asked.
     tolerance, limit = within or WITHIN, budget or (BUDGET if within is None else math.inf)
     for model, settings in results.by_model().items():
         for kind in KINDS:
@@ -32,6 +33,7 @@ def judge_bench(results: BenchResults, *, within: float | None = None, budget: f
                 if setting.claims is not None and (times := setting.times(kind)) is not None
             ]
             medians, claims = [median for _, median, _ in usable], [claim for *_, claim in usable]
+            # Step and batch have fronts of their own: one may be quick in one alone.
             for index in pareto_front(medians, claims):
                 on_front.setdefault(usable[index][0].key, []).append(kind)
             best = cheapest_setting(medians, claims, within=tolerance, budget=limit)
@@ -55,6 +57,7 @@ def convergence_orders(settings: Sequence[SettingEntry]) -> Iterator[OrderEntry]
     groups: dict[tuple[str, str, str, tuple[tuple[str, float], ...]], list[SettingEntry]] = {}
     for setting in settings:
         for knob in setting.settings if setting.proven else ():
+            # Settings with the other knobs equal form one series of refinements.
             other_knobs = tuple((name, value) for name, value in setting.settings.items() if name != knob)
             groups.setdefault((setting.renderer, setting.model, knob, other_knobs), []).append(setting)
     for (renderer, model, knob, other_knobs), group in groups.items():
@@ -97,6 +100,7 @@ def pareto_front(times: Sequence[float], errors: Sequence[float]) -> list[int]:
 
     Of settings that are equal in both the first counts. Settings with a number that is not finite never do.
     """
+    # By time: each setting that is more accurate than all quicker ones is on the front.
     order = sorted(range(len(times)), key=lambda index: (times[index], errors[index], index))
     best, front_indices = np.inf, []
     for index in order:
@@ -115,6 +119,7 @@ def cheapest_setting(
     """
     good = [index for index, error in enumerate(errors) if error <= within and times[index] <= budget]
     shortest = min((times[index] for index in good), default=np.inf)
+    # Times that differ by less than luck are equal: accuracy decides between them.
     alike = [index for index in good if times[index] <= shortest * (1.0 + ALIKE_SHARE)]
     return min(alike, key=lambda index: (errors[index], index), default=None)
 
@@ -125,9 +130,12 @@ def convergence_order(values: Sequence[float], errors: Sequence[float]) -> float
     `values` of a knob go from coarse to fine, in whatever direction. None for fewer than three different values with
     a positive error.
     """
+    # A logarithm is taken of both.
     usable = [(value, error) for value, error in zip(values, errors, strict=True) if error > 0.0 and value > 0.0]
     if len({value for value, _ in usable}) < 3:
         return None
+    # log |h / h0| grows with the refinement, whether a knob counts cells or measures their size.
     refinement = np.abs(np.log([value / usable[0][0] for value, _ in usable]))
     slope = np.polyfit(refinement, np.log([error for _, error in usable]), 1)[0]
+    # error = C h^p has the slope -p against the refinement.
     return float(-slope)

@@ -39,6 +39,7 @@ class Track:
 def sample_track(path: Path, dt: float) -> Track:
     """Sample the positions and velocities along a path."""
     at, hips = path.sampled(dt)
+    # Rows are split before: slicing an array takes as long as a quick step.
     return Track(hips, list(zip(hips, backward_difference(hips, at), strict=True)), dt)
 
 
@@ -46,6 +47,7 @@ def sample_track(path: Path, dt: float) -> Track:
 def without_garbage_collection() -> Iterator[None]:
     """Collect no garbage in the block: the collector's pauses are Python's, not the renderer's."""
     enabled = gc.isenabled()
+    # Collected now, so that the block begins without garbage.
     gc.collect()
     gc.disable()
     try:
@@ -62,8 +64,10 @@ def step_times(renderer: Renderer, along: Track, count: int, *, first: int) -> I
     """
     rows, dt, clock, step = along.rows, along.dt, time.perf_counter_ns, renderer.step
     samples = np.empty(count, dtype=np.int64)
+    # As far as the path is long enough the timed stretch does not wrap round its end.
     first = min(first, max(len(rows) - count - WARM_UP, 0))
     renderer.reset(rows[first][0])
+    # Caches, branch prediction and the contact's state are as in the middle of a run.
     for k in range(WARM_UP):
         hip, velocity = rows[(first + k) % len(rows)]
         step(hip, velocity, dt)
@@ -82,12 +86,14 @@ def batch_times(renderer: Renderer, along: Track, count: int) -> IntArray | None
     clock, run, hips, dt = time.perf_counter_ns, cast("Batch", renderer).run, along.hips, along.dt
     begun = clock()
     run(hips, dt)
+    # The first run compiles and warms; it also says how many fit into the time.
     took = (clock() - begun) * 1e-9
     repeats = int(np.clip(LONG_BATCH / max(took, 1e-9), 3, count))
     samples = np.empty(repeats, dtype=np.int64)
     for k in range(repeats):
         begun = clock()
         run(hips, dt)
+        # ns of the run times 1000 over its steps: ps per step.
         samples[k] = (clock() - begun) * 1000 // len(hips)
     return samples
 
@@ -117,6 +123,7 @@ def time_builds(
     while len(build_seconds) < repeats and (not build_seconds or before[0] + build_seconds[0] < LONG_BUILD):
         scene = next(scenes)
         with without_garbage_collection():
+            # Making the mesh and building the renderer are timed apart: the user may have the mesh already.
             preparing = clock()
             prepared = prepare(scene)
             begun = clock()
@@ -143,6 +150,7 @@ def array_bytes(root: object) -> int:
         visited.add(id(current))
         if isinstance(current, np.ndarray):
             owner = current
+            # A view's memory is its base's: counted once, by the address of the owner's data.
             while isinstance(owner.base, np.ndarray):
                 owner = owner.base
             buffers[owner.__array_interface__["data"][0]] = owner.nbytes
@@ -151,6 +159,7 @@ def array_bytes(root: object) -> int:
         elif isinstance(current, list | tuple | set | frozenset):
             stack += current
         elif isinstance(current, FunctionType):
+            # What a closure holds, such as the tables of a compiled step.
             stack += [cell.cell_contents for cell in current.__closure__ or () if cell.cell_contents is not None]
         elif isinstance(current, MethodType):
             stack.append(current.__self__)
@@ -168,6 +177,7 @@ def _slots(instance: object) -> list[str]:
 def machine() -> dict[str, Any]:
     """Describe what times depend on beside the versions: processor, cores that may be used, clock, and other work."""
     processor = platform.processor() or platform.machine()
+    # platform.processor() is empty on many Linux systems.
     cpuinfo = FilePath("/proc/cpuinfo")
     if cpuinfo.exists():
         named = [line.partition(":")[2].strip() for line in cpuinfo.read_text().splitlines() if "model name" in line]

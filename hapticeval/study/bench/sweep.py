@@ -112,6 +112,7 @@ def own_variants() -> list[str]:
 
 def own_on_meshes() -> list[str]:
     """Name the renderers that come with hapticeval and take meshes: each as it is, and as a table where it has one."""
+    # Refusals alone are asked for: the coarsest mesh costs least.
     coarsest = with_mesh(fresh_scene(SPACE[0], 0), 1)
     names = []
     for name in own_renderers():
@@ -140,11 +141,13 @@ def settings_of(
     known = {knob for definitions in knobs.values() for knob in definitions}
     for knob in chosen_values:
         if knob not in known:
+            # A knob that one of the renderers has is enough: it is swept on those.
             raise UnknownNameError(f"knob of {', '.join(factories)}", knob, known)
     settings = []
     for name, factory in factories.items():
         swept = {knob: values for knob, values in chosen_values.items() if knob in knobs[name]}
         if swept:
+            # Chosen knobs: in all combinations. Otherwise one knob at a time.
             every = [dict(zip(swept, values, strict=True)) for values in product(*swept.values())]
         else:
             every = [
@@ -177,7 +180,9 @@ def settings_on_meshes(
         }
         swept = {**cells, **(chosen or {})}
         for setting in settings_of([name], quick=quick, chosen=swept) if swept else [_setting_without_knobs(name)]:
+            # The number of triangles is shown as if it were a knob: space is measured by meshes.
             units = {"triangles": "", **setting.units}
+            # A knob in metres is a table's cell: such a renderer reads its table, whatever the mesh.
             for finer, triangles in meshes[-1:] if cells else meshes:
                 values = {"triangles": float(triangles), **setting.values}
                 settings.append(replace(setting, values=values, units=units, finer=finer))
@@ -233,6 +238,7 @@ class _Entry:
         """Return the entry of the document; errors that are rounding count as none."""
         rounded, reference, scene = self.errors, self.reference, self.work.scene
         if rounded is not None:
+            # What is rounding goes with the size of the number: metres, degrees and newtons have floors of their own.
             floors = {"ihip": scene.model.size, "normal": 180.0, "force": scene.model.size * scene.stiffness}
             rounded = {
                 metric: {
@@ -248,6 +254,7 @@ class _Entry:
             errors=rounded,
             claims=None if rounded is None or reference is None else reference.claims(rounded),
             proven=None if rounded is None or reference is None else reference.proves(rounded),
+            # Samples of steps are in ns, of batches in ps per step.
             step=_time_statistics(self.steps, 1e-9),
             batch=_time_statistics(self.batches, 1e-12),
             memory_bytes=self.memory,
@@ -288,6 +295,7 @@ class Sweep:
             for done, entry in enumerate(self.entries):
                 progress(done, total, f"{entry.setting.label} on the {entry.work.name}: accuracy")
                 self._prepare(entry)
+            # Another order in every round: a slow stretch of the machine does not always meet the same setting.
             order = np.random.default_rng(self.seed)
             for done in range(self.effort.rounds):
                 progress(len(self.entries) + done, total, f"timing, round {done + 1} of {self.effort.rounds}")
@@ -303,6 +311,7 @@ class Sweep:
         """The errors that stopped single settings; a refusal is none, unless nothing else came out."""
         failures = [entry.failure for entry in self.entries if entry.failure is not None]
         broken = [failure for failure in failures if not isinstance(failure, RefusalError)]
+        # Where every setting was refused the refusals are the outcome.
         return failures if len(failures) == len(self.entries) else broken
 
     def _prepare(self, entry: _Entry) -> None:
@@ -325,6 +334,7 @@ class Sweep:
                 f"'{setting.renderer}' has no reset and step to be timed",
                 why="it answers a whole stimulus at once",
             )
+        # A new model for every build: a renderer may keep what it has prepared for a model.
         scenes = (fresh_scene(work.name, next(self._fresh)) for _ in range(self.effort.builds))
         entry.renderer, entry.builds, took = time_builds(setting.factory, setting.prepare, scenes, self.effort.builds)
         entry.meshes = took if setting.finer else []
@@ -348,6 +358,7 @@ class Sweep:
                 self.references[key] = shared[0]
             else:
                 reference = None
+                # Without a reference of its own, the nearest of ours.
                 with suppress(RefusalError):  # of what takes meshes alone
                     reference = reference_of(setting.renderer, setting.factory, work, quick=self.quick)
                 self.references[key] = reference or nearest_of_ours(measured, work)
@@ -358,10 +369,12 @@ class Sweep:
         live = [entry for entry in self.entries if entry.renderer is not None]
         took: dict[str, tuple[IntArray, IntArray | None]] = {}
         tracks = {work.name: sample_track(work.slide, work.dt) for work in self.works}
+        # A round fills `took` and adds it at its end: one that Ctrl-C cuts short leaves nothing.
         for k in order.permutation(len(live)):
             entry = live[k]
             along = tracks[entry.work.name]
             assert entry.renderer is not None
+            # Each round goes on along the path where the last one ended.
             first = number * self.effort.steps % len(along.rows)
             steps = step_times(entry.renderer, along, self.effort.steps, first=first)
             took[entry.key] = steps, batch_times(entry.renderer, along, self.effort.batches)
@@ -378,6 +391,7 @@ class Sweep:
         for entry in self.entries:
             for kind, rounds in (("step", entry.steps), ("batch", entry.batches)):
                 if rounds:
+                    # Batches of a round may be fewer where a run took longer: cut to a rectangle.
                     shortest = min(batch.size for batch in rounds)
                     samples[f"{entry.key}/{kind}"] = np.stack([batch[:shortest] for batch in rounds])
         return samples

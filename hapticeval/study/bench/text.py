@@ -13,6 +13,7 @@ length, duration = partial(quantity.length, micro="u"), partial(quantity.duratio
 """On a terminal, units are spelt as options take them."""
 
 COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
+    # A star for the front of single steps; that of batches is in the document.
     "": lambda setting: "*" if "step" in setting.front else "",
     "setting": lambda setting: setting.label,
     "IHIP 99%": lambda setting: (
@@ -25,6 +26,7 @@ COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
     "of tick": lambda setting: f"{quantity.number(100 * setting.step.tick_share, 2)} %" if setting.step else None,
     "batch": lambda setting: duration(setting.batch.median) if setting.batch else None,
     "memory": lambda setting: None if setting.memory_bytes is None else quantity.size(setting.memory_bytes),
+    # The shortest of several builds: the others waited for the machine.
     "mesh": lambda setting: duration(min(setting.mesh_seconds)) if setting.mesh_seconds else None,
     "build": lambda setting: duration(min(setting.build_seconds)) if setting.build_seconds else None,
 }
@@ -54,6 +56,7 @@ def _tables(results: BenchResults) -> Iterator[str]:
     for model, settings in results.by_model().items():
         measured = [setting for setting in settings if not setting.problem]
         columns = {title: [cell(setting) for setting in measured] for title, cell in COLUMNS.items()}
+        # A column that no setting fills, such as meshes in the plane, is left out.
         filled = {title: cells for title, cells in columns.items() if any(cell is not None for cell in cells)}
         if not filled:
             continue
@@ -108,6 +111,7 @@ def _answers(results: BenchResults) -> Iterator[str]:
 def _comparison(changes: Sequence[Change]) -> Iterator[str]:
     for change in changes:
         if change.verdict != "not significant":
+            # No ratio where the old error was zero, no interval for errors, which are not random.
             by = "" if change.ratio is None else f": {change.ratio:.3g} times"
             if change.p is not None:
                 high = "" if change.high is None else f"{change.high:.3g}"

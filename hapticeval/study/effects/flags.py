@@ -28,6 +28,7 @@ class Flagged(NamedTuple):
 
 def flagged_law(composed: Composed) -> tuple[CompiledStep, Array]:
     """Return a step that shows those effects of a composed law whose flag is not 0, and the flags (n,), all 0."""
+    # The kernels by name, not as values: the compiler may inline them.
     functions: list[Any] = [change.function for change in composed.changes]
     chain = _chain([function.kernel for function in functions])
 
@@ -48,6 +49,7 @@ def _chain(functions: Sequence[Callable[..., int]]) -> Callable[..., int]:
     """Return a kernel that calls each change, in order, whose flag is not 0."""
     if not functions:
         return _change_nothing
+    # Recursion makes the chain: a compiled loop cannot go over functions of different types.
     before, change, last = _chain(functions[:-1]), functions[-1], len(functions) - 1
 
     @_compile_inlining

@@ -68,6 +68,7 @@ def measure(jobs: Sequence[Job], progress: Progress) -> EffectsDocument:
     for job in jobs:
         progress(len(scenes), len(jobs) + 1, f"{job.renderer} on {job.suite}/{job.case.name}")
         scenes.append(measure_scene(job))
+    # Effects of the surface by scene; none counts where the step is Python's, for there the ladder has no kernel.
     climbed = [len(entry.assembled.get(Stage.ANSWER, ())) if entry.cost and entry.cost.code else 0 for entry in scenes]
     tallest = int(np.argmax(climbed))
     ladder = None
@@ -88,6 +89,7 @@ def measure_scene(job: Job) -> SceneEntry:
         runs = [prepare_run(renderer, stimulus, scene)]
         if scene.effects:
             runs.append(prepare_run(*make_run(job, plain), plain))
+        # Both in turns, so that a slow stretch of the machine meets them alike.
         ticks, seconds = shortest_times(runs)
         costs = [Cost(tick, run.code) for tick, run in zip(seconds, runs, strict=True)]
     except HapticevalError as error:
@@ -102,6 +104,7 @@ def effects_by_stage(renderer: object, scene: Scene) -> dict[str, list[str]]:
     put_on = {effect.kind for effect in renderer.effects} if isinstance(renderer, Affected) else set()
     by_stage: dict[str, list[str]] = {}
     for effect in scene.effects:
+        # An effect that the renderer brings itself is not put on its answers a second time.
         own = effect.stage is None or (effect.stage is Stage.ANSWER and effect.kind not in put_on)
         by_stage.setdefault("renderer" if own else str(effect.stage), []).append(effect.kind)
     return by_stage
@@ -130,6 +133,7 @@ def measure_ladder(job: Job) -> Ladder:
         kinds.append([effect.kind for effect in surface[:count]])
         some = make_run(job, replace(scene, effects=tuple(surface[:count])))[0]
         runs.append(_prepare_law(some, _law_of(some), led, dt))
+        # The engine with flags holds all effects in every rung; only the flags differ.
         on = np.array([float(k < count) for k in range(len(surface))])
         runs.append(_prepare_law(complete, engine, led, dt, flags=flags, on=on))
     _, ticks = shortest_times(runs)
@@ -156,6 +160,7 @@ def _prepare_law(
 
     value = law_value(law.function, law.data)
     hips, velocities = for_kernels(led.hip), for_kernels(led.velocity)
+    # No hand pushes: the measured force (N,) is zero.
     out, push = np.zeros((2, *hips.shape)), np.zeros(hips.shape[1])
     answer_all = specialised(answer_rows, value, law.data, hips, velocities, push, dt, out[0], out[1])
 
@@ -193,10 +198,12 @@ def _prepare_loop(renderer: Renderer, law: CompiledStep, experiment: Experiment,
     run = specialised(kernels.run, value, law.data, loop)
 
     def once() -> tuple[float, int]:
+        # A loop of its own for each run: it keeps what it has recorded.
         loop = loop_of(experiment, scene, scene.sampling_time)
         renderer.reset(loop.out[kernels.MEASURED_HIP, 0])
         return _time_run(lambda: run(value, law.data, loop)[0])
 
+    # Effects beside the answer: sensors, what the hand feels, and the motors.
     hooks = [effect.function for hook in (loop.sensors, loop.feeling, loop.motors) for effect in hook or ()]
     return TimedRun(once, [(kernels.run, (value, law.data, loop)), *_kernels_of(value, *_functions_of(law), *hooks)])
 
@@ -207,6 +214,7 @@ def _prepare_path(renderer: Renderer, path: Path, scene: Scene) -> TimedRun:
 
     dt = scene.sampling_time
     hips = path.sampled(dt)[1]
+    # Where the path begins inside the hand is led in first, see `Renderer.reset`.
     hips = np.vstack([way_in(renderer, hips, scene), hips])
     velocities = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
 
@@ -224,6 +232,7 @@ def _prepare_path(renderer: Renderer, path: Path, scene: Scene) -> TimedRun:
     if law is None or not functions:
         return TimedRun(lambda: _time_run(asked))
     data: Any = law.data
+    # Types alone count here: the HIPs stand for IHIPs and forces, which have the same.
     arguments = (data.changes, data.closest, hips, velocities, dt, hips, hips)
     return TimedRun(lambda: _time_run(asked), [(change_rows, arguments), *_kernels_of(*functions[1:])])
 
@@ -246,11 +255,13 @@ def _time_run(run: Callable[[], int]) -> tuple[float, int]:
     """Return the seconds of a run, of this thread's own time, and its ticks."""
     began = time.thread_time()
     ticks = run()
+    # This thread's own time: what other processes take of the processor is not in it.
     return time.thread_time() - began, ticks
 
 
 def shortest_times(runs: Sequence[TimedRun]) -> tuple[list[int], list[float]]:
     """Return the ticks of each run, and the shortest time of one, s: all once outside the clock, then in turns."""
+    # What is compiled on first use is compiled here.
     ticks = [run.once()[1] for run in runs]
     times: list[list[float]] = []
     began = time.perf_counter()
@@ -258,5 +269,6 @@ def shortest_times(runs: Sequence[TimedRun]) -> tuple[list[int], list[float]]:
         while len(times) < ROUNDS and (
             len(times) < FEWEST_ROUNDS or time.perf_counter() - began < LONGEST_ROUNDS * len(runs)
         ):
+            # Per tick; the least over all rounds, for what disturbs only adds.
             times.append([seconds / max(ticks, 1) for seconds, ticks in (run.once() for run in runs)])
     return ticks, [float(seconds) for seconds in np.min(times, axis=0)]

@@ -49,17 +49,22 @@ def gains_of(renderer: Renderer, place: Place, dt: float) -> Gains:
     still, size = np.zeros_like(place.point), place.point.size
 
     def force(before: Array, now: Array, velocity: Array) -> Array:
+        """Return the force (N,), N, at `now` after `before` (N,), m, with `velocity` (N,), m/s."""
+        # Two ticks: the first makes `before` the last HIP for a renderer that remembers it.
         renderer.reset(before)
         renderer.step(before, still, dt)
         return np.asarray(renderer.step(now, velocity, dt)[1], dtype=np.float64)
 
     def inside(depth: float) -> Array:
+        """Return the three gains (3, N, N) at a depth, m."""
         rest_point = place.point - depth * place.normal
+        # F = -now y_k - before y_(k-1) - rate ẏ_k: one of the three is moved at a time.
         now = jacobian_of(lambda move: force(rest_point, rest_point + move, still), size, PROBE)
         before = jacobian_of(lambda move: force(rest_point + move, rest_point, still), size, PROBE)
         return -np.array([now, before, jacobian_of(lambda move: force(rest_point, rest_point, move), size, PROBE / dt)])
 
     a, b, c = (inside(depth * PROBE) for depth in (2.0, 4.0, 6.0))
+    # The parabola through the depths h, 2 h and 3 h, at zero: 3 f(h) - 3 f(2 h) + f(3 h).
     return Gains(*(3.0 * a - 3.0 * b + c))
 
 
@@ -74,6 +79,7 @@ class Robot(NamedTuple):
 def robot_at(device: Device, point: Array) -> Robot:
     """Describe the device with its hand at rest at `point` (N,), m. Raises `DomainError` outside its workspace."""
     joints = device.joints(point)
+    # The bias's slope in the rates, at rest, is D: Coriolis forces are quadratic in them.
     losses = jacobian_of(lambda rates: device.bias(joints, rates), device.dimension)
     return Robot(device.jacobian(joints), device.inertia(joints), losses)
 
@@ -89,11 +95,13 @@ class SampledLoop:
         dt = scene.sampling_time
         self.scene = scene
         self.robot = robot
+        # A delay of (whole + fraction) ticks: the motors change within a tick, after its fraction.
         whole_ticks, fraction = divmod(loop_delay(scene) / dt, 1.0)
         self.held_count = int(whole_ticks) + 1
         self.first_part = _transition(robot, fraction * dt)
         self.second_part = _transition(robot, (1.0 - fraction) * dt)
         velocity = scene.effect(VelocityFilter)
+        # A first-order low-pass at the cutoff f, sampled: what stays of the last value is exp(-2 π f T).
         self.filter_share = None if velocity is None else float(np.exp(-2.0 * np.pi * velocity.cutoff * dt))
 
     def matrix(self, gains: Gains) -> tuple[Array, Array]:
@@ -101,6 +109,7 @@ class SampledLoop:
         scene, dt, held_count = self.scene, self.scene.sampling_time, self.held_count
         jacobian, inertia, losses = self.robot.jacobian, self.robot.inertia, self.robot.losses
         size = len(inertia)
+        # Rows of the identity stand for the parts of the state, so that the equations below make matrices.
         state = np.eye((4 + held_count) * size)
         joints, rates, joints_before, filtered_rates = (state[i * size : (i + 1) * size] for i in range(4))
         torques = [state[(4 + i) * size : (5 + i) * size] for i in range(held_count)]
@@ -114,14 +123,19 @@ class SampledLoop:
             - gains.before @ jacobian @ joints_before
             - gains.rate @ jacobian @ sensed_rates
         )
+        # Static: τ = Jᵀ F.
         torque = jacobian.T @ force
         if scene.inner_loop is InnerLoop.LINEARISED:
+            # Feedback linearisation at rest: the hand accelerates by F / m, so τ = M J⁻¹ F / m.
             torque = inertia @ np.linalg.solve(jacobian, force / scene.mass)
         if scene.inner_loop is not InnerLoop.STATIC:
+            # Both other inner loops cancel the losses that they sense: τ + D q̇.
             torque = torque + losses @ sensed_rates
+        # From the newest: in the first part of the tick the oldest acts, in the second the one after it.
         torque_queue = [torque, *torques]
         next_state = self.first_part[0] @ np.vstack([joints, rates]) + self.first_part[1] @ torque_queue[held_count]
         next_state = self.second_part[0] @ next_state + self.second_part[1] @ torque_queue[held_count - 1]
+        # The next state in the order of this one: q and q̇, the last q, the filtered rates, and the queue.
         return np.vstack([next_state, joints, filtered_rates, *torque_queue[:held_count]]), force
 
     def growth(self, gains: Gains) -> float:
@@ -129,12 +143,13 @@ class SampledLoop:
         matrix, force = self.matrix(gains)
         values, vectors = np.linalg.eig(matrix)
         felt = np.linalg.norm(force @ vectors, axis=0)
+        # A frictionless tool moves freely along the surface: eigenvalue 1, and no force.
         free = (np.abs(values - 1.0) < ROUNDING) & (felt < ROUNDING * np.linalg.norm(force))
         return float(np.max(np.abs(values[~free]), initial=0.0))
 
 
 def jacobian_of(answer: Callable[[Array], Array], count: int, step: float = 1e-6) -> Array:
-    """Return the Jacobian (N, count) of `simulate` at zero, by central differences of `step`."""
+    """Return the Jacobian (N, count) of a function at zero, by central differences of `step` in its unit."""
     return np.column_stack([(answer(step * axis) - answer(-step * axis)) / (2.0 * step) for axis in np.eye(count)])
 
 
@@ -152,7 +167,10 @@ def _transition(robot: Robot, duration: float) -> tuple[Array, Array]:
 
 
 def port_damping(robot: Robot, normal: Array, dt: float) -> float:
-    """Return b of (2.40), N s/m: the least real part of the device's impedance along `normal`, up to Nyquist.
+    """Return the damping (N s/m) that the hand feels of the device: b of (2.40).
+
+    It is the least real part of the device's impedance along `normal` (N,), up to Nyquist, with the sampling time `dt`
+    (s).
 
     The theorem behind (2.40) asks Re Z(jω) > T / (2 (1 - cos ωT)) Re[(1 - exp(-jωT)) H] at every ω, which for a
     spring K and a damper B is Re Z > K T / 2 + |B| at the worst of them. Z is what is felt along the normal n while the
@@ -160,10 +178,12 @@ def port_damping(robot: Robot, normal: Array, dt: float) -> float:
     """
     if not robot.losses.any():
         return 0.0
+    # Inertia and losses at the hand: M̂ = J⁻ᵀ M J⁻¹, and B̂ from D alike.
     inverse = np.linalg.inv(robot.jacobian)
     inertia, losses = (inverse.T @ part @ inverse for part in (robot.inertia, robot.losses))
     frequencies = np.geomspace(1e-3, np.pi / dt, FREQUENCIES)
     impedance = 1j * frequencies[:, None, None] * inertia + losses
+    # (jω M̂ + B̂)⁻¹ n at every frequency, (400, N).
     admittance = np.linalg.solve(impedance, np.broadcast_to(normal[:, None], (FREQUENCIES, normal.size, 1)))[..., 0]
     return float(np.min((1.0 / (admittance @ normal)).real))
 
@@ -174,8 +194,9 @@ def loop_delay(scene: Scene) -> float:
 
 
 def passive_stiffness(scene: Scene, robot: Robot, normal: Array) -> float | None:
-    """Return the largest stiffness (N/m) that (2.40) allows, 2 (b - |B|) / (T + 2 d); zero where none is passive.
+    """Return the largest stiffness (N/m) that is passive with any hand, by (2.40); zero where none is.
 
+    It is 2 (b - |B|) / (T + 2 d), with b along `normal` (N,), in N s/m, the sampling time T (s) and the delay d (s).
     A delay of d s turns the spring's part of the theorem into K T / 2 (cos ωd - cos ω(T + d)) / (1 - cos ωT), which is
     largest at ω = 0, K (T / 2 + d); the damper's stays within |B|. Without delay that is (2.40).
     None for all but the static inner loop: one that compensates the device's damping leaves no b to count on.

@@ -72,9 +72,11 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> GainFamil
                 todo="choose one that answers tick by tick, such as minimum-distance",
             )
         gains_by_share.append(np.array(gains_of(renderer, place, scene.sampling_time)))
+    # The line through the first two: gains = offset + K slope.
     low, high = scene.stiffness / 64.0, scene.stiffness / 32.0
     slope = (gains_by_share[1] - gains_by_share[0]) / (high - low)
     family = GainFamily(gains_by_share[0] - low * slope, slope, place)
+    # At a third stiffness the measured gains must lie on it, to a thousandth.
     for predicted, measured in zip(family.at(2.0 * high), gains_by_share[2], strict=True):
         if np.max(np.abs(predicted - measured)) > 1e-3 * max(np.max(np.abs(measured)), scene.damping, 1e-9):
             raise InputError(
@@ -105,12 +107,14 @@ def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> flo
 
 def largest_stable(stable: Callable[[float], bool], *, steps: int = HALVINGS) -> float:
     """Find the end of the first range of stable stiffnesses (N/m), on a grid of half-decades and by halving."""
+    # Two points a decade, from the softest: a loop may be stable again beyond, which is of no use.
     grid = np.geomspace(SOFTEST, STIFFEST, 15)
     verdicts = []
     for value in grid:
         verdicts.append(stable(float(value)))
         if len(verdicts) > 1 and verdicts[-2] and not verdicts[-1]:
             break
+    # Unstable everywhere; stable everywhere; else the end lies between the last two of the grid.
     if not any(verdicts):
         return 0.0
     if verdicts[-1]:
@@ -144,6 +148,7 @@ def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: fl
         return False
     if "ended" in run.meta:
         return False
+    # Up to the first tick at which the tool is another place's.
     far_rows = np.flatnonzero(np.linalg.norm(run.hip - place.point, axis=1) > NEAR_DISTANCE)
     distance = scene.model.boundary.signed_distance(run.hip[: far_rows[0] if far_rows.size else len(run)])
     part = len(distance) // 10
@@ -157,9 +162,11 @@ def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: fl
 def _rotation(start: Array, end: Array) -> Array:
     """Return the rotation, in the plane of two unit vectors, that takes one to the other."""
     count = start.size
+    # The plane is spanned by `start` and the part of `end` across it.
     across = end - (end @ start) * start
     size = float(np.linalg.norm(across))
     if size < 1e-12:
+        # Equal: nothing to turn. Opposite: any plane will do, by the axis farthest from `start`.
         if end @ start > 0.0:
             return np.eye(count)
         across = np.eye(count)[int(np.argmin(np.abs(start)))]
@@ -167,6 +174,7 @@ def _rotation(start: Array, end: Array) -> Array:
         size = float(np.linalg.norm(across))
     across = across / size
     basis = np.column_stack([start, across])
+    # R = 1 - B Bᵀ + B T Bᵀ: the identity outside of the plane, a turn T within.
     cos, sin = float(end @ start), float(end @ across)
     turn = np.array([[cos, -sin], [sin, cos]])
     return np.asarray(np.eye(count) - basis @ basis.T + basis @ turn @ basis.T)
@@ -187,6 +195,7 @@ def describe_instability(factory: RendererFactory, scene: Scene, *, cutoff: floa
         family = _across_normal(family_of(factory, scene, places[0]))
     except Exception:
         return ""
+    # The stiffness across the surface, N/m, for a hand whose last position is the present one.
     normal, gains = places[0].normal, family.at(scene.stiffness)
     spring = float(normal @ (gains.now + gains.before) @ normal)
     if not (np.isfinite(spring) and abs(spring) > ROUNDING_SHARE * scene.stiffness):
@@ -204,6 +213,7 @@ def describe_instability(factory: RendererFactory, scene: Scene, *, cutoff: floa
             unstable.append((eigenvalue_limit(loop, facing, steps=12), place))
     if not unstable:
         return ""
+    # The place with the lowest limit is told.
     limit, place = min(unstable, key=lambda entry: entry[0])
     where = ", ".join(f"{1e3 * value:.4g}" for value in place.point)
     range_text = f"up to {limit:.4g} N/m; choose a lower --stiffness," if limit > 0.0 else "at no stiffness; choose"

@@ -77,9 +77,12 @@ def study_limits(factory: RendererFactory, scene: Scene, place: Place, progress:
 def _z_width_curve(factory: RendererFactory, scene: Scene, place: Place, dt: float) -> Mapping[str, Any]:
     """Compute one curve of the Z-width plot, over dampings up to 2.5 m / T."""
     robot = robot_at(scene.robot, place.point)
+    # The mass that a push along the normal meets: 1 / (nᵀ M̂⁻¹ n), with M̂ = J⁻ᵀ M J⁻¹, kg.
     inverse = np.linalg.inv(robot.jacobian)
     felt = 1.0 / float(place.normal @ np.linalg.inv(inverse.T @ robot.inertia @ inverse) @ place.normal)
+    # Feedback linearisation gives the hand the mass of the virtual tool.
     mass = scene.mass if scene.inner_loop is InnerLoop.LINEARISED else felt
+    # A damper held over a tick is stable below 2 m / T, by v' = (1 - B T / m) v: the curve goes a little beyond.
     dampings = np.append(0.0, np.geomspace(1e-4, 2.5, DAMPINGS) * mass / dt)
     curve: dict[str, list[float | None]] = {"eigenvalues": [], "passive": []}
     for damping in dampings:
@@ -121,6 +124,7 @@ def _over_workspace(scene: Scene, family: GainFamily) -> Mapping[str, Any] | Non
         return None
     axes = (0, 1) if device.dimension == 2 else (0, 2)
     grids = [np.linspace(window[0][axis], window[1][axis], POSES) for axis in axes]
+    # Half a turn: a wall and its back have the same limit, for gains are even in the normal.
     angles = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
     normals = np.zeros((DIRECTIONS, device.dimension))
     normals[:, axes[0]], normals[:, axes[1]] = np.cos(angles), np.sin(angles)
@@ -152,6 +156,7 @@ def _reachable_box(device: Device) -> tuple[Array, Array] | None:
     """Find the box around what the device reaches by its own inverse kinematics; None without an edge."""
     if not np.isfinite(device.margin(device.joints(np.zeros(device.dimension)))):
         return None
+    # m to each side, more than a desktop device reaches.
     reach = 2.0
     lows, highs = np.zeros(device.dimension), np.zeros(device.dimension)
     coarse = np.linspace(-reach, reach, 81)
@@ -164,6 +169,7 @@ def _reachable_box(device: Device) -> tuple[Array, Array] | None:
             continue
         lows, highs = np.minimum(lows, point), np.maximum(highs, point)
     step = coarse[1] - coarse[0]
+    # A step more on each side: the edge lies between two points of the grid.
     return lows - step, highs + step
 
 
@@ -224,8 +230,10 @@ def describe_verdict(document: Mapping[str, Any]) -> str:
 
 
 def _settling_time(growth: float, dt: float) -> str:
+    # The logarithm of 0, or a division by that of 1.
     if growth in (0.0, 1.0):
         return "no time to speak of"
+    # growth^k = 10 or 1/10: k = log 10 / |log growth| ticks.
     return f"{dt * math.log(10.0) / abs(math.log(growth)):.3g} s"
 
 

@@ -79,12 +79,14 @@ def sample_projection(project: Project, surface: Curve, *, cells: int) -> Lattic
         raise InputError("a projection field needs a closed model", todo="choose another model than the line")
     xmin, ymin, xmax, ymax = surface.bounds
     h = extent(surface) / cells
+    # The first node lies outside the box by another share of a cell along x than along y.
     x = np.arange(xmin - (1.0 - LATTICE_OFFSET[0]) * h, xmax + h, h)
     y = np.arange(ymin - (1.0 - LATTICE_OFFSET[1]) * h, ymax + h, h)
     nodes = np.stack(np.meshgrid(x, y), axis=-1)
     inside = surface.contains(nodes.reshape(-1, 2)).reshape(nodes.shape[:2])
     ihip = np.full_like(nodes, np.nan)
     ihip[inside] = project(nodes[inside])
+    # Out of contact the IHIP is the HIP.
     in_contact = inside & np.any(ihip != nodes, axis=-1)
     if not in_contact.any():
         raise InputError("no hand inside the model is in contact", why="there is no projection to draw")
@@ -100,7 +102,11 @@ def arc_lengths(surface: Curve, ihips: Array) -> Array:
 
 
 def arc_offset(s: Array, other: Array | float, length: float) -> Array:
-    """Return the signed arc length from `other` to s along a closed surface, in [-length/2, length/2)."""
+    """Return how far along a closed surface one place is from another, by the shorter way round, with its sign.
+
+    From `other`, (n,) or one for all, to `s` (n,), m: (n,), m, in [-length/2, length/2).
+    """
+    # Shifted by half the length, so that the shorter way round is taken, with its sign.
     arc: Array = np.mod(s - other + 0.5 * length, length) - 0.5 * length
     return arc
 
@@ -137,11 +143,13 @@ def _jumps_on_edges(project: Project, lattice: Lattice, axis: int) -> tuple[Arra
     place = np.full((*lattice.contact.shape, 2), np.nan)
     first, second = edge_ends(axis)
     both = lattice.contact[first] & lattice.contact[second]
+    # m between the IHIPs of neighbours; a continuous projection moves them about as far as the HIPs.
     leap = np.linalg.norm(lattice.ihip[second] - lattice.ihip[first], axis=-1)
     suspect = both & (leap > max(SHORTEST_JUMP * lattice.size, STRETCH * lattice.h))
     nodes = lattice.nodes
     a, b = nodes[first][suspect], nodes[second][suspect]
     crossings, jump = jumps_between(project, a, b, lattice.ihip[first][suspect], lattice.ihip[second][suspect])
+    # A leap that bisection has shrunk was steepness, not a jump.
     real = jump > SHORTEST_JUMP * lattice.size
     rows, columns = np.nonzero(suspect)
     place[rows[real], columns[real]] = crossings[real]
@@ -155,7 +163,10 @@ def edge_ends(axis: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
 
 
 def cell_sides(across: Array, up: Array) -> Array:
-    """Return what the four sides of each cell have, (ny - 1, nx - 1, 4, ...), from arrays of the edges at each node."""
+    """Return what the four sides of each lattice cell have: lower, upper, left and right, (ny - 1, nx - 1, 4, ...).
+
+    `across` and `up` (ny, nx, ...) hold it for the edges to the right of and above each node: crossings in m, or marks.
+    """
     return np.stack([across[:-1, :-1], across[1:, :-1], up[:-1, :-1], up[:-1, 1:]], axis=2)
 
 
@@ -176,14 +187,18 @@ def jumps_between(project: Project, a: Array, b: Array, at_a: Array, at_b: Array
     for halving in range(2 * HALVINGS):
         middle = 0.5 * (a + b)
         at_middle = project(middle)
+        # In free space on the way: letting go of the hand is no jump along the surface.
         free |= np.all(at_middle == middle, axis=1)
         left = np.linalg.norm(at_middle - at_a, axis=1)
         right = np.linalg.norm(at_b - at_middle, axis=1)
+        # The half with the larger step goes on: a jump is in it to the end.
         in_left = left >= right
         a, at_a = np.where(in_left[:, None], a, middle), np.where(in_left[:, None], at_a, at_middle)
         b, at_b = np.where(in_left[:, None], middle, b), np.where(in_left[:, None], at_middle, at_b)
         if halving + 1 in (HALVINGS, 2 * HALVINGS):
+            # Kept after half and after all halvings; 1e-300 so that a logarithm can be taken.
             sizes.append(np.maximum(np.maximum(left, right), 1e-300))
+    # Octaves that the step has fallen by in a halving: 1 where the map is smooth, 0 at a jump.
     slope = np.log2(sizes[0] / sizes[1]) / HALVINGS
     return 0.5 * (a + b), np.where((slope < PERSISTENCE) & ~free, sizes[1], 0.0)
 
@@ -196,6 +211,7 @@ def _line_pieces(across: Array, up: Array) -> Array:
     two = count == 2
     pairs = sides[two][met[two]].reshape(-1, 2, 2)
     stars = []
+    # Three or four crossings, as where lines meet: a star about their mean.
     for cell, which in zip(sides[count > 2], met[count > 2], strict=True):
         ends = cell[which]
         stars += [np.stack([end, ends.mean(axis=0)]) for end in ends]
@@ -206,6 +222,7 @@ def _singular_points(project: Project, lattice: Lattice, across: BoolArray, up: 
     """Find cells without a line around which the IHIP goes once round the surface; narrow each down to a point."""
     s, length = lattice.s, lattice.surface.length
     corners = _cell_corners(s)
+    # Cells with all corners in contact, and no line on any side: there turns can be counted.
     complete = ~np.isnan(sum(corners)) & ~(across[:-1, :-1] | across[1:, :-1] | up[:-1, :-1] | up[:-1, 1:])
     turns = np.where(complete, _turns_round_cell(corners, length), 0)
     points = [
@@ -217,6 +234,7 @@ def _singular_points(project: Project, lattice: Lattice, across: BoolArray, up: 
 
 def _turns_round_cell(corners: list[Array], length: float) -> Array:
     """Count how often the arc lengths at a cell's corners go round the surface on the way round the cell."""
+    # The steps from corner to corner add up to a whole number of lengths.
     ways = [arc_offset(corners[(k + 1) % 4], corners[k], length) for k in range(4)]
     return np.rint(np.nan_to_num(sum(ways)) / length)
 
@@ -225,10 +243,12 @@ def _narrow_to_point(project: Project, lattice: Lattice, low: Array) -> Array:
     """Quarter a cell with lower left corner `low` (2,) again and again, keeping the quarter with the point in it."""
     size = lattice.h
     for _ in range(30):
+        # 3 x 3 nodes of the four quarters, row by row from the lower left.
         shares = np.array([[i, j] for j in range(3) for i in range(3)]) / 2.0
         s = arc_lengths(lattice.surface, project(low + size * shares)).reshape(3, 3)
         corners = _cell_corners(s)
         rows, columns = np.nonzero(_turns_round_cell(corners, lattice.surface.length))
+        # No quarter has a whole turn any more: rounding ends the search.
         if rows.size == 0:
             break
         low = low + 0.5 * size * np.array([columns[0], rows[0]])
@@ -297,6 +317,7 @@ class Field:
 
     def share_near(self, distance: float) -> float:
         """The share of the inside, by area, that lies within `distance` (m) of the singular set."""
+        # Round ends have 32 segments a quarter turn: a disc's area is exact to 0.04 per cent.
         near = self.discontinuity.buffer(distance, quad_segs=32)
         return float(self.body.intersection(near).area / self.body.area)
 
@@ -351,9 +372,12 @@ def _amplification(project: Project, lattice: Lattice, singular: SingularSet) ->
 
     step = AMPLIFICATION_STEP * lattice.size
     hips, ihips = lattice.nodes[lattice.contact], lattice.ihip[lattice.contact]
+    # A step of 2 um in a model of 200 mm, along x and along y.
     moves = [hips + step * axis for axis in np.eye(2)]
     moved = [project(hips) for hips in moves]
+    # IHIPs move along one curve: with rates a and b along x and y the largest over all directions is sqrt(a² + b²).
     rates = np.hypot(*(np.linalg.norm(moved_ihips - ihips, axis=1) / step for moved_ihips in moved))
+    # A step that meets the singular set, or leaves the contact, measures nothing.
     unclear = shapely.dwithin(singular_geometry(singular), shapely.points(hips), 3.0 * step)
     for at, before in zip(moved, moves, strict=True):
         unclear |= np.all(at == before, axis=1)
@@ -387,9 +411,12 @@ def _level_segments(lattice: Lattice, singular: SingularSet, offsets: Array) -> 
         first, second = edge_ends(axis)
         a, b = offsets[first], offsets[second]
         with np.errstate(invalid="ignore"):
+            # A change of sign is a crossing, unless it is the one at half the length, on the other side.
             met = ((a < 0.0) != (b < 0.0)) & (np.abs(a) < farthest) & (np.abs(b) < farthest) & ~jumps[first]
         place = np.full(nodes.shape, np.nan)
+        # Linear between the nodes: the crossing divides the edge as a to -b.
         share = (a[met] / (a[met] - b[met]))[:, None]
+        # A view: what is written into it is in `place`.
         view = place[first]
         view[met] = nodes[first][met] + share * (nodes[second][met] - nodes[first][met])
         crossings.append(place)
@@ -411,6 +438,7 @@ def _join_pieces(pieces: Array) -> list[Array]:
 
 
 def _extend_to(line: Array, end: Array, near: float) -> Array:
+    # Only the end that is nearer to the IHIP is drawn up to it.
     gaps = np.linalg.norm(line[[0, -1]] - end, axis=1)
     if gaps.min() > near:
         return line
@@ -438,6 +466,7 @@ def shallow_angles(project: Project, surface: Curve) -> tuple[ShallowAngle, ...]
         position = surface.position(u)
         clear = np.ones(PLACES, dtype=bool)
         for corner in surface.corners:
+            # Near a corner the depth is that of two faces, with two normals.
             clear &= np.linalg.norm(position - corner.position, axis=1) > FROM_CORNERS * depth
         hips = position[clear] - depth * surface.normal(u[clear])
         ihips = project(hips)
@@ -447,6 +476,7 @@ def shallow_angles(project: Project, surface: Curve) -> tuple[ShallowAngle, ...]
         if not pressed.any():
             continue
         normal = surface.normal(surface.nearest(ihips[pressed]))
+        # cos = (e . n) / |e|, with e from the HIP to the IHIP and n the outward normal at the IHIP.
         cosine = np.sum(error[pressed] * normal, axis=1) / length[pressed]
         angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
         angles.append(ShallowAngle(depth, float(np.median(angle)), float(np.percentile(angle, 95))))

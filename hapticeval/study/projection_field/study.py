@@ -51,6 +51,7 @@ def study_field(
             f"'{renderer}' has no projection to draw", why="it answers a whole stimulus, not a HIP at a time"
         )
     surface = surface_of(built, model.curve)
+    # The tool is on the surface: the nearest point of it stands for the given one.
     at = None if origin is None else surface.position(surface.nearest(origin[np.newaxis]))[0]
     project = make_projector(built, surface, dt=scene.sampling_time, origin=at)
     field = field_of(project, surface, cells=cells, start=at)
@@ -89,12 +90,14 @@ class Projector:
 
     def __call__(self, hips: Array) -> Array:
         """The IHIPs."""
+        # All HIPs as one path: without memory the order does not matter.
         if self._origin is None and abilities_of(self._renderer).run and len(hips) > 1:
             time = self._dt * np.arange(len(hips), dtype=np.float64)
             return play(self._renderer, Path(time, hips), self._dt).ihip
         ihips = np.empty_like(hips)
         still = np.zeros(hips.shape[1])
         for row, hip in enumerate(hips):
+            # With memory each HIP is the one tick after a rest at the origin.
             reset_checked(self._renderer, hip if self._origin is None else self._origin)
             ihips[row], _ = step_checked(self._renderer, row, hip, still, self._dt)
         return ihips
@@ -119,8 +122,10 @@ def has_memory(renderer: Renderer, surface: Curve, *, dt: float) -> bool:
     drawn = np.random.default_rng(0).uniform((xmin, ymin), (xmax, ymax), (8 * MEMORY_TRIALS, 2))
     hips = drawn[surface.contains(drawn)][:MEMORY_TRIALS]
     start_u, end_u = surface.u_range
+    # Two places well apart on the surface, on no axis of symmetry.
     places = [point_under(surface, surface.position(start_u + share * (end_u - start_u))) for share in (0.137, 0.629)]
     one, other = (Projector(renderer, dt=dt, origin=place)(hips) for place in places)
+    # What is below 1e-9 of the model's width is rounding.
     return bool(np.max(np.abs(one - other), initial=0.0) > 1e-9 * (xmax - xmin))
 
 
