@@ -1,12 +1,11 @@
-"""The workers of a dask scheduler as a crew: calls travel in chunks, and are made by a process beside each worker.
+"""The workers of a dask scheduler as a crew that calls a function: calls travel in chunks of some seconds.
 
-dask takes some milliseconds for a task, whatever it does, so that calls are sent together, as many as will take some
-seconds. A worker makes them in a child process of its own, as a run on one machine does: a call that crashes costs that
-child, and ends as it would have ended there. What kills the worker itself is begun anew by dask, some times; then its
-chunk is taken apart, until the call that does it is alone.
-
-Workers whose numbers might differ from ours in the last digit are found by their fingerprint and get nothing to do:
-those that are alike offer a resource by its name, for which the calls ask.
+- A task costs dask some milliseconds, whatever it does. So calls are sent together, as many as take some seconds.
+- A worker makes calls in a child process, as a run on one machine does: one that crashes costs that child only.
+- A chunk that kills its worker is sent to others by dask, some times. After that its calls are sent one by one, until
+  the one that kills is found.
+- A worker whose numbers might differ in the last digit gets nothing to do. Fingerprints tell: those that are alike
+  offer a resource by its name, for which the calls ask.
 
 Imported only where somebody names a scheduler.
 """
@@ -39,7 +38,7 @@ from hapticeval.workers import TRIES, Answer, Ended, LostError, Workers
 T = TypeVar("T")
 
 CHUNK_SECONDS = 2.5
-"""Seconds that a chunk should take: dask's milliseconds are a thousandth of that."""
+"""Seconds that a chunk should take: dask's milliseconds for it are a thousandth of that."""
 
 CHUNK_LIMIT = 10.0
 """Seconds after which a worker begins no further call of a chunk, and gives back the rest."""
@@ -51,7 +50,7 @@ CHUNKS_AHEAD = 2
 """Chunks for each thread of a worker that are under way, so that it has the next when it ends one."""
 
 TIMED_CALLS = 64
-"""Calls of which it is known how long they took."""
+"""How many calls, the last ones, tell how long a call takes."""
 
 FETCH_SECONDS = 5.0
 """Seconds in which the answers of a chunk must arrive once a worker has them."""
@@ -63,16 +62,16 @@ CONNECT_SECONDS = 10.0
 """Seconds in which scheduler and workers must answer when a run begins."""
 
 STRIKES = 3
-"""Times that a chunk may be left because all workers have gone, before it counts as what has them killed."""
+"""How often a chunk may lose its workers before it counts as what kills them."""
 
 LOOK_SECONDS = 2.0
-"""Seconds between two looks at which workers there are."""
+"""Seconds between two questions to the scheduler which workers it has."""
 
 WAIT_SECONDS = 60.0
 """Seconds without any worker after which none is expected any more."""
 
 CONNECTION_ERRORS = (CommClosedError, OSError, TimeoutError, CancelledError)
-"""What dask raises in the place of an answer where scheduler or worker have gone."""
+"""What dask raises in place of an answer where the scheduler or the worker is gone."""
 
 
 _Future: TypeAlias = Any
@@ -85,9 +84,10 @@ _Call: TypeAlias = tuple[int, tuple[Any, ...]]
 
 
 class _Chunk(NamedTuple):
-    """Calls that travel together, how often they were left without any worker, and whether nothing else is under way.
+    """Calls that travel together; `strikes` counts how often they lost their workers.
 
-    dask blames all that a killed worker had before it: only what was `alone` has done it.
+    With `alone` nothing else is under way. dask blames everything that a killed worker had: only what was alone is
+    known to have killed it.
     """
 
     calls: list[_Call]
@@ -179,12 +179,12 @@ class Cluster(Generic[T]):
 
     @property
     def busy(self) -> int:
-        """How many calls have begun, or wait for a worker, of which no answer has been taken."""
+        """How many calls are under way or wait for a worker."""
         return self._busy
 
     @property
     def free(self) -> int:
-        """How many more calls may begin now: as many as workers should have ahead."""
+        """How many more calls may begin now, so that each worker has the next chunk when it ends one."""
         threads = sum(self._alike_threads.values())
         # free = (chunks ahead) x (threads) x (calls in a chunk) - (calls begun)
         return max(CHUNKS_AHEAD * max(threads, 1) * self._chunk_size - self._busy, 0)
@@ -205,7 +205,7 @@ class Cluster(Generic[T]):
         self._busy += 1
 
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
-        """Return the answers that there are, after waiting for the first, for at most `timeout` seconds if given.
+        """Wait for an answer, for at most `timeout` seconds if given, and return all that there are.
 
         Raises `LostError` where the scheduler is gone, or all workers are for longer than `WAIT_SECONDS`.
         """
@@ -240,11 +240,12 @@ class Cluster(Generic[T]):
         return []
 
     def refused(self) -> list[tuple[str, str]]:
-        """Return the workers that get nothing to do, and why: each once."""
+        """Return the address of each worker that gets nothing to do, and why: each is told of once."""
         refused_workers, self._refused = self._refused, []
         return refused_workers
 
     def _send(self) -> None:
+        """Send the calls that wait, in chunks, and those of chunks that were left."""
         if not self._alike_threads:
             return
         # A suspected call goes out when nothing else is under way: a worker that dies then was killed by it.
@@ -271,7 +272,7 @@ class Cluster(Generic[T]):
             future.add_done_callback(self._finished_futures.put)
 
     def _collect_answers(self, future: _Future) -> list[Answer[T]]:
-        """Return the answers of a chunk that is over, and see to the calls that it has not come to."""
+        """Return the answers of a chunk that has ended, and see to those of its calls that were not made."""
         chunk = self._under_way.pop(future, None)
         # Given up by `_rescue` meanwhile, which has seen to its calls.
         if chunk is None:
@@ -306,14 +307,14 @@ class Cluster(Generic[T]):
         return list(answers)
 
     def _take_apart(self, chunk: _Chunk) -> list[Answer[T]]:
-        """Take a chunk apart that has its workers killed, or give up the one call that does."""
+        """Have the calls of a chunk that killed its workers made one by one, or give up the one call that does."""
         if chunk.alone:
             return [Answer(chunk.calls[0][0], None, Ended(-signal.SIGKILL))]
         self._suspects += [_Chunk([call], alone=True) for call in chunk.calls]
         return []
 
     def _send_again(self, chunk: _Chunk) -> list[Answer[T]]:
-        """Have a chunk sent again that nobody is at any more, unless that was so too often."""
+        """Have a chunk sent again that no worker has any more, unless that has happened too often."""
         # Left so often, it may be what the workers die of.
         if chunk.strikes >= STRIKES:
             return self._take_apart(chunk)
@@ -321,7 +322,7 @@ class Cluster(Generic[T]):
         return []
 
     def _rescue(self) -> None:
-        """Send those chunks again that were left when there was no worker for them: dask does not look for one anew."""
+        """Send chunks again that dask holds for workers that are gone: it does not look for others by itself."""
         # A pending future that no worker has waits for workers that are gone.
         running = {key for keys in self._client.processing().values() for key in keys}
         left = [future for future in self._under_way if future.status == "pending" and future.key not in running]
@@ -331,7 +332,7 @@ class Cluster(Generic[T]):
             self._rescued += self._send_again(chunk)
 
     def _look_for_workers(self) -> None:
-        """See which workers there are, and ask new ones what they compute with."""
+        """Ask the scheduler for its workers, and new ones for their fingerprints. Raises `LostError` after too long."""
         self._looked = time.monotonic()
         workers = self._client.scheduler_info(n_workers=-1)["workers"]
         self._alike_threads = {address: count for address, count in self._alike_threads.items() if address in workers}
@@ -349,6 +350,7 @@ class Cluster(Generic[T]):
             )
 
     def _ask_fingerprints(self, addresses: Sequence[str], threads: Mapping[str, int]) -> None:
+        """Sort workers into those like this machine and others; `threads` has how many each address offers."""
         question = _by_value(self._files)
         replies = self._client.run(pickle.loads, question, workers=list(addresses), on_error="return")
         for address, reply in replies.items():

@@ -29,7 +29,7 @@ def commits(plan: Plan) -> dict[str, str]:
 
 
 def _source(name: str, factory: Any) -> Path | None:
-    """Return the file of the module that a renderer's name gives, or that its `factory` is from."""
+    """Return the source file of a renderer, by its name or by its `factory`; None where there is none."""
     if factory is not None:
         module = getattr(factory, "__module__", "")
     else:

@@ -11,15 +11,15 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.results import ResultsDocument, VerdictEntry
 
 ROUNDING = 1e-6
-"""Bounds by which a margin moves from machine to machine: what a run computes in float64 agrees to more than that."""
+"""Bounds by which a margin may move from machine to machine, by rounding in float64."""
 
 Standing = Literal["worse", "better", "changed", "new", "gone"]
 
 
 class VerdictChange(Struct, frozen=True, kw_only=True):
-    """A verdict of which the outcome differs, or that only one of the documents has.
+    """A verdict whose outcome differs between two runs, or that only one of them has.
 
-    It is worse where it stops the gate now and did not, or was not there; better where it is the other way round.
+    `standing`: "worse" where it stops the gate now and did not before, or was not there; "better" the other way round.
     """
 
     standing: Standing
@@ -31,7 +31,7 @@ class VerdictChange(Struct, frozen=True, kw_only=True):
 
 
 class MarginMove(Struct, frozen=True, kw_only=True):
-    """A margin that moved, `by` so many bounds; a negative one has come nearer to failing, or fails by more.
+    """A margin that moved, `by` so many bounds; one that moved by less than 0 is nearer to failing, or fails by more.
 
     `before` and `now` are the metric in its unit.
     """
@@ -102,7 +102,7 @@ def _by_name(results: ResultsDocument) -> dict[tuple[str, str], VerdictEntry]:
 def _standing(
     before: ResultsDocument, first: VerdictEntry | None, now: ResultsDocument, second: VerdictEntry | None
 ) -> Standing | None:
-    """Return what has come of a verdict; None where outcome and weight are the same."""
+    """Return how a verdict stands to that of the run before; None where outcome and weight are the same."""
     if second is None:
         return "gone"
     stopped, stops = first is not None and before.stops(first), now.stops(second)

@@ -29,6 +29,7 @@ from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, W
 T = TypeVar("T")
 
 JobAndFile: TypeAlias = tuple[JobFinished, bytes | None]
+"""A finished job, and its recording as a file's bytes where the machine that did it cannot see the result folder."""
 
 PATIENCE = 0.1
 """Seconds after which an interrupt is seen at the latest."""
@@ -50,20 +51,26 @@ def execute(
     scheduler: str | None = None,
     earlier_jobs: Mapping[RunKey, JobFinished] | None = None,
 ) -> Iterator[Event]:
-    """Run the plan in `workers` processes, and keep results.json in `directory` up to date while it goes on.
+    """Run the plan, yield what happens as events, and keep results.json in `directory` up to date meanwhile.
 
-    Each job is run and judged as its case says, or by another `work`. Without a directory nothing is written, and the
-    events bring the recordings. With 0 workers jobs run in this process; with the address of a `scheduler` those of its
-    cluster do them. Elsewhere a job that takes longer than `timeout` seconds is ended, and its verdicts are errors.
-    `earlier_jobs` are those that an earlier run into that directory has finished, see `resuming.finished_jobs`.
+    - `directory`: None to write nothing; the events then bring the recordings.
+    - `workers`: how many processes do the jobs; with 0 they run in this process.
+    - `work`: what is done with a job; if not given, it is run and judged as its case says.
+    - `timeout`: seconds after which a job is ended, its verdicts errors; not in this process.
+    - `scheduler`: address of a dask scheduler, whose cluster then does the jobs.
+    - `earlier_jobs`: what an earlier run into the directory has finished, see `resuming.finished_jobs`.
 
-    What comes of a job depends on none of that, nor on the order in which jobs end: each has a seed of its own.
+    What comes of a job depends on none of these, nor on the order in which jobs end: each has a seed of its own.
+    Events come in the order of the plan, and the last one is always `RunFinished`.
 
-    Events come in the order of the plan. A renderer that ends its process makes its own verdicts errors. On Ctrl-C no
-    further job begins, those that have begun are finished, and `Interrupted` reports it; on a second one, or in this
-    process, they are given up. After a verdict that stops the gate no further job begins either, where the plan has
-    `exit_first`. What has finished is kept, also where the scheduler is lost, the results say that they are incomplete
-    and why, and `RunFinished` is still the last event.
+    A run that is cut short keeps what has finished, and its results say that they are incomplete and why:
+
+    - On Ctrl-C no further job begins, those that have begun are finished, and `Interrupted` reports it.
+    - On a second Ctrl-C, or on the first in this process, they are given up.
+    - With the plan's `exit_first` no further job begins after a verdict that stops the gate.
+    - Where the scheduler is lost nothing more can be done.
+
+    A renderer that ends its process makes its own verdicts errors, and the run goes on.
     """
     # Finished jobs by their number in the plan, until those before them are reported.
     known_jobs = earlier_jobs or {}
@@ -149,6 +156,7 @@ def execute(
 
 
 def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan, timeout: float) -> Crew[JobAndFile]:
+    """Return the crew that does the jobs of a plan; workers of a cluster must have all files of its cases."""
     if scheduler is None:
         return crew_of(partial(carry_out_here, work), workers)
     cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
@@ -164,7 +172,7 @@ def crew_of(
     timeout: float = math.inf,
     files: Mapping[str, str] | None = None,
 ) -> Crew[T]:
-    """Return who calls a function: so many processes, or the workers of the dask scheduler at an address.
+    """Return what calls a function: so many processes, or the workers of the dask scheduler at an address.
 
     See `Cluster` for `timeout` and `files`. Raises `InputError` where dask.distributed is missing.
     """
@@ -180,7 +188,7 @@ def crew_of(
 
 
 def _finished_job(answer: Answer[JobAndFile], job: Job, directory: Path | None, timeout: float) -> JobFinished:
-    """What came of a job; its recording is in the folder then."""
+    """Return what came of a job, from its answer, with its recording put into the result folder."""
     if isinstance(answer.error, Ended):
         return outcome_of_ended(job, answer.error)
     if isinstance(answer.error, Overdue):

@@ -17,7 +17,10 @@ LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "shapely", "h5py")
 
 
 def fingerprint(files: Mapping[str, str]) -> dict[str, str]:
-    """Return what this process computes with, a text each; of `files`, digests by path, those that are other here."""
+    """Return what a number computed here may depend on, by name: versions, the package's source, processor.
+
+    Of `files`, digests by path, those are named that are missing or another here.
+    """
     properties = {
         "python": platform.python_version(),
         "machine": platform.machine(),
@@ -75,7 +78,7 @@ def _processor() -> dict[str, str]:
 
 
 def differences(ours: Mapping[str, str], theirs: Mapping[str, str]) -> list[str]:
-    """Return in what another machine's fingerprint differs from ours: ["numpy 2.1.0 in place of 2.4.6"]."""
+    """Return what differs between another machine's fingerprint and ours: ["numpy 2.1.0 in place of 2.4.6"]."""
     names = dict.fromkeys((*ours, *theirs))
     return [
         f"{name} {theirs.get(name, 'none')}" + (f" in place of {ours[name]}" if name in ours else "")

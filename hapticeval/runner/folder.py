@@ -23,11 +23,12 @@ REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables", "figures"
 
 @contextmanager
 def prepared_folder(directory: Path, *, keep_reports: bool = False) -> Iterator[None]:
-    """See that results may be written: into a folder that is new, empty, or holds an earlier run or bench of ours.
+    """Make a folder for results, or take one that is empty or holds an earlier run or bench of ours, and lock it.
 
-    Removes the reports of an earlier run, which must not stand beside the results of this one, unless they are to be
-    kept. Within the block the folder is this process's. Raises `InputError` for any other folder, where nothing can be
-    written there, and where another process writes into it.
+    Reports of an earlier run must not stand beside the results of this one: they are removed, unless `keep_reports`.
+    Within the block no other run may write there.
+
+    Raises `InputError` for a folder with other files, where nothing can be written, and where another process does.
     """
     # Before anything is made: a folder that is not ours stays untouched.
     _check(directory)
@@ -48,11 +49,11 @@ def prepared_folder(directory: Path, *, keep_reports: bool = False) -> Iterator[
 
 
 _open: set[int] = set()
-"""Folders that are locked."""
+"""Descriptors of the folders that this process has locked."""
 
 
 def _let_go() -> None:
-    """Close them in a forked process: else a lock would outlive a run that was killed, by its workers."""
+    """Give up inherited locks in a forked worker: else they would outlive a run that was killed."""
     for descriptor in _open:
         os.close(descriptor)
     _open.clear()
@@ -63,6 +64,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def _check(directory: Path) -> None:
+    """Raise `InputError` for what is no folder, and for a folder with files that are none of ours."""
     if directory.exists() and not directory.is_dir():
         raise InputError(f"'{directory}' is a file", why="results go into a folder", todo="name another with -o")
     if directory.is_dir() and any(directory.iterdir()) and not any(_ours(directory / name) for name in DOCUMENTS):
@@ -118,6 +120,7 @@ def _clean(directory: Path, *, keep_reports: bool) -> None:
 
 
 def _ours(file: Path) -> bool:
+    """Whether a file is a document that hapticeval wrote, of whatever version."""
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

@@ -10,12 +10,13 @@ from types import FrameType
 
 
 class Interrupts:
-    """Counts interrupts from `with` on, so that none falls into the middle of a save, an event or another interrupt.
+    """Counts Ctrl-C within a `with` block, so that none falls into the middle of a save, an event or another one.
 
-    Only where Ctrl-C would have raised `KeyboardInterrupt`: not in another thread, which gets none, and not where
-    somebody else has defined what it means. Inside another one, `with` gives that one. Afterwards Ctrl-C means what it
-    did before; `to_the_end` leaves it ignored, for a command after which the process ends, and which an impatient user
-    must not end in a traceback.
+    It counts only where Ctrl-C would have raised `KeyboardInterrupt`: in the main thread, and where nobody else has
+    defined what it means. Inside the block of another one, `with` gives that one.
+
+    Afterwards Ctrl-C means what it did before. With `to_the_end` it stays ignored, for a command after which the
+    process ends: an impatient user must not end it in a traceback.
     """
 
     _outermost: Interrupts | None = None

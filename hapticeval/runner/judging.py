@@ -36,8 +36,8 @@ from hapticeval.types import Array
 class Judged:
     """What came of one renderer in one case; `recording` is None where the renderer broke at once.
 
-    `closed_form` is the one of the renderer's law here, if there is one. `ended` says at which tick and time, what and
-    why, of a run that ended early: device or law left its domain, or the loop ran away.
+    `closed_form` names the closed form of the renderer's law in this scene, if it has one. Of a run that ended early,
+    since device or law left its domain or the loop ran away, `ended` has tick and time (s), what and why.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -64,6 +64,7 @@ class _RunFactory:
         self.law = case.closed_form.get(name) or _declared_form(self.renderer, scene)
 
     def record(self, stimulus: Stimulus, dt: float, *, lead: Callable[..., Recording] = play) -> Recording:
+        """Record what the renderer answers in steps of `dt` (s): along a path by `lead`, to an experiment in a loop."""
         if isinstance(stimulus, Path):
             recording = lead(self.renderer, stimulus, dt, scene=self.scene)
         else:
@@ -72,7 +73,7 @@ class _RunFactory:
         return recording
 
     def runs(self) -> Runs:
-        """Return the base recording, and siblings on demand: of a path that ended early, along what was answered."""
+        """Return the base recording, with its siblings, further recordings that a check may ask for, made on demand."""
         dt, stimulus = self.scene.sampling_time, self.stimulus
         base = self.record(stimulus, dt, lead=play_while_defined)
         # The law has left its domain: siblings follow only the HIPs that it has answered.
@@ -125,7 +126,7 @@ class _RunFactory:
         return None if renderer is None else self._played(renderer, scene, self.path())
 
     def subdivided(self) -> Recording:
-        """Record the path with a HIP half way between each two, in half the time; see `Runs.subdivided`."""
+        """Record the path with another HIP half way between each two, at half the time step; see `Runs.subdivided`."""
         hips = self.path().points
         # In ticks 0, 1/2, 1, ... n - 1: the n HIPs and the n - 1 midpoints between them.
         half = 0.5 * np.arange(2.0 * len(hips) - 1.0)
@@ -156,11 +157,12 @@ class _RunFactory:
         return recording
 
     def path(self) -> Path:
-        """Return the path, its points the HIPs of the recording unless the renderer answers it whole."""
+        """Return the path, sampled at the scene's rate unless the renderer answers a path as a whole."""
         path = cast("Path", self.stimulus)
         return Path(*path.sampled(self.scene.sampling_time)) if isinstance(self.renderer, Renderer) else path
 
     def _moved_stimulus(self, motion: Motion, nudge: Array) -> Stimulus:
+        """Return the stimulus off by `nudge` (N,), m, and then moved with the scene."""
         if isinstance(self.stimulus, Experiment):
             return self.stimulus.moved(motion, nudge)
         path = self.path()
@@ -180,11 +182,11 @@ class _RunFactory:
         return None if "ended" in recording.meta else recording
 
     def _moved_scene(self, motion: Motion) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
-        """Return the scene moved, and the renderer in it; None where there is none."""
+        """Return the moved scene and the renderer in it; None where it cannot be moved, or the renderer refuses it."""
         return (self.scene, self.renderer) if motion.rests else self._with_model(self.scene.model.moved(motion))
 
     def _with_model(self, model: Model | None) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
-        """Return the scene with another model, and the renderer in it; None where there is none."""
+        """Return the scene with another model and a renderer in it, None without a model or where it is refused."""
         if model is None:
             return self.scene, None
         scene = replace(self.scene, model=model)
@@ -201,9 +203,9 @@ class _RunFactory:
         return recording
 
     def closeup(self, base: Recording) -> Closeup | None:
-        """A look at any place of a path; None for a renderer that answers a stimulus whole.
+        """Return what asks the renderer again anywhere along a path; None for one that answers a path as a whole.
 
-        What looks are made of is `step`, and what was played may be of `run`: they have to agree.
+        It asks by `step`, and the base recording may be of `run`: raises `RendererError` where the two disagree.
         """
         if not isinstance(self.renderer, Renderer):
             return None
@@ -213,7 +215,7 @@ class _RunFactory:
 
 
 def _declared_form(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> str | None:
-    """Return the closed form of the law that a renderer claims to be; None where it claims none, or that has none."""
+    """Return the name of the closed form that a renderer declares to be, where one of that name fits the scene."""
     promise = abilities_of(renderer).declares
     form = None if promise is None or promise.closed_form is None else form_of(promise.closed_form, scene)
     return None if form is None else form.name
@@ -225,9 +227,10 @@ def _answers_the_hip(scene: Scene) -> bool:
 
 
 def _moves_alike(scene: Scene, motion: Motion) -> bool:
-    """Whether a closed loop in the moved scene is the same loop: of a point mass, at its size, without axes.
+    """Whether a closed loop in the moved scene is the same loop but for the motion.
 
-    A robot stands where it stands, a force need not grow with the lengths, and what counts or clips does so by axis.
+    A linked robot is not moved along, effects that count or clip do so by axis, and forces need not grow with lengths:
+    so it is the same for a point mass at unchanged size, with linear effects.
     """
     # Effects on what the robot senses, feels or is commanded, or on its joints: not those on the answer alone.
     loop = (effect for effect in scene.effects if effect.stage not in (None, Stage.ANSWER))
@@ -235,10 +238,10 @@ def _moves_alike(scene: Scene, motion: Motion) -> bool:
 
 
 def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | TrajectoryRenderer:
-    """The renderer that a factory makes for a scene: whatever runs a renderer gets it here.
+    """Return the renderer that a factory makes for a scene, with the scene's effects; all renderers are made here.
 
-    Raises `RefusalError` where the scene asks for what neither declares to support, before anything is built where the
-    factory declares it, and `RendererError` for what is no renderer.
+    Raises `RefusalError` where the scene asks for what neither factory nor renderer declares to support, and
+    `RendererError` for what is no renderer.
     """
     declared = choices_of(factory).supports
     # What the factory declares refuses a scene before anything is built.
@@ -255,10 +258,10 @@ def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | Trajecto
 
 @dataclass(frozen=True)
 class Recorded:
-    """What there is to judge: the `recording` as it is kept, and the `runs` that checks may read.
+    """What there is to judge: the `recording` as it is stored, and the `runs` that checks may read.
 
-    There are several runs where a recording has gaps: each check judges every one, and `merge` makes one finding of
-    them. `replay` goes into the results; `simulated` returns the seconds simulated so far, siblings included.
+    A recording with gaps has several runs: each check judges every one, and `merge` of `judge_recorded` makes one
+    finding of them. `replay` goes into the results; `simulated` returns the seconds simulated so far.
     """
 
     recording: Recording
@@ -288,7 +291,7 @@ def judge_recorded(
     suite: str,
     case: Case,
 ) -> Judged:
-    """Judge what `record` gives by every check of `case`; see `judge`."""
+    """Judge what `record` returns for a case's scene by each of its checks; `merge` joins findings of several runs."""
     started = time.perf_counter()
     recorded: Recorded | None = None
     error: HapticevalError | None = None
@@ -327,7 +330,7 @@ def judge_recorded(
 
 
 def error_verdicts(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:
-    """What is left of a renderer in a case whose process is gone: every verdict an error."""
+    """Return what came of a case whose process is gone: every verdict an error."""
     findings = [_error_finding(error)] * len(case.checks)
     return Judged(_verdicts(findings, renderer, suite, case), None, error, None, 0.0, 0.0)
 
@@ -352,12 +355,12 @@ def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case
 
 
 def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
-    """A check's finding; a fault of the check's own is an outcome of its own and never a verdict on the renderer.
+    """Return a check's finding; a bug in the check is an error of its own and never a failure of the renderer.
 
-    A check names the channels that it reads; one that reads another which the recording lacks is undecided as well.
-    Of a run that ended early, because device or law left its domain, what has failed until then has failed; that the
-    rest would have passed was not seen. A loop that ran away has failed whatever is asked of it. A failure that has a
-    place says in what region of the model that is.
+    - A check that reads a channel which the recording lacks is undecided.
+    - In a run that ended early, since device or law left its domain, what has failed has failed; else it is undecided.
+    - A loop that ran away has failed, whatever is asked of it.
+    - A failure that has a place says in what region of the model that is.
     """
     ended = runs.base.meta.get("ended")
     try:
@@ -385,7 +388,7 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
 
 
 def _with_region(finding: Finding, base: Recording, scene: Scene) -> Finding:
-    """Add to the evidence of a failure in what region of the model it is, where that can be told."""
+    """Add to a failure's evidence the region of the model where it is, if it names a tick of the recording."""
     tick = finding.evidence.get("tick")
     if finding.outcome is not Outcome.FAIL or not isinstance(tick, int) or tick >= len(base):
         return finding

@@ -39,16 +39,19 @@ if TYPE_CHECKING:
     from hapticeval.suite.suite import Suite
 
 UNEXPLAINED = "not explained yet"
-"""How the reason of an entry begins that nobody has written a reason for."""
+"""How a reason begins that was made up here, until somebody writes one."""
 
 REASON_LENGTH = 100
-"""Characters of a message that a reason begins with."""
+"""Length to which a message is cut where it becomes a reason."""
 
 TODO = 'write renderer, reason and verdicts = ["suite/case/check"] as docs/gate.md shows, or have --write-known do it'
 
 REPEAT_SHARE = 1e-3
-"""Share of a metric by which it may differ when it is measured again: the list has four digits of it, which are 5e-4,
-and where rounding adds up two machines differ by as much; *chosen*, and doubled a failure may grow by 0.2 per cent."""
+"""Share of a metric by which it may differ when it is measured again.
+
+The list has four digits of it, which are 5e-4, and rounding may make as much between two machines. *Chosen*: doubled, a
+failure may grow by 0.2 per cent unseen.
+"""
 
 
 class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -87,7 +90,7 @@ class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """Return in words how another failure of this verdict goes beyond this one; "" where it does not.
 
         Another kind, or another region of the model, is another failure. So is one that is larger by more than
-        `bound`: that much the check grants to the sampling, so that two measures of one fault may be as far apart.
+        `bound` (in the metric's unit): the check grants that much to the sampling.
         """
         if (self.kind, self.unit) != (other.kind, other.unit):
             return f"another failure than the known one: '{other._sort}', and known is '{self._sort}'"
@@ -109,7 +112,7 @@ class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 class KnownEntry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A `[[known]]` table: verdicts of one renderer that fail for one reason.
 
-    One that is a mere `suite/case/check` is excused whatever it measures, as lists from before sizes have it.
+    A verdict without a size, as a mere `suite/case/check`, is excused whatever it measures: old lists have such.
     """
 
     renderer: str
@@ -122,14 +125,14 @@ class KnownEntry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise ValueError(f"the reason why '{place_of(self.verdicts[0])}' is known to {self.outcome} is empty")
 
     def surpassed_by(self, verdict: VerdictEntry) -> str:
-        """Return in words how a failure goes beyond what the only verdict of this entry excuses; else ""."""
+        """Return in words how a failure goes beyond what this entry, of one verdict, excuses; else ""."""
         listed = self.verdicts[0]
         if isinstance(listed, str) or verdict.outcome is not Outcome.FAIL:
             return ""
         return listed.surpassed_by(KnownVerdict.of(verdict), verdict.bound or 0.0)
 
     def renewed(self, verdict: VerdictEntry) -> KnownEntry:
-        """Return the entry with what its only verdict measures now, where that is less, or was not listed."""
+        """Return the entry, of one verdict, with what that measures now, where it is less or had no size."""
         listed, current = self.verdicts[0], KnownVerdict.of(verdict)
         # Larger than listed, though within the bound: a size on the list never creeps upwards.
         grown = isinstance(listed, KnownVerdict) and (listed.metric or 0.0) < (current.metric or 0.0)
@@ -150,7 +153,7 @@ class KnownFile(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 Place = tuple[str, str]
-"""Renderer and `suite/case/check`."""
+"""A verdict's renderer, and its `suite/case/check`."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +166,7 @@ class Known:
     def check(self, suites: Iterable[Suite]) -> None:
         """Raise `UnknownNameError` for an entry about one of these suites that has no such case or check.
 
-        Such an entry would never be missed: its case has been renamed, or its name is misspelt.
+        Such an entry excuses nothing and nobody would notice: its case was renamed, or its name is misspelt.
         """
         checks = {suite.name: {case.name: case.checks for case in suite.cases} for suite in suites}
         for _, place in self.entries:
@@ -176,9 +179,10 @@ class Known:
                     raise UnknownNameError(f"check of {suite}/{case}", check, checks[suite][case])
 
     def unplanned(self, renderers: Collection[str], suites: Collection[str]) -> tuple[str, ...]:
-        """Return a sentence for each renderer and suite on the list that is none of these, with what may be meant.
+        """Return a sentence for each renderer and suite on the list that does not run here, with what may be meant.
 
-        A list may hold more than runs now, so that this is no error. What is installed is not misspelt.
+        That is no error, since a list may hold more than runs now. A name that is installed is not misspelt, and is
+        left out.
         """
         listed = (
             ("", renderers, known_renderers(), (name for name, _ in self.entries)),
@@ -224,9 +228,9 @@ class Known:
     def renewed(self, results: ResultsDocument) -> Known:
         """Return the list as these results have it: what stops the gate is on it, and what passes now is not.
 
-        Reasons that were given stay, and so does what has not run; sizes go down and never up. What goes beyond the
-        failure that is listed is a new one. A reason that nobody has given begins with `UNEXPLAINED` and goes on with
-        what was measured at the worst of its verdicts.
+        - Reasons stay, and so does what has not run.
+        - Sizes go down and never up: a failure beyond the listed one is new.
+        - A reason that nobody has given begins with `UNEXPLAINED` and goes on with the message of its worst verdict.
         """
         ran = {(verdict.renderer, verdict.place): verdict for verdict in results.verdicts}
         entries = {place: entry for place, entry in self.entries.items() if place not in ran}
@@ -260,12 +264,12 @@ def describe_outdated(verdict: VerdictEntry) -> tuple[str, str]:
 
 
 def _short(message: str) -> str:
-    """Return what a message says first."""
+    """Return the first statement of a message, cut to `REASON_LENGTH`."""
     return textwrap.shorten(re.split(r"; |\. |, and ", message)[0], REASON_LENGTH, placeholder=" ...")
 
 
 def _entry(verdict: VerdictEntry, reason: str) -> KnownEntry:
-    """Return the entry of a verdict: of what could not be decided the place alone, as its number decides nothing."""
+    """Return the entry of a verdict; an undecided one has no size, since its metric decides nothing."""
     if verdict.outcome is Outcome.FAIL:
         return KnownEntry(renderer=verdict.renderer, reason=reason, verdicts=(KnownVerdict.of(verdict),))
     return KnownEntry(renderer=verdict.renderer, reason=reason, verdicts=(verdict.place,), outcome="inconclusive")

@@ -31,15 +31,16 @@ from hapticeval.runner.table import fill_table
 T = TypeVar("T")
 
 SHOWN_NAMES = 5
-"""Names that a message shows of many."""
+"""How many of a list of names a message shows."""
 
 
 def merge_into(folders: Sequence[Path], directory: Path) -> ResultsDocument:
     """Write the results of `folders` into `directory` as those of one run, recordings included, and return them.
 
-    Runs and verdicts come in the order in which one run would have come to them. Incomplete ones stay incomplete.
-    Raises `InputError` where the results are of other versions, seeds or strictness, where two have the same run, a
-    suite is not the same in all, or shards are missing, each by name.
+    Runs and verdicts come in the order in which one run would have come to them. What is incomplete stays incomplete.
+
+    Raises `InputError`, with the names, where results differ in versions, seed or strictness, where two have the same
+    run, where a suite is not the same in all, and where shards are missing.
     """
     if directory.resolve() in {folder.resolve() for folder in folders}:
         raise InputError(f"'{directory}' is one of the folders to merge", todo="name another with -o")
@@ -58,7 +59,7 @@ def merge_into(folders: Sequence[Path], directory: Path) -> ResultsDocument:
 
 
 def merge_results(document_by_folder: Mapping[str, ResultsDocument]) -> ResultsDocument:
-    """Return the results of several folders as one: see `merge_into`."""
+    """Return the results of several folders, by their names, as one: see `merge_into`."""
     if not document_by_folder:
         raise InputError("no results are named", todo="name the folders of runs")
     first = next(iter(document_by_folder.values()))
@@ -109,7 +110,7 @@ def merge_results(document_by_folder: Mapping[str, ResultsDocument]) -> ResultsD
 
 
 def _bring(source: Path, target: Path) -> None:
-    """Have a file at `target` as well: a second name of it where the file system can, else a copy."""
+    """Link the file `source` to `target` as well where the file system can, else copy it. Raises `HapticevalError`."""
     try:
         with replacing(target) as temporary:
             try:
@@ -129,6 +130,7 @@ def _bring(source: Path, target: Path) -> None:
 
 
 def _refuse_unlike(document_by_folder: Mapping[str, ResultsDocument]) -> None:
+    """Raise `InputError` where two results differ in what a verdict may depend on."""
     (name, first), *others = document_by_folder.items()
     for other, document in others:
         differs = differing_versions(first.environment, document.environment)
@@ -146,6 +148,7 @@ def _refuse_unlike(document_by_folder: Mapping[str, ResultsDocument]) -> None:
 
 
 def _refuse_overlap(document_by_folder: Mapping[str, ResultsDocument]) -> None:
+    """Raise `InputError` where two results have a run of the same suite, case and renderer."""
     folder_by_run: dict[RunKey, str] = {}
     for name, document in document_by_folder.items():
         both = [run.key for run in document.runs if run.key in folder_by_run]
@@ -161,7 +164,7 @@ def _refuse_overlap(document_by_folder: Mapping[str, ResultsDocument]) -> None:
 
 
 def _refuse_missing_shards(document_by_folder: Mapping[str, ResultsDocument]) -> None:
-    """Shards of one run ask the same; of each such run all have to be there."""
+    """Raise `InputError` where only some of the shards of one run are there."""
     shards_by_question: dict[bytes, dict[Shard, str]] = {}
     for name, document in document_by_folder.items():
         if document.command.shard is None:
@@ -208,7 +211,7 @@ def _suites(document_by_folder: Mapping[str, ResultsDocument]) -> list[SuiteEntr
 
 
 def _places(suites: Sequence[SuiteEntry]) -> Callable[[RunKey], tuple[int, int, int]]:
-    """Return where a run comes in a plan of these suites."""
+    """Return the function that gives the position of a run in a plan of these suites, to sort by."""
     numbers = {suite.name: (at, _numbered(suite.cases), _numbered(suite.renderers)) for at, suite in enumerate(suites)}
 
     def place(key: RunKey) -> tuple[int, int, int]:
@@ -224,5 +227,5 @@ def _numbered(names: Sequence[str]) -> dict[str, int]:
 
 
 def _union(lists: Iterable[Sequence[T]]) -> list[T]:
-    """Return what is in any of the lists, once each, in the order of the first in which it is."""
+    """Return the entries of all lists, once each, in the order in which they first appear."""
     return list(dict.fromkeys(entry for entries in lists for entry in entries))

@@ -1,4 +1,4 @@
-"""What came of a job as results.json holds it: made where the job runs, so that nothing but entries travels."""
+"""A job's outcome as entries of results.json: made where the job runs, so that only entries travel back."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def outcome_of(job: Job, judged: Judged, file: Path | None) -> JobFinished:
 
 
 def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:
-    """Return what is left of a job that has ended its process: a renderer that does so is broken."""
+    """Return the outcome of a job whose process ended without an answer: errors, of a renderer that is broken."""
     # From outside, in each of TRIES processes: no crash of the renderer's own.
     if how.killed:
         error = RendererError(
@@ -66,7 +66,7 @@ def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:
 
 
 def outcome_of_overdue(job: Job, seconds: float, how: Overdue) -> JobFinished:
-    """Return what is left of a job that took longer than so many seconds and was ended."""
+    """Return the outcome of a job that took longer than so many seconds and was ended: errors."""
     place = place_in_stack(how.stack)
     error = RendererError(
         f"the renderer was ended after {seconds:g} s in this case",
@@ -107,7 +107,7 @@ def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
 
 
 def _portable(model: Mapping[str, Any]) -> dict[str, Any]:
-    """A model as results name it: of a file its name and a digest of its content, whatever the folder here."""
+    """Return a model as results name it: one of a file by the file's name and digest, without this machine's folder."""
     if not isinstance(model.get("file"), str):
         return dict(model)
     # The folder is this machine's. Name and digest tell the file on any other.
@@ -119,7 +119,7 @@ def _position(refusal: RefusalError) -> list[float] | None:
 
 
 def _scene(case: Case) -> SceneEntry:
-    """The scene's numbers, and what an experiment drives: device and inner loop."""
+    """Return the scene's numbers, and for an experiment also its device and inner loop."""
     scene = case.build_scene()
     numbers = scene_document(scene)
     # A hand that is led needs no device.

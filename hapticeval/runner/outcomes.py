@@ -1,7 +1,7 @@
-"""The outcomes of a run that goes on: a file to which each is added once, so that a run that is killed can go on.
+"""The file to which each outcome is added as soon as its job ends, so that a run that was killed can be resumed.
 
-A line of `FILE` is one job's entry and verdicts as JSON, written at once when the job ends, in whatever order. It is
-there whole or, where the run was killed in the middle of it, is the last one and no line; that job is done again.
+A line of `FILE` is one job's entry and verdicts as JSON, in the order in which jobs end. Where the run was killed in
+the middle of a line, that job is done again.
 """
 
 from __future__ import annotations
@@ -27,10 +27,7 @@ class Line(Entry, frozen=True, kw_only=True):
 
 
 class Outcomes:
-    """The file of outcomes in a result folder, open for adding: a context manager. Raises where it cannot be written.
-
-    Without a folder nothing is kept.
-    """
+    """The file of outcomes in a result folder, open for appending: a context manager. It does nothing without one."""
 
     def __init__(self, directory: Path | None) -> None:
         self._path = None if directory is None else directory / FILE
@@ -59,18 +56,18 @@ class Outcomes:
             raise HapticevalError(f"cannot write {self._path}", why=error.strerror or str(error)) from error
 
     def clear(self) -> None:
-        """Drop all that is there."""
+        """Empty the file."""
         if self._path is not None:
             os.truncate(self._file, 0)
 
     def forget(self) -> None:
-        """Remove the file: results.json holds all of it."""
+        """Remove the file once results.json holds all of it."""
         if self._path is not None:
             self._path.unlink(missing_ok=True)
 
 
 def read_outcomes(directory: Path) -> list[JobFinished]:
-    """Return the outcomes that are kept in a folder, and cut off what is no whole line, so that more may be added."""
+    """Return the outcomes in a folder's file, and cut off an incomplete last line, so that more may be appended."""
     path = directory / FILE
     if not path.exists():
         return []

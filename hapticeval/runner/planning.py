@@ -26,7 +26,7 @@ class Job:
     case: Case
     renderer: str
     factory: RendererFactory | None = None
-    """What makes the renderer, where its name does not say it."""
+    """What makes the renderer, where its name alone does not tell."""
 
     @property
     def key(self) -> RunKey:
@@ -36,11 +36,12 @@ class Job:
 
 @dataclass(frozen=True)
 class Plan:
-    """What will run. `suites` are whole; `jobs` hold only the selected cases, with only the selected checks.
+    """What will run: `suites` with all their cases, and `jobs` for the selected cases, with the selected checks.
 
-    Of a `shard`, `jobs` hold its part only; `cases_and_renderers` has for each suite those of the whole plan. With
-    `strict` a warning stops a gate, as a failure does. A failure that is `known` does not. With `exit_first` no further
-    job begins after one with a verdict that stops it.
+    - `shard`: `jobs` hold its part only; `cases_and_renderers` has those of the whole plan for each suite.
+    - `strict`: a warning stops a gate, as a failure does.
+    - `known`: failures that do not.
+    - `exit_first`: no further job begins after one with a verdict that stops the gate.
     """
 
     suites: tuple[Suite, ...]
@@ -82,11 +83,12 @@ def plan(
 ) -> Plan:
     """Load the suites, see that every renderer can be found, and apply the selection.
 
-    A suite's name may be that of a group: `dynamics` for `dynamics-line` and the others. Where no `renderers` are named
-    each suite runs its own, or those that come with the package; `factories` make those whose names say nothing of it.
-    `select` holds expressions over names of cases and checks; what any of them selects is run, and everything where
-    there are none: see `selection.select`. A `quick` run takes few cases, which have every check between them. Of that,
-    a `shard` is the part that this run does.
+    - `suites`: suites, their names or paths, or the name of a group: `dynamics` for `dynamics-line` and the others.
+    - `renderers`: their names; if there are none each suite runs its own, or those that come with the package.
+    - `factories`: what makes renderers whose names alone do not tell.
+    - `select`: expressions over names of cases and checks; any of them selects, see `selection.select`.
+    - `quick`: of the selected cases few, which have every check between them.
+    - `shard`: of all that, the part that this run does.
 
     Raises `NothingSelectedError` where nothing is left, and what `load_suite`, `resolve`, `select`, `Known.check` and,
     for the renderers that a suite names, `resolve_installed` raise.
@@ -131,7 +133,7 @@ def plan(
 
 
 def _refuse_namesakes(suites: Sequence[Suite]) -> None:
-    """Two suites of one name would write over each other's recordings and verdicts."""
+    """Raise `InputError` for two suites of one name: they would write over each other's recordings and verdicts."""
     names = [suite.name for suite in suites]
     for name in names:
         if names.count(name) > 1:

@@ -30,12 +30,13 @@ from hapticeval.suite.files import files_of
 from hapticeval.suite.suite import Suite
 
 SAVE_EVERY = 1.0
-"""Seconds between two writings of results.json, at least; what a killed run has finished beyond is in `outcomes`."""
+"""Seconds between two writings of results.json, at least; `outcomes` has what finished after the last one."""
 
 SAVE_SHARE = 0.02
-"""Share of its time that a run spends on them, at most: there are more verdicts to write each time."""
+"""Share of its time that a run spends on writing them, at most: each time there are more verdicts to write."""
 
 RUNNING = "still running, or killed"
+"""Why results are incomplete while the run goes on: what a killed run leaves says so."""
 
 
 class Progress:
@@ -104,7 +105,7 @@ class Progress:
 
 
 def timing(runs: list[RunEntry], wall: float) -> Timing:
-    """Return the seconds that were simulated and that it took, `wall`."""
+    """Return how long runs took: the seconds that were simulated, and those on the clock, `wall`."""
     simulated = float(sum(run.simulated_seconds for run in runs))
     return Timing(
         simulated_seconds=simulated, wall_seconds=wall, times_real_time=simulated / wall if wall > 0.0 else 0.0
@@ -142,7 +143,7 @@ def suite_entry(suite: Suite, cases: Sequence[str] = (), renderers: Sequence[str
 
 
 def _digest(suite: Suite) -> str:
-    """Return a digest of all that a suite asks, its files included, which does not depend on where it lies."""
+    """Return a digest of all that a suite asks, its files included, wherever its folder is."""
     # Without folders, wherever they stand: a suite that was moved asks the same.
     entries = [msgspec.structs.replace(case, folder=Path()) for case in suite.cases]
     text = msgspec.json.encode([suite.rows, entries], enc_hook=str).decode()

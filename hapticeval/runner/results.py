@@ -42,7 +42,7 @@ Table = dict[str, dict[str, Literal["Yes", "No"]]]
 
 
 class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
-    """Base of the document's objects: a field with a default is left out of the file where it has that value."""
+    """Base of the document's objects: a field that has its default is left out of the file."""
 
 
 class SuiteEntry(Entry, frozen=True, kw_only=True):
@@ -63,7 +63,7 @@ class SuiteEntry(Entry, frozen=True, kw_only=True):
 
 
 class Command(Entry, frozen=True, kw_only=True):
-    """What was asked for; in a strict run a warning stops a gate. `shard` is the part of the plan, as in 3/16."""
+    """What the user asked for: in a strict run a warning stops a gate; `shard` is a part of the plan, as 3/16."""
 
     suites: list[str]
     renderers: list[str]
@@ -99,17 +99,17 @@ class Problem(Entry, frozen=True, kw_only=True):
 
     @property
     def kind(self) -> tuple[str, str]:
-        """What errors that have one cause have in common."""
+        """What errors of one cause have in common: their message without numbers and places, and its reason."""
         return kind_of(self.what), self.why
 
     @classmethod
     def of(cls, error: HapticevalError, **more: Any) -> Self:
-        """Return the entry of an error, with what `more` it has."""
+        """Return the entry of an error, with `more` fields of a subclass."""
         return cls(what=error.what, why=error.why, todo=error.todo, exit_code=error.exit_code, **more)
 
 
 class Refusal(Problem, frozen=True, kw_only=True):
-    """Why the renderer refused the scene, and at which `position` (m) on the model that was seen, if at one."""
+    """Why the renderer refused the scene, and at which `position` (m) of the model, if it says so."""
 
     exit_code: int = RefusalError.exit_code
     position: list[float] | None
@@ -148,9 +148,10 @@ class SceneEntry(Entry, frozen=True, kw_only=True):
 
 
 class Replay(Entry, frozen=True, kw_only=True):
-    """Of a replay: the recording, how its clock was kept, what was left out, and how far this renderer is from it.
+    """What a replay adds to a run: the recording's file, what of it was used, and how far this renderer is from it.
 
-    `difference` (m, N, s) is None for the recorded run itself.
+    `clock` says how its times were taken, `rows_left_out` and `left_out` what could not be used and why. `difference`
+    (m, N, s) is None for the recorded run itself.
     """
 
     file: str
@@ -166,7 +167,7 @@ class Replay(Entry, frozen=True, kw_only=True):
 
 
 class RunEntry(Entry, frozen=True, kw_only=True):
-    """One renderer in one case. `closed_form` is the one that the case names for this renderer, or its law has."""
+    """One renderer in one case. `closed_form` names the formula that its law follows there, if it has one."""
 
     suite: str
     case: str
@@ -226,7 +227,7 @@ class RunEntry(Entry, frozen=True, kw_only=True):
         return dict(parameters.get("parameters", parameters))
 
     def build_model(self, recording: Recording | None) -> Model:
-        """Return the model; one of a file, of which an entry has name and digest, from where its `recording` has it.
+        """Return the model; one that was read from a file is read again, where the `recording` says that it lies.
 
         Raises `InputError` as `make_model` does, and for a file that is another by now.
         """
@@ -247,7 +248,7 @@ class RunEntry(Entry, frozen=True, kw_only=True):
 
 
 class Breakdown(NamedTuple):
-    """Runs of one renderer that one cause stopped, and the verdicts that it took away, `lost_verdicts`: errors."""
+    """Runs of one renderer that one error stopped, and the verdicts that are errors for it, `lost_verdicts`."""
 
     runs: list[RunEntry]
     error: Problem
@@ -255,7 +256,7 @@ class Breakdown(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Return who broke where, and what that took away."""
+        """Return which renderer broke where, and how many verdicts were lost."""
         first = self.runs[0]
         where = f"{first.suite}/{first.case}" if len(self.runs) == 1 else f"{len(self.runs)} cases"
         return (
@@ -282,11 +283,12 @@ class Measure(Entry, frozen=True, kw_only=True):
 
 
 class VerdictEntry(Entry, frozen=True, kw_only=True):
-    """A verdict: `evidence` holds where and when, time (s), hip and ihip (m), and what else was measured.
+    """A verdict: one check of one run, with what was measured and where.
 
-    `bound` and `margin` are in the metric's unit; the margin, bound less metric, is negative for a failure. `known` is
-    the reason that a list of known failures gives for this one, see `hapticeval.runner.known`, and `beyond_known` says
-    how it goes beyond the failure that the list has.
+    - `evidence`: where and when, as time (s), hip and ihip (m), and what else was measured.
+    - `bound`, `margin`: in the metric's unit; the margin, bound less metric, is negative for a failure.
+    - `known`: the reason that a list of known failures gives for this one, see `hapticeval.runner.known`.
+    - `beyond_known`: how it goes beyond the failure on that list.
     """
 
     renderer: str
@@ -352,7 +354,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
 
     @property
     def warns(self) -> bool:
-        """Return whether a verdict of level `should` would stop a gate at level `must`."""
+        """Return whether it is a warning: of level `should`, and neither passed nor expected."""
         # What is in print, or on a list of known failures, is no news.
         unforeseen = self.published is None and self.known is None
         return self.level is Level.SHOULD and self.outcome in UNSATISFIED and unforeseen
@@ -376,7 +378,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
 
     @property
     def severity(self) -> tuple[bool, float]:
-        """Return what orders failures: errors are the worst, then those that are the most bounds away."""
+        """Return a key to sort failures by: errors are the worst, then those that are the most bounds large."""
         over = 0.0
         if self.metric is not None and self.bound is not None:
             # None was not finite, which is worse than any number.
@@ -387,23 +389,24 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
 
     @property
     def outdated(self) -> bool:
-        """Return whether the failure that is known of this check is no more."""
+        """Return whether the list of known failures has this verdict, and it fails no more."""
         return self.known is not None and self.outcome not in UNSATISFIED
 
     def stops(self, *, strict: bool) -> bool:
         """Return whether the verdict stops a gate: it is not as expected.
 
-        In a strict run a warning does, too, and what is listed as a known failure and is none any more.
+        In a strict run so do a warning, and what is listed as a known failure and fails no more.
         """
         return not self.as_expected or (strict and (self.warns or self.outdated))
 
     @property
     def standing(self) -> str:
-        """Compare the outcome with what was expected.
+        """Return in a word how the outcome compares with what was expected; "" where it needs no remark.
 
-        "known" is a failure on the list of known ones, "outdated" one on the list that is none any more. "as known" and
-        "differs" compare with what is published; "unexpected" is an error, or a check of level `must` that failed or
-        could not decide; "warning" one of level `should` that did; "" needs no remark.
+        - "known": a failure on the list of known ones; "outdated": it is on the list and fails no more.
+        - "as known", "differs": as what is published, or not.
+        - "unexpected": an error, or a check of level `must` that failed or could not decide.
+        - "warning": one of level `should` that failed or could not decide.
         """
         if self.known is not None:
             return "outdated" if self.outdated else "known"
@@ -416,11 +419,13 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
 
 
 class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dict=True):
-    """Everything that a report needs. `planned` and `ran` count verdicts; an incomplete run has a `reason`.
+    """Everything that a report needs to know of a run.
 
-    `runs` has one entry per suite, case and renderer, `verdicts` one per check of it. `table` holds what was found,
-    `published_table` what is in print. `date` is when the run began (ISO 8601, UTC), "" where unknown, and `commits`
-    maps renderers to the commit of the repository that their source lies in, if it lies in one.
+    - `planned`, `ran`: numbers of verdicts; a run that is not `complete` has a `reason`.
+    - `runs`: one entry per suite, case and renderer; `verdicts`: one per check of it.
+    - `table`, `published_table`: the summary table as it was measured here, and as it is in print.
+    - `date`: when the run began (ISO 8601, UTC), "" where unknown.
+    - `commits`: for each renderer whose source lies in a git repository, its commit.
     """
 
     format_version: Literal[1] = FORMAT_VERSION
@@ -478,7 +483,7 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
         return bool(runs) and all(run.refusal for run in runs)
 
     def lost(self, verdict: VerdictEntry) -> bool:
-        """Return whether a verdict is an error because its run broke: `breakdowns` reports all of these at once."""
+        """Return whether a verdict is an error since its whole run broke: `breakdowns` reports these together."""
         return verdict.outcome is Outcome.ERROR and verdict.key in self._broken
 
     @cached_property
@@ -487,7 +492,7 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
 
     @cached_property
     def breakdowns(self) -> list[Breakdown]:
-        """What broke, once for each renderer and cause, in the order of the runs."""
+        """Renderers that broke: one entry for each renderer and error, in the order of the runs."""
         breakdown_by_cause: dict[tuple[str, tuple[str, str]], Breakdown] = {}
         for run in self.runs:
             if run.error is not None:

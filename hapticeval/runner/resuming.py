@@ -15,8 +15,8 @@ from hapticeval.runner.results import FILE, Environment, ResultsDocument, RunKey
 def finished_jobs(plan: Plan, directory: Path) -> dict[RunKey, JobFinished]:
     """Return what came of the jobs of `plan` that an earlier run into `directory` has finished; none where none did.
 
-    A job whose recording is gone is none of them. Raises `InputError` where that run was of another plan or of other
-    versions, naming what differs.
+    A job whose recording is missing counts as not done. Raises `InputError` where that run was of another plan or of
+    other versions, naming what differs.
     """
     if not (directory / FILE).is_file():
         return {}
@@ -36,6 +36,7 @@ def finished_jobs(plan: Plan, directory: Path) -> dict[RunKey, JobFinished]:
 
 
 def _refuse_another(plan: Plan, document: ResultsDocument, directory: Path) -> None:
+    """Raise `InputError` where results in a folder are not of this plan, or were made by other versions."""
     now, before = command(plan), document.command
     differs = [
         f"{name} {_as_text(getattr(before, name))}, now {_as_text(getattr(now, name))}"

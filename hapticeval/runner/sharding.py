@@ -1,4 +1,4 @@
-"""A part of a plan: which of its jobs one of several runs does, so that together they do all of it, each once."""
+"""Shards, parts of a plan for several runs: together they do each of its jobs once."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hapticeval.runner.results import RunKey
 
 
 class Keyed(Protocol):
-    """A job, which its suite, case and renderer name."""
+    """Anything that has the suite, case and renderer of a job."""
 
     @property
     def key(self) -> RunKey:

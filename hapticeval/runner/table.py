@@ -25,10 +25,10 @@ def cells_of(suite: Suite) -> dict[str, list[str]]:
 
 
 def fill_table(suites: Sequence[SuiteEntry], verdicts: Sequence[VerdictEntry]) -> Table:
-    """Return, for each row, the renderers that its cases have decided: No where a check fails, Yes where all pass.
+    """Return Yes or No for each row and renderer: No where a check of the row fails, Yes where all pass.
 
-    A renderer that has not run in every case of the row, or has an inconclusive or erroneous verdict there and no
-    failure, is left out: the table never says Yes for what was not seen.
+    A renderer without a failure is left out of a row where a verdict is missing, undecided or an error: the table never
+    says Yes for what was not seen.
     """
     outcome_by_cell = {
         (verdict.suite, verdict.renderer, f"{verdict.case}/{verdict.check}"): verdict.outcome for verdict in verdicts

@@ -1,4 +1,4 @@
-"""What is done with one job in its process: seed, judge, and write the recording, which travels no further."""
+"""What is done with one job in its process: seed, judge, and write the recording, which is not sent back."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def run_job(job: Job, directory: Path | None, seed: int) -> JudgedJob:
 
 
 def derived_seed(seed: int, *place: object) -> int:
-    """Return the seed of one `place` of what has a seed, as of a job or of a drawn case: a hash of both.
+    """Return the seed of one job, or of one drawn case: a hash of the run's seed and of the words that name it.
 
-    It depends on no order and on no process. A shard of a plan is no place: shards together give what one run gives.
+    It depends neither on order nor on process, nor on shards: together they give what one run gives.
     """
     text = json.dumps([seed, *map(str, place)])
     # 32 bits are what numpy's global generator takes as a seed.
@@ -46,15 +46,15 @@ def derived_seed(seed: int, *place: object) -> int:
 
 
 def seed_all(seed: int) -> None:
-    """Seed the generators that everybody shares: a third party's renderer may draw from them."""
+    """Seed the global random generators, from which a third party's renderer may draw."""
     random.seed(seed)
     np.random.seed(seed)  # noqa: NPY002 - the global generator
 
 
 def store_recording(judged: Judged, job: Job, directory: Path | None) -> JudgedJob:
-    """Write a job's recording, which says where it comes from, and let the verdicts alone travel on.
+    """Write a judged job's recording, with its origin, into the result folder, and return the job without it.
 
-    Without a directory it travels with them.
+    Without a folder nothing is written, and the job keeps it.
     """
     if judged.recording is None:
         return judged, None
@@ -67,7 +67,7 @@ def store_recording(judged: Judged, job: Job, directory: Path | None) -> JudgedJ
 
 
 def _labelled(recording: Recording, job: Job) -> Recording:
-    """The recording with what it takes to render it again: renderer, model and scene; what it says itself stays."""
+    """Return the recording with what it takes to render it again: renderer, model and scene."""
     case = job.case
     origin = {
         "renderer": job.renderer,
