@@ -29,11 +29,15 @@ STEP_PER_BEND_RADIUS = 0.25
 class ClosestPoint(NamedTuple):
     """The closest boundary points of n points: point = foot + distance normal.
 
-    `foot` (n, N), m, is the globally nearest boundary point; `normal` (n, N) the outward unit normal there; `distance`
-    (n,), m, signed, negative inside; `shape` (n, N, N), 1/m, the shape operator W (symmetric, W normal = 0, positive
-    where the model is convex): a foot that moves with velocity ṗ turns the normal by W ṗ, and off the surface
-    P_T ẏ = (I + distance W) ṗ, the projection of section 7.2 of the thesis differentiated. In the plane W = κ t tᵀ. On
-    a corner or an edge `normal` is that of one of the faces that meet there; all of them are in `normal_cone`.
+    - `foot` (n, N), m: the globally nearest boundary point;
+    - `normal` (n, N): the outward unit normal there; on a corner or an edge that of one of the faces that meet there,
+      all of which are in `normal_cone`;
+    - `distance` (n,), m: signed, negative inside;
+    - `shape` (n, N, N), 1/m: the shape operator W, symmetric, with W normal = 0, and positive where the model is
+      convex.
+
+    A foot that moves with velocity ṗ turns the normal by W ṗ. Off the surface P_T ẏ = (I + distance W) ṗ, the
+    projection of section 7.2 of the thesis differentiated. In the plane W = κ t tᵀ.
     """
 
     foot: Array
@@ -114,8 +118,9 @@ class Boundary(Protocol):
         """Return a function that measures by how much directions leave the true normals around points (n, N), m.
 
         True normals are those of the boundary within `reach` (n,), m, along it: one on a face, and on an edge or a
-        corner the fan between those of the faces. The function takes directions (n, N) and returns angles (n,), rad, 0
-        inside the cone.
+        corner the fan between those of the faces.
+
+        The function takes directions (n, N) and returns angles (n,), rad, 0 inside the cone.
         """
 
     def points(self, n: int) -> Array:

@@ -51,8 +51,11 @@ class Curve:
     """The exact plane boundary of a model, anticlockwise, as rows of `pieces` that compiled loops walk (see `kernels`).
 
     It is a `Boundary`, with a parameter u beside. Methods of u take one parameter or an array of them; on closed curves
-    u wraps. A closed curve is either one smooth piece (CASSINIAN, ELLIPSE) or LINE and ARC pieces with arc length as
-    parameter; an open one is a single UNBOUNDED piece whose inside is the half-plane to its left.
+    u wraps.
+
+    - A closed curve is either one smooth piece (CASSINIAN, ELLIPSE), or LINE and ARC pieces with arc length as
+      parameter.
+    - An open one is a single UNBOUNDED piece whose inside is the half-plane to its left.
 
     Raises `InputError` for pieces of another shape.
     """

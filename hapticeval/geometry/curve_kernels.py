@@ -360,8 +360,9 @@ def nearest_with_values(
 ) -> tuple[int, float, float, float, tuple[float, float, float, float, float, float]]:
     """Return the nearest point of a curve to (x, y), m: (piece, u, distance (m), side, what `evaluate` gives there).
 
-    `pieces` (n, 9) and `samples` (m, 8), see the module. The side is -1.0 inside, 1.0 outside or on the curve. Where
-    the nearest point is a corner, the corner alone decides: only points outside are nearest to a convex one, only
+    `pieces` (n, 9) and `samples` (m, 8), see the module. The side is -1.0 inside, 1.0 outside or on the curve.
+
+    Where the nearest point is a corner, the corner alone decides: only points outside are nearest to a convex one, only
     points inside to a concave one.
     """
     count = pieces.shape[0]

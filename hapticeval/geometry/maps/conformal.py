@@ -106,10 +106,13 @@ class CrowdingError(RefusalError):
 class ConformalMap:
     """The conformal map f of a curve's inside to the unit disk with f(centre) = 0 and f'(centre) > 0.
 
-    It has `nodes` on the boundary. `error` is the share by which boundary densities changed from half as many: a bound
-    on what is left. `crowding` is the ratio of the largest to the smallest boundary density |f'|, each averaged over
-    1/1024 of the length. `blur` (m) is the greatest length of boundary that rounding makes one, and `blurred_at` (2,),
-    m, where. Made by `conformal_map`.
+    - `nodes` is how many there are on the boundary.
+    - `error` is the share by which boundary densities changed from half as many: a bound on what is left.
+    - `crowding` is the ratio of the largest to the smallest boundary density |f'|, each averaged over 1/1024 of the
+      length.
+    - `blur` (m) is the greatest length of boundary that rounding makes one, and `blurred_at` (2,), m, where.
+
+    Made by `conformal_map`.
     """
 
     curve: Curve
@@ -145,8 +148,8 @@ def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
     """Return the conformal map of a closed curve's inside, its centre the conformal barycentre of the arc length.
 
     The `nodes` on the boundary are doubled until densities change by less than a twentieth of themselves, or are as
-    many as given (rounded down to a multiple of four on each piece). Given numbers of nodes are used even where they
-    resolve little; `error` and `blur` then show it.
+    many as given (rounded down to a multiple of four on each piece). Given numbers are used even where they resolve
+    little; `error` and `blur` then show it.
 
     Raises `CrowdingError` where double precision is exhausted, `RefusalError` for outlines of more detail than 2560
     nodes resolve and for an unbounded curve, and `InputError` for numbers of nodes that are no use.
@@ -266,9 +269,10 @@ def _node_counts(curve: Curve, nodes: int | None) -> list[int]:
 class Nodes(NamedTuple):
     """Boundary nodes at the integers of a parameter t that runs over `n` once around.
 
-    `anchors` + `offsets` (n,) are the positions and `steps` (n,) their derivatives by t, complex, m. `per_piece` is
-    the number of nodes on each piece of a graded curve, whose first node lies half a step after its start; it is
-    zero on a smooth curve, whose first node lies at the start.
+    `anchors` + `offsets` (n,) are the positions and `steps` (n,) their derivatives by t, complex, m.
+
+    `per_piece` is the number of nodes on each piece of a graded curve, whose first node lies half a step after its
+    start. It is zero on a smooth curve, whose first node lies at the start.
     """
 
     anchors: Complex
@@ -324,9 +328,10 @@ def boundary_nodes(curve: Curve, n: int) -> Nodes:
 class Correspondence(NamedTuple):
     """Where the boundary goes: a table of TABLE_STEPS steps from node to node, and the first again after one turn.
 
-    `z` (n,) are the nodes, complex, m, relative to the `centre` (2,), m; `angles` (m + 1,), rad, never fall; `slopes`
-    (m + 1,) are their derivatives by table step, `density` (n,) those at the nodes by node, and `lengths` (m + 1,), m,
-    the arc lengths of the entries.
+    - `z` (n,): the nodes, complex, m, relative to the `centre` (2,), m;
+    - `angles` (m + 1,), rad: never fall;
+    - `slopes` (m + 1,): their derivatives by table step, and `density` (n,) those at the nodes by node;
+    - `lengths` (m + 1,), m: the arc lengths of the entries.
     """
 
     nodes: Nodes
@@ -376,8 +381,10 @@ def balance_centre(system: FactoredSystem, start: Array) -> Correspondence:
     """Return the integral equation solved for the conformal barycentre of the arc length.
 
     It is looked for from `start` (2,), m, by Newton's method on the disk, shortened until the relative entropy falls
-    and the centre is inside. It ends where steps are rounding; or where they no longer shrink, on shapes that crowd so
-    much that no map will come of it.
+    and the centre is inside.
+
+    It ends where steps are rounding; or where they no longer shrink, on shapes that crowd so much that no map will come
+    of it.
     """
     # each node's share of the arc length
     weights = np.abs(system.nodes.steps) / np.sum(np.abs(system.nodes.steps))
@@ -414,12 +421,13 @@ def _shifted(point: Array, move: complex) -> Array:
 
 
 def _integrate_density(density: Array, z: Complex) -> tuple[Array, Array]:
-    """The table of Θ and Θ' from Θ' at the nodes, by trigonometric interpolation.
+    """Return the table of Θ and Θ' from Θ' at the nodes, by trigonometric interpolation.
 
-    Where Θ' is as good as zero, at sharp tips, the waves of the rest do not cancel to it: there Θ rises between two
-    nodes by no less than half of the smaller and no more than twice the larger of the Θ' at them, evenly. Θ is free
-    by a constant. Im log((z - c) / f) is harmonic and zero at the centre where f' > 0: so is its mean by harmonic
-    measure.
+    Where Θ' is as good as zero, at sharp tips, the waves of the rest do not cancel to it. There Θ rises between two
+    nodes by no less than half of the smaller and no more than twice the larger of the Θ' at them, evenly.
+
+    Θ is free by a constant. Im log((z - c) / f) is harmonic and zero at the centre where f' > 0: so is its mean by
+    harmonic measure.
     """
     n = density.size
     modes = np.fft.rfft(density)

@@ -25,11 +25,12 @@ NODE_OFFSET = 1e-150
 
 
 class DiskTables(NamedTuple):
-    """What the loops walk: `nodes` (n, 6) with the rows x, y, x', y', cos Θ, sin Θ in units of `scale` about (cx, cy).
+    """What the loops walk: the nodes with their images, and the table of boundary angles.
 
-    `angles` and `slopes` (m + 1,) are the boundary angle Θ (rad), never falling, and its derivative by table step,
-    of a table with `fine` steps from one node to the next, the last entry one turn after the first. `pieces` and
-    `per_piece` are the curve's and those of `Nodes`.
+    - `nodes` (n, 6): rows x, y, x', y', cos Θ, sin Θ, in units of `scale` (m) about (`cx`, `cy`);
+    - `angles` and `slopes` (m + 1,): the boundary angle Θ (rad), never falling, and its derivative by table step; a
+      table has `fine` steps from one node to the next, and its last entry lies one turn after the first;
+    - `pieces` and `per_piece`: the curve's, and that of `Nodes`.
     """
 
     nodes: Array
@@ -94,9 +95,10 @@ def double_layer_matrix(anchors: Complex, offsets: Complex, steps: Complex) -> A
     """Return the adjoint double layer on the nodes: (n, n), each column of which sums to one.
 
     `anchors`, `offsets` and `steps` (n,), complex, m, are those of `Nodes`. Row i, column j holds the turn at node i,
-    in shares of a full one, of the direction from node j. Seen from a boundary point the whole boundary turns by a
-    half; adding the half that the jump of the layer gives, the diagonal follows from the others, which makes the rule
-    exact at corners too.
+    in shares of a full one, of the direction from node j.
+
+    Seen from a boundary point the whole boundary turns by a half. Adding the half that the jump of the layer gives, the
+    diagonal follows from the others, which makes the rule exact at corners too.
     """
     n = anchors.shape[0]
     out = np.empty((n, n))
@@ -122,8 +124,9 @@ def map_to_disk(disk: DiskTables, points: Array) -> Array:
     """Return the images (n, 2) in the unit disk of points (n, 2), m, inside the curve: barycentric Cauchy's formula.
 
     The quotient of two integrals by one rule is exact for a constant, and interpolates at the nodes: it holds its
-    accuracy up to the boundary, where each integral alone loses all of it. Every lane adds in the order of nodes, so
-    that a point's image is the same, bit for bit, in whatever batch it comes.
+    accuracy up to the boundary, where each integral alone loses all of it.
+
+    Every lane adds in the order of nodes, so that a point's image is the same, bit for bit, in whatever batch it comes.
     """
     nodes = disk.nodes
     count = points.shape[0]

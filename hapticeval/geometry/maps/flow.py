@@ -1,8 +1,9 @@
 """Curve shortening flow of a model by the level set method (thesis 5.2): tangential levels and transversal lines.
 
-The model's signed distance is carried by (5.4) until its zero level has shrunk to a small circle. Points that start on
-the surface are carried along by (5.16), each pulled back onto the zero level after every step, and are recorded on
-levels of equal steps in the square root of the enclosed area.
+The model's signed distance is carried by (5.4) until its zero level has shrunk to a small circle.
+
+Points that start on the surface are carried along by (5.16), each pulled back onto the zero level after every step.
+They are recorded on levels of equal steps in the square root of the enclosed area.
 """
 
 from __future__ import annotations
@@ -75,14 +76,16 @@ LAST_ASPECT = 1.5
 class FlowSettings:
     """The knobs of a flow, with the values that the renderer `mapping` takes.
 
-    `velocity` one of `VELOCITIES`; `cells` along the model's longer side and a margin; `lines` transversal lines, twice
-    as many as cells if None; `levels` steps in the root of the area from the whole model to nothing, two for five cells
-    if None. K_cap of (5.13) is the average curvature of the model.
+    - `velocity`: one of `VELOCITIES`. K_cap of (5.13) is the average curvature of the model.
+    - `cells`: along the model's longer side and a margin.
+    - `lines`: transversal lines; twice as many as cells if None.
+    - `levels`: steps in the root of the area from the whole model to nothing; two for five cells if None.
+    - `gap`: the least distance of neighbouring lines as a share of their mean distance on the same level.
 
-    `gap` is the least distance of neighbouring lines as a share of their mean distance on the same level. Where a flow
-    drives lines closer together, on the bisectors of sharp tips, they are held this far apart, or they would cross. The
-    IHIP then moves about 1 / gap times as far as the HIP: a tiny gap keeps the order of the lines and no more, and the
-    flow's own jumps; 0.05 makes a continuous map of them.
+    Where a flow drives lines closer together, on the bisectors of sharp tips, they are held `gap` apart, or they would
+    cross. The IHIP then moves about 1 / gap times as far as the HIP.
+
+    A tiny gap keeps the order of the lines and no more, and the flow's own jumps; 0.05 makes a continuous map of them.
 
     Raises `UnknownNameError` for another velocity and `InputError` for numbers out of range.
     """
@@ -129,8 +132,10 @@ class FlowSettings:
 class Flow:
     """What a flow recorded: m levels, the first the surface itself, and n lines, anticlockwise.
 
-    `points` (m, n, 2), m; `u` (n,) the curve's parameters of the lines' starts; `times` (m,), in m for velocities
-    without unit and m^2 for curvature; `lengths` (m,), m, and `areas` (m,), m^2, of the levels on the grid; `cell` (m).
+    - `points` (m, n, 2), m;
+    - `u` (n,): the curve's parameters of the lines' starts;
+    - `times` (m,): in m for velocities without unit, in m^2 for curvature;
+    - `lengths` (m,), m, and `areas` (m,), m^2, of the levels on the grid; `cell` (m) is its spacing.
     """
 
     points: Array

@@ -1,8 +1,10 @@
 """Compiled loops of the curve shortening flow: the level set step (5.4), its contour, and the particles on it (5.16).
 
-`values` (ny, nx) are gamma at square cells of side `h`, negative inside; node (j, i) is at the origin (`x0`, `y0`) +
-h (i, j). The front is the zero level, moves towards gamma < 0, and leaves positive values behind. The particles go with
-the front, come back onto it, and keep apart.
+`values` (ny, nx) are gamma at square cells of side `h`, negative inside; node (j, i) is at the origin (`x0`, `y0`) + h
+(i, j).
+
+The front is the zero level, moves towards gamma < 0, and leaves positive values behind. The particles go with the
+front, come back onto it, and keep apart.
 """
 
 from __future__ import annotations
@@ -116,8 +118,10 @@ def advance_step(values: Array, out: Array, active: IntArray, h: float, kind: in
     """Carry `values` (ny, nx), m, by one explicit step of (5.4) into `out`, in the columns that `active` (ny, 2) gives.
 
     The two agree elsewhere and stay so. The parts of constant speed (UNIT, and CAP where it is at K_cap) take Godunov's
-    slope; what depends on the curvature takes central differences, but for nodes on a kink (the medial axis of the
-    model), which they would leave behind.
+    slope.
+
+    What depends on the curvature takes central differences, but for nodes on a kink (the medial axis of the model),
+    which they would leave behind.
     """
     ny, nx = values.shape
     for j in range(1, ny - 1):

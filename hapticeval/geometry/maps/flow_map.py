@@ -1,13 +1,16 @@
 """The transformation of a model to the disk by its flow (thesis 5.3): the checked grid, forward and inverse maps.
 
 Levels and lines of the flow correspond to circles and radii of the disk. Forward, a point goes by barycentric
-coordinates in its cell (5.18)-(5.20); backwards only the surface is needed, and goes by the parameter of the exact
+coordinates in its cell (5.18)-(5.20). Backwards only the surface is needed, and goes by the parameter of the exact
 curve, linear between the lines' starts.
 
 A cell has the corners a, b on a level and d, e on the next, a and d on one line and b and e on the following one, so
-that a, b, e, d run anticlockwise. Where its diagonals cross it is cut into four triangles at the crossing
-(Figure 5.13); a cell that is not convex has no crossing and is cut into two along the diagonal inside it. Buckets of
-equal squares list the cells that touch them: a lookup costs the same wherever the point is.
+that a, b, e, d run anticlockwise.
+
+Where its diagonals cross it is cut into four triangles at the crossing (Figure 5.13). A cell that is not convex has no
+crossing and is cut into two along the diagonal inside it.
+
+Buckets of equal squares list the cells that touch them: a lookup costs the same wherever the point is.
 """
 
 from __future__ import annotations
@@ -42,12 +45,13 @@ CELL_SLACK = 1e-9
 class Chart(NamedTuple):
     """A grid for the compiled lookup.
 
-    `points` and `disk` (m, n, 2): where level and line cross in the model (m) and on the disk, from the outermost level
-    inwards; the first is the model's own, and has radius 1. `angles` (n + 1,) of the lines, from 0, and `us`
-    (n + 1,) the curve's parameters there, both one turn longer at the end; the curve's own range is from `start` to
-    `end`. `heads` (buckets + 1,) and `cells` list the
-    cells of each bucket, numbered k * n + i; buckets are `across` by `up` squares of side `side` (m) from (`x0`,
-    `y0`). `inner` (n,) are the directions (rad, increasing) of the last level's points from the `centre`.
+    - `points` and `disk` (m, n, 2): where level and line cross in the model (m) and on the disk, from the outermost
+      level inwards; the first is the model's own, and has radius 1.
+    - `angles` (n + 1,), rad, of the lines, from 0, and `us` (n + 1,), the curve's parameters there: both one turn
+      longer at the end. The curve's own range is from `start` to `end`.
+    - `heads` (buckets + 1,) and `cells`: the cells of each bucket, numbered k * n + i. Buckets are `across` by `up`
+      squares of side `side` (m) from (`x0`, `y0`).
+    - `inner` (n,): the directions (rad, increasing) of the last level's points from the `centre`.
     """
 
     points: Array
