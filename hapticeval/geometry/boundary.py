@@ -36,8 +36,10 @@ class ClosestPoint(NamedTuple):
     - `shape` (n, N, N), 1/m: the shape operator W, symmetric, with W normal = 0, and positive where the model is
       convex.
 
-    A foot that moves with velocity ṗ turns the normal by W ṗ. Off the surface P_T ẏ = (I + distance W) ṗ, the
-    projection of section 7.2 of the thesis differentiated. In the plane W = κ t tᵀ.
+    A foot that moves with velocity ṗ turns the normal by W ṗ.
+
+    Off the surface P_T ẏ = (I + distance W) ṗ, the projection of section 7.2 of the thesis differentiated. In the plane
+    W = κ t tᵀ.
     """
 
     foot: Array

@@ -75,9 +75,10 @@ def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 
 
     `a_n` / `a_d` above 1 sets the depth of the valleys; `size` (m) is the circumscribed diameter.
 
-    Raises `InputError` if `a_n` / `a_d` is not above 1: then the lobes are separate curves. So it does where it is so
-    little above 1 that the curve's parameter cannot resolve the sides of the valleys: a point moves there by r /
-    sqrt(a_n / a_d - 1) per radian.
+    Raises `InputError` if `a_n` / `a_d` is not above 1: then the lobes are separate curves.
+
+    So it does where it is so little above 1 that the curve's parameter cannot resolve the sides of the valleys: a point
+    moves there by r / sqrt(a_n / a_d - 1) per radian.
     """
     lobes = _checked_count("lobes", lobes, 2, 1_000)
     size = checked_size(size)

@@ -176,8 +176,10 @@ def _largest_distance(mesh: Mesh, surface: Surface) -> float:
     measured at a lattice of points on every triangle.
 
     Between corners on a surface of one curvature k it is k (R^2 - r^2) / 2, r from the middle of the circle of radius R
-    round them. A lattice of n steps leaves no point farther than R / n from the next: what is measured falls short by 1
-    / n^2 at the most. Twice that is added, for curvature that changes.
+    round them.
+
+    A lattice of n steps leaves no point farther than R / n from the next: what is measured falls short by 1 / n^2 at
+    the most. Twice that is added, for curvature that changes.
     """
     u, v = (
         np.array([(i, j) for i in range(LATTICE_STEPS + 1) for j in range(LATTICE_STEPS + 1 - i)]).T[:, :, np.newaxis]

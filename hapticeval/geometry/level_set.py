@@ -32,10 +32,10 @@ class LevelSet:
         """Return the same with an inside of one piece, the largest, and no holes: self if it is so already.
 
         A tip or slit that is narrower than the diagonal of a cell may have nodes in it that no sides of cells join to
-        the rest, by how the model lies on the grid. The sign of such nodes is changed, their distance kept.
+        the rest, by how the model lies on the grid.
 
-        Nodes that are joined across a cell only count as apart: a contour through the middle of such a cell may touch
-        itself.
+        The sign of such nodes is changed, their distance kept. Nodes that are joined across a cell only count as apart:
+        a contour through the middle of such a cell may touch itself.
         """
         from scipy import ndimage
 

@@ -36,10 +36,10 @@ class Mesh(SurfaceInSpace):
     """A closed, connected, outward surface of triangles; it is a `Boundary`.
 
     `vertices` (v, 3), m, and `triangles` (t, 3), rows of vertices, anticlockwise seen from outside. Vertices that no
-    triangle has are left out. Raises `InputError`, naming the triangle and how to mend it, for a mesh that is open,
-    inside out, in parts, not a manifold, degenerate, or that crosses itself; and for sizes outside the float range.
+    triangle has are left out. `tables` are what compiled code works on, see `mesh_kernels`.
 
-    `tables` are what compiled code works on, see `mesh_kernels`.
+    Raises `InputError`, naming the triangle and how to mend it, for a mesh that is open, inside out, in parts, not a
+    manifold, degenerate, or that crosses itself; and for sizes outside the float range.
     """
 
     def __init__(self, name: str, vertices: ArrayLike, triangles: ArrayLike) -> None:

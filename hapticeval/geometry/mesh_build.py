@@ -441,7 +441,9 @@ def suspect_pairs(faces: Array, vertices: Array, tree: Array, begin: int, most_p
     """Return pairs (up to `most_pairs`, 2) of triangles that may cross or touch, and where to go on.
 
     `faces` (t, 9), `vertices` (v, 6), m, and `tree` (2 m, 11) are the mesh. The first of each pair is triangle `begin`
-    or a later one. Pairs that are not returned are separated by a plane, by more than rounding.
+    or a later one.
+
+    Pairs that are not returned are separated by a plane, by more than rounding.
     """
     n, m = faces.shape[0], tree.shape[0] // 2
     pairs, count = np.empty((most_pairs, 2), np.int64), 0

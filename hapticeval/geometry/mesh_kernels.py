@@ -1,15 +1,24 @@
 """Compiled queries of a closed triangle mesh: closest point and side, crossings of a segment, cones of normals.
 
-A mesh is three tables. A row of `faces` (t, 9) is a triangle: the rows of its corners in `vertices`, anticlockwise seen
-from outside; the rows of its neighbours across the edges from the first corner to the second, from there to the third,
-and back; its outward unit normal. A row of `vertices` (v, 6) is a position (m) and a unit pseudonormal: the mean of the
-normals of the triangles round it by their angles there. Indices are whole numbers in float64.
+A mesh is three tables; indices in them are whole numbers in float64.
 
-`tree` (2 m, 11), m a power of two, bounds runs of triangles by boxes (least x, y, z, largest x, y, z): row 1 all of
-them, row i the halves 2 i and 2 i + 1, and row m + j, a leaf, those from j t // m up to (j + 1) t // m. Row 0 is not
-used. Beside the box stands a disc about its middle: its unit normal, its radius (m) and half of its thickness (m),
-infinite for long runs. A box of a slanted patch is as thick as the patch is wide, so that as many as sqrt(t) of them
-are no farther from a point away from the mesh than the closest triangle; a disc is as thick as the patch is bent.
+- A row of `faces` (t, 9) is a triangle: the rows of its corners in `vertices`, anticlockwise seen from outside; the
+  rows of its neighbours across the edges from the first corner to the second, from there to the third, and back; its
+  outward unit normal.
+- A row of `vertices` (v, 6) is a position (m) and a unit pseudonormal: the mean of the normals of the triangles round
+  it by their angles there.
+- `tree` (2 m, 11), m a power of two, bounds runs of triangles by boxes (least x, y, z, largest x, y, z) and discs.
+
+Row 1 of the tree bounds all triangles, row i the halves 2 i and 2 i + 1, and row m + j, a leaf, those from j t // m up
+to (j + 1) t // m. Row 0 is not used.
+
+Beside the box stands a disc about its middle: its unit normal, its radius (m) and half of its thickness (m), infinite
+for long runs.
+
+- A box of a slanted patch is as thick as the patch is wide, so that as many as sqrt(t) of them are no farther from a
+  point away from the mesh than the closest triangle.
+- A disc is as thick as the patch is bent.
+
 Triangles lie in the order of the leaves, and vertices in that of their first use, so that neighbours share cache lines.
 """
 
@@ -97,9 +106,11 @@ def distance_to_triangle(
     """Return the squared distance (m^2) of p from triangle k, the feature that is closest, and where on that edge.
 
     `faces` (t, 9) and `vertices` (v, 6), m, are the mesh. The distance is infinite where the triangle's plane is
-    farther away than `limit_squared`. Whether p lies over the triangle is decided by its normal, which is exact to
-    rounding for any sliver, and the closest point of an edge by that edge alone: so errors are roundings of the
-    coordinates, whatever the triangle's shape.
+    farther away than `limit_squared`.
+
+    Whether p lies over the triangle is decided by its normal, which is exact to rounding for any sliver, and the
+    closest point of an edge by that edge alone: so errors are roundings of the coordinates, whatever the triangle's
+    shape.
     """
     a, n = position_of(vertices, faces[k, CORNER]), normal_of(faces, k)
     ap = _minus(p, a)
@@ -172,9 +183,11 @@ def nearest_triangle(
 ) -> tuple[int, int, float, float]:
     """Return the triangle closest to p (m), its feature, where on that edge, and the squared distance (m^2).
 
-    `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) are the mesh. `start` is a triangle to begin with, such as
-    the closest one of a moment ago: it saves time, and the answer is the same for any. Of triangles that are equally
-    close it is the first.
+    `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) are the mesh. Of triangles that are equally close it is the
+    first.
+
+    `start` is a triangle to begin with, such as the closest one of a moment ago: it saves time, and the answer is the
+    same for any.
     """
     n, m = faces.shape[0], tree.shape[0] // 2
     best = start
@@ -219,9 +232,11 @@ def closest_on_mesh(
 ) -> tuple[int, Triple, Triple, float]:
     """Return the closest triangle, the foot (m) on it, the outward unit normal there, and the signed distance (m) of p.
 
-    `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) are the mesh; the search begins at triangle `start`. The side
-    is that of the pseudonormal of the feature (Baerentzen and Aanaes 2005), which is right for any closed mesh. On an
-    edge or a vertex the normal is the direction between p and the foot, or where these coincide the pseudonormal.
+    `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) are the mesh; the search begins at triangle `start`.
+
+    The side is that of the pseudonormal of the feature (Baerentzen and Aanaes 2005), which is right for any closed
+    mesh. On an edge or a vertex the normal is the direction between p and the foot, or where these coincide the
+    pseudonormal.
     """
     k, feature, share, distance_squared = nearest_triangle(faces, vertices, tree, p, start)
     n, a = normal_of(faces, k), position_of(vertices, faces[k, CORNER])
@@ -332,8 +347,10 @@ def _product_error(a: float, b: float, product: float) -> float:
 def _signed_area(x1: float, y1: float, x2: float, y2: float) -> tuple[float, int]:
     """Return x1 y2 - x2 y1 and its sign: on which side the line between two points passes the origin.
 
-    The sign is exact. Where it is zero the line counts as passing an origin that is shifted by (d, d^2) for a d below
-    all numbers: so a line and the same line backwards always have opposite signs. 0 if the points are one.
+    The sign is exact, and 0 only if the points are one. Where the number is zero the line counts as passing an origin
+    that is shifted by (d, d^2) for a d below all numbers.
+
+    So a line and the same line backwards always have opposite signs.
     """
     first, second = x1 * y2, x2 * y1
     area = first - second
@@ -374,10 +391,12 @@ def first_triangle_hit(
 ) -> tuple[int, float]:
     """Return the first triangle through which the line start + s direction goes for s in [low, high], and s.
 
-    `faces` (t, 9), `vertices` (v, 6), m, and `tree` (2 m, 11) are the mesh. (-1, high) if there is none. Woop, Benthin
-    and Wald's watertight test (2013): each vertex is projected along the line once and for all, and on which side an
-    edge passes the line has one exact answer for both triangles that share it. So no line slips through between
-    triangles, and each goes as often in as out.
+    `faces` (t, 9), `vertices` (v, 6), m, and `tree` (2 m, 11) are the mesh. (-1, high) if there is none.
+
+    Woop, Benthin and Wald's watertight test (2013): each vertex is projected along the line once and for all, and on
+    which side an edge passes the line has one exact answer for both triangles that share it.
+
+    So no line slips through between triangles, and each goes as often in as out.
     """
     n, m = faces.shape[0], tree.shape[0] // 2
     # the axis along which the line runs fastest becomes z; the others keep their sense
@@ -455,8 +474,10 @@ def first_entry(
     the start. The search begins at triangle `k`.
 
     To be inside means by more than `touch` (m): so a start on the mesh to rounding counts by where the segment goes,
-    and what only grazes an edge or a face is passed. Between two of its crossings with the mesh, which may be several
-    in one vertex, it is inside as a whole or not at all.
+    and what only grazes an edge or a face is passed.
+
+    Between two of its crossings with the mesh, which may be several in one vertex, it is inside as a whole or not at
+    all.
     """
     direction = _minus(end, start)
     length = math.sqrt(dot(direction, direction))
@@ -550,9 +571,10 @@ def normals_in_reach(faces: Array, vertices: Array, tree: Array, points: Array, 
 def closest_in_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
     """Return the point of the cone that rows first to last of unit `normals` (k, 3) span which is closest to d.
 
-    d is a vector in any unit, such as N or m, and so is the answer. Each round adds the direction that leads closest to
-    the rest, and keeps of it and the up to two before it those whose cone comes closest: no more than three carry a
-    vector in space. The rest shrinks with each round.
+    d is a vector in any unit, such as N or m, and so is the answer.
+
+    Each round adds the direction that leads closest to the rest, and keeps of it and the up to two before it those
+    whose cone comes closest: no more than three carry a vector in space. The rest shrinks with each round.
     """
     limit = 1e-15 * math.sqrt(dot(d, d))
     carriers = np.zeros((3, 3))

@@ -1,8 +1,11 @@
 """Compiled walk of a point on a triangle mesh, downhill in distance to a goal: how a rigid tool slides after the hand.
 
-A place on the mesh is a triangle, the feature of it that the point lies on (see `mesh_kernels`), and the point. What
-it may do there depends on the free directions: a half-space on a face, at a convex edge the two half-spaces
-together, at a concave edge what they have in common, and at a vertex what the fan of its triangles leaves free.
+A place on the mesh is a triangle, the feature of it that the point lies on (see `mesh_kernels`), and the point. What it
+may do there depends on the free directions:
+
+- on a face a half-space;
+- at a convex edge the two half-spaces together, at a concave edge what they have in common;
+- at a vertex what the fan of its triangles leaves free.
 """
 
 from __future__ import annotations
@@ -45,9 +48,10 @@ def walk_downhill(
     `faces` (t, 9) and `vertices` (v, 6) are the mesh, `point` and `goal` are in m. Returns how the walk ends, and the
     place.
 
-    With one, two and three faces that hold it the point rests on a plane, on a line and in a corner: where the faces
-    are those of a convex room that is the closest point of the room to the goal. Without `free` the point never leaves
-    the mesh, whichever side the goal is on.
+    With one, two and three faces that hold it the point rests on a plane, on a line and in a corner. Where the faces
+    are those of a convex room that is the closest point of the room to the goal.
+
+    Without `free` the point never leaves the mesh, whichever side the goal is on.
     """
     last_squared, stalls = math.inf, 0
     while stalls < MOST_STALLS:

@@ -36,9 +36,12 @@ KIND_BY_PARAMETER = {
 class Model:
     """A closed plane curve (an extruded cross-section), a half-plane, or a closed surface in space.
 
-    `parameters` are the JSON values it was made from; `boundary` is the exact boundary, which answers alike in the
-    plane and in space. `curve` and `surface` are the same for what works on plane curves with a parameter, or on the
-    surfaces with compiled kernels, alone. Representations are made on first use and kept.
+    - `parameters` are the JSON values it was made from.
+    - `boundary` is the exact boundary, which answers alike in the plane and in space.
+    - `curve` and `surface` are the same for what works on plane curves with a parameter, or on the surfaces with
+      compiled kernels, alone.
+
+    Representations are made on first use and kept.
     """
 
     name: str

@@ -28,8 +28,10 @@ class NormalCone:
     normals of the two faces, which are the equivalent normals n_e of section 3.2.1.
 
     The normals at the point and at both ends of the stretch are exact, on a curve of one piece to `SPLINE_TOLERANCE` at
-    the ends. So are those where the turning changes its sense: at joints of the curve and at inflections. Two
-    inflections between the same two of `NORMAL_SAMPLES` points are missed.
+    the ends.
+
+    So are those where the turning changes its sense: at joints of the curve and at inflections. Two inflections between
+    the same two of `NORMAL_SAMPLES` points are missed.
     """
 
     def __init__(self, curve: Curve) -> None:

@@ -1,15 +1,17 @@
 """Compiled queries of a simple anticlockwise polygon: nearest point, side, first crossing.
 
-Edge k runs from vertex k to vertex k + 1 (the last one back to vertex 0). The tree is one array (2 m, 6), m a
-power of two: row 1 is the whole outline, row i has the halves 2 i and 2 i + 1, and row m + j is a leaf that
-holds the edges from j n // m up to (j + 1) n // m; row 0 is not used. A row bounds its run of edges by a
-capsule: no point of the run is farther than the radius from the straight chord between the run's ends.
+Edge k runs from vertex k to vertex k + 1 (the last one back to vertex 0).
+
+The tree is one array (2 m, 6), m a power of two: row 1 is the whole outline, row i has the halves 2 i and 2 i + 1, and
+row m + j is a leaf that holds the edges from j n // m up to (j + 1) n // m. Row 0 is not used.
+
+A row bounds its run of edges by a capsule: no point of the run is farther than the radius from the straight chord
+between the run's ends.
 
     x, y of the chord's start; dx, dy to its end; 1 / (dx^2 + dy^2), or 0; radius
 
-Capsules, not boxes: along a smooth outline a run of length l strays from its chord by order l^2, where the
-slack of a box is of order l. So a query looks into a bounded number of runs of each length, and its cost
-grows as log n.
+Capsules, not boxes: along a smooth outline a run of length l strays from its chord by order l^2, where the slack of a
+box is of order l. So a query looks into a bounded number of runs of each length, and its cost grows as log n.
 """
 
 from __future__ import annotations
@@ -151,9 +153,10 @@ def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) ->
     """Return -1.0 inside, 1.0 outside or on the outline, of a point (x, y), m, whose nearest point is known.
 
     `vertices` (n, 2), m; the nearest point lies `along` an `edge` as `nearest_kernel` gives it. Where that is a vertex,
-    the vertex alone decides: only points outside are nearest to a convex one. At one that turns by less than a right
-    angle they lie on the side of its mean normal; so they do where rounding alone makes it nearest, and its turn is
-    rounding.
+    the vertex alone decides: only points outside are nearest to a convex one.
+
+    At one that turns by less than a right angle they lie on the side of its mean normal; so they do where rounding
+    alone makes it nearest, and its turn is rounding.
     """
     n = vertices.shape[0]
     next_vertex = edge + 1 if edge + 1 < n else 0
@@ -257,9 +260,12 @@ def first_crossing_kernel(
     """Return where the segment from (x0, y0), outside or on the outline, to (x1, y1), m, first goes inside.
 
     As (edge, t along it in [0, 1], fraction of the segment in [0, 1]); edge -1 if it never does. `vertices` (n, 2), m,
-    and `tree` (2 m, 6). Each vertex counts as left or right of the segment's line by one and the same number for both
-    of its edges, so that a segment through a vertex meets exactly one of them. A start on the outline, to rounding, is
-    decided by the edges there; and an end that is inside has been gone into, whatever rounding says.
+    and `tree` (2 m, 6).
+
+    - Each vertex counts as left or right of the segment's line by one and the same number for both of its edges, so
+      that a segment through a vertex meets exactly one of them.
+    - A start on the outline, to rounding, is decided by the edges there.
+    - An end that is inside has been gone into, whatever rounding says.
     """
     n, m = vertices.shape[0], tree.shape[0] // 2
     sx, sy = x1 - x0, y1 - y0

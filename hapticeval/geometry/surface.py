@@ -26,7 +26,9 @@ class Surface(SurfaceInSpace):
     """A sphere, an ellipsoid or a torus about the origin; `reals` are its lengths (m). It is a `Boundary`.
 
     A sphere has its radius, an ellipsoid its semi-axes along x, y and z, and a torus, about the z axis, the radius of
-    its core circle and that of its tube. The catalogue makes them, and refuses lengths that do not fit.
+    its core circle and that of its tube.
+
+    The catalogue makes them, and refuses lengths that do not fit.
     """
 
     name: str

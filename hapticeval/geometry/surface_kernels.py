@@ -101,11 +101,16 @@ def _on_torus(major: float, minor: float, y: Triple) -> tuple[Triple, Triple, fl
 
 @compiled
 def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
-    """By the root of Eberly's secular equation ("Distance from a point to an ellipsoid").
+    """Return what `closest_on_surface` does, by the root of Eberly's secular equation.
 
-    The foot is p_i = r_i y_i / (q_i + g), with r_i = (e_i / e)^2, q_i = r_i - 1 and e the smallest semi-axis; g > 0 is
-    where the vector of r_i z_i / (q_i + g), z_i = y_i / e_i, has the norm 1, and the signed distance is
-    (g - 1) e^2 times the norm of (p_i / e_i^2). In terms of g, zero on the medial disc, nothing cancels near it.
+    Eberly, "Distance from a point to an ellipsoid". With e the smallest semi-axis, r_i = (e_i / e)^2, q_i = r_i - 1 and
+    z_i = y_i / e_i:
+
+    - g > 0 is where the vector of r_i z_i / (q_i + g) has the norm 1;
+    - the foot is p_i = r_i y_i / (q_i + g);
+    - the signed distance is (g - 1) e^2 times the norm of (p_i / e_i^2).
+
+    In terms of g, zero on the medial disc, nothing cancels near it.
     """
     a, b, c = reals[FIRST], reals[SECOND], reals[THIRD]
     e = min(a, b, c)

@@ -1,10 +1,14 @@
 """The tool between samples: each mode is carried to its next event or to the end of the stretch, and what events do.
 
-The state is an array: MODE (FLIGHT, SLIDE or REST), PIECE on the boundary, U on it where the tool touched down or came
-from a joint and DU how much U has grown since, W = ds/dt, position, velocity, and in REST the joint whose corner holds
-the tool. Kept in one number, U + DU would lose the digits of hops in a corner, which become as short as its rounding,
-and of which each sets the speed of the next. Impacts, corners and coming to rest change it at an instant, and every
-change of velocity adds its impulse to `sums`.
+The state is an array (10,): MODE (FLIGHT, SLIDE or REST), PIECE on the boundary, U on it where the tool touched down or
+came from a joint and DU how much U has grown since, W = ds/dt, position, velocity, and in REST the joint whose corner
+holds the tool.
+
+Kept in one number, U + DU would lose the digits of hops in a corner, which become as short as its rounding, and of
+which each sets the speed of the next.
+
+Impacts, corners and coming to rest change the state at an instant, and every change of velocity adds its impulse to
+`sums`.
 
 Sequences of ever smaller hops (bounces with 0 < c_r < 1, slides up and down the faces of a notch) never end in number
 but do in time. A hop that stays within CONTACT_HOP of where it began is taken as contact: the tool slides or rests.
@@ -71,9 +75,11 @@ FLIGHT_STEP = 2e-3
 class Run(NamedTuple):
     """What the steps of one run read and write.
 
-    `state` (10,) of the tool; `load` (10,) of the stretch, see `motion`; `sums` (4,), N s: the contact's and the
-    operator's impulse since the sample; `log` (k, 6): time, kind, place and impulse of the events, and `tally` (1,)
-    how many there were, kept or not; `free` (4,), a box known to hold no boundary, see `first_entry`.
+    - `state` (10,): of the tool;
+    - `load` (10,): of the stretch, see `motion`;
+    - `sums` (4,), N s: the contact's and the operator's impulse since the sample;
+    - `log` (k, 6): time, kind, place and impulse of the events, and `tally` (1,) how many there were, kept or not;
+    - `free` (4,): a box known to hold no boundary, see `first_entry`.
     """
 
     state: Array
@@ -190,7 +196,9 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
     """The tool reaches a concave corner, or any corner of a boundary that holds it from both sides.
 
     It hits the face that it runs against with that face's normal, thesis (3.5), again and again if the notch is so
-    sharp that this throws it against the other face. A tool that is held loses its velocity across the next face.
+    sharp that this throws it against the other face.
+
+    A tool that is held loses its velocity across the next face.
     """
     state, load = run.state, run.load
     before, pre, post, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
@@ -265,11 +273,13 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
 
 @compiled
 def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) -> None:
-    """The tool stops at a corner: it rests while the force points into the corner's zone (thesis 3.2.1), else goes
-    along the face on which the force drives it away, or off both.
+    """Stop the tool at a corner: it rests there, goes along a face, or lets go of both.
 
-    `wait` (s) is what an unending sequence of hops still takes: the event is logged at its end. `exits` is 1 or -1
-    when the force is just leaving the zone towards the face after or before, where its sign is rounding; else 0.
+    It rests while the force points into the corner's zone (thesis 3.2.1). Else it goes along the face on which the
+    force drives it away, or off both.
+
+    `wait` (s) is what an unending sequence of hops still takes: the event is logged at its end. `exits` is 1 or -1 when
+    the force is just leaving the zone towards the face after or before, where its sign is rounding; else 0.
     """
     state, load = run.state, run.load
     before, pre, post, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)

@@ -41,11 +41,15 @@ MOST_EVENTS = 4_000_000
 class IdealContact:
     """A point tool of `scene.mass` on the rigid, frictionless model: the ground truth of all verdicts.
 
-    It flies by m y'' = F_o; slides by thesis (3.1) with the contact force N = -F_o.nu - m kappa v^2 along the outward
-    normal ((3.3), (3.8)), and leaves where N reaches zero or at a convex corner; collides by (3.5); rests in a concave
-    corner while the force points into its zone. A bilateral scene holds the tool on the boundary: it never leaves, N
-    has any sign, and at a corner the velocity across the next face is lost. The tool is all that moves, whatever robot
-    the scene names. Raises `RefusalError` for a model in space.
+    - It flies by m y'' = F_o.
+    - It slides by thesis (3.1) with the contact force N = -F_o.nu - m kappa v^2 along the outward normal ((3.3),
+      (3.8)), and leaves where N reaches zero or at a convex corner.
+    - It collides by (3.5), and rests in a concave corner while the force points into its zone.
+
+    A bilateral scene holds the tool on the boundary: it never leaves, N has any sign, and at a corner the velocity
+    across the next face is lost.
+
+    The tool is all that moves, whatever robot the scene names. Raises `RefusalError` for a model in space.
     """
 
     supports = frozenset({"bilateral", "force-sensor", "plane"})
@@ -66,17 +70,23 @@ class IdealContact:
         return prepare_boundary(self.scene.model.curve)
 
     def simulate(self, stimulus: Stimulus, dt: float) -> Recording:
-        """The tool's motion, sampled every `dt` seconds.
+        """Return the tool's motion, sampled every `dt` seconds.
 
-        An `Experiment` pushes the tool, and its hand draws it by its own spring. Along a `Path` the hand holds it
-        through the critically damped spring F_o = K (path - y) + 2 sqrt(K m) (path' - y') with the scene's stiffness;
-        the tool starts on the path with the path's velocity, or, if that is inside the model or the scene is
-        bilateral, at rest on the nearest point of the boundary.
+        An `Experiment` pushes the tool, and its hand draws it by its own spring.
 
-        Channels: `hip` = `ihip` = the tool, which cannot penetrate; `velocity` at the sample, before an impact at
-        that very time; `force` (of the contact on the tool) and `operator_force` as means until the next sample,
-        impulses included, so that (force + operator_force) dt adds up to the change of momentum. `meta["events"]`
-        lists impacts, departures, corners and rests: `time`, `kind`, `position` [x, y], `impulse` [x, y] in N s.
+        Along a `Path` the hand holds it through the critically damped spring F_o = K (path - y) + 2 sqrt(K m) (path' -
+        y') with the scene's stiffness. The tool starts on the path with the path's velocity, or, if that is inside the
+        model or the scene is bilateral, at rest on the nearest point of the boundary.
+
+        Channels:
+
+        - `hip` = `ihip` = the tool, which cannot penetrate;
+        - `velocity` at the sample, before an impact at that very time;
+        - `force` (of the contact on the tool) and `operator_force` as means until the next sample, impulses included,
+          so that (force + operator_force) dt adds up to the change of momentum.
+
+        `meta["events"]` lists impacts, departures, corners and rests: `time`, `kind`, `position` [x, y], `impulse` [x,
+        y] in N s.
 
         Raises `InputError` for a stimulus that is not plane, a sampling time that is not positive, and an experiment
         that starts inside a unilateral model.

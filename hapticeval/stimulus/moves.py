@@ -1,15 +1,18 @@
 """A hand's path as a list of moves: how a hand goes from rest to rest, how fast, and how it trembles.
 
 A move is straight and covers the share 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7 of its way, s the share of its time: the
-polynomial of least degree whose velocity, acceleration and jerk vanish at both ends. Over a way L (m) in T (s) the
-largest speed is 35/16 L/T, and the largest acceleration 7.514 L/T^2, at s = 1/2 +- 1/sqrt(20).
+polynomial of least degree whose velocity, acceleration and jerk vanish at both ends.
 
-`SHORTEST_MOVE` follows from what a hand does: 99.9 % of the power of its acceleration lies below `HAND_BAND`, 10 Hz. Of
-one move at most 0.05 % lies above f where f T >= 3.82. Moves follow each other without an overlap, so that their
-energies add, but not above the band, where what is left comes from the steps of the fourth derivative at their ends:
-two that meet add up where both go the same way. The worst is a train of equal moves. Its power lies in lines at the
-multiples of 1/T, 0.105 % of it from the fourth and 0.033 % from the fifth on: with 4/T at 10 Hz or below it keeps to
-the band.
+Over a way L (m) in T (s) the largest speed is 35/16 L/T, and the largest acceleration 7.514 L/T^2, at s = 1/2 +-
+1/sqrt(20).
+
+`SHORTEST_MOVE` follows from what a hand does: 99.9 % of the power of its acceleration lies below `HAND_BAND`, 10 Hz.
+
+- Of one move at most 0.05 % lies above f where f T >= 3.82.
+- Moves follow each other without an overlap, so that their energies add, but not above the band, where what is left
+  comes from the steps of the fourth derivative at their ends: two that meet add up where both go the same way.
+- The worst is a train of equal moves. Its power lies in lines at the multiples of 1/T, 0.105 % of it from the fourth
+  and 0.033 % from the fifth on: with 4/T at 10 Hz or below it keeps to the band.
 """
 
 from __future__ import annotations

@@ -177,9 +177,12 @@ class Points(Trajectory, frozen=True, kw_only=True, tag="points"):
 class Loop(Trajectory, frozen=True, kw_only=True, tag="loop"):
     """From `start` (m) to the circle of `radius` (m) about `centre` (m), round it, and back.
 
-    In space the circle lies square to `axis`, a direction. `laps` times anticlockwise, seen from where the axis points,
-    and as often clockwise, as only one way may gain energy, each in `lap` seconds, a whole number of ticks, so that
-    laps pass the same HIPs again; straight there and back in `approach` seconds each.
+    In space the circle lies square to `axis`, a direction.
+
+    - `laps` times anticlockwise, seen from where the axis points, and as often clockwise, as only one way may gain
+      energy;
+    - each in `lap` seconds, a whole number of ticks, so that laps pass the same HIPs again;
+    - straight there and back in `approach` seconds each.
     """
 
     start: Point
@@ -258,9 +261,10 @@ def as_array(rows: Sequence[Sequence[float]], what: str) -> Array:
 def read_path(file: FilePath) -> Path:
     """A HIP trajectory from CSV with the header `t,x,y` or `t,x,y,z`, seconds and metres, or the HIP of a recording.
 
-    A recording is a file whose name ends in `.h5`; straight over the rows of it that are not valid. Raises
-    `InputError`, naming file and row, for a missing file, other columns, text among the numbers, fewer than two rows,
-    NaN, and times that do not increase, and as `read_recording` does.
+    A recording is a file whose name ends in `.h5`; the path runs straight over the rows of it that are not valid.
+
+    Raises `InputError`, naming file and row, for a missing file, other columns, text among the numbers, fewer than two
+    rows, NaN, and times that do not increase, and as `read_recording` does.
     """
     if file.suffix == ".h5":
         from hapticeval.recordings.hdf5 import read_recording

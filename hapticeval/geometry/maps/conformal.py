@@ -1,13 +1,18 @@
 """The conformal map of the inside of a curve to the unit disk: a global transformation for any genus-0 model (8.2.1).
 
 Curve shortening flow sees a curve locally, and splits at necks. The map here comes from an integral equation that sees
-the whole shape at once: it exists for every shape without holes, is one-to-one, meets smooth boundaries at right
-angles, and has one singular point for the projection, its centre. What it cannot escape is crowding: long necks and
-sharp tips shrink on the circle like powers or exponentials, until no digits are left.
+the whole shape at once.
+
+- It exists for every shape without holes, is one-to-one, meets smooth boundaries at right angles, and has one singular
+  point for the projection, its centre.
+- What it cannot escape is crowding: long necks and sharp tips shrink on the circle like powers or exponentials, until
+  no digits are left.
 
 Let Θ be the boundary angle of the map f with f(c) = 0 and f'(c) > 0. Its mass on the boundary is the harmonic measure
-seen from c: the charge on the boundary whose field outside is that of a unit charge at c. Equating the two fields'
-normal components outside gives an equation of the second kind, whose kernel is the adjoint double layer,
+seen from c: the charge on the boundary whose field outside is that of a unit charge at c.
+
+Equating the two fields' normal components outside gives an equation of the second kind, whose kernel is the adjoint
+double layer,
 
     (1/2) Θ'(t) + (1/2π) ∫ Im(z'(t) / (z(t) - z(τ))) Θ'(τ) dτ = Im(z'(t) / (z(t) - c)),
 
@@ -15,17 +20,22 @@ solved by Nyström's method. Its unknown is a density that is positive and small
 found there with far more digits than if it were the difference of angles of order one.
 
 The centre c is the conformal barycentre of the boundary's arc length: the one point from which the mean of exp(iΘ) over
-the arc length is zero (Douady and Earle, Acta Math. 157, 1986). It minimises the relative entropy of the harmonic
-measure seen from c to the arc length, so it balances the crowding of all parts of the boundary. It is defined by the
-shape alone, without coordinates. A function that is convex along hyperbolic lines has one minimum: there is no tie to
-break, as there is between the two lobes of a dumbbell for the pole of inaccessibility or the largest conformal radius.
-So the centre moves with the shape under turns, mirror images, shifts and changes of size.
+the arc length is zero (Douady and Earle, Acta Math. 157, 1986).
+
+- It minimises the relative entropy of the harmonic measure seen from c to the arc length, so it balances the crowding
+  of all parts of the boundary.
+- It is defined by the shape alone, without coordinates: it moves with the shape under turns, mirror images, shifts and
+  changes of size.
+- A function that is convex along hyperbolic lines has one minimum: there is no tie to break, as there is between the
+  two lobes of a dumbbell for the pole of inaccessibility or the largest conformal radius.
 
 The integral is sampled at equal steps of a smooth curve. At a corner the map behaves like a broken power of the
-distance, which no rule of equal steps resolves: on a curve of pieces each one is run through by Kress's substitution of
-order GRADING_ORDER (SIAM J. Numer. Anal. 27, 1990), whose first derivatives vanish at both ends. In the new parameter
-the periodic trapezoidal rule converges fast. Nodes crowd so close to a corner that their coordinates agree in most
-digits, and are kept as offsets from it.
+distance, which no rule of equal steps resolves.
+
+So on a curve of pieces each one is run through by Kress's substitution of order GRADING_ORDER (SIAM J. Numer. Anal. 27,
+1990), whose first derivatives vanish at both ends. In the new parameter the periodic trapezoidal rule converges fast.
+
+Nodes crowd so close to a corner that their coordinates agree in most digits, and are kept as offsets from it.
 """
 
 from __future__ import annotations
@@ -423,8 +433,10 @@ def _shifted(point: Array, move: complex) -> Array:
 def _integrate_density(density: Array, z: Complex) -> tuple[Array, Array]:
     """Return the table of Θ and Θ' from Θ' at the nodes, by trigonometric interpolation.
 
-    Where Θ' is as good as zero, at sharp tips, the waves of the rest do not cancel to it. There Θ rises between two
-    nodes by no less than half of the smaller and no more than twice the larger of the Θ' at them, evenly.
+    Where Θ' is as good as zero, at sharp tips, the waves of the rest do not cancel to it.
+
+    There Θ rises between two nodes by no less than half of the smaller and no more than twice the larger of the Θ' at
+    them, evenly.
 
     Θ is free by a constant. Im log((z - c) / f) is harmonic and zero at the centre where f' > 0: so is its mean by
     harmonic measure.

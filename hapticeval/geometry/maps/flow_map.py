@@ -1,8 +1,9 @@
 """The transformation of a model to the disk by its flow (thesis 5.3): the checked grid, forward and inverse maps.
 
-Levels and lines of the flow correspond to circles and radii of the disk. Forward, a point goes by barycentric
-coordinates in its cell (5.18)-(5.20). Backwards only the surface is needed, and goes by the parameter of the exact
-curve, linear between the lines' starts.
+Levels and lines of the flow correspond to circles and radii of the disk.
+
+- Forward, a point goes by barycentric coordinates in its cell (5.18)-(5.20).
+- Backwards only the surface is needed, and goes by the parameter of the exact curve, linear between the lines' starts.
 
 A cell has the corners a, b on a level and d, e on the next, a and d on one line and b and e on the following one, so
 that a, b, e, d run anticlockwise.
