@@ -67,7 +67,7 @@ def charts(data: LawData, y: Array, yd: Array, push: Array | None = None) -> tup
 
 
 def active_charts(y: Array) -> IntArray:
-    """The chart that the switching law (7.56) uses at each of `y` (n, 3): 1 or 2."""
+    """Return the chart that the switching law (7.56) uses at each of the positions `y` (n, 3), m: 1 or 2, (n,)."""
     y = np.asarray(y, dtype=np.float64)
     return np.where(np.abs(y[:, 2]) <= SWITCH * np.linalg.norm(y, axis=1), 1, 2)
 
@@ -93,7 +93,7 @@ def from_chart_axes(chart: int, v: Triple) -> Triple:
 @compiled
 def jacobian(q: Triple) -> tuple[Triple, Triple, Triple]:
     """The rows of ∂σ/∂y (7.60) at a turned position off the axis: of |y|, of t̂_1 and of t̂_2."""
-    across, length = math.hypot(q[0], q[1]), math.sqrt(dot(q, q))
+    across, length = math.hypot(q[0], q[1]), math.sqrt(dot(q, q))  # from the chart's axis, and from the centre, m
     length_squared = length * length
     return (
         (q[0] / length, q[1] / length, q[2] / length),
@@ -108,12 +108,12 @@ def chart_acceleration(
 ) -> Triple:
     """ÿ for which σ̈ = v, all in turned coordinates: position `q`, velocity `u`, off the axis.
 
-    `v_across` is v⊥; `slowing` b_d / m (1/s) and `pushed` F_o / m (m/s^2) make v∥.
+    `v_across` is v⊥; `brake_rate` b_d / m (1/s) and `pushed` F_o / m (m/s^2) make v∥.
     """
     across, length = math.hypot(q[0], q[1]), math.sqrt(dot(q, q))
     rows = jacobian(q)
     radius_rate, turn_rate, tilt_rate = dot(rows[0], u), dot(rows[1], u), dot(rows[2], u)
-    sin, cos = across / length, q[2] / length
+    sin, cos = across / length, q[2] / length  # of t̂_2, the angle from the axis
     # (7.67); the hand's force enters by (dψ/dt̂ᵀ dψ/dt̂)^-1 dψ/dt̂ᵀ, which is |y|/r_c times these rows
     share = length / radius
     v_turn = -(brake_rate * sin + 2.0 * cos * tilt_rate) * turn_rate / sin + share * dot(rows[1], pushed)
@@ -133,7 +133,11 @@ def chart_acceleration(
 def by_charts(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick through the active chart, of signature `LAW`, with the data of `stabilisation_laws.on_surface`."""
+    """One tick through the active chart, of signature `LAW`, with the data of `stabilisation_laws.on_surface`.
+
+    `hip` (3,), m, and `velocity` (3,), m/s, are the hand's, `push` (3,), N, its force as sensed; `ihip` (3,), m, and
+    `force` (3,), N, are written. Returns BEYOND at the sphere's centre, and else 0.
+    """
     params, state, surface = data.params, data.state, data.segments[0]
     y, yd, pushed = (hip[0], hip[1], hip[2]), (velocity[0], velocity[1], velocity[2]), (push[0], push[1], push[2])
     foot, normal, n = closest_on_surface(surface, y)
@@ -142,10 +146,11 @@ def by_charts(
         return release(state, hip, ihip, force)
     radius, mass, rate = surface[FIRST], params[MASS], dot(normal, yd)
     length = radius + n
-    if not length / radius > FOCAL:
+    if not length / radius > FOCAL:  # 1 + n κ of a sphere
         return BEYOND
     damper = params[DAMPING] * rate
     press = -params[STIFFNESS] * n - damper - dot(normal, pushed)  # m v⊥ - F_o·ν
+    # a unilateral contact: (7.67) with b_d + 2 m |y|˙ / |y| for b_d, so that no force acts along the surface
     brake_rate, foot_share = params[VISCOSITY] / mass, 1.0
     if not bilateral:
         brake_rate, foot_share = brake_rate + 2.0 * rate / length, radius / length
@@ -158,19 +163,20 @@ def by_charts(
             radius, to_chart_axes(chart, y), to_chart_axes(chart, yd), v_across, brake_rate, push_on_tool
         ),
     )
-    acceleration = (
+    # F_r = m ÿ - F_o
+    response = (
         mass * acceleration[0] - pushed[0],
         mass * acceleration[1] - pushed[1],
         mass * acceleration[2] - pushed[2],
     )
     if not bilateral:
-        pressing = dot(normal, acceleration)
+        pressing = dot(normal, response)
         if contact_ends(state, n, pressing, pressing + damper):
             return release(state, hip, ihip, force)
-        if pressing <= 0.0:
-            acceleration = (0.0, 0.0, 0.0)
+        if pressing <= 0.0:  # it never pulls
+            response = (0.0, 0.0, 0.0)
     for i in range(3):
-        ihip[i], force[i] = foot[i], acceleration[i]
+        ihip[i], force[i] = foot[i], response[i]
     return 0
 
 

@@ -64,7 +64,7 @@ class DiskProjection:
         self._bilateral = bilateral
 
     def project(self, hip: Array) -> ProxyState:
-        """One tick."""
+        """Project a HIP (2,), m, in one tick (5.17)."""
         x, y = hip.tolist()
         inside, _ = _side_and_clearance(self._boundary, x, y)
         u = self.map.parameter(x, y) if inside else math.nan

@@ -138,6 +138,7 @@ class ProjectiveFamily:
         Raises `UnknownNameError` for a name that is not known, and `InputError` for a representation that this
         projection cannot work on.
         """
+        # an unknown name is one error, a known one that does not go with this projection another
         if regulation is not None and regulation not in REGULATIONS:
             raise UnknownNameError("regulation scheme", regulation, self.regulations)
         if representation is not None and representation not in self.representations:

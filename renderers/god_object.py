@@ -80,6 +80,7 @@ def follow(
             x0, y0, _, _, _, _ = evaluate_at(b.pieces, piece, u)
         touches, piece, u = _fly(b, touches, x0, y0, x, y)
         state[TOUCHES] = 1.0 if touches else 0.0
+    # the next tick goes on from here
     state[PIECE], state[AT], state[HIP_X], state[HIP_Y] = piece, u, x, y
     if not touches:
         return release(state, hip, ihip, force)
@@ -118,5 +119,6 @@ def _fly(b: Outline, released: bool, x0: float, y0: float, x: float, y: float) -
             return True, piece, u
         released = True
         x0, y0, _, _, _, _ = evaluate_at(b.pieces, piece, u)
+    # in a fold that throws it to and fro the side of the hand decides
     piece, u, _, side = nearest_on(b, x, y)
     return side < 0.0, piece, u

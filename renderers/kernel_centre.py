@@ -77,12 +77,12 @@ class Sampled:
     shares: Array
 
     def supports(self, centre: Array) -> Array:
-        """Return h (k,), m, about a centre (N,)."""
+        """Return the support distances h = n.(y - c) (k,), m, of the surface about a centre c (N,), m."""
         return np.asarray(np.sum(self.normals * (self.points - centre), axis=1))
 
 
 def sampled(boundary: Boundary) -> Sampled:
-    """Return a closed boundary as points with normals; a polygon and a mesh exactly."""
+    """Return a closed boundary as points with normals and shares of its length or area, a polygon or mesh exactly."""
     if isinstance(boundary, Mesh):
         corners = boundary.vertices[boundary.triangles]
         normals_by_area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -170,6 +170,7 @@ def _with_supports(surface: Sampled, point: Array) -> Centre:
 
 def _inside_kernel(surface: Sampled, name: str) -> Array:
     """Return a point of the kernel: the mean of the surface's points, or that of the largest least support distance."""
+    # most models see themselves from the mean of their surface: no optimisation is needed
     start = np.asarray(surface.shares @ surface.points)
     supports = surface.supports(start)
     if supports.min() > GRAZES * supports.max():
@@ -177,6 +178,7 @@ def _inside_kernel(surface: Sampled, name: str) -> Array:
     # in the size of the model, for the solver's tolerances are absolute
     size = float(np.ptp(surface.points, axis=0).max())
     offsets = (surface.points - start) / size
+    # maximise r with n.c + r <= n.y for all faces: r is then the least support distance
     rows = np.column_stack([surface.normals, np.ones(len(offsets))])
     solution = linprog(
         np.append(np.zeros(start.size), -1.0),
@@ -190,6 +192,7 @@ def _inside_kernel(surface: Sampled, name: str) -> Array:
     supports = surface.supports(point)
     if supports.min() > GRAZES * supports.max():
         return np.asarray(point)
+    # the faces whose constraints are active at the optimum: their multipliers are the weights of `_mutually_hidden`
     bounding = np.flatnonzero(-solution.ineqlin.marginals > 1e-9)
     first, second = _mutually_hidden(surface, bounding)
     others = [_in_metres(surface.points[index]) for index in bounding if index not in (first, second)]
@@ -227,6 +230,7 @@ def _analytic_centre(surface: Sampled, point: Array) -> Centre:
         rows = surface.normals * (roots / supports)[:, np.newaxis]
         step = np.linalg.lstsq(rows, -roots, rcond=None)[0]
         gain = float(np.sum((rows @ step) ** 2))
+        # halve the step until it stays inside the kernel and gains a tenth of what it promises (Armijo)
         share = 1.0
         while share > 1e-9:
             trial = point + share * step

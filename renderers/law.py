@@ -90,9 +90,10 @@ class LawRenderer:
         return Response(ihip, force)
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        """A whole path: `reset` at the first row of `hips` (n, N), and a `step` a row. Raises as `step` does.
+        """Answer a whole path: `reset` at the first row of `hips` (n, N), m, and a `step` a row, every `dt` s.
 
-        The velocity is the difference backwards in time, as a recording has it. Returns IHIPs and forces, (n, N).
+        The velocity is the difference backwards in time, as a recording has it. Returns IHIPs (n, N), m, and forces
+        (n, N), N. Raises as `step` does.
         """
         hips = as_rows(hips)
         velocity, ihips, forces = np.zeros(hips.shape[1]), np.empty_like(hips), np.empty_like(hips)
@@ -116,14 +117,18 @@ class LawRenderer:
 
 
 def as_rows(values: Array) -> Array:
-    """Return numbers as kernels take them: float64, writable and contiguous."""
+    """Return rows (n, N), or one (N,), of any unit (m, N, s) as kernels take them: float64, writable and contiguous."""
     return for_kernels(np.asarray(values, dtype=np.float64))
 
 
 @inner
 def move_on(hips: Array, row: int, dt: float, velocity: Array) -> None:
-    """Write the hand's velocity at a row of a path, as a recording has it; the first row keeps what is there."""
+    """Write the hand's `velocity` (N,), m/s, at a row of the path `hips` (n, N), m, as a recording has it.
+
+    The first row keeps what is there.
+    """
     if row > 0:
+        # the difference of the sample times, rounded as they are: the same bits as a recording's
         span = dt * float(row) - dt * float(row - 1)
         for i in range(hips.shape[1]):
             velocity[i] = (hips[row, i] - hips[row - 1, i]) / span
@@ -195,14 +200,14 @@ def regulate(
     count = hip.shape[0]
     scheme, stiffness, damping = params[SCHEME], params[STIFFNESS], params[DAMPING]
     was_in_contact, normal = state[HELD] != 0.0, ERROR + count
-    normal_velocity, normal_error, depth_squared, error_rate = 0.0, 0.0, 0.0, 0.0
+    normal_velocity, normal_error, depth_squared, error_dot_rate = 0.0, 0.0, 0.0, 0.0
     for i in range(count):
         # (4.5), and its difference backwards: zero in the first tick of contact, which has no error before it
         error = hip[i] - ihip[i]
         rate = (error - state[ERROR + i]) / dt if was_in_contact else 0.0
         state[ERROR + i] = error
         depth_squared += error * error
-        error_rate += error * rate
+        error_dot_rate += error * rate
         force[i] = -stiffness * error  # (4.8)
         if scheme == PP_D:  # (4.12)
             force[i] = force[i] - damping * rate
@@ -224,8 +229,8 @@ def regulate(
     elif scheme == SQUARE_ROOT:
         # section 4.2: F = k_p e^(1/2) + k_d e^(1/2) e'^(1/2) from HIP to IHIP, e' with its sign
         depth = math.sqrt(depth_squared)
-        safe = depth if depth > 0.0 else 1.0
-        error_rate /= safe
+        safe = depth if depth > 0.0 else 1.0  # on the surface the error is zero, and so is the force
+        error_rate = error_dot_rate / safe  # of the error's length, m/s
         size = math.sqrt(depth) * (
             params[SPRING] + params[DAMPER] * math.copysign(math.sqrt(abs(error_rate)), error_rate)
         )

@@ -62,6 +62,7 @@ def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = 
     is_round = middle.largest - middle.smallest <= EVEN * middle.support
     if is_round or isinstance(boundary, Mesh) or any(corner.convex for corner in boundary.corners):
         return homothetic(scene, representation, centre=centre)
+    # m of the potential: neither curvature nor support distance may let level curves cross
     shape = model.surface if model.dimension == 3 else model.curve
     curvature = once(model, "largest curvature", lambda: largest_curvature(shape))
     own = potential_numbers(middle, min(SAFE / curvature, middle.smallest) if curvature > 0.0 else middle.smallest)
@@ -80,7 +81,7 @@ def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = 
 
 def largest_curvature(boundary: Curve | Surface) -> float:
     """Return the largest curvature (1/m) of a curve, or the largest principal one of a sphere or an ellipsoid."""
-    if isinstance(boundary, Surface):
+    if isinstance(boundary, Surface):  # at the end of the longest axis, across the shortest
         axes = boundary.reals
         return max(axes) / min(axes) ** 2
     largest = 0.0
@@ -90,6 +91,7 @@ def largest_curvature(boundary: Curve | Surface) -> float:
         elif row[KIND] == ELLIPSE:
             largest = max(row[A : B + 1]) / min(row[A : B + 1]) ** 2
         elif row[KIND] == CASSINIAN:
+            # sampled, and four times more finely between the neighbours of the largest
             us = boundary.samples[:, 0]
             for _ in range(4):
                 top = int(np.argmax(boundary.curvature(us)))
@@ -116,19 +118,21 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
         px, py, dx, dy, ddx, ddy = evaluate(pieces[piece], u)
         speed = math.hypot(dx, dy)
         tx, ty, wx, wy = dx / speed, dy / speed, px - cx, py - cy
-        h, along = wx * ty - wy * tx, wx * tx + wy * ty
+        h, along = wx * ty - wy * tx, wx * tx + wy * ty  # with n = (T_y, -T_x): n.(y_0 - c) and T.(y_0 - c)
         t = level_at(params, POTENTIAL, ex * ty - ey * tx, h)
         if not 0.0 <= t < support:
             break
         a, b, da, db = level_values(params, POTENTIAL, t)
+        # R, and its rate along the surface with its sign turned
         miss = ex * tx + ey * ty - a * along
         if abs(miss) <= settled:
             return True, piece, u, t
         curvature = (dx * ddy - dy * ddx) / (speed * speed * speed)
         rate = a * (1.0 - b * curvature) - curvature * miss * da * along / (a * db - da * (h - b))
-        if not rate > 0.0:
+        if not rate > 0.0:  # beyond the medial axis: another foot is the right one
             break
         u += miss / (rate * speed)
+        # round a closed curve, and against rounding at its ends
         u -= math.floor((u - first_u) / (last_u - first_u)) * (last_u - first_u)
         u = min(max(u, first_u), last_u)
         piece = piece_index(pieces, u)
@@ -145,6 +149,7 @@ def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, flo
     px, py, nx, ny, t = x, y, 0.0, 0.0, LAST * reach
     for _ in range(ROUNDS):
         a, b, _, _ = level_values(params, POTENTIAL, t)
+        # the hand enlarged by 1 / A about the centre: at its level it lies b deep under its nearest point
         qx, qy = cx + (x - cx) / a, cy + (y - cy) / a
         piece, u, distance, side = nearest_on(boundary, qx, qy)
         px, py, nx, ny = frame(boundary.pieces, boundary.joints, piece, u, qx, qy)
@@ -152,6 +157,7 @@ def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, flo
             low = t
         else:
             high = t
+        # the level by the tangent there, if that is between the bounds
         h = nx * (px - cx) + ny * (py - cy)
         next_t = level_at(params, POTENTIAL, nx * (x - cx) + ny * (y - cy), h) if h > 0.0 else low
         if abs(next_t - t) <= CLOSE * support:
@@ -164,7 +170,10 @@ def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, flo
 def in_plane(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick on a curve, of signature `LAW`."""
+    """One tick of the Combescure projection on a curve, of signature `LAW`: the hand's level curve, and its normal.
+
+    `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
+    """
     boundary, params, state = outline_in(data), data.params, data.state
     x, y, bilateral = hip[0], hip[1], params[BILATERAL] != 0.0
     if not bilateral and is_clear_of(boundary, x, y):
@@ -173,6 +182,7 @@ def in_plane(
     if not (bilateral or side < 0.0):
         return release(state, hip, ihip, force)
     t = -side * distance
+    # among the parallel curves the nearest point is the IHIP; deeper, Newton's method from there, then the search
     has_foot = t <= PARALLEL * params[POTENTIAL + REACH]
     if not has_foot:
         has_foot, piece, u, t = _follow(data, x, y, piece, u)
@@ -189,7 +199,10 @@ def in_plane(
 def in_space(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick on a sphere or an ellipsoid, whose row `segments` holds, of signature `LAW`."""
+    """One tick of the Combescure projection on an ellipsoid, whose row `segments` holds, of signature `LAW`.
+
+    `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
+    """
     row, params, state = data.segments[0], data.params, data.state
     support, reach = params[POTENTIAL + SUPPORT], params[POTENTIAL + REACH]
     c = POTENTIAL + CENTRE
@@ -204,7 +217,7 @@ def in_space(
         t = level_at(params, POTENTIAL, dot(normal, from_centre), dot(normal, plus(foot, -1.0, centre)))
         if not low < t < high:
             t = LAST * reach
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS):  # as `_search` in the plane
             a, b, _, _ = level_values(params, POTENTIAL, t)
             foot, normal, distance = closest_on_surface(row, plus(centre, 1.0 / a, from_centre))
             if -distance > b:

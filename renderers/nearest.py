@@ -11,7 +11,7 @@ import numpy as np
 from hapticeval.compiled import LawData, borrowing
 from hapticeval.geometry.kernels import evaluate
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_kernels import closest_on_mesh as place_on_mesh
+from hapticeval.geometry.mesh_kernels import closest_on_mesh
 from hapticeval.geometry.surface_kernels import apply_matrix, closest_on_surface, dot, shape_operator
 from hapticeval.renderers.contour import nearest_on_level_set
 from hapticeval.renderers.family import GRID, VERTICES
@@ -106,7 +106,7 @@ def on_mesh(
     """
     params, state = data.params, data.state
     p, last = (hip[0], hip[1], hip[2]), int(state[TRIANGLE])
-    k, foot, normal, distance = place_on_mesh(data.segments, data.vertices, data.tree, p, last)
+    k, foot, normal, distance = closest_on_mesh(data.segments, data.vertices, data.tree, p, last)
     state[TRIANGLE] = k  # the hand is near it at the next tick: the search begins there
     if params[BILATERAL] == 0.0 and not distance < 0.0:
         return release(state, hip, ihip, force)

@@ -52,14 +52,16 @@ MARGIN = 1.1
 
 
 def third_bounds(pieces: Array) -> Array:
-    """(n, 2): for each piece, third_0 and third_1 with |g''| <= third_0 + third_1 |p - y| for every point p.
+    """Return bounds with which a march along a curve cannot step over a zero of g, two for each of its `pieces` (n, k).
 
-    g = (p - y)·y' gives g'' = (p - y)·y''' - 3 y'·y'', so they bound 3 |y'·y''| and |y'''|. Both are zero on
-    straight pieces; with arc length as parameter y'·y'' = 0, and |y'''| is the square of an arc's curvature.
+    (n, 2): third_0 and third_1 with |g''| <= third_0 + third_1 |p - y| for every point p, m. g = (p - y)·y' gives
+    g'' = (p - y)·y''' - 3 y'·y'', so they bound 3 |y'·y''| and |y'''|. Both are zero on straight pieces; with arc
+    length as parameter y'·y'' = 0, and |y'''| is the square of an arc's curvature.
     """
     out = np.zeros((pieces.shape[0], 2))
     arcs = pieces[:, KIND] == ARC
     out[arcs, 1] = pieces[arcs, C] ** -2.0
+    # (a cos u, b sin u): y'·y'' = (a^2 - b^2) sin u cos u, and y''' is as long as y' at most
     for i in np.flatnonzero(pieces[:, KIND] == ELLIPSE):
         a, b = pieces[i, A], pieces[i, B]
         out[i] = 1.5 * abs(a * a - b * b), max(a, b)
@@ -90,16 +92,20 @@ def _cassinian(scale: float, lobes: float, above: float) -> tuple[float, float]:
 
 
 TURN, BEND, BEND_PER_METRE, CHORD = range(4)
-"""Columns of `Outline.joints`."""
+"""Columns of `Outline.joints`: the turn at the start of a piece, its `third_bounds`, and its first chord."""
 
 RESTS, LEAVES = 0, 1
+"""How a slide ends: at the local minimum of the distance, or because the hand is free of the surface there."""
 LONGEST_MARCH = 100_000
 """Steps on curved pieces after which a march stops where it is; marches at a fold take some hundreds."""
 
 
 @inner
 def evaluate_at(pieces: Array, k: int, u: float) -> tuple[float, float, float, float, float, float]:
-    """`evaluate` on piece k; straight pieces, by far the most, without the cost of a view of the row."""
+    """Return point (m), first and second derivative of piece k of `pieces` (n, k) at u, as `evaluate` does.
+
+    Straight pieces, by far the most, come without the cost of a view of the row.
+    """
     if pieces[k, KIND] == LINE:
         along = u - pieces[k, U0]
         dx, dy = pieces[k, C], pieces[k, D]
@@ -111,20 +117,22 @@ def evaluate_at(pieces: Array, k: int, u: float) -> tuple[float, float, float, f
 def slide(
     pieces: Array, joints: Array, releases: bool, piece: int, u: float, x: float, y: float
 ) -> tuple[int, int, float]:
-    """From (piece, u) downhill to the local minimum of the distance to (x, y): (RESTS or LEAVES, piece, u).
+    """Slide the tool from (piece, u) downhill to the local minimum of the distance to a hand at (x, y), m (4.3).
 
+    `pieces` (n, k) and `joints` (n, 4) are those of an `Outline`. Returns RESTS or LEAVES, and the (piece, u) where.
     With `releases` (unilateral contact) it LEAVES where the HIP is above the tangent half-plane: of the piece it is
     on, or, at a convex joint, of the piece it would go to. At a concave joint it rests on the corner, or goes on
     where the next piece leads further downhill. A rest at a joint has u exactly at the end of its piece. From a
     point of exactly largest distance both ways lead downhill: it goes anticlockwise.
     """
     count = pieces.shape[0]
-    onwards = 0.0
+    onwards = 0.0  # the direction of the march in u: 0 before it is known, then 1 or -1, never turned round
     steps = 0
     while True:
         px, py, dx, dy, ddx, ddy = evaluate_at(pieces, piece, u)
         ex, ey = x - px, y - py
-        if releases and ex * dy - ey * dx > 0.0:
+        if releases and ex * dy - ey * dx > 0.0:  # along the outward normal (dy, -dx): the hand is outside
+            # at a concave corner the next face may still hold it
             k = _other_wall(pieces, joints, piece, u, x, y) if onwards == 0.0 else -1
             if k < 0:
                 return LEAVES, piece, u
@@ -132,12 +140,13 @@ def slide(
             piece = k
             continue
         g = ex * dx + ey * dy
-        slope = dx * dx + dy * dy - ex * ddx - ey * ddy
+        slope = dx * dx + dy * dy - ex * ddx - ey * ddy  # -g'
         if onwards == 0.0:
             onwards = 1.0 if g > 0.0 or (g == 0.0 and slope < 0.0) else -1.0
         if g * onwards < 0.0 or (g == 0.0 and slope >= 0.0):
             return RESTS, piece, u
         # a step of zero length means that g has vanished to rounding
+        # M of the module, and the step to the first zero of the bound
         third_bound = joints[piece, BEND]
         if joints[piece, BEND_PER_METRE] > 0.0:
             third_bound += joints[piece, BEND_PER_METRE] * math.hypot(ex, ey)
@@ -153,6 +162,7 @@ def slide(
             continue
         if pieces[0, KIND] == UNBOUNDED:
             return RESTS, piece, next_u
+        # the march reaches the joint with the next piece
         k = (piece + 1) % count if onwards > 0.0 else (piece - 1) % count
         start = pieces[k, U0] if onwards > 0.0 else pieces[k, U1]
         turn = joints[k if onwards > 0.0 else piece, TURN]
@@ -160,7 +170,7 @@ def slide(
         ex, ey = x - px, y - py
         if releases and turn > -SMOOTH_TURN and ex * dy - ey * dx > 0.0:
             return LEAVES, piece, end
-        if (ex * dx + ey * dy) * onwards <= 0.0:
+        if (ex * dx + ey * dy) * onwards <= 0.0:  # the next piece leads uphill
             return RESTS, piece, end
         piece, u = k, start
 
@@ -170,6 +180,7 @@ def _first_zero(g: float, slope: float, third_bound: float) -> float:
     """The smallest d > 0 with -g + slope d + bend d^2 / 2 = 0, for g > 0; infinite if there is none."""
     if third_bound == 0.0:
         return g / slope if slope > 0.0 else math.inf
+    # the positive root, in the form that does not cancel
     root = math.sqrt(slope * slope + 2.0 * third_bound * g)
     return 2.0 * g / (slope + root) if slope > 0.0 else (root - slope) / third_bound
 
@@ -196,14 +207,16 @@ def _other_wall(pieces: Array, joints: Array, piece: int, u: float, x: float, y:
 
 @inner
 def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float) -> tuple[float, float, float, float]:
-    """The surface point at (piece, u), and the outward unit normal that holds the HIP (x, y) there.
+    """Return the surface point (m) at (piece, u), and the outward unit normal that holds the HIP (x, y), m, there.
+
+    `pieces` (n, k) and `joints` (n, 4) are those of an `Outline`.
 
     At a corner every direction between the two faces' normals is one: there it is the direction between HIP and
     IHIP, which is continuous with the faces' normals, or their mean where the two points coincide.
     """
     px, py, dx, dy, _, _ = evaluate_at(pieces, piece, u)
     first, last = pieces[piece, U0], pieces[piece, U1]
-    nx, ny = dy, -dx
+    nx, ny = dy, -dx  # unit length already on a line, whose parameter is the arc length
     if pieces[piece, KIND] != LINE:
         speed = math.hypot(dx, dy)
         nx, ny = nx / speed, ny / speed
@@ -214,9 +227,10 @@ def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float
         if abs(turn) > SMOOTH_TURN:
             _, _, dx, dy, _, _ = evaluate(pieces[k], pieces[k, U0] if u == pieces[piece, U1] else pieces[k, U1])
             speed = math.hypot(dx, dy)
-            mx, my = nx + dy / speed, ny - dx / speed
+            mx, my = nx + dy / speed, ny - dx / speed  # the sum of both faces' normals
             ex, ey = x - px, y - py
             distance = math.hypot(ex, ey)
+            # the hand inside: the error points inwards, and its opposite is the normal
             if distance > 1e-12 * (abs(px) + abs(py)):
                 signed_distance = distance if ex * mx + ey * my > 0.0 else -distance
                 return px, py, ex / signed_distance, ey / signed_distance
@@ -285,6 +299,7 @@ def outline_of(curve: Curve) -> Outline:
     joints[:, BEND : BEND_PER_METRE + 1], joints[:, CHORD] = third_bounds(pieces), np.cumsum(cuts) - cuts
     us = np.concatenate([np.linspace(p[U0], p[U1], n, endpoint=False) for p, n in zip(pieces, cuts, strict=True)])
     vertices = evaluate_many(pieces, us)[:, :2]
+    # a chord strays from its arc by about the sagitta, at the middle of the parameter; twice that is on the safe side
     middles = evaluate_many(pieces, 0.5 * (us + np.append(us[1:], end)))[:, :2]
     sagitta = np.hypot(*(middles - 0.5 * (vertices + np.roll(vertices, -1, axis=0))).T)
     polygon = Polygon(vertices)
@@ -303,7 +318,10 @@ def _turns(pieces: Array) -> Array:
 
 @borrowing
 def nearest_on(b: Outline, x: float, y: float) -> tuple[int, float, float, float]:
-    """The nearest surface point: (piece, u, distance, side), side -1.0 inside and 1.0 outside or on it."""
+    """Return the nearest surface point of (x, y), m, as (piece, u), the distance to it, m, and the side.
+
+    The side is -1.0 inside and 1.0 outside or on the surface.
+    """
     if b.stray > 0.0 or not is_closed(b):
         u, distance, side = project(b.pieces, b.samples, x, y)
         return piece_index(b.pieces, u), u, distance, side
@@ -334,6 +352,7 @@ def first_contact(b: Outline, x0: float, y0: float, x1: float, y1: float, leavin
         if side > 0.0:
             return False, 0, 0.0
         px, py, dx, dy, _, _ = evaluate(b.pieces[0], u)
+        # how far the ends are above the line, times its speed: where the way crosses it, if it began outside
         before, after = (x0 - px) * dy - (y0 - py) * dx, (x1 - px) * dy - (y1 - py) * dx
         if before > 0.0:
             u -= ((x1 - x0) * dx + (y1 - y0) * dy) * after / (after - before)
@@ -361,7 +380,7 @@ def first_contact(b: Outline, x0: float, y0: float, x1: float, y1: float, leavin
 def _piece_at(b: Outline, chord: int, t: float) -> tuple[int, float]:
     """The (piece, u) at fraction t of a chord."""
     low, high = 0, b.pieces.shape[0] - 1
-    while low < high:
+    while low < high:  # the last piece whose first chord is not after this one
         middle = (low + high + 1) // 2
         if b.joints[middle, CHORD] <= chord:
             low = middle

@@ -49,35 +49,43 @@ ROUNDING = 2e-16
 
 @inner
 def level_values(numbers: Array, first: int, t: float) -> tuple[float, float, float, float]:
-    """Return A, b and their derivatives at level t, of the numbers from `first` on."""
+    """Return A, b (m), and their derivatives A' (1/m) and b' at the level t (m): what a level curve is made of.
+
+    `numbers` (n,), m, hold H, m and the centre from `first` on.
+    """
     support, reach = numbers[first + SUPPORT], numbers[first + REACH]
     blend_begin, blend_end = PARALLEL * reach, LAST * reach
-    if t <= blend_begin and reach > 0.0:
+    if t <= blend_begin and reach > 0.0:  # parallel curves
         return 1.0, t, 0.0, 1.0
     span = blend_end - blend_begin
     if t >= blend_end or reach == 0.0:
         b, b_rate = blend_begin + 0.5 * span, 0.0
     else:
+        # b' = 1 - 3 x^2 + 2 x^3 falls from 1 to 0 with zero slope at both ends; b is its integral
         x = (t - blend_begin) / span
         b = blend_begin + span * (x - x * x * x + 0.5 * x * x * x * x)
         b_rate = 1.0 - (3.0 - 2.0 * x) * x * x
     remaining = support - b
+    # A = (H - t) / (H - b), and A' = ((H - t) b' - (H - b)) / (H - b)^2
     return (support - t) / remaining, b, ((support - t) * b_rate - remaining) / (remaining * remaining), b_rate
 
 
 @borrowing
 def level_at(numbers: Array, first: int, depth_coordinate: float, h: float) -> float:
-    """Return the level t of a point with n.(x - c) = `across` whose IHIP has the support distance h: A (h - b) = it.
+    """Return the level t (m) of a hand x whose IHIP has the normal n and the support distance h (m).
 
-    A (h - b) falls with t at the rate v > 0.
+    `depth_coordinate` (m) is n.(x - c), and A (h - b) at the level of x; that falls with t at the rate v > 0.
+    `numbers` (n,), m, hold H, m and the centre from `first` on.
     """
     support, reach = numbers[first + SUPPORT], numbers[first + REACH]
     if reach > 0.0 and h - depth_coordinate <= PARALLEL * reach:
         return float(h - depth_coordinate)
+    # deeper than the blend b is constant, and t has a closed form
     low, high = PARALLEL * reach, LAST * reach
     a, b, _, _ = level_values(numbers, first, high)
     if reach == 0.0 or depth_coordinate <= a * (h - b):
         return float(support - depth_coordinate / (h - b) * (support - b))
+    # in the blend: Newton's method, kept between the bounds
     t: float = 0.5 * (low + high)
     for _ in range(STEPS):
         a, b, da, db = level_values(numbers, first, t)
@@ -97,12 +105,15 @@ def level_at(numbers: Array, first: int, depth_coordinate: float, h: float) -> f
 
 @inner
 def stretch(numbers: Array, first: int, t: float, h: float) -> float:
-    """Return t / v (m): K times that is the force at level t where the support distance is h."""
+    """Return t / v (m), with v = b' A - A' (h - b): K times that is the force at the level t (m).
+
+    h (m) is the support distance there; `numbers` (n,), m, hold H, m and the centre from `first` on.
+    """
     a, b, da, db = level_values(numbers, first, t)
     return t / (a * db - da * (h - b))
 
 
-def stiffness_range(numbers: Sequence[float], least: float, largest: float) -> tuple[float, float]:
+def stiffness_range(numbers: Sequence[float], smallest: float, largest: float) -> tuple[float, float]:
     """Return between what shares of K the force over the depth lies, for support distances (m) from least to largest.
 
     That share is (t / v) / d, with the depth d = h - A (h - b). Both v and d rise with h, so that at each level the
@@ -112,7 +123,7 @@ def stiffness_range(numbers: Sequence[float], least: float, largest: float) -> t
     support, reach = data[SUPPORT], data[REACH]
     cuts = np.linspace(0.0, 1.0, LEVELS + 2)[1:-1]
     levels = np.concatenate([cuts * support, (PARALLEL + (LAST - PARALLEL) * cuts) * reach])
-    softest, stiffest = (_shares(data, levels[levels > 0.0], h) for h in (largest, least))
+    softest, stiffest = (_shares(data, levels[levels > 0.0], h) for h in (largest, smallest))
     return min(1.0, softest.min()) * (1.0 - BETWEEN), max(1.0, stiffest.max()) * (1.0 + BETWEEN)
 
 
@@ -128,7 +139,11 @@ def _shares(numbers: Array, levels: Array, h: float) -> Array:
 
 @borrowing
 def stretch_at(numbers: Array, first: int, hip: Array, ihip: Array, normal: Array) -> float:
-    """Return what K is to be multiplied by (m) for the force on a hand with that IHIP and outward unit normal."""
+    """Return the length (m) that K is to be multiplied by for the force on a hand at `hip` (N,), m.
+
+    `ihip` (N,), m, and `normal` (N,) are its IHIP and the outward unit normal there; `numbers` (n,), m, hold H, m and
+    the centre from `first` on.
+    """
     depth_coordinate, h = 0.0, 0.0
     for i in range(hip.shape[0]):
         depth_coordinate += normal[i] * (hip[i] - numbers[first + CENTRE + i])

@@ -64,10 +64,10 @@ class Projection(Protocol):
         """What is really rendered."""
 
     def project(self, hip: Array) -> ProxyState:
-        """One tick, for a projection without memory."""
+        """Project a HIP (N,), m, in one tick: for a projection without memory."""
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """A tick a row of `hips` (n, N): IHIPs (n, N), normals (n, N) and contact (n,), as `project` gives them."""
+        """Project HIPs (n, N), m, a tick a row: IHIPs (n, N), m, unit normals (n, N) and contact (n,), as `project`."""
 
 
 def regulated(projection: Projection, regulation: Regulation, scene: Scene) -> ProjectiveRenderer | ProjectedRenderer:
@@ -78,7 +78,7 @@ def regulated(projection: Projection, regulation: Regulation, scene: Scene) -> P
 
 
 def declaration_of(projection: Projection, regulation: Regulation, scene: Scene) -> Declaration:
-    """Return what a projection with a scheme keeps to: along what it is a spring, and how its stiffness varies.
+    """Return what a renderer declares that checks may hold it to: along what it is a spring, how its stiffness varies.
 
     The square root's is (e_0 / e)^(1/2) times K, at errors e up to the model's size.
     """
@@ -120,22 +120,22 @@ class CompiledProjection:
         self.surface, self.resolution, self.standoff = surface, resolution, standoff
         self.begin, self.rows, self.potential, self.support_range = begin, rows, potential, support_range
         params = np.concatenate([np.zeros(OWN), np.asarray(own, dtype=np.float64)])
-        params[BILATERAL] = float(bilateral)
+        params[BILATERAL] = float(bilateral)  # the other gains come with a scheme: see `data`
         self._data = law_data(params, state=ROOM[surface.dimension] + memory, **tables)
 
     def project(self, hip: Array) -> ProxyState:
-        """One tick, for a projection without memory."""
+        """Project a HIP (N,), m, in one tick: for a projection without memory."""
         return ProxyState(*(answers[0] for answers in self.trace(hip[np.newaxis])))
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """A tick a row of `hips` (n, N): IHIPs, normals and contact."""
-        data, hips = self.data(self._data.params[:OWN]), as_rows(hips)
+        """Project HIPs (n, N), m, a tick a row: IHIPs (n, N), m, outward unit normals (n, N), and contact (n,)."""
+        data, hips = self.data(self._data.params[:OWN]), as_rows(hips)  # without gains: no force is wanted
         if self.begin is not None:
             self.begin(data, hips[0])
         return _trace(first_class(self.law, LAW), data, hips)
 
     def data(self, gains: Array) -> LawData:
-        """Return what the law works on with gains (OWN,), in a state of its own."""
+        """Return what the law works on with `gains` (OWN,), of the units N/m, N s/m and kg, in a state of its own."""
         params = np.concatenate([gains, self._data.params[OWN:]])
         return self._data._replace(params=params, state=np.zeros_like(self._data.state))
 
@@ -147,11 +147,13 @@ class ProjectiveRenderer(LawRenderer):
     """
 
     def __init__(self, projection: CompiledProjection, regulation: Regulation, scene: Scene) -> None:
+        # each renderer has a state of its own, and shares the tables with its projection
         law = CompiledStep(projection.law, projection.data(gains(regulation, scene)), refusals={})
         lengths = {"resolution": projection.resolution, "standoff": projection.standoff}
         super().__init__(law, projection.surface, rows=projection.rows, **lengths)
         self.projection = projection
         self.regulation = regulation
+        # the error of nearest points on the exact surface follows the closed forms of section 6.3
         has_closed_form = projection.exact and regulation.name in SCHEMES
         closed_form = regulation.name if has_closed_form else None
         self.declares = replace(declaration_of(projection, regulation, scene), closed_form=closed_form)
@@ -178,7 +180,7 @@ class ProjectedRenderer:
         self._state = np.zeros(ROOM[self.surface.dimension])
 
     def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
-        """Start a run: there was no contact yet."""
+        """Start a run with the hand at `hip` (N,), m: there was no contact yet."""
         self._state[:] = 0.0
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
@@ -190,9 +192,9 @@ class ProjectedRenderer:
         return Response(answers[0][0], self._led(*rows, answers)[0])
 
     def lead(self, hips: Array, velocities: Array, dt: Array) -> tuple[Array, Array]:
-        """A `step` a row, from where the last one ended: HIPs and velocities (n, N), and `dt` (n,).
+        """Answer a `step` a row from where the last one ended: HIPs (n, N), m, velocities (n, N), m/s, `dt` (n,), s.
 
-        Returns IHIPs and forces, (n, N).
+        Returns IHIPs (n, N), m, and forces (n, N), N.
         """
         rows = as_rows(hips), as_rows(velocities), as_rows(dt)
         answers = self.projection.trace(rows[0])
@@ -204,9 +206,9 @@ class ProjectedRenderer:
         return forces
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        """A whole path: `reset` at the first row of `hips` (n, N), and a `step` a row, with a recording's velocities.
+        """Answer a whole path: `reset` at the first of `hips` (n, N), m, and a `step` a row, as often as every `dt` s.
 
-        Returns IHIPs and forces, (n, N).
+        The velocities are a recording's, differences backwards. Returns IHIPs (n, N), m, and forces (n, N), N.
         """
         hips = as_rows(hips)
         self.reset(hips[0])
@@ -228,6 +230,7 @@ def _trace(law: Callable[..., Any], data: LawData, hips: Array) -> tuple[Array, 
     ihips, normals, contact = np.empty_like(hips), np.zeros_like(hips), np.empty(count, np.bool_)
     zero, force = np.zeros(size), np.empty(size)
     for row in range(count):
+        # a hand at rest: only the projection counts, which the law leaves in the IHIP and in its state
         law(data, hips[row], zero, zero, 1.0, ihips[row], force)
         contact[row] = data.state[HELD] != 0.0
         if contact[row]:
@@ -244,7 +247,7 @@ def _regulate_row(
     """Write the force of one projected row: `answers` are IHIPs (n, N), normals (n, N) and contact (n,)."""
     ihips, normals, contact = answers
     if contact[row]:
-        for i in range(hip.shape[0]):
+        for i in range(hip.shape[0]):  # where `regulate` reads the normal
             state[ERROR + hip.shape[0] + i] = normals[row, i]
         known = stretch_at(params, OWN, hip, ihips[row], normals[row]) if params[SCHEME] == GRADIENT else 0.0
         regulate(params, state, hip, velocity, known, dt, ihips[row], force)

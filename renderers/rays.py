@@ -89,16 +89,20 @@ def potential_numbers(centre: Centre, reach: float = 0.0) -> list[float]:
 
 
 def kernel_centre_of(model: Model, boundary: Boundary, centre: ArrayLike | None) -> Centre:
-    """Return the centre of a model's boundary, or of that of a representation which is kept with it: made once."""
+    """Return the kernel's centre of a model's boundary, or of a representation's, made once; or the given one.
+
+    `centre` (N,), m, is that. Raises as `centre_of` does.
+    """
     if centre is not None:
         return centre_of(boundary, model.name, centre)
     return once(model, ("centre", id(boundary)), lambda: centre_of(boundary, model.name))
 
 
 def ray_table(curve: Curve, centre: ArrayLike) -> Array:
-    """Return the table in which the piece on a ray is looked for, (m, 2): turn from the first ray, and parameter.
+    """Return the table in which the piece on a ray from `centre` (2,), m, is looked for, (m, 2).
 
-    The turn is that of `_turn`. The last row is a whole turn, and the curve's end.
+    Columns: the turn from the first ray, as `_turn` measures it, and the curve's parameter. The last row is a whole
+    turn, and the curve's end.
     """
     parts = []
     for row in curve.pieces:
@@ -110,12 +114,14 @@ def ray_table(curve: Curve, centre: ArrayLike) -> Array:
         parameters = np.unique(np.concatenate([parameters, curve.samples[:-1, 0]]))
     directions = curve.position(parameters) - np.asarray(centre)
     turns = [_turn(*directions[0], *direction) for direction in directions]
+    # 4 is a whole turn
     return np.vstack([np.column_stack([turns, parameters]), [4.0, curve.pieces[-1, U1]]])
 
 
 @borrowing
 def _turn(x0: float, y0: float, x: float, y: float) -> float:
     """Return how far (x, y) is turned from (x0, y0), from 0 to 4 for a whole turn: it grows with the angle."""
+    # the point |x| + |y| = 1 in that direction, and how far round the diamond: no inverse tangent is needed
     along, up = x0 * x + y0 * y, x0 * y - y0 * x
     size = abs(along) + abs(up)
     if size == 0.0:
@@ -127,7 +133,11 @@ def _turn(x0: float, y0: float, x: float, y: float) -> float:
 
 @borrowing
 def on_ray(pieces: Array, table: Array, cx: float, cy: float, ex: float, ey: float) -> tuple[int, float]:
-    """Return the (piece, u) at which the ray from (cx, cy) along (ex, ey) meets the curve; of no way its first."""
+    """Return the (piece, u) at which the ray from (cx, cy) along (ex, ey), m, meets the curve.
+
+    `pieces` (n, k) are the curve's, and `table` (m, 2) is its `ray_table`. A ray without direction meets its first
+    point.
+    """
     first = evaluate(pieces[0], pieces[0, U0])
     turn = _turn(first[0] - cx, first[1] - cy, ex, ey)
     low, high = 0, table.shape[0] - 1
@@ -137,9 +147,11 @@ def on_ray(pieces: Array, table: Array, cx: float, cy: float, ex: float, ey: flo
             low = middle
         else:
             high = middle
+    # between two rays of the table there is one piece
     u0, u1 = table[low, 1], table[high, 1]
     piece = piece_index(pieces, u0)
     if pieces[piece, KIND] == LINE:
+        # the edge a + s t meets the ray where (a - c) x e + s (t x e) = 0
         tx, ty = pieces[piece, C], pieces[piece, D]
         away = ex * ty - ey * tx
         if away == 0.0:
@@ -149,6 +161,7 @@ def on_ray(pieces: Array, table: Array, cx: float, cy: float, ex: float, ey: flo
     u = u0 + (u1 - u0) * (turn - table[low, 0]) / (table[high, 0] - table[low, 0])
     begin, end = u0, u1
     for _ in range(STEPS):
+        # e x (y - c) grows with u, and is zero on the ray: Newton's method, kept in the bracket
         x, y, dx, dy, _, _ = evaluate(pieces[piece], u)
         miss, slope = ex * (y - cy) - ey * (x - cx), ex * dy - ey * dx
         if miss < 0.0:
@@ -168,13 +181,17 @@ def on_ray(pieces: Array, table: Array, cx: float, cy: float, ex: float, ey: flo
 def in_plane(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick on a curve or a polygon, of signature `LAW`."""
+    """One tick of the homothetic projection on a curve or a polygon, of signature `LAW`: out along the ray.
+
+    `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
+    """
     params, state = data.params, data.state
     cx, cy = params[POTENTIAL + CENTRE], params[POTENTIAL + CENTRE + 1]
     ex, ey = hip[0] - cx, hip[1] - cy
     piece, u = on_ray(data.segments, data.lookup, cx, cy, ex, ey)
     x, y, dx, dy, _, _ = evaluate(data.segments[piece], u)
     wx, wy = x - cx, y - cy
+    # 1 - lambda, by the projection of one on the other: they are parallel but for rounding
     shortfall = 1.0 - (ex * wx + ey * wy) / (wx * wx + wy * wy)
     if params[BILATERAL] == 0.0 and not shortfall > 0.0:
         return release(state, hip, ihip, force)
@@ -195,27 +212,33 @@ def _gradient_length(params: Array, shortfall: float, h: float) -> float:
 def in_space(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick on a sphere or an ellipsoid, whose `_quadric` is `lookup`, of signature `LAW`."""
+    """One tick of the homothetic projection on an ellipsoid, whose `_quadric` is `lookup`, of signature `LAW`.
+
+    `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
+    """
     row, params, state = data.lookup, data.params, data.state
     c = POTENTIAL + CENTRE
-    # the ray c + s e is on the surface where the sum of (c + s e)^2 / axis^2 is 1; lambda is one over that s
-    direction_square, direction_centre, centre_power = 0.0, 0.0, row[0, 3]
+    # The ray c + s e is on the surface where the sum of (c + s e)^2 / axis^2 is 1. With lambda = 1 / s, and sums over
+    # the axes, P lambda^2 - 2 (e.c / axis^2) lambda - e.e / axis^2 = 0, where P = 1 - c.c / axis^2 > 0.
+    hand_squared, hand_dot_centre, centre_power = 0.0, 0.0, row[0, 3]
     for i in range(3):
         e = row[0, i] * (hip[i] - params[c + i])
-        direction_square, direction_centre = (
-            direction_square + e * (hip[i] - params[c + i]),
-            direction_centre + e * params[c + i],
+        hand_squared, hand_dot_centre = (
+            hand_squared + e * (hip[i] - params[c + i]),
+            hand_dot_centre + e * params[c + i],
         )
-    root_sum = math.sqrt(direction_centre * direction_centre + direction_square * centre_power) + direction_centre
-    depth_ratio = root_sum * row[0, 4]
-    if params[BILATERAL] == 0.0 and not depth_ratio < 1.0:
+    root_sum = math.sqrt(hand_dot_centre * hand_dot_centre + hand_squared * centre_power) + hand_dot_centre
+    ratio = root_sum * row[0, 4]
+    if params[BILATERAL] == 0.0 and not ratio < 1.0:
         return release(state, hip, ihip, force)
-    reach = centre_power / root_sum if depth_ratio > 0.0 else 0.0
+    # s = 1 / lambda, times e from the centre
+    reach = centre_power / root_sum if ratio > 0.0 else 0.0
     for i in range(3):
         ihip[i] = params[c + i] + reach * (hip[i] - params[c + i])
-    if not depth_ratio > 0.0:
-        depth_ratio = 0.0
+    if not ratio > 0.0:  # the hand is at the centre: any ray will do, say that along x
+        ratio = 0.0
         ihip[0] = math.sqrt(centre_power / row[0, 0] + params[c] * params[c])
+    # the normal is along y / axis^2; h = n.(y - c)
     size, h = 0.0, 0.0
     for i in range(3):
         gradient = row[0, i] * ihip[i]
@@ -225,9 +248,7 @@ def in_space(
     size = 1.0 / math.sqrt(size)
     for i in range(3):
         state[ERROR + 3 + i] *= size
-    return regulate(
-        params, state, hip, velocity, _gradient_length(params, 1.0 - depth_ratio, h * size), dt, ihip, force
-    )
+    return regulate(params, state, hip, velocity, _gradient_length(params, 1.0 - ratio, h * size), dt, ihip, force)
 
 
 LENGTH = POTENTIAL + CENTRE + 3
@@ -238,7 +259,10 @@ LENGTH = POTENTIAL + CENTRE + 3
 def on_mesh(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick on a triangle mesh, of signature `LAW`: one ray cast."""
+    """One tick of the homothetic projection on a triangle mesh, of signature `LAW`: one ray cast.
+
+    `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
+    """
     params, state = data.params, data.state
     c = POTENTIAL + CENTRE
     centre = (params[c], params[c + 1], params[c + 2])
@@ -246,7 +270,7 @@ def on_mesh(
     hand_distance = math.sqrt(
         from_centre[0] * from_centre[0] + from_centre[1] * from_centre[1] + from_centre[2] * from_centre[2]
     )
-    ray = (params[LENGTH], 0.0, 0.0)
+    ray = (params[LENGTH], 0.0, 0.0)  # of a hand at the centre: any direction will do
     if hand_distance > 0.0:
         scale = params[LENGTH] / hand_distance
         ray = (scale * from_centre[0], scale * from_centre[1], scale * from_centre[2])

@@ -40,7 +40,7 @@ class Stabilisation(LawRenderer):
         super().__init__(CompiledStep(law, data, refusals), surface)
 
     def observe_force(self, push: Array) -> None:
-        """Take the measured force of the hand on the tool (N,), N, for the ticks that follow."""
+        """Take the hand's measured force on the tool, `push` (N,), N, for the ticks that follow."""
         self._push[:] = push
 
 
@@ -61,7 +61,7 @@ class CurveStabilisation(Stabilisation):
         super().__init__(scene, on_curve, curve, segments=curve.pieces, lookup=curve.samples)
 
     def led_out(self, hip: Array, what: str) -> DomainError:
-        """Where 1 + n κ <= 0."""
+        """Return the error for a hand at `hip` (2,), m, where 1 + n κ <= 0, as `what` says."""
         return DomainError(
             f"{what}: ({hip[0]:.6g}, {hip[1]:.6g}) m",
             why="there the foot is not unique and 1 + n κ vanishes: the virtual output (7.33) is singular",
@@ -81,6 +81,7 @@ def smooth_curve(model: Model) -> Curve:
             todo="choose a smooth model (line, circle, ellipse, cassinian, dumbbell), or another renderer: "
             "minimum-distance, constraint",
         )
+        # rounded coordinates are for the message, exact ones for the figure
         error.position = (float(corner.position[0]), float(corner.position[1]))
         raise error
     return curve
@@ -99,10 +100,12 @@ def check_gains(scene: Scene) -> None:
     Not asked of a unilateral contact, where the hand is in the loop and may damp it, nor where the force moves another
     mass than the tool's, as `static` and `compensated` inner loops let it.
     """
+    # the force moves the mass that it was computed for
     tool_moves = scene.inner_loop is InnerLoop.LINEARISED or scene.robot == PointMass(scene.mass, scene.model.dimension)
     if not (scene.bilateral and tool_moves):
         return
     period, mass = scene.sampling_time, scene.mass
+    # k T^2 / 2 and d T of the polynomial: Jury's conditions are k < d < 2 in them
     k, d = 0.5 * scene.stiffness * period**2 / mass, scene.damping * period / mass
     if not k < d < 2.0:
         size = float(np.max(np.abs(np.roots([1.0, d + k - 2.0, 1.0 - d + k]))))
@@ -185,7 +188,7 @@ class SurfaceStabilisation(Stabilisation):
         return scene.inner_loop.torques(scene.robot, joints, rates, forces, mass=scene.mass, push=push)
 
     def led_out(self, hip: Array, what: str) -> DomainError:
-        """Where I + nW is not positive."""
+        """Return the error for a hand at `hip` (3,), m, where I + nW is not positive, as `what` says."""
         foot, _, distance, _ = self.surface.closest_point(hip[np.newaxis])
         inwards, outwards = self.surface.medial_distance(foot)[0]
         inside = distance[0] < 0.0

@@ -81,7 +81,10 @@ FOCAL = 1e-9
 
 @compiled
 def contact_ends(state: Array, n: float, pressing: float, spring: float) -> bool:
-    """Return whether a contact is over at `n`, with N = `pressing` and S = `spring`; else note that it lasts."""
+    """Return whether a contact is over at `n` (m), with N = `pressing` and S = `spring` (N); else note that it lasts.
+
+    `state` (MEMORY,) is the law's; why both N and S count stands in the module.
+    """
     if n > 0.0 and (pressing <= 0.0 or (spring <= 0.0 and n >= state[LAST])):
         return True
     state[HELD], state[LAST] = 1.0, n
@@ -92,7 +95,12 @@ def contact_ends(state: Array, n: float, pressing: float, spring: float) -> bool
 def on_curve(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick on a plane curve, `segments` and `lookup` of `geometry.curve_kernels`; of signature `LAW`."""
+    """One tick of set stabilisation on a plane curve, of signature `LAW`: the module's force in the plane.
+
+    `hip` (2,), m, and `velocity` (2,), m/s, are the hand's, `push` (2,), N, its force as sensed; `ihip` (2,), m, and
+    `force` (2,), N, are written. `segments` and `lookup` are those of `geometry.curve_kernels`. Returns BEYOND at the
+    centre of curvature, and else 0.
+    """
     params, state, pieces = data.params, data.state, data.segments
     bilateral = params[BILATERAL] != 0.0
     k, u, distance, side, (px, py, dx, dy, ddx, ddy) = nearest_with_values(pieces, data.lookup, hip[0], hip[1])
@@ -102,17 +110,18 @@ def on_curve(
     speed = math.hypot(dx, dy)
     tx, ty = dx / speed, dy / speed
     curvature = (dx * ddy - dy * ddx) / (speed * speed * speed)
-    stretch = 1.0 + n * curvature
+    stretch = 1.0 + n * curvature  # how far the hand moves for a metre of its foot
     if not stretch > FOCAL:
         return BEYOND
     mass = params[MASS]
     tangential_velocity, normal_velocity = tx * velocity[0] + ty * velocity[1], ty * velocity[0] - tx * velocity[1]
-    foot_speed = tangential_velocity / stretch
+    foot_speed = tangential_velocity / stretch  # ṡ
     push_along, push_across = tx * push[0] + ty * push[1], ty * push[0] - tx * push[1]
     damper = params[DAMPING] * normal_velocity
     unbent_press = -params[STIFFNESS] * n - damper - push_across
-    centripetal = mass * curvature * tangential_velocity * foot_speed
+    centripetal = mass * curvature * tangential_velocity * foot_speed  # m κ (1 + n κ) ṡ^2
     if bilateral:
+        # t·F_r = m (2 κ ṅ ṡ + n κ' ṡ^2) - b_d w + n κ F_o·t, with v∥ = (F_o·t - b_d ṡ) / m
         curve_turning = 2.0 * curvature * normal_velocity + n * curvature_rate(pieces[k], u) * foot_speed
         sliding = (
             mass * curve_turning * foot_speed - params[VISCOSITY] * tangential_velocity + n * curvature * push_along
@@ -124,6 +133,7 @@ def on_curve(
             return release(state, hip, ihip, force)
         sliding = -params[VISCOSITY] * tangential_velocity if pressing > 0.0 else 0.0
     ihip[0], ihip[1] = px, py
+    # the outward normal is (t_y, -t_x)
     force[0] = pressing * ty + sliding * tx
     force[1] = sliding * ty - pressing * tx
     return 0
@@ -133,45 +143,53 @@ def on_curve(
 def on_surface(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick on the surface whose row `segments` holds, of signature `LAW`."""
+    """One tick of set stabilisation on a surface in space, whose row `segments` holds, of signature `LAW`.
+
+    `hip` (3,), m, and `velocity` (3,), m/s, are the hand's, `push` (3,), N, its force as sensed; `ihip` (3,), m, and
+    `force` (3,), N, are written. Returns BEYOND at a focal point of the surface, and else 0.
+    """
     params, state, surface = data.params, data.state, data.segments[0]
-    p, normal, n = closest_on_surface(surface, (hip[0], hip[1], hip[2]))
+    foot, normal, n = closest_on_surface(surface, (hip[0], hip[1], hip[2]))
     bilateral = params[BILATERAL] != 0.0
     if not bilateral and n > 0.0 and state[HELD] == 0.0:
         return release(state, hip, ihip, force)
     normal_velocity, push_across = _component(normal, velocity), _component(normal, push)
+    # W in an orthonormal basis of the tangent plane, [[w11, w12], [w12, w22]], 1/m
     first, second = tangents(normal)
-    w = shape_operator(surface, p, normal)
+    w = shape_operator(surface, foot, normal)
     w_second = apply_matrix(w, second)
     w11, w12, w22 = dot(first, apply_matrix(w, first)), dot(first, w_second), dot(second, w_second)
+    # the principal curvatures are their mean plus and minus this: the least eigenvalue of I + nW
     mean_curvature, half_difference = 0.5 * (w11 + w22), math.hypot(0.5 * (w11 - w22), w12)
     if not 1.0 + n * mean_curvature - abs(n) * half_difference > FOCAL:
         return BEYOND
-    a1, a2 = _component(first, velocity), _component(second, velocity)
+    v1, v2 = _component(first, velocity), _component(second, velocity)
+    # ṗ = (I + nW)^-1 w by Cramer's rule, with w = (v1, v2), and W ṗ = (bent1, bent2)
     stretch = (1.0 + n * w11) * (1.0 + n * w22) - (n * w12) ** 2
-    p1 = ((1.0 + n * w22) * a1 - n * w12 * a2) / stretch
-    p2 = ((1.0 + n * w11) * a2 - n * w12 * a1) / stretch
-    b1, b2 = w11 * p1 + w12 * p2, w12 * p1 + w22 * p2
+    foot_rate1 = ((1.0 + n * w22) * v1 - n * w12 * v2) / stretch
+    foot_rate2 = ((1.0 + n * w11) * v2 - n * w12 * v1) / stretch
+    bent1, bent2 = w11 * foot_rate1 + w12 * foot_rate2, w12 * foot_rate1 + w22 * foot_rate2
     mass = params[MASS]
     damper = params[DAMPING] * normal_velocity
     unbent_press = -params[STIFFNESS] * n - damper - push_across
-    centripetal = mass * (b1 * a1 + b2 * a2)
+    centripetal = mass * (bent1 * v1 + bent2 * v2)
     pressing, friction = unbent_press - centripetal, params[VISCOSITY]
     if not bilateral:
         if contact_ends(state, n, pressing, pressing + damper):
             return release(state, hip, ihip, force)
         if pressing <= 0.0:
             pressing, friction = 0.0, 0.0
-    s1, s2 = -friction * a1, -friction * a2
+    slide1, slide2 = -friction * v1, -friction * v2  # the force along the surface: -b_d w
     if bilateral:
-        foot_rate = _combination(p1, first, p2, second)
-        w_change = shape_operator_change(surface, p, normal, foot_rate, foot_rate)
-        f1, f2 = _component(first, push), _component(second, push)
-        s1 += mass * (2.0 * normal_velocity * b1 + n * dot(first, w_change)) + n * (w11 * f1 + w12 * f2)
-        s2 += mass * (2.0 * normal_velocity * b2 + n * dot(second, w_change)) + n * (w12 * f1 + w22 * f2)
-    sliding = _combination(s1, first, s2, second)
+        # and m (2 ṅ W ṗ + n (∇_ṗ W) ṗ) + n W F_o, with a = (P_T F_o - b_d ṗ) / m
+        foot_rate = _combination(foot_rate1, first, foot_rate2, second)
+        w_change = shape_operator_change(surface, foot, normal, foot_rate, foot_rate)
+        push1, push2 = _component(first, push), _component(second, push)
+        slide1 += mass * (2.0 * normal_velocity * bent1 + n * dot(first, w_change)) + n * (w11 * push1 + w12 * push2)
+        slide2 += mass * (2.0 * normal_velocity * bent2 + n * dot(second, w_change)) + n * (w12 * push1 + w22 * push2)
+    sliding = _combination(slide1, first, slide2, second)
     for i in range(3):
-        ihip[i], force[i] = p[i], pressing * normal[i] + sliding[i]
+        ihip[i], force[i] = foot[i], pressing * normal[i] + sliding[i]
     return 0
 
 

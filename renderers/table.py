@@ -37,12 +37,14 @@ OUT, TOUCHES, ASK = 0, 1, 2
 def look_up(
     nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, x: float, y: float
 ) -> tuple[int, float, float, float, float]:
-    """One HIP (m): (status, IHIP x, y, normal x, y). Answers that do not touch hold the HIP and a zero normal.
+    """Read the table at one HIP (x, y), m: (status, IHIP x, y, m, normal x, y).
 
-    A marked cell, and in a table that answers `everywhere` what is off the grid, is to be asked of the projection.
+    `nodes` (y, x, 4), `cells` (y, x) and `frame` (3,) are the module's. Answers that do not touch hold the HIP and a
+    zero normal. A marked cell, and in a table that answers `everywhere` what is off the grid, is to be asked of the
+    projection.
     """
     rows, columns = cells.shape
-    a, b = (x - frame[0]) * frame[2], (y - frame[1]) * frame[2]
+    a, b = (x - frame[0]) * frame[2], (y - frame[1]) * frame[2]  # in cells from the first node
     if not (0.0 <= a <= columns and 0.0 <= b <= rows):
         return ASK if everywhere and a == a and b == b else OUT, x, y, 0.0, 0.0
     i, j = min(np.uint64(np.int64(a)), np.uint64(columns - 1)), min(np.uint64(np.int64(b)), np.uint64(rows - 1))
@@ -50,6 +52,7 @@ def look_up(
     if kind == FREE or kind >= MARKED:
         return OUT if kind == FREE else ASK, x, y, 0.0, 0.0
     px, py, nx, ny = _bilinear(nodes, i, j, a - np.int64(i), b - np.int64(j))
+    # a cell that the surface may pass: contact behind the plane of IHIP and normal only
     if kind == EDGE and not (x - px) * nx + (y - py) * ny < 0.0:
         return OUT, x, y, 0.0, 0.0
     return TOUCHES, px, py, nx, ny
@@ -59,10 +62,10 @@ def look_up(
 def look_up_many(
     nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, hips: Array
 ) -> tuple[Array, Array, ByteArray]:
-    """`look_up` for each row of hips (n, 2): IHIPs (n, 2), normals (n, 2), status (n,).
+    """Read the table at HIPs (n, 2), m, as `look_up` does: IHIPs (n, 2), m, unit normals (n, 2), status (n,).
 
-    A block at a time: first the cells of its HIPs, without a branch that chance decides; then all that is interpolated,
-    in a row.
+    `nodes` (y, x, 4), `cells` (y, x) and `frame` (3,) are the module's. A block at a time: first the cells of its HIPs,
+    without a branch that chance decides; then all that is interpolated, in a row.
     """
     count, (rows, columns) = hips.shape[0], cells.shape
     ihips, normals = np.empty_like(hips), np.empty_like(hips)
@@ -82,16 +85,17 @@ def look_up_many(
                 kind = cells[j, i]
                 hit_rows[hit_count], across[hit_count], up[hit_count], kinds[hit_count] = np.uint64(k), i, j, kind
                 right[hit_count], above[hit_count] = a - np.int64(i), b - np.int64(j)
+                # without a branch: a HIP that is not interpolated is written too, and overwritten by the next
                 hit_count += np.uint64((kind != FREE) & (kind < MARKED))
                 status[k] = (kind >> 1) & ASK
             else:
                 status[k] = ASK if everywhere and a == a and b == b else OUT
-        for q in range(hit_count):
-            m = hit_rows[q]
-            px, py, nx, ny = _bilinear(nodes, across[q], up[q], right[q], above[q])
-            if kinds[q] == HELD or (hips[m, 0] - px) * nx + (hips[m, 1] - py) * ny < 0.0:
-                ihips[m, 0], ihips[m, 1], normals[m, 0], normals[m, 1] = px, py, nx, ny
-                status[m] = TOUCHES
+        for hit in range(hit_count):
+            row = hit_rows[hit]
+            px, py, nx, ny = _bilinear(nodes, across[hit], up[hit], right[hit], above[hit])
+            if kinds[hit] == HELD or (hips[row, 0] - px) * nx + (hips[row, 1] - py) * ny < 0.0:
+                ihips[row, 0], ihips[row, 1], normals[row, 0], normals[row, 1] = px, py, nx, ny
+                status[row] = TOUCHES
     return ihips, normals, status
 
 
@@ -99,8 +103,11 @@ def look_up_many(
 def look_up_in_space(
     nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, hips: Array
 ) -> tuple[Array, Array, ByteArray]:
-    """`look_up_many` for rows of hips (n, 3)."""
-    count, cell_counts, mean = hips.shape[0], cells.shape[::-1], np.empty(6)
+    """Read the table at HIPs (n, 3), m: IHIPs (n, 3), m, outward unit normals (n, 3) and status (n,).
+
+    `nodes` (z, y, x, 6), `cells` (z, y, x) and `frame` (4,) are the module's; see `look_up`.
+    """
+    count, cell_counts, answer = hips.shape[0], cells.shape[::-1], np.empty(6)
     ihips, normals, status = hips.copy(), np.zeros_like(hips), np.zeros(count, np.uint8)
     cell, share = np.empty(3, np.int64), np.empty(3)
     for row in range(count):
@@ -120,23 +127,24 @@ def look_up_in_space(
         if kind == FREE or kind >= MARKED:
             status[row] = OUT if kind == FREE else ASK
             continue
-        mean[:] = 0.0
-        for corner in range(8):
+        # IHIP (m) and normal at the HIP's shares of the cell
+        answer[:] = 0.0
+        for corner in range(8):  # trilinear: the bits of the number are the sides along x, y and z
             x, y, z = corner & 1, (corner >> 1) & 1, corner >> 2
             weight = share[0] if x else 1.0 - share[0]
             weight *= share[1] if y else 1.0 - share[1]
             weight *= share[2] if z else 1.0 - share[2]
             for axis in range(6):
-                mean[axis] += weight * nodes[k + z, j + y, i + x, axis]
+                answer[axis] += weight * nodes[k + z, j + y, i + x, axis]
         normal_squared, behind = 0.0, 0.0
         for axis in range(3):
-            normal_squared += mean[3 + axis] * mean[3 + axis]
-            behind += (hips[row, axis] - mean[axis]) * mean[3 + axis]
+            normal_squared += answer[3 + axis] * answer[3 + axis]
+            behind += (hips[row, axis] - answer[axis]) * answer[3 + axis]
         if kind == EDGE and not behind < 0.0:
             continue
         status[row] = TOUCHES
         for axis in range(3):
-            ihips[row, axis], normals[row, axis] = mean[axis], mean[3 + axis] / math.sqrt(normal_squared)
+            ihips[row, axis], normals[row, axis] = answer[axis], answer[3 + axis] / math.sqrt(normal_squared)
     return ihips, normals, status
 
 
@@ -207,6 +215,7 @@ def grid_over(lower: Sequence[float], upper: Sequence[float], cell: float) -> Gr
             why=f"they are larger than the model, {max(extents):.6g} m",
             todo="choose a smaller cell",
         )
+    # cells that cover the box to a rounding of nine digits, and one more on either side
     counts = tuple(math.ceil(round(extent / cell, 9)) + 2 for extent in extents)
     return Grid(tuple(float(low) - cell for low in lower), float(cell), counts)
 
@@ -245,7 +254,7 @@ class Table:
         return look_up(*self._arrays, self.everywhere, x, y)
 
     def look_many(self, hips: Array) -> tuple[Array, Array, ByteArray]:
-        """`look` for each row of hips (n, N), in the plane and in space: IHIPs, normals, status."""
+        """Read the table at HIPs (n, N), m, in plane or space: IHIPs (n, N), m, unit normals (n, N), status (n,)."""
         look_up = look_up_many if self.grid.dimension == 2 else look_up_in_space
         return look_up(*self._arrays, self.everywhere, for_kernels(hips))
 
@@ -269,12 +278,13 @@ class Table:
         cell = np.minimum(clipped.astype(np.int64), cell_counts - 1)
         share, kinds = clipped - cell, self.cells[tuple(cell.T[::-1])]
         kinds = np.where(on_grid, kinds, HELD + MARKED if self.everywhere else FREE)
+        # in a marked cell the nearest node alone
         share = np.where((kinds >= MARKED)[:, np.newaxis], share > 0.5, share)
-        mean = np.zeros((len(hips), 2 * n))
+        answer = np.zeros((len(hips), 2 * n))
         for corner in itertools.product((0, 1), repeat=n):
             weight = np.prod(np.where(corner, share, 1.0 - share), axis=1)
-            mean += weight[:, np.newaxis] * self.nodes[tuple((cell + corner).T[::-1])]
-        ihips, normals = mean[:, :n], mean[:, n:]
+            answer += weight[:, np.newaxis] * self.nodes[tuple((cell + corner).T[::-1])]
+        ihips, normals = answer[:, :n], answer[:, n:]
         with np.errstate(invalid="ignore"):
             normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
         behind = np.sum((hips - ihips) * normals, axis=1) < 0.0
@@ -297,6 +307,7 @@ def empty(grid: Grid, *, everywhere: bool = False) -> Table:
     Raises `RefusalError` for a grid that needs more than 2 GiB.
     """
     if grid.nbytes > IN_MEMORY:
+        # the bytes grow as cell^-N
         fits = grid.cell * (grid.nbytes / IN_MEMORY) ** (1.0 / grid.dimension)
         raise RefusalError(
             f"a look-up table of {grid.nbytes:.3g} bytes",

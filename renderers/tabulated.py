@@ -48,6 +48,7 @@ ORDER = 0.2
 OFF = 0.05
 AMISS = 0.1
 TURN = 0.5
+"""The numbers of the rules above: lengths in sides of a cell, `TURN` the length of a difference of unit normals."""
 
 PROBES = 5
 MARGIN = 4.0 / 3.0
@@ -75,7 +76,10 @@ class Source:
 
 
 def source_of(projection: Projection) -> Source:
-    """The source of a projection without memory; it must be bilateral, for cells at the surface have outer nodes."""
+    """Return what a table is filled from, of a projection without memory.
+
+    It must be bilateral: cells at the surface have nodes outside.
+    """
 
     def project(points: Array) -> tuple[Array, Array]:
         ihips, normals, _ = projection.trace(np.ascontiguousarray(points))
@@ -86,6 +90,7 @@ def source_of(projection: Projection) -> Source:
         return Source(project=project, distance=projection.surface.signed_distance)
     outline = outline_of(curve)
 
+    # the polygon of the chords is as good as the curve, to `stray`, and far cheaper
     def distance(points: Array) -> Array:
         return signed_distances(outline.vertices, outline.tree, points)
 
@@ -127,6 +132,7 @@ def _fill_box(table: Table, source: Source, low: tuple[int, ...], high: tuple[in
     """One box of cells, `low` and `high` in the order of the arrays' axes."""
     dimension, side = table.grid.dimension, table.grid.cell
     counts = tuple(b - a + 1 for a, b in zip(low, high, strict=True))
+    # nodes (..., y, x, N), m, by the indices of the whole grid
     axes = [side * np.arange(a, b + 1) for a, b in zip(low, high, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij")[::-1], axis=-1) + np.array(table.grid.origin)
     kinds = np.full(tuple(count - 1 for count in counts), HELD, np.uint8)
@@ -154,6 +160,7 @@ def _fill_box(table: Table, source: Source, low: tuple[int, ...], high: tuple[in
 def _distances(points: Array, source: Source, reach: float) -> Array:
     """The signed distance of each node (..., N), or, where both are beyond `reach`, a smaller one of the same sign."""
     shape, dimension = points.shape[:-1], points.shape[-1]
+    # one distance a block: within it the surface is nearer by the way from its middle at the most
     middles = points[(slice(BLOCK // 2, None, BLOCK),) * dimension]
     if middles.size == 0:
         return source.distance(points.reshape(-1, dimension)).reshape(shape)
@@ -181,6 +188,7 @@ def _jumping_cells(
         span = np.linalg.norm(ihips[high_ends] - ihips[low_ends], axis=-1)
         suspect = needed[low_ends] & needed[high_ends] & (span > STRETCH * side)
         steep |= _cells_at_sides(suspect, axis)
+        # rule 1: bisect the side into the half with the larger difference of IHIPs
         left, right = points[low_ends][suspect], points[high_ends][suspect]
         at_left, at_right = ihips[low_ends][suspect], ihips[high_ends][suspect]
         for _ in range(BISECTIONS):
@@ -191,6 +199,7 @@ def _jumping_cells(
             left, at_left = np.where(chosen, left, middle), np.where(chosen, at_left, at_middle)
             right, at_right = np.where(chosen, middle, right), np.where(chosen, at_middle, at_right)
         jumps = np.zeros(span.shape, bool)
+        # a map of order ORDER would have brought the difference down to this
         jumps[suspect] = np.linalg.norm(at_right - at_left, axis=1) > 2.0 ** (-ORDER * BISECTIONS) * span[suspect]
         marked |= _cells_at_sides(jumps, axis)
     return marked, steep
@@ -221,11 +230,12 @@ def _cells_off_surface(
     off = np.zeros(candidates.shape, bool)
     corners = _corner_values(answers)[:, candidates]
     dimension = answers.shape[-1] // 2
+    # the largest distance of two corners' IHIPs, m, and of their unit normals: l and t of rule 2
     length, turn = np.zeros(corners.shape[1]), np.zeros(corners.shape[1])
     for one, two in itertools.combinations(corners, 2):
         length = np.maximum(length, np.linalg.norm(one[:, :dimension] - two[:, :dimension], axis=1))
         turn = np.maximum(turn, np.linalg.norm(one[:, dimension:] - two[:, dimension:], axis=1))
-    estimate = 0.25 * length * turn
+    estimate = 0.25 * length * turn  # l t / 4
     order = np.argsort(-estimate)
     shares = np.linspace(0.0, 1.0, PROBES)
     probes = np.array(list(itertools.product(shares, repeat=dimension)))
@@ -236,9 +246,11 @@ def _cells_off_surface(
             for bits in itertools.product((0, 1), repeat=dimension)
         ]
     ).reshape(len(probes), -1)
+    # rule 4: TURN in a cell that the surface may pass, a right angle in others
     standoff, too_far = 0.0, turn > np.where(kinds[candidates] == EDGE, TURN, 2.0**0.5)
     for start in range(0, estimate.size, 1000):
         chosen = order[start : start + 1000]
+        # from the largest estimate on, until none can exceed what was measured
         if estimate[chosen[0]] <= min(standoff, limit):
             break
         means = np.einsum("pc,ckd->kpd", weights, corners[:, chosen, :dimension])
@@ -305,7 +317,7 @@ class LutProjection:
         self._exact = exact
 
     def project(self, hip: Array) -> ProxyState:
-        """One tick."""
+        """Project a HIP (N,), m, in one tick."""
         if hip.size == 3:
             return ProxyState(*(answers[0] for answers in self.trace(hip[np.newaxis])))
         x, y = hip.tolist()
@@ -315,7 +327,7 @@ class LutProjection:
         return ProxyState((px, py), (nx, ny), status == TOUCHES)
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """A tick a row of `hips` (n, N): IHIPs, normals and contact."""
+        """Project HIPs (n, N), m, a tick a row: IHIPs (n, N), m, outward unit normals (n, N), and contact (n,)."""
         ihips, normals, status = self.table.look_many(hips)
         contact = status == TOUCHES
         marked_rows = np.flatnonzero(status == ASK)
@@ -349,6 +361,7 @@ def tabulated(
     if not scene.model.boundary.closed:
         return project(scene, representation, **settings)
 
+    # bilateral, so that cells at the surface have nodes outside too; in a unilateral scene the table tells the contact
     def make() -> Table:
         both_sides = project(replace(scene, bilateral=True), representation, **settings)
         return tabulate(both_sides, cell=cell, everywhere=scene.bilateral)
