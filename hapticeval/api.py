@@ -73,22 +73,26 @@ def run(
 ) -> Results:
     """Judge renderers in the cases of suites, as `hapticeval run` does, and return what was found.
 
-    `renderers` are one or several; a mapping names them, others are called as they are written. Without any, each suite
-    runs its own. `suites` are names, groups, TOML files or `load_suite`'s; `select` are expressions over names of cases
-    and checks, see `suite.selection`. Nothing is written but to the folder `output`: results.json and the recordings,
-    see `Results.report`. `workers` processes share the work, one for each processor if not given; renderers that are
-    not names run in this process, with `workers=0`. One in a process of its own that takes longer than `timeout`
-    seconds in a case is ended, and its verdicts are errors. `watch` is called with each event of the run.
-
-    With `strict` warnings count. `known` is a file of known failures, see `runner.known`. A `quick` run takes few
-    cases, which have every check between them; `exit_first` ends it at the first verdict that stops a gate;
-    `failed_first` begins with what did in the results that `output` holds.
-
-    Of what that makes, a `shard` "3/16" is the part that is run, see `merge`; with `resume` what an earlier run into
-    `output` has finished is kept; and the workers of the dask `scheduler` at an address do the work, if there is one.
+    - `renderers`: one or several. A mapping names them, others are called as they are written. Without any, each suite
+      runs its own.
+    - `suites`: names, groups, TOML files or `load_suite`'s.
+    - `select`: expressions over names of cases and checks, see `suite.selection`.
+    - `output`: the folder for results.json and the recordings, see `Results.report`. Nothing else is written.
+    - `strict`: warnings count too.
+    - `known`: a file of known failures, see `runner.known`.
+    - `quick`: few cases, which have every check between them.
+    - `exit_first`: end at the first verdict that stops a gate.
+    - `failed_first`: begin with what did so in the results that `output` holds.
+    - `workers`: how many processes share the work, one for each processor if not given. Renderers that are not names
+      run in this process, with `workers=0`.
+    - `timeout`: seconds after which a renderer in a process of its own is ended in a case; its verdicts are errors.
+    - `watch`: called with each event of the run.
+    - `shard`: "3/16" is the part of all this that is run, see `merge`.
+    - `resume`: keep what an earlier run into `output` has finished.
+    - `scheduler`: the address of a dask scheduler whose workers do the work.
 
     On Ctrl-C what is finished is kept, and the results are not `complete`. Raises `InputError` for arguments that are
-    none of these, and as `plan` and `prepare` do; what a renderer gets wrong is in the results.
+    none of these, and as `plan` and `prepared_folder` do; what a renderer gets wrong is in the results.
     """
     named = _name_renderers(renderers)
     # Names are resolved in each process; what is none is a factory, which has to travel there.
@@ -328,7 +332,9 @@ class Results:
 
         With `single_file` report.html holds the pages of report/. `figures` are globs on `suite/case/renderer`: the
         figures of these runs are written as SVG and PDF too. The counterexamples of a search into counterexamples/ are
-        shown. See `write_reports` and `write_figures`. Raises `InputError` for results that lie in no folder.
+        shown. See `write_reports` and `write_figures`.
+
+        Raises `InputError` for results that lie in no folder.
         """
         from hapticeval.reports import write_figures, write_reports
 

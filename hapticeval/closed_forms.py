@@ -145,9 +145,11 @@ def polar_rates(scheme: str, gains: Gains, radius: float) -> Rates:
 def curve_rates(scheme: str, gains: Gains, curve: Curve) -> Rates:
     """Return the equations of motion of a projective scheme about a smooth curve, in its own frame, for an integrator.
 
-    They are d/dt (n, n', s, w), w = (1 + n kappa) s' being the tool's own speed along the curve:
-    n'' = kappa (1 + n kappa) s'^2 - k n - d n' and (1 + n kappa) s'' + 2 kappa n' s' + n kappa_s s'^2 = the scheme's
-    tangential acceleration. In w the second reads w' = that - kappa n' s', free of the curvature's slope.
+    They are d/dt (n, n', s, w), w = (1 + n kappa) s' being the tool's own speed along the curve, with a the scheme's
+    tangential acceleration:
+
+    - n'' = kappa (1 + n kappa) s'^2 - k n - d n';
+    - (1 + n kappa) s'' + 2 kappa n' s' + n kappa_s s'^2 = a, or w' = a - kappa n' s', free of the curvature's slope.
     """
     k, d, _ = gains
 

@@ -57,10 +57,12 @@ EMPTY_TABLE: Array = np.empty((0, 0))
 class LawData(NamedTuple):
     """What a renderer's compiled step works on, in arrays that are writable and contiguous: any may be empty.
 
-    `params` (k,): gains and other numbers. `segments`, `joints`, `lookup`, `vertices` and `tree`, all 2D, hold the
-    surface: its pieces, what belongs to the joints between them, a table in which the nearest point is looked for, an
-    outline of straight edges and its search tree. `state` (m,) is what the renderer keeps between ticks: its `reset`
-    prepares it, and each tick of the law goes on from it.
+    - `params` (k,): gains and other numbers.
+    - `segments`, `joints`, `lookup`, `vertices` and `tree`, all (rows, columns): the surface. They are its pieces, what
+      belongs to the joints between them, a table in which the nearest point is looked for, an outline of straight edges
+      and its search tree.
+    - `state` (m,): what the renderer keeps between ticks. Its `reset` prepares it, and each tick of the law goes on
+      from it.
     """
 
     params: Array
@@ -84,9 +86,8 @@ def law_data(
 ) -> LawData:
     """Return what a law works on, of the type that `LAW` asks for, from what a renderer has.
 
-    `params` (k,) are its numbers; the tables are (rows, columns), what each means is the renderer's own matter, with
-    lengths in m; `state` is the size m of the state (m,), all zeros. Tables that have the type already are shared: a
-    mesh has many megabytes of them.
+    `params` (k,) are its numbers; the tables are (rows, columns) with lengths in m, see `LawData`; `state` is the size
+    of the state, all zeros. Tables that have the type already are shared: a mesh has many megabytes of them.
     """
     # Tables are shared where they have the type already; the few numbers are copied.
     tables = (for_kernels(np.asarray(table, dtype=np.float64)) for table in (segments, joints, lookup, vertices, tree))
@@ -189,8 +190,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     No fast-math: the same command must give the same verdicts, bit for bit, on the same machine.
 
     Of several processes that want a kernel at the same time one compiles it, and the others wait for what it keeps.
-    Without that each would do all the work, and two that add to a cache at once may leave an entry of its index that
-    leads to other code.
+    Else each would do all the work, and two that write to a cache at once may leave an index that leads to other code.
     """
     return _compile_once_on_disk(function, _nrt=True)
 
@@ -284,6 +284,7 @@ def for_kernels(values: NDArray[T]) -> NDArray[T]:
     """Return an array as kernels take it, writable and contiguous: a copy, unless it is so already.
 
     `values` have any shape, (n,) or (rows, columns), and any unit, m or N or none; the result has the same.
+
     To numba an array that is locked, or a slice with gaps, has a type of its own, for which a kernel and all that it
     calls would be compiled again. Value types lock what they show; what they give to kernels goes through here.
     """

@@ -2,9 +2,11 @@
 
     BASE[+SCHEME][@REPRESENTATION]
 
-`BASE` is an entry point of the group `hapticeval.renderers`, or `package.module:factory`. `+SCHEME` chooses a
-regulation scheme and `@REPRESENTATION` how the model is stored, for a factory that has a choice of them. A
-scheme's own name may hold a plus: only the first one separates.
+- `BASE` is an entry point of the group `hapticeval.renderers`, or `package.module:factory`.
+- `+SCHEME` chooses a regulation scheme. Its own name may hold a plus: only the first one separates.
+- `@REPRESENTATION` chooses how the model is stored.
+
+The last two are for a factory that has a choice of them.
 
     lib:PATH        a shared library with the C ABI of `hapticeval header`
     cmd:COMMAND     a process that speaks JSON lines
@@ -95,9 +97,10 @@ def own_renderers() -> tuple[str, ...]:
 def resolve(name: str) -> RendererFactory:
     """The factory behind a renderer's name.
 
-    Raises `UnknownNameError`, with the closest known ones, for a name, a scheme or a representation that is
-    not known; `InputError` for a module that cannot be imported, an attribute that it lacks or that cannot be
-    called, and for a suffix on a factory that has no variants.
+    Raises `UnknownNameError`, with the closest known ones, for a name, a scheme or a representation that is not known.
+
+    Raises `InputError` for a module that cannot be imported, an attribute that it lacks or that cannot be called, and
+    for a suffix on a factory that has no variants.
     """
     parts = parse(name)
     factory = cast("RendererFactory", load(parts.base))

@@ -76,8 +76,8 @@ def too_deep(place: str) -> InputError:
 def convert(data: Any, kind: type[T] | Any, place: str, *, todo: str = "") -> T:
     """Return plain values (of TOML or JSON) as an instance of `kind`, a type that `msgspec.convert` takes.
 
-    Raises `InputError` that names the entry below `place`, what it is and what it should be. An entry, a kind or a
-    choice that is not known is an `UnknownNameError` with the closest known ones; for the rest `todo` is the advice.
+    Raises `InputError` that names the entry below `place`, what it is and what it should be; `todo` is the advice. An
+    unknown entry, kind or choice is an `UnknownNameError` with the closest known ones.
     """
     try:
         converted: T = msgspec.convert(data, kind)

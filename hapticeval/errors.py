@@ -224,8 +224,8 @@ def origin(error: BaseException, file: str | None = None) -> str:
 def place_in_stack(stack: Sequence[tuple[str, int, str]]) -> str:
     """Return where a process was whose `stack` is that, outermost frame first; "" for an empty one.
 
-    Foreign code begins where ours calls it: of its frames the innermost is named that lies in the same folder, and not
-    the library's that it waits in. Where there is none, as in a C library that ours calls, ours is named.
+    Foreign code begins where ours calls it. Of its frames the innermost in the same folder is named, not that of a
+    library that it waits in. Where there is none, as in a C library that ours calls, ours is named.
     """
     # Frames of the standard library, such as sleep or a lock, say nothing of who called them.
     code = [frame for frame in stack if not _is_standard(PurePath(frame[0]))]

@@ -16,9 +16,12 @@ from hapticeval.errors import InputError, UnknownNameError
 class Knob:
     """One setting of a renderer: `values` to sweep, from the coarsest to the finest, in `unit` ("" for a count).
 
-    `quick` are the values of a quick sweep, all `values` where it is empty. A renderer that has no exact form is
-    measured against itself at the last of `finest`, and the one before shows how far that has converged; without
-    `finest` these are the last two that are swept. Raises `InputError` for a knob without values.
+    `quick` are the values of a quick sweep, all `values` where it is empty.
+
+    A renderer that has no exact form is measured against itself at the last of `finest`, and the one before shows how
+    far that has converged; without `finest` these are the last two that are swept.
+
+    Raises `InputError` for a knob without values.
     """
 
     values: tuple[float, ...]

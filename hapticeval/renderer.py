@@ -40,14 +40,16 @@ class Spring(StrEnum):
 class Declaration:
     """What a renderer promises of its answers, so that a check may hold it to that: its attribute `declares`.
 
-    `spring` says that its force is proportional to a depth; a damper with the scene's K_d may add to it. Where the
-    stiffness varies with the place or the depth, `stiffness_range` is its least and its largest, as shares of the
-    scene's: one is between them, and the largest may be infinite. `force_resolution` (N) is how coarse the force is: a
-    quantum, a dead band. After a `reset` the same way gives the same answers again, to the bit, or as far as
-    `ihip_scatter` (m) and `force_scatter` (N) allow. `force_only` says that it has no contact point, as a potential
-    field: its IHIP is always the HIP, and checks of the contact point are not applicable. `closed_form` is the law that
-    it claims to be, one of `SCHEMES`: where that has a closed form, a loop with the renderer in it has to
-    move so, see the check `closed-form`.
+    - `spring`: its force is proportional to a depth; a damper with the scene's K_d may add to it.
+    - `stiffness_range`: where the stiffness varies with the place or the depth, its least and its largest, as shares of
+      the scene's. One is between them, and the largest may be infinite.
+    - `force_resolution` (N): how coarse the force is, as of a quantum or a dead band.
+    - `closed_form`: the law that it claims to be, one of `SCHEMES`. Where that has a closed form, a loop with the
+      renderer in it has to move so, see the check `closed-form`.
+    - `ihip_scatter` (m) and `force_scatter` (N): how far the answers to the same path may differ after a `reset`; zero
+      is to the bit.
+    - `force_only`: it has no contact point, as a potential field. Its IHIP is always the HIP, and checks of the contact
+      point are not applicable.
     """
 
     spring: Spring | None = None
@@ -119,10 +121,12 @@ class Renderer(Protocol):
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,).
 
-        Along a path of a suite or of a recording the tool is free then, and with the hand: where the path begins inside
-        a model that only pushes, the hand is led in from the nearest point of the surface, and what the renderer
-        answers on that way is not recorded. Elsewhere (single points, a closed loop, hardware) the hand may start
-        inside: put the tool to the nearest point of the surface.
+        Along a path of a suite or of a recording the tool is free then, and with the hand. Where the path begins inside
+        a model that only pushes, the hand is led in from the nearest point of the surface; those answers are not
+        recorded.
+
+        Elsewhere (single points, a closed loop, hardware) the hand may start inside: put the tool to the nearest point
+        of the surface.
         """
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
@@ -152,12 +156,14 @@ class TrajectoryRenderer(Protocol):
 class CompiledStep(NamedTuple):
     """A renderer's step as compiled code, so that a whole closed loop runs without Python.
 
-    `function` is a kernel of signature `hapticeval.compiled.LAW`, and `data` the renderer's own, with the state that
-    its last `reset` or `step` left: a loop resets the renderer and goes on from there. Where a scene's effects are put
-    on the renderer's answers `data` is another tuple, see `hapticeval.simulation.answers`. `refusals` words what the
-    kernel's numbers above 0 mean; one below 0 is the renderer's own, and it broke. It must answer as `step` does, to
-    the last bit. `contact` (1,) is where each tick leaves 1 if it reports contact, and else 0; None where it reports
-    none.
+    It must answer as `step` does, to the last bit.
+
+    - `function`: a kernel of signature `hapticeval.compiled.LAW`.
+    - `data`: the renderer's own, with the state that its last `reset` or `step` left. A loop resets the renderer and
+      goes on from there. Where a scene's effects are put on the renderer's answers it is another tuple, see
+      `hapticeval.simulation.answers`.
+    - `refusals`: what the kernel's numbers above 0 mean, in words. One below 0 is the renderer's own, and it broke.
+    - `contact` (1,): where each tick leaves 1 if it reports contact, and else 0; None where it reports none.
     """
 
     function: Callable[..., Any]
@@ -330,6 +336,7 @@ def check_support(scene: Scene, supports: frozenset[str]) -> None:
 
     These are names of `hapticeval.scene.requirements()`. "plane" and "space" narrow the models: where neither is
     declared a renderer is given both kinds, and its own code refuses what it cannot take, as `scene.model.curve` does.
+
     A renderer that has `observe_force` supports "force-sensor" without declaring it.
     """
     # Neither kind of model declared: both are tried, and its own code refuses.
@@ -355,9 +362,11 @@ def check_support(scene: Scene, supports: frozenset[str]) -> None:
 class Choices:
     """What a factory offers beside being called with a scene, read by `choices_of`; all of it is optional.
 
-    `summary` says in a line what it makes. `supports` is as of `Abilities`, and refuses before anything is built.
-    `regulations` and `representations` name what `variant(*, regulation, representation)` takes, and `representation`
-    is the one that it has. `knobs` can be set finer or coarser, by `with_knobs(**values)`.
+    - `summary`: what it makes, in a line.
+    - `supports`: as of `Abilities`; it refuses before anything is built.
+    - `regulations` and `representations`: names that `variant(*, regulation, representation)` takes.
+    - `representation`: the one that it has.
+    - `knobs`: what can be set finer or coarser, by `with_knobs(**values)`.
     """
 
     summary: str = ""

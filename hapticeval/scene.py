@@ -21,11 +21,13 @@ E = TypeVar("E", bound=Effect)
 class Scene:
     """What a renderer is given, and what a check measures it against.
 
-    `stiffness` K_p (N/m) and `damping` K_d (N s/m) are the gains of (4.6); `mass` (kg) is the virtual tool's;
-    `restitution` is c_r of (3.5); `bilateral` holds the tool on the surface from both sides, as in section 6.3,
-    where a unilateral contact only pushes outwards; `sampling_time` (s) is that of the haptic thread. `effects` are
-    what the scene calls for beside that, at most one of a kind; they are kept in the order of the catalogue, without
-    those that are off.
+    - `stiffness` K_p (N/m) and `damping` K_d (N s/m): the gains of (4.6);
+    - `mass` (kg): the virtual tool's;
+    - `restitution`: c_r of (3.5), the share of the speed that a collision gives back;
+    - `bilateral`: whether the surface holds the tool from both sides, as in section 6.3; else it only pushes outwards;
+    - `sampling_time` (s): that of the haptic thread;
+    - `effects`: what the scene calls for beside that, at most one of a kind. They are put into the order of the
+      catalogue, without those that are off.
 
     An experiment adds the robot: `device`, a point mass of the tool's `mass` where None, and the `inner_loop` that
     turns the renderer's force into joint torques.

@@ -1,8 +1,10 @@
 """Processes that call one function for whoever asks, a call at a time each, and that can be stopped at once.
 
 A process pool cannot do the last: it neither says which calls have really begun, nor survives the end of one of its
-processes. Here each process has a pipe of its own and shares no lock, so that one that dies, or is killed in the middle
-of an answer, takes nothing along but its call.
+processes.
+
+Here each process has a pipe of its own and shares no lock. One that dies, or is killed in the middle of an answer,
+takes nothing along but its call.
 """
 
 from __future__ import annotations
@@ -73,8 +75,9 @@ def _processor_wait(worker: _Worker) -> float:
 class Ended(Exception):
     """The process that worked on a call has ended without an answer, with that exit `code` where it ended by itself.
 
-    The code is negative for a signal, as that of `subprocess.Popen`. `pending_step` holds tick and HIP (m) of the step
-    that a renderer was asked for then, and `stack` the frames of a crash, as of `Overdue`, as far as they are known.
+    - `code`: negative for a signal, as that of `subprocess.Popen`;
+    - `pending_step`: tick and HIP (m) of the step that a renderer was asked for then, if it is known;
+    - `stack`: the frames of a crash, as of `Overdue`, as far as they are known.
     """
 
     def __init__(
@@ -248,9 +251,11 @@ class Workers(Generic[T]):
     They ignore Ctrl-C, which reaches the whole process group: only the parent decides what it means. With a count of 0
     a call is made here and now: Ctrl-C then ends it as anywhere.
 
-    A call whose process is killed from outside is made again by another one, until `tries` have been killed over it; a
-    process that crashes ends its call. With `fresh` each process has an interpreter of its own, where forks are
-    forbidden or the parent has threads, and the function is one that can be pickled. A process ends with its parent.
+    A call whose process is killed from outside is made again by another one, until `tries` have been killed over it. A
+    process that crashes ends its call, and every process ends with its parent.
+
+    With `fresh` each process has an interpreter of its own, for where forks are forbidden or the parent has threads;
+    the function is one that can be pickled.
     """
 
     def __init__(self, function: Callable[..., T], count: int, *, tries: int = 1, fresh: bool = False) -> None:

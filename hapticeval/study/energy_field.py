@@ -1,8 +1,9 @@
 """Where a renderer's force creates energy: its curl over the inside of a plane model, and the loop that gains most.
 
 For renderers without memory. The curl of a cell of a grid is the work of the force once round it, anticlockwise, over
-its area: so it is defined where the force jumps too, and summed over cells it is the work round all of them. What a
-hand gets round a loop is the integral of the curl over what the loop encloses.
+its area. So it is defined where the force jumps too, and summed over cells it is the work round all of them.
+
+What a hand gets round a loop is the integral of the curl over what the loop encloses.
 """
 
 from __future__ import annotations

@@ -27,8 +27,12 @@ TOLERANCES = tuple(10.0**-k for k in range(4, 14))
 
 @dataclass(frozen=True, eq=False)
 class IntegrationBenchmark:
-    """A motion to integrate: `torque` (n, N) held in each tick of `dt` s, and a hand with `grip` (2,) that draws to
-    `path` (n + 1, N), m. `states` (n + 1, 2 N) are the reference joints and rates at the ticks."""
+    """A motion of a device to integrate, with the states that a very exact method finds.
+
+    - `torque` (n, N), N m: held in each tick of `dt` s;
+    - `path` (n + 1, N), m, and `grip` (2,), N/m and N s/m: where the hand goes, and its spring and damper;
+    - `states` (n + 1, 2 N): the reference joints and rates at the ticks.
+    """
 
     device: Device
     dt: float
@@ -99,7 +103,11 @@ class Integrator:
 
 
 def relative_errors(states: Array, reference: Array) -> Array:
-    """Return the error after each tick (n,), relative to the largest joint and the largest rate of the tick."""
+    """Return the error after each tick, relative to the largest joint and the largest rate of the tick: (n,).
+
+    `states` and `reference` are (n + 1, 2 N), joints (rad, or m) and then rates (rad/s, or m/s); the first row is the
+    start, which has no error.
+    """
     # The first half of a state are joints, the second half rates: of different units, so each is relative by itself.
     size = states.shape[1] // 2
     astray = np.abs(states - reference)[1:]

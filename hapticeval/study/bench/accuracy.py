@@ -138,6 +138,7 @@ def interior_points(model: Model, count: int, *, seed: int) -> Array:
     curve = model.curve
 
     def nearest(points: Array) -> Array:
+        """Return the points of the curve nearest to `points` (n, 2), (n, 2), m."""
         return curve.position(curve.nearest(points))
 
     # Beside a jump of the exact projection a small error of a renderer picks the other side, and counts as a large one.

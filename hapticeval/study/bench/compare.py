@@ -1,11 +1,14 @@
 """Compare two benches setting by setting: a rank test on blocks of the raw samples.
 
 Samples that follow one another are not independent: a slow stretch of the machine is slow for all of them. A round,
-in which every setting is measured once and in another order, is therefore one block, its median one observation. Mann
-and Whitney's test is then exact at any number of rounds, Hodges and Lehmann's estimate with its own interval says by
-how much, and Holm's correction holds the chance of even one false alarm among all settings to five per cent. What no
-number of rounds can see is what differs from process to process, such as where arrays lie in memory: a shift must also
-be larger than two benches of the same code were found to differ by.
+in which every setting is measured once and in another order, is therefore one block, its median one observation.
+
+- Mann and Whitney's test is then exact at any number of rounds.
+- Hodges and Lehmann's estimate, with its own interval, says by how much the times differ.
+- Holm's correction holds the chance of even one false alarm among all settings to five per cent.
+
+What no number of rounds can see is what differs from process to process, such as where arrays lie in memory. A shift
+must also be larger than two benches of the same code were found to differ by.
 """
 
 from __future__ import annotations

@@ -49,10 +49,13 @@ class Times(_DocumentPart, frozen=True):
 class SettingEntry(_DocumentPart, frozen=True):
     """A renderer with values of its knobs on a model.
 
-    `errors` count from the reference, and `claims` are those that it can prove, None without one; `step` and `batch`
-    are None where not measured; `front` has the kinds of time on whose Pareto front the setting lies; `problem` is why
-    an entry has nothing else; `kept` entries are of an earlier bench, see `join_benches`. `build_seconds` are of each
-    build of the renderer, and `mesh_seconds` of the mesh that it was given for it: triangulated, checked, and its tree.
+    - `errors` count from the reference, and `claims` are those that it can prove; None without a reference;
+    - `step` and `batch` are None where not measured;
+    - `front` has the kinds of time on whose Pareto front the setting lies;
+    - `problem` is why an entry has nothing else;
+    - `kept` entries are of an earlier bench, see `join_benches`;
+    - `build_seconds` are of each build of the renderer;
+    - `mesh_seconds` are of the mesh that it was given for each: triangulated, checked, and its tree.
     """
 
     renderer: str

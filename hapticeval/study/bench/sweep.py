@@ -133,6 +133,7 @@ def settings_of(
 
     Each knob is swept alone, the others as the renderer itself has them; only the first knob where `quick`. `chosen`
     names the knobs to sweep instead, with their values, on the renderers that have them: then in every combination.
+
     Raises `UnknownNameError` for a knob that none of them has, and as `resolve` does.
     """
     factories = {name: resolve(name) for name in dict.fromkeys(renderers)}

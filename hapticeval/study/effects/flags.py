@@ -34,6 +34,7 @@ def flagged_law(composed: Composed) -> tuple[CompiledStep, Array]:
 
     @_compile_inlining
     def answer(data: Flagged, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array) -> int:
+        """Answer a `hip` (N,), m, with `ihip` (N,), m, and `force` (N,), N, both written; see `compiled.LAW`."""
         refusal = data.law(data.data, hip, velocity, push, dt, ihip, force)
         if refusal != 0:
             return refusal
@@ -53,7 +54,8 @@ def _chain(functions: Sequence[Callable[..., int]]) -> Callable[..., int]:
     before, change, last = _chain(functions[:-1]), functions[-1], len(functions) - 1
 
     @_compile_inlining
-    def all_of(data: Flagged, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
+    def change_flagged(data: Flagged, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
+        """Change `ihip` (N,), m, and `force` (N,), N, by each effect whose flag is set; see `compiled.CHANGE`."""
         refusal = before(data, hip, velocity, dt, ihip, force)
         if refusal != 0:
             return refusal
@@ -61,7 +63,7 @@ def _chain(functions: Sequence[Callable[..., int]]) -> Callable[..., int]:
             return change(data.numbers[last], data.closest, hip, velocity, dt, ihip, force)
         return 0
 
-    return all_of
+    return change_flagged
 
 
 def _compile_inlining(function: Callable[..., int]) -> Callable[..., int]:
@@ -81,7 +83,11 @@ def answer_rows(
     law: Callable[..., int], data: Any, hips: Array, velocities: Array, push: Array, dt: float, ihips: Array,
     forces: Array,
 ) -> int:  # fmt: skip
-    """Ask a compiled step for every row of `hips` (n, N); return how many it answered."""
+    """Ask a compiled step for its answer to every hand position; return how many it answered.
+
+    `hips` (n, N), m, and `velocities` (n, N), m/s, are the ticks; `push` (N,), N, is the hand's force at all of them.
+    The answers are written into `ihips` (n, N), m, and `forces` (n, N), N.
+    """
     for row in range(hips.shape[0]):
         if law(data, hips[row], velocities[row], push, dt, ihips[row], forces[row]) != 0:
             return row

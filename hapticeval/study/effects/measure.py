@@ -218,7 +218,7 @@ def _prepare_path(renderer: Renderer, path: Path, scene: Scene) -> TimedRun:
     hips = np.vstack([way_in(renderer, hips, scene), hips])
     velocities = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
 
-    def asked() -> int:
+    def answer_path() -> int:
         if abilities_of(renderer).run:
             cast("Batch", renderer).run(hips, dt)
         else:
@@ -230,11 +230,11 @@ def _prepare_path(renderer: Renderer, path: Path, scene: Scene) -> TimedRun:
     law = abilities_of(renderer).law
     functions = list(_functions_of(law)) if law is not None else []
     if law is None or not functions:
-        return TimedRun(lambda: _time_run(asked))
+        return TimedRun(lambda: _time_run(answer_path))
     data: Any = law.data
     # Types alone count here: the HIPs stand for IHIPs and forces, which have the same.
     arguments = (data.changes, data.closest, hips, velocities, dt, hips, hips)
-    return TimedRun(lambda: _time_run(asked), [(change_rows, arguments), *_kernels_of(*functions[1:])])
+    return TimedRun(lambda: _time_run(answer_path), [(change_rows, arguments), *_kernels_of(*functions[1:])])
 
 
 def _functions_of(law: CompiledStep) -> Iterator[FirstClass]:

@@ -172,9 +172,10 @@ def port_damping(robot: Robot, normal: Array, dt: float) -> float:
     It is the least real part of the device's impedance along `normal` (N,), up to Nyquist, with the sampling time `dt`
     (s).
 
-    The theorem behind (2.40) asks Re Z(jω) > T / (2 (1 - cos ωT)) Re[(1 - exp(-jωT)) H] at every ω, which for a
-    spring K and a damper B is Re Z > K T / 2 + |B| at the worst of them. Z is what is felt along the normal n while the
-    tool is free across it, 1 / Z = nᵀ (jω M̂ + B̂)⁻¹ n; where inertia and damping share their axes, Z is b + jω m.
+    - The theorem behind (2.40) asks Re Z(jω) > T / (2 (1 - cos ωT)) Re[(1 - exp(-jωT)) H] at every ω.
+    - For a spring K and a damper B that is Re Z > K T / 2 + |B| at the worst of them.
+    - Z is what is felt along the normal n while the tool is free across it: 1 / Z = nᵀ (jω M̂ + B̂)⁻¹ n.
+    - Where inertia and damping share their axes, Z is b + jω m.
     """
     if not robot.losses.any():
         return 0.0
@@ -197,9 +198,11 @@ def passive_stiffness(scene: Scene, robot: Robot, normal: Array) -> float | None
     """Return the largest stiffness (N/m) that is passive with any hand, by (2.40); zero where none is.
 
     It is 2 (b - |B|) / (T + 2 d), with b along `normal` (N,), in N s/m, the sampling time T (s) and the delay d (s).
-    A delay of d s turns the spring's part of the theorem into K T / 2 (cos ωd - cos ω(T + d)) / (1 - cos ωT), which is
-    largest at ω = 0, K (T / 2 + d); the damper's stays within |B|. Without delay that is (2.40).
     None for all but the static inner loop: one that compensates the device's damping leaves no b to count on.
+
+    - A delay d turns the spring's part of the theorem into K T / 2 (cos ωd - cos ω(T + d)) / (1 - cos ωT).
+    - That is largest at ω = 0, K (T / 2 + d); the damper's part stays within |B|.
+    - Without delay it is (2.40).
     """
     if scene.inner_loop is not InnerLoop.STATIC:
         return None

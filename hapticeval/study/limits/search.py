@@ -95,8 +95,8 @@ def eigenvalue_limit(loop: SampledLoop, family: GainFamily, *, steps: int = HALV
 def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> float:
     """Find the same limit by running the sampled closed loop, let go `RELEASE_OFFSET` off the surface: does it settle?
 
-    Effects that are not linear are left out, such as encoders, torque limits and friction: a limit cycle of a count is
-    no instability, motors that saturate bound one, and friction holds a loop at rest that would not stay there.
+    Effects that are not linear are left out: for encoders a limit cycle of a count is no instability, motors that
+    saturate bound one, and friction holds a loop at rest that would not stay there.
 
     Raises `RefusalError` for a renderer that does not hold from both sides: let go at the surface, its tool leaves, and
     shows nothing.
@@ -183,9 +183,11 @@ def _rotation(start: Array, end: Array) -> Array:
 def describe_instability(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     """Describe where the loop with velocities of `cutoff` (Hz) is unstable without a hand; empty where it is stable.
 
-    By the eigenvalues at rest at points of the boundary, of the motion across the surface: that a tool slides off a
-    convex one is no matter of sampling. Empty too where they cannot decide: for a renderer whose gains do not grow with
-    the stiffness, one without force, and one that breaks, which the run itself then reports.
+    It goes by the eigenvalues at rest at points of the boundary, of the motion across the surface: that a tool slides
+    off a convex one is no matter of sampling.
+
+    Empty too where they cannot decide: for a renderer whose gains do not grow with the stiffness, one without force,
+    and one that breaks, which the run itself then reports.
     """
     boundary = scene.model.boundary
     sensed = scene.with_effects(VelocityFilter(cutoff))

@@ -1,8 +1,10 @@
 """A projection field: where a projection jumps, lines of constant projection, amplification, and its numbers.
 
 The projection is any function from HIPs to IHIPs. It jumps at lines across which neighbouring HIPs have IHIPs that stay
-apart, and at single points; both are found on a lattice. Beside these stand the share of the inside near them, and the
-error vector at shallow depth, the last of the properties that section 5.1 asks of a projection.
+apart, and at single points; both are found on a lattice.
+
+Two numbers stand beside these: the share of the inside near a jump, and how far the error vector at shallow depth is
+from normal, the last of the properties that section 5.1 asks of a projection.
 """
 
 from __future__ import annotations
@@ -115,9 +117,10 @@ def arc_offset(s: Array, other: Array | float, length: float) -> Array:
 class SingularSet:
     """The set where a projection is not continuous.
 
-    `segments` (m, 2, 2), m, are the lines, one piece per lattice cell; `points` (k, 2), m, single points round which
-    the IHIP goes once round the surface; `jumps` (n,), m, the jump at each place where a lattice line meets the set.
-    `across` and `up` (ny, nx) mark the lattice edges to the right of and above each node that meet it.
+    - `segments` (m, 2, 2), m: the lines, one piece per lattice cell;
+    - `points` (k, 2), m: single points round which the IHIP goes once round the surface;
+    - `jumps` (n,), m: the jump at each place where a lattice line meets the set;
+    - `across` and `up` (ny, nx): marks at the lattice edges to the right of and above each node that meet it.
     """
 
     segments: Array
@@ -165,7 +168,8 @@ def edge_ends(axis: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
 def cell_sides(across: Array, up: Array) -> Array:
     """Return what the four sides of each lattice cell have: lower, upper, left and right, (ny - 1, nx - 1, 4, ...).
 
-    `across` and `up` (ny, nx, ...) hold it for the edges to the right of and above each node: crossings in m, or marks.
+    `across` and `up` (ny, nx, ...) hold it for the edges to the right of and above each node: marks, or crossings
+    (x, y) in m.
     """
     return np.stack([across[:-1, :-1], across[1:, :-1], up[:-1, :-1], up[:-1, 1:]], axis=2)
 

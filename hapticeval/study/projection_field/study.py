@@ -39,9 +39,12 @@ def study_field(
 ) -> tuple[Field, dict[str, Any]]:
     """Find the projection field of a renderer, and its numbers as JSON values with a `title` and a file `stem`.
 
-    `within` (m) is the distance of the share near a discontinuity; for a renderer with memory `origin` (2,), m, is the
-    point that its tool was nearest to; `name` is the model's in title and stem, else its kind. Raises `InputError` and
-    `UnknownNameError` for what does not exist or does not fit, and `RendererError` where the renderer breaks.
+    - `within` (m): the distance of the share near a discontinuity;
+    - `origin` (2,), m: for a renderer with memory, the point that its tool was nearest to;
+    - `name`: the model's in title and stem, else its kind.
+
+    Raises `InputError` and `UnknownNameError` for what does not exist or does not fit, and `RendererError` where the
+    renderer breaks.
     """
     settings = dict(knobs or {})
     scene = Scene(model=model)
