@@ -357,18 +357,22 @@ def make_model(kind: str, **parameters: Any) -> Model:
 
 
 def _model_of(boundary: Boundary, /, **parameters: Any) -> Model:
+    """Return the model of a boundary, which has its name, with the parameters that it was made from."""
     return Model(boundary.name, MappingProxyType(parameters), boundary)
 
 
 def _mesh_model(title: str, triangles: Triangles, /, **parameters: Any) -> Model:
+    """Return the model of a mesh with this title."""
     return _model_of(Mesh(title, *triangles), **parameters)
 
 
 def _polygon_model(title: str, vertices: Array, /, **parameters: Any) -> Model:
+    """Return the model of a polygon of `vertices` (n, 2), m, with this title."""
     return _model_of(Curve(title, pieces.line_pieces(vertices), True), **parameters)
 
 
 def _checked_count(what: str, value: object, smallest: int, largest: int) -> int:
+    """Return a whole number between two bounds. Raises `InputError` otherwise, naming `what`."""
     number = checked_number(what, value)
     if number != int(number) or not smallest <= number <= largest:
         raise InputError(f"{what} = {value!r}", why=f"it must be a whole number between {smallest} and {largest}")
@@ -376,6 +380,7 @@ def _checked_count(what: str, value: object, smallest: int, largest: int) -> int
 
 
 def _positive(what: str, value: object) -> float:
+    """Return a finite number above 0. Raises `InputError` otherwise, naming `what`."""
     number = checked_number(what, value)
     if number <= 0.0:
         raise InputError(f"{what} = {value!r}", why="it must be positive")

@@ -105,11 +105,11 @@ class Curve:
 
     def position(self, u: ArrayLike) -> Array:
         """Return points (..., 2), m, at the parameters u (...,): one number or an array of any shape."""
-        return self._evaluated(u)[..., 0:2]
+        return self._evaluate(u)[..., 0:2]
 
     def tangent(self, u: ArrayLike) -> Array:
         """Return unit tangents (..., 2), anticlockwise, at the parameters u (...,); at a corner the one after it."""
-        derivative = self._evaluated(u)[..., 2:4]
+        derivative = self._evaluate(u)[..., 2:4]
         return np.asarray(derivative / np.hypot(derivative[..., 0], derivative[..., 1])[..., np.newaxis])
 
     def normal(self, u: ArrayLike) -> Array:
@@ -120,7 +120,7 @@ class Curve:
 
     def curvature(self, u: ArrayLike) -> Array:
         """Return the signed curvature (...,), 1/m, at u (...,), positive where convex; corners carry none."""
-        rows = self._evaluated(u)
+        rows = self._evaluate(u)
         dx, dy, ddx, ddy = rows[..., 2], rows[..., 3], rows[..., 4], rows[..., 5]
         # (x' y'' - y' x'') / |c'|^3, for any parameter
         return np.asarray((dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3)
@@ -168,19 +168,19 @@ class Curve:
 
     def nearest(self, points: ArrayLike) -> Array:
         """Return the parameters (n,) of the globally nearest curve points, to rounding, for points (n, 2), m."""
-        return self._projected(points)[:, 0]
+        return self._project(points)[:, 0]
 
     def signed_distance(self, points: ArrayLike) -> Array:
         """Return the signed distances (n,), m, of points (n, 2), m, negative inside: see `Boundary.signed_distance`."""
-        return answer_by_kernel(curve_kernels.signed_distances, self._located_by, points, 2)
+        return answer_by_kernel(curve_kernels.signed_distances, self._lookup_tables, points, 2)
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
         """Return the closest points of points (n, 2), m, in one compiled call: see `Boundary.closest_point`."""
-        return answer_by_kernel(curve_kernels.closest_points, self._located_by, points, 2)
+        return answer_by_kernel(curve_kernels.closest_points, self._lookup_tables, points, 2)
 
     def contains(self, points: ArrayLike) -> BoolArray:
         """Return whether each of points (n, 2), m, lies inside (n,); points on the curve do not."""
-        rows = self._projected(points)
+        rows = self._project(points)
         return np.asarray((rows[:, 2] < 0.0) & (rows[:, 1] > 0.0))
 
     def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:
@@ -189,10 +189,10 @@ class Curve:
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
         """Answer `Boundary.normal_cone` for points (n, 2) and `reach` (n,), m: an interval of angles (rad) at each."""
-        return self._normals.around(points, reach)
+        return self._normals.angle_outside(points, reach)
 
     def points(self, n: int) -> Array:
-        """See `Boundary.points`: the `outline`."""
+        """Return n points (n, 2), m, of the curve: see `outline`."""
         return self.outline(n)
 
     def walk(self, start: Array, lengths: Array) -> ClosestPoint:
@@ -297,10 +297,11 @@ class Curve:
 
     @cached_property
     def _rows(self) -> Array:
+        """The pieces as compiled code takes them: contiguous and writable."""
         return for_kernels(self.pieces)
 
     @cached_property
-    def _located_by(self) -> tuple[Array, Array, Array, Array]:
+    def _lookup_tables(self) -> tuple[Array, Array, Array, Array]:
         """What `curve_kernels.locate_point` looks a point up in."""
         return self._rows, self.samples, for_kernels(self.pieces[:, A : B + 1]), self.tree
 
@@ -309,7 +310,7 @@ class Curve:
         """The closest point as compiled code, for what is composed into a step: see `closest_of`."""
         from hapticeval.geometry.closest_kernels import closest_of_curve
 
-        return closest_of_curve(*self._located_by)
+        return closest_of_curve(*self._lookup_tables)
 
     @cached_property
     def _normals(self) -> NormalCone:
@@ -317,6 +318,7 @@ class Curve:
 
     @property
     def _smooth(self) -> bool:
+        """Whether the curve is one smooth closed piece, with a parameter of its own."""
         return bool(self.pieces[0, KIND] in (CASSINIAN, ELLIPSE))
 
     @cached_property
@@ -327,7 +329,11 @@ class Curve:
         count = 8 * int(piece[B]) if piece[KIND] == CASSINIAN else 16
         return curve_kernels.arc_panels(piece, count)
 
-    def _evaluated(self, u: ArrayLike) -> Array:
+    def _evaluate(self, u: ArrayLike) -> Array:
+        """Return rows (..., 6) of position and first two derivatives by u, see `kernels.evaluate`; u wraps.
+
+        An unbounded line's does not.
+        """
         u = np.asarray(u, dtype=np.float64)
         if self.closed:
             start, end = self.u_range
@@ -336,9 +342,9 @@ class Curve:
             u = np.where((u >= start) & (u < end), u, np.where(wrapped < end, wrapped, start))
         return evaluate_many(self._rows, for_kernels(np.ravel(u))).reshape((*u.shape, 6))
 
-    def _projected(self, points: ArrayLike) -> Array:
-        """Rows (u, distance, side)."""
-        return answer_by_kernel(curve_kernels.locate_points, self._located_by, points, 2)
+    def _project(self, points: ArrayLike) -> Array:
+        """Return rows (n, 3) of u, distance (m) and side for points (n, 2), m: see `curve_kernels.locate_points`."""
+        return answer_by_kernel(curve_kernels.locate_points, self._lookup_tables, points, 2)
 
     def _extremes(self, piece: Array) -> Array:
         """Points among which a piece's largest and smallest x and y are."""

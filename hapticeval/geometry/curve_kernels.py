@@ -142,7 +142,7 @@ def parameters_at(piece: Array, panels: Array, lengths: Array) -> Array:
 
 @compiled
 def _distance_slope(piece: Array, u: float, x: float, y: float) -> tuple[float, float, float]:
-    """Half the squared distance's first and second derivative by u, and the squared distance."""
+    """Return the slope and bend of half the squared distance from (x, y), by u, and the squared distance (m^2)."""
     cx, cy, dx, dy, ddx, ddy = evaluate(piece, u)
     # with r = c - p: (r.r / 2)' = r.c' and (r.r / 2)'' = c'.c' + r.c''
     rx, ry = cx - x, cy - y
@@ -151,12 +151,13 @@ def _distance_slope(piece: Array, u: float, x: float, y: float) -> tuple[float, 
 
 @compiled
 def _minimise_distance(piece: Array, low: float, high: float, u: float, x: float, y: float) -> tuple[float, float]:
-    """The minimum of the distance between `low` (slope <= 0) and `high` (slope > 0), looked for from `u` on.
+    """Return the u of the minimum of the distance between `low` and `high`, and the squared distance (m^2) there.
 
-    Gives its u and the squared distance there.
+    The slope is negative or zero at `low` and positive at `high`; the search begins at `u`. Newton's method, kept
+    between the two.
 
-    Newton's method, kept between the two. It ends with a step whose square, times the error that a step of one leaves
-    estimated from the last two bends, is below rounding.
+    It ends with a step whose square, times the error that a step of one leaves estimated from the last two bends, is
+    below rounding.
     """
     last_u, last_bend = u, 0.0
     for _ in range(100):
@@ -184,7 +185,7 @@ def _minimise_distance(piece: Array, low: float, high: float, u: float, x: float
 
 @compiled
 def _slope_extremum(piece: Array, low: float, high: float, x: float, y: float) -> float:
-    """Where the slope of the distance has its extremum between `low` and `high`, by bisection."""
+    """Return where the slope of the distance has its extremum between `low` and `high`, by bisection."""
     _, start, _ = _distance_slope(piece, low, x, y)
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -199,7 +200,7 @@ def _slope_extremum(piece: Array, low: float, high: float, x: float, y: float) -
 
 @compiled
 def _row_distance_squared(samples: Array, i: int, x: float, y: float) -> float:
-    """The squared distance of a row of the table."""
+    """Return the squared distance (m^2) of (x, y) from row i of the table."""
     dx, dy = samples[i, 2] - x, samples[i, 3] - y
     return float(dx * dx + dy * dy)
 
@@ -215,7 +216,7 @@ def _out_of_reach(first: float, last: float, arc: float, best: float) -> bool:
 
 @compiled
 def _cubic_root(first: float, last: float, first_rate: float, last_rate: float) -> float:
-    """About where between 0 and 1 a cubic with these values (<= 0, > 0) and derivatives at 0 and 1 vanishes."""
+    """Return about where in [0, 1] a cubic vanishes, given its values (<= 0, > 0) and derivatives at 0 and 1."""
     rise = last - first
     # coefficients of t^2 and t^3 of Hermite's cubic
     second, third = 3.0 * rise - 2.0 * first_rate - last_rate, first_rate + last_rate - 2.0 * rise
@@ -231,7 +232,7 @@ def _cubic_root(first: float, last: float, first_rate: float, last_rate: float) 
 
 @compiled
 def _interval_minimum(piece: Array, a: Array, b: Array, x: float, y: float) -> tuple[float, float]:
-    """The minimum of the distance between two rows of the table, as (u, squared distance); that is inf without one.
+    """Return the minimum of the distance between two rows of the table, as (u, squared distance); inf without one.
 
     It shows as a change of sign of the slope, or as a pair of roots around an extremum of the slope.
     """
@@ -297,7 +298,7 @@ def nearest_on_smooth(piece: Array, samples: Array, x: float, y: float) -> float
 
 @compiled
 def _nearest_on_piece(piece: Array, x: float, y: float) -> tuple[float, float]:
-    """Nearest point of one LINE, ARC or UNBOUNDED piece in closed form: (u, distance)."""
+    """Return the nearest point of one LINE, ARC or UNBOUNDED piece in closed form: (u, distance (m))."""
     if piece[0] == ARC:
         angle = math.atan2(y - piece[B], x - piece[A])
         # how far round from the start, in the arc's own sense, the point lies

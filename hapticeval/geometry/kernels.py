@@ -33,10 +33,12 @@ PIECE_COLUMNS = 9
 
 @compiled
 def cassinian_root(lobes: float, above: float, u: float) -> tuple[float, float, float, float]:
-    """sin and cos of n_l u, root = sqrt(a_n / a_d - sin^2) and cos + root, to rounding; `above` is a_n / a_d - 1.
+    """Return what (4.1) is made of, to rounding: sin and cos of n_l u, their root, and cos + root.
 
-    As a_n / a_d falls to 1 the valleys become narrow, and these are small differences. So n_l u is taken with the part
-    that its product loses (Dekker 1971), and root^2 = above + cos^2.
+    The root is sqrt(a_n / a_d - sin^2), and `above` is a_n / a_d - 1. As a_n / a_d falls to 1 the valleys become
+    narrow, and these are small differences.
+
+    So n_l u is taken with the part that its product loses (Dekker 1971), and root^2 = above + cos^2.
     """
     turn = lobes * u
     # Dekker's split: 2^27 + 1 leaves in `high` the upper 26 bits of u

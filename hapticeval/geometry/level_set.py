@@ -100,5 +100,6 @@ def sample_level_set(boundary: Boundary, shape: tuple[int, int]) -> LevelSet:
 
 
 def _grid_nodes(low: float, high: float, count: int) -> Array:
+    """Return `count` equal steps (count,), m, from MARGIN_CELLS before `low` to as many beyond `high`."""
     step = (high - low) / (count - 1 - 2 * MARGIN_CELLS)
     return np.asarray(low + step * (np.arange(count) - MARGIN_CELLS))

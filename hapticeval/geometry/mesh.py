@@ -68,7 +68,7 @@ class Mesh(SurfaceInSpace):
 
     @property
     def neighbours(self) -> IntArray:
-        """The triangles (t, 3) across the edges from the first corner of each to the second, to the third, and back."""
+        """The triangles (t, 3) across the edges of each: first corner to second, second to third, and back."""
         return self.tables[0][:, kernels.ACROSS : kernels.ACROSS + 3].astype(np.int64)
 
     @property
@@ -83,7 +83,7 @@ class Mesh(SurfaceInSpace):
 
     @cached_property
     def touch(self) -> float:
-        """How far inside (m) is rounding, beside the mesh: of its size, and of where it lies."""
+        """Depth (m) that is rounding, so that a point counts as on the mesh: by the mesh's size and place."""
         low, high = np.reshape(self.bounds, (2, 3))
         return float(TOUCH_SHARE * np.max(high - low) + COORDINATE_ROUNDING * np.max(np.abs(self.bounds)))
 
@@ -157,7 +157,7 @@ class Mesh(SurfaceInSpace):
 
     @cached_property
     def concave(self) -> bool:
-        """Whether faces meet at an edge from which the solid goes on to both sides of each: a concave edge."""
+        """Whether the solid has a concave edge: one at which the neighbouring face rises above a face's plane."""
         face, edge = np.divmod(np.arange(3 * len(self.triangles)), 3)
         neighbour = self.neighbours[face, edge]
         start, end = self.vertices[self.triangles[face, edge]], self.vertices[self.triangles[face, (edge + 1) % 3]]
@@ -194,4 +194,5 @@ class Mesh(SurfaceInSpace):
 
 
 def _triple(point: Array) -> Triple:
+    """Return a point (3,) as the kernels take one."""
     return float(point[0]), float(point[1]), float(point[2])

@@ -41,7 +41,7 @@ SEPARATION_ROUNDING = 1e-14
 
 @inner
 def _difference(a: float, b: float) -> tuple[float, float]:
-    """Return a - b as the rounded difference and what that lost (Knuth)."""
+    """Return a - b as the rounded difference and what that lost (Knuth's two-sum)."""
     high = a - b
     # -b as far as the sum took it in; what is missing of both is the error
     back = high - a
@@ -164,6 +164,7 @@ def volume(vertices: Array, triangles: IntArray) -> float:
 
 @inner
 def _swap(keys: Array, order: IntArray, i: int, j: int) -> None:
+    """Exchange two rows of the keys and of the order."""
     for axis in range(3):
         keys[i, axis], keys[j, axis] = keys[j, axis], keys[i, axis]
     order[i], order[j] = order[j], order[i]

@@ -272,17 +272,21 @@ def _contains(triangle: Sequence[ExactPoint], place: ExactPoint, axis: int) -> b
 
 
 def _doubled_area(a: ExactPoint, b: ExactPoint, c: ExactPoint, axis: int) -> Fraction:
+    """Return twice the signed area of a triangle seen along an axis, exactly."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
     return (b[u] - a[u]) * (c[v] - a[v]) - (b[v] - a[v]) * (c[u] - a[u])
 
 
 def _difference(a: ExactPoint, b: ExactPoint) -> ExactPoint:
+    """Return a - b, exactly."""
     return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
 def _cross(a: ExactPoint, b: ExactPoint) -> ExactPoint:
+    """Return the vector product a x b, exactly."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _dot(a: ExactPoint, b: ExactPoint) -> Fraction:
+    """Return the scalar product, exactly."""
     return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))

@@ -59,16 +59,19 @@ ON_FEATURE = 1e-12
 
 @inner
 def _minus(a: Triple, b: Triple) -> Triple:
+    """Return a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @inner
 def _cross(a: Triple, b: Triple) -> Triple:
+    """Return the vector product a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @inner
 def _scaled(factor: float, a: Triple) -> Triple:
+    """Return factor a."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
@@ -155,6 +158,7 @@ def box_middle(tree: Array, i: int) -> Triple:
 @inner
 def _disc_distance_squared(tree: Array, i: int, p: Triple) -> float:
     # a disc is a flat cylinder: the excess over its half thickness, and over its radius aside
+    """Return the squared distance (m^2) of p from the disc of row i: no triangle in it is closer."""
     q, n = _minus(p, box_middle(tree, i)), (tree[i, DISC], tree[i, DISC + 1], tree[i, DISC + 2])
     aside = _cross(n, q)
     height_excess = max(abs(dot(n, q)) - tree[i, DISC + 4], 0.0)
@@ -164,13 +168,14 @@ def _disc_distance_squared(tree: Array, i: int, p: Triple) -> float:
 
 @inner
 def _run_distance_squared(tree: Array, i: int, p: Triple, limit: float) -> float:
-    """Return a lower bound of the squared distance of p from run i; beyond `limit` any that is."""
+    """Return a lower bound of the squared distance (m^2) of p from run i; beyond `limit` any bound that is."""
     box_squared = _box_distance_squared(tree, i, p)
     return box_squared if box_squared > limit else max(box_squared, _disc_distance_squared(tree, i, p))
 
 
 @inner
 def _box_distance_squared(tree: Array, i: int, p: Triple) -> float:
+    """Return the squared distance (m^2) of p from the box of row i, 0 inside: no triangle in it is closer."""
     x = max(max(tree[i, 0] - p[0], p[0] - tree[i, 3]), 0.0)
     y = max(max(tree[i, 1] - p[1], p[1] - tree[i, 4]), 0.0)
     z = max(max(tree[i, 2] - p[2], p[2] - tree[i, 5]), 0.0)
@@ -368,7 +373,10 @@ def _signed_area(x1: float, y1: float, x2: float, y2: float) -> tuple[float, int
 
 @inner
 def _misses_box(tree: Array, i: int, middle: Triple, half: Triple, pad: float) -> bool:
-    """Whether a segment, by its middle and half its way, misses box i widened by `pad`: by separating axes."""
+    """Whether a segment misses box i widened by `pad` (m), by separating axes.
+
+    The segment is given by its `middle` and by half the way along it, `half`.
+    """
     # half sides of the box, and the segment's middle seen from the box's
     hx, hy, hz = 0.5 * (tree[i, 3] - tree[i, 0]), 0.5 * (tree[i, 4] - tree[i, 1]), 0.5 * (tree[i, 5] - tree[i, 2])
     x, y, z = middle[0] - tree[i, 0] - hx, middle[1] - tree[i, 1] - hy, middle[2] - tree[i, 2] - hz

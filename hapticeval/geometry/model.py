@@ -102,7 +102,7 @@ class Model:
         key = ("moved", motion.matrix.tobytes(), motion.scale, motion.shift.tobytes())
         if key not in self._prepared:
             move = getattr(self.boundary, "moved", None)
-            self._prepared[key] = self._with(None if move is None else move(motion))
+            self._prepared[key] = self._with_boundary(None if move is None else move(motion))
         moved: Model | None = self._prepared[key]
         return moved
 
@@ -110,11 +110,12 @@ class Model:
         """Return the model with its vertices in another order; None where its boundary does not offer `reordered`."""
         if "reordered" not in self._prepared:
             order = getattr(self.boundary, "reordered", None)
-            self._prepared["reordered"] = self._with(None if order is None else order())
+            self._prepared["reordered"] = self._with_boundary(None if order is None else order())
         other: Model | None = self._prepared["reordered"]
         return other
 
-    def _with(self, boundary: Boundary | None) -> Model | None:
+    def _with_boundary(self, boundary: Boundary | None) -> Model | None:
+        """Return this model with another boundary; None if there is none."""
         return None if boundary is None else Model(self.name, self.parameters, boundary)
 
     @property
@@ -162,7 +163,7 @@ class Model:
         return level_set
 
     def _polygon_parameters(self, n: int) -> Array:
-        """Parameters of the polygon's vertices: corners split the curve into runs of equal steps."""
+        """Return the parameters of the polygon's vertices: corners split the curve into runs of equal steps."""
         from hapticeval.geometry.kernels import U0
 
         curve = self.curve
@@ -182,7 +183,7 @@ class Model:
 
 
 def equal_steps_between(cuts: list[float], length: float, n: int) -> Array:
-    """Return about n positions once round a closed way of length `whole`: at every cut, and evenly between."""
+    """Return about n positions once round a closed way of `length`: at every cut, and evenly between."""
     runs = []
     for first, last in zip(cuts, [*cuts[1:], cuts[0] + length], strict=True):
         # each stretch between cuts gets its share of n, one at the least

@@ -57,7 +57,7 @@ class Motion:
 
     @property
     def mirrors(self) -> bool:
-        """Whether it makes a left hand of a right one."""
+        """Whether it makes a left hand of a right one: a mirror, perhaps turned."""
         # det R is 1 for a turn and -1 for a mirror
         return bool(np.linalg.det(self.matrix) < 0.0)
 
@@ -69,7 +69,7 @@ class Motion:
         return bool(np.array_equal(self.matrix, mirror_or_identity) and not self.shift.any())
 
     @property
-    def rests(self) -> bool:
+    def is_identity(self) -> bool:
         """Whether it moves nothing."""
         return self.scales_only and self.scale == 1.0
 

@@ -101,21 +101,24 @@ class NormalCone:
         normals = self.curve.normal(self.curve.parameter(s) if u is None else u)
         return np.asarray(near + wrap_angle(_angles_of(normals) - near))
 
-    def around(self, points: Array, reach: Array) -> Callable[[Array], Array]:
+    def angle_outside(self, points: Array, reach: Array) -> Callable[[Array], Array]:
         """Answer `Boundary.normal_cone` for points (n, 2), m, and `reach` (n,), m: the function gives angles in rad."""
         low, high = self.interval(points, reach)
         middle = 0.5 * (low + high)
 
-        def angle_outside(directions: Array) -> Array:
+        def angle_outside_of(directions: Array) -> Array:
             # the turn of each angle that is closest to the interval
             angle = middle + wrap_angle(_angles_of(directions) - middle)
             return np.maximum(0.0, np.maximum(low - angle, angle - high))
 
-        return angle_outside
+        return angle_outside_of
 
 
 def _inflections(curve: Curve, u: Array, tiny: float) -> list[float]:
-    """The parameters where the curvature changes its sign between neighbours of u (n,), over `tiny` from both."""
+    """Return the parameters at which the curvature changes its sign between neighbours of u (n,).
+
+    Each lies at least `tiny` from both.
+    """
     from scipy.optimize import brentq
 
     sign = np.sign(curve.curvature(u))
@@ -131,5 +134,5 @@ def wrap_angle(angle: Array) -> Array:
 
 
 def _angles_of(vectors: Array) -> Array:
-    """The angle (n,) of each of vectors (n, 2), rad."""
+    """Return the angle (n,), rad, of each of vectors (n, 2)."""
     return np.asarray(np.arctan2(vectors[:, 1], vectors[:, 0]))

@@ -55,12 +55,13 @@ class Polygon(Curve):
         )
 
     def _along(self, share: Array) -> Array:
+        """Return the points (n, 2), m, at shares (n,): edge number plus the share of that edge."""
         edge = np.minimum(share.astype(np.int64), self.vertices.shape[0] - 1)
         return np.asarray(self.vertices[edge] + (share - edge)[:, np.newaxis] * self.edges[edge])
 
 
 def _largest_between(value: Callable[[Array], Array], stops: Array) -> float:
-    """The largest value of a function smooth between `stops`: eight samples each, then golden sections."""
+    """Return the largest value of a function smooth between `stops` (n,): eight samples each, then golden sections."""
     cuts = 8
     step = np.diff(stops)[:, np.newaxis]
     at = np.append((stops[:-1, np.newaxis] + step * np.arange(cuts) / cuts).ravel(), stops[-1])

@@ -68,6 +68,7 @@ def build_tree(vertices: Array) -> Array:
 
 @compiled
 def _chord_distance_squared(tree: Array, i: int, x: float, y: float) -> float:
+    """Return the squared distance (m^2) of (x, y) from the chord of row i of the tree."""
     px, py = x - tree[i, 0], y - tree[i, 1]
     dx, dy = tree[i, 2], tree[i, 3]
     t = min(max((px * dx + py * dy) * tree[i, 4], 0.0), 1.0)
@@ -144,7 +145,7 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
 
 @compiled
 def _doubled_area(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> float:
-    """Twice the area of the triangle a, b, (x, y): positive where the point is left of a to b."""
+    """Return twice the area of the triangle a, b, (x, y): positive where the point is left of a to b."""
     return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
 
 
@@ -178,7 +179,7 @@ def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) ->
 
 @compiled
 def _vertex_at(vertices: Array, k: int, reach: float, x: float, y: float) -> int:
-    """The end of edge k that a point on it coincides with, or -1."""
+    """Return the end of edge k that a point on it coincides with, within `reach` (m), or -1."""
     next_vertex = k + 1 if k + 1 < vertices.shape[0] else 0
     # the start first: of two vertices within reach it is the same one each time
     if math.hypot(x - vertices[k, 0], y - vertices[k, 1]) <= reach:
@@ -190,7 +191,7 @@ def _vertex_at(vertices: Array, k: int, reach: float, x: float, y: float) -> int
 
 @compiled
 def _edge_entered_at(vertices: Array, vertex: int, x1: float, y1: float) -> int:
-    """The edge through which a segment that passes a vertex on its way to (x1, y1) goes inside there, or -1.
+    """Return the edge through which a segment that passes a vertex on its way to (x1, y1) goes inside there, or -1.
 
     At a convex vertex the inside is left of both edges, at a concave one left of either. Of the two the edge counts
     that the segment runs into more squarely.
@@ -222,7 +223,7 @@ def _passes_ahead(vertices: Array, vertex: int, touch: float, x: float, y: float
 
 @compiled
 def _entrance_after(vertices: Array, vertex: int, touch: float, x1: float, y1: float) -> tuple[int, int]:
-    """The (edge, vertex) at which a segment that passes `vertex` goes inside, there or after edges that it runs along.
+    """Return the (edge, vertex) at which a segment that passes `vertex` goes inside, there or after edges along it.
 
     An edge that lies on the segment within `touch` is no crossing, but its end may be: at a concave vertex the segment
     runs on into the inside. (-1, -1) if it does not go inside.
@@ -246,7 +247,7 @@ def _entrance_after(vertices: Array, vertex: int, touch: float, x1: float, y1: f
 
 @compiled
 def _share_along_edge(vertices: Array, k: int, x: float, y: float) -> float:
-    """Where along edge k, in [0, 1], a point on it is."""
+    """Return where along edge k, in [0, 1], a point on it is."""
     next_vertex = k + 1 if k + 1 < vertices.shape[0] else 0
     dx, dy = vertices[next_vertex, 0] - vertices[k, 0], vertices[next_vertex, 1] - vertices[k, 1]
     along = (x - vertices[k, 0]) * dx + (y - vertices[k, 1]) * dy

@@ -39,19 +39,19 @@ ZERO_SHARE = 1e-150
 
 @compiled
 def dot(a: Triple, b: Triple) -> float:
-    """Scalar product."""
+    """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled
 def plus(a: Triple, factor: float, b: Triple) -> Triple:
-    """a + factor b."""
+    """Return a + factor b."""
     return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
 
 
 @compiled
 def apply_matrix(w: Symmetric, v: Triple) -> Triple:
-    """The symmetric matrix w on the vector v."""
+    """Return the symmetric matrix w times the vector v."""
     return (
         w[0] * v[0] + w[1] * v[1] + w[2] * v[2],
         w[1] * v[0] + w[3] * v[1] + w[4] * v[2],
@@ -75,6 +75,7 @@ def closest_on_surface(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
 
 @compiled
 def _on_sphere(radius: float, y: Triple) -> tuple[Triple, Triple, float]:
+    """Answer `closest_on_surface` for a sphere of `radius` (m)."""
     length = math.sqrt(dot(y, y))
     # at the centre every point is nearest: the pole is taken
     if length == 0.0:
@@ -85,6 +86,7 @@ def _on_sphere(radius: float, y: Triple) -> tuple[Triple, Triple, float]:
 
 @compiled
 def _on_torus(major: float, minor: float, y: Triple) -> tuple[Triple, Triple, float]:
+    """Answer `closest_on_surface` for a torus: a tube of radius `minor` (m) about a circle of radius `major` (m)."""
     across = math.hypot(y[0], y[1])
     # e points from the axis to y; on the axis, where any direction will do, along x
     ex, ey = 1.0, 0.0
@@ -233,12 +235,16 @@ def shape_operator_change(reals: Array, p: Triple, normal: Triple, v: Triple, w:
 
 @compiled
 def _combination(f: float, a: Triple, g: float, b: Triple) -> Triple:
+    """Return f a + g b."""
     return f * a[0] + g * b[0], f * a[1] + g * b[1], f * a[2] + g * b[2]
 
 
 @compiled
 def _quadric_terms(reals: Array, p: Triple) -> tuple[Triple, float]:
-    """Half the second derivatives of the ellipsoid's quadratic form, and half the length of its gradient at p."""
+    """Return half the second derivatives of the ellipsoid's quadratic form, and half the length of its gradient at p.
+
+    With the form sum (x_i / e_i)^2 these are 1 / e_i^2 and |(p_i / e_i^2)|.
+    """
     a, b, c = reals[FIRST], reals[SECOND], reals[THIRD]
     d = (1.0 / a / a, 1.0 / b / b, 1.0 / c / c)
     # the gradient of sum (x_i / e_i)^2 / 2 at p

@@ -107,11 +107,11 @@ def checked_number(what: str, value: object) -> float:
 
 
 def checked_vertices(vertices: object) -> Array:
-    """Return the corners of one simple anticlockwise polygon, (n, 2), without a closing repetition of the first.
+    """Return the corners of one simple anticlockwise polygon, (n, 2), m, without a closing repetition of the first.
 
-    Raises `InputError`, naming the vertices or the place, for fewer than three vertices, numbers that are not
-    finite, points in 3D, repeated points, an outline that crosses itself, no area, clockwise order, and sizes
-    outside the float range.
+    Raises `InputError`, naming the vertices or the place, for fewer than three vertices, numbers that are not finite,
+    points in 3D, repeated points, an outline that crosses itself, no area, clockwise order, and sizes outside the float
+    range.
     """
     array = _vertex_rows(vertices)
     if not np.isfinite(array).all():
@@ -167,6 +167,7 @@ def vertices_from_geojson(document: str | Mapping[str, Any]) -> Array:
 
 
 def _outline_of(geometry: BaseGeometry | None) -> Array:
+    """Return the outer ring (n, 2) of a polygon of shapely's. Raises `InputError` for any other geometry, and holes."""
     import shapely
 
     if geometry is None or geometry.is_empty:
@@ -188,6 +189,7 @@ def _outline_of(geometry: BaseGeometry | None) -> Array:
 
 
 def _vertex_rows(vertices: object) -> Array:
+    """Return vertices as an array (n, 2). Raises `InputError`, naming the first one that is no pair."""
     try:
         array = np.array(vertices, dtype=np.float64)
     except (TypeError, ValueError) as error:

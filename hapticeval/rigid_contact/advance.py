@@ -136,9 +136,9 @@ def place_on_piece(run: Run, piece: int, u: float, w: float) -> None:
 
 @compiled
 def collide(run: Run, piece: int, u: float, tau: float) -> None:
-    """The tool, with the velocity that it has, meets the boundary at u: thesis (3.5).
+    """Let the tool, with the velocity that it has, meet the boundary at u of a piece: thesis (3.5).
 
-    It slides on if it does not bounce and is pressed on; otherwise it flies.
+    It slides on if it does not bounce and is pressed on; otherwise it flies. `tau` (s) is the time within the stretch.
     """
     state, load, terrain = run.state, run.load, run.terrain
     row = terrain.pieces[piece]
@@ -181,7 +181,7 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
 
 @compiled
 def _faces_at_joint(run: Run, joint: int) -> tuple[int, Array, Array, tuple[float, float, float, float, float, float]]:
-    """The pieces at a joint: the number of the one before, both rows, and the place with both unit tangents."""
+    """Return the pieces at a joint: the number of the one before, both rows, and the place with both unit tangents."""
     pieces = run.terrain.pieces
     before = (joint - 1) % pieces.shape[0]
     pre, post = pieces[before], pieces[joint]
@@ -193,7 +193,7 @@ def _faces_at_joint(run: Run, joint: int) -> tuple[int, Array, Array, tuple[floa
 
 @compiled
 def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
-    """The tool reaches a concave corner, or any corner of a boundary that holds it from both sides.
+    """Let the tool hit a concave corner, or any corner of a boundary that holds it from both sides.
 
     It hits the face that it runs against with that face's normal, thesis (3.5), again and again if the notch is so
     sharp that this throws it against the other face.
@@ -309,7 +309,7 @@ def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) 
 
 @compiled
 def _watched_value(what: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
-    """The number whose change of sign is the event: the speed, the way to the piece's end, or the contact force."""
+    """Return the number whose change of sign is the event: speed, way to the piece's end, or contact force."""
     du, w, _, _ = slide_for(piece, slide, tau, h, load)
     if what == TURN:
         return w
@@ -320,7 +320,10 @@ def _watched_value(what: int, piece: Array, slide: Slide, tau: float, h: float, 
 
 @compiled
 def _locate_event(what: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
-    """Time within the step of h at which the watched number has just changed sign, to rounding; 0 if it had before."""
+    """Return the time (s) within the step of h at which the watched number has just changed sign, to rounding.
+
+    It is 0 if it had before.
+    """
     low, high = 0.0, h
     a = _watched_value(what, piece, slide, tau, low, end, load)
     b = _watched_value(what, piece, slide, tau, high, end, load)
@@ -344,13 +347,14 @@ def _locate_event(what: int, piece: Array, slide: Slide, tau: float, h: float, e
 
 @compiled
 def _leave_boundary(run: Run, tau: float) -> None:
+    """Let the tool fly from where it is, and log that it left."""
     run.state[MODE] = FLIGHT
     log_event(run, LEAVE, tau, 0.0, 0.0)
 
 
 @compiled
 def _advance_slide(run: Run, tau: float, time_left: float) -> float:
-    """One step of sliding, of at most `rest` seconds: how long it took."""
+    """Carry a sliding tool by one step of at most `time_left` seconds, and return how long it took."""
     state, load, sums, terrain = run.state, run.load, run.sums, run.terrain
     index, began, w = int(state[PIECE]), state[U], state[W]
     slide = (began, state[DU], w)
@@ -414,7 +418,7 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
 
 @compiled
 def _pass_joint(run: Run, direction: int, tau: float) -> None:
-    """The tool slides over a joint: on if it is smooth, off if it is convex, against the next face if concave."""
+    """Slide the tool over a joint: on if it is smooth, off if it is convex, against the next face if concave."""
     state, terrain = run.state, run.terrain
     count = terrain.pieces.shape[0]
     index = int(state[PIECE])
@@ -433,7 +437,7 @@ def _pass_joint(run: Run, direction: int, tau: float) -> None:
 
 @compiled
 def _advance_flight(run: Run, tau: float, time_left: float) -> float:
-    """One step of free flight, of at most `rest` seconds: how long it took."""
+    """Carry a flying tool by one step of at most `time_left` seconds, and return how long it took."""
     state, load = run.state, run.load
     h = min(time_left, FLIGHT_STEP)
     # a fifth of a radian of the spring's oscillation
@@ -454,7 +458,7 @@ def _advance_flight(run: Run, tau: float, time_left: float) -> float:
 
 @compiled
 def _advance_rest(run: Run, tau: float, time_left: float) -> float:
-    """Rest in a corner until the force, linear in time, leaves its zone: how long that took."""
+    """Let the tool rest in a corner until the force, linear in time, leaves its zone, and return how long that took."""
     load, sums, joint = run.load, run.sums, int(run.state[JOINT])
     _, _, _, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
     fx, fy = operator_force(load, tau, x, y, 0.0, 0.0)

@@ -1,8 +1,10 @@
 """The boundary prepared for the tool, and where a free flight meets it.
 
-The boundary is cut into cells, short enough to be graphs over their chords; the crossing is found on each cell that
-the path comes near to. No step is checked by its ends alone: a path that enters and leaves a thin part within one step
-crosses the first face all the same, and a path that dips in and out of a cell is caught at its lowest point.
+The boundary is cut into cells, short enough to be graphs over their chords; the crossing is found on each cell that the
+path comes near to.
+
+No step is checked by its ends alone. A path that enters and leaves a thin part within one step crosses the first face
+all the same, and a path that dips in and out of a cell is caught at its lowest point.
 """
 
 from __future__ import annotations
@@ -42,8 +44,13 @@ where the depth is zero."""
 
 
 class BoundaryCells(NamedTuple):
-    """`pieces` (n, 9) as in `kernels`; `joints` (n,), rad, how the boundary turns where piece i begins (positive
-    convex); `paces` (n,), 1/m, how fast each piece changes with arc length; `cells` (m, 16), see the column names."""
+    """A plane boundary cut into cells, each a graph over its chord.
+
+    - `pieces` (n, 9) as in `kernels`;
+    - `joints` (n,), rad: how the boundary turns where piece i begins, positive where convex;
+    - `paces` (n,), 1/m: how fast each piece changes with arc length;
+    - `cells` (m, 16): see the column names.
+    """
 
     pieces: Array
     joints: Array
@@ -67,7 +74,10 @@ def prepare_boundary(curve: Curve) -> BoundaryCells:
 
 
 def _cuts_and_pace(piece: Array) -> tuple[Array, float]:
-    """Parameters at which a piece is cut into cells, and the largest of |kappa| and |d kappa / ds|^(1/2)."""
+    """Return the parameters at which a piece is cut into cells, and how fast it changes (1/m).
+
+    The latter is the largest of |kappa| and |d kappa / ds|^(1/2).
+    """
     kind, start, end = piece[KIND], piece[U0], piece[U1]
     if kind in (LINE, UNBOUNDED):
         return np.array([start, end]), 0.0
@@ -85,7 +95,7 @@ def _cuts_and_pace(piece: Array) -> tuple[Array, float]:
 
 
 def _cell_rows(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_end: bool) -> Array:
-    """Rows of cells on piece i between consecutive `cuts`."""
+    """Return the rows (m, 16) of cells on piece i between consecutive `cuts` (m + 1,)."""
     cells = np.zeros((cuts.size - 1, CELL_COLUMNS))
     cells[:, PIECE] = i
     cells[:, UA], cells[:, UB] = cuts[:-1], cuts[1:]
@@ -168,7 +178,10 @@ def height_over_cell(cell: Array, pieces: Array, x: float, y: float) -> tuple[fl
 def _height_in_flight(
     cell: Array, pieces: Array, flight: Flight, h: float, load: Array
 ) -> tuple[float, float, float, float]:
-    """Height over the cell h seconds into the flight, how fast it grows, u, and how far beyond the ends."""
+    """Return the height (m) over the cell h seconds into the flight, how fast it grows, u, and the overhang.
+
+    The last is how far (m) beyond the cell's ends the tool is.
+    """
     x, y, vx, vy = fly_for(flight[0], flight[1], flight[2], flight[3], flight[4], h, load)
     f, slope, u, overhang = height_over_cell(cell, pieces, x, y)
     # d/dt (eta - bottom(xi)): the velocity across the chord, less the slope times that along it
@@ -186,7 +199,10 @@ def _crossing_time(
     level: float,
     load: Array,
 ) -> float:
-    """Time, to rounding, at which the height falls through -level, given that it does between low and high."""
+    """Return the time (s) at which the height falls through -level, to rounding.
+
+    It does so between `low` and `high`.
+    """
     # regula falsi on height + level; the Illinois rule halves the value of an end that stays twice
     above = _height_in_flight(cell, pieces, flight, low, load)[0] + level
     below = _height_in_flight(cell, pieces, flight, high, load)[0] + level
@@ -207,7 +223,7 @@ def _crossing_time(
 
 @compiled
 def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, load: Array) -> tuple[float, float]:
-    """First time within h at which the flight enters through the cell, and u there; infinite if it does not."""
+    """Return the first time (s) within h at which the flight enters through the cell, and u there; else infinity."""
     # within a step the height has at most one extremum: on both sides of it it rises or falls
     f0, climb0, _, _ = _height_in_flight(cell, pieces, flight, 0.0, load)
     climb1 = _height_in_flight(cell, pieces, flight, h, load)[1]
@@ -243,10 +259,12 @@ def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, lo
 
 @compiled
 def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Array, free: Array) -> tuple[float, int, float]:
-    """Return when a flight (x, y, vx, vy, tau) of h seconds first enters the model, through which piece and at what u.
+    """Return when a flight of h seconds first enters the model, through which piece and at what u.
 
-    The time is infinite if it stays outside; x and y are in m. `load` (10,) as in `motion`. `free` (4,) is a box (xmin,
-    xmax, ymin, ymax), m, known to hold no boundary: it spares the search, and is renewed here.
+    `flight` is (x, y, vx, vy, tau); the time is infinite if it stays outside. `load` (10,) as in `motion`.
+
+    `free` (4,) is a box (xmin, xmax, ymin, ymax), m, known to hold no boundary: it spares the search, and is renewed
+    here.
     """
     x0, y0, vx0, vy0, tau = flight
     x1, y1, vx1, vy1 = fly_for(x0, y0, vx0, vy0, tau, h, load)

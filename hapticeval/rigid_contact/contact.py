@@ -67,6 +67,7 @@ class IdealContact:
 
     @cached_property
     def _terrain(self) -> BoundaryCells:
+        """The boundary as the tool's loops take it, made once."""
         return prepare_boundary(self.scene.model.curve)
 
     def simulate(self, stimulus: Stimulus, dt: float) -> Recording:
@@ -134,7 +135,7 @@ class IdealContact:
         if led:
             # a spring to the hand's path: g0 = k y_d + d y_d', g1 = k y_d'
             value, slope = gains[SPRING] * value + gains[DAMPER] * slope, gains[SPRING] * slope
-        out, events = self._followed(
+        out, events = self._follow_stretches(
             start, Stretches(began, lasts, np.hstack([value, slope]), samples), gains, time.size
         )
         channels = {
@@ -155,9 +156,10 @@ class IdealContact:
         }
         return Recording(time, channels, meta)
 
-    def _followed(
+    def _follow_stretches(
         self, start: Array, stretches: Stretches, gains: Array, rows: int
     ) -> tuple[Array, list[dict[str, Any]]]:
+        """Return the samples (rows, 8) of the run and its events, with a log as long as it takes."""
         limit = 256
         while True:
             out, log, count = carry_tool(start, self._terrain, stretches, gains, rows, limit)
@@ -177,6 +179,7 @@ class IdealContact:
         ]
 
     def _start_of_experiment(self, experiment: Experiment) -> Array:
+        """Return the state (10,) in which an experiment starts. Raises `InputError` for one inside the model."""
         distance = float(self.scene.model.curve.signed_distance(experiment.position[np.newaxis])[0])
         if distance < -ON_BOUNDARY and not self.scene.bilateral:
             raise InputError(
@@ -189,13 +192,14 @@ class IdealContact:
         return _in_flight(experiment.position, experiment.velocity)
 
     def _start_of_path(self, point: Array, velocity: Array) -> Array:
+        """Return the state (10,) at a path's first point (2,), m: in flight, or at rest on the boundary."""
         distance = float(self.scene.model.curve.signed_distance(point[np.newaxis])[0])
         if self.scene.bilateral or distance <= 0.0:
             return self._on_boundary(point, np.zeros(2))
         return _in_flight(point, velocity)
 
     def _on_boundary(self, point: Array, velocity: Array) -> Array:
-        """The state at the nearest point of the boundary, with a velocity that the first touch has yet to change."""
+        """Return the state (10,) at the nearest point of the boundary, whose velocity the first touch may change."""
         curve, pieces = self.scene.model.curve, self._terrain.pieces
         u = float(curve.nearest(point[np.newaxis])[0])
         index = piece_index(pieces, u)
@@ -209,8 +213,9 @@ class IdealContact:
 
 
 def _prescribed_forces(experiment: Experiment) -> tuple[Array, Array, Array]:
-    """Knots (k,), and from each on, N and N/s, (k, 2): what the operator prescribes, and what of the hand's force comes
-    from the path alone, k y_d + b y_d'.
+    """Return knots (k,), s, and from each on the prescribed force (N) and its rate (N/s), both (k, 2).
+
+    It is what the operator prescribes, and what of the hand's force comes from its path alone, k y_d + b y_d'.
     """
     hand = experiment.hand
     if hand is None:
@@ -225,11 +230,12 @@ def _prescribed_forces(experiment: Experiment) -> tuple[Array, Array, Array]:
 
 
 def _slopes(knots: Array, values: Array) -> Array:
-    """Rates (k, 2) at which `values` (k, 2) change from each of `knots` (k,) on; zero from the last."""
+    """Return the rates (k, 2) at which `values` (k, 2) change from each of `knots` (k,) on; zero from the last."""
     return np.vstack([np.diff(values, axis=0) / np.diff(knots)[:, np.newaxis], np.zeros((1, 2))])
 
 
 def _in_flight(point: Array, velocity: Array) -> Array:
+    """Return the state (10,) of a tool that flies from a point (2,), m, with a velocity (2,), m/s."""
     state = np.zeros(STATE_SIZE)
     state[MODE] = FLIGHT
     state[X : Y + 1], state[VX : VY + 1] = point, velocity
@@ -237,7 +243,7 @@ def _in_flight(point: Array, velocity: Array) -> Array:
 
 
 def _cut_into_stretches(time: Array, knots: Array, dt: float) -> tuple[Array, Array, IntArray]:
-    """Cut the run at samples and at the stimulus's knots: beginnings, lengths (s) and the sample each belongs to."""
+    """Return the run cut at samples and at the stimulus's knots: (s,) beginnings, lengths (s), and samples."""
     end = time[-1] + dt
     steps = knots / dt
     # knots that fall on samples, to rounding, cut nothing

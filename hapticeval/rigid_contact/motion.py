@@ -132,8 +132,10 @@ def longest_slide_step(pace: float, w: float, along: float, load: Array, longest
 
 @compiled
 def guess_between(low: float, high: float, a: float, b: float, i: int) -> float:
-    """Where to look next for the change of sign of a number that is a at `low` and b at `high`: not between them, if
-    nothing lies there. By the chord, and by halves at every fourth `i`."""
+    """Return where to look next for the change of sign of a number that is a at `low` and b at `high`.
+
+    By the chord, and by halves at every fourth `i`. The result is not between the two if no number lies there.
+    """
     middle = low + 0.5 * (high - low)
     if i % 4 != 3 and a != b:
         # regula falsi; every fourth guess halves the bracket, so that it shrinks in any case
@@ -145,7 +147,10 @@ def guess_between(low: float, high: float, a: float, b: float, i: int) -> float:
 
 @compiled
 def damped_oscillation(omega: float, half: float, h: float) -> tuple[float, float]:
-    """e^(-at) cos(bt) and e^(-at) sin(bt) / b at t = h; a is `half` and b^2 = omega^2 - a^2, of either sign or zero."""
+    """Return e^(-at) cos(bt) and e^(-at) sin(bt) / b at t = h (s): the two solutions of a damped oscillator.
+
+    a is `half` and b^2 = omega^2 - a^2, of either sign or zero.
+    """
     square = omega * omega - half * half
     # critically damped, to rounding: sin(bt) / b becomes t
     if abs(square) <= 1e-12 * omega * omega:

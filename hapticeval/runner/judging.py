@@ -183,7 +183,7 @@ class _RunFactory:
 
     def _moved_scene(self, motion: Motion) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
         """Return the moved scene and the renderer in it; None where it cannot be moved, or the renderer refuses it."""
-        return (self.scene, self.renderer) if motion.rests else self._with_model(self.scene.model.moved(motion))
+        return (self.scene, self.renderer) if motion.is_identity else self._with_model(self.scene.model.moved(motion))
 
     def _with_model(self, model: Model | None) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
         """Return the scene with another model and a renderer in it, None without a model or where it is refused."""

@@ -80,6 +80,7 @@ class ExperimentTable(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         )
 
     def _force(self, folder: FilePath) -> Array:
+        """Return the rows of force (s, 1 + N): a time (s), and the force (N) from then on to the next."""
         if self.force_file is None:
             # nobody pushes: one row of zeros, held all the time
             return as_array(self.force or [[0.0] * (len(self.position) + 1)], "the rows of force")

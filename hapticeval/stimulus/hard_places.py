@@ -79,6 +79,7 @@ def _stops_of_kind(surface: Boundary, kind: Kind) -> Array:
 
 
 def _unit(vectors: Array) -> Array:
+    """Return vectors (..., N) of length 1."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
@@ -90,6 +91,7 @@ def _boundary_points(surface: Boundary) -> tuple[Array, Array, Array]:
 
 
 def _vertices(surface: Boundary) -> Array:
+    """Return corners, and points one rounding inside of them (2 n, N), m."""
     corners = np.array([corner.position for corner in surface.corners]) if surface.dimension == 2 else None
     if corners is None and isinstance(surface, Mesh):
         corners = surface.vertices
@@ -105,17 +107,19 @@ def _vertices(surface: Boundary) -> Array:
 
 
 def _surface(surface: Boundary) -> Array:
+    """Return boundary points, and those one rounding inside and outside of them (3 n, N), m."""
     feet, normals, _ = _boundary_points(surface)
     # a rounding in, on the surface, and a rounding out
     return np.vstack([np.nextafter(feet, feet - normals), feet, np.nextafter(feet, feet + normals)])
 
 
 def _centre(surface: Boundary) -> Array:
+    """Return the middle of the bounds (1, N), m."""
     return np.asarray(np.array(surface.bounds).reshape(2, -1).mean(axis=0, keepdims=True))
 
 
 def _medial(surface: Boundary) -> Array:
-    """The inner ends of the normals along which the foot is the nearest point, by bisection."""
+    """Return the inner ends (n, N), m, of the normals along which the foot is the nearest point, by bisection."""
     feet, normals, _ = _boundary_points(surface)
     size = float(np.ptp(np.array(surface.bounds).reshape(2, -1), axis=0).max())
     low, high = np.zeros(len(feet)), np.full(len(feet), size)
@@ -129,6 +133,7 @@ def _medial(surface: Boundary) -> Array:
 
 
 def _focal(surface: Boundary) -> Array:
+    """Return the centres of curvature (n, N), m, of convex boundary points."""
     feet, normals, curvature = _boundary_points(surface)
     bent = curvature > 0.0
     # no convex part has a centre of curvature inside
@@ -138,6 +143,7 @@ def _focal(surface: Boundary) -> Array:
 
 
 def _far(surface: Boundary) -> Array:
+    """Return a place inside, one ten model sizes away, and the first again (3, N), m."""
     lows, highs = np.array(surface.bounds).reshape(2, -1)
     # in, ten sizes out along the diagonal of the bounds, and in again
     return np.vstack(
@@ -146,17 +152,19 @@ def _far(surface: Boundary) -> Array:
 
 
 def _tiny_steps(surface: Boundary) -> Array:
+    """Return places (n, N), m, one 1e-15 m from the next, from one inside."""
     return np.asarray(_half_way_to_medial(surface)[:1] + 1e-15 * np.arange(PLACES_PER_KIND)[:, np.newaxis])
 
 
 def _teleports(surface: Boundary) -> Array:
+    """Return places inside (n, N), m, in an order that leads to and fro across the model."""
     inside = _half_way_to_medial(surface)
     # an order in which neighbours are far apart
     return np.asarray(inside[np.argsort(np.arange(len(inside)) * 5 % len(inside))])
 
 
 def _half_way_to_medial(surface: Boundary) -> Array:
-    """Half way to the medial axis."""
+    """Return places inside (n, N), m: half way from boundary points to the medial axis."""
     return np.asarray(0.5 * (_boundary_points(surface)[0] + _medial(surface)))
 
 

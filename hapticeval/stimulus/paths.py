@@ -69,9 +69,10 @@ def _path_on(curve: Curve, trajectory: OnCurve) -> Path:
 
 
 class Scaled(OnCurve, frozen=True, kw_only=True, tag="scaled"):
-    """(1 - depth / R) y(s), with R the surface's largest radius about the origin, between two polar angles (degrees).
+    """The model's outline drawn smaller about the origin, between two polar angles (degrees).
 
-    That is `depth` (m) under the tips, less in the valleys.
+    It is (1 - depth / R) y(s), with R the surface's largest radius about the origin: `depth` (m) under the tips, less
+    in the valleys.
     """
 
     from_angle: float
@@ -79,7 +80,7 @@ class Scaled(OnCurve, frozen=True, kw_only=True, tag="scaled"):
     depth: Positive | None = None
 
     def points_on(self, curve: Curve) -> Array:
-        """Return the scaled outline between the two angles."""
+        """Return the points (n, 2), m, of the scaled outline between the two angles."""
         u, outline = self._outline(curve)
         angle = np.unwrap(np.arctan2(outline[:, 1], outline[:, 0]))
         # the polar angle must rise all the way round for u to be a function of it
@@ -95,10 +96,11 @@ class Scaled(OnCurve, frozen=True, kw_only=True, tag="scaled"):
         return (1.0 - depth / radius) * position
 
     def _angles(self) -> Array:
+        """Return the polar angles (n,), rad, of the path's points."""
         return np.linspace(math.radians(self.from_angle), math.radians(self.to_angle), WAYPOINTS)
 
     def _outline(self, curve: Curve) -> tuple[Array, Array]:
-        """Parameters (n,) once round the surface, and its points (n, 2), m."""
+        """Return parameters (n,) once round the surface, and its points (n, 2), m."""
         if not curve.closed:
             kind = self.__struct_config__.tag
             raise InputError(
@@ -108,7 +110,10 @@ class Scaled(OnCurve, frozen=True, kw_only=True, tag="scaled"):
         return u, np.asarray(curve.position(u))
 
     def _radius(self, outline: Array) -> tuple[float, float]:
-        """The outline's largest distance from the origin and the depth, m, refused if that does not fit into it."""
+        """Return the outline's largest distance from the origin, and the depth, m.
+
+        Raises `InputError` where the depth does not fit in.
+        """
         radius = float(np.max(np.linalg.norm(outline, axis=1)))
         if self.depth is None:
             raise InputError(
@@ -125,7 +130,7 @@ class Arc(Scaled, frozen=True, kw_only=True, tag="arc"):
     """Round the origin, `depth` (m) inside the surface's largest radius, between two polar angles (degrees)."""
 
     def points_on(self, curve: Curve) -> Array:
-        """Return the points of the arc."""
+        """Return the points (n, 2), m, of the arc."""
         angle = self._angles()
         radius, depth = self._radius(self._outline(curve)[1])
         return (radius - depth) * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -143,7 +148,7 @@ class PastCorner(OnCurve, frozen=True, kw_only=True, tag="corner"):
     after: Positive
 
     def points_on(self, curve: Curve) -> Array:
-        """Return the points past the corner."""
+        """Return the points (n, 2), m, past the corner."""
         if self.corner >= len(curve.corners):
             raise InputError(
                 f"the model has no corner {self.corner}",
@@ -259,7 +264,7 @@ def as_array(rows: Sequence[Sequence[float]], what: str) -> Array:
 
 
 def read_path(file: FilePath) -> Path:
-    """A HIP trajectory from CSV with the header `t,x,y` or `t,x,y,z`, seconds and metres, or the HIP of a recording.
+    """Return a HIP trajectory from CSV with the header `t,x,y` or `t,x,y,z`, or the HIP of a recording: s and m.
 
     A recording is a file whose name ends in `.h5`; the path runs straight over the rows of it that are not valid.
 
@@ -283,10 +288,10 @@ def read_path(file: FilePath) -> Path:
 
 
 def read_rows(file: FilePath, what: str, meaning: str, header: tuple[str, str, str, str]) -> Array:
-    """The numbers (n, 3 or 4) of a CSV file whose header is `header`, or that without its last name, in the plane.
+    """Return the numbers (n, 3 or 4) of a CSV file with a given header, in the plane without its last name.
 
-    Raises `InputError`, naming file and row, for a missing file, other columns, and text among
-    the numbers; an empty cell is NaN. `what` names the rows, which are `meaning`.
+    Raises `InputError`, naming file and row, for a missing file, other columns, and text among the numbers; an empty
+    cell is NaN. `what` names the rows, which are `meaning`.
     """
     import pandas as pd
 
@@ -318,6 +323,10 @@ def read_rows(file: FilePath, what: str, meaning: str, header: tuple[str, str, s
 
 
 def _at_constant_speed(points: Array, duration: float) -> Path:
+    """Return the path through points (n, N), m, in `duration` (s) at constant speed.
+
+    Raises `InputError` for points that are all one.
+    """
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     # points that do not move take no time, and would repeat an instant
     keep = np.concatenate([[True], np.diff(along) > 0.0])

@@ -17,7 +17,7 @@ MOST_TICKS = 50_000_000
 
 
 def sample_times(duration: float, dt: float) -> Array:
-    """Times from 0 in steps of `dt` up to `duration` (s), which counts as reached within rounding: (n,).
+    """Return times (n,), s, from 0 in steps of `dt` up to `duration` (s), which counts as reached within rounding.
 
     Raises `InputError` for more than `MOST_TICKS`.
     """
@@ -80,7 +80,7 @@ class Path:
         return time, points
 
     def reversed(self) -> Path:
-        """The same points in the opposite order, at the same speed."""
+        """Return the path through the same points in the opposite order, at the same speed."""
         return Path(self.time[-1] - self.time[::-1], self.points[::-1])
 
 
@@ -111,7 +111,7 @@ class Hand:
         return np.ascontiguousarray(np.column_stack([np.interp(time, since, column) for column in self.path.points.T]))
 
     def at_speed(self, factor: float) -> Hand:
-        """The same hand along its path at `factor` times the pace."""
+        """Return the same hand along its path at `factor` times the pace."""
         path = Path(self.path.time / factor, self.path.points)
         return Hand(path=path, stiffness=self.stiffness, damping=self.damping)
 
@@ -166,7 +166,7 @@ class Experiment:
 
     @property
     def quiet_from(self) -> float:
-        """From when on, s, the operator's push and the place that the hand draws to stay the same."""
+        """The time (s) from when on the operator's push and the place that the hand draws to stay the same."""
         ends = [_still_from(self.force_time, self.force)]
         if self.hand is not None:
             path = self.hand.path
@@ -189,7 +189,7 @@ class Experiment:
         )
 
     def at_speed(self, factor: float) -> Experiment:
-        """The same experiment at `factor` times the pace: started faster, pushed and ended sooner."""
+        """Return the same experiment at `factor` times the pace: started faster, pushed and ended sooner."""
         return Experiment(
             self.duration / factor,
             self.position,

@@ -72,7 +72,7 @@ def test_every_model_has_a_mirror_image(kind):
     image = model.moved(mirror)
     same_frames(model.boundary.closest_point(points), image.boundary.closest_point(mirror(points)), mirror)
     assert mirror.mirrors
-    assert not mirror.rests
+    assert not mirror.is_identity
     again = image.moved(mirror)
     same_frames(
         model.boundary.closest_point(points), again.boundary.closest_point(points), scaling(1.0, points.shape[1])
@@ -107,8 +107,8 @@ def test_a_motion_in_space_turns_about_an_axis():
     motion = rigid_motion(0.7, np.zeros(3))
     np.testing.assert_allclose(motion(np.array([[1.0, 2.0, 3.0]])), [[1.0, 2.0, 3.0]], atol=1e-14)
     assert np.trace(motion.matrix) == pytest.approx(1.0 + 2.0 * math.cos(0.7))
-    assert scaling(1.0, 3).rests
-    assert not motion.rests
+    assert scaling(1.0, 3).is_identity
+    assert not motion.is_identity
 
 
 @pytest.mark.parametrize(

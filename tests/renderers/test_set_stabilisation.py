@@ -230,7 +230,7 @@ def in_and_out(curve, times, seed=None):
     rates = 2.0 * np.pi * np.arange(1, 4) / end
     u = rng.uniform(0.0, 2.0 * np.pi) + np.sum(swing * np.sin(rates * times[:, None]), axis=1)
     du = np.sum(swing * rates * np.cos(rates * times[:, None]), axis=1)
-    speed = du * np.hypot(*curve._evaluated(u)[..., 2:4].T)
+    speed = du * np.hypot(*curve._evaluate(u)[..., 2:4].T)
     normal, tangent = curve.normal(u), curve.tangent(u)
     stretch = 1.0 + n * curve.curvature(u)
     return curve.position(u) + n[:, None] * normal, (stretch * speed)[:, None] * tangent + across[:, None] * normal

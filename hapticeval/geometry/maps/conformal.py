@@ -135,7 +135,7 @@ class ConformalMap:
     _disk: kernels.DiskTables = field(repr=False)
 
     def to_disk(self, points: ArrayLike) -> Array:
-        """The images f (n, 2) in the unit disk of points (n, 2), m, inside the curve; outside f has no meaning.
+        """Return the images f (n, 2) in the unit disk of points (n, 2), m, inside the curve; outside f has no meaning.
 
         Raises `InputError`, naming the row, for a point that is not finite.
         """
@@ -193,7 +193,7 @@ def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
 
 
 def _map_with_measures(curve: Curve, coarse: Correspondence, fine: Correspondence) -> ConformalMap:
-    """The map, with what there is to say of it; `coarse` is on half as many nodes."""
+    """Return the map on the nodes of `fine`, with what is to be said of it; `coarse` is on half as many nodes."""
     angles, lengths = fine.angles, fine.lengths
     # in units of the largest radius no square overflows
     scale = float(np.max(np.abs(fine.z)))
@@ -231,7 +231,10 @@ def _map_with_measures(curve: Curve, coarse: Correspondence, fine: Correspondenc
 
 
 def _search_start(curve: Curve) -> Array:
-    """A point (2,), m, well inside, to look for the centre from: the outline's centroid, or the deepest point."""
+    """Return a point (2,), m, well inside, from which the centre is looked for.
+
+    It is the outline's centroid, or where that is hardly inside the deepest point.
+    """
     from shapely import Polygon
     from shapely.ops import polylabel
 
@@ -253,7 +256,7 @@ def _search_start(curve: Curve) -> Array:
 
 
 def _node_counts(curve: Curve, nodes: int | None) -> list[int]:
-    """Numbers of nodes to try, each twice the one before."""
+    """Return the numbers of nodes to try, each twice the one before."""
     pieces, fewest = (
         (1, NODES_IF_SMOOTH) if is_smooth(curve) else (curve.pieces.shape[0], NODES_PER_PIECE * curve.pieces.shape[0])
     )
@@ -297,7 +300,7 @@ def is_smooth(curve: Curve) -> bool:
 
 
 def boundary_nodes(curve: Curve, n: int) -> Nodes:
-    """`n` nodes on a closed curve; on one of pieces n is a multiple of their number."""
+    """Return `n` nodes on a closed curve; on one of pieces n is a multiple of their number."""
     pieces = for_kernels(curve.pieces)
     # equal steps of the parameter, derivatives by step
     if is_smooth(curve):
@@ -366,7 +369,7 @@ class FactoredSystem(NamedTuple):
 
 
 def factored_system(curve: Curve, n: int) -> FactoredSystem:
-    """The integral equation on `n` nodes, its matrix factored."""
+    """Return the integral equation on `n` nodes, its matrix factored."""
     nodes = boundary_nodes(curve, n)
     steps = np.arange(n * TABLE_STEPS) / TABLE_STEPS
     lengths = np.append(
@@ -427,6 +430,7 @@ def balance_centre(system: FactoredSystem, start: Array) -> Correspondence:
 
 
 def _shifted(point: Array, move: complex) -> Array:
+    """Return a point (2,), m, moved by a complex number."""
     return np.asarray(point + np.array([move.real, move.imag]))
 
 
@@ -470,9 +474,10 @@ def _integrate_density(density: Array, z: Complex) -> tuple[Array, Array]:
 
 
 def density_change(coarse: Correspondence, fine: Correspondence) -> float:
-    """By what share of themselves the densities change, at most, of arcs of 1/1024 of the boundary or more.
+    """Return by what share of themselves densities change at most from a coarse solution to a fine one.
 
-    `fine` has twice the nodes of `coarse`. Arcs that rounding alone may change so are left out.
+    Densities are means over arcs of 1/1024 of the boundary, or more. `fine` has twice the nodes of `coarse`. Arcs that
+    rounding alone may change so are left out.
     """
     first, length = coarse.lengths[0], coarse.lengths[-1] - coarse.lengths[0]
     # entries of the coarse table that bound arcs of equal length

@@ -46,7 +46,7 @@ class DiskTables(NamedTuple):
 
 @compiled
 def grading_substitution(s: float) -> tuple[float, float, float]:
-    """Kress's substitution w of [0, 1] onto itself: w, 1 - w without cancellation, and w'."""
+    """Return Kress's substitution w of [0, 1] onto itself at s: w, 1 - w without cancellation, and w'."""
     r, q = 1.0 - s, 0.5 - 1.0 / GRADING_ORDER
     # w = a^p / (a^p + b^p): a and b are cubics that vanish at the one end and the other
     first = s * (2.0 / GRADING_ORDER + q * (6.0 - 12.0 * s + 8.0 * s * s))
@@ -172,7 +172,7 @@ def map_to_angles(disk: DiskTables, points: Array) -> Array:
 
 @compiled
 def map_to_angle(disk: DiskTables, px: float, py: float) -> float:
-    """`map_to_angles` of one point, to the last bit: the same sums in the same order, kept in registers."""
+    """Return `map_to_angles` of one point (m), to the last bit: the same sums in the same order, kept in registers."""
     nodes = disk.nodes
     px, py = (px - disk.cx) / disk.scale, (py - disk.cy) / disk.scale
     ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0
@@ -191,7 +191,7 @@ def map_to_angle(disk: DiskTables, px: float, py: float) -> float:
 
 @compiled
 def boundary_parameter(disk: DiskTables, angle: float) -> float:
-    """The curve's u at a boundary angle: the monotone cubic of the table, solved by safeguarded Newton."""
+    """Return the curve's u at a boundary angle (rad): the table's monotone cubic, solved by safeguarded Newton."""
     angles, slopes = disk.angles, disk.slopes
     last = angles.shape[0] - 1
     # the angle is brought into the one turn of the table
@@ -235,5 +235,5 @@ def boundary_parameters(disk: DiskTables, angles: Array) -> Array:
 
 @compiled
 def project_to_parameter(disk: DiskTables, x: float, y: float) -> float:
-    """`boundary_parameters` of `map_to_angles` at one point."""
+    """Return the u that a point (x, y), m, inside is projected to: that at the argument of its image."""
     return boundary_parameter(disk, map_to_angle(disk, x, y))

@@ -160,7 +160,7 @@ def run_flow(model: Model, settings: FlowSettings) -> Flow:
 
 
 class Front:
-    """A level set on its way, with the particles on it: the state of a flow."""
+    """The state of a flow: a level set that moves inwards, with the particles on its zero level."""
 
     def __init__(self, model: Model, settings: FlowSettings) -> None:
         xmin, ymin, xmax, ymax = model.curve.bounds
@@ -191,7 +191,7 @@ class Front:
         return self._cap if self.kind == kernels.CAP else 2.0 * math.pi / self.length
 
     def update(self) -> None:
-        """Some steps of the level set, while the front moves a tenth of a cell, and the points with it."""
+        """Carry the level set by some steps, while the front moves a tenth of a cell, and the points with it."""
         scale = self.scale
         dt = SHARE_OF_BOUND * kernels.largest_step(self.kind, scale, self.h)
         # an even number, as `advance_steps` asks, that takes the front about CELLS_PER_UPDATE
@@ -210,6 +210,7 @@ class Front:
             kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
 
     def _measure(self) -> None:
+        """Measure the front's length (m) and the area (m^2) inside."""
         self.length, self.area = kernels.measure_front(self.values, self.h)
 
     @property
@@ -226,7 +227,7 @@ class Front:
         return float(max(long, short) / max(min(long, short), 1e-300))
 
     def parts(self) -> tuple[int, tuple[float, float]]:
-        """How many parts the inside has, and the middle (m) between the two nearest nodes of the first two."""
+        """Return how many parts the inside has, and the middle (m) between the two nearest nodes of the first two."""
         from scipy.ndimage import label
         from scipy.spatial import cKDTree
 
@@ -243,7 +244,7 @@ class Front:
 
 
 def line_starts(model: Model, lines: int) -> Array:
-    """Where lines start: parameters at every corner, and at equal arc lengths between."""
+    """Return the parameters (n,) at which lines start: at every corner, and at equal arc lengths between."""
     curve = model.curve
     # a smooth model is cut at its start
     cuts = [corner.s for corner in curve.corners] or [0.0]
@@ -251,7 +252,7 @@ def line_starts(model: Model, lines: int) -> Array:
 
 
 def _recorded_levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float, float, Array]]:
-    """Run a flow to its end: a record a level."""
+    """Run a flow to its end, and yield its levels: time, length (m), area (m^2) and points (n, 2), m."""
     area_at_start = front.area
     yield front.time, front.length, front.area, front.points.copy()
     roundest, level = front.roundness, 1
@@ -277,6 +278,7 @@ def _recorded_levels(front: Front, settings: FlowSettings) -> Iterator[tuple[flo
 
 
 def _check_in_one_part(front: Front) -> None:
+    """Raise `FlowSplitError` where the front has fallen apart."""
     count, place = front.parts()
     if count > 1:
         raise FlowSplitError(
@@ -288,6 +290,7 @@ def _check_in_one_part(front: Front) -> None:
 
 
 def _collapse_error(front: Front) -> FlowCollapseError:
+    """Return the error that says where the front shrinks to a segment, and how flat it is."""
     x, y = front.points.mean(axis=0)
     return FlowCollapseError(
         f"the flow of model '{front.model.name}' shrinks to a segment instead of a point",

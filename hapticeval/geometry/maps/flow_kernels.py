@@ -28,7 +28,10 @@ KINK_RATIO = 0.8
 
 @compiled
 def velocity(kind: int, scale: float, kappa: float) -> float:
-    """v_f at a curvature: `scale` is K_cap (1/m) for CAP and abs(kappa_avg) (1/m) for ARC."""
+    """Return the speed v_f of a front of curvature `kappa` (1/m) by one of the velocity functions.
+
+    `scale` is K_cap (1/m) for CAP and abs(kappa_avg) (1/m) for ARC.
+    """
     if kind == CURVATURE:
         return kappa
     if kind == UNIT:
@@ -42,7 +45,10 @@ def velocity(kind: int, scale: float, kappa: float) -> float:
 
 @compiled
 def largest_step(kind: int, scale: float, h: float) -> float:
-    """The bound on the time step, (5.12) corrected: diffusive h^2 / (4 max dv/dkappa), hyperbolic h / (2 max v)."""
+    """Return the bound on the time step, (5.12) corrected: the smaller of a diffusive and a hyperbolic one.
+
+    These are h^2 / (4 max dv/dkappa) and h / (2 max v), with h (m) the side of a cell.
+    """
     if kind == UNIT:
         # a front at speed 1: h / (2 v) on a square grid
         return 0.5 * h
@@ -153,7 +159,7 @@ def advance_step(values: Array, out: Array, active: IntArray, h: float, kind: in
 
 @compiled
 def _arc_row(south: Array, middle: Array, north: Array, out: Array, h: float, scale: float, dt: float) -> None:
-    """The step of `advance_step` for ARC on a row, without branches, so that it becomes vector code."""
+    """Carry one row by a step of `advance_step` for ARC, without branches, so that it becomes vector code."""
     behind = CELLS_BEHIND * h
     half, inverse = 0.5 / h, 1.0 / (h * h)
     for i in range(out.shape[0]):

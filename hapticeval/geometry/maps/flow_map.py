@@ -44,7 +44,7 @@ CELL_SLACK = 1e-9
 
 
 class Chart(NamedTuple):
-    """A grid for the compiled lookup.
+    """The checked grid of a flow, laid out for the compiled lookup.
 
     - `points` and `disk` (m, n, 2): where level and line cross in the model (m) and on the disk, from the outermost
       level inwards; the first is the model's own, and has radius 1.
@@ -99,7 +99,7 @@ class FlowMap:
         # in no cell: in the sliver between the curve and the chords of the first level, or off the map
         off = np.flatnonzero(np.isnan(out))
         if off.size:
-            out[off] = self._beside(array[off], off)
+            out[off] = self._angles_of_nearest(array[off], off)
         return out
 
     def surface(self, angles: Array) -> Array:
@@ -107,11 +107,11 @@ class FlowMap:
         return surface_parameters(self.chart, np.ascontiguousarray(angles, dtype=np.float64))
 
     def parameter(self, x: float, y: float) -> float:
-        """The parameter of the surface point that (x, y), m, is projected to (5.17)."""
+        """Return the parameter of the surface point that (x, y), m, is projected to (5.17)."""
         u = project_to_parameter(self.chart, x, y)
         return u if not math.isnan(u) else float(self.surface(self.to_angle(np.array([[x, y]])))[0])
 
-    def _beside(self, points: Array, rows: IntArray) -> Array:
+    def _angles_of_nearest(self, points: Array, rows: IntArray) -> Array:
         """Angles of points between the curve and the chords of the grid: those of their nearest surface points."""
         u = self.curve.nearest(points)
         too_far = np.hypot(*(self.curve.position(u) - points).T) > 0.5 * self.spacing
@@ -126,7 +126,7 @@ class FlowMap:
 
 
 def flow_map(model: Model, settings: FlowSettings | None = None) -> FlowMap:
-    """The map of a model, built once for each of its boundary and settings and then kept (the last 16).
+    """Return the map of a model, built once for each of its boundary and settings and then kept (the last 16).
 
     Raises the errors of `run_flow`, and `FoldedGridError` where cells are turned over.
     """
@@ -144,12 +144,13 @@ class _MapKey:
 
 @lru_cache(maxsize=MAPS_IN_CACHE)
 def _build_map(key: _MapKey) -> FlowMap:
+    """Run the flow and lay out its grid."""
     recorded = run_flow(key.model, key.settings)
     return FlowMap(key.model.curve, recorded, build_chart(key.model, recorded))
 
 
 def build_chart(model: Model, recorded: Flow) -> Chart:
-    """The checked grid of a model's flow for the compiled lookup. Raises `FoldedGridError`."""
+    """Return the checked grid of a model's flow for the compiled lookup. Raises `FoldedGridError`."""
     curve = model.curve
     points, times = np.ascontiguousarray(recorded.points), recorded.times
     # a level's circle has its share of the area
@@ -182,11 +183,13 @@ def folded_cells(points: Array) -> BoolArray:
 
 
 def _triangle_areas(p: Array, q: Array, r: Array) -> Array:
+    """Return the signed areas (...,), m^2, of triangles with corners (..., 2), m: positive if anticlockwise."""
     first, second = q - p, r - p
     return np.asarray(0.5 * (first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]))
 
 
 def _check_cells(model: Model, points: Array, times: Array) -> None:
+    """Raise `FoldedGridError`, with the first of them, where cells are folded."""
     folded = folded_cells(points)
     if folded.any():
         count = int(folded.sum())
@@ -201,7 +204,10 @@ def _check_cells(model: Model, points: Array, times: Array) -> None:
 
 
 def _ring_directions(model: Model, ring: Array, centre: Array, time: float) -> Array:
-    """Directions (rad) of a ring's points from the centre, checked to increase: the ring is star-shaped."""
+    """Return the directions (n,), rad, of a ring's points (n, 2), m, from the centre: increasing, as it is star-shaped.
+
+    Raises `FoldedGridError` where they are not.
+    """
     rays = ring - centre
     angles = np.unwrap(np.arctan2(rays[:, 1], rays[:, 0]))
     # all positive, and one turn in sum: each direction meets the ring once
@@ -219,13 +225,13 @@ def _ring_directions(model: Model, ring: Array, centre: Array, time: float) -> A
 
 @compiled
 def doubled_area(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
-    """Twice the area of the triangle a, b, p: positive where p is left of a to b."""
+    """Return twice the area of the triangle a, b, p: positive where p is left of a to b."""
     return (bx - ax) * (py - ay) - (by - ay) * (px - ax)
 
 
 @compiled
 def diagonal_crossing(a: Pair, b: Pair, e: Pair, d: Pair) -> float:
-    """How far along the diagonal from a to e it meets the one from b to d; outside [0, 1] or NaN where it does not."""
+    """Return how far along the diagonal from a to e it meets the one from b to d; NaN where it does not."""
     before, after = doubled_area(b[0], b[1], d[0], d[1], a[0], a[1]), doubled_area(b[0], b[1], d[0], d[1], e[0], e[1])
     t = before / (before - after)
     left, right = doubled_area(a[0], a[1], e[0], e[1], b[0], b[1]), doubled_area(a[0], a[1], e[0], e[1], d[0], d[1])
@@ -237,7 +243,7 @@ def diagonal_crossing(a: Pair, b: Pair, e: Pair, d: Pair) -> float:
 def _in_triangle(
     p: Pair, q: Pair, c: Pair, v: Pair, w: Pair, z: Pair, x: float, y: float
 ) -> tuple[float, float, float]:
-    """Barycentric map (5.20) of (x, y) from the triangle p, q, c to v, w, z; and its least coordinate."""
+    """Return the barycentric map (5.20) of (x, y) from the triangle p, q, c to v, w, z; and its least coordinate."""
     area = doubled_area(p[0], p[1], q[0], q[1], c[0], c[1])
     # (5.18), (5.19): barycentric coordinates as shares of the area
     third = doubled_area(p[0], p[1], q[0], q[1], x, y) / area
@@ -251,6 +257,7 @@ def _in_triangle(
 
 @compiled
 def _grid_point(grid: Array, k: int, i: int) -> Pair:
+    """Return the point of a grid (m, n, 2) on level k and line i."""
     return grid[k, i, 0], grid[k, i, 1]
 
 
@@ -359,7 +366,10 @@ def ring_crossing(
 
 @compiled
 def surface_parameter(chart: Chart, angle: float) -> float:
-    """The curve's parameter at an angle on the disk: linear between the lines' starts, the inverse in (5.17)."""
+    """Return the curve's parameter at an angle (rad) on the disk: linear between the lines' starts.
+
+    It is the inverse map of (5.17) on the surface.
+    """
     n = chart.points.shape[1]
     turn = 2.0 * math.pi
     angle -= turn * math.floor(angle / turn)
@@ -426,7 +436,7 @@ def fill_buckets(points: Array, x0: float, y0: float, side: float, across: int, 
 
 @compiled
 def project_to_parameter(chart: Chart, x: float, y: float) -> float:
-    """The parameter of the surface point that a point is projected to by (5.17); NaN for one in no cell."""
+    """Return the parameter of the surface point that (x, y), m, is projected to by (5.17); NaN for one in no cell."""
     level, disk_x, disk_y = map_to_disk(chart, x, y)
     if level == OUTSIDE_CELLS:
         return np.nan
