@@ -88,6 +88,7 @@ class CheckSection:
     @property
     def metric(self) -> str:
         """What the check measures, where it is the same for all."""
+        # Verdicts in one row share their metric, so that the first tells it.
         names = {row[0].metric.name for row in self.rows if row[0].metric}
         return names.pop() if len(names) == 1 else ""
 
@@ -101,6 +102,7 @@ class CheckSection:
     def evidence(self) -> Sequence[tuple[str, Sequence[Cell]]]:
         """Each renderer that has evidence, and what it has by `keys`; one cell for equal ones that meet."""
         with_evidence = [verdict for row in self.rows for verdict in row if verdict.evidence]
+        # By column, since a cell spans the equal ones below it; then read row by row.
         columns = [list(_spanning_cells([verdict.evidence.get(key) for verdict in with_evidence])) for key in self.keys]
         return [
             (verdict.renderer, [cell for cells in columns if (cell := cells[k]) is not None])
@@ -136,8 +138,10 @@ def write_view(
 
     Raises `InputError` for a folder that holds other files than those of an earlier page.
     """
-    held_there = {file.name for file in folder.iterdir()} if folder.is_dir() else {""} if folder.exists() else set()
-    if held_there and not held_there >= VIEW_FILES:
+    # A file in the folder's place counts as foreign, under an empty name.
+    names_there = {file.name for file in folder.iterdir()} if folder.is_dir() else {""} if folder.exists() else set()
+    # A folder with a page of an earlier view is written over, any other is left alone.
+    if names_there and not names_there >= VIEW_FILES:
         raise InputError(
             f"'{folder}' is not empty and holds no page of an earlier view",
             why="files that hapticeval did not write are never overwritten",
@@ -200,8 +204,10 @@ def case_section(
     from hapticeval.phenomena.registry import CHECKS
 
     names = [entry.renderer for entry in entries]
+    # A renderer's look is its place in the whole report, not on this page.
     columns = list(dict.fromkeys([*order, *names]))
     looks = {name: look_of(columns.index(name)) for name in names}
+    # Verdicts of a run that broke say nothing: the page names them with the error.
     judged = [verdict for entry in entries if not entry.error for verdict in verdicts.get(entry.renderer, ())]
     drawable = {
         name: drawable_recording(recording)
@@ -211,9 +217,11 @@ def case_section(
     problems = {name: reason for name, reason in recordings.items() if isinstance(reason, str)}
     times = {name: [t for v in verdicts.get(name, ()) if (t := time_of(v)) is not None] for name in drawable}
     model = model_of(entries[0], next(iter(drawable.values()), None))
+    # A foreign recording may be of another space than the model that its entry names.
     if model is not None and any(recording.dimension != model.dimension for recording in drawable.values()):
         model = None
     is_led = any(recording.meta.get("source") in LED for recording in drawable.values())
+    # A bilateral surface holds the tool, unless the hand is led and only the IHIP is held.
     surface = model if entries[0].scene.bilateral and not is_led else None
     tracks = sample_tracks({name: drawable[name] for name in names if name in drawable}, times, held_on=surface)
     crosses = {
@@ -237,6 +245,7 @@ def case_section(
             ),
         }
         data = _script_data(tracks, panels, model, looks, names, crosses)
+    # Nothing was recorded: every renderer refused, and some say where.
     elif crosses and model is not None and model.dimension == 2:
         title = f"{label}: the outline of the model, and where renderers refuse it"
         figures = {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{prefix}p", title=title)}
@@ -246,6 +255,7 @@ def case_section(
             title, key = f"{name} in {label}: the charts", f"charts of {name}"
             figures[key] = atlas_svg(recording, model, prefix=f"{prefix}a{len(charts)}", title=title)
             charts.append((name, key, charts_words(recording)))
+    # Styles that several elements share are written once, in a sheet of the report.
     elements, styles = styles_as_classes(list(figures.values()))
     figures = dict(zip(figures, elements, strict=True))
     text = environment().get_template("case_section.html.j2").render(
@@ -286,6 +296,7 @@ def _failed_places(verdicts: Iterable[VerdictEntry], drawn_renderers: set[str]) 
         time = time_of(verdict)
         if time is not None and verdict.outcome is Outcome.FAIL and verdict.renderer in drawn_renderers:
             key = (verdict.renderer, time)
+            # Numbers from 1 in the order of the verdicts.
             place_by_key.setdefault(key, Place(len(place_by_key) + 1, *key))
     return list(place_by_key.values())
 
@@ -296,6 +307,7 @@ def _drawn_parts(tracks: Sequence[Track]) -> dict[tuple[float, float], list[str]
     for track in tracks:
         if track.left_out is not None:
             first, last = track.left_out
+            # s drawn at the beginning and at the end; each sample stands for one dt.
             seconds = first - float(track.time[0]) + track.dt, float(track.time[-1]) - last + track.dt
             parts.setdefault(seconds, []).append(track.name)
     return parts
@@ -305,6 +317,7 @@ def _check_sections(verdicts: Sequence[VerdictEntry]) -> list[CheckSection]:
     """The verdicts by check, what is not as expected first, then what failed."""
     checks: dict[str, dict[tuple[Any, ...], list[VerdictEntry]]] = {}
     for verdict in verdicts:
+        # Only verdicts that show nothing of their own can share a row.
         alike = verdict.metric is None and time_of(verdict) is None
         key = (verdict.outcome, verdict.message, verdict.level) if alike else (verdict.renderer,)
         checks.setdefault(verdict.check, {}).setdefault(key, []).append(verdict)
@@ -316,6 +329,7 @@ def _spanning_cells(values: Sequence[Any]) -> Iterator[Cell | None]:
     """The cells of a column: None where the one above reaches there."""
     for value, alike in groupby(values):
         rows = len(list(alike))
+        # The first of equal cells spans them all; the others are left out.
         yield Cell(value, rows)
         yield from [None] * (rows - 1)
 
@@ -337,6 +351,7 @@ def _script_data(
     """What the script reads: runs, panels and model, with the numbers of their arrays, and the arrays, packed."""
     packer = Packer()
     runs = pack_runs(tracks, packer)
+    # Keys are what assets/case.js reads.
     document = {
         "dimension": int(tracks[0].hip.shape[1]),
         "runs": [

@@ -34,6 +34,7 @@ def html_of(page: str) -> str:
     """Return a check's page in Markdown as HTML without its title; HTML in it is escaped."""
     from markdown_it import MarkdownIt
 
+    # Title off, links to checks into anchors of this page, other links to their text, headings one level down.
     body = HEADING.sub("### ", OTHER_LINK.sub(r"\1", CHECK_LINK.sub(r"](#\1)", TITLE.sub("", page))))
     return str(MarkdownIt("commonmark", {"html": False}).render(body))
 

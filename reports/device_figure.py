@@ -64,12 +64,14 @@ def _draw_side(axes: Axes, device: Parallelogram, joints: Array) -> None:
         axis = [-MM * constants.l4] * 2, [around[:, 1].min(), around[:, 1].max()]
         axes.plot(*axis, linewidth=1.3, linestyle="--", **SINGULAR_STYLE)
     for pose in lattice(flat, step=POSE_SPACING, clearance=POSE_CLEARANCE):
-        # The hand's distance from the base's axis, m.
+        # The hand's distance from the base's axis, m: near it a motion across takes large turns of the base.
         if not deep or constants.l4 * math.cos(pose[1]) - constants.l1 * math.sin(pose[0]) > 0.05:
             _draw_ellipse(axes, flat.position(pose), cartesian_inertia(flat, pose))
     words = f"inertia: half-axis {ELLIPSE_RADIUS:g} mm at 1 kg, ∝ √mass"
     axes.plot([], [], color=PALETTE["inertia"], linewidth=1.0, label=words)
+    # Shoulder and elbow, rad; the base's turn comes before them.
     linkage = joints[-2:]
+    # m, with the hand at the origin when all joints are zero.
     shoulder = np.array([-constants.l4, -constants.l1])
     elbow = shoulder + constants.l1 * np.array([-math.sin(linkage[0]), math.cos(linkage[0])])
     hand = flat.position(linkage)
@@ -90,6 +92,7 @@ def _draw_links(axes: Axes, points: Array, **style: Any) -> None:
 
 def _draw_ellipse(axes: Axes, centre: Array, inertia: Array, *, strong: bool = False) -> None:
     """The square root of M̂ as an ellipse: long where the hand feels heavy."""
+    # Principal masses (2,), kg, and their directions; half-axis d_i has length ELLIPSE_RADIUS sqrt(m_i).
     masses, directions = np.linalg.eigh(inertia)
     angles = np.linspace(0.0, 2.0 * math.pi, 73)
     circle = np.array([np.cos(angles), np.sin(angles)])
@@ -100,18 +103,22 @@ def _draw_ellipse(axes: Axes, centre: Array, inertia: Array, *, strong: bool = F
 def _draw_top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
     """From above: what the base sweeps, with the horizontal part of the inertia at the height of the pose."""
     outline, axis = device.section(), np.array([-device.constants.l4, 0.0])
+    # m from the base's axis, which lies l4 behind the hand at home.
     inner, outer = (device.constants.l4 + end for end in (outline[:, 0].min(), outline[:, 0].max()))
     turns = np.linspace(-BASE_LIMIT, BASE_LIMIT, 200)
     arc = np.column_stack([np.cos(turns), np.sin(turns)])
+    # The outer arc forwards and the inner one back.
     ring = MM * (axis + np.vstack([outer * arc, inner * arc[::-1]]))
     axes.fill(*ring.T, facecolor=PALETTE["inside"], edgecolor="none")
     for end, label in zip((arc[0], arc[-1]), (None, "x₁ at its limit"), strict=True):
         axes.plot(*(MM * np.array([axis, axis + outer * end]).T), color=INK, linewidth=1.3, label=label)
     axes.plot(*(MM * axis), "x", markersize=7, markeredgewidth=1.6, zorder=5, **SINGULAR_STYLE)
+    # m; + 0.0 takes the sign off a zero.
     height = round(float(device.position(joints)[2]), 12) + 0.0
     flat = Parallelogram2(device.constants)
     for turn in np.arange(-3, 4) * 0.7:
         for reach in (0.25, 0.4, 0.55):
+            # Where no joints reach the place there is nothing to draw.
             with suppress(DomainError):
                 pose = np.array([turn, *flat.joints((reach - device.constants.l4, height))])
                 if device.margin(pose) > 0.0:
@@ -130,7 +137,9 @@ def _draw_joint_space(axes: Axes, device: Parallelogram, joints: Array) -> None:
     axes.fill(*ends.T, facecolor=PALETTE["inside"], edgecolor="none")
     if isinstance(device, Parallelogram3):
         shoulder, elbow = np.meshgrid(np.linspace(-2.1, 2.5, 300), np.linspace(-1.1, 2.4, 300))
+        # m: the hand's distance from the base's axis; the device is singular where it is 0.
         reach = device.constants.l4 * np.cos(elbow) - device.constants.l1 * np.sin(shoulder)
+        # The linkage's limits, rad.
         within = (np.abs(shoulder - elbow) <= 1.0) & (elbow >= -1.0) & (elbow <= 2.3) & (shoulder <= 2.4)
         field = shoulder, elbow, np.where(within, reach, np.nan)
         axes.contourf(*field, levels=[-10.0, 0.0], colors=[PALETTE["model"]])

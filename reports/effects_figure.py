@@ -80,6 +80,7 @@ def effects_alone(results: ResultsDocument) -> list[tuple[Effect, RunEntry]]:
     for run in results.runs:
         if not run.scene.effects or run.error or run.refusal or run.recording is None:
             continue
+        # Effects of device and sensors may be there as well: they belong to the robot.
         called = [effect for effect in map(make_effect, run.scene.effects) if effect.stage is Stage.ANSWER]
         if len(called) == 1 and called[0].kind in PANELS:
             alone_by_kind.setdefault(called[0].kind, (called[0], run))
@@ -109,13 +110,14 @@ def draw_effect(axes: Axes, effect: Effect, recording: Recording, model: Model) 
 
 
 def sliding_motion(recording: Recording, model: Model) -> tuple[Array, Array, Array]:
-    """Return, of a hand in contact, its way along the surface (n,), m, and the force along it and across, (n,), N.
+    """Return how far a hand in contact has slid (n,), m, and the force along the surface and across it, (n,), N.
 
     The way is the sum of the hand's steps along the surface; its sense, and that of the force, is that of the first of
     them that counts.
     """
     normal = model.boundary.closest_point(recording.hip).normal
     steps = np.diff(recording.hip, axis=0, prepend=recording.hip[:1])
+    # m: the step's part along the surface.
     steps -= np.sum(steps * normal, axis=1)[:, np.newaxis] * normal
     along = _sliding_directions(steps, normal)
     across = np.sum(recording.force * normal, axis=1)
@@ -128,10 +130,12 @@ def _sliding_directions(steps: Array, normal: Array) -> Array:
     In the plane it is the normal's right angle; in space the hand's largest step, carried along.
     """
     if normal.shape[1] == 2:
+        # The normal turned by 90 degrees, forwards in the sense of the longest step.
         turned = np.column_stack([-normal[:, 1], normal[:, 0]])
         largest = int(np.argmax(np.linalg.norm(steps, axis=1)))
         return turned * (1.0 if steps[largest] @ turned[largest] >= 0.0 else -1.0)
     ahead = steps[int(np.argmax(np.linalg.norm(steps, axis=1)))]
+    # The one direction projected onto each tangent plane, then normalised.
     carried = ahead - (normal @ ahead)[:, np.newaxis] * normal
     return np.asarray(carried / np.maximum(np.linalg.norm(carried, axis=1), 1e-300)[:, np.newaxis])
 
@@ -143,12 +147,14 @@ def contact_stretches(recording: Recording) -> list[tuple[int, int]]:
 
 def work_on_hand(recording: Recording) -> Array:
     """Return the work that the hand has got of the force, (n,), J: the force times the hand's way, trapezoidal."""
+    # W = sum of (F_k + F_k+1) / 2 . (x_k+1 - x_k), J.
     mean = 0.5 * (recording.force[1:] + recording.force[:-1])
     return np.append(0.0, np.cumsum(np.sum(mean * np.diff(recording.hip, axis=0), axis=1)))
 
 
 def _draw_slip(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
     travelled, along, across = sliding_motion(recording, model)
+    # Friction is a ratio only where the surface is pressed.
     pressed = across > 0.0
     ratio = np.where(pressed, along / np.where(pressed, across, 1.0), np.nan)
     axes.plot(MM * travelled, ratio, color=colour_of("hip"))
@@ -167,6 +173,7 @@ def _draw_spectrum(axes: Axes, recording: Recording, model: Model, effect: Any) 
 
     from hapticeval.effects.texture import power_spectrum
 
+    # The longest contact, of which the first WELCH_SAMPLES are left to settle.
     first, end = max(contact_stretches(recording), key=lambda rows: rows[1] - rows[0], default=(0, 0))
     travelled, along, across = sliding_motion(recording, model)
     values = (across if effect.direction == "normal" else along)[first + WELCH_SAMPLES : end]
@@ -175,7 +182,9 @@ def _draw_spectrum(axes: Axes, recording: Recording, model: Model, effect: Any) 
         return
     rate = 1.0 / recording.dt
     frequency, power = welch(values, fs=rate, nperseg=WELCH_SAMPLES)
+    # m/s, over the same samples as the spectrum.
     speed = float(np.mean(np.abs(np.gradient(travelled, recording.time)[first + WELCH_SAMPLES : end])))
+    # The filter makes accelerations, m/s²: force is mass times that, its power mass² times.
     model_power = effect.mass**2 * power_spectrum(
         effect.model.between(speed, float(np.mean(across[first + WELCH_SAMPLES : end]))), rate, frequency
     )
@@ -183,6 +192,7 @@ def _draw_spectrum(axes: Axes, recording: Recording, model: Model, effect: Any) 
         (power, "hip", "-", f"the force, Welch of {WELCH_SAMPLES}"),
         (model_power, "ihip", (0, (4, 1.2)), "the texture's filter"),
     ):
+        # The first entry is the mean, not a vibration.
         axes.plot(frequency[1:], 10.0 * np.log10(density[1:]), color=colour_of(role), linestyle=style, label=label)
     axes.set(xlabel="frequency (Hz)", ylabel="force (dB of 1 N²/Hz)")
     axes.legend(loc="upper right")
@@ -194,11 +204,13 @@ def _draw_work(axes: Axes, recording: Recording, model: Model, effect: Effect) -
 
     work, hip = 1e3 * work_on_hand(recording), recording.hip
     first, period, number = next(iter(laps(hip, model.size)), (0, len(recording) - 1, 1))
+    # Whole laps only, the closing sample included; the whole run where there is no lap.
     rows = slice(first, first + number * period + 1)
     travelled = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(hip[rows], axis=0), axis=1)))
     work = work[rows] - work[first]
     axes.plot(MM * travelled, work, color=colour_of("hip"))
     axes.plot(MM * travelled[::period], work[::period], "o", color=colour_of("mark"), markersize=4)
+    # mJ: positive where the effect gives energy to the hand.
     a_lap = (work[-1] - work[0]) / number
     words = f"{a_lap:+.3g} mJ a lap" if abs(a_lap) > ROUNDING_SHARE * np.ptp(work) else "nothing in a lap"
     axes.annotate(words, (1.0, 1.0), xycoords="axes fraction", ha="right", va="bottom")
@@ -206,13 +218,16 @@ def _draw_work(axes: Axes, recording: Recording, model: Model, effect: Effect) -
 
 
 def _draw_transient(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
+    # The first contact whose beginning was recorded.
     begins = next((first for first, _ in contact_stretches(recording) if first > 0), 0)
     start = recording.time[begins]
     drawn = (recording.time >= start - SECONDS_BEFORE) & (recording.time <= start + SECONDS_AFTER)
     _, _, across = sliding_motion(recording, model)
+    # m: 0 outside the model.
     depth = np.maximum(-model.boundary.closest_point(recording.hip).distance, 0.0)
     time = 1e3 * (recording.time[drawn] - start)
     axes.step(time, across[drawn], where="post", color=colour_of("hip"), label="force across")
+    # Narrower, with room for the second axis on the right.
     axes.set_position((*PANEL_AREA[:2], 0.72, PANEL_AREA[3]))
     depth_axes = axes.twinx()
     depth_axes.plot(
@@ -253,6 +268,7 @@ def cost_svg(document: EffectsDocument) -> str:
 def _draw_cost(axes: Axes, ladder: Ladder) -> None:
     counts = range(len(ladder.rungs))
     for times, role, marker, label in (
+        # s an answer, with one effect more from rung to rung.
         ([rung.tested for rung in ladder.rungs], "ihip", "s", "an engine with all of them, which tests flags"),
         ([rung.composed for rung in ladder.rungs], "hip", "o", "composed of those called for"),
     ):
@@ -266,6 +282,7 @@ def _draw_cost(axes: Axes, ladder: Ladder) -> None:
         )
     axes.set_xticks(list(counts), [f"+ {rung.kinds[-1]}" if rung.kinds else "none" for rung in ladder.rungs])
     axes.tick_params(axis="x", labelsize=6.5, labelrotation=25.0)
+    # Slanted names end at their tick.
     for text in axes.get_xticklabels():
         text.set(ha="right", rotation_mode="anchor")
     axes.set_ylabel("an answer (ns)")

@@ -84,6 +84,7 @@ def _closed_form_rows(results: ResultsDocument) -> Iterator[list[str]]:
 
 
 def _answer_words(value: str | None, published: str | None) -> str:
+    # What is published is named only where it differs.
     return value or "--" if published in (None, value) or value is None else f"{value} (published: {published})"
 
 
@@ -109,8 +110,10 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
     folder = directory / FOLDER
     try:
         for sheet in sheets(results):
+            # Numbers as names first: headings may repeat, and pandas then takes them back.
             frame = pd.DataFrame(sheet.rows, columns=range(len(sheet.header)), dtype=str)
             frame.columns = pd.Index(sheet.header)
+            # A cell that a spreadsheet would run as a formula is escaped.
             texts = {"csv": frame.map(csv_cell).rename(columns=csv_cell).to_csv(index=False)}
             if sheet.caption:
                 texts["tex"] = (
@@ -134,6 +137,7 @@ LATEX_ESCAPES = {
 def _latex_table(sheet: Sheet, frame: pd.DataFrame) -> str:
     """Return a table as LaTeX, small enough for a page. What is set before a float does not reach into it."""
     columns, size = _latex_columns(sheet)
+    # A float fits one page at most.
     environment = "longtable" if len(sheet.rows) > LONG_TABLE_ROWS else "tabular"
     cells = frame.map(_latex_text).rename(columns=_latex_text)
     table = cells.to_latex(
@@ -143,6 +147,7 @@ def _latex_table(sheet: Sheet, frame: pd.DataFrame) -> str:
         longtable=environment == "longtable",
         column_format=columns,
     )
+    # The size has to hold inside the table's own group.
     begin, end = (f"\\{command}{{{environment}}}" for command in ("begin", "end"))
     small = f"{{{size}\\setlength{{\\tabcolsep}}{{2pt}}\n{begin}"
     return table.replace(begin, small).replace(end, f"{end}}}") if size else table
@@ -165,19 +170,24 @@ def _latex_columns(sheet: Sheet) -> tuple[str, str]:
     """
     columns = list(zip(sheet.header, *sheet.rows, strict=True))
     longest = [max(map(len, column)) for column in columns]
+    # All cells fit on a line each, at the size of the text.
     if sum(longest) + COLUMN_GAP * len(columns) <= LINE_CHARACTERS[""]:
         return "l" * len(columns), ""
+    # A cell may be broken at spaces and after the signs that LATEX_ESCAPES lets break.
     parts = ([word for cell in column for word in re.split(r"\s|(?<=\w)[-+@/]", cell)] for column in columns)
     words = [max(map(len, words_of_column)) + COLUMN_GAP for words_of_column in parts]
     size = r"\scriptsize" if sum(words) <= LINE_CHARACTERS[r"\scriptsize"] else r"\tiny"
     room = [max(cell_width + COLUMN_GAP - word, 0) for cell_width, word in zip(longest, words, strict=True)]
+    # What is left of the line, as a share of what the cells would still take.
     free = max(LINE_CHARACTERS[size] - sum(words), 0) / max(sum(room), 1)
     widths = [word + min(free, 1.0) * more - COLUMN_GAP for word, more in zip(words, room, strict=True)]
+    # From characters to shares of the line.
     scale = 1.0 / max(LINE_CHARACTERS[size], sum(words))
     return "".join(rf">{{\raggedright\arraybackslash}}p{{{scale * width:.3f}\linewidth}}" for width in widths), size
 
 
 def _latex_text(text: str) -> str:
+    # A minus, not a hyphen, before a number.
     sign, text = (r"$-$", text[1:]) if re.match(r"-\d", text) else ("", text)
     return sign + "".join(LATEX_ESCAPES.get(character, character) for character in printable(text))
 
@@ -190,6 +200,7 @@ def write_figures(directory: Path, results: ResultsDocument, globs: Sequence[str
     """
     written: list[Path] = []
     for glob in globs:
+        # A run without a recording has nothing to draw.
         chosen = [run for run in results.runs if run.recording and fnmatchcase("/".join(run.key), glob)]
         if not chosen:
             raise NothingSelectedError(

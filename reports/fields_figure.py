@@ -61,6 +61,7 @@ def write_flow(
     with _model_figure(model.boundary, max(xmax - xmin, ymax - ymin), title, below=0.85) as (fig, axes, _):
         if flow is not None:
             points = MM * flow.points
+            # Every fourth level, closed on its first point.
             levels = [[*level, level[0]] for level in points[LEVEL_STRIDE::LEVEL_STRIDE]]
             _add_lines(axes, levels, "tool", "levels")
             _add_lines(
@@ -80,10 +81,12 @@ def _model_figure(surface: Any, size: float, title: str, *, below: float) -> Ite
     """A figure with a model in the plane, to scale; `below` (inches) is the room under its axes. Also its outline."""
     xmin, ymin, xmax, ymax = (MM * bound for bound in surface.bounds)
     pad = MARGIN_SHARE * MM * size
+    # Inches: as high as the model needs at one scale for both axes.
     tall = PLOT * (ymax - ymin + 2.0 * pad) / (xmax - xmin + 2.0 * pad)
     width, height = LEFT + PLOT + RIGHT, below + tall + ABOVE
     with figure(width, height, settings=BOXED) as fig:
         axes = fig.add_axes((LEFT / width, below / height, PLOT / width, tall / height))
+        # Fine enough for round parts, and for every corner of a polygon.
         points = MM * surface.points(max(2000, 8 * len(surface.corners)))
         (outline,) = axes.fill(points[:, 0], points[:, 1], facecolor=PALETTE["model"], edgecolor="none")
         axes.plot(points[:, 0], points[:, 1], color=INK, linewidth=1.3, zorder=3)
@@ -105,12 +108,14 @@ def caption(summary: Mapping[str, Any]) -> str:
     parts, jump = [], ""
     if singular["length_m"] > 0.0:
         parts.append(f"{quantity(singular['length_m'], 'm')} of lines")
+        # The largest step of the IHIP across the discontinuity.
         jump = f", jumps up to {quantity(singular['largest_jump_m'], 'm')}"
     if singular["points"]:
         count = len(singular["points"])
         parts.append(f"{count} single point{'' if count == 1 else 's'}")
     share = f"{100 * singular['share_within']:.3g} % of the inside within {quantity(singular['within_m'], 'm')} of it"
     lines = [f"Discontinuous: {' and '.join(parts)}{jump}; {share}" if parts else "No discontinuity found"]
+    # |dIHIP| / |dHIP|: 1 copies the hand, more amplifies it.
     rates = " / ".join(f"{amplification[name]:.3g}" for name in ("median", "p95", "max"))
     lines.append(f"Amplification |dIHIP| / |dHIP|: {rates} (median / 95 % / largest on the lattice)")
     if summary.get("shallow_angle_deg"):
@@ -131,6 +136,7 @@ def _draw_field(axes: Axes, field: Field, outline: Polygon) -> None:
     """The lines of constant projection, where the IHIP rests, and the singular set, mm."""
     import shapely
 
+    # Areas first, then lines, then the discontinuity over them.
     _draw_rests(axes, field, outline)
     _add_lines(axes, [_simplified_line(shapely.LineString(line)) for line in field.lines if len(line) > 1], "line",
            "constant projection")  # fmt: skip
@@ -141,6 +147,7 @@ def _draw_field(axes: Axes, field: Field, outline: Polygon) -> None:
         _add_lines(axes, jumps, "jump", "discontinuity", linewidths=1.6, zorder=4)
     points = MM * field.singular.points
     if len(points):
+        # The legend names the discontinuity once.
         label = "single point" if not jumps else None
         axes.plot(*points.T[:2], "o", color=PALETTE["jump"], markersize=5, zorder=4, label=label)
     if field.start is not None:
@@ -159,9 +166,11 @@ def _draw_rests(axes: Axes, field: Field, outline: Polygon) -> None:
     from matplotlib.colors import ListedColormap
     from scipy.ndimage import binary_opening
 
+    # Without what is narrower than two lattice steps, which is noise of the sampling.
     resting = binary_opening(field.rests, np.ones((2, 2), dtype=bool))
     if not resting.any():
         return
+    # Masked cells stay transparent.
     tint = np.ma.masked_array(np.ones(resting.shape), mask=~resting)
     colours = ListedColormap([PALETTE["rests"]])
     x, y = MM * field.lattice.x, MM * field.lattice.y

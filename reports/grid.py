@@ -103,10 +103,13 @@ SIX_PHENOMENA = (
 def state_of(verdict: VerdictEntry) -> State:
     """Return what a verdict means."""
     outcome, published = verdict.outcome, verdict.published
+    # On the user's list of known failures: it warns where it does not fail any more.
     if verdict.known is not None:
         return State.WARNING if verdict.outdated else State.KNOWN
+    # A renderer that broke is an error whatever was published.
     if not verdict.as_expected and published is not None and outcome is not Outcome.ERROR:
         return State.DIFFERS
+    # As published: what fails, breaks or cannot decide is then known, and no surprise.
     if published is not None and outcome is published:
         return (
             State.KNOWN
@@ -115,6 +118,7 @@ def state_of(verdict: VerdictEntry) -> State:
         )
     if outcome is Outcome.NOT_APPLICABLE or outcome is Outcome.ERROR:
         return _state_of_outcome(outcome)
+    # After the above, so that a published outcome of level info still counts.
     if verdict.level is Level.INFO:
         return State.NOT_JUDGED
     return State.WARNING if verdict.warns else _state_of_outcome(outcome)
@@ -129,10 +133,13 @@ def bound_share(verdict: VerdictEntry) -> float | None:
     if verdict.metric is None or verdict.bound is None or verdict.bound < 0.0:
         return None
     value = verdict.metric.value
+    # A metric that was not finite is stored as none: it is beyond any bound.
     if value is None:
         return math.inf
+    # A bound of zero has no shares: it is kept or broken.
     if verdict.bound == 0.0:
         return math.inf if value > 0.0 else 0.0
+    # 1 is at the bound; a metric below zero has all of its bound left.
     return max(value, 0.0) / verdict.bound
 
 
@@ -170,6 +177,7 @@ class Tile:
     def heat(self) -> int:
         """From 1 to 3: how close to its bound the worst passes (half, nine tenths), or how far beyond it is (2, 10)."""
         load = _bound_load(self.worst) if isinstance(self.worst, VerdictEntry) else 0.0
+        # Shares of the bound: how much a pass uses, how many times a failure is beyond.
         limits = (0.5, 0.9) if self.state is State.PASS else (2.0, 10.0)
         return 1 + sum(load >= limit for limit in limits)
 
@@ -222,10 +230,12 @@ def phenomenon_grid(results: ResultsDocument) -> Grid:
     groups = {
         name: _column_of(CHECKS[name]) if name in CHECKS else OTHER for name in {v.check for v in results.verdicts}
     }
+    # In the thesis's order; a phenomenon that no check was asked of has no column.
     columns = [name for name in (*SIX_PHENOMENA, HELD, EFFECTS, OTHER) if name in groups.values()]
     verdicts_by_cell: dict[tuple[str, str], list[VerdictEntry]] = {}
     for verdict in results.verdicts:
         verdicts_by_cell.setdefault((verdict.renderer, groups[verdict.check]), []).append(verdict)
+    # A dict as a set that keeps the order.
     names = {entry.renderer: None for entry in results.entries()}
     return Grid(
         columns,
@@ -247,6 +257,7 @@ def _column_of(check: object) -> str:
     from hapticeval.phenomena.check import Check
 
     assert isinstance(check, Check)
+    # The six first: a check of an effect may be about one of them.
     if check.phenomenon in SIX_PHENOMENA:
         return check.phenomenon
     if check.effects:
@@ -265,6 +276,7 @@ def case_grid(results: ResultsDocument, suite: str) -> Grid:
         for name in renderers:
             run = by_key.get((suite, case, name))
             verdicts = results.verdicts_of.get((suite, case, name), [])
+            # A run that broke before any check has no verdict to stand for it.
             broken = [run] if run is not None and run.error and not verdicts else []
             tiles.append(Tile(verdicts, broken) if verdicts or broken else None)
         rows.append((case, tiles))
@@ -274,6 +286,7 @@ def case_grid(results: ResultsDocument, suite: str) -> Grid:
 def state_counts(results: ResultsDocument) -> list[tuple[State, int]]:
     """Return how many verdicts have each state, of those that there are: what calls for attention, then what passes."""
     counts = Counter(map(state_of, results.verdicts))
+    # False sorts first: grave states, then warnings, then passes, then the others by gravity.
     order = sorted(State, key=lambda state: (not state.grave, state is not State.WARNING, state is not State.PASS))
     return [(state, counts[state]) for state in order if counts[state]]
 
@@ -285,6 +298,7 @@ def headline(results: ResultsDocument) -> str:
     if results.all_refused:
         return "Every renderer refused every case"
     broken = sum(run.error is not None for run in results.runs)
+    # Incomplete runs have been dealt with: what is counted here did run.
     unexpected = sum(not verdict.as_expected for verdict in results.verdicts)
     are = "is" if unexpected == 1 else "are"
     parts = [f"{unexpected:,} of {_plural(results.ran, 'verdict')} {are} not as expected"] * bool(unexpected)
@@ -320,6 +334,7 @@ def worst_verdicts(results: ResultsDocument, count: int) -> list[VerdictEntry]:
     grave = [verdict for verdict in unexpected if not results.lost(verdict)]
     candidates = grave or [verdict for verdict in results.verdicts if state_of(verdict) is State.KNOWN]
     worst_by_check: dict[tuple[str, ...], VerdictEntry] = {}
+    # The first of each key is the worst, as the gravest come first.
     for verdict in gravest_first(candidates):
         worst_by_check.setdefault((verdict.check, verdict.renderer) if grave else (verdict.check,), verdict)
     return list(worst_by_check.values())[:count]
@@ -342,6 +357,7 @@ def hard_cases(results: ResultsDocument) -> tuple[Sequence[str], Sequence[HardCa
     """
     verdicts_by_case: dict[tuple[str, str], dict[str, VerdictEntry]] = {}
     for verdict in results.verdicts:
+        # Only the check on precision gives digits.
         if isinstance(verdict.evidence.get("digits"), int | float):
             verdicts_by_case.setdefault((verdict.suite, verdict.case), {})[verdict.renderer] = verdict
     names = [name for name in results.renderers if any(name in row for row in verdicts_by_case.values())]
@@ -359,4 +375,5 @@ def _whole_digits(verdict: VerdictEntry | None) -> int | None:
 def gravest_first(verdicts: Iterable[VerdictEntry]) -> list[VerdictEntry]:
     """Return verdicts, the gravest first."""
     order = list(State).index
+    # By state, then by how much of its bound is used, the most first.
     return sorted(verdicts, key=lambda verdict: (order(state_of(verdict)), -_bound_load(verdict)))

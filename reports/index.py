@@ -112,6 +112,7 @@ def render_index(
     from hapticeval.closed_forms import CLOSED_FORMS
 
     worst = worst_verdicts(results, MOST_FAILURES)
+    # Reversed, so that the first of several failures of a run wins: it has the figure.
     first = {verdict.key: verdict for verdict in reversed(worst)}  # of several failures of a run, one has the figure
     failures = [
         (verdict, (drawings or {}).get(verdict.key, Drawing()) if first[verdict.key] is verdict else Drawing())
@@ -124,11 +125,13 @@ def render_index(
     costs_svg = "" if costs is None else cost_svg(costs)
     drawn = [*(drawing.svg for _, drawing in failures), *(svg for _, svg in plots), *(effect.svg for effect in effects)]
     elements, styles = styles_as_classes([*drawn, *pictures, costs_svg])
+    # The same order as in `drawn`: each place below takes the next element.
     svgs = iter(elements)
     known = judged_checks(results)
     recorded = {run.renderer for run in results.runs if run.is_recorded}
     names, hard = hard_cases(results)
     replays = [run for run in results.runs if run.replay]
+    # Shown from the folder replay/, where the results themselves are no replay.
     replayed_beside = not replays and replayed is not None
     if replayed is not None and replayed_beside:
         replays = [run for run in replayed.runs if run.replay]
@@ -139,6 +142,7 @@ def render_index(
     def to(entry: VerdictEntry | RunEntry) -> str:
         if isinstance(entry, RunEntry):
             return page(entry.suite, entry.case)
+        # On the one page an anchor names suite and case too.
         if single:
             return f"#{anchor(*entry.key, entry.check)}"
         return f"{case_file(entry.suite, entry.case)}#{anchor(entry.renderer, entry.check)}"
@@ -246,6 +250,8 @@ def _closed_form_tables(results: ResultsDocument, checks: set[str]) -> list[tupl
             grouped.setdefault((verdict.suite, verdict.case), []).append(verdict)
     tables = []
     for key, verdicts in grouped.items():
+        # For instance "Table 7.1": the number in print.
         cited = re.search(r"Table (\d+\.\d+)", runs[key].citation or "")
         tables.append((runs[key], verdicts, cited[1] if cited else ""))
+    # False sorts first: tables with a number before those without.
     return sorted(tables, key=lambda table: (not table[2], table[2]))

@@ -45,6 +45,7 @@ def write_integrity(
         for axes, name in zip(channels, names, strict=True):
             _draw_channel(axes, recording, name, valid)
             _draw_findings(axes, [fault for fault in report.faults if fault.channel.partition(".")[0] == name])
+        # ms; from whole nanoseconds, as differences of seconds would show rounding.
         steps = 1e3 * np.diff(recording.nanoseconds) * 1e-9
         clock.plot(recording.time[1:], steps, ".", color=INK, markersize=1.5, rasterized=True)
         clock.set(ylabel="step (ms)", xlabel="time (s)")
@@ -72,6 +73,7 @@ def _draw_channel(axes: Axes, recording: Recording, name: str, valid: BoolArray)
     signal = recording.signals[name]
     for k, column in enumerate(columns):
         label = "xyz"[k] if signal.frame == "world" else str(k)
+        # NaN breaks the line where a row is left out.
         valid_values = np.where(valid, column, np.nan)
         axes.plot(recording.time, valid_values, color=LINE_COLOURS[k % len(LINE_COLOURS)], linewidth=0.8, label=label)
     if len(columns) > 1:
@@ -83,6 +85,7 @@ def _draw_channel(axes: Axes, recording: Recording, name: str, valid: BoolArray)
 
 def _draw_findings(axes: Axes, faults: Sequence[Issue]) -> None:
     """What was found, over its times: a line for a moment, a band for a stretch."""
+    # A finding about the whole channel has no time, and stands in the text only.
     for fault in faults[:MOST_FINDINGS]:
         if fault.time is not None:
             axes.axvspan(*fault.time, color=FINDING_COLOURS[fault.severity], alpha=0.5, linewidth=1.2)

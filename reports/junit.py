@@ -34,6 +34,7 @@ def junit(results: ResultsDocument) -> str:
     for run in results.runs:
         suite = suite_of(run)
         suite.set("time", f"{float(suite.get('time', '0')) + run.wall_seconds:.3f}")
+        # With verdicts, each of them carries the error; without any, the run is a testcase.
         if run.error and run.key not in results.verdicts_of:
             text = "\n".join(filter(None, (run.error.why, run.error.todo)))
             _add_result(_add_testcase(suite, run, "run"), "error", run.error.what, text)
@@ -44,6 +45,7 @@ def junit(results: ResultsDocument) -> str:
         suite = ET.SubElement(root, "testsuite", name="hapticeval: completeness", time="0")
         case = ET.SubElement(suite, "testcase", classname="hapticeval", name="every planned verdict ran")
         _add_result(case, "error", ran_words(results), "Verdicts that did not run are not shown below or above.")
+    # Counted last, when every testcase has its outcome; the root counts those of all suites.
     for element in (*root, root):
         for name, tag in (("tests", "testcase"), ("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
             element.set(name, str(sum(1 for _ in element.iter(tag))))
@@ -78,8 +80,10 @@ def _add_verdict(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped
     warning = "warning: " * verdict.warns
     if outcome is Outcome.ERROR:
         _add_result(case, "error", text)
+    # What fails the gate, strict or not, is a failure here too.
     elif stopped:
         differs = f"{outcome}, published {published}: " if published else ""
+        # On the list of known failures and no failure any more.
         if verdict.outdated:
             differs = f"{outcome}, and on the list of known failures ({verdict.known}): "
         _add_result(case, "failure", differs + text, "The outcome differs from the published one." if published else "")
@@ -94,6 +98,7 @@ def _add_verdict(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped
 
 def _add_result(case: ET.Element, kind: str, message: str, text: str = "") -> None:
     element = ET.SubElement(case, kind, message=_xml_text(message))
+    # The schema has no type for what was skipped.
     if kind != "skipped":
         element.set("type", kind)
     element.text = _xml_text(text) or None

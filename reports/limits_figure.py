@@ -45,8 +45,10 @@ def _draw_z_width(axes: Axes, document: Mapping[str, Any]) -> None:
         axes.plot([], [], color=QUIET, label="passive (2.40)", **passive)
     place = [document["damping"]], [1e-3 * document["stiffness"]]
     axes.plot(*place, "o", color=PALETTE["jump"], label="the scene", zorder=5, clip_on=False)
+    # kN/m: linear below, so that zero stiffness has a place.
     axes.set_yscale("symlog", linthresh=0.1)
     axes.set_ylim(bottom=0.0)
+    # N s/m: linear up to the first damping above zero.
     axes.set_xscale("symlog", linthresh=document["width"][-1]["damping"][1])
     axes.set_xlim(left=0.0)
     axes.set_xticks([0.0, *(10.0**power for power in range(-2, 4))])
@@ -56,12 +58,14 @@ def _draw_z_width(axes: Axes, document: Mapping[str, Any]) -> None:
 def _draw_delay(axes: Axes, document: Mapping[str, Any]) -> None:
     """K over the delay. Wide under narrow and broken, and not clipped: where both are zero they lie on the axis."""
     curve = document["delay"]
+    # ms and kN/m.
     delay, limit = 1e3 * np.array(curve["delay"]), _thousands(curve["eigenvalues"])
     axes.plot(delay, limit, color=SAMPLING_TIME_COLOURS[0], linewidth=3.5, label="eigenvalues", clip_on=False)
     axes.axhline(1e-3 * document["stiffness"], color=PALETTE["jump"], linewidth=1.0, linestyle="-.", label="the scene")
     if document["passive"] is not None:
         style: dict[str, Any] = {"color": SAMPLING_TIME_COLOURS[2], "linestyle": "--", "linewidth": 1.2}
         axes.plot(delay, _thousands(curve["passive"]), label="passive (2.40)", clip_on=False, **style)
+    # None stands for no limit: any stiffness is stable.
     if not any(value is None or value > 0.0 for value in curve["eigenvalues"]):
         axes.text(0.5, 0.5, "no stiffness is stable at any delay", transform=axes.transAxes, ha="center", fontsize=9)
     axes.set_ylim(bottom=0.0)
@@ -77,6 +81,7 @@ def _draw_workspace(axes: Axes, document: Mapping[str, Any]) -> None:
     mesh = axes.pcolormesh(first, second, limits, cmap="cividis", shading="nearest", rasterized=True)
     axes.figure.colorbar(mesh, ax=axes, shrink=0.85, label="stiffness K (kN/m)")
     point = 1e3 * np.array(document["point"])
+    # The first and the last coordinate: in space the plane is the linkage's.
     axes.plot([point[0]], [point[-1]], "o", color=PALETTE["jump"], label="the place", zorder=5)
     names = [f"y{'₀₁₂₃'[int(name[1:])]} (mm)" for name in workspace["axes"]]
     axes.set(xlabel=names[0], ylabel=names[1], title="Workspace, worst wall direction", aspect="equal")

@@ -20,6 +20,7 @@ ROOT = "../../"
 
 def anchor(*names: str) -> str:
     """Return the id of `renderer/check` on the page of a case, of `suite/case/renderer/check` on that of all."""
+    # Quoted as in a URL, so that the link and the id are the same text.
     return "/".join(quote(name, safe="@+:,~", errors="surrogatepass") for name in names)
 
 

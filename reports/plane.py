@@ -43,6 +43,7 @@ def draw_plane(
     coordinates = widest_coordinates(recording.hip)
     name_axes(axes, coordinates, recording.hip.shape[1])
     columns = list(coordinates)
+    # From here on the run is one in the plane: its shadow.
     channels = {name: getattr(recording, name)[:, columns] for name in ("hip", "ihip", "force")}
     recording = Recording(recording.time, channels, recording.meta)
     points = MM * np.vstack([recording.hip, recording.ihip])
@@ -65,7 +66,9 @@ def draw_plane(
     if flat is not None and view[2] - view[0] < OVERVIEW_BELOW * flat.size * MM:
         _draw_overview(axes, corners.pop(0), flat, view)
     depths = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)
+    # mm: HIP and IHIP would fall into one dot.
     if 0.0 < depths.max() < LENS_BELOW * (view[2] - view[0]):
+        # A failed mark deep enough to be seen, else the deepest sample.
         deep = [ticks[number] for number in ticks if number in failed and depths[ticks[number]] > 0.3 * depths.max()]
         tick = deep[0] if deep else int(np.argmax(depths))
         _draw_lens(axes, corners.pop(0), recording, body, tick, float(depths.max()))
@@ -85,7 +88,11 @@ def refusal_svg(model: Model, position: Sequence[float], *, prefix: str = "f", t
 
 
 def widest_coordinates(hips: Array) -> tuple[int, int]:
-    """Return the two coordinates of (n, N) in which the HIP moves most, in order."""
+    """Return the two coordinates in which the hand moves most, in order.
+
+    `hips` (n, N), m, are the hand's places; coordinates count from 0.
+    """
+    # A stable sort: of equal ranges the later coordinates are chosen.
     first, second = sorted(np.argsort(np.ptp(hips, axis=0), kind="stable")[-2:].tolist())
     return int(first), int(second)
 
@@ -93,15 +100,20 @@ def widest_coordinates(hips: Array) -> tuple[int, int]:
 def name_axes(axes: Axes, coordinates: tuple[int, int], dimension: int) -> None:
     """Label a plane with its two coordinates, and with the direction from which a run in space is seen."""
     first, second = ("₁₂₃"[axis] for axis in coordinates)
+    # The coordinates' numbers add up to 3, so that the third is 3 less the two.
     along = f", seen along y{'₁₂₃'[3 - sum(coordinates)]}" if dimension == 3 else ""
     axes.set(xlabel=f"y{first} (mm){along}", ylabel=f"y{second} (mm)")
     axes.yaxis.set_label_coords(-0.13, 0.5)
 
 
 def labels(numbers: Sequence[int], places: Sequence[Array], near: float) -> list[tuple[Array, str]]:
-    """Return where to write which numbers: marks closer than `near` to one another share a label, as in "1,3"."""
+    """Return where to write which numbers: marks closer than `near` to one another share a label, as in "1,3".
+
+    `places` are points (2,) or (1,) in the unit of their axes, mm or s, and so is `near`.
+    """
     groups: list[tuple[Array, list[int]]] = []
     for number, place in zip(numbers, places, strict=True):
+        # The first group that is near enough; its first place is where all are written.
         group = next((group for group in groups if np.linalg.norm(place - group[0]) < near), None)
         if group is None:
             groups.append((place, [number]))
@@ -117,7 +129,8 @@ def aspect_of(axes: Axes) -> float:
 
 
 def box_round(centre: Array, size: Array, aspect: float) -> Box:
-    """Return the smallest box about `centre` that holds `size` and is `aspect` times as wide as high, mm."""
+    """Return the smallest box about `centre` (2,) that holds `size` (2,), mm, and is `aspect` times as wide as high."""
+    # mm; at least 20 um, for a hand that does not move.
     height = max(float(size[1]), float(size[0]) / aspect, 0.02)
     half = 0.5 * np.array([height * aspect, height])
     (xmin, ymin), (xmax, ymax) = centre - half, centre + half
@@ -145,10 +158,12 @@ def _mesh_shadow(mesh: Mesh, coordinates: tuple[int, int]) -> Geometry:
     """Return the shadow of a mesh and the edges that are seen, mm: the first coordinate to the right, the second up."""
     import shapely
 
+    # To the eye: right-handed with what lies to the right and up.
     eye = np.cross(*np.eye(3)[list(coordinates)])
     facing = mesh.normals @ eye > 0.0
     corners = MM * mesh.vertices[:, list(coordinates)]
     shadow = shapely.union_all(shapely.polygons(corners[mesh.triangles[facing]]))
+    # Sharp edges in sight, mm.
     edges = shapely.MultiLineString(list(MM * mesh.edges(SHARP_TURN, eye)[..., list(coordinates)]))
     return shapely.GeometryCollection([*shapely.get_parts(shadow), edges])
 
@@ -159,10 +174,12 @@ def filled_part(model: Model, view: Box) -> Geometry:
 
     xmin, ymin, xmax, ymax = view
     width, height = xmax - xmin, ymax - ymin
+    # An outline that crosses itself has no area for clipping.
     area = shapely.make_valid(shapely.Polygon(_outline(model, view)))
     clipped = shapely.clip_by_rect(
         area, xmin - 0.1 * width, ymin - 0.1 * height, xmax + 0.1 * width, ymax + 0.1 * height
     )
+    # Finer than a pixel of a figure as wide as a page.
     return shapely.simplify(clipped, width / 1500.0)
 
 
@@ -170,12 +187,15 @@ def _outline(model: Model, view: Box) -> Array:
     """The closed outline, or of an open one a ring that is large enough to fill the view on its inside."""
     boundary = model.boundary
     if boundary.closed:
+        # 400 points on a length as wide as the view.
         points = int(np.clip(boundary.girth * MM / (view[2] - view[0]) * 400.0, 400, 40_000))
         return MM * boundary.points(max(points, 8 * len(boundary.corners)))
     centre = np.array([view[0] + view[2], view[1] + view[3]]) / 2.0
+    # Open models in the plane are lines: one frame tells where the inside lies.
     frame = boundary.closest_point(centre[np.newaxis] / MM)
     point, left = MM * frame.foot[0], -frame.normal[0]
     tangent = np.array([left[1], -left[0]])
+    # mm: beyond the view on all sides, wherever its centre is.
     reach = 3.0 * (np.linalg.norm(centre - point) + view[2] - view[0] + view[3] - view[1])
     return np.asarray(point + reach * np.array([-tangent, tangent, tangent + left, left - tangent]))
 
@@ -188,6 +208,7 @@ def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float
         if part.geom_type == "Polygon" and not part.is_empty:
             ring = shapely.get_coordinates(part.exterior)
             axes.fill(*ring.T, facecolor=colour_of("model"), edgecolor=colour_of("ink"), linewidth=linewidth, zorder=1)
+            # A hole is painted over in the background's colour.
             for hole in part.interiors:
                 rim = shapely.get_coordinates(hole)
                 axes.fill(
@@ -206,9 +227,11 @@ def draw_body(axes: Axes, model: Model, view: Box, coordinates: tuple[int, int] 
 
 def samples_along_path(recording: Recording, count: int, *, keep: Collection[int] = ()) -> IntArray:
     """Return about `count` samples, evenly spaced by how far HIP and IHIP travel, and `keep` with those before."""
+    # (n, 2 N), m: a sample counts as far as HIP and IHIP move together.
     points = np.hstack([recording.hip, recording.ihip])
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     even = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], count))
+    # A mark is drawn with the step that leads to it.
     kept_ticks = [tick + offset for tick in keep for offset in (-1, 0)]
     chosen = np.unique(
         np.concatenate([even, [0, len(recording) - 1], np.array(kept_ticks, dtype=int)]).astype(np.int64)
@@ -219,6 +242,7 @@ def samples_along_path(recording: Recording, count: int, *, keep: Collection[int
 def _draw_samples(axes: Axes, recording: Recording, chosen: IntArray, *, size: float = 3.0) -> None:
     hip, ihip = MM * recording.hip[chosen], MM * recording.ihip[chosen]
     touching = recording.contact[chosen]
+    # From each HIP to its IHIP, with NaN between the lines.
     rays = np.stack([hip, ihip, np.full_like(hip, np.nan)], axis=1)[touching].reshape(-1, 2)
     dot: dict[str, Any] = {"linestyle": "none", "marker": "o"}
     axes.plot(
@@ -249,6 +273,7 @@ Corner = tuple[float, float]
 def _emptiest_corners(recording: Recording, chosen: IntArray, view: Box) -> list[Corner]:
     """Places for insets, as shares of the axes, those that hide the fewest points first."""
     points = MM * np.vstack([recording.hip[chosen], recording.ihip[chosen]])
+    # From mm to shares of the axes, in which insets are placed.
     share = (points - view[:2]) / (np.array(view[2:]) - view[:2])
     high = 0.985 - INSET_SIDE
     places = [(high, high), (0.015, high), (high, 0.015), (0.015, 0.015)]
@@ -287,9 +312,11 @@ def _draw_lens(
     box = box_round(centre, np.full(2, 3.2 * depth), aspect_of(axes))
     _draw_body(inset, body, box)
     points = MM * recording.hip
+    # Up to 7 samples in the lens, evenly spaced.
     inside = np.flatnonzero(np.all((points > box[:2]) & (points < box[2:]), axis=1))
     near = inside[np.linspace(0, inside.size - 1, min(7, inside.size)).astype(int)]
     _draw_samples(inset, recording, near.astype(np.int64), size=4.0)
+    # How many times larger than in the picture, by widths in mm.
     times = np.ptp(axes.get_xlim()) * INSET_SIDE / (box[2] - box[0])
     paper = {"facecolor": colour_of("paper"), "edgecolor": "none", "pad": 1.0}
     text = f"× {float(f'{times:.2g}'):g}"  # noqa: RUF001

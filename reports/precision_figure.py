@@ -50,16 +50,19 @@ def _draw_panel(axes: Axes, device: Mapping[str, Any], document: Mapping[str, An
     axes.grid(True, which="major")
     for method in device["methods"]:
         name, (colour, marker) = method["name"], LOOKS[method["name"]]
+        # ms of computing for each simulated second, and the relative error.
         places = [(MILLISECONDS * point["seconds_per_second"], point["error"]) for point in method["points"]]
         style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 4, "linewidth": 0.9}
         axes.plot(*zip(*places, strict=True), label=f"{name} (order {method['order']})", **style)
         if name == default["method"]:
+            # The place of the tolerance that closed loops use among those that were measured.
             used = [point["tolerance"] for point in method["points"]].index(default["tolerance"])
             axes.plot(
                 *places[used], "o", markersize=13, markerfacecolor="none", markeredgecolor=INK,
                 markeredgewidth=1.4, label=f"what closed loops use: {name}, tolerance {default['tolerance']:.0e}",
             )  # fmt: skip
     target = document["target"]
+    # Below this line the integration is not what limits a closed loop.
     axes.axhline(target, color=TARGET_COLOUR, linewidth=1.0, zorder=1.5)
     axes.annotate(
         f"{target:g}: what closed loops promise", (0.99, target), xycoords=("axes fraction", "data"), ha="right",

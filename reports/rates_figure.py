@@ -24,6 +24,7 @@ def write_rates(directory: Path, document: Mapping[str, Any]) -> list[Path]:
         panels = fig.subplots((len(checks) + 1 + 3) // 4, 4).ravel()
         for axes, check in zip(panels, checks, strict=False):
             check_rows = [row for row in document["rows"] if row["check"] == check and "metric" in row]
+            # 1 where nothing was measured or all is zero: a logarithmic axis needs some scale.
             top = max((row["metric"]["value"] for row in check_rows), default=1.0) or 1.0
             for k, name in enumerate(names):
                 rows_of_curve = [row for row in check_rows if row["renderer"] == name]
@@ -38,9 +39,11 @@ def write_rates(directory: Path, document: Mapping[str, Any]) -> list[Path]:
             axes.set(xscale="log", yscale="log", title=check, ylabel=f"metric ({unit})" if unit else "metric (share)")
             smallest = min((row["metric"]["value"] for row in check_rows), default=top)
             axes.set_ylim(0.5 * max(smallest, SMALLEST_SHARE * top), 3.0 * top)
+        # The panel after the checks' has the stiffness; a row of four may have empty ones.
         limit, *unused = panels[len(checks) :]
         rows = document["limit"]["rows"]
         for entry, style in (("stable", "-"), ("passive", "--")):
+            # None: no limit was found, and nothing is drawn there.
             rows_of_curve = [row for row in rows if row[entry] is not None]
             limit.plot(
                 [row["rate"] for row in rows_of_curve], [row[entry] for row in rows_of_curve], style, label=entry

@@ -96,6 +96,7 @@ def figure_svg(
         try:
             _draw(axes, recording, model, marks)
             return page_svg(fig, prefix=prefix, title=title)
+        # The cached figure is emptied for the next run, also where drawing failed.
         finally:
             for panel in axes:
                 clear_axes(panel)
@@ -114,6 +115,7 @@ def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mar
     height = HEIGHT + LINE_HEIGHT * max(len(lines) - 1, 0)
     with figure(8.0, height) as fig:
         left, bottom, width, high = np.array(AREAS_SIDE_BY_SIDE).T
+        # The axes keep their size on paper; only the title takes more.
         share = HEIGHT / height
         places = np.column_stack([left, share * bottom, width, share * high]).tolist()
         _draw(_add_frame(fig, places), recording, model, marks)
@@ -123,10 +125,12 @@ def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mar
 
 def _add_frame(fig: Figure, places: Sequence[Area]) -> Frame:
     plane, force, below = map(fig.add_axes, places)
+    # One time axis for both.
     below.sharex(force)
     force.tick_params(labelbottom=False)
     below.set_xlabel("time (s)")
     for axes in (force, below):
+        # A fixed distance from the axis, so that labels of both plots are flush.
         axes.yaxis.set_label_coords(-LABEL_DISTANCE / (axes.get_position().width * fig.get_figwidth()), 0.5)
         axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         axes.grid(True)
@@ -135,11 +139,13 @@ def _add_frame(fig: Figure, places: Sequence[Area]) -> Frame:
 
 def _draw(frame: Frame, recording: Recording, model: Model | None, marks: Sequence[Mark]) -> None:
     plane, force, below = frame
+    # The sample nearest to each mark's time.
     ticks = {mark.number: int(np.argmin(np.abs(recording.time - mark.time))) for mark in marks}
     draw_plane(plane, recording, model, ticks=ticks, failed={mark.number for mark in marks if mark.failed})
     _draw_force(force, recording)
     _draw_below(below, recording)
     start, end = float(recording.time[0]), float(recording.time[-1])
+    # A recording of one sample still needs an axis of some width.
     below.set_xlim(start, end if end > start else start + recording.dt)
     for axes in (force, below):
         for mark in marks:
@@ -169,6 +175,7 @@ def _draw_force(axes: Axes, recording: Recording) -> None:
 
 def _draw_below(axes: Axes, recording: Recording) -> None:
     """Steps of both points on one axis, where an IHIP that jumps and a HIP that does not are pop-through; or depth."""
+    # On a given path the hand's steps do not depend on the renderer.
     if recording.meta.get("source") in ("playback", "replay") and len(recording) > 2:
         ihip, hip = (_step_lengths(recording, points) for points in (recording.ihip, recording.hip))
         draw_over_time(axes, recording, ihip, "ihip", label="IHIP")
@@ -195,6 +202,7 @@ def _legend(axes: Axes) -> None:
 
 def _include_zero(axes: Axes, *columns: Array) -> None:
     """Zero is always in sight, and rounding errors are never blown up to the height of the axis."""
+    # The last zero serves the case of no columns.
     low = min(0.0, *(float(np.nanmin(column)) for column in columns), 0.0)
     high = max(0.0, *(float(np.nanmax(column)) for column in columns), 0.0)
     if high - low < 1e-6:

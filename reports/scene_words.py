@@ -25,6 +25,7 @@ CITED_FIGURES = re.compile(r"Figures? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*")
 def scene_words(run: RunEntry) -> str:
     """The scene of a run document in one line, every number with its unit."""
     scene = run.scene
+    # A gain of zero is not part of the scene.
     words = [f"{name} {quantity(getattr(scene, name), unit)}" for name, unit in GAINS.items() if getattr(scene, name)]
     words += _effects(scene, of_surface=True)
     if scene.sampling_time:
@@ -70,5 +71,6 @@ def figures_cited(run: RunEntry) -> str:
     cited = [citation.split(" ", 1)[1] for citation in CITED_FIGURES.findall(run.citation or "")]
     if not cited:
         return ""
+    # Also one entry may name several, as "6.3 to 6.5".
     several = len(cited) > 1 or not re.fullmatch(r"\d+\.\d+", cited[0])
     return f"Figure{'s' if several else ''} {' and '.join(cited)}"

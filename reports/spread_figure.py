@@ -42,6 +42,7 @@ def write_spread(
     rows = (len(columns) + 1) // 2
     height = 0.9 + 2.6 * rows
     with figure(9.0, height, settings=SETTINGS) as fig:
+        # Two panels a row; the last one may stay empty.
         panels = list(fig.subplots(rows, 2, squeeze=False).flat)
         for axes, column in zip(panels, columns, strict=False):
             _draw_column(axes, aligned, [band for band in bands if band.column == column])
@@ -67,7 +68,9 @@ def _draw_column(axes: Axes, aligned: Aligned, bands: Sequence[Band]) -> None:
             f"{band.renderer}{f', {DIRECTION_WORDS[band.direction]}' if ways else ''} ({int(band.count.max())} repeats)"
         )
         low, high, median = (
-            np.where(band.count > 0, scale * quantile, np.nan) for quantile in (band.low, band.high, band.median)
+            # Where no repeat has a value there is no band.
+            np.where(band.count > 0, scale * quantile, np.nan)
+            for quantile in (band.low, band.high, band.median)
         )
         axes.fill_between(across * aligned.grid, low, high, color=colour, alpha=0.18, linewidth=0.0)
         style = "-" if band.direction > 0 else "--"
@@ -100,6 +103,7 @@ def summary(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
     for number, run in enumerate(aligned.runs):
         cells = []
         for direction in DIRECTION_WORDS:
+            # Where on the grid each pass has values; a place counts as covered by any of them.
             own = [
                 aligned_pass.mask
                 for aligned_pass in aligned.passes
@@ -131,6 +135,7 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
             f"p = {comparison.p:.2g}, {comparison.repeats[0]} and {comparison.repeats[1]} repeats ({comparison.basis})"
         )
         spreads = f"which is {comparison.times:.3g} times the repeat spread of {scale * comparison.spread:.3g} {unit}"
+        # No ratio to a spread of zero.
         if comparison.spread == 0.0:
             spreads = "where repeats do not differ at all"
         if comparison.outcome == "too little in common":
