@@ -48,6 +48,7 @@ def inline_svg(svg: str, *, prefix: str, title: str, colours: Mapping[str, str])
     """
     root = ET.fromstring(svg)
     body = _Body({name: node for node in root.iter() if (name := node.get("id"))}, prefix, colours)
+    # From the inside out: what is seen, joined by look, repeats shared, texts in groups.
     elements = _texts_grouped(_repeats_shared(_lines_joined(body.seen(root)), prefix))
     box = _numbers_in_units(root.get("viewBox", ""))
     # matplotlib leaves out the width of a line of 1 pt.
@@ -65,7 +66,9 @@ def styles_as_classes(elements: Sequence[str]) -> tuple[list[str], dict[str, str
     styles: dict[str, str] = {}
 
     def named(match: re.Match[str]) -> str:
+        # A checksum as a name: the same style has the same name in every figure and page.
         name = f"z{np.base_repr(zlib.crc32(match[1].encode()), 36).lower()}"
+        # Two styles with one checksum: the second keeps its attribute.
         if styles.setdefault(name, match[1]) != match[1]:
             return match[0]
         return f" class={name}{' ' if match[2] else ''}{match[2]}"
@@ -107,6 +110,7 @@ class _Element:
         if self.marker:
             return _path_text(self.strokes, 0.0)
         text = _path_text(self.strokes, CORNER_TOLERANCE)
+        # Only a long line can gain, and only one that is not filled may lose its repeats.
         if len(text) < LONG_PATH or "fill:none" not in self.attributes.get("style", ""):
             return text
         return min(text, _path_text(_without_retraced(self.strokes), CORNER_TOLERANCE), key=len)
@@ -130,6 +134,7 @@ class _Body:
         """Return what is seen of the children of `parent`, which `clip` clips: without groups that only group."""
         for child in parent:
             tag = child.tag.removeprefix(NAMESPACE)
+            # Of "url(#id)" what is within the brackets; a child without one is clipped as its parent.
             inner = child.get("clip-path", clip)[4:-1]
             style = self._style(child.get("style", ""))
             if tag == "g" and not child.attrib.keys() - {"id", "clip-path"}:
@@ -139,11 +144,13 @@ class _Body:
                 self._draw(element, child.get("d", ""), inner)
                 if element.strokes or "d" in element.attributes:
                     yield element
+            # A letter of a formula: its shape is defined once and moved to its place.
             elif tag == "use" and self._glyph(child) is not None:
                 element = _Element("use", {"href": self._refer(child.get(LINK, ""))[4:-1]})
                 if moved := _transform_in_units(child.get("transform", "")):
                     element.attributes["transform"] = moved
                 yield element
+            # A mark of a line or of an axis, at its place.
             elif tag == "use" and child.get(LINK, "")[1:] in self.named:
                 element = self._mark(child, style)
                 self._clip(element, inner)
@@ -161,7 +168,9 @@ class _Body:
         link = use.get(LINK, "")
         place = UNITS_PER_POINT * np.array([[float(use.get("x", "0")), float(use.get("y", "0"))]])
         d = self.named[link[1:]].get("d", "")
+        # Any command but M, L and Z: the shape has curves.
         strokes = [] if re.search("[A-KN-Yac-y]", d) else _strokes(d)
+        # A tick: joined with others of its look it takes less than a use of each.
         if len(strokes) == 1 and len(strokes[0][0]) == 2:
             shape = _merged_style(style, self._style(self.named[link[1:]].get("style", "")), "fill:none")
             return _Element("path", {"style": shape}, [(place + strokes[0][0], False)])
@@ -171,6 +180,7 @@ class _Body:
         """A text, a picture, or a group that moves what it holds."""
         element = _Element(tag, {"style": style} if style else {})
         for name, value in child.items():
+            # Lengths and positions are in points in the file.
             if name in LENGTHS:
                 element.attributes[name] = _numbers_in_units(value)
             elif name == "transform":
@@ -187,6 +197,7 @@ class _Body:
 
     def _draw(self, element: _Element, d: str, clip: str) -> None:
         style = element.attributes.get("style", "")
+        # Neither filled nor stroked: nothing is seen of it.
         if not d.strip() or ("fill:none" in style and "stroke:" not in style):
             return
         if re.search("[A-KN-Yac-y]", d):
@@ -201,11 +212,13 @@ class _Body:
         if box is None:
             return
         x, y, width, height = (UNITS_PER_POINT * float(box.get(name, "0")) for name in ("x", "y", "width", "height"))
+        # Half a line's width lies outside of its corners; a clip path only for what goes farther.
         low, high = np.array([x, y]) - CLIP_MARGIN, np.array([x + width, y + height]) + CLIP_MARGIN
         if not element.strokes or any(np.any((points < low) | (points > high)) for points, _ in element.strokes):
             element.attributes["clip-path"] = self._refer(clip)
 
     def _refer(self, link: str, style: str = "") -> str:
+        # The same shape in another style is another definition.
         name = self.used.setdefault((link[1:], style), f"{self.prefix}-{len(self.used)}")
         return f"url(#{name})"
 
@@ -214,6 +227,7 @@ class _Body:
         definitions = []
         for (old, style), name in self.used.items():
             node = self.named[old]
+            # Only letters are moved where they are defined.
             if moved := node.get("transform"):
                 letter = _Element("path", {"id": name, "transform": _transform_in_units(moved)})
                 self._draw(letter, node.get("d", ""), "")
@@ -235,6 +249,7 @@ class _Body:
         declarations = []
         for part in style.split(";"):
             name, _, value = (part_text.strip() for part_text in part.partition(":"))
+            # The page gives the font; an offset of 0 is the default.
             if not name or name == "font-family" or (name, value) == ("stroke-dashoffset", "0"):
                 continue
             for colour, role in self.colours.items():
@@ -251,6 +266,7 @@ def _lines_joined(elements: Iterable[_Element]) -> list[_Element]:
         if not element.marker and not element.straight:
             joined.append(element)
             continue
+        # Drawn in the order of the first of a look: what has been over it may come under it.
         key = element.attributes.get("style", ""), element.marker
         if key not in first:
             first[key] = element
@@ -259,6 +275,7 @@ def _lines_joined(elements: Iterable[_Element]) -> list[_Element]:
         first[key].strokes += element.strokes
         first[key].attributes |= element.attributes
     for element in joined:
+        # Markers stand at the corners of an unseen path: all but the ends need `marker`, one place `marker-start`.
         if element.marker:
             places = np.concatenate([points for points, _ in element.strokes])
             all_of_them = "marker" if len(places) > 1 else "marker-start"
@@ -273,6 +290,7 @@ def _repeats_shared(elements: Sequence[_Element], prefix: str) -> Iterator[_Elem
     """Long lines that lie on one another are written once, and used."""
     names: dict[str, str] = {}
     texts = [element.drawn if element.strokes and not element.marker else "" for element in elements]
+    # Equal paths, as a HIP and an IHIP that move as one.
     for name, count in Counter(texts).items():
         if count > 1 and len(name) > LONG_PATH:
             names[name] = f"{prefix}-s{len(names)}"
@@ -288,6 +306,7 @@ def _texts_grouped(elements: Iterable[_Element]) -> Iterator[_Element]:
         elements, lambda element: element.attributes.get("style", "") if element.tag == "text" else ""
     ):
         members = list(run)
+        # A group of one would be longer than the attribute.
         if not style or len(members) == 1:
             yield from members
             continue
@@ -322,11 +341,13 @@ def _without_retraced(strokes: Sequence[tuple[Array, bool]]) -> list[tuple[Array
         edges = [frozenset(pair) for pair in pairwise(corners)]
         again = np.zeros(len(edges), dtype=bool)
         for k, edge in enumerate(edges):
+            # An edge in either direction counts; one of equal corners is a dot, and stays.
             again[k] = edge in drawn_edges and len(edge) == 2
             drawn_edges.add(edge)
         if closed or not again.any():
             distinct.append((points, closed))
             continue
+        # Where new edges begin and end, in turns: each pair is a stroke that is kept.
         bounds = np.flatnonzero(np.diff(again, prepend=True, append=True))
         distinct += [(points[first : last + 1], False) for first, last in bounds.reshape(-1, 2)]
     return distinct
@@ -343,13 +364,16 @@ def _path_text(strokes: Sequence[tuple[Array, bool]], within: float) -> str:
     at = np.zeros(2, dtype=np.int64)
     for points, closed in strokes:
         if within and len(points) > 2:
+            # Douglas and Peucker, in units of a fifth of a point.
             points = get_coordinates(simplify(linestrings(points), within, preserve_topology=False))
         corners = np.rint(points).astype(np.int64)
         if within and len(strokes) > 1 and int(np.ptp(corners, axis=0).max()) <= 1:
             continue
+        # Rounded before the differences are taken, so that errors do not add up.
         steps = np.diff(np.vstack([at, corners]), axis=0)
         moves = [steps[0], *(move for move in steps[1:] if move.any() or not within)]
         parts.append("m" + " ".join(f"{x} {y}" for x, y in moves).replace(" -", "-") + ("z" if closed else ""))
+        # z goes back to the stroke's first corner.
         at = corners[0] if closed else corners[-1]
     return "".join(parts)
 
@@ -368,7 +392,9 @@ def _transform_in_units(value: str) -> str:
     transforms = []
     for name, inside in re.findall(r"(\w+)\(([^)]*)\)", value):
         numbers = re.findall(NUMBER, inside)
+        # How many of the numbers are no lengths: an angle, the four of a turn and scale; all of scale and skew.
         plain = {"translate": 0, "rotate": 1, "matrix": 4}.get(name, len(numbers))
+        # matplotlib writes a turn of -0 beside most texts.
         if name == "rotate" and float(numbers[0]) == 0.0:
             continue
         transforms.append(

@@ -57,6 +57,7 @@ class Summary:
 
 def summaries(results: ResultsDocument) -> list[Summary]:
     """Return the tables that the suites define, with the published answers beside and of other renderers."""
+    # A row of several suites goes with the first; what no suite names comes last.
     left = dict(results.table)
     groups: list[tuple[SuiteEntry | None, list[str]]] = []
     for suite in results.suites:
@@ -69,6 +70,7 @@ def summaries(results: ResultsDocument) -> list[Summary]:
 def _summary(results: ResultsDocument, suite: SuiteEntry | None, titles: Sequence[str]) -> Summary:
     answers = {title: results.table[title] for title in titles}
     published = {title: results.published_table.get(title, {}) for title in titles}
+    # Only renderers that have an answer in this table.
     names = tuple(name for name in results.renderers if any(name in row for row in answers.values()))
     printed = tuple(dict.fromkeys(name for row in published.values() for name in row if name not in results.renderers))
     return Summary(
@@ -98,6 +100,7 @@ def provenance(results: ResultsDocument) -> str:
     if results.date:
         parts.append(results.date[:16].replace("T", " ") + " UTC")
     groups = renderers_by_commit(results)
+    # One commit for all renderers needs no names.
     alone = len(groups) == 1 and len(results.commits) == len(results.renderers)
     for commit, names in groups.items():
         several = f"{len(names)} renderers" if len(names) > 2 else " and ".join(names)
@@ -126,9 +129,11 @@ def counts_words(results: ResultsDocument) -> str:
 
 def markdown(results: ResultsDocument) -> str:
     """Return the report as markdown, the summary first, at most `LIMIT` bytes: what is left out is said at the end."""
+    # Bytes, with room for the last line and its number.
     parts, size = [], len(LEFT_OUT.encode()) + 20
     blocks = list(_report_blocks(results))
     for number, block in enumerate(blocks):
+        # Two line feeds between blocks.
         size += len(block.encode()) + 2
         if size > LIMIT:
             parts.append(LEFT_OUT.format(count=len(blocks) - number))
@@ -184,6 +189,7 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
     if broken:
         yield "## What broke"
         yield "\n".join(_escape(f"- {_breakdown_words(breakdown)}") for breakdown in broken[:MOST_LISTED])
+    # What broken runs took away is listed with what broke.
     grave = [
         breakdown
         for breakdown in gravest_first(results.verdicts)
@@ -239,6 +245,7 @@ def _answer_words(value: str | None, published: str | None) -> str:
 def aligned_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a markdown table with its pipes aligned, so that it reads well as text too."""
     lines = [[_escape(text) for text in row] for row in (header, *rows)]
+    # Markdown wants three hyphens at least.
     widths = [max(3, *map(len, column)) for column in zip(*lines, strict=True)]
     lines.insert(1, ["-" * width for width in widths])
     return "\n".join(
@@ -248,4 +255,5 @@ def aligned_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def _escape(text: str) -> str:
     """Text that cannot end its cell, nor start HTML."""
+    # A pipe would end the cell, < begin HTML, a line feed the row.
     return printable(" ".join(text.replace("|", "\\|").replace("<", "&lt;").split()))

@@ -27,6 +27,7 @@ def environment() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
+    # An undefined name in a template is an error, not an empty text.
     jinja = Environment(
         loader=PackageLoader("hapticeval.reports", "."),
         autoescape=True,
@@ -35,6 +36,7 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     jinja.filters |= {
+        # A zero-width space lets a browser break a long name there.
         "breakable": lambda name: name.replace("+", "+\u200b").replace("@", "\u200b@").replace("/", "/\u200b"),
         "brief": _json_text,
         "bytes": size,
@@ -100,6 +102,7 @@ POINT_NAMES = re.compile("(to_)?i?hip(_before|_other_path)?")
 
 def evidence_words(name: str) -> str:
     """Return a name of evidence in words, with its unit: `foot_speed_m_s` is the foot speed (m/s)."""
+    # UNITS has compound endings first: a name in _m_s ends in _s as well.
     end = next((suffix for suffix in UNITS if name.endswith(f"_{suffix}")), "")
     words = name if end == "time" else name.removesuffix(f"_{end}")
     unit = "m" if POINT_NAMES.fullmatch(name) else UNITS.get(end)
@@ -109,9 +112,11 @@ def evidence_words(name: str) -> str:
 
 def _evidence_text(value: Any) -> str:
     """Evidence in a table: numbers to four digits, lists without brackets."""
+    # Before numbers: a bool is an int in Python.
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
+        # A minus as wide as a plus.
         return number(value).replace("-", "\u2212")
     if isinstance(value, list):
         return ", ".join(map(_evidence_text, value))
@@ -124,6 +129,7 @@ def _json_text(value: Any) -> str:
     """A value as JSON text, numbers to six digits."""
     if isinstance(value, str):
         return value
+    # Through JSON, which reaches the numbers at any depth.
     rounded = json.loads(json.dumps(value), parse_float=lambda text: float(f"{float(text):.6g}"))
     return json.dumps(rounded, ensure_ascii=False)
 
@@ -133,6 +139,7 @@ def _millimetres(metres: float | None) -> str:
     if metres is None:
         return "not finite"
     text = f"{1e3 * metres:.6f}"
+    # "-0.000000" rounds to zero and loses its sign.
     return text.removeprefix("-") if not float(text) else text.replace("-", "−")  # noqa: RUF001
 
 

@@ -85,6 +85,7 @@ class Page:
         from hapticeval.reports.case_page import Section, case_section, write_case_page
 
         common = (self.case, self.runs, recordings)
+        # On one page for all, ids tell cases apart by prefix and suite and case.
         if self.pages is None:
             return case_section(*common, verdicts=self.verdicts, order=self.order, prefix=self.prefix, within=self.case)
         styles = write_case_page(self.pages, *common, verdicts=self.verdicts, order=self.order, around=self.around)
@@ -111,6 +112,7 @@ class Picture:
         except HapticevalError as error:
             return Drawing(problem=_problem_words(self.directory, self.run, error))
         lacking = [name for name in REQUIRED if name not in recording.channels]
+        # A foreign recording may lack the IHIP or the force, which the figure shows.
         if lacking:
             return Drawing(problem=f"the recording has no channel '{lacking[0]}'")
         title = f"{'/'.join(self.run.key)}: HIP, IHIP, response force and steps against time"
@@ -148,6 +150,7 @@ def write_reports(
     effects = effect_plots(directory, results)
     costs = read_costs(directory) if (directory / COSTS).exists() else None
     replayed = read_results(directory / REPLAY) if (directory / REPLAY / FILE).exists() else None
+    # An earlier report stays until the new one is complete.
     with _replacing_folder(directory / FOLDER, single_file) as pages:
         orders: list[Page | Picture] = [*_case_pages(directory, results, None if single_file else pages)]
         orders += _failure_pictures(directory, results)
@@ -158,6 +161,7 @@ def write_reports(
             if isinstance(order, Picture) and isinstance(drawing, Drawing)
         }
         sections = [outcome for outcome in outcomes if not isinstance(outcome, Drawing)]
+        # One sheet for the figures of all pages.
         styles = {name: style for section in sections for name, style in section.styles.items()}
         single = _single_page([section.text for section in sections], styles) if single_file else None
         text = render_index(
@@ -177,6 +181,7 @@ def write_reports(
             write_assets(pages, styles)
             _write(pages / INDEX, text)
             _write(pages / CHECK_PAGES, render_check_pages(judged_checks(results).values(), INDEX))
+    # After the folder, so that a run that is stopped leaves the earlier files alone.
     for name, content in written.items():
         _write(directory / name, content)
     tables = write_tables(directory, results)
@@ -210,10 +215,12 @@ def _replacing_folder(path: Path, unused: bool) -> Iterator[Path]:
     if unused:
         yield path
         return
+    # Beside it, on the same disk, so that the replacement is one rename.
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.mkdir(parents=True)
         yield temporary
+        # A folder can only take the place of one that is gone.
         shutil.rmtree(path, ignore_errors=True)
         temporary.replace(path)
     except OSError as error:
@@ -229,7 +236,9 @@ def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -
     cases: dict[tuple[str, str], list[RunEntry]] = {}
     for run in results.runs:
         cases.setdefault((run.suite, run.case), []).append(run)
+    # Suite and case of each failure, worst first, without repeats.
     failing = dict.fromkeys(verdict.key[:2] for verdict in worst_verdicts(results, len(results.verdicts)))
+    # Failing cases first, then the others in their order, as many as are drawn.
     drawn = set(islice(dict.fromkeys([*failing, *cases]), MOST_DRAWN))
     links = [(runs[0].title, ROOT + case_file(*case)) for case, runs in cases.items()]
     for number, runs in enumerate(cases.values()):
@@ -273,10 +282,12 @@ def _carry_out(
     waiting = iter(enumerate(orders))
     with Workers(draw, workers) as crew:
         while True:
+            # As many as there are idle processes.
             for number, order in islice(waiting, crew.free):
                 crew.begin(number, order)
             if stopped is not None and stopped():
                 raise KeyboardInterrupt
+            # Nothing is at work and nothing waits: results in the order of the orders.
             if not crew.busy:
                 return [outcome_by_number[number] for number in range(len(orders))]
             for answer in crew.answers(WAIT_SECONDS):
@@ -290,6 +301,7 @@ def draw(order: Page | Picture) -> Section | Drawing:
 
 
 def _outcome_of(answer: Answer[Section | Drawing], order: Page | Picture) -> Section | Drawing:
+    # The process died: the page is written without its figures, here.
     if isinstance(answer.error, Ended):
         return order.without()
     if answer.error is not None:
@@ -313,4 +325,5 @@ def _recording_or_problem(directory: Path, run: RunEntry) -> Recording | str:
 def _problem_words(directory: Path, run: RunEntry, error: HapticevalError) -> str:
     """Return an error in one line, without the place of the result folder."""
     problem = " ".join(part for part in (f"{error.what}:", error.why) if part)
+    # The result folder may have moved since.
     return problem if run.recording is None else problem.replace(f"{(directory / run.recording).parent}/", "")
