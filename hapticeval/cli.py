@@ -27,7 +27,7 @@ from hapticeval.commands import (
     texture,
     viewing,
 )
-from hapticeval.commands.arguments import Grouped, SectionedCommand
+from hapticeval.commands.arguments import SectionedCommand, SectionedGroup
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError, printable
 
@@ -60,7 +60,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    cls=Grouped,
+    cls=SectionedGroup,
 )
 
 
@@ -131,7 +131,7 @@ study = typer.Typer(
     help="Studies of renderers, effects, models and robots: pictures and tables beside the verdicts.",
     short_help="Pictures and tables of renderers, effects and robots.",
     no_args_is_help=True,
-    cls=Grouped,
+    cls=SectionedGroup,
 )
 
 COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = MappingProxyType(

@@ -34,6 +34,7 @@ class SectionedCommand(TyperCommand):
                     )
                 else:  # some versions of typer append a Python type
                     sections.setdefault("Arguments", []).append((name.partition(" <")[0], text))
+        # False sorts first: arguments and plain options, then the panels in their order.
         for title, rows in sorted(sections.items(), key=lambda section: section[0] not in ("Arguments", "Options")):
             with formatter.section(title):
                 formatter.write_dl(rows)
@@ -41,12 +42,13 @@ class SectionedCommand(TyperCommand):
     def format_epilog(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - click's
         """Write the exit codes as a section, with their words beside them."""
         title, _, body = (self.epilog or "").removeprefix("\b\n").partition(":\n")
+        # A digit after two blanks begins a code; lines that are indented more go on with its words.
         codes = re.findall(r"^  (\d)  (.*(?:\n     .*)*)", body, re.MULTILINE)
         with formatter.section(title):
             formatter.write_dl([(code, " ".join(text.split())) for code, text in codes])
 
 
-class Grouped(TyperGroup):
+class SectionedGroup(TyperGroup):
     """A group of commands whose help has a section for each `rich_help_panel` of them, in the order of the commands."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - click's
@@ -170,12 +172,15 @@ def model_named(text: str) -> Model:
 
     file = Path(text)
     kind, _, entries = text.partition(":")
+    # The number of a length in a mesh file may be mm, inches or m.
     if file.suffix.lower() in FILE_ENDINGS and kind != "mesh":
         raise InputError(
             f"the mesh file {file} has no unit", why="the format has none", todo=f"write mesh:file={file},unit=mm"
         )
     if kind == "mesh":
+        # Values stay text; of (name, "=", value) the first and the last.
         return make_model(kind, **dict(part.partition("=")[::2] for part in entries.split(",")))
+    # An ending alone says that a file is meant, so that a missing one is reported as such.
     if file.suffix in (".wkt", ".geojson", ".json") or file.is_file():
         try:
             content = file.read_text(encoding="utf-8")
@@ -191,6 +196,7 @@ def model_named(text: str) -> Model:
         try:
             parameters[name.strip()] = float(value)
         except ValueError:
+            # Reported below, as an entry without "=" is.
             equals = ""
         if not equals:
             raise InputError(
@@ -211,6 +217,7 @@ def parse_point(text: str, dimension: int, *, option: str) -> Array:
     try:
         point = np.array([float(part) for part in text.split(",")])
     except ValueError:
+        # No point has this shape: reported below.
         point = np.empty(0)
     if point.shape != (dimension,) or not np.isfinite(point).all():
         example = ",".join(("0.05", "-0.02", "0.01")[:dimension])
@@ -228,6 +235,7 @@ def parse_knobs(options: Sequence[str]) -> dict[str, tuple[float, ...]]:
         try:
             values = tuple(_number_or_length(part) for part in text.split(","))
         except (ValueError, InputError):
+            # Reported below with the other mistakes.
             values = ()
         if not knob or not equals or not values or not all(0.0 < value < float("inf") for value in values):
             raise InputError(

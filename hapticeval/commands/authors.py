@@ -69,6 +69,7 @@ def doctor(
         for finding in examine(renderer, patience=timeout, waiting=terminal.waiting):
             terminal.clear()
             findings.append(finding)
+            # A heading wherever a new kind of scene begins.
             if finding.kind != kind:
                 kind = finding.kind
                 say(f"in {'the ' * (kind == 'plane')}{kind}" if kind else "")

@@ -30,4 +30,5 @@ def badge(
     from hapticeval.reports.badge import write_badge
     from hapticeval.runner.results import read_results
 
+    # Beside the results unless a folder is named.
     say(wrote_lines(write_badge(output or directory, read_results(directory))))

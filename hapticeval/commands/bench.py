@@ -91,8 +91,9 @@ def bench(
     from hapticeval.study.bench.text import describe
 
     error_limit = None if within is None else parse_length(within, option="--within")
-    limit = None if budget is None else parse_duration(budget, option="--budget")
-    before = None if compare is None else (read_bench(compare), read_samples(compare))
+    time_limit = None if budget is None else parse_duration(budget, option="--budget")
+    # Read first: DIR may be the folder that the new bench is written to.
+    earlier_bench = None if compare is None else (read_bench(compare), read_samples(compare))
     settings = settings_by_model(models, renderers, quick=quick, chosen=parse_knobs(knobs or []))
     names = list(dict.fromkeys(setting.renderer for of_model in settings.values() for setting in of_model))
     command = {"renderers": names, "models": list(settings), "knobs": knobs or [], "within": within, "budget": budget}
@@ -102,18 +103,21 @@ def bench(
             sweep.run(terminal.working)
         samples = sweep.samples()
         results = sweep.results()
-        if before is not None:
-            results = replace(results, comparison=compare_benches(results, samples, *before))
+        if earlier_bench is not None:
+            # Before the join: settings that are kept were not measured now.
+            results = replace(results, comparison=compare_benches(results, samples, *earlier_bench))
         with suppress(InputError):  # one that is not there, or of another version, has nothing to keep
             results, samples = join_benches(results, samples, read_bench(directory), read_samples(directory))
-        results = judge_bench(results, within=error_limit, budget=limit)
+        results = judge_bench(results, within=error_limit, budget=time_limit)
         written = write_bench(directory, results, samples)
     has_results = (directory / RESULTS).exists()
     hint = f"hapticeval report {directory} puts it into the report of the run that lies there" if has_results else ""
     say(paragraphs(describe(results), wrote_lines(written), hint))
+    # No setting whose single step meets --within.
     missed = within is not None and any(answer.what == "step" and answer.key is None for answer in results.answers)
     worse = any(change.verdict == "worse" for change in results.comparison)
     raise typer.Exit(
+        # A renderer that broke has a higher code than what was found to be worse.
         max([int(missed or worse or not results.complete), *(failure.exit_code for failure in sweep.failures)])
     )
 
@@ -146,6 +150,7 @@ def rates(
         cells_by_row.setdefault((row["renderer"], row["check"]), {})[row["rate"]] = cell
     head = ["", "", *(f"{1e-3 * rate:g} kHz" for rate in RATES)]
     table = [[*key, *(cells.get(rate, "-") for rate in RATES)] for key, cells in cells_by_row.items()]
+    # N/m at each rate.
     limit = ["stable stiffness", "N/m"] + [
         "none" if row["stable"] is None else f"{row['stable']:.4g}" for row in document["limit"]["rows"]
     ]

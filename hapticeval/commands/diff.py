@@ -85,6 +85,7 @@ def _significant_times(old: Path, new: Path) -> Sequence[Change]:
 
     if not all((folder / BENCH).is_file() for folder in (old, new)):
         return []
+    # Summaries and raw samples of either bench: significance is tested on the samples.
     (before, earlier), (now, samples) = ((read_bench(folder), read_samples(folder)) for folder in (old, new))
     return [change for change in compare_benches(now, samples, before, earlier) if change.verdict != "not significant"]
 
@@ -104,12 +105,14 @@ def _change_words(change: VerdictChange) -> str:
 
 
 def _outcome_words(change: VerdictChange) -> str:
+    # Only one of the runs has the verdict.
     if change.before is None or change.now is None:
         return str(change.now or change.before)
     return f"{change.before}, now {change.now}"
 
 
 def _move_words(move: MarginMove) -> str:
+    # `by` is the margin's change in bounds; a margin grows away from failing.
     direction = "nearer to failing" if move.by < 0.0 else "further from failing"
     values = f"{quantity(move.before, move.unit)}, now {quantity(move.now, move.unit)}"
     return f"{move.metric} {values}: {abs(move.by):.3g} bounds {direction}"
@@ -139,6 +142,7 @@ def _as_text(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
 
 def _as_github(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
     """Workflow commands: GitHub shows each beside the job."""
+    # What is better is a notice.
     kinds = {"worse": "error", "gone": "warning", "changed": "warning"}
     annotations = [
         _annotation(kinds.get(c.standing, "notice"), f"{c.renderer} on {c.place}", f"{_change_words(c)}: {c.message}")
@@ -162,8 +166,10 @@ def _as_github(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
 
 def _annotation(kind: str, title: str, message: str) -> str:
     def escaped(text: str) -> str:
+        # The runner's own escapes of a workflow command.
         return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
+    # In a property also : and , are signs of the command.
     return f"::{kind} title={escaped(title).replace(':', '%3A').replace(',', '%2C')}::{escaped(message)}"
 
 

@@ -92,6 +92,7 @@ def field(
     from hapticeval.study.projection_field.study import study_field
 
     distance = parse_length(within, option="--within")
+    # parse_knobs takes lists for sweeps: a picture has one value of each.
     settings = {knob: values[0] for knob, values in parse_knobs(knobs or []).items()}
     shape = model_named(model)
     if origin is not None and arc is not None:
@@ -181,6 +182,7 @@ def device(
     from hapticeval.reports.device_figure import write_device
 
     robot = device_named(name)
+    # N m; a point mass has no motors, and without a number no limit.
     limit = MOTOR_TORQUE if torque is None and not isinstance(robot, PointMass) else torque
     place = np.zeros(robot.dimension) if at is None else parse_point(at, robot.dimension, option="--at")
     joints = robot.joints(place)
@@ -202,6 +204,7 @@ def _criteria_rows(robot: Device, at: Criteria, limit: float | None) -> Iterator
     if isinstance(robot, Parallelogram):
         yield "dynamics", robot.described_dynamics
     yield "hand", f"{_vector_text(1e3 * at.position)} mm"
+    # None for a device without limits, as a point mass.
     nearest = nearest_limit(robot, at.joints)
     if nearest is None:
         yield "workspace", "all of space"
@@ -214,9 +217,11 @@ def _criteria_rows(robot: Device, at: Criteria, limit: float | None) -> Iterator
     yield from _direction_rows("inertia", at.masses, "kg", at.directions)
     yield "anisotropy", f"{at.anisotropy:.4g}, the heaviest direction over the lightest"
     yield from _direction_rows("damping", at.resistances, "N s/m", at.resistance_directions)
+    # (2.40) bounds the stiffness by the damping: without any there is no bound to show.
     if at.resistances[-1] > 0.0:
         yield from _direction_rows("stiffest (2.40)", at.stiffest, "N/m", at.resistance_directions)
     if nearest is not None:
+        # um a coordinate, from the encoders' counts: a point mass has none.
         yield "resolution", f"{_vector_text(1e6 * at.resolution)} µm a coordinate"
     if at.force is not None and at.acceleration is not None and limit is not None:
         motors = f"motors of {limit:g} {'N' if nearest is None else 'N m'}"
@@ -228,6 +233,7 @@ def _criteria_rows(robot: Device, at: Criteria, limit: float | None) -> Iterator
 
 def _direction_rows(name: str, values: Array, unit: str, directions: Array) -> Iterator[tuple[str, str]]:
     for i, value in enumerate(values):
+        # The name once, beside the first direction.
         yield "" if i else name, f"{value:.4g} {unit} along {_vector_text(_sign_fixed(directions[:, i]))}"
 
 
@@ -238,10 +244,12 @@ def _peak_words(peak: Peak, unit: str) -> str:
 
 def _sign_fixed(direction: Array) -> Array:
     """Return a direction or its opposite, whichever has its largest part positive."""
+    # A direction and its opposite are one axis; this picks the same of them everywhere.
     return -direction if direction[abs(direction).argmax()] < 0.0 else direction
 
 
 def _vector_text(values: Array) -> str:
+    # Rounded to 1e-12 and + 0.0, so that no -0 is printed.
     return f"({', '.join(f'{value + 0.0:.4g}' for value in values.round(12))})"
 
 
@@ -304,9 +312,11 @@ def limits(
         built = replace(built, device=device_named(device))
     if at is None:
         stimulus = case.build_stimulus(built, None)
+        # m: where a given path begins, or where the closed loop starts.
         point = stimulus.points[0] if isinstance(stimulus, HandPath) else stimulus.position
     else:
         point = parse_point(at, built.model.dimension, option="--at")
+    # The wall of the loop is the tangent plane at the foot of that point.
     frame = built.model.boundary.closest_point(np.asarray(point)[None])
     place = Place(frame.foot[0], frame.normal[0])
     with Terminal() as terminal:
@@ -314,6 +324,7 @@ def limits(
     document = {"scene": scene, "renderer": renderer, **document}
     written = write_limits(directory, document)
     say(paragraphs(columns(describe(document)), wrote_lines(written)))
+    # The largest eigenvalue's size in the sampled loop: below 1 it dies out.
     raise typer.Exit(int(document["growth"] >= 1.0))
 
 
@@ -337,6 +348,7 @@ def integrators(
     chosen = document["default"]
     for device in document["devices"]:
         methods = {method["name"]: method for method in device["methods"]}
+        # The measured point of the method and tolerance that closed loops use.
         point = next(p for p in methods[chosen["method"]]["points"] if p["tolerance"] == chosen["tolerance"])
         say(
             f"{device['device']}: closed loops use {chosen['method']} with a tolerance of {chosen['tolerance']:.0e}: "

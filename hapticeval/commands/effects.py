@@ -66,6 +66,7 @@ def effects(
     from hapticeval.study.effects.measure import measure
 
     jobs = plan(suites or ["effects"], [renderer], select=select or ()).jobs
+    # Without a folder nothing is written, and no earlier report removed.
     with nullcontext() if directory is None else prepared_folder(directory):
         with Terminal() as terminal:
             document = measure(jobs, terminal.working)
@@ -90,6 +91,7 @@ def _cost_lines(document: EffectsDocument) -> Iterator[str]:
 
 
 def _cost_row(scene: SceneEntry, cost: Cost) -> list[str]:
+    # A scene without effects is its own reference.
     plain = scene.plain or cost
     more = f"{1e9 * (cost.tick - plain.tick):+.0f}" if scene.plain else "0"
     where = "; ".join(

@@ -176,6 +176,7 @@ def run(
     """
     from hapticeval import api
 
+    # An earlier list is read before it is renewed: its reasons stay.
     if known is None and write_known is not None and write_known.exists():
         known = write_known
 
@@ -206,6 +207,7 @@ def run(
         raise typer.Exit(once())
     from hapticeval.commands.watching import files_behind, run_again
 
+    # Beside the renderers' sources: files of the user that change what is judged.
     listed = [Path(suite) for suite in suites or () if suite.endswith(".toml")] + ([] if known is None else [known])
     raise typer.Exit(run_again(once, lambda: [*files_behind(renderers or ()), *listed]))
 
@@ -247,10 +249,11 @@ def judge_and_summarise(
         if kernels_are_new():
             terminal.line("compiling kernels as they are first used, once: this run takes longer than later ones")
         results = judge(terminal)
+        # None where they were interrupted: then the exit code is 1 at least.
         reports = _write_reports(results, terminal, interrupts) if report else [results.file]
-        first = "" if before is None else before(results)
+        opening = "" if before is None else before(results)
         written = [*(reports or [results.file]), *([also] if also else [])]
-        say(paragraphs(first, summary(results.document, written, verbose=verbose, width=terminal_width())))
+        say(paragraphs(opening, summary(results.document, written, verbose=verbose, width=terminal_width())))
     return max(results.exit_code, int(reports is None))
 
 
@@ -260,6 +263,7 @@ def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts,
     Not where the user has stopped the run at once, or stops the drawing: then it says how to have them later, and
     returns None. A first interrupt that has ended the run early does not stop the drawing as well.
     """
+    # An interrupt that has ended the run early was not meant for the reports.
     meant_for_the_run = int(terminal.interrupted)
 
     def stopped() -> bool:
@@ -276,6 +280,7 @@ def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts,
 
 def kernels_are_new(package: Path = Path(__file__).parents[1]) -> bool:
     """Whether none is compiled yet; no, where they would be kept elsewhere than in the package."""
+    # numba falls back on a cache of the user where it cannot write beside the source.
     elsewhere = "NUMBA_CACHE_DIR" in os.environ or not os.access(package, os.W_OK)
     return not elsewhere and next(package.rglob("*.nbi"), None) is None
 
@@ -349,6 +354,7 @@ def replay(
     from hapticeval.replay.subject import subject
 
     directory = directory or Path(f"replay-{file_stem(file.stem)}")
+    # New results remove the recordings of earlier ones.
     if file.resolve().is_relative_to((directory / "recordings").resolve()) and not as_recorded:
         raise InputError(
             f"{file} is a recording of the results in '{directory}', which a replay into that folder would remove",
@@ -384,6 +390,7 @@ def _replay_path(
     from hapticeval.workers import cores
 
     planned = replay_plan(replay_case, renderers, seed=seed)
+    # Once for all renderers: the path and its examination.
     work = prepared(replay_case)
 
     def judged(terminal: Terminal) -> Results:

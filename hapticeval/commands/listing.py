@@ -21,6 +21,7 @@ def renderers() -> Rows:
 
     for name in known_renderers():
         try:
+            # Imports the renderer, which may fail for a package of someone else's.
             offered = choices_of(resolve(name))
         except HapticevalError as error:
             yield name, f"broken: {error.why}"
@@ -50,6 +51,7 @@ def cases(named: Sequence[str] = ()) -> Iterator[tuple[str, Rows]]:
     Raises as `suites_named` and `load_suite` do.
     """
     installed = find_suites()
+    # A suite that several groups have is listed once.
     for name in dict.fromkeys(member for name_or_group in named or installed for member in suites_named(name_or_group)):
         outlined = outline(installed[name]).cases if name in installed else _cases_in_file(name)
         yield (
@@ -94,6 +96,7 @@ def effects() -> Rows:
     """What a scene may call for, each with its numbers, in the order in which effects take part in a tick."""
     from hapticeval.effects.catalogue import EFFECTS
 
+    # The entry's factory has the docstring and the parameters.
     return _catalogue_rows({kind: entry.of for kind, entry in EFFECTS.items()})
 
 
@@ -113,6 +116,7 @@ def _catalogue_rows(catalogue: Mapping[str, Callable[..., object]]) -> Rows:
 
 
 def _parameter_text(parameter: inspect.Parameter) -> str:
+    # **parameters of a family: any number of entries.
     if parameter.kind is parameter.VAR_KEYWORD:
         return parameter.name
     return parameter.name if parameter.default is parameter.empty else f"{parameter.name}={parameter.default}"
@@ -129,6 +133,7 @@ def listing_text(what: str, named: Sequence[str] = ()) -> str:
 
     Raises `UnknownNameError` for what cannot be listed, and `InputError` for names of what is in no suites.
     """
+    # Cases alone take names of suites.
     if what == cases.__name__:
         return paragraphs(
             *(lines([suite, columns((f"  {name}", text) for name, text in rows)]) for suite, rows in cases(named))

@@ -111,7 +111,9 @@ def record(
         raise InputError(
             f"'{renderer}' cannot run on hardware", why="it has physics of its own", todo="choose another with -r"
         )
+    # Compiles what the loop calls: in the loop that would miss cycles.
     warm(wired, chosen_renderer, scene)
+    # With velocities low-passed as on hardware, the loop may be unstable where a simulation is not.
     warning = describe_instability(factory, scene, cutoff=CUTOFF)
     if warning:
         typer.echo(printable(f"warning: {warning}"), err=True)
@@ -122,6 +124,7 @@ def record(
     recorder: Recorder | None = None
     try:
         with (
+            # In this order: the twin's process starts first, so that it holds nothing of the recorder's.
             _hardware_opener(hardware, wired, scene) as connect,
             Recorder(journal, channels(wired.device.dimension), signals=signals(wired), meta=meta) as recorder,
             Terminal() as terminal,
@@ -130,6 +133,7 @@ def record(
 
             def tell(done: int) -> None:
                 nonlocal reported_cycles
+                # Once a second: printing takes time from the loop's side.
                 if done >= reported_cycles + rate:
                     reported_cycles = done
                     terminal.working(min(done, cycles) - 1, cycles, f"{done / rate:.0f} of {seconds:g} s")
@@ -138,6 +142,7 @@ def record(
                 live = run(connect, wired, chosen_renderer, scene, recorder, cycles=cycles, tell=tell)
             except HapticevalError as error:
                 failure = error
+            # Also where the run failed: what was recorded is kept.
             summary = recorder.close()
         _write_recording(journal, output, summary)
     except KeyboardInterrupt:
@@ -154,6 +159,7 @@ def record(
 
 def _step_times(live: LiveRun, rate: float) -> str:
     """How long a step took, beside the time that there is for it; where that was too long, what to do."""
+    # s.
     period = 1.0 / rate
     times = (
         f"a step took {1e3 * live.median:.3g} ms in the median, {1e3 * live.longest:.3g} ms at the longest; "
@@ -161,6 +167,7 @@ def _step_times(live: LiveRun, rate: float) -> str:
     )
     if not live.missed:
         return times
+    # Half of the steps are too long: the rate itself cannot be kept.
     if live.median > period:
         todo = f"a --rate below {rate:g}, or a faster renderer"
     elif live.longest > period:
@@ -194,6 +201,7 @@ def _interrupted_words(journal: Path, output: Path, summary: Summary | None) -> 
     if output.exists():
         return f"interrupted: the run is in {output}"
     if summary is None or not summary.rows + summary.waiting:
+        # The recorder has begun a journal without a row.
         if summary is not None:
             journal.unlink(missing_ok=True)
         return "interrupted: nothing was recorded"
@@ -221,7 +229,9 @@ def _wiring_of(hardware: str, robot: str | None, file: Path | None) -> Wiring:
                 todo="write them into a file, and give --wiring FILE; the smallest is\n"
                 + _smallest_wiring(robot or DEFAULT_ROBOT, slides=isinstance(device, PointMass)),
             )
+        # The twin's own encoders; a point mass is read in m.
         return Wiring(device=device, counts_per_turn=None if isinstance(device, PointMass) else ENCODER_COUNTS)
+    # The file has a kind of its own.
     if robot is not None:
         raise InputError("--robot and --wiring both say which robot it is", todo="leave --robot out")
     return read_wiring(file)
@@ -270,6 +280,7 @@ def _make_scene(
             why="a device feels models of its own space only",
             todo=f"give {how}; or choose a model of {wiring.device.dimension} dimensions",
         )
+    # Refuses a model that lies outside of the workspace.
     require(wiring.device, touched)
     return Scene(model=touched, stiffness=stiffness, damping=damping, device=wiring.device, sampling_time=1.0 / rate)
 
@@ -290,6 +301,7 @@ def _hardware_opener(name: str, wiring: Wiring, scene: Scene) -> Iterator[Callab
         with running(demonstration(wiring, scene)) as address:
             yield lambda: UdpDevice(address, joints)
     elif name.startswith("udp://"):
+        # The last colon: an IPv6 address has several.
         host, _, port = name.removeprefix("udp://").rpartition(":")
         if not host or not port.isdigit():
             raise InputError(f"--device {name}", why="an address is udp://HOST:PORT", todo="give host and port")
@@ -328,6 +340,7 @@ def _recording_meta(scene: Scene, wiring: Wiring, renderer: str, *, hardware: st
 
     gains = {"stiffness": scene.stiffness, "damping": scene.damping, "mass": scene.mass}
     model = {"kind": scene.model.name, **scene.model.parameters}
+    # Its kind stands in a field of its own.
     device = wiring.description()
     meta = {
         "source": "hardware",

@@ -88,9 +88,11 @@ def inspect(
     from hapticeval.recordings.memory import limited
 
     with limited(memory_limit):
+        # A foreign file can only be shown: which column is what is not known.
         if mapping is None and not is_ours(file):
             raise typer.Exit(_show_foreign_file(read_table(file, format=format_), file, write_mapping))
         recording = load(file, mapping=mapping, format=format_, salvaging=True)
+        # One mapping serves for all foreign files of a rig.
         others = {other.name: load(other, mapping=None if is_ours(other) else mapping) for other in against or []}
     raise typer.Exit(_examine_recording(recording, file, model, stiffness, others, directory))
 
@@ -130,6 +132,7 @@ def _examine_recording(
     from hapticeval.recordings.provenance import spring_of
     from hapticeval.reports.integrity_figure import write_integrity
 
+    # N/m where the force is that of a spring alone; else None, and the damping in words.
     spring, damped = spring_of(recording)
     report = examine(
         recording,
@@ -158,6 +161,7 @@ def _picture_stem(file: Path) -> str:
         for other in neighbours
         if other.stem.casefold() == file.stem.casefold() and other.suffix not in (".toml", ".png", ".svg")
     }
+    # Another name is made into a stem from the title.
     plain = re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]*", file.stem)
     return file.stem if plain and alike <= {file.name} else ""
 
@@ -170,6 +174,7 @@ def _recorded_robot(recording: Recording) -> Any:
     kind = kinds.get(str(recording.meta.get("device")))
     if kind is None:
         return None
+    # A recording of a later version may have more parameters.
     known = ParallelogramParameters.__dataclass_fields__
     parameters = recording.meta.get("device_parameters", {})
     return kind(ParallelogramParameters(**{name: value for name, value in parameters.items() if name in known}))
@@ -181,6 +186,7 @@ def _touched_model(recording: Recording, name: str | None) -> Any:
 
     if name is not None:
         touched = model_named(name)
+        # A hand in one dimension stands before a wall, which is a line of the plane.
         walled = recording.dimension == 1 and touched.name == LINE
         if recording.dimension != touched.dimension and not walled:
             raise InputError(
@@ -238,6 +244,7 @@ def convert(
     refuse_existing(output)
     with limited(memory_limit):
         recording = load(file, mapping=mapping, format=format_, salvaging=salvage)
+    # What is suspicious is told, and converted all the same.
     export(output, recording)
     say(f"{converted(recording)}\nwrote {output}")
     raise typer.Exit(int(incomplete(recording)))
@@ -300,6 +307,7 @@ def compare(
     try:
         comparisons = compared(aligned, seed=seed)
     except InputError as error:
+        # Drawn without a comparison; the reason is raised below, if there are renderers to compare.
         refused, comparisons = error, ()
     written = write_spread(directory, aligned, bands(aligned), comparisons)
     say(paragraphs(summary(aligned, comparisons), wrote_lines(written)))
@@ -334,6 +342,7 @@ def _touched_curve(model: str | None, runs: Sequence[Run]) -> Curve | None:
     if model is not None:
         return model_named(model).curve
     models = [model_of(run.recording) for run in runs]
+    # Equal as text, whatever the order of their parameters.
     distinct = {json.dumps(model, sort_keys=True, default=str) for model in models}
     if len(distinct) > 1:
         raise InputError(

@@ -150,7 +150,8 @@ def _search_renderers(
     check_ids = tuple(checks or judgeable())
     if models and dimension is not None:
         raise InputError("--dimension and --model", why="a model has a dimension", todo="give one of the two")
-    on = [plain(model_named(text).table, "model") for text in models or ()]
+    model_tables = [plain(model_named(text).table, "model") for text in models or ()]
+    # What earlier searches kept is tried before anything is drawn.
     known = read_all(directory) if directory.is_dir() else []
     names = dict.fromkeys(renderers)
     codes = []
@@ -162,23 +163,26 @@ def _search_renderers(
         def progress(done: float, what: str) -> None:
             terminal.searching(done, seconds, what)
 
-        all_asked = [
-            Hunt(name, check_ids, on, known, seconds, examples, dimension or _default_dimension(name)) for name in names
+        hunts = [
+            Hunt(name, check_ids, model_tables, known, seconds, examples, dimension or _default_dimension(name))
+            for name in names
         ]
         begun = time.monotonic()
+        # All renderers and seeds side by side; else one after the other, with a bar.
         if len(seeds) > 1 or scheduler is not None:
             terminal.line(f"searching with {plural(len(seeds), 'seed')} for what breaks {', '.join(names)}")
             options: dict[str, Any] = {"workers": cores(), "scheduler": scheduler, "interrupted": interrupted}
             for hunt, outcome, ended in run_hunts(
-                all_asked, seeds, **options, progress=terminal.still, report=terminal.line
+                hunts, seeds, **options, progress=terminal.still, report=terminal.line
             ):
                 terminal.clear()
+                # Some seeds were interrupted, or lost with their worker.
                 if ended < len(seeds):
                     terminal.line(f"{hunt.renderer}: {ended} of {plural(len(seeds), 'seed')} ended")
                     codes.append(1)
                 codes.append(_write_findings(hunt, outcome, directory, time.monotonic() - begun))
             return max(codes)
-        for hunt in all_asked:
+        for hunt in hunts:
             if interrupted():
                 codes.append(1)
                 break
@@ -198,6 +202,7 @@ def _default_dimension(renderer: str) -> int:
     from hapticeval.scene import PLANE, SPACE
 
     declared = choices_of(resolve(renderer)).supports or frozenset()
+    # A renderer that declares nothing, or both, is searched in the plane.
     return 3 if SPACE in declared and PLANE not in declared else 2
 
 
@@ -207,13 +212,15 @@ def _write_findings(hunt: Hunt, outcome: HuntResult, directory: Path, took: floa
     from hapticeval.search.hunt import deadline
     from hapticeval.search.trial import RENDERER
 
-    written, bare = [], []
+    written, without_picture = [], []
     suites = [write(counterexample, directory)[0] for counterexample in outcome.counterexamples]
-    over = deadline(PICTURE_SECONDS, lambda: False)
+    # One budget for all pictures of a renderer.
+    is_over = deadline(PICTURE_SECONDS, lambda: False)
     for counterexample, suite in zip(outcome.counterexamples, suites, strict=True):
-        pictures = _draw_counterexample(counterexample, suite, over)
+        pictures = _draw_counterexample(counterexample, suite, is_over)
         written += [suite, *(pictures or ())]
-        bare += [] if pictures is not None else [counterexample.fault.check]
+        # None: no time was left; an empty list: the renderer breaks, and nothing can be drawn.
+        without_picture += [] if pictures is not None else [counterexample.fault.check]
     say(
         paragraphs(
             lines(
@@ -221,7 +228,7 @@ def _write_findings(hunt: Hunt, outcome: HuntResult, directory: Path, took: floa
                 for counterexample in outcome.counterexamples
             ),
             _search_words(hunt, outcome, took),
-            f"no picture, for its time was over, of: {', '.join(bare)}" if bare else "",
+            f"no picture, for its time was over, of: {', '.join(without_picture)}" if without_picture else "",
             wrote_lines(written),
         )
     )
@@ -238,6 +245,7 @@ def _search_words(hunt: Hunt, outcome: HuntResult, took: float) -> str:
         return f"{hunt.renderer} refuses every model that was tried: {outcome.refused}"
     failing = {counterexample.fault.check for counterexample in outcome.counterexamples}
     missing = [name for name in hunt.checks if name not in failing]
+    # Checks that were decided, with in how many examples.
     passed = [f"{name} ({outcome.judged[name]})" for name in missing if outcome.judged[name]]
     silent = [name for name in missing if not outcome.judged[name]]
     ended = "" if outcome.finished else "; stopped before the end"
@@ -305,7 +313,9 @@ def _replay_kept(folder: Path, renderers: list[str] | None) -> int:
                     except Stopped:
                         break
                 check = counterexample.fault.check
+                # The same check fails, or the renderer itself breaks.
                 again = next((fault for fault in answer.faults if fault.check in (check, RENDERER)), None)
+                # Without an outcome the check had nothing to object to.
                 outcome = answer.outcomes.get(check, "pass")
                 if again is not None:
                     state = f"STILL FAILS: {again.message}"

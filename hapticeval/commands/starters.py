@@ -87,7 +87,9 @@ def write_starter(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
     if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
         raise InputError(f"'{directory}' is not an empty folder", why="what is there is not written over")
     starter = STARTERS[kind]
+    # The stem as a word, also behind lib and test_, as in libpenalty.so.
     named = re.compile(rf"\b(lib|test_|){starter.stem}\b")
+    # In C sources only names of files: a variable may be called like the stem.
     files_alone = re.compile(rf"{named.pattern}(?=\.(?:c|cpp|so)\b)")
     name = _module_name(directory.resolve().name)
 
@@ -121,6 +123,7 @@ def _module_name(folder: str) -> str:
     name = re.sub(r"\W", "_", folder, flags=re.ASCII)
     if not name.isidentifier():
         name = f"renderer_{name}"
+    # A namespace package, as the new folder itself, has no origin.
     spec = find_spec(name)
     exists = spec is not None and spec.origin is not None
     return f"{name}_renderer" if keyword.iskeyword(name) or name in sys.stdlib_module_names or exists else name

@@ -37,6 +37,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
     """
     stops = [verdict for verdict in results.verdicts if results.stops(verdict) and not results.lost(verdict)]
     stops.sort(key=lambda verdict: verdict.severity, reverse=True)
+    # What does not stop the gate is shown only with -v, but for lists that are outdated.
     unstopping = [verdict for verdict in results.verdicts if not results.stops(verdict)]
     worst = stops if verbose else stops[:VERDICTS_SHOWN]
     more = len(stops) - len(worst)
@@ -65,6 +66,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
 
 def paint(text: str, colour: str | None) -> str:
     """Return the text in a colour, where stdout is a terminal that shows colours."""
+    # NO_COLOR and TERM=dumb as other programs take them.
     plain = not sys.stdout.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
     return text if plain or colour is None else typer.style(text, fg=colour)
 
@@ -97,6 +99,7 @@ def _grid_cell(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tu
         for verdict in verdicts
         if verdict.level is not Level.INFO and verdict.outcome is not Outcome.NOT_APPLICABLE
     ]
+    # Of level info too, where an outcome is published and another came.
     wrong = sum(results.stops(verdict) for verdict in verdicts)
     if not judged and not wrong:
         return "-", None
@@ -113,6 +116,7 @@ def _summary_tables(results: ResultsDocument, width: int) -> Iterator[str]:
     """A table a suite that has rows which some renderer has decided."""
     titles = [(suite.title, suite.rows) for suite in results.suites if suite.rows]
     named = {title for _, rows in titles for title in rows}
+    # Rows that no suite groups stand in a table without a title.
     left = [title for title in results.table if title not in named]
     for name, rows in [*titles, ("", left)]:
         answered = {title: row for title in rows if (row := results.table.get(title))}
@@ -137,6 +141,7 @@ def _summary_table(
 
 
 def _answer_cell(answer: str, published: str | None) -> tuple[str, str | None]:
+    # "-" is no answer, and contradicts nothing.
     if published in (None, answer) or answer == "-":
         return answer, {"Yes": "green", "No": "yellow"}.get(answer)
     return f"{answer} (published {published})", "red"
@@ -153,6 +158,7 @@ def _aligned_cells(header: Sequence[str], rows: Sequence[Sequence[tuple[str, str
             colours = [colour for text, colour in row if text]
             lists += [title, *map(paint, named, colours)]
         return lines(lists)
+    # Widths by text: colour codes take no room on the terminal, but count as characters.
     places = [max(map(len, column)) for column in zip(*texts, strict=True)]
     painted = (
         [paint(text, colour) + " " * (place - len(text)) for (text, colour), place in zip(row, places, strict=True)]
@@ -181,6 +187,7 @@ def _problem_lines(head: str, problem: Problem) -> str:
 
 def _all_refused_runs(results: ResultsDocument) -> Iterator[RunEntry]:
     """The first run of each renderer that has refused all that it was given: it has not been judged at all."""
+    # Whoever ran anywhere is not left out altogether.
     judged = {run.renderer for run in results.runs if not run.refusal}
     yielded: set[str] = set()
     for run in results.runs:

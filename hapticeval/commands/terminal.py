@@ -60,6 +60,7 @@ class Terminal:
         self._broken: set[tuple[str, tuple[str, str]]] = set()
         self._begun = time.monotonic()
         self._reminded = 0.0
+        # When the last line was printed, s of the monotonic clock.
         self._spoke = self._begun
         self._planned_jobs = 0
         self._finished_jobs = 0
@@ -103,6 +104,7 @@ class Terminal:
             self.interrupted = True
             self.line(_interrupted_words(event))
         elif isinstance(event, RunFinished):
+            # Suites that the run's end has cut short; _close changes the dict.
             for name in [name for name, suite in self._suites.items() if suite.finished]:
                 self._close(name)
 
@@ -110,6 +112,7 @@ class Terminal:
         """Return whether a renderer broke in a way in which it has not broken before."""
         if event.run.error is None:
             return False
+        # A set: it grows only by a way that is new.
         before = len(self._broken)
         self._broken.add((event.run.renderer, event.run.error.kind))
         return len(self._broken) > before
@@ -175,6 +178,7 @@ class Terminal:
     def _advance(self, done: int, total: int, what: str) -> None:
         """Move the bar; it appears with the first step that ends after `BAR_AFTER` seconds."""
         if self._bar is None:
+            # What is over soon needs no bar.
             if time.monotonic() - self._begun < BAR_AFTER:
                 return
             from rich.console import Console
@@ -259,6 +263,7 @@ def paragraphs(*parts: str) -> str:
 def columns(rows: Iterable[tuple[str, str]]) -> str:
     """Names in a column, and what they are wrapped beside them."""
     pairs = list(rows)
+    # Longer lines are hard to read.
     room = min(shutil.get_terminal_size().columns, 100)
     width = max((len(name) for name, _ in pairs), default=0) + 2
     lines = []
@@ -279,4 +284,5 @@ def say(text: str) -> None:
     try:
         print(printable(text), flush=True)
     except BrokenPipeError:
+        # Later output goes nowhere, also what Python flushes at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -59,6 +59,7 @@ def texture(
         raise InputError("--rate with a texture of ours", why="it holds its own", todo="leave --rate out")
     else:
         source = read_texture(path) if path.suffix == ".toml" else named(file)
+    # Poles and zeros are shown of the first filter.
     first = source.filters[0]
     friction = "no friction" if source.friction is None else f"friction {source.friction:g}"
     say(
@@ -67,6 +68,7 @@ def texture(
     )
     say(
         lines(
+            # The variance is the autocovariance at lag 0; its root is the rms.
             f"{model.speed:8.4g} m/s {model.force:8.4g} N   rms {math.sqrt(autocovariance(model, 1)[0]):.4g} m/s^2"
             for model in sorted(source.filters, key=lambda model: (model.speed, model.force))
         )

@@ -60,6 +60,7 @@ def view(
     named = None if model is None else model_named(model)
     with limited(memory_limit):
         recording = load(file, mapping=mapping, format=format_)
+    # A recording in one dimension is shown in the plane.
     if named is not None and named.dimension != max(recording.dimension, 2):
         raise InputError(
             f"the recording is in {recording.dimension}D, the model '{model}' in {named.dimension}D",

@@ -26,7 +26,9 @@ def run_again(once: Callable[[], int], files: Callable[[], Iterable[Path]]) -> i
     """
     with Interrupts() as interrupts:
         while True:
+            # Before the run: a change during it starts the next one.
             stamps = _file_stamps(files())
+            # A fork keeps what is imported of hapticeval, and nothing of the renderer is imported here.
             process = multiprocessing.get_context("fork").Process(target=_exit_with, args=(once,))
             process.start()
             process.join()
@@ -82,6 +84,7 @@ def _source_files(base: str) -> Iterator[Path]:
     spec = find_spec(module.partition(".")[0])
     if spec is None:
         return
+    # A package: all its modules. A single module: those in its folder, which it may import.
     if spec.submodule_search_locations:
         for folder in spec.submodule_search_locations:
             yield from Path(folder).rglob("*.py")
