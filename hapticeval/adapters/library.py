@@ -1,7 +1,7 @@
 """A renderer in a shared library, `lib:./libmine.so`, by the C ABI of `hapticeval.h`.
 
-What the library is, a process of its own finds out: one that crashes or hangs when it is loaded takes nothing along.
-Compiled loops call its step by its address, without Python.
+A child process loads the library first and asks what it can: one that crashes or hangs costs that child only. Compiled
+loops call its step by its address, without Python.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ ABI = 1
 CONTACT, REFUSES_MODEL, REFUSES_HIP = 1, 1, 2
 BILATERAL, SPRING, FORCE_ONLY = 4, 16, 32
 REQUIREMENT_FLAGS = {1: "plane", 2: "space", BILATERAL: "bilateral", 8: "viscosity"}
-"""Flags of the header that are requirements of scenes."""
+"""Flags of the header by which a library supports scenes with these requirements."""
 
 REQUIRED_FUNCTIONS = ("hr_abi", "hr_info_get", "hr_create", "hr_reset", "hr_step", "hr_destroy")
 
 REASON_BYTES = 1024
-"""Bytes that a library may write to say why it refuses."""
+"""Bytes that a library has to write why it refuses a model."""
 
 PATIENCE = 30.0
-"""Seconds in which a library is loaded and says what it can."""
+"""Seconds in which a library must load and say what it can."""
 
 REFUSAL = "the library refuses the HIP"
 
@@ -89,12 +89,12 @@ else:
         found["info"] = {name: getattr(info, name) for name in fields}
 print("\\nhapticeval", json.dumps(found), flush=True)
 """
-"""What asks a library what it is. Only the last line counts: a library may print."""
+"""The program of the child that loads a library and asks it. Only its last line counts: a library may print."""
 
 
 @lru_cache(maxsize=32)
 def _probe(path: Path, changed: int) -> dict[str, Any]:  # noqa: ARG001 - a library that is built anew is asked again
-    """Return what the library answers: missing symbols, its ABI, flags and `max_error`. Raises `InputError`."""
+    """Load a library in a child, and return what it lacks, its ABI, and its flags and lengths. Raises `InputError`."""
     fields = " ".join(name for name, *_ in InfoStruct._fields_)
     # -I: neither PYTHON variables nor the folder that this runs in change what the child imports.
     command = [sys.executable, "-I", "-c", PROBE, str(path), " ".join(REQUIRED_FUNCTIONS), fields, str(ABI)]
@@ -120,7 +120,10 @@ def _probe(path: Path, changed: int) -> dict[str, Any]:  # noqa: ARG001 - a libr
 
 
 class Info(NamedTuple):
-    """What a library says of itself before a scene: its flags, and the chord error (m) that it asks for, or 0."""
+    """What a library says of itself before it gets a scene.
+
+    Its flags, and the largest distance (m) that it allows between a smooth model and its facets, 0 for any.
+    """
 
     flags: int
     max_error: float
@@ -132,7 +135,7 @@ class Info(NamedTuple):
 
 
 def info_of(path: Path) -> Info:
-    """Ask a library what it is. Raises `InputError` for what is none with our ABI, with the reason."""
+    """Ask a library what it is. Raises `InputError`, with the reason, for what is no library of our ABI."""
     if not path.is_file():
         raise InputError(
             f"no library {path}",
@@ -199,7 +202,7 @@ def _demangled(text: str) -> str:
 
 @dataclass(frozen=True)
 class LibraryFactory:
-    """Makes renderers of a library; it can travel to other processes."""
+    """Makes the renderers of a library; it can be pickled for other processes."""
 
     path: Path
     info: Info
@@ -227,6 +230,7 @@ def library(place: str) -> LibraryFactory:
 
 @lru_cache(maxsize=32)
 def _load(path: Path) -> ctypes.CDLL:
+    """Load a library into this process, with the types of the header's functions."""
     library = ctypes.CDLL(str(path))
     # Arrays go as their addresses, of N doubles a row.
     point = c_void_p
@@ -247,9 +251,11 @@ def _load(path: Path) -> ctypes.CDLL:
 def ask(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick of a library, of signature `LAW`: `params` holds the addresses of its `hr_step` and of its self.
+    """Ask a library for one tick, from a compiled loop: a law of signature `LAW`.
 
-    The answer goes to `state`. What the library does not write is not finite.
+    `hip` (N,), m, and `velocity` (N,), m/s, of the hand; `dt`, s. Writes `ihip` (N,), m, and `force` (N,), N: not
+    finite where the library does not. `push` is not used. `data.params` holds the addresses of `hr_step` and of the
+    library's self, and `data.state` gets what `hr_step` returned. Returns 0 or the number of a refusal.
     """
     # What the library leaves unwritten is then not finite, and never the last answer.
     for i in range(hip.shape[0]):
@@ -271,10 +277,10 @@ def ask_rows(
     data: LawData, push: Array, hips: Array, velocity: Array, dt: float, ihips: Array, forces: Array,
     contact: BoolArray,
 ) -> int:  # fmt: skip
-    """Ask a tick for each of `hips` (n, N), m; return the row at which the library refuses or broke, or n.
+    """Ask a library for a whole path, tick by tick; return the row at which it refuses or broke, or n.
 
-    `velocity` (N,), m/s, is that of the first, and then the difference backwards in time, as a recording has it.
-    What the library reports goes to `contact` (n,).
+    `hips` (n, N), m, are in steps of `dt` (s). `velocity` (N,), m/s, is that of the first; of others it is the backward
+    difference, as in a recording. Writes `ihips` (n, N), m, `forces` (n, N), N, and `contact` (n,).
     """
     for row in range(hips.shape[0]):
         if row > 0:
@@ -289,7 +295,7 @@ def ask_rows(
 
 
 def _declaration(info: Info, answer: InfoStruct) -> Declaration:
-    """Return what a library promises: by its flags, and by what it wrote of itself for a scene."""
+    """Return what a library promises by its flags and by what it wrote for a scene. Raises `RendererError`."""
     # both zero where the stiffness does not vary
     shares = float(answer.stiffness_least), float(answer.stiffness_largest)
     promise = Declaration(
@@ -310,10 +316,10 @@ def _declaration(info: Info, answer: InfoStruct) -> Declaration:
 
 
 class LibraryRenderer:
-    """A renderer of a library, with the same bits in `step`, in `run` and in a compiled loop: each calls `hr_step`.
+    """A renderer of a library: `step`, `run` and compiled loops all call `hr_step`, and so agree to the last bit.
 
-    `run` calls the library's `hr_run` where it has one. `contact` is whether the last `step` gave HR_CONTACT, and after
-    a `run` that of each answer (n,): None after `hr_run`, which does not report it.
+    `run` calls the library's `hr_run` instead where it has one. `contact` is whether the last `step` gave HR_CONTACT,
+    after a `run` that of each tick (n,), and None after `hr_run`, which does not report it.
     """
 
     def __init__(self, library: ctypes.CDLL, info: Info, outside: Outside) -> None:
@@ -348,6 +354,7 @@ class LibraryRenderer:
         self.contact: bool | BoolArray | None = False
 
     def _create(self) -> None:
+        """Give the library the scene and its facets. Raises `RefusalError` and `RendererError`."""
         scene, facets = self._outside.scene, self._outside.facets
         # As the header lays them out: vertices (n, N), m, row by row, and cells as indices of them.
         vertices = np.ascontiguousarray(facets.vertices, dtype=np.float64)
@@ -397,7 +404,10 @@ class LibraryRenderer:
         return Response(ihip, force)
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        """A whole path: `reset` at the first row of `hips` (n, N), and a `step` a row. Returns IHIPs and forces."""
+        """Follow a path from a reset, `hips` (n, N), m, in steps of `dt` (s); return IHIPs, m, and forces, N, (n, N).
+
+        Raises `DomainError` where `reset` does, and `RuntimeError` where a tick cannot be answered: single steps tell.
+        """
         hips = np.array(hips, dtype=np.float64, order="C")
         ihips, forces = np.empty_like(hips), np.empty_like(hips)
         self.reset(hips[0])

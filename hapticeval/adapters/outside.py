@@ -1,4 +1,4 @@
-"""What a renderer that is no Python is given of a scene, and what it answers to that: the same for every transport."""
+"""What a renderer outside of Python is given of a scene, as facets and numbers, and where its tool starts."""
 
 from __future__ import annotations
 
@@ -17,23 +17,26 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 CHORD_ERROR_SHARE = {2: 1e-4, 3: 1e-3}
-"""The chord error of the edges, and triangles, that are given where no other is asked for, in sizes of the model.
+"""How far edges, and triangles, may lie from a smooth model where no other error is asked for, as a share of its size.
 
-They are some 160 edges of a circle, and 5,120 triangles of a sphere: a renderer without a search tree goes through them
-in a tick."""
+A circle has some 160 edges then, and a sphere 5,120 triangles: few enough for a renderer without a search tree.
+"""
 
 CLEARANCE_SHARE = 1e-4
-"""How far outside a tool begins at the least, in sizes of the model."""
+"""How far outside of the surface a tool starts at least, as a share of the model's size."""
 
 
 RING_GROWTH, RING_COUNT = 1.25, 60
-"""Growth of the rings on which a free start is looked for, and their number: up to 6e5 times the clearance, which is 60
-times the model's size at the least. *Chosen*: in the corner of a cube the start is within a quarter of the nearest."""
+"""Growth of the rings on which a free start is looked for, and their number.
+
+The last is 6e5 times as wide as the clearance, which is 60 times the model's size at least. *Chosen*: in the corner of
+a cube the start lies at most a quarter further away than the nearest.
+"""
 
 
 @dataclass(frozen=True)
 class Outside:
-    """A scene as edges or triangles with numbers, for a renderer that asks for a chord error of `max_error` (m)."""
+    """A scene as facets and numbers; `max_error` (m) is how far facets may lie from the model, 0 for the default."""
 
     scene: Scene
     max_error: float = 0.0
@@ -46,7 +49,7 @@ class Outside:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """The gains and what else the contact is like, by the names that the header has for them."""
+        """The scene's gains and other numbers, in SI units, by the names that the header has for them."""
         scene = self.scene
         return {
             "stiffness": scene.stiffness, "damping": scene.damping, "mass": scene.mass,
@@ -55,12 +58,16 @@ class Outside:
         }  # fmt: skip
 
     def tool(self, hip: Array, standoff: float = 0.0) -> Array:
-        """Return the point (N,), m, that the tool comes from at a reset with the hand at `hip` (N,): a free one.
+        """Return the point (N,), m, at which the tool starts after a reset with the hand at `hip` (N,), m: a free one.
 
-        It is outside of all of the given surface by `CLEARANCE_SHARE` of the model's size and the renderer's own
-        `standoff` (m). It is the hand itself where that is so; else the point that far outside of the nearest one of
-        the surface, or one beside it where that is too near to another face: see `_clear_point`. In a bilateral scene
-        the tool is on the surface.
+        Free is what lies outside of the facets by `CLEARANCE_SHARE` of the model's size and `standoff` (m). It is the
+        first of these that is free:
+
+        - the hand itself;
+        - the point straight off the nearest one of the surface;
+        - one beside that: see `_clear_point`.
+
+        In a bilateral scene the tool starts on the surface.
         """
         boundary: Boundary = self.facets.boundary
         frame = boundary.closest_point(hip[np.newaxis])
@@ -73,10 +80,10 @@ class Outside:
         return _clear_point(boundary, foot, frame.normal[0], clear)
 
     def lengths(self, standoff: float, resolution: float) -> dict[str, Any]:
-        """Return the attributes of a renderer with these lengths (m) towards what it is given: those towards the model.
+        """Return `standoff` and `resolution` (m) of a renderer towards the model, from those towards its facets.
 
-        Where edges or triangles stand for a smooth model, their error adds to its standoff, and its representation is
-        blurred over the longest of them at the least.
+        Where facets stand for a smooth model, their error adds to the standoff, and the resolution is at least their
+        longest edge; the facets are then the renderer's own surface. The names are attributes of a renderer.
         """
         boundary, error = self.facets
         if error == 0.0:
@@ -89,8 +96,10 @@ class Outside:
 def _clear_point(boundary: Boundary, foot: Array, normal: Array, clear: float) -> Array:
     """Return a point (N,), m, that is `clear` (m) outside of a boundary, near its point `foot` (N,) with this `normal`.
 
-    Straight off it where that is free. Else the nearest of the points on rings of growing radius round it from which
-    the way to it is open; in a slot too narrow for that, the nearest that is free. Far out, all of them are.
+    Straight off it where that is free; else on rings of growing radius round it:
+
+    - the nearest free point with an open line to it;
+    - in a slot too narrow for that, the nearest free point. Far out all are free.
     """
     straight = foot + clear * normal
     # A rounding less: of a plane face the distance comes out as `clear` but for the last digits.

@@ -1,7 +1,7 @@
 """A renderer in a process of its own, `cmd:./mine`: one JSON object a line, asked on its stdin and answered on stdout.
 
-Each message has an `id` and a `call`, and each answer that `id`. No wait is without end: a child that is late, has died
-or answers nonsense is ended, and the error says which.
+Each message has an `id` and a `call`, and its answer has the same `id`. No wait is without end: a child that is late,
+has died or answers nonsense is ended, and the error says which.
 """
 
 from __future__ import annotations
@@ -34,24 +34,24 @@ from hapticeval.types import Array, BoolArray
 from hapticeval.workers import describe_exit
 
 VERSION = 1
-"""Of the protocol."""
+"""Version of the protocol."""
 
 START_PATIENCE, PATIENCE, TICK_PATIENCE = 60.0, 20.0, 0.02
-"""Seconds that a child may take to say hello, which a large program needs; for any other answer; and more for each tick
-of a batch."""
+"""Seconds that a child has for its hello, while a large program loads; for another answer; and more for each tick of a
+path."""
 
 GRACE = 1.0
-"""Seconds that it has to end after bye."""
+"""Seconds that a child has to end after bye."""
 
 ANSWER_BYTES, NUMBER_BYTES = 1 << 20, 64
-"""Bytes that an answer may have, and more for each number of a batch: what prints without end is no answer."""
+"""Bytes that an answer may have, and more for each number of a path: what prints without end is no answer."""
 
 EXCERPT_LENGTH = 300
 """Characters of an odd answer, and of what the child wrote to stderr, that an error shows."""
 
 
 class Child:
-    """A process that is asked, and its end. Ends with the process that made it, where the system offers that."""
+    """A process that answers messages. It ends with the process that made it, where the system offers that."""
 
     def __init__(self, command: tuple[str, ...]) -> None:
         self.command = shlex.join(command)
@@ -116,7 +116,7 @@ class Child:
         return answer
 
     def _exchange(self, message: bytes, call: str, until: float, patience: float, most_bytes: int) -> bytes:
-        """Write a message, and read until there is a line: both at once, for a child may do so too."""
+        """Write a message and read a line, both at once: a child may begin to answer before it has read all."""
         with selectors.DefaultSelector() as ready:
             ready.register(self._out, selectors.EVENT_READ)
             if message:
@@ -150,6 +150,7 @@ class Child:
         return line
 
     def _write(self, message: bytes, call: str) -> int:
+        """Write some of a message, and return how many bytes the pipe has taken."""
         try:
             # A part at a time: as much as the pipe takes.
             return os.write(self._in, message[: 1 << 16])
@@ -160,6 +161,7 @@ class Child:
             self._died(call)
 
     def _died(self, call: str) -> NoReturn:
+        """Raise `RendererError` for a child that has ended, or closed its stdout, without an answer."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             # Its pipes close a moment before its exit code is known.
             self._process.wait(GRACE)
@@ -233,7 +235,7 @@ class Hello:
 
 @dataclass(frozen=True)
 class ProcessFactory:
-    """Makes renderers that are processes, one each; it can travel to other processes."""
+    """Makes renderers that are processes, one each; it can be pickled for other processes."""
 
     command: tuple[str, ...]
     hello: Hello = field(repr=False)
@@ -256,7 +258,7 @@ class ProcessFactory:
 
 
 def process(command: str) -> ProcessFactory:
-    """Return the factory of what a command starts. Raises `InputError` where that cannot say hello."""
+    """Return the factory of renderers that a command starts. Raises `InputError` where it gives no proper hello."""
     try:
         words = tuple(shlex.split(command))
     except ValueError as error:
@@ -268,6 +270,7 @@ def process(command: str) -> ProcessFactory:
 
 @lru_cache(maxsize=32)
 def _hello_of(command: tuple[str, ...]) -> Hello:
+    """Start a command once to have its hello. Raises `InputError`."""
     try:
         return _say_hello(Child(command))
     except RendererError as error:
@@ -275,6 +278,7 @@ def _hello_of(command: tuple[str, ...]) -> Hello:
 
 
 def _say_hello(child: Child) -> Hello:
+    """Return what a child answers to hello. Raises `RendererError` where that does not fit the protocol."""
     answer = child.ask("hello", START_PATIENCE, version=VERSION)
     if answer.get("version") != VERSION:
         child.fail(
@@ -294,6 +298,7 @@ def _say_hello(child: Child) -> Hello:
 
 
 def _read_lengths(child: Child, answer: Mapping[str, Any], *names: str) -> dict[str, float]:
+    """Return lengths (m) of an answer by name, 0 where it has none. Raises `RendererError` for what is no length."""
     lengths = {name: answer.get(name, 0.0) for name in names}
     for name, value in lengths.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < float("inf"):
@@ -302,7 +307,7 @@ def _read_lengths(child: Child, answer: Mapping[str, Any], *names: str) -> dict[
 
 
 def _declaration(child: Child, hello: Hello, answer: Mapping[str, Any]) -> Declaration:
-    """Return what the process promises: by what it said of itself, and by its answer to a scene."""
+    """Return what the process promises in its hello and in its answer to a scene. Raises `RendererError`."""
     shares = answer.get("stiffness_range")
     # JSON has no infinity: null is a range without upper bound.
     if isinstance(shares, list) and shares[-1:] == [None]:
@@ -324,9 +329,10 @@ def _declaration(child: Child, hello: Hello, answer: Mapping[str, Any]) -> Decla
 
 
 class ProcessRenderer:
-    """A renderer that is a process.
+    """A renderer that is a process, asked over its stdin and stdout.
 
-    `contact` is what its last answer had of that, after a `run` or `lead` for each row (n,); None where it had nothing.
+    `contact` is whether its last answer reported contact, after a `run` or `lead` for each row (n,); None where it did
+    not say.
     """
 
     def __init__(self, child: Child, hello: Hello, scene: Scene) -> None:
@@ -374,12 +380,12 @@ class ProcessRenderer:
 
     @property
     def run(self) -> Callable[[Array, float], tuple[Array, Array]] | None:
-        """A whole path at once, where the process can: `reset` at the first row of the HIPs, and a `step` a row."""
+        """What follows a path from a reset: HIPs (n, N), m, and dt, s, to IHIPs, m, and forces, N; None if none."""
         return self._run if self._batch else None
 
     @property
     def lead(self) -> Callable[[Array, Array, Array], tuple[Array, Array]] | None:
-        """A `step` a row from where the last one ended, where the process can: HIPs, velocities (n, N) and dt (n,)."""
+        """What goes on from the last tick: HIPs, m, and velocities, m/s, (n, N), and dt (n,), s; None if none."""
         return self._lead if self._batch else None
 
     def _run(self, hips: Array, dt: float) -> tuple[Array, Array]:
@@ -400,7 +406,7 @@ class ProcessRenderer:
         return ihips, forces
 
     def _ask_stretch(self, hips: Array, velocities: Array, dt: float) -> tuple[Array, Array]:
-        """Return IHIPs and forces (n, N) of a stretch in steps of `dt` (s)."""
+        """Return IHIPs (n, N), m, and forces (n, N), N, along HIPs (n, N), m, in equal steps of `dt` (s)."""
         # An answer has IHIPs and forces: two numbers for each of the HIPs' coordinates.
         patience, most_bytes = PATIENCE + TICK_PATIENCE * len(hips), ANSWER_BYTES + 2 * NUMBER_BYTES * hips.size
         entries = {"hips": hips.tolist(), "velocities": velocities.tolist(), "dt": float(dt)}
@@ -413,12 +419,13 @@ class ProcessRenderer:
         return ihips, forces
 
     def _check_refusal(self, answer: Mapping[str, Any], hip: Array) -> None:
+        """Raise `DomainError` where an answer refuses the `hip` (N,), m."""
         if "refuse" in answer:
             place = ", ".join(f"{x:.6g}" for x in hip)
             raise DomainError(f"the process refuses the HIP ({place}) m", why=_excerpt(answer["refuse"]))
 
     def _numbers(self, answer: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> Array:
-        """Return an entry of an answer as numbers of the HIP's shape; null is a number that is not finite."""
+        """Return an entry of an answer as an array of the shape of the HIPs; null stands for NaN."""
         try:
             numbers = np.array(answer[name], dtype=np.float64)
         except KeyError:

@@ -1,4 +1,4 @@
-"""Where an IHIP jumps, to a nanometre of the hand's way: a jump stays there, and a steep way is crossed in steps."""
+"""Whether an IHIP really jumps: the place is bisected to a nanometre of the hand's path, where only a jump is left."""
 
 from __future__ import annotations
 
@@ -15,19 +15,21 @@ from hapticeval.suite.case import Case
 from hapticeval.types import Array
 
 FINEST_STEP = 1e-9
-"""Metres of the hand's way to which a jump is placed."""
+"""Distance (m) of the two HIPs between which a jump is placed."""
 
 REMAINING_SHARE = 0.5
-"""Share of the jump between two samples that has to be there between HIPs a nanometre apart."""
+"""Share of the jump between two samples that must be left between HIPs a nanometre apart."""
 
 
 def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Array, Array, float] | None:
-    """Return the HIPs (N,), m, on either side of the jump that `fault` names, and the IHIP's jump, m.
+    """Return two HIPs (N,), m, a nanometre apart between which the IHIP jumps, and how far it does, m.
 
-    The hand is led along the path to the sample before the jump each time, then to a point between that and the next
-    one, where it rests until a proxy that lags has come: bisection finds on which side of the jump that is. None where
-    the renderer answers a stimulus whole, where the case is no path, and where nothing of at least half the jump is
-    left.
+    `fault` says at which time of the path the jump was seen. Each time the hand is led along the path to the sample
+    before that, and on to a point between it and the next sample. There it rests until a proxy that lags has come.
+    Bisection of that point closes in on the jump.
+
+    None where the renderer answers a path as a whole, where the case is no path, and where less than half of the jump
+    is left: then the IHIP moves fast there, and does not jump.
     """
     scene = case.build_scene()
     renderer_instance = make_renderer(factory_of(renderer), scene)
@@ -38,6 +40,7 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
     tick = round(fault.time / scene.sampling_time)
 
     def answer(before: int, hip: Array) -> Array:
+        """Return the IHIP (N,), m, with the hand at rest at `hip` (N,), m, after the path up to sample `before`."""
         seed_all(seed)
         hand_path = np.vstack([hips[: before + 1], np.tile(hip, (LAG_TICKS + 1, 1))])
         # v_i = (x_i - x_(i-1)) / dt, m/s, and zero at the start

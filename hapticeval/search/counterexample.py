@@ -1,8 +1,11 @@
 """Counterexamples as files: a suite of one case with its path, which anyone can run, and what a later search needs.
 
-A case lies below the folder of a search as RENDERER/CHECK.toml, with CHECK.csv beside it where the hand is led along a
-path, CHECK.ply where the model is a mesh that was drawn, and CHECK.json, which holds the same case as moves, what it
-breaks, and how it was found.
+Below the folder of a search they are in RENDERER/:
+
+- CHECK.toml: the suite;
+- CHECK.csv: the path, where the hand is led along one;
+- CHECK.ply: the model, where it is a mesh that was drawn;
+- CHECK.json: the same case as moves of the hand, what it breaks, and how it was found.
 """
 
 from __future__ import annotations
@@ -28,13 +31,13 @@ from hapticeval.stimulus.moves import Moves
 from hapticeval.suite.case import Case
 
 VERSIONED_PACKAGES = ("hapticeval", "hypothesis", "numpy", "scipy", "numba")
-"""Packages on whose versions it may depend what a search finds."""
+"""Packages whose versions may change what a search finds."""
 
 
 class StoredCounterexample(Struct, frozen=True, kw_only=True):
     """What CHECK.json holds: the case as it was found, its fault, and what found it.
 
-    `jump`: two HIPs of a path, m, and how far the IHIP jumps between them, m.
+    `jump`: two neighbouring HIPs, m, and how far the IHIP jumps between them, m.
     """
 
     renderer: str
@@ -52,7 +55,7 @@ class StoredCounterexample(Struct, frozen=True, kw_only=True):
 
     @property
     def case(self) -> Case:
-        """The case, to be tried and shrunk."""
+        """The case, to be tried again and shrunk."""
         return Case(
             name=_file_name(self.fault),
             title=f"Breaks {self.renderer}",
@@ -65,7 +68,7 @@ class StoredCounterexample(Struct, frozen=True, kw_only=True):
 
 
 def stored_counterexample(failing_case: FailingCase, renderer: str, seed: int) -> StoredCounterexample:
-    """Return what is kept of a counterexample."""
+    """Return a counterexample as its file holds it."""
     case = failing_case.case
     pair = failing_case.pair
     return StoredCounterexample(
@@ -101,7 +104,7 @@ def line(counterexample: StoredCounterexample) -> str:
 
 
 def notes(counterexample: StoredCounterexample) -> list[str]:
-    """Return what there is to know besides: the bisection of a jump, and a shrink that was cut short."""
+    """Return further sentences: on the bisection of a jump, and on a shrink that was cut short."""
     sentences = []
     if counterexample.jump is not None:
         low, high, jump = counterexample.jump
@@ -116,7 +119,7 @@ def notes(counterexample: StoredCounterexample) -> list[str]:
 
 
 def write(counterexample: StoredCounterexample, folder: FilePath) -> list[FilePath]:
-    """Write a counterexample below `folder`, and return the paths of its files; an earlier one of that check goes."""
+    """Write a counterexample below `folder`, over an earlier one of that check; return the paths of its files."""
     place, name = _renderer_folder(folder, counterexample.renderer), _file_name(counterexample.fault)
     files = {f"{name}.toml": _suite_text(counterexample, name), f"{name}.json": _json_text(counterexample)}
     if counterexample.trajectory is not None:
@@ -137,7 +140,7 @@ def write(counterexample: StoredCounterexample, folder: FilePath) -> list[FilePa
 
 
 def _renderer_folder(folder: FilePath, renderer: str) -> FilePath:
-    """Return the folder of a renderer: its name as far as a file may have it, with a digest where another has that."""
+    """Return the folder of a renderer: its name as a file may have it, with a digest where another shares that."""
     full_name = folder / file_stem(renderer)
     short_name = folder / full_name.name.partition("~")[0]
     # The full name, with a digest, where it is in use already, or another renderer has the short one.
@@ -159,7 +162,7 @@ def read_all(folder: FilePath) -> list[StoredCounterexample]:
 
 
 class CounterexampleFiles(NamedTuple):
-    """A counterexample on disk, for who shows it: what is stored of it, its `suite` file, and its `picture` if any.
+    """A counterexample on disk, to be shown: what is stored of it, its `suite` file, and its `picture` if any.
 
     `counterexample.case` is the case with its checks, and `counterexample.fault` what it breaks. `line` says that in a
     sentence, and `notes` what there is to know besides.
@@ -254,7 +257,7 @@ def _is_drawn_mesh(model: Mapping[str, Any]) -> bool:
 
 
 def _ply(vertices: Sequence[Sequence[float]], triangles: Sequence[Sequence[int]]) -> str:
-    """Return a mesh as a PLY file, with all digits."""
+    """Return a mesh as the text of a PLY file, with all digits."""
     return "\n".join(
         [
             *("ply", "format ascii 1.0", f"element vertex {len(vertices)}"),
@@ -268,7 +271,7 @@ def _ply(vertices: Sequence[Sequence[float]], triangles: Sequence[Sequence[int]]
 
 
 def _toml(value: Any) -> str:
-    """Return a value of JSON in TOML's words, on one line; entries that are None are left out."""
+    """Return a JSON value as TOML, on one line; entries that are None are left out."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items() if entry is not None) + " }"
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""Which cases a search tries, in which order: that depends on models, checks and seed, and on no clock."""
+"""Which cases a search tries, and in which order: it depends on models, checks and seed, never on a clock."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ may be short.
 """
 
 PATHS_PER_MODEL, PUSHES_PER_MODEL = 8, 4
-"""Paths and experiments that are drawn at a time on one model, beside two laps round it."""
+"""How many paths and experiments are drawn on a model in each round, beside two laps round it."""
 
 MODELS_PER_ROUND = 4
-"""Models that are drawn beside those in each round after the first."""
+"""How many models are drawn in each round after the first, beside the fixed ones."""
 
 GAINS: dict[str, st.SearchStrategy[Any]] = {
     "stiffness": st.sampled_from([1000.0, 4000.0, 200.0]),
@@ -51,14 +51,15 @@ GAINS: dict[str, st.SearchStrategy[Any]] = {
 
 
 def judges_paths(check: Check) -> bool:
-    """Whether the check has a question for a hand that is led along a path."""
+    """Whether a check can judge a hand that is led along a path, without a closed loop."""
     return not check.holds and Situation.PLAYBACK not in check.not_for
 
 
 def judgeable() -> tuple[str, ...]:
-    """Return the ids of the checks that are asked where none is named: not those that only a case can ask for.
+    """Return the ids of the checks that a search asks where none is named.
 
-    No scene that is drawn calls for an effect.
+    Not those that need a closed form or an experiment set up for them, which only a case can have; and not those of
+    effects, since no scene that is drawn calls for one.
     """
     drawable = {name: check for name, check in CHECKS.items() if name not in OF_EFFECTS}
     return tuple(name for name, check in drawable.items() if not check.needs_closed_form and not check.holds)
@@ -78,12 +79,13 @@ def draw_cases(
     dimension: int = 2,
     call: Callable[..., Any] = lambda function, *arguments: function(*arguments),
 ) -> Iterator[Case]:
-    """Yield cases without end, by turns on each model; without `models` on those of the catalogue, and on drawn ones.
+    """Yield cases without end, round after round on each of the models.
 
-    `checks` and `refused`, tables of models as text, are looked at each time, so that what has been found need not be
-    looked for any more, and nothing is drawn on a model that the renderer does not take. Paths are for those of
-    them that a led hand shows, and experiments for those that need a closed loop. Drawing takes seconds, and is done by
-    `call`, with a function and its arguments.
+    - `models`: if there are none, those of `MODELS`, and drawn ones from the second round on.
+    - `checks`: read anew each time, so that the caller may drop what has been found. Paths are for checks that a led
+      hand can show, experiments for those that need a closed loop.
+    - `refused`: tables, as text, of models that the renderer does not take: read anew each time, and left out.
+    - `call`: calls a function with its arguments. Drawing takes seconds, and may be done in another process.
     """
     fixed = [dict(model.table) for model in first_models(models, dimension)]
     number = 0
@@ -141,7 +143,7 @@ def _draw_pushes(
 
 
 def _seeded_examples(strategy: st.SearchStrategy[Any], count: int, seed: int, *where: object) -> list[Any]:
-    """Return examples with a seed of their own, made of the search's and of what they are for."""
+    """Return examples drawn with a seed made of the search's and of the words `where`, which say what they are for."""
     return examples(strategy, count, seed=derived_seed(seed, *where))
 
 

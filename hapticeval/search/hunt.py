@@ -1,11 +1,11 @@
 """A search: cases are drawn and tried until each check has failed once, and each failure is shrunk.
 
-What fails on one model is shrunk when all that is drawn on it was tried, by turns: one fault that takes long to shrink
+What fails on one model is shrunk when all that is drawn on it was tried, by turns: a fault that takes long to shrink
 keeps no other from being found, or made smaller.
 
-The clock decides where a search stops, and never what it tries: cases come in the order of `drawing.draw_cases`, and
-both search and shrink are cut short where the time is over. What was found before that is what any longer search with
-the same seed and versions finds first, to the byte; a case whose shrink was cut short is marked.
+The clock decides where a search stops, and never what it tries: cases come in the order of `drawing.draw_cases`. What
+was found by then is what any longer search with the same seed and versions finds first, to the byte. A case is marked
+if its shrink was cut short.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from hapticeval.suite.case import Case
 from hapticeval.types import Array
 
 SMALL_PATH = 3e-3
-"""A path of this length (m) is small enough: a longer one is looked for again on other models."""
+"""Length (m) of a path that is small enough; after a longer one the search goes on for a shorter, on other models."""
 
 MORE_SHRINKS = 5
 """How many further failures of a check are shrunk, on other models or of another kind, in search of a smaller one."""
@@ -44,10 +44,10 @@ JUMP_CHECK = "continuous-contact"
 
 @dataclass
 class FailingCase:
-    """A counterexample: the smallest case known, what it breaks, after how many `examples` it was first met.
+    """A counterexample in the making: the smallest case so far, what it breaks, and after how many examples it was met.
 
-    `complete`: its shrink was not cut short. `pair`: HIPs a nanometre apart between which the IHIP jumps, and by how
-    much, m.
+    `complete`: its shrink has ended. `pair`: two HIPs (N,), m, a nanometre apart, and how far the IHIP jumps between
+    them, m.
     """
 
     case: Case
@@ -58,18 +58,25 @@ class FailingCase:
 
     @property
     def size(self) -> float:
-        """The length of its path, m, or how long its experiment lasts, s."""
+        """Length of its path, m, or duration of its experiment, s."""
         return size_of(self.case)
 
 
 @dataclass
 class Search:
-    """A search for what one renderer breaks: `checks` in turn, on `models` or on those of that `dimension`.
+    """A search for the checks that one renderer fails, on `models` or on those of `MODELS` in a `dimension`.
 
-    `known` are cases of earlier searches, tried first, with the number of examples after which each was met; `report`
-    gets a line at each step. After `run`, `counterexamples` has what was found by check, `tried` how many cases were
-    drawn, `judged` in how many cases each check has passed or failed, `refused` why the renderer would not take any,
-    and `finished` whether nothing has stopped it.
+    - `known`: cases of earlier searches, tried first, with the number of examples after which each was met.
+    - `most_examples`: how many cases are drawn at most; None for no end.
+    - `report`: gets a line at each step.
+
+    After `run`:
+
+    - `counterexamples`: what was found, by check.
+    - `tried`: how many cases were drawn.
+    - `judged`: in how many cases each check has passed or failed.
+    - `refused`: why the renderer would not take any case, if so.
+    - `finished`: whether nothing has stopped the search.
     """
 
     bench: Bench
@@ -132,7 +139,7 @@ class Search:
             self.refused = None
 
     def _cases(self, left: Sequence[str], refusing: set[str]) -> Iterator[tuple[Case, int | None]]:
-        """Yield cases that are known, with their number of examples, and then drawn ones."""
+        """Yield known cases, with the number of examples after which each was met, then drawn ones, with None."""
         for case, examples in self.known:
             asked_checks = tuple(name for name in case.checks if name in left)
             if asked_checks:
@@ -141,7 +148,7 @@ class Search:
         yield from ((case, None) for case in draws)
 
     def _enough(self, name: str) -> bool:
-        """Whether a check need not be looked for any more."""
+        """Whether the counterexample of a check is good enough, or enough others have been shrunk."""
         smallest = self.counterexamples.get(name)
         if smallest is None:
             return False
@@ -152,7 +159,7 @@ class Search:
         )
 
     def _meet(self, case: Case, fault: Fault, before: int | None) -> None:
-        """Keep a failure and queue its shrinking; ignore one of a check and kind that is known on that model."""
+        """Queue a failure to be shrunk, unless that model has shown one of that check and kind already."""
         # One fault of each kind is shrunk on each model: more of them would shrink to the same.
         model = repr((case.model, fault.kind))
         shrunk_faults = self._looked.setdefault(fault.check, set())
@@ -171,7 +178,7 @@ class Search:
         self._waiting.append((failing_case, shrink, is_small))
 
     def _settle(self, left: list[str]) -> None:
-        """Shrink what waits for it, by turns, and take from `left` what need not be looked for any more."""
+        """Shrink all queued failures, by turns, and take from `left` the checks that are good enough now."""
         waiting, self._waiting = self._waiting, []
         # A turn of a few trials for each first, so that none waits for one that is hard to shrink.
         for most_trials in (TRIALS_PER_TURN, MOST_TRIALS):
@@ -203,11 +210,12 @@ class Search:
             self.report(text)
 
     def _fault_of(self, case: Case, original: Fault) -> Fault | None:
+        """Return the fault of a case that is the same as the original one; None where it does not fail so."""
         return next((fault for fault in self.bench(case).faults if fault.same(original)), None)
 
 
 def deadline(seconds: float, interrupted: Callable[[], bool]) -> Callable[[], bool]:
-    """Return what is true from `seconds` from now on, and once the user has interrupted."""
+    """Return the function that says whether the time is over: `seconds` from now, or once the user has interrupted."""
     end = time.monotonic() + seconds
 
     def over() -> bool:

@@ -22,10 +22,10 @@ from hapticeval.workers import Ended, LostError
 
 
 class Hunt(NamedTuple):
-    """What to search: `renderer`, by its name, for failures of `checks`, on `models`, as `make_model` takes them, or
-    on those of a `dimension` that come with the package.
+    """What to search for: failures of `checks` by a `renderer`, for so many `seconds` or, if given, `examples`.
 
-    It ends after so many `seconds` or, if given, `examples`. What is `known` of earlier searches is tried first.
+    `models` are tables as `make_model` takes them; if there are none, those of `drawing.MODELS` in a `dimension`.
+    `known` counterexamples of earlier searches are tried first.
     """
 
     renderer: str
@@ -38,7 +38,7 @@ class Hunt(NamedTuple):
 
 
 class HuntResult(NamedTuple):
-    """What came of a hunt, with one seed or several: see `hunt.Search`; `tried` are cases drawn, `trials` all runs."""
+    """What came of a hunt, see `hunt.Search`; `tried` counts cases that were drawn, `trials` also those of shrinks."""
 
     counterexamples: list[StoredCounterexample]
     judged: Counter[str]
@@ -111,10 +111,11 @@ def run_hunts(
 ) -> Iterator[tuple[Hunt, HuntResult, int]]:
     """Search with each of the seeds, in so many processes or on a cluster.
 
-    Yields each hunt as soon as its seeds are over, what came of it, and how many of them have ended: fewer after an
-    interrupt, where the scheduler is lost, and where a seed's process is killed again and again or raises an error,
-    which `report` gets. `progress` gets how many have ended, of how many. What those have found that have not ended is
-    lost.
+    Yields each hunt as soon as its seeds have ended, what came of it, and how many of them have an answer. Those are
+    fewer after an interrupt, where the scheduler is lost, and where a seed's process dies or raises an error, which
+    `report` gets. What was found with a seed that did not end is lost.
+
+    `progress` gets how many seeds have ended, of how many, and what that is.
     """
     # Call number = hunt * (number of seeds) + seed.
     calls = [(hunt, seed) for hunt in requests for seed in seeds]

@@ -1,8 +1,14 @@
 """A case that fails, made smaller step by step while it fails in the same way.
 
-In this order: fewer moves, a shorter way, coordinates on 1 mm, 0.1 mm, 10 um or 1 um, a round speed, and a path in the
-first quadrant; of a polygon also fewer vertices. A hand that started in free space still does. A smaller path need not
-be a hand's any more: its moves are even, straight and at constant speed.
+In this order:
+
+1. fewer moves, and a shorter path; of a polygon also fewer vertices;
+2. coordinates on a grid of 1 mm, 0.1 mm, 10 um or 1 um;
+3. a round speed;
+4. a path in the first quadrant.
+
+A hand that started in free space still does. A smaller path need not be one that a hand can make: its moves are even,
+straight and at constant speed.
 """
 
 from __future__ import annotations
@@ -25,28 +31,28 @@ GRIDS = (1e-3, 1e-4, 1e-5, 1e-6)
 """Metres to which coordinates are rounded, the coarsest first that the fault survives."""
 
 MOST_ROUNDED = 6
-"""Coordinates of a path that are rounded in all ways that there are: those of three points in the plane."""
+"""Up to so many coordinates, those of three points in the plane, are rounded in all combinations of up and down."""
 
 SPEEDS = (0.05, 0.1, 0.02, 0.01, 0.2, 0.5)
-"""Round speeds (m/s) of even moves, the first that the fault survives: at 1 kHz 50 um a tick and so on."""
+"""Round speeds (m/s) of even moves, the first that the fault survives: 0.05 m/s is 50 um a tick at 1 kHz."""
 
 LONG_PATH = 0.3
-"""Length (m) from which on a path is made as fast as it may be, and before anything else."""
+"""Length (m) from which on a path is first of all made faster, since each trial takes as long as its path."""
 
 SHORTER_SHARE = 0.98
-"""A way counts as shorter below this share of the one before."""
+"""A path counts as shorter below this share of the length before."""
 
 PULLS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.03)
 """Shares by which a point of a path is pulled towards another."""
 
 SHORTEST_PATH = 1e-4
-"""Length (m) below which no path is shrunk: ten steps of the finest grid, on which it has to be told."""
+"""Length (m) below which no path is shrunk: a hundred steps of the finest grid, to which it is rounded."""
 
 START_PLACES = 8
-"""Places to either side of where a path leads, from above which it is tried to start there."""
+"""How many places to either side of a path's first contact are tried as starts."""
 
 START_HEIGHT = 1e-3
-"""How far from the surface a hand starts that is put close to it, as a share of the model's size: 0.2 mm of 200 mm."""
+"""Height over the surface of a start that is tried, as a share of the model's size: 0.2 mm of 200 mm."""
 
 MOST_TRIALS = 600
 """Cases that a shrink tries at the most: no clock decides how small a case gets, unless it stops the search."""
@@ -55,7 +61,7 @@ FindFault = Callable[[Case], Fault | None]
 
 
 class Shrink:
-    """The shrink of one case: `case` and its `fault` are the smallest found so far, `tried` how many were looked at.
+    """The shrink of one case: `case` and `fault` are the smallest so far, `tried` counts the trials.
 
     `fails` returns a case's fault where that is the same as `fault`, and None otherwise.
     """
@@ -64,14 +70,14 @@ class Shrink:
         self.case = case
         self.fault = fault
         self.tried = 0
-        self._most = MOST_TRIALS
+        self._most_trials = MOST_TRIALS
         self._fails = fails
         self._outside = self._starts_outside(case)
         self._seen: set[str] = set()
 
     def run(self, most_trials: int = MOST_TRIALS) -> bool:
-        """Shrink until nothing makes it smaller, and return True, or until `most` cases were tried in all."""
-        self._most = most_trials
+        """Shrink until nothing gets smaller or `most_trials` were made in all; return whether nothing does."""
+        self._most_trials = most_trials
         if isinstance(self.case.trajectory, Moves):
             # What comes after the evidence makes no difference, and costs time in every further trial.
             self._take_first_failing(_cut_after_fault(self))
@@ -93,24 +99,26 @@ class Shrink:
         return self.tried < most_trials
 
     def _fixpoint(self, *passes: Callable[[Case], Iterator[Case]]) -> None:
+        """Repeat passes, each as long as it makes the case smaller, until none does."""
         while True:
             before = self.case
             for pass_ in passes:
                 while self._take_first_failing(pass_):
                     pass
-            if self.case is before or self.tried >= self._most:
+            if self.case is before or self.tried >= self._most_trials:
                 return
 
     def _take_first_failing(self, pass_: Callable[[Case], Iterator[Case]]) -> bool:
-        """Take the first smaller case of a pass that still fails; whether there was one."""
+        """Take the first case of a pass that still fails in the same way; return whether there was one."""
         for case in pass_(self.case):
-            if self.tried >= self._most:
+            if self.tried >= self._most_trials:
                 return False
             if self._take(case):
                 return True
         return False
 
     def _take(self, case: Case) -> bool:
+        """Try a case that was not tried before, and make it the smallest one if it fails in the same way."""
         key = repr((case.model, case.scene, case.trajectory, case.experiment))
         # Passes meet each other's candidates again, and a trial would end as it did.
         if key in self._seen:
@@ -130,13 +138,14 @@ class Shrink:
         return True
 
     def _starts_outside(self, case: Case) -> bool:
+        """Whether a path starts in free space; True of an experiment."""
         if not isinstance(case.trajectory, Moves):
             return True
         boundary = case.build_scene().model.boundary
         return bool(boundary.signed_distance(np.array([case.trajectory.start]))[0] > 0.0)
 
     def _shorter(self, case: Case) -> Iterator[Case]:
-        """Pull single points, and all of the path together, to where the way is shorter."""
+        """Yield shorter paths: from another start or to another end, with a point pulled in, and shrunk as a whole."""
         moves = _moves(case)
         points = _points(moves)
         scene = case.build_scene()
@@ -194,7 +203,7 @@ class Shrink:
                 yield _with_points(case, moved)
 
     def _hand_after_fault(self, case: Case) -> Array | None:
-        """Return where the hand is two ticks after the time of the evidence; None where that names no time."""
+        """Return where the hand is (N,), m, two ticks after the evidence; None where that has no time."""
         if self.fault.time is None:
             return None
         path = _moves(case).path()
@@ -208,10 +217,12 @@ def _moves(case: Case) -> Moves:
 
 
 def _points(moves: Moves) -> Array:
+    """Return the start and the ends of all moves (n, N), m."""
     return np.array([moves.start, *(move.to for move in moves.moves)])
 
 
 def _length(points: Array) -> float:
+    """Return the length (m) of the polyline through points (n, N), m."""
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
@@ -220,7 +231,7 @@ def _with_moves(case: Case, moves: Moves) -> Case:
 
 
 def _with_points(case: Case, points: Array) -> Case:
-    """Return the case along other points, each even move at its pace before; others keep their time."""
+    """Return the case along other points (n, N), m: even moves keep their speed, and others their time."""
     moves = _moves(case)
     before = _points(moves)
     moves_along = []
@@ -234,7 +245,7 @@ def _with_points(case: Case, points: Array) -> Case:
 
 
 def _rounded_point(point: Array) -> list[float]:
-    """Return a point as what a case holds, to the nanometre: no coordinate needs more."""
+    """Return a point (N,), m, as a case holds it, to the nanometre."""
     return [round(float(x), 9) + 0.0 for x in point]
 
 
@@ -250,7 +261,7 @@ def _without_tremor(case: Case) -> Iterator[Case]:
 
 
 def _cut_after_fault(shrink: Shrink) -> Callable[[Case], Iterator[Case]]:
-    """Return the pass that ends a path where the evidence points."""
+    """Return the pass that ends a path soon after the time of the evidence."""
 
     def cut(case: Case) -> Iterator[Case]:
         moves, at = _moves(case), shrink.fault.time
@@ -285,7 +296,7 @@ def _fewer_moves(case: Case) -> Iterator[Case]:
 
 
 def _even_moves(case: Case) -> Iterator[Case]:
-    """Make moves even: at the round speeds, of a long way the highest first, and at the mean speed that they have."""
+    """Make moves even: at round speeds, on a long path the highest first, and at the mean speed of each."""
     moves = _moves(case)
     if all(move.even for move in moves.moves):
         return
@@ -304,7 +315,7 @@ def _even_moves(case: Case) -> Iterator[Case]:
 
 
 def _on_grid(case: Case) -> Iterator[Case]:
-    """Round all coordinates, of a short path also up and down instead of to the nearest."""
+    """Round all coordinates; on a path of few points also up or down in place of to the nearest."""
     points = _points(_moves(case))
     for grid in GRIDS:
         near = np.round(points / grid)

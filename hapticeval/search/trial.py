@@ -25,34 +25,36 @@ from hapticeval.workers import Ended, Overdue, Workers
 T = TypeVar("T")
 
 RENDERER = "renderer"
-"""What stands for a check's id where the renderer itself broke: it raised, answered nonsense, died or hung."""
+"""In place of a check's id, where the renderer itself broke: it raised, answered nonsense, died or hung."""
 
 SUITE = "search"
 
 FIRST_PATIENCE, LATER_PATIENCE = 30.0, 10.0
-"""Seconds that a renderer may be silent at least: in its first case on a model, which it may prepare, and in others.
+"""Seconds for which a renderer may always be silent: in its first case on a model, which it may prepare, and later.
 
-Seconds in which its process compiles, or waits for a processor, do not count.
+Time in which its process compiles, or waits for a processor, does not count.
 """
 
 LEAST_PATIENCE = 2.0
-"""Seconds that it may be silent at least once it is known how long it takes."""
+"""Seconds for which it may always be silent once it is known how long it takes."""
 
 SLOWNESS_FACTOR = 5.0
-"""How much longer a renderer that hangs is silent than any case before took, for each second of path or experiment."""
+"""How many times as slow as in any case before, by the second of path, a renderer may be before it counts as hung."""
 
 FIRST_CASE_FACTOR = 6.0
-"""How many times as long as its first case on a model took it may be silent in any later one: checks have the model
-turned, scaled, mirrored, renumbered and halved too, and it may prepare each of them."""
+"""How many times as long as its first case on a model took it may be silent in a later one.
+
+Checks have the model turned, scaled, mirrored, renumbered and halved too, and it may prepare each of these.
+"""
 
 POLL = 0.1
 
 
 class Fault(Struct, frozen=True):
-    """What a case breaks: the `check`, of what `kind`, in what words, with the metric's `value` and `unit`.
+    """What fails in a case: the `check`, its message, and the metric's `value` and `unit`.
 
-    Of one kind are faults of the same severity: mini or major pop-throughs, contacts let go or not met, errors of one
-    type. `time` (s) is where the evidence points, if anywhere; `level` what the verdict weighs.
+    `kind` tells faults of one check apart: mini and major pop-throughs, contacts let go and not met, types of errors.
+    `time` (s) is that of the evidence, if it has one; `level` is the weight of the verdict.
     """
 
     check: str
@@ -69,7 +71,7 @@ class Fault(Struct, frozen=True):
 
 
 class TrialResult(Struct, frozen=True):
-    """What came of a case: its faults, `outcomes` by check, and `refused` where it is not for that renderer."""
+    """What came of a case: its faults, `outcomes` by check, and why the renderer `refused` it, if so."""
 
     faults: tuple[Fault, ...] = ()
     outcomes: dict[str, str] = {}
@@ -90,7 +92,7 @@ class _Watch:
         self._answers, self._compiles = workers.pulse(0)
 
     def look(self) -> None:
-        """Add the time since the last look. Once the call is answered it is not known what of that was waiting."""
+        """Add the time since the last look. After the call's answer it is not known how much of it was waiting."""
         now, waited = time.monotonic(), self._workers.starved(0)
         answers, compiles = self._workers.pulse(0)
         # Seconds since the last look in which the process could have run.
@@ -139,15 +141,15 @@ class Bench:
         return TrialResult((tried,)) if isinstance(tried, Fault) else tried
 
     def call_in_case(self, case: Case, function: Callable[..., T], *arguments: Any) -> T | None:
-        """Return what a function of renderer, seed and more gives, called for a case; None where that dies or hangs.
+        """Call a function of renderer, seed and more, timed as that case; return None where the renderer dies or hangs.
 
-        Raises as a trial does.
+        Raises as `__call__` does.
         """
         outcome = self._call_renderer(case, function, *arguments)
         return None if isinstance(outcome, Fault) else outcome
 
     def aside(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Return what a function gives that no renderer takes part in, in another process: the end ends it as well.
+        """Call a function that needs no renderer in another process, so that the end of the time ends it as well.
 
         Raises `Stopped`, and what the function raises.
         """
@@ -165,7 +167,7 @@ class Bench:
         return cast("T", answers[0].value)
 
     def _call_renderer(self, case: Case, function: Callable[..., T], *arguments: Any) -> T | Fault:
-        """Return what a function gives, or the fault of a renderer that dies or hangs in it."""
+        """Call a function in the renderer's process; return its value, or the fault where it dies or hangs."""
         if self._over():  # answers may come faster than one is waited for
             raise Stopped
         # The first case on a model may take long to prepare: it is known by its table.
@@ -232,6 +234,7 @@ def factory_of(renderer: str) -> RendererFactory:
 
 
 def _try_case(renderer: str, seed: int, case: Case) -> TrialResult:
+    """Judge a renderer in a case, and return what came of it."""
     seed_all(seed)
     judged = judge(factory_of(renderer), renderer, SUITE, case)
     if judged.refusal is not None:

@@ -13,9 +13,11 @@ For anyone's tests:
         hips = moves.path().sampled(1e-3)[1]
         ...
 
-What is drawn prints as something that can be pasted. Smaller examples are simpler ones: fewer parts, shallower, nearer
-to where the model's outline begins. All numbers come from small whole ones: of larger numbers hypothesis draws some
-from the source of whatever modules are loaded, and the same seed would give other examples in another program.
+Examples print as code that can be pasted. When hypothesis shrinks one it gets simpler: fewer parts, shallower, nearer
+to where the model's outline begins.
+
+All numbers come from small whole ones. Of larger numbers hypothesis draws some from the source of whatever modules are
+loaded, so that the same seed would give other examples in another program.
 """
 
 from hapticeval.strategies.example import examples

@@ -18,9 +18,9 @@ T = TypeVar("T")
 
 
 def examples(strategy: st.SearchStrategy[T], count: int, *, seed: int = 0) -> list[T]:
-    """Return up to `count` different examples of `strategy`: the same for the same seed and version of hypothesis.
+    """Return up to `count` different examples of a strategy: the same for the same seed and version of hypothesis.
 
-    Fewer where it has no more. Nothing of it depends on a clock, on what is loaded, or on earlier examples.
+    Fewer where it has no more. They depend neither on a clock, nor on what is loaded, nor on earlier examples.
     """
     if not isinstance(count, int) or count < 1:
         raise InputError(f"count = {count!r}", why="it is a whole number of examples, and positive")
@@ -43,7 +43,7 @@ def examples(strategy: st.SearchStrategy[T], count: int, *, seed: int = 0) -> li
 
 @contextmanager
 def _temporary_caches() -> Iterator[None]:
-    """Have hypothesis keep its caches in a folder that goes, unless there is one of its own already."""
+    """Have hypothesis keep its caches in a folder that is removed, unless it has one already."""
     home = storage_directory(intent_to_write=False).home_directory
     if home.exists():
         yield

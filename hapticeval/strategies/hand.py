@@ -1,4 +1,4 @@
-"""Paths of a hand on a model: an approach, a contact, and what a hand does between that and its last release."""
+"""Random paths of a hand on a model: an approach, a contact, what it does there, and a last release."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ PARTS = ("slide", "corner", "graze", "rest", "release", "medial-axis", "focal-po
 
 
 MOST_PARTS = 12
-"""Parts of a path at the most: some half a minute."""
+"""How many parts a path may have: some half a minute of them."""
 
 PACES = (1.0, 1.0, 1.5, 3.0)
-"""How much slower than it could a hand moves."""
+"""How many times the shortest possible duration a hand takes for its moves."""
 
 
 def hand_paths(
@@ -32,9 +32,9 @@ def hand_paths(
 ) -> st.SearchStrategy[Moves]:
     """Draw paths of a hand on `model`: an approach through free space, a contact, up to `most` parts, a last release.
 
-    A path is a list of moves from rest to rest as a hand makes them: 99.9 % of the power of the acceleration below
-    10 Hz, at most 1 m/s and 10 m/s^2 (`hapticeval.stimulus.moves`), or up to three times slower. With `tremor` it may
-    add one of 8 to 12 Hz and up to 0.2 mm. Each of the `parts` starts where the one before has ended:
+    A path is a list of moves from rest to rest as a hand makes them (`hapticeval.stimulus.moves`): 99.9 % of the power
+    of the acceleration below 10 Hz, at most 1 m/s and 10 m/s^2, or up to three times slower. With `tremor` some paths
+    have one of 8 to 12 Hz and up to 0.2 mm. Each of the `parts` starts where the one before has ended:
 
     - `slide`: along the surface, at the depth at which the hand is, or another;
     - `corner`: along one face past a corner, of a model that has any, from free space;
@@ -63,7 +63,7 @@ def hand_paths(
 
 
 class Hand:
-    """A hand that is being led: where it is, under which place of the surface, how deep, and what it has done."""
+    """A hand while its path is drawn: where it is, under which place of the surface, how deep, and its moves so far."""
 
     def __init__(self, draw: st.DrawFn, model: Model, tremor: Tremor | None) -> None:
         self.draw = draw
@@ -85,7 +85,7 @@ class Hand:
         return self.place_beside(place, self.draw(share()) * self.girth / PLACE_COUNT)
 
     def place_beside(self, place: Place, length: float) -> Place:
-        """Return the place `length` m along; how deep its axis and its focus lie is taken from the given one."""
+        """Return the place `length` (m) along the surface; its depths `medial` and `focal` stay those of `place`."""
         frame = self.boundary.walk(place.foot, np.array([length]))
         return place._replace(foot=frame.foot[0], normal=frame.normal[0])
 
@@ -96,11 +96,11 @@ class Hand:
         return 0.4 * self.size * ((1 + self.draw(st.integers(0, 98))) / 99.0) ** 2 / 4.0 ** self.draw(st.integers(0, 2))
 
     def rounded(self, point: Array) -> list[float]:
-        """Return a point to about 5e-6 of the model's size."""
+        """Return a point (N,), m, rounded to about 5e-6 of the model's size."""
         return [rounded(x, self.size) for x in point]
 
     def outside(self) -> Array:
-        """Draw a point of free space over the place."""
+        """Draw a point (N,), m, of free space over the place."""
         height = self.size * (0.05 + 0.25 * self.draw(share()))
         # Where another part of the surface lies over this place, half the height may be free.
         heights = height * 0.5 ** np.arange(8)
@@ -109,7 +109,7 @@ class Hand:
         return np.asarray(points[free[0] if free.size else -1])
 
     def move_to(self, point: Array) -> None:
-        """Go there."""
+        """Add a move to a point (N,), m, unless the hand is there."""
         to = self.rounded(point)
         length = math.dist(self.position, to)
         if length > 0.0:
@@ -118,16 +118,16 @@ class Hand:
             self.position = to
 
     def press_under(self, depth: float) -> None:
-        """Go to `depth` m under the place."""
+        """Add a move to `depth` (m) under the place."""
         self.depth = depth
         self.move_to(self.place.foot - depth * self.place.normal)
 
     def release(self) -> None:
-        """Go out."""
+        """Add a move into free space."""
         self.move_to(self.outside())
 
     def slide(self) -> None:
-        """Go along the surface in a few moves."""
+        """Go along the surface in a few moves, at the depth at which the hand is or at another."""
         depth = self.draw_depth() if self.draw(st.booleans()) else self.depth
         length = 0.4 * self.draw(signed()) * self.girth
         count = self.draw(st.integers(1, 5))
@@ -160,18 +160,18 @@ class Hand:
         self.place, self.depth = self.place_near(np.array(self.position)), depth
 
     def nearest_corner(self, position: Array) -> float:
-        """Return how far from `position` the nearest other corner is, m; the model's size where there is none."""
+        """Return the distance (m) from `position` (N,), m, to the nearest other corner, or the model's size."""
         gaps = [float(np.linalg.norm(other.position - position)) for other in self.corners]
         return min((gap for gap in gaps if gap > 0.0), default=self.size)
 
     def place_near(self, point: Array) -> Place:
-        """Return the place nearest to a point."""
+        """Return the place nearest to a point (N,), m, with the depths of the nearest of `places`."""
         frame = self.boundary.closest_point(point[np.newaxis])
         distances = [float(np.linalg.norm(place.foot - frame.foot[0])) for place in self.places]
         return self.places[int(np.argmin(distances))]._replace(foot=frame.foot[0], normal=frame.normal[0])
 
     def graze(self) -> None:
-        """Go straight past the surface."""
+        """Go from free space straight along the surface, just under it, and out again."""
         self.release()
         self.place = self.draw_place()
         # The rows after the first span what is perpendicular to the normal: a line, in space a plane.
@@ -183,17 +183,17 @@ class Hand:
         self.release()
 
     def stay(self) -> None:
-        """Stay."""
+        """Stay for 0.1 to 0.5 s."""
         self.moves.append(Move(to=self.position, seconds=self.draw(st.sampled_from([0.1, 0.3, 0.5]))))
 
     def out_and_in(self) -> None:
-        """Release, and come back beside there."""
+        """Release, and come back near the place."""
         self.release()
         self.place = self.place_beside(self.place, 0.1 * self.draw(signed()) * self.girth)
         self.press_under(self.draw_depth())
 
     def cross_depth(self, depths: Callable[[Place], float]) -> None:
-        """Go under a place to somewhat less and to somewhat more than a depth, and on to the side."""
+        """Go to somewhat less and then, a little aside, to somewhat more than a depth (m) that a place gives."""
         self.place = self.draw_place() if self.draw(st.booleans()) else self.place
         # a depth without end, as under a flat place, is cut to half the size
         deep = min(depths(self.place), 0.5 * self.size)
@@ -205,7 +205,7 @@ class Hand:
         self.press_under(deep * (1.01 + 0.2 * self.draw(share())))
 
     def focal_point(self) -> None:
-        """Go to a centre of curvature, to near it, or through it; without one, to the medial axis."""
+        """Go to a centre of curvature, near it or through it; on a model without one to the medial axis."""
         bent = [place for place in self.places if place.focal < 0.5 * self.size]
         if not bent:
             self.cross_depth(lambda place: place.medial)
@@ -217,12 +217,12 @@ class Hand:
         self.move_to(np.array(self.position) + self.draw(signed()) * along)
 
     def through(self) -> None:
-        """Go straight to another place."""
+        """Go straight to another place, through the model or past it."""
         self.place = self.draw_place()
         self.press_under(self.draw_depth())
 
     def add_part(self, part: str) -> None:
-        """Do one of `PARTS`."""
+        """Add the moves of one of `PARTS`."""
         {
             "slide": self.slide,
             "corner": self.corner,

@@ -25,14 +25,14 @@ def meshes(*, kinds: Sequence[str] | None = None) -> st.SearchStrategy[Model]:
 
 @st.composite
 def _prism(draw: st.DrawFn) -> Model:
-    """A polygon extruded: arms, notches and slivers with flat ends."""
+    """Draw an extruded polygon: arms, notches and slivers with flat ends."""
     outline = draw(st.one_of(star_shaped(), patchwork()))
     return catalogue.make_model("extruded", model=outline.table, length=draw(sizes()))
 
 
 @st.composite
 def _hull(draw: st.DrawFn) -> Model:
-    """The convex hull of 5 to 20 points: faces, edges and corners of every angle."""
+    """Draw the convex hull of 5 to 20 points: faces, edges and corners of every angle."""
     from scipy.spatial import ConvexHull, QhullError
 
     count = draw(st.integers(5, 20))

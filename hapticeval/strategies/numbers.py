@@ -1,4 +1,4 @@
-"""What all strategies draw numbers with: small whole ones, so that a seed gives the same in every program."""
+"""Strategies for numbers, made of small whole ones, so that a seed gives the same in every program."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 
 def rounded(value: float, size: float) -> float:
-    """Return a length to about 5e-6 of `size` m: what is drawn is to be read and pasted."""
+    """Return a length (m) rounded to about 5e-6 of `size` (m), so that it can be read and pasted."""
     # five decimals after the first digit of the size
     return round(float(value), 5 - math.floor(math.log10(size)))
 

@@ -19,23 +19,26 @@ from hapticeval.strategies.place import check_model
 from hapticeval.types import Array
 
 STOP_ANGLE = math.pi / 8.0
-"""Angle (rad) by which an outline turns from one stop of the hand to the next."""
+"""Angle (rad) by which an outline turns, at least, from one stop of the hand to the next."""
 
 ASIDE_SHARE = 0.01
-"""How far the hand goes on past a corner, beside twice its depth, as a share of the model's size."""
+"""How far the hand goes on past a corner, on top of twice its depth, as a share of the model's size."""
 
 OUTLINE_POINTS = 320
-"""Points of an outline, beside its corners, between which it is looked at."""
+"""Number of points, besides the corners, at which an outline's direction is taken."""
 
 
 def laps(model: Model, *, past: bool = False) -> st.SearchStrategy[Moves]:
     """Draw paths of a hand that goes twice along the whole outline of a plane `model`, under each sharp corner.
 
-    Up to 1 % of the model's size deep, either way, from free space and back: for what a renderer has left of the lap
-    before. A corner is sharp from 22.5 degrees on; between two stops the outline turns by about as much. With `past`
-    the hand goes straight on past a convex corner of 90 degrees or less, and comes down on the next face from free
-    space: from within, a rigid contact keeps the face that it has. Raises `InputError` for what is no model, and for
-    one without a closed outline.
+    They show what a renderer has kept of the lap before. The hand comes from free space and goes back there, is up to
+    1 % of the model's size deep, and goes either way round. A corner is sharp from 22.5 degrees on; between two stops
+    the outline turns by about as much.
+
+    With `past` the hand goes straight on past a convex corner of 90 degrees or less, and comes down on the next face
+    from free space: from within, a rigid contact keeps the face that it has.
+
+    Raises `InputError` for what is no model, and for one without a closed outline.
     """
     check_model(model)
     curve = as_curve(model.boundary)
@@ -72,9 +75,10 @@ def _laps(draw: st.DrawFn, model: Model, curve: Curve, past: bool) -> Moves:
 
 
 class Stop(NamedTuple):
-    """A point of an outline: arc length `s` and `foot` (2,), m, and the outward unit normals `before` it and `after`.
+    """A point of an outline at which the hand changes direction: arc length `s`, m, and `foot` (2,), m.
 
-    It is `pointed` where the outline turns there by 90 degrees or more, outwards.
+    `before` and `after` (2,) are the outward unit normals on both sides. It is `pointed` where the outline turns there
+    by 90 degrees or more, as a convex one does.
     """
 
     s: float

@@ -1,4 +1,4 @@
-"""Places of a model's surface, and how deep under each its medial axis and its focus lie."""
+"""Places on a model's surface, and how deep under each the medial axis and the centre of curvature lie."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from hapticeval.geometry.model import Model
 from hapticeval.types import Array, BoolArray
 
 PLACE_COUNT = 100
-"""Points of the surface from which parts start; any other lies between two of them."""
+"""How many places of a surface are known; parts of a path start at these, and between them."""
 
 
 class Place(NamedTuple):
-    """A point of the surface: `foot` (N,), m, its outward unit `normal` (N,), and two depths under it, m.
+    """A point of the surface: `foot` (N,), m, its outward unit `normal` (N,), and two depths (m) under it.
 
-    At `medial` another point of the surface is as near; at `focal` is the centre of the surface's curvature. Infinite
-    where there is none.
+    At `medial` another point of the surface is as near: the medial axis. At `focal` is the centre of the surface's
+    largest curvature. Each is infinite where there is none.
     """
 
     foot: Array
@@ -37,14 +37,14 @@ def places(model: Model) -> list[Place]:
 
 @lru_cache(maxsize=16)
 def _places_of(boundary: Boundary, size: float) -> list[Place]:
-    """Find them once for a boundary."""
+    """Return the places of a boundary, found once; `size` is its model's, m."""
     frame = boundary.closest_point(boundary.points(PLACE_COUNT))
     foot, normal = frame.foot, frame.normal
     # The largest principal curvature, 1/m, positive where convex.
     bend = np.linalg.eigvalsh(frame.shape).max(axis=1)
 
     def own(depth: Array) -> BoolArray:
-        """Whether the place is the nearest point of the surface from `depth` under it."""
+        """Whether each place is the nearest point of the surface from `depth` (n,), m, under it; (n,)."""
         off = boundary.signed_distance(foot - depth[:, np.newaxis] * normal)
         # At depth d the distance is -d while no other point of the surface is nearer, and more than that beyond.
         nearest: BoolArray = off < -depth + 1e-6 * size

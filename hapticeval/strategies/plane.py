@@ -39,7 +39,7 @@ def of_kinds(
 
 
 def _polygon(points: Array) -> Model:
-    """Return a polygon to the micrometre; an outline that is none is not drawn."""
+    """Return the polygon of points (n, 2), m, to the micrometre; hypothesis drops an outline that crosses itself."""
     try:
         return catalogue.from_vertices(np.round(points, 6).tolist())
     except InputError:
@@ -58,19 +58,20 @@ def _angles_and_radii(draw: st.DrawFn) -> tuple[Array, Array]:
 
 
 def _polar_points(angle: Array, radius: Array) -> Array:
+    """Return the points (n, 2) at angles (n,), rad, and radii (n,)."""
     return np.asarray(radius[:, np.newaxis] * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
 @st.composite
 def star_shaped(draw: st.DrawFn) -> Model:
-    """A polygon that is star-shaped about the origin: arms, notches and slivers."""
+    """Draw a polygon that is star-shaped about the origin: arms, notches and slivers."""
     angles, radii = draw(_angles_and_radii())
     return _polygon(0.5 * draw(sizes()) * _polar_points(angles, radii))
 
 
 @st.composite
 def _spline(draw: st.DrawFn) -> Model:
-    """A closed cubic spline, as 96 edges: facets of a smooth outline."""
+    """Draw a closed cubic spline as 96 edges: facets of a smooth outline."""
     from scipy.interpolate import CubicSpline
 
     angles, radii = draw(_angles_and_radii())
@@ -86,7 +87,7 @@ def _spline(draw: st.DrawFn) -> Model:
 
 @st.composite
 def patchwork(draw: st.DrawFn) -> Model:
-    """A general polygon: squares that adjoin, in a lattice that is pulled askew; arms, hooks and rings with a gap."""
+    """Draw a polygon of adjoining squares in a sheared lattice: arms, hooks and rings with a gap."""
     import shapely
 
     cells = [(0, 0)]
@@ -104,7 +105,7 @@ def patchwork(draw: st.DrawFn) -> Model:
 
 @st.composite
 def _union(draw: st.DrawFn) -> Model:
-    """A union of discs, bars and wedges, each placed on the outline of those before."""
+    """Draw a union of discs, bars and wedges, each placed on the outline of those before."""
     import shapely
     from shapely.affinity import rotate
 
@@ -125,7 +126,7 @@ def _union(draw: st.DrawFn) -> Model:
 
 
 def _outline(shape: Any) -> Array:
-    """Return the outer ring of a shapely polygon, anticlockwise, without its last point, which is its first."""
+    """Return the outer ring (n, 2), m, of a shapely polygon, anticlockwise; its first point is not repeated."""
     import shapely
 
     assume(isinstance(shape, shapely.Polygon))
@@ -140,7 +141,7 @@ def _scaled(points: Array, size: float) -> Array:
 
 
 def named(kind: str, **numbers: st.SearchStrategy[Any]) -> Callable[[], st.SearchStrategy[Model]]:
-    """Return what draws a model of the catalogue from strategies for its parameters."""
+    """Return the function that makes a strategy for models of a kind, from strategies for its parameters."""
     return lambda: st.builds(lambda **values: catalogue.make_model(kind, **values), **numbers)
 
 

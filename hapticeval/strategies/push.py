@@ -15,9 +15,11 @@ from hapticeval.strategies.place import PLACE_COUNT, check_model, places
 def pushes(model: Model, *, bilateral: bool = False) -> st.SearchStrategy[ExperimentTable]:
     """Draw experiments on `model` for a closed loop: a tool that flies at it, or along it, and an operator who pushes.
 
-    It starts up to 5 % of the model's size off the surface, or on it, with up to 0.6 m/s into the surface and up to
-    0.8 m/s along it, and is pushed by up to 6 N towards it, for up to 0.4 s. On a `bilateral` surface it starts on it,
-    and moves along it. Raises `InputError` for what is no model.
+    - The tool starts on the surface or up to 5 % of the model's size off it, at up to 0.6 m/s into the surface and up
+      to 0.8 m/s along it. On a `bilateral` surface it starts on it, and moves along it.
+    - The operator pushes by up to 6 N towards the surface, for up to 0.4 s.
+
+    Raises `InputError` for what is no model.
     """
     check_model(model)
     return _pushes(model, bool(bilateral))

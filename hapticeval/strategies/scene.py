@@ -23,7 +23,8 @@ def scenes(
 ) -> st.SearchStrategy[Scene]:
     """Draw scenes on `models` (those of `plane_models` if none are given), with the effects that are `called` for.
 
-    Stiffness 50 to 4000 N/m, with no damping to the critical one; a tool of 50 g to 1 kg. With `bilateral` None either.
+    Stiffness is 50 to 4000 N/m, damping (N s/m) from none to critical, and the tool's mass 50 g to 1 kg. Where
+    `bilateral` is None, some surfaces hold the tool from both sides and some do not.
     """
     for what, strategy in (("models", models), ("called", called)):
         if strategy is not None and not isinstance(strategy, st.SearchStrategy):

@@ -28,9 +28,11 @@ Published = dict[str, dict[str, Literal["pass", "fail"]]]
 class CaseEntries(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a case and the `[[case]]` table of a suite file have in common.
 
-    `depth_of` says whose surface a trajectory's depth counts from: the `model`'s, or that of the renderer's own
-    `representation`, which may lie deeper than the trajectory. An unjudged case is shown and never counts.
-    `closed_form` maps the renderer to the name of its closed form.
+    - `depth_of`: whether a trajectory's depth counts from the model's surface or from that of the renderer's own
+      `representation`, which may lie deeper than the trajectory.
+    - `judged`: a case that is not is shown, and never counts.
+    - `published`: outcomes in print.
+    - `closed_form`: for a renderer the name of the formula that it follows here.
     """
 
     name: Annotated[str, Meta(pattern=r"^[a-z0-9][a-z0-9.-]*$")]
@@ -53,7 +55,7 @@ class CaseEntries(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
 
 class Case(CaseEntries, frozen=True, kw_only=True):
-    """One scene with one stimulus and the checks that read its recording; files count from `folder`."""
+    """One scene with one stimulus and the checks that read its recording; paths of files are relative to `folder`."""
 
     folder: FilePath = FilePath()
 
@@ -68,9 +70,9 @@ class Case(CaseEntries, frozen=True, kw_only=True):
         return build_scene(_model(json.dumps(self.model, sort_keys=True)), self.scene, self.folder)
 
     def build_stimulus(self, scene: Scene, renderer: object) -> Stimulus:
-        """Return the path or the experiment; the renderer's own surface counts where `depth_of` says so.
+        """Return the path or the experiment; depths count from the renderer's own surface where `depth_of` says so.
 
-        Raises `InputError` when the stimulus has another dimension than the model.
+        Raises `InputError` where the stimulus has another dimension than the model.
         """
         if self.experiment is not None:
             stimulus: Stimulus = self.experiment.experiment(self.folder)
@@ -93,10 +95,10 @@ class Case(CaseEntries, frozen=True, kw_only=True):
         return stimulus
 
     def check_stimulus(self) -> None:
-        """Raise `InputError`, naming the case, for a stimulus that no renderer could be given.
+        """Raise `InputError`, naming the case, for a stimulus that does not fit the scene.
 
-        Nor may the robot be unable to reach it (Assumption 7.1), an effect make no sense along it, or a closed form be
-        about something else.
+        That is one of another dimension, out of the robot's reach (Assumption 7.1), or along which an effect makes no
+        sense; and a closed form that does not hold in the scene.
         """
         with at(f"case '{self.name}'"):
             scene = self.build_scene()

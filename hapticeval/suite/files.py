@@ -1,4 +1,4 @@
-"""The files that a case names: what a machine that runs it has to have as well."""
+"""The files that a case names: another machine that runs it must have them as well."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ def files_of(case: Case) -> dict[str, str]:
 
 
 def _texts(value: Any) -> Iterator[str]:
+    """Yield all texts in a document, at any depth."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, dict):
@@ -35,7 +36,7 @@ def _texts(value: Any) -> Iterator[str]:
 
 @lru_cache(maxsize=4096)
 def _digest_of(path: str) -> str | None:
-    """Return the digest of what a file holds; None for what is no file. It is read once a process."""
+    """Return the digest of a file's content, read once a process; None for what is no file."""
     try:
         return digest_of(Path(path)) if Path(path).is_file() else None
     except OSError:

@@ -18,11 +18,11 @@ from hapticeval.stimulus.stimulus import Path
 
 
 class Generated(Trajectory, frozen=True, kw_only=True, tag="generated"):
-    """`examples` hand paths of `hapticeval.strategies.hand_paths`, one after the other, drawn with a `seed`.
+    """A trajectory of random hand paths, one after the other: see `hapticeval.strategies.hand_paths`.
 
-    From the end of one to the start of the next the hand goes straight, through the model where that is on its way.
-    `parts` are those that paths are made of, all if none are given, and `most` how many of them a path has at the most.
-    The same seed gives the same path with the same version of hypothesis. In space as in the plane.
+    - `seed`: the same one gives the same path with the same version of hypothesis.
+    - `examples`: how many paths; from one to the next the hand goes straight, through the model if need be.
+    - `parts`: what paths are made of, all kinds if none are given; `most`: how many parts a path has at most.
     """
 
     seed: Annotated[int, Meta(ge=0)]

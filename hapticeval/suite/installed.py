@@ -18,7 +18,7 @@ def find_suites() -> Mapping[str, FilePath]:
 
 
 def suites_named(name_or_path: str) -> tuple[str, ...]:
-    """The suite of that name or path, or the group of suites whose names begin with it and a hyphen.
+    """Return the suite of that name or path, or the group of suites whose names begin with it and a hyphen.
 
     Raises `UnknownNameError` for a name of neither.
     """
@@ -33,9 +33,9 @@ def suites_named(name_or_path: str) -> tuple[str, ...]:
 
 
 def suite_groups() -> Mapping[str, tuple[str, ...]]:
-    """The groups of installed suites: the words that names with the same first one have in common, and the names.
+    """Return the groups of installed suites: a group is named by the words with which all its suites' names begin.
 
-    Where these words are a suite's name that suite is meant, and there is no group.
+    Suites are of one group where the first word is the same. Where the group's name is a suite's, there is no group.
     """
     known = find_suites()
     families: dict[str, list[str]] = {}

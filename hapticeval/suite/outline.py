@@ -1,4 +1,4 @@
-"""What the files of installed suites hold: titles and cases, read without building a scene, for whoever lists them."""
+"""Titles and cases of suite files, read without building a scene, to list them quickly."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Heading(NamedTuple):
     title: str
 
     def swept(self, label: str, depth: float) -> Heading:
-        """Return those of the case at another depth (m), of that label."""
+        """Return name and title of the case at another depth (m) of a sweep, which has that label."""
         return Heading(f"{self.name}-{label}", f"{self.title}: {1e3 * depth:.3g} mm")
 
     def varied(self, label: str, title: str) -> Heading:
-        """Return those of the case in another scene, a variant of that label and title."""
+        """Return name and title of the case in the scene of a variant, which has that label and title."""
         return Heading(f"{self.name}-{label}", f"{self.title}, {title}")
 
 
@@ -33,7 +33,7 @@ class Outline(NamedTuple):
 
 
 def outline(file: Path) -> Outline:
-    """Return what a sound suite file holds; one of a user's is read by `load_suite`, which says what is wrong."""
+    """Return title, citation and cases of a sound suite file; `load_suite` reads any other, and says what is wrong."""
     document = read_toml(file)
     variants = document.get("variant", {})
     cases = tuple(case for table in document["case"] for case in _cases(table, variants))

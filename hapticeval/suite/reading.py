@@ -1,4 +1,4 @@
-"""Suites out of TOML files: sweeps and variants become cases; what cannot be meant is refused with file and case."""
+"""Suites read from TOML files: sweeps and variants become cases; mistakes are refused with file and case."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class CaseTable(CaseEntries, frozen=True, kw_only=True):
 
 
 class Variant(Entry, frozen=True, kw_only=True):
-    """A `[variant.NAME]` table: what changes of the cases that name it."""
+    """A `[variant.NAME]` table: what is different in a variant of the cases that name it."""
 
     title: str
     scene: dict[str, Any]
@@ -189,7 +189,7 @@ def _swept(case: Case, at_depth: Depth) -> Case:
 
 
 def _varied(case: Case, label: str, variant: Variant) -> Case:
-    """Return the case in another scene. What is in print, closed forms too, is about the case as it stands."""
+    """Return the case in the scene of a variant, without published outcomes and closed forms: those are of the case."""
     name, title = Heading(case.name, case.title).varied(label, variant.title)
     words = {name: getattr(variant, name) for name in ("shows", "citation", "judged")}
     return structs.replace(
@@ -207,7 +207,7 @@ def _varied(case: Case, label: str, variant: Variant) -> Case:
 
 
 def _checked(case: Case) -> Case:
-    """Return the case. Raises `InputError`, naming it, for what is published of no check of it, and for its scene."""
+    """Return the case. Raises `InputError`, naming it, for an outcome of a check that it lacks, and for its scene."""
     with at(f"case '{case.name}'"):
         for renderer, outcomes in case.published.items():
             for check in outcomes:

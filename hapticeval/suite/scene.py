@@ -21,12 +21,12 @@ from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment
 
 BUILT_ENTRIES = ("model", LISTED)
-"""Entries of a scene that its table does not give as they are."""
+"""Entries of a scene that are built apart from its table's plain entries."""
 
 
 @cache
 def _scene_table() -> type[Struct]:
-    """Make the type of a `scene` table without its effects: the numbers and choices of `Scene`, and a device."""
+    """Make the type that checks a `scene` table without effects: the numbers and choices of `Scene`, and a device."""
     hints = get_type_hints(Scene) | {"device": str | dict[str, Any] | None}
     # Taken from `Scene` itself, so that a new number of scenes is an entry of suite files at once.
     entries = [
@@ -38,10 +38,12 @@ def _scene_table() -> type[Struct]:
 def build_scene(model: Model, table: Mapping[str, Any], folder: Path = Path()) -> Scene:
     """Return the scene of a suite's `scene` table.
 
-    `device` is a name of `devices.catalogue` or a table of `kind` and its parameters; a point mass has the tool's mass
-    and the model's dimension where it gives none. Effects are listed under `effects`, or have short forms: see
-    `read_effects`; their files count from `folder`. Raises `InputError` for an entry that a scene does not have, for a
-    device of another dimension than the model, and as `Scene` does.
+    - `device`: a name of `devices.catalogue`, or a table of `kind` and its parameters. A point mass has the tool's mass
+      and the model's dimension where it gives none.
+    - `effects`: a list, or short forms, see `read_effects`; paths of their files are relative to `folder`.
+
+    Raises `InputError` for an entry that a scene does not have, for a device of another dimension than the model, and
+    as `Scene` does.
     """
     plain_entries, effects = read_effects(table, folder)
     values = structs.asdict(convert(plain_entries, _scene_table(), "scene"))
@@ -51,6 +53,7 @@ def build_scene(model: Model, table: Mapping[str, Any], folder: Path = Path()) -
 
 
 def _device(device_table: str | Mapping[str, Any], mass: float, model: Model) -> Device:
+    """Return the device of a scene with a tool of `mass` (kg). Raises `InputError` for another dimension."""
     device_table = {"kind": device_table} if isinstance(device_table, str) else dict(device_table)
     if device_table.get("kind") == PointMass.name:
         # What the table gives goes before what the tool has.
@@ -66,7 +69,7 @@ def _device(device_table: str | Mapping[str, Any], mass: float, model: Model) ->
 
 
 def check_workspace(scene: Scene, experiment: Experiment) -> None:
-    """Raise `InputError`, with the first point, where model or start are out of the robot's reach (Assumption 7.1)."""
+    """Raise `InputError`, naming the point, where the robot cannot reach all of the model, or the start."""
     from hapticeval.devices.workspace import require
 
     device = scene.robot

@@ -1,4 +1,4 @@
-"""Which cases and checks of suites run: expressions over their names, and the fewest cases that have every check."""
+"""Which cases and checks of suites run: expressions over their names, and few cases that have every check."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Place(NamedTuple):
     check: str
 
     def matches(self, glob: str) -> bool:
-        """Whether case or check match; where the glob has a slash: suite/case, case/check or suite/case/check."""
+        """Whether a glob matches case or check; one with a slash suite/case, case/check or suite/case/check."""
         suite, case, check = self
         # Without a slash a glob is for case or check alone.
         names = (f"{suite}/{case}", f"{case}/{check}", "/".join(self)) if "/" in glob else (case, check)
@@ -39,8 +39,10 @@ def select(suites: Iterable[Suite], expressions: Sequence[str]) -> Selected:
     """Return what any of the expressions selects, or everything where there are none.
 
     An expression has globs, `and`, `or`, `not` and parentheses. A glob is matched as `Place.matches` does; a word
-    without `*`, `?` and `[` that names nothing is taken for `*word*`. Raises `InputError` for an expression that is
-    none, and `NothingSelectedError` for a glob that matches nothing, with what may be meant, and where nothing is left.
+    without `*`, `?` and `[` that names nothing is taken for `*word*`.
+
+    Raises `InputError` for what is no expression, and `NothingSelectedError` for a glob that matches nothing, with what
+    may be meant, and where nothing is left.
     """
     cases = [(suite, case) for suite in suites for case in suite.cases]
     everything = frozenset(Place(suite.name, case.name, check) for suite, case in cases for check in case.checks)
@@ -60,9 +62,9 @@ def select(suites: Iterable[Suite], expressions: Sequence[str]) -> Selected:
 
 
 def covering(selected: Selected) -> Selected:
-    """Return few cases that have every check of the `selected` ones that are judged, in their order.
+    """Return few of the `selected` cases that have, between them, every check of the judged ones; in their order.
 
-    Time after time the case is taken that has the most checks that no other has had; of several the first.
+    Greedy: the next case is the one with the most checks that no earlier one has; of several the first.
     """
     # Unjudged cases only show something: they count where there are no others.
     judged = [suite_and_case for suite_and_case in selected if suite_and_case[1].judged] or list(selected)
@@ -78,7 +80,7 @@ def covering(selected: Selected) -> Selected:
 
 
 class _Expression:
-    """A recursive descent over the tokens of an expression; what each part selects is a set of places."""
+    """Parses an expression by recursive descent; what each part selects is a set of places."""
 
     def __init__(self, text: str, everything: Places) -> None:
         self._text = text
@@ -137,7 +139,7 @@ class _Expression:
         )
 
     def _no_match_error(self, glob: str) -> NothingSelectedError:
-        """Return the error for a name that nothing has: with the case's checks where it is a check's."""
+        """Return the error for a glob that matches nothing: after a case's name it lists the checks of that case."""
         within = f" of -k {self._text!r}" * (self._text.strip() != glob)
         what = f"nothing matches {glob!r}{within}" if within else f"nothing matches -k {glob!r}"
         before, _, last = glob.rpartition("/")

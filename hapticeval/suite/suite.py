@@ -29,7 +29,7 @@ class Row(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True, kw_only=True)
 class Suite:
-    """A file of cases and the rows of the table that they fill; `renderers` are run where none are named."""
+    """The cases of a suite file, and the rows of the table that they fill; `renderers` run where none are named."""
 
     name: str
     title: str
