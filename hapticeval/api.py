@@ -1,4 +1,4 @@
-"""Judging renderers from Python: the same runs as the command line's, on names, classes and instances in memory."""
+"""Judge renderers from Python: the same runs as the command line's, on names, classes and instances in memory."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ def carry_out(
     resume: bool = False,
     scheduler: str | None = None,
 ) -> Results:
-    """Carry a plan out: see `run`, and `execute` for `work`."""
+    """Run the jobs of a plan and return the results: see `run` for the options, and `execute` for `work`."""
     earlier_jobs = finished_jobs(planned, output) if resume and output is not None else None
     recordings: dict[RunKey, Recording] = {}
     stopped = False
@@ -214,7 +214,7 @@ def carry_out(
 
 @dataclass(frozen=True, repr=False)
 class Results:
-    """What a run found: `document` is results.json as typed values, `folder` where it lies, if it does.
+    """The verdicts of a run: `document` is results.json as typed values, `folder` where that lies, if it does.
 
     `stopped`: the user gave the run up.
     """
@@ -429,7 +429,7 @@ def _name_renderers(renderers: Any) -> dict[str, str | RendererFactory]:
 
 
 def _factory_of(renderer: Any) -> str | RendererFactory:
-    """Return a name or a factory as it is, and a factory for a renderer that is made."""
+    """Return a name or a factory as it is; for an instance of a renderer a factory that returns it."""
     if isinstance(renderer, str):
         return renderer
     if not isinstance(renderer, type) and isinstance(renderer, Renderer | TrajectoryRenderer):

@@ -100,12 +100,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 @cache
 def _typer_command() -> Callable[..., object]:
-    """What typer makes of `app`, which costs as much as a small command: made once a process."""
+    """Return the command that typer builds of `app`, once a process: building takes as long as a small command."""
     return typer.main.get_command(app)
 
 
 def _interrupted_code() -> int:
-    """The exit code of a command that was interrupted; nothing disturbs the end of it."""
+    """Say that the command was interrupted, ignore further Ctrl-C, and return its exit code."""
     # A second Ctrl-C while Python ends would print a traceback.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     print("interrupted", file=sys.stderr)

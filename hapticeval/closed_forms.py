@@ -1,4 +1,4 @@
-"""What the closed loop does in continuous time, where mathematics says it: Tables 6.1 and 6.2, (7.28) and (7.38).
+"""Exact motions of the closed loop in continuous time, to compare with: Tables 6.1 and 6.2, (7.28) and (7.38).
 
 The equations of motion, each beside the formula that is printed of it, and the motions that follow. In the formulas k,
 d and b are `Gains`.
@@ -43,8 +43,10 @@ LETTERS: Mapping[str, str] = MappingProxyType(
 
 
 class Gains(NamedTuple):
-    """Per unit mass of the tool, as Tables 6.1 and 6.2 have them: `k` = K_p / m (1/s^2), `d` = K_d / m and `b` =
-    b_d / m (1/s)."""
+    """Gains per unit mass of the tool, as Tables 6.1 and 6.2 have them.
+
+    `k` = K_p / m is in 1/s^2, `d` = K_d / m and `b` = b_d / m in 1/s.
+    """
 
     k: float
     d: float
@@ -363,7 +365,7 @@ ALIKE_ON_A_LINE = ("pp-d", "pp-pd", "pp-pd-c")
 
 
 def form_of(scheme: str, scene: Scene) -> ClosedForm | None:
-    """Return the closed form of a law in a scene, that in print before the general one; None where there is none.
+    """Return the closed form that a law has in a scene, the thesis's own before a general one, or None.
 
     There is none where a robot moves that nothing linearises, or an effect acts that no form knows.
     """

@@ -1,4 +1,4 @@
-"""The one place where inner loops are compiled, so that every kernel is cached and typed alike.
+"""Compile inner loops with numba, here and nowhere else, so that every kernel is cached and typed alike.
 
 Compiling all kernels takes longer than most runs. So each is compiled once: for one type of its arguments, see
 `for_kernels`, and by one process, see `compiled`.
@@ -123,7 +123,7 @@ Row `FOOT` is the closest point, `NORMAL` the outward unit normal there, the N r
 
 
 class Numbers(NamedTuple):
-    """What a change of an answer works on: fields of the effect's `Part`."""
+    """The arrays that an effect's change of an answer works on: fields of the effect's `Part`."""
 
     params: Array
     samples: Array
@@ -147,7 +147,7 @@ class Change(NamedTuple):
 
 
 class Composed(NamedTuple):
-    """What a compiled step works on that is a renderer's `law` with `changes` of its answers, in order."""
+    """A renderer's compiled `law` with the effects' `changes` of its answers, in order: the data of the whole step."""
 
     law: Callable[..., int]
     data: LawData
@@ -240,7 +240,7 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
 
 
 def specialised(kernel: Callable[P, R], *arguments: Any) -> Callable[P, R]:
-    """Return the code of a kernel for arguments of the types of these, which skips to look types up at each call."""
+    """Return the code of a kernel for arguments of these types alone: calls of it do not look types up."""
     if not hasattr(kernel, "overloads"):  # NUMBA_DISABLE_JIT is set
         return kernel
     signature = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
@@ -249,7 +249,7 @@ def specialised(kernel: Callable[P, R], *arguments: Any) -> Callable[P, R]:
 
 
 def machine_code(kernel: Callable[..., Any], *arguments: Any) -> bytes:
-    """Return the instructions of a kernel for such arguments, values or their types, as bytes.
+    """Return the machine code of a kernel for such arguments, values or their types, as bytes.
 
     They hold what it calls by name, and not what it is given as `first_class`. Numba gives up the object that it loads
     or makes; its cache keeps it.
@@ -268,7 +268,7 @@ def machine_code(kernel: Callable[..., Any], *arguments: Any) -> bytes:
 
 @contextmanager
 def _lock_file(path: Path) -> Iterator[None]:
-    """While it lasts, other processes wait here. The system ends it with the process, whatever ends that.
+    """Hold a lock on a file, at which other processes wait. The system lets go of it when the process ends.
 
     Where a file system has no locks, nobody waits.
     """
@@ -322,11 +322,11 @@ class FirstClass(types.WrapperAddressProtocol):
 
 @typeof_impl.register(FirstClass)
 def _typeof(value: FirstClass, _context: object) -> Any:
-    """Numba would make the type anew at each call, which costs a tick from Python more than the kernel."""
+    """Return the type that is kept: numba would make it anew at each call, which takes longer than a kernel's tick."""
     return value.type
 
 
 @lru_cache(maxsize=128)
 def first_class(kernel: Callable[..., Any], signature: Any) -> FirstClass:
-    """`kernel`, made by `compiled`, as a value of the given signature (`LAW`, `KINEMATICS`, ...)."""
+    """Return a `kernel`, made by `compiled`, as a value of the given signature (`LAW`, `KINEMATICS`, ...)."""
     return FirstClass(kernel, signature)

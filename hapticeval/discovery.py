@@ -52,7 +52,7 @@ class Name:
 
 
 def parse(name: str) -> Name:
-    """The parts of `BASE[+SCHEME][@REPRESENTATION]`. Raises `InputError` for a part that is empty.
+    """Split `BASE[+SCHEME][@REPRESENTATION]` into its parts. Raises `InputError` for a part that is empty.
 
     What is no Python has no variants: a path and a command are taken as they are.
     """
@@ -76,7 +76,7 @@ def parse(name: str) -> Name:
 
 
 def known_renderers() -> Mapping[str, EntryPoint]:
-    """Every installed entry point of the group, by name, in alphabetical order."""
+    """Return every installed entry point of the group, by name, in alphabetical order."""
     return _installed(tuple(sys.path))
 
 
@@ -88,14 +88,14 @@ def _installed(folders: tuple[str, ...]) -> Mapping[str, EntryPoint]:  # noqa: A
 
 
 def own_renderers() -> tuple[str, ...]:
-    """The names that this distribution itself registers: what is run where no renderer is named."""
+    """Return the names that this distribution itself registers: what is run where no renderer is named."""
     return tuple(
         name for name, entry in known_renderers().items() if entry.dist is not None and entry.dist.name == DISTRIBUTION
     )
 
 
 def resolve(name: str) -> RendererFactory:
-    """The factory behind a renderer's name.
+    """Return the factory behind a renderer's name.
 
     Raises `UnknownNameError`, with the closest known ones, for a name, a scheme or a representation that is not known.
 
@@ -131,7 +131,7 @@ def resolve(name: str) -> RendererFactory:
 
 
 def resolve_installed(name: str, *, source: str) -> RendererFactory:
-    """The factory behind a name that `source`, a file, gives: an installed entry point and nothing else.
+    """Return the factory behind a name that a file gives, `source`: an installed entry point and nothing else.
 
     A file that is read never names code to run: that is for the command line. Raises `InputError` for a name of
     another kind, and as `resolve` does.
@@ -181,7 +181,7 @@ def load(base: str, *, kind: str = "renderer") -> Any:
 
 
 def _likely_names(base: str) -> list[str]:
-    """Return the names that a file may be meant by: `mine`, `mine.py`, `mine.Nearest` in this folder, a library."""
+    """Return names that were probably meant, where `base` is a file of this folder, as in `mine.py`, or a library."""
     # A library without a folder is looked for by the system's loader, hence the ./ before it.
     if Path(base).suffix in LIBRARIES:
         return [f"lib:{base if Path(base).parent.name or base.startswith(('.', '/')) else f'./{base}'}"]
@@ -197,7 +197,7 @@ def _likely_names(base: str) -> list[str]:
 
 
 def _import_factory(base: str, module: str, attribute: str, kind: str) -> Any:
-    """Import, look up, and see that it can be called; each failure says which step it was."""
+    """Import a factory, look it up, and see that it can be called; each failure says which step it was."""
     try:
         # Step 1: import the module; a module that calls sys.exit is caught too.
         target: Any = import_module(module)
@@ -242,7 +242,7 @@ def _import_factory(base: str, module: str, attribute: str, kind: str) -> Any:
 
 
 def _advise_module(file: str, attribute: str) -> str:
-    """Return how a factory in a file is named: by its module, in the folder where that can be imported."""
+    """Advise to name a factory by its module, not by its file, and in which folder that can be imported."""
     path = Path(file)
     inside = Path.cwd() if path.is_absolute() else Path()
     # A module can be imported only from below the folder in which hapticeval starts.
@@ -253,7 +253,7 @@ def _advise_module(file: str, attribute: str) -> str:
 
 
 def _describe_cause(error: BaseException) -> str:
-    """The cause's own text, and the line of the user's file at which it was raised."""
+    """Return the cause's own text, and the line of the user's file at which it was raised."""
     text = describe_error(error)
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "importlib" not in frame.filename]
     # A syntax error names its line itself; one frame is this file's own, of a module that is not there.

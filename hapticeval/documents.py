@@ -93,7 +93,7 @@ def convert(data: Any, kind: type[T] | Any, place: str, *, todo: str = "") -> T:
 
 
 def _steps(data: Any, path: list[str], what: str) -> list[str]:
-    """Return the keys of a path; msgspec has "..." for those of a mapping, where one holds what `what` quotes."""
+    """Return the keys that lead to an entry; for "...", msgspec's word for a mapping's key, the key that was meant."""
     quoted = re.search("'.*'", what)
     steps = []
     for step in path:
@@ -106,7 +106,7 @@ def _steps(data: Any, path: list[str], what: str) -> list[str]:
 
 
 def _readable_places(data: Any, steps: list[str]) -> Iterator[str]:
-    """Yield the way to an entry, as in ` case 'press'` and ` trajectory.depth`: an item of a list by its name."""
+    """Yield where an entry is, for a message, as in ` case 'press'` and ` trajectory.depth`."""
     place = ""
     for step in steps:
         data = _entry_at(data, step)

@@ -114,7 +114,7 @@ class RendererError(HapticevalError):
         super().__init__(what + place, why=why, todo=todo)
 
     def placed(self, tick: int, hip: Iterable[float]) -> RendererError:
-        """Return the error with tick and HIP (m): itself where it has them."""
+        """Return the error with tick and HIP (N,), m: itself where it has them."""
         return (
             self
             if self.tick is not None
@@ -152,7 +152,7 @@ def renderer_errors(
 
 
 def is_foreign(error: BaseException) -> bool:
-    """Return whether foreign code raised it, and no user: KeyboardInterrupt too in a process that ignores Ctrl-C."""
+    """Return whether foreign code raised an error, not the user: KeyboardInterrupt too where Ctrl-C is ignored."""
     if isinstance(error, KeyboardInterrupt):
         return signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     return isinstance(error, Exception | SystemExit)
@@ -186,7 +186,7 @@ CALLS = {
 
 
 def kind_of(what: str) -> str:
-    """Return what errors of one kind begin with: the words of `what` before numbers, places and foreign texts."""
+    """Return the words of a message before its numbers, places and foreign texts: equal for errors of one kind."""
     return what.split(" at tick ")[0].split(": ")[0]
 
 
@@ -213,7 +213,7 @@ def describe_error(error: BaseException) -> str:
 
 
 def origin(error: BaseException, file: str | None = None) -> str:
-    """Where in foreign code an exception came from: the innermost frame in `file`, else of all, as an error's `why`."""
+    """Return where in foreign code an exception came from: the innermost frame in `file`, else of all."""
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "importlib" not in frame.filename]
     # The innermost frame, if there is any: a slice instead of an index.
     for last in ([frame for frame in frames if frame.filename == file] or frames)[-1:]:
@@ -222,7 +222,7 @@ def origin(error: BaseException, file: str | None = None) -> str:
 
 
 def place_in_stack(stack: Sequence[tuple[str, int, str]]) -> str:
-    """Return where a process was whose `stack` is that, outermost frame first; "" for an empty one.
+    """Return the place in foreign code at which a process was, from its `stack`, outermost frame first; "" without one.
 
     Foreign code begins where ours calls it. Of its frames the innermost in the same folder is named, not that of a
     library that it waits in. Where there is none, as in a C library that ours calls, ours is named.
@@ -243,7 +243,7 @@ def _is_ours(file: PurePath) -> bool:
 
 
 def _is_standard(file: PurePath) -> bool:
-    """Whether a file is of Python's standard library, or frozen; what is installed lies in a folder of that."""
+    """Return whether a file is of Python's standard library, or frozen; installed packages lie in a folder of it."""
     if file.name.startswith("<"):
         return True
     return file.is_relative_to(sysconfig.get_path("stdlib")) and not {"site-packages", "dist-packages"} & {*file.parts}

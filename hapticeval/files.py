@@ -1,4 +1,4 @@
-"""Files: written whole or not at all, under safe names, as values that JSON can hold; and which a suite may name."""
+"""Write files whole or not at all, under safe names and as JSON, and check which files a suite may name."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SAFE_STEM = re.compile(r"[a-z0-9][a-z0-9._-]{0,59}")
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary file beside `path` that takes its place when the block ends well, and vanishes otherwise.
+    """Give a temporary file beside `path` that takes its place when the block ends well, and vanishes otherwise.
 
     Readers see the old file or the new one, never a part of one. Missing folders are made.
     """
@@ -40,7 +40,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def creating(path: Path) -> Iterator[Path]:
-    """As `replacing`, for a file that must not be there yet: what somebody recorded is never written over.
+    """Give a temporary file as `replacing` does, for a file that must not be there yet: recordings are not overwritten.
 
     Raises `InputError` where there is one, also where another process made it in the meantime.
     """
@@ -75,7 +75,7 @@ def existing_file_error(path: Path) -> InputError:
 
 
 def file_stem(name: str) -> str:
-    """A name as a file stem that is safe on every file system, different names giving different stems.
+    """Return a name as a file stem that is safe on every file system; different names give different stems.
 
     Short names of small letters, digits, dots, hyphens and underscores stay as they are. Of any other, what can be kept
     is followed by "~" and a digest of the name. Capitals count as unsafe, for some file systems ignore case.
@@ -104,7 +104,7 @@ def digest_of(file: Path) -> str:
 
 
 def plain(value: Any, place: str = "value") -> Any:
-    """The same value in JSON's own types: dict, list, str, int, float, bool, None; numpy's are converted.
+    """Return a value in JSON's own types: dict, list, str, int, float, bool, None; numpy's are converted.
 
     Floats are kept as they are, the non-finite ones too: see `without_non_finite`. Raises `InputError`, naming
     the place, for a type that JSON has no counterpart of.
@@ -134,7 +134,7 @@ def plain(value: Any, place: str = "value") -> Any:
 
 
 def without_non_finite(value: Any, place: str = "value") -> tuple[Any, list[str]]:
-    """A plain value with null for each NaN or infinity, and what these were: ["evidence.gain = inf", ...]."""
+    """Return a plain value with null for each NaN or infinity, and what these were: ["evidence.gain = inf", ...]."""
     # JSON has no number for it: null, and the place with the value in words.
     if isinstance(value, float) and not math.isfinite(value):
         return None, [f"{place} = {value}"]
@@ -225,7 +225,7 @@ def _refuse_constant(name: str) -> NoReturn:
 
 
 def file_below(folder: Path, name: str) -> Path:
-    """The file that a suite names. Raises `InputError` unless it lies below the suite's folder, links followed."""
+    """Return the path of a file that a suite names. Raises `InputError` unless it lies below `folder`."""
     file = folder / name
     # Both resolved: neither ".." nor a link leads out of the folder.
     if not file.resolve().is_relative_to(folder.resolve()):

@@ -14,7 +14,7 @@ from hapticeval.errors import InputError, UnknownNameError
 
 @dataclass(frozen=True, kw_only=True)
 class Knob:
-    """One setting of a renderer: `values` to sweep, from the coarsest to the finest, in `unit` ("" for a count).
+    """One setting of a renderer, such as a cell's size: `values`, the coarsest first, in `unit` ("" for a count).
 
     `quick` are the values of a quick sweep, all `values` where it is empty.
 
@@ -40,7 +40,7 @@ Settings = Mapping[str, float]
 
 
 def refuse_unknown(settings: Mapping[str, object], known: Mapping[str, Knob], *, name: str) -> None:
-    """Raise `UnknownNameError` for the first of `given` that is no knob of the renderer `name`."""
+    """Raise `UnknownNameError` for the first of `settings` that is no knob of the renderer `name`."""
     for knob in settings:
         if knob not in known:
             # Of several the first is named: the user mends one word at a time.

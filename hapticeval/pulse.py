@@ -28,7 +28,7 @@ def share_pulse(pulse: Pulse, pending: PendingStep) -> None:
 
 
 def note_pending(tick: int, hip: Sequence[float]) -> None:
-    """Note which step a renderer is asked for, until `count_answer`."""
+    """Note that a renderer is asked for the step `tick` at the HIP (N,), m, until `count_answer`."""
     # The count of coordinates says that a step is under way. It goes last: who finds it finds tick and HIP complete.
     _pending[1] = tick
     _pending[2 : 2 + len(hip)] = hip
@@ -51,7 +51,7 @@ def count_answer() -> None:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """While it lasts, this process compiles, and no renderer is to blame for its silence."""
+    """Say, as long as the block lasts, that this process compiles: no renderer is to blame for its silence."""
     # A count and no flag: kernels that are compiled may call others that are compiled meanwhile.
     _pulse[1] += 1
     try:

@@ -1,4 +1,4 @@
-"""The pytest plugin: an item a verdict, by `pytest --hapticeval mine:R`, by the fixture and by the marker `hapticeval`.
+"""The pytest plugin: one test per verdict, by `pytest --hapticeval mine:R`, the fixture or the marker `hapticeval`.
 
 Loaded in every run of pytest where hapticeval is installed: it imports nothing of it until it is used.
 """
@@ -39,7 +39,7 @@ class KnownFailure(NotConforming):
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the options."""
+    """Add the options `--hapticeval...`."""
     group = parser.getgroup("hapticeval", "conformance of haptic renderers")
     group.addoption(
         "--hapticeval",
@@ -133,7 +133,7 @@ def _within(nodeid: str, chosen_id: str) -> bool:
 
 
 class _Suite(pytest.Collector):
-    """A suite."""
+    """Collects the cases of a suite."""
 
     def __init__(self, *, selection: Selection, **names: Any) -> None:
         super().__init__(**names)
@@ -146,7 +146,7 @@ class _Suite(pytest.Collector):
 
 
 class _Case(pytest.Collector):
-    """A case of a suite."""
+    """Collects the verdicts of a case: one for each renderer and check."""
 
     def __init__(self, *, selection: Selection, suite: Suite, case: Case, **names: Any) -> None:
         super().__init__(**names)
@@ -232,7 +232,7 @@ def _as_names(names: str | Sequence[str]) -> Sequence[str]:
 
 
 class _LastJudged(NamedTuple):
-    """The case that was judged last, of which the next item is as well if it is of the same renderer."""
+    """The results of the case that was judged last: the next test often is another verdict of it."""
 
     renderer: object
     place: tuple[str, Case]
@@ -243,7 +243,7 @@ LAST_JUDGED = pytest.StashKey[_LastJudged]()
 
 
 def _judge_case(config: pytest.Config, renderer: AnyRenderer, suite: Suite, case: Case) -> Results:
-    """Return what the checks of a case find, judged once for items that follow one another."""
+    """Return the results of a renderer in a case, judged once for all tests of it that follow one another."""
     from hapticeval import api
 
     # pytest runs items in order, so that the verdicts of one case follow one another: one result is enough to keep.
@@ -279,7 +279,7 @@ def conclude(node: pytest.Item, results: Results, check: str, selection: Selecti
 
 
 def describe_verdict(config: pytest.Config, results: Results, verdict: VerdictEntry) -> str:
-    """Return verdict, metric, bound, place, the picture's path, and how to see it again."""
+    """Describe a verdict for a failed test: metric, bound, place, the picture's path, and how to see it again."""
     lines = [f"{verdict.check} on {verdict.renderer}, {verdict.suite}/{verdict.case}: {verdict.outcome}"]
     lines += [f"  {text}" for text in (verdict.message, verdict.measured, _describe_place(verdict)) if text]
     if verdict.published and not verdict.known:
@@ -420,7 +420,7 @@ def _judge_all(
 
 
 def _note_known(node: pytest.Item, listed: Path | None, verdicts: Iterable[VerdictEntry]) -> None:
-    """Leave with a test what the terminal summary says of its list of known failures, also where xdist is between."""
+    """Leave notes with a test for the terminal summary of known failures, in a way that xdist carries along."""
     from hapticeval.runner.known import describe_outdated
 
     if listed is None:
@@ -434,7 +434,7 @@ def _note_known(node: pytest.Item, listed: Path | None, verdicts: Iterable[Verdi
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Print what lists of known failures have about renderers and suites that did not run, and what is outdated."""
+    """Print which known failures are outdated, and which are of renderers and suites that did not run."""
     reports = [report for reports in terminalreporter.stats.values() for report in reports]
     properties = [user_property for report in reports for user_property in getattr(report, "user_properties", ())]
     notes = dict.fromkeys(tuple(value) for name, value in properties if name == KNOWN_PROPERTY)

@@ -95,7 +95,7 @@ def size(count: int) -> str:
 
 
 def aligned(rows: Sequence[Sequence[str]], *, left: int | None = None) -> list[str]:
-    """Return rows of cells as lines with aligned columns: the first `left` (all unless given) to the left."""
+    """Return rows of cells as lines with aligned columns: the first `left` (None: all) to the left, the rest right."""
     # A column is as wide as its longest cell.
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     sides = ["<" if left is None or place < left else ">" for place in range(len(widths))]

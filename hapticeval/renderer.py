@@ -28,7 +28,7 @@ SCHEMES = ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c", "set-stabilisation")
 
 
 class Spring(StrEnum):
-    """What a renderer's force is K_p times of, the scene's stiffness, where nothing damps it."""
+    """The kind of spring that a renderer's undamped force is, with the scene's stiffness K_p."""
 
     ERROR = "error"
     """F = -K_p e_p, with e_p = HIP - IHIP: a spring from the HIP to the IHIP, as pp of (4.8)."""
@@ -62,7 +62,7 @@ class Declaration:
 
     @property
     def sound(self) -> bool:
-        """Whether its values are such as they should be."""
+        """Whether all its values are of the types and in the ranges that they should be."""
         lengths = (self.ihip_scatter, self.force_scatter, self.force_resolution)
         return (
             # Declarations come from foreign code: no type is trusted.
@@ -75,7 +75,7 @@ class Declaration:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """What the metadata of a recording holds of it; a largest stiffness that is infinite is left out."""
+        """The declaration as metadata of a recording; a largest stiffness that is infinite is left out."""
         entries: dict[str, Any] = {} if self.spring is None else {"spring": Spring(self.spring).value}
         if self.stiffness_range is not None:
             smallest, largest = map(float, self.stiffness_range)
@@ -91,7 +91,7 @@ def _is_number(value: object) -> bool:
 
 
 def _is_range(shares: object) -> bool:
-    """Return whether these are two shares of a stiffness, with one between them."""
+    """Return whether these are two shares of a stiffness, a least and a largest, with 1 between them."""
     return (
         isinstance(shares, Sequence)
         and len(shares) == 2
@@ -130,7 +130,7 @@ class Renderer(Protocol):
         """
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
-        """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. In free space the IHIP is the HIP."""
+        """Answer one tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. In free space the IHIP is the HIP."""
 
 
 @runtime_checkable
@@ -138,7 +138,7 @@ class Batch(Renderer, Protocol):
     """A renderer that can take a whole trajectory at once: equal to a `reset` and then a `step` a row."""
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        """`hips` (n, N) to IHIPs (n, N) and forces (n, N)."""
+        """Answer hand positions `hips` (n, N), m, every `dt` (s) with IHIPs (n, N), m, and forces (n, N), N."""
 
 
 @runtime_checkable
@@ -146,11 +146,11 @@ class TrajectoryRenderer(Protocol):
     """A renderer with tool physics of its own, which answers a stimulus whole instead of tick by tick.
 
     The ideal rigid contact is one: a rigid tool's position follows from forces, not from a sampled HIP. A `Renderer`
-    that has an `simulate` too is asked tick by tick.
+    that has a `simulate` too is asked tick by tick.
     """
 
     def simulate(self, stimulus: Stimulus, dt: float) -> Recording:
-        """The whole run, sampled every `dt` seconds."""
+        """Return the recording of the whole run, sampled every `dt` seconds."""
 
 
 class CompiledStep(NamedTuple):
@@ -215,7 +215,7 @@ class Abilities:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """What the metadata of a recording holds of the renderer."""
+        """What the renderer declares, as metadata of a recording."""
         lengths = {"resolution": self.resolution, "standoff": self.standoff}
         return lengths if self.declares is None else lengths | self.declares.meta
 

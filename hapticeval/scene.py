@@ -74,7 +74,7 @@ class Scene:
             effect.fits(self)
 
     def answer_effects_except(self, *kinds: str) -> list[str]:
-        """Return the kinds of the effects that change answers, but for these."""
+        """Return the kinds of the scene's effects that change a renderer's answers, without these `kinds`."""
         return [effect.kind for effect in self.effects if effect.stage is Stage.ANSWER and effect.kind not in kinds]
 
     @overload

@@ -1,4 +1,4 @@
-"""Processes that call one function for whoever asks, a call at a time each, and that can be stopped at once.
+"""A pool of processes that call one function, one call at a time each, and that can be stopped at once.
 
 A process pool cannot do the last: it neither says which calls have really begun, nor survives the end of one of its
 processes.
@@ -52,7 +52,7 @@ STACK_PATIENCE = 0.2
 
 
 def cores() -> int:
-    """How many processors this process may use."""
+    """Return how many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -113,7 +113,7 @@ class Overdue(Exception):
 
 
 class LostError(HapticevalError):
-    """Who was to make the calls is gone, and no answer will come."""
+    """The processes or the cluster that were to make the calls are gone: no answer will come."""
 
 
 def describe_exit(code: int | None) -> str:
@@ -138,7 +138,7 @@ class Answer(NamedTuple, Generic[T]):
 
 
 class Crew(Protocol[T]):
-    """Who makes calls of one function for somebody: processes of this machine, or the workers of a cluster.
+    """What a pool offers that makes calls of one function: processes of this machine, or the workers of a cluster.
 
     A context manager: leaving it gives up the calls that have not been answered.
     """
@@ -158,7 +158,7 @@ class Crew(Protocol[T]):
         ...
 
     def begin(self, call: int, *arguments: Any) -> None:
-        """Have the function called: call number `call`."""
+        """Begin the call of the function with these arguments, under the number `call`."""
         ...
 
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
@@ -173,12 +173,14 @@ class Crew(Protocol[T]):
         ...
 
     def refused(self) -> list[tuple[str, str]]:
-        """Return who is asked to make no calls, and why: each once."""
+        """Return the workers that are given no calls any more, each once, with the reason."""
         ...
 
 
 @dataclass(frozen=True)
 class _Worker:
+    """A process that makes calls, with the pipes and the memory that it shares with this one."""
+
     process: BaseProcess | subprocess.Popen[bytes]
     pipe: Connection
     stack_pipe: Connection
@@ -189,13 +191,13 @@ class _Worker:
     """Where it keeps what is asked of a renderer, likewise."""
 
     def ask_for_stack(self) -> None:
-        """Have it write the stack of its Python code."""
+        """Ask the process to write the stack of its Python code."""
         if STACK_SIGNAL is not None and self.process.pid is not None:
             with contextlib.suppress(OSError):
                 os.kill(self.process.pid, STACK_SIGNAL)
 
     def stack(self, until: float) -> tuple[Frame, ...]:
-        """Return what it writes until then: outermost frame first, below the call; empty where it writes nothing."""
+        """Return the stack that the process writes until then: outermost frame first, below the call; else empty."""
         text = b""
         with contextlib.suppress(OSError):
             # faulthandler writes in pieces, and says nowhere that it is done: the time decides.
@@ -213,7 +215,7 @@ class _Worker:
         return tuple(reversed(frames[: calls[0] if calls else None]))
 
     def end(self, patience: float) -> int | None:
-        """Close the pipe and kill the process after so many seconds; return the exit code if it ended before."""
+        """Close the pipes and kill the process after `patience` (s); return the exit code if it ended before."""
         self.pipe.close()
         self.stack_pipe.close()
         # Popen and BaseProcess do the same under different names.
@@ -466,7 +468,7 @@ def _serve(pipe: Connection, stack_end: Connection, function: Callable[..., Any]
 
 
 def _call_result(call: Callable[[], T]) -> tuple[T | None, Exception | None]:
-    """Return the value, or the error that was raised."""
+    """Make a call and return its value and None, or None and the error that it raised."""
     try:
         return call(), None
     except Exception as error:
@@ -474,7 +476,7 @@ def _call_result(call: Callable[[], T]) -> tuple[T | None, Exception | None]:
 
 
 def _pickled_answer(value: Any, error: Exception | None) -> bytes:
-    """Return value and error, ready to travel; what cannot becomes an error with its traceback as text."""
+    """Return value and error pickled; what cannot be pickled becomes an error with its traceback as text."""
     try:
         if error is None:
             return pickle.dumps((value, None))

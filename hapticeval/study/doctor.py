@@ -1,4 +1,4 @@
-"""The renderer contract walked through, on a model in the plane and one in space: what holds, what is missing.
+"""Examine whether a renderer keeps the contract, on a model in the plane and one in space, question by question.
 
 Each question is put to the renderer in a process beside this one, so that it may crash or hang.
 """
@@ -53,7 +53,7 @@ TIMED_TICKS = 500
 
 
 class State(StrEnum):
-    """What came of a question."""
+    """The outcome of a question."""
 
     OK = "ok"
     NOTE = "note"
@@ -86,7 +86,11 @@ class RendererBroke(Exception):
 
 
 class HandPath(NamedTuple):
-    """A hand's way (n, N), m, from free space to the deepest point at row `deep`, a rest there, and out again."""
+    """A hand's path `hips` (n, N), m: in from free space, a rest inside, and out again.
+
+    `deep` is the last row of the rest, `out` the first of the rest outside; `foot` (N,), m, and `normal` (N,) are the
+    surface's point on the way and its outward normal.
+    """
 
     hips: Array
     deep: int
@@ -96,7 +100,7 @@ class HandPath(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A renderer in a scene, and a way for its hand."""
+    """A renderer in a scene, and a path for its hand."""
 
     renderer: Renderer
     scene: Scene
@@ -104,7 +108,7 @@ class Case(NamedTuple):
 
 
 def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> Iterator[ContractFinding]:
-    """Ask the renderer of that name all questions, and yield what is found. Raises as `resolve` does.
+    """Examine the renderer of that name, and yield a finding for each question. Raises as `resolve` does.
 
     An answer is waited for at most `patience` seconds; one that does not come is the last. What breaks in the same way
     as at an earlier question only names that one.
@@ -143,7 +147,7 @@ def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> It
 def _await_answer(
     crew: Workers[StateAndText], patience: float, waiting: Waiting | None, asked_for: str, *question: str
 ) -> StateAndText:
-    """Return the answer to a question. Raises `RendererBroke`."""
+    """Have a question put, wait for its answer and return it. Raises `RendererBroke` where none comes."""
     crew.begin(0, *question)
     begun, starved = time.monotonic(), crew.starved(0)
     while not (answers := crew.answers(POLL_PERIOD) or crew.give_up(patience)):
@@ -190,7 +194,7 @@ def _case(name: str, kind: str) -> Case:
 
 @lru_cache
 def _scene(kind: str) -> Scene:
-    """Return a scene, with all that is asked of its model."""
+    """Make a scene, and ask its model all that the questions will: what has to be compiled is compiled now."""
     scene = Scene(model=make_model(MODELS[kind]))
     Outside(scene).tool(scene.model.boundary.points(1)[0])
     _hand_path(scene, 0.0)
@@ -198,7 +202,7 @@ def _scene(kind: str) -> Scene:
 
 
 def _check_made(name: str, kind: str) -> StateAndText:
-    """Whether a renderer is made of a scene, and what it declares."""
+    """Check that the factory makes a renderer of the scene, and tell what that declares."""
     try:
         case = _case(name, kind)
     except RefusalError as refusal:
@@ -223,7 +227,7 @@ def _check_made(name: str, kind: str) -> StateAndText:
 
 
 def _hand_path(scene: Scene, standoff: float) -> HandPath:
-    """Return a way in along a normal, away from corners, from where one with this `standoff` (m) is free."""
+    """Make a path along a normal, away from corners, that begins where a tool with this `standoff` (m) is free."""
     model = scene.model
     size = model.size
     low, high = np.reshape(model.boundary.bounds, (2, -1))
@@ -244,7 +248,7 @@ def _hand_path(scene: Scene, standoff: float) -> HandPath:
 
 
 def _answers_along(case: Case, hips: Array, dt: float) -> tuple[Array, Array]:
-    """Return the answers, (n, N) each, of a reset and a step a row."""
+    """Return IHIPs (n, N), m, and forces (n, N), N, of a reset and a step for each of `hips` (n, N), m; `dt` in s."""
     # As the runner does: the velocity from this sample and the last one.
     velocity = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
     reset_checked(case.renderer, hips[0])
@@ -258,7 +262,7 @@ def _rounding_of(hips: Array) -> float:
 
 
 def _check_free_space(case: Case) -> StateAndText:
-    """In free space the IHIP is the HIP, and the force zero."""
+    """Check that in free space the IHIP is the HIP, and the force zero."""
     hips = case.path.hips[:3]
     ihips, forces = _answers_along(case, hips, case.scene.sampling_time)
     off, force = float(np.linalg.norm(ihips - hips, axis=1).max()), float(np.linalg.norm(forces, axis=1).max())
@@ -275,7 +279,7 @@ def _check_free_space(case: Case) -> StateAndText:
 
 
 def _check_contact(case: Case) -> StateAndText:
-    """Under the surface the IHIP is on it, and the force pushes out."""
+    """Check that under the surface the IHIP is on it, and the force pushes out."""
     scene, path = case.scene, case.path
     ihips, forces = _answers_along(case, path.hips[: path.deep + 1], scene.sampling_time)
     touches = getattr(case.renderer, "contact", None)
@@ -321,20 +325,20 @@ def _check_contact(case: Case) -> StateAndText:
 
 
 def _advise_without_ihip(declared: Declaration | None) -> str:
-    """Return what follows of an IHIP that is always the HIP."""
+    """Say what becomes of checks of the contact point where the IHIP is always the HIP."""
     if declared is not None and declared.force_only:
         return "checks of the contact point are not applicable, as declared"
     return "checks of the contact point are inconclusive, until it declares force_only"
 
 
 def _is_thousandfold(values: Array, right: Array) -> bool:
-    """Whether numbers are a thousand times the right ones, as where a unit is taken for another."""
+    """Return whether numbers are a thousand times the right ones, as where mm are taken for m."""
     # Within a tenth: another law than a spring differs by some per cent, a unit by 1000.
     return bool(np.linalg.norm(values - 1e3 * right) <= 0.1 * np.linalg.norm(1e3 * right))
 
 
 def _check_leaving(case: Case) -> StateAndText:
-    """Out again it lets go, within the lag that is granted."""
+    """Check that it lets go of a hand that has left, within the lag that is granted."""
     path = case.path
     ihips, forces = _answers_along(case, path.hips, case.scene.sampling_time)
     # The rest outside, without the ticks in which a contact may still end.
@@ -345,7 +349,7 @@ def _check_leaving(case: Case) -> StateAndText:
 
 
 def _check_reset(case: Case) -> StateAndText:
-    """A reset begins anew: the same way gives the same bits."""
+    """Check that a reset clears everything: the same path gives the same answers, to the bit or as declared."""
     dt = case.scene.sampling_time
     first = _answers_along(case, case.path.hips[: case.path.deep + 1], dt)
     second = _answers_along(case, case.path.hips[: case.path.deep + 1], dt)
@@ -362,7 +366,7 @@ def _check_reset(case: Case) -> StateAndText:
 
 
 def _check_reset_inside(case: Case) -> StateAndText:
-    """A reset with the hand inside, as closed loops do, begins in contact."""
+    """Check that a reset with the hand inside, as closed loops do, begins in contact."""
     hip = case.path.hips[case.path.deep]
     # The hand rests inside for as long as an answer may be late.
     _, forces = _answers_along(case, np.repeat(hip[np.newaxis], LAG_TICKS + 1, axis=0), case.scene.sampling_time)
@@ -374,7 +378,7 @@ def _check_reset_inside(case: Case) -> StateAndText:
 
 
 def _check_batch(case: Case) -> StateAndText:
-    """A batch is a reset and a step a row."""
+    """Check that run(hips, dt) answers as a reset and a step a row do."""
     if not abilities_of(case.renderer).run:
         return State.NOTE, "there is no run(hips, dt): each tick is a call"
     dt = case.scene.sampling_time
@@ -396,7 +400,7 @@ def _check_batch(case: Case) -> StateAndText:
 
 
 def _check_non_finite(case: Case) -> StateAndText:
-    """A HIP that is not finite is refused, and leaves nothing behind."""
+    """Check that a HIP that is not finite is refused, and leaves nothing behind."""
     dt, hips = case.scene.sampling_time, case.path.hips[: case.path.deep + 1]
     before = _answers_along(case, hips, dt)
     # NaN in every coordinate, as of a broken sensor.
@@ -415,7 +419,7 @@ def _check_non_finite(case: Case) -> StateAndText:
 
 
 def _check_speed(case: Case) -> StateAndText:
-    """It keeps up with the sampling time."""
+    """Check that a step takes less than the sampling time."""
     dt, hips = case.scene.sampling_time, case.path.hips
     reset_checked(case.renderer, hips[0])
     still, spent = np.zeros_like(hips[0]), []
@@ -431,7 +435,7 @@ def _check_speed(case: Case) -> StateAndText:
 
 
 def _check_bilateral(case: Case) -> StateAndText:
-    """Whether it can hold the tool from both sides."""
+    """Tell whether it declares to hold the tool from both sides."""
     if "bilateral" in (abilities_of(case.renderer).supports or ()):
         return State.OK, "declares that it holds the tool from both sides"
     return State.NOTE, "it does not declare 'bilateral': cases that hold the tool from both sides are not applicable"
@@ -455,6 +459,6 @@ QUESTIONS: Mapping[str, Callable[..., StateAndText]] = MappingProxyType(
 
 
 def exit_code(findings: list[ContractFinding]) -> int:
-    """Return 3 where it broke, 1 where something is missing, and else 0."""
+    """Return the command's exit code: 3 where the renderer broke, 1 where something is missing, and else 0."""
     states = {finding.state for finding in findings}
     return 3 if State.BROKE in states else int(State.MISSING in states)

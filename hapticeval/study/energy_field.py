@@ -1,4 +1,4 @@
-"""Where a renderer's force creates energy: its curl over the inside of a plane model, and the loop that gains most.
+"""Find where a renderer's force creates energy: its curl inside a plane model, and the loop that gains most.
 
 For renderers without memory. The curl of a cell of a grid is the work of the force once round it, anticlockwise, over
 its area. So it is defined where the force jumps too, and summed over cells it is the work round all of them.
@@ -29,9 +29,10 @@ MEASURED_LOOPS = 12
 
 @dataclass(frozen=True, eq=False)
 class EnergyField:
-    """The curl (rows, columns), N/m, over cells of side `cell` (m) about `centres` (rows, columns, 2), m.
+    """Where a force creates energy: its `curl` (rows, columns), N/m, over the cells of a grid.
 
-    It is NaN in cells that are not wholly inside; `depth` (rows, columns), m, is that of the cells' centres.
+    The cells have the side `cell` (m) and lie about `centres` (rows, columns, 2), m. The curl is NaN in cells that are
+    not wholly inside; `depth` (rows, columns), m, is that of the cells' centres.
     """
 
     centres: Array
@@ -50,7 +51,7 @@ class Loop:
 
 
 def energy_field(renderer: Batch, curve: Curve, *, cell: float = 1e-3) -> EnergyField:
-    """Measure the curl of a renderer's force inside a closed curve, in cells of a side (m)."""
+    """Measure the curl of a renderer's force inside a closed curve, in square cells of the side `cell` (m)."""
     xmin, ymin, xmax, ymax = curve.bounds
     counts = [max(1, int(np.ceil((high - low) / cell))) for low, high in ((xmin, xmax), (ymin, ymax))]
     xs, ys = xmin + cell * np.arange(counts[0] + 1), ymin + cell * np.arange(counts[1] + 1)
@@ -77,7 +78,10 @@ def _forces_at(renderer: Batch, points: Array) -> Array:
 
 
 def work_round(renderer: Batch, centre: tuple[float, float], radius: float) -> Loop:
-    """Lead a renderer once round a circle (m), by the trapezoid over `LOOP_POINTS` points."""
+    """Measure the work (J) that a renderer's force does once round a circle, by the trapezoidal rule.
+
+    `centre` and `radius` are in m; `LOOP_POINTS` points make the circle.
+    """
     angles = np.linspace(0.0, 2.0 * np.pi, LOOP_POINTS + 1)
     # The last point is the first one again: the loop is closed.
     hips = np.asarray(centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -88,7 +92,9 @@ def work_round(renderer: Batch, centre: tuple[float, float], radius: float) -> L
 
 
 def works_at(field: EnergyField, radius: float) -> Array:
-    """Return the integral of the curl (rows, columns), J, over discs (m) about each cell's centre.
+    """Return the work (J) round a circle of a `radius` (m) about each cell's centre: (rows, columns).
+
+    It is the integral of the curl over the disc.
 
     NaN for discs that are not wholly inside.
     """

@@ -63,7 +63,11 @@ def integration_benchmark(device: Device, *, ticks: int = 300, dt: float = TICK)
 
 
 def advance_reference(device: Device, state: Array, torque: Array, path: Array, grip: Array, dt: float) -> Array:
-    """Return the state (2 N,) after a tick, by scipy's DOP853."""
+    """Return a device's state (2 N,), joints and rates, after a tick of `dt` (s), by scipy's DOP853: the reference.
+
+    It starts from `state` (2 N,) with the `torque` (N,), N m, held; the hand moves along `path` (2, N), m, with the
+    spring and the damper of `grip` (2,), N/m and N s/m.
+    """
     from scipy.integrate import solve_ivp
 
     slope = partial(_slope, device=device, torque=torque, path=path, grip=grip, dt=dt)

@@ -63,7 +63,7 @@ def study_rates(renderers: Sequence[str], rates: Sequence[float], progress: Prog
 
 
 def _judge_at_rates(name: str, factory: Any, check: str, rates: Sequence[float]) -> list[dict[str, Any]]:
-    """One row per rate, until one would take too long: what a tick takes follows from the two rates before."""
+    """Judge a renderer by one check at each rate (Hz), a row each; a rate that would take too long is left out."""
     case = case_named(CASES[check])
     rows: list[dict[str, Any]] = []
     took: list[tuple[float, float]] = []

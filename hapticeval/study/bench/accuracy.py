@@ -88,7 +88,7 @@ def workload(kind: str, *, seed: int) -> Workload:
 
 
 def fresh_scene(kind: str, number: int) -> Scene:
-    """Make a scene whose model no renderer has prepared for, not even one that compares models by value.
+    """Make a scene with a model of its own, that no renderer has prepared for, not even one that compares by value.
 
     Model number n is n parts in 1e12 larger than the others.
     """
@@ -119,7 +119,7 @@ def points_under(boundary: Boundary, count: int, *, seed: int) -> Array:
 
 
 def path_under(boundary: Boundary) -> Array:
-    """Return points (n, 3), m, 4 mm under a surface: under a straight line that passes beside it, askew to all axes."""
+    """Return a path of points (n, 3), m, 4 mm under a surface, below a straight line beside it, askew to all axes."""
     reach = np.array(boundary.bounds[3:])
     # A line on which one coordinate stays at 1.2 of the reach: it passes beside the model.
     along = np.linspace(-0.5, 0.5, 41)[:, np.newaxis]
@@ -163,7 +163,7 @@ class Answers:
 
 
 def answers_to(renderer: Renderer, work: Workload) -> Answers:
-    """Ask a renderer for all of a workload. Every point is a run of its own, for one with memory as for any.
+    """Return a renderer's answers to a workload; every point is a run of its own, for a renderer may have memory.
 
     The hand rests at the point for as long as an answer may be late, and the last answer counts: a proxy gets there.
 
@@ -181,7 +181,7 @@ def answers_to(renderer: Renderer, work: Workload) -> Answers:
 
 
 def errors_against(measured: Answers, reference: Answers, *, floor: float) -> Errors:
-    """Return the root mean square, 99 per cent quantile and maximum of each metric's error.
+    """Return how far answers are from a reference's: root mean square, 99 per cent quantile and maximum by metric.
 
     Where one tool is free its IHIP is at the hand, and counts there. Directions are compared where both forces exceed
     the `floor`, N.
@@ -226,7 +226,7 @@ class Reference:
     disagreement: Errors | None
 
     def claims(self, measured: Errors) -> Errors:
-        """Return the errors that the reference can demonstrate: none smaller than ten times the disagreement."""
+        """Return the errors that can be claimed: none smaller than ten times the reference's own disagreement."""
         if self.disagreement is None:
             return measured
         return {
@@ -275,7 +275,7 @@ def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: 
 
 
 def nearest_of_ours(measured: Answers, work: Workload) -> Reference | None:
-    """Return the answers of that renderer of ours on the exact curve whose IHIPs are nearest to those found.
+    """Return, as a reference, the answers of that renderer of ours on the exact curve whose IHIPs are the nearest.
 
     For a renderer with neither an exact form nor a knob: most approximate a projection that one of ours computes.
     None where none of ours has an exact form on the model.
@@ -291,15 +291,15 @@ def nearest_of_ours(measured: Answers, work: Workload) -> Reference | None:
         return None
 
     # The 99 per cent quantile: one point on the other side of a jump does not decide.
-    def apart(name: str) -> float:
+    def ihip_error(name: str) -> float:
         return errors_against(measured, known[name], floor=force_floor(work.scene))["ihip"]["p99"]
 
-    nearest = min(known, key=apart)
+    nearest = min(known, key=ihip_error)
     return Reference(f"{nearest} on the exact curve, of ours the nearest to it", known[nearest], None)
 
 
 def refinements(knobs: Mapping[str, Knob], *, quick: bool = False) -> tuple[Settings, Settings]:
-    """Return the last but one and the last refinement of all knobs together.
+    """Return the finest settings of all knobs together, and before them the settings one step coarser.
 
     A quick sweep needs no finer reference than the value after its own last one. Raises `InputError` for a knob with
     one value only: nothing shows then whether it has converged.

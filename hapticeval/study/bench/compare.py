@@ -38,7 +38,7 @@ class Shift(NamedTuple):
 
 
 def estimate_shift(now: Array, before: Array) -> Shift:
-    """Estimate the shift between blocks (n,) and (m,) of positive numbers, on a logarithmic scale.
+    """Estimate by what factor times have changed, from the medians of rounds `now` (n,) and `before` (m,), in any unit.
 
     With very few blocks no interval of 95 per cent exists: it is then unbounded, and `p` cannot be small either.
     """
@@ -93,7 +93,7 @@ def judge_shift(estimate: Shift, adjusted: float, *, worth: float) -> Literal["b
 
 
 def compare_benches(now: BenchResults, samples: Samples, before: BenchResults, earlier: Samples) -> list[Change]:
-    """Compare two benches.
+    """Compare two benches, setting by setting: have times or errors changed?
 
     Returns one change per setting and kind of time present in both, plus one per setting whose error has changed.
     """
@@ -129,7 +129,7 @@ def compare_benches(now: BenchResults, samples: Samples, before: BenchResults, e
 
 
 def _round_medians(samples: Samples, key: str, kind: str) -> Array:
-    """Return the median of each round."""
+    """Return the median time of each round of a setting, (rounds,), in ns or ps; empty where it was not measured."""
     rounds = samples.get(f"{key}/{kind}")
     # At least 1 unit of the clock: a logarithm is taken of it.
     return np.empty(0) if rounds is None else np.maximum(np.median(rounds, axis=1), 1.0)

@@ -77,7 +77,7 @@ def convergence_orders(settings: Sequence[SettingEntry]) -> Iterator[OrderEntry]
 
 
 def describe_unproven(results: BenchResults) -> Iterator[str]:
-    """Yield one sentence per renderer and model whose reference is not converged enough to certify the errors."""
+    """Yield a sentence for each renderer and model whose reference has not converged far enough to prove the errors."""
     for reference in results.references:
         measured = [setting for setting in results.by_model().get(reference.model, []) if not setting.problem]
         measured = [setting for setting in measured if setting.renderer == reference.renderer]

@@ -29,7 +29,7 @@ LONG_BATCH = 0.02  # s that a round of batches may take
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Rows ready for a renderer, so that nothing but its own step is under the clock."""
+    """A path as rows of HIP (N,), m, and velocity (N,), m/s, so that nothing but the renderer's step is timed."""
 
     hips: Array
     rows: list[tuple[Array, Array]]
@@ -45,7 +45,7 @@ def sample_track(path: Path, dt: float) -> Track:
 
 @contextmanager
 def without_garbage_collection() -> Iterator[None]:
-    """Collect no garbage in the block: the collector's pauses are Python's, not the renderer's."""
+    """Switch garbage collection off in the block: its pauses are Python's, not the renderer's."""
     enabled = gc.isenabled()
     # Collected now, so that the block begins without garbage.
     gc.collect()

@@ -86,12 +86,12 @@ class Setting:
     finer: int = 0
 
     def prepare(self, scene: Scene) -> Scene:
-        """Return what the renderer is given of a scene."""
+        """Return the scene as the renderer gets it: in space with a mesh for a model."""
         return with_mesh(scene, self.finer) if self.finer else scene
 
     @property
     def label(self) -> str:
-        """For instance `constraint@polygon vertices 80`, `minimum-distance@lut cell 0.5mm`."""
+        """The setting in words, for instance `constraint@polygon vertices 80`, `minimum-distance@lut cell 0.5mm`."""
         return " ".join(
             [self.renderer, *(_knob_text(knob, value, self.units[knob]) for knob, value in self.values.items())]
         )
@@ -289,7 +289,7 @@ class Sweep:
         self.machine = machine()
 
     def run(self, progress: Progress) -> None:
-        """Measure. Nothing runs beside anything else."""
+        """Measure all settings, one after the other: accuracy first, then rounds of timing."""
         begun = time.perf_counter()
         total = len(self.entries) + self.effort.rounds
         try:
@@ -346,7 +346,7 @@ class Sweep:
         entry.memory = array_bytes(entry.renderer)
 
     def _reference(self, setting: Setting, work: Workload, measured: Answers) -> Reference | None:
-        """Return the reference of a setting, which renderers share that are the same on the exact curve."""
+        """Return the reference of a setting's renderer; those that are equal on the exact curve share one."""
         key = (setting.renderer, work.name)
         if key not in self.references:
             base = on_the_exact_curve(self.factories[setting.renderer])
@@ -366,7 +366,7 @@ class Sweep:
         return self.references[key]
 
     def _round(self, number: int, order: np.random.Generator) -> None:
-        """Time every setting once, in an order of its own. A round that is cut short is dropped whole."""
+        """Time every setting once, in a random order. A round that is cut short is dropped as a whole."""
         live = [entry for entry in self.entries if entry.renderer is not None]
         took: dict[str, tuple[IntArray, IntArray | None]] = {}
         tracks = {work.name: sample_track(work.slide, work.dt) for work in self.works}
@@ -431,7 +431,7 @@ class _NotBenched(InputError):
 
 
 def _equal_by_value(one: Any, other: Any) -> bool:
-    """Return whether two factories are equal by value: they share one reference then."""
+    """Return whether two factories are one, or equal by value: they share a reference then."""
     return bool(one is other or (type(one) is type(other) and one == other))
 
 

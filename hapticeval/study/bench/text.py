@@ -46,7 +46,7 @@ def describe(results: BenchResults) -> str:
         "\n".join(_answers(results)),
         "\n".join(_comparison(results.comparison)),
         f"{len(results.settings)} settings in {results.timing['wall_seconds']:.3g} s, {results.rounds} rounds of timing"
-        + _kept(results)
+        + _count_earlier(results)
         + ("" if results.complete else f"; incomplete: {results.reason}"),
     ]
     return "\n\n".join(part for part in parts if part)
@@ -66,7 +66,7 @@ def _tables(results: BenchResults) -> Iterator[str]:
 
 
 def _through_python(results: BenchResults) -> Iterator[str]:
-    """Say of libraries that a single step is timed with Python's part in it, which compiled loops do not have."""
+    """Say for shared libraries how much of a step's time is the call from Python, which compiled loops do not make."""
     for entry in results.settings:
         if entry.renderer.startswith("lib:") and entry.step is not None and entry.batch is not None:
             yield (
@@ -82,7 +82,7 @@ def _left_out(results: BenchResults) -> Iterator[str]:
         yield f"   {sentence}"
 
 
-def _kept(results: BenchResults) -> str:
+def _count_earlier(results: BenchResults) -> str:
     earlier = sum(setting.kept for setting in results.settings)
     return f"; {earlier} of them kept from an earlier bench" if earlier else ""
 

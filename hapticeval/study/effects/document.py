@@ -13,18 +13,18 @@ FILE = "effects.json"
 FORMAT_VERSION = 1
 
 
-class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class _DocumentPart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Base of the document's objects."""
 
 
-class Cost(_Part, frozen=True):
+class Cost(_DocumentPart, frozen=True):
     """What a tick takes, s, and the code that makes it, bytes; None where it is Python's."""
 
     tick: float
     code: int | None
 
 
-class SceneEntry(_Part, frozen=True):
+class SceneEntry(_DocumentPart, frozen=True):
     """One scene: the effects that it `calls` for, by kind, and what was assembled of them.
 
     `assembled` has the kinds by stage of a tick; those of no stage are the renderer's own. `plain` is the same scene
@@ -42,7 +42,7 @@ class SceneEntry(_Part, frozen=True):
     problem: str | None = None
 
 
-class Rung(_Part, frozen=True):
+class Rung(_DocumentPart, frozen=True):
     """The first effects of a scene: what an answer takes, s, composed of them, and with all tested for at each tick."""
 
     kinds: list[str]
@@ -50,7 +50,7 @@ class Rung(_Part, frozen=True):
     tested: float
 
 
-class Ladder(_Part, frozen=True):
+class Ladder(_DocumentPart, frozen=True):
     """The cost of an answer by the number of effects of the surface that a scene calls for."""
 
     suite: str
@@ -59,7 +59,7 @@ class Ladder(_Part, frozen=True):
     rungs: list[Rung]
 
 
-class EffectsDocument(_Part, frozen=True):
+class EffectsDocument(_DocumentPart, frozen=True):
     """A study: every scene, and the ladder of the one that calls for most effects; None where none calls for two."""
 
     scenes: list[SceneEntry]

@@ -51,7 +51,7 @@ class TimedRun:
 
     @property
     def code(self) -> int | None:
-        """Bytes of machine code of the kernels; None without any."""
+        """How many bytes of machine code the kernels are; None without any."""
         from hapticeval.compiled import machine_code
 
         return (
@@ -173,7 +173,7 @@ def _prepare_law(
 
 
 def make_run(job: Job, scene: Scene) -> tuple[Renderer, Stimulus]:
-    """Make the job's renderer for a scene, and what it is asked."""
+    """Make the job's renderer for a scene, and the path or experiment that it is run with."""
     renderer = make_renderer(job.factory or resolve(job.renderer), scene)
     return cast("Renderer", renderer), job.case.build_stimulus(scene, renderer)
 
@@ -209,7 +209,7 @@ def _prepare_loop(renderer: Renderer, law: CompiledStep, experiment: Experiment,
 
 
 def _prepare_path(renderer: Renderer, path: Path, scene: Scene) -> TimedRun:
-    """Prepare a path, with the way in."""
+    """Prepare a run along a path, with the way in from free space."""
     from hapticeval.simulation.answer_kernels import change_rows
 
     dt = scene.sampling_time
@@ -247,7 +247,7 @@ def _functions_of(law: CompiledStep) -> Iterator[FirstClass]:
 
 
 def _kernels_of(*functions: FirstClass) -> Iterator[tuple[Any, Sequence[Any]]]:
-    """Yield compiled functions that are values, each once, with the types of their arguments."""
+    """Yield the kernels behind compiled functions, each once, with the types of their arguments."""
     yield from {id(function.kernel): (function.kernel, function.signature().args) for function in functions}.values()
 
 

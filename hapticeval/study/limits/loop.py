@@ -1,4 +1,4 @@
-"""The sampled closed loop around rest, made linear: renderer, inner loop, hold, delay and device.
+"""Linearise the sampled closed loop around rest: renderer, inner loop, hold, delay and device.
 
 Beside it the bound of Colgate and Schenkel (2.40), for a device that moves in more than one direction.
 """
@@ -23,7 +23,7 @@ ROUNDING = 1e-5  # a mode this close to 1 that makes no force is the tool's free
 
 
 class Gains(NamedTuple):
-    """What a renderer does around one place, F_k = -now y_k - before y_(k-1) - rate ẏ_k; each (N, N).
+    """A renderer made linear around one place: F_k = -now y_k - before y_(k-1) - rate ẏ_k; each (N, N).
 
     `now` and `before` in N/m, `rate` in N s/m.
     """
@@ -154,7 +154,7 @@ def jacobian_of(answer: Callable[[Array], Array], count: int, step: float = 1e-6
 
 
 def _transition(robot: Robot, duration: float) -> tuple[Array, Array]:
-    """Return the matrices by which (q, q̇) moves over `duration`, and that a torque held meanwhile adds."""
+    """Return how (q, q̇) moves over `duration` (s): its matrix (2 N, 2 N), and (2 N, N) of a torque that is held."""
     from scipy.linalg import expm
 
     count = len(robot.inertia)
@@ -190,7 +190,7 @@ def port_damping(robot: Robot, normal: Array, dt: float) -> float:
 
 
 def loop_delay(scene: Scene) -> float:
-    """Return the seconds from a sample to the motors' answer."""
+    """Return the delay (s) of the loop, from a sample to the motors' answer: that of all effects together."""
     return sum((effect.late for effect in scene.effects), 0.0)
 
 

@@ -226,6 +226,6 @@ def describe_instability(factory: RendererFactory, scene: Scene, *, cutoff: floa
 
 
 def _across_normal(family: GainFamily) -> GainFamily:
-    """Return the gains along the normal alone."""
+    """Return the gains of the motion along the normal alone: along the surface they are zero."""
     across = np.outer(family.place.normal, family.place.normal)
     return replace(family, offset=across @ family.offset @ across, slope=across @ family.slope @ across)

@@ -1,4 +1,4 @@
-"""The limits of a scene: at one place, and mapped over damping, sampling time, delay and workspace; and in words."""
+"""Find how stiff a scene may be, at one place and over damping, sampling time, delay and workspace; say it in words."""
 
 from __future__ import annotations
 

@@ -40,10 +40,11 @@ PERSISTENCE = (
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Nodes at x (nx,), y (ny,), m, a step `h` (m) apart; `contact` (ny, nx) where the HIP is inside and in contact.
+    """The IHIPs of hand positions on a lattice over the inside of a surface.
 
-    `ihip` (ny, nx, 2), m, and its arc length `s` (ny, nx), m, on `surface` are NaN elsewhere; `inside` (ny, nx) is
-    where the HIP is inside the surface, in contact or not.
+    - `x` (nx,) and `y` (ny,), m: where its nodes are, a step `h` (m) apart;
+    - `inside` (ny, nx): where the HIP is inside the surface, `contact` (ny, nx) where it is in contact too;
+    - `ihip` (ny, nx, 2), m, and its arc length `s` (ny, nx), m, on `surface`: NaN out of contact.
     """
 
     surface: Curve
@@ -57,7 +58,7 @@ class Lattice:
 
     @property
     def nodes(self) -> Array:
-        """(ny, nx, 2), m."""
+        """The lattice's nodes (ny, nx, 2), m."""
         return np.stack(np.meshgrid(self.x, self.y), axis=-1)
 
     @property
@@ -131,7 +132,7 @@ class SingularSet:
 
 
 def singular_set(project: Project, lattice: Lattice) -> SingularSet:
-    """Find the lines by bisecting lattice edges, and the points by going round lattice cells.
+    """Find where a projection jumps: lines by bisecting lattice edges, points by going round lattice cells.
 
     Jumps shorter than a lattice step may be missed where the projection is not steep beside them.
     """
@@ -180,7 +181,9 @@ def _cell_corners(s: Array) -> list[Array]:
 
 
 def jumps_between(project: Project, a: Array, b: Array, at_a: Array, at_b: Array) -> tuple[Array, Array]:
-    """Halve segments from a to b (n, 2) twenty times, each time keeping the half with the larger IHIP step.
+    """Find where the projection jumps between HIPs a and b (n, 2), m, whose IHIPs are `at_a` and `at_b` (n, 2), m.
+
+    Twenty halvings keep the half with the larger IHIP step.
 
     Returns where they end, (n, 2), and the jump that stays there, (n,), m: zero where it shrinks as the step does.
     """
@@ -223,7 +226,7 @@ def _line_pieces(across: Array, up: Array) -> Array:
 
 
 def _singular_points(project: Project, lattice: Lattice, across: BoolArray, up: BoolArray) -> Array:
-    """Find cells without a line around which the IHIP goes once round the surface; narrow each down to a point."""
+    """Find single points where a projection jumps, (k, 2), m: in cells round which the IHIP goes round the surface."""
     s, length = lattice.s, lattice.surface.length
     corners = _cell_corners(s)
     # Cells with all corners in contact, and no line on any side: there turns can be counted.
@@ -301,7 +304,7 @@ class Field:
 
     @property
     def rests(self) -> BoolArray:
-        """(ny, nx): where the IHIP stays at a corner while the hand moves."""
+        """Where the IHIP stays at a corner while the hand moves, (ny, nx)."""
         with np.errstate(invalid="ignore"):
             resting: BoolArray = self.amplification < REST_AMPLIFICATION
         return resting
@@ -320,13 +323,13 @@ class Field:
         return singular_geometry(self.singular)
 
     def share_near(self, distance: float) -> float:
-        """The share of the inside, by area, that lies within `distance` (m) of the singular set."""
+        """Return the share of the inside, by area, that lies within `distance` (m) of the singular set."""
         # Round ends have 32 segments a quarter turn: a disc's area is exact to 0.04 per cent.
         near = self.discontinuity.buffer(distance, quad_segs=32)
         return float(self.body.intersection(near).area / self.body.area)
 
     def summary(self, *, within: float) -> dict[str, Any]:
-        """The numbers as JSON values; `within` (m) is the distance of the share."""
+        """Return the field's numbers as JSON values; `within` (m) is the distance of the share near a jump."""
         lattice = self.lattice
         rates = self.amplification[np.isfinite(self.amplification)]
         worst = np.unravel_index(np.nanargmax(self.amplification), self.amplification.shape)
@@ -407,7 +410,7 @@ def lines_of_constant_projection(lattice: Lattice, singular: SingularSet, *, cou
 
 
 def _level_segments(lattice: Lattice, singular: SingularSet, offsets: Array) -> Array:
-    """Return where `way` (ny, nx) changes sign, one piece (m, 2, 2) per cell, none over a jump or far round."""
+    """Return the lines on which `offsets` (ny, nx), m, are zero, one piece (m, 2, 2) per cell, none across a jump."""
     farthest = FAR_SHARE * lattice.surface.length
     nodes = lattice.nodes
     crossings = []

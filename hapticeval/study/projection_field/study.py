@@ -80,10 +80,10 @@ def study_field(
 
 
 class Projector:
-    """HIPs (n, 2) to IHIPs (n, 2), m, each as if it were the next tick; in free space the IHIP is the HIP.
+    """A renderer as a projection: HIPs (n, 2) to IHIPs (n, 2), m, each HIP as if it were the next tick.
 
-    With `origin` (2,), m, every HIP is reached in one tick from a hand that rests there, just under the surface, so
-    that the tool is there too. Raises `RendererError` as `playback.play` does.
+    In free space the IHIP is the HIP. With `origin` (2,), m, every HIP is reached in one tick from a hand that rests
+    there, just under the surface, so that the tool is there too. Raises `RendererError` as `playback.play` does.
     """
 
     def __init__(self, renderer: Renderer, *, dt: float, origin: Array | None = None) -> None:
@@ -92,7 +92,7 @@ class Projector:
         self._origin = origin
 
     def __call__(self, hips: Array) -> Array:
-        """The IHIPs."""
+        """Return the IHIPs (n, 2), m, of HIPs (n, 2), m."""
         # All HIPs as one path: without memory the order does not matter.
         if self._origin is None and abilities_of(self._renderer).run and len(hips) > 1:
             time = self._dt * np.arange(len(hips), dtype=np.float64)
