@@ -261,9 +261,9 @@ def ask(
     for i in range(hip.shape[0]):
         ihip[i] = force[i] = np.nan
     # Two addresses as the bits of float64: those of hr_step and of the library's self.
-    places = data.params.view(np.uint64)
+    addresses = data.params.view(np.uint64)
     answer = call_step(
-        places[0], places[1], hip.ctypes.data, velocity.ctypes.data, dt, ihip.ctypes.data, force.ctypes.data
+        addresses[0], addresses[1], hip.ctypes.data, velocity.ctypes.data, dt, ihip.ctypes.data, force.ctypes.data
     )
     data.state[0] = answer
     # A law returns 0 for an answer, a positive number for a refusal, a negative one where it broke.
@@ -348,8 +348,8 @@ class LibraryRenderer:
         if promise != Declaration():
             self.declares = promise
         # A law's parameters are float64: the addresses travel as their bits.
-        places = np.array([ctypes.cast(library.hr_step, c_void_p).value, self._self.value or 0], dtype=np.uint64)
-        data = law_data(places.view(np.float64), state=1)
+        addresses = np.array([ctypes.cast(library.hr_step, c_void_p).value, self._self.value or 0], dtype=np.uint64)
+        data = law_data(addresses.view(np.float64), state=1)
         self.law = CompiledStep(ask, data, {REFUSES_HIP: REFUSAL}, contact=data.state)
         self.contact: bool | BoolArray | None = False
 
@@ -415,9 +415,9 @@ class LibraryRenderer:
         if hasattr(self._library, "hr_run"):
             velocities = path_velocities(hips, dt)
             ihips[:], forces[:] = np.nan, np.nan
-            places = (array.ctypes.data for array in (hips, velocities))
+            addresses = (array.ctypes.data for array in (hips, velocities))
             status = self._library.hr_run(
-                self._self, len(hips), *places, dt, ihips.ctypes.data, forces.ctypes.data
+                self._self, len(hips), *addresses, dt, ihips.ctypes.data, forces.ctypes.data
             )  # fmt: skip
             if status:
                 raise RuntimeError(f"hr_run returned {status}")  # single steps find out where

@@ -101,23 +101,23 @@ def _clear_point(boundary: Boundary, foot: Array, normal: Array, clear: float) -
     - the nearest free point with an open line to it;
     - in a slot too narrow for that, the nearest free point. Far out all are free.
     """
-    straight = foot + clear * normal
+    straight_point = foot + clear * normal
     # A rounding less: of a plane face the distance comes out as `clear` but for the last digits.
-    enough = (1.0 - 1e-9) * clear
-    if boundary.signed_distance(straight[np.newaxis])[0] >= enough:
-        return np.asarray(straight)
+    least_distance = (1.0 - 1e-9) * clear
+    if boundary.signed_distance(straight_point[np.newaxis])[0] >= least_distance:
+        return np.asarray(straight_point)
     directions = _spread_directions(foot.size)
     # A line from the surface itself would cross it: sight begins a thousandth of the clearance above.
-    start, free = foot + 1e-3 * clear * normal, []
+    start, free_points = foot + 1e-3 * clear * normal, []
     for radius in clear * RING_GROWTH ** np.arange(RING_COUNT):
         ring = foot + radius * directions
-        ring = ring[boundary.signed_distance(ring) >= enough]
-        free += list(ring)
+        ring = ring[boundary.signed_distance(ring) >= least_distance]
+        free_points += list(ring)
         # The points most along the normal come first, in the same order on every machine.
         for point in ring[np.argsort(-(ring - foot) @ normal, kind="stable")]:
             if boundary.first_crossing(point, start, grain=clear) is None:
                 return np.asarray(point)
-    return np.asarray(free[0] if free else straight)
+    return np.asarray(free_points[0] if free_points else straight_point)
 
 
 def _spread_directions(dimension: int) -> Array:

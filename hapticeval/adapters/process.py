@@ -92,9 +92,9 @@ class Child:
             raise self._failure
         self._id += 1
         message = json.dumps({"id": self._id, "call": call, **entries}).encode() + b"\n"
-        until = time.monotonic() + patience
+        deadline = time.monotonic() + patience
         while True:
-            line = self._exchange(message, call, until, patience, most_bytes)
+            line = self._exchange(message, call, deadline, patience, most_bytes)
             # It is written by now: further turns only read on.
             message = b""
             try:
@@ -115,21 +115,21 @@ class Child:
             self.fail(f"reports an error in '{call}': {_excerpt(answer['error'])}")
         return answer
 
-    def _exchange(self, message: bytes, call: str, until: float, patience: float, most_bytes: int) -> bytes:
+    def _exchange(self, message: bytes, call: str, deadline: float, patience: float, most_bytes: int) -> bytes:
         """Write a message and read a line, both at once: a child may begin to answer before it has read all."""
         with selectors.DefaultSelector() as ready:
             ready.register(self._out, selectors.EVENT_READ)
             if message:
                 ready.register(self._in, selectors.EVENT_WRITE)
             while b"\n" not in self._pending:
-                left = until - time.monotonic()
-                if left <= 0.0:
+                seconds_left = deadline - time.monotonic()
+                if seconds_left <= 0.0:
                     self.fail(
                         f"gives no answer to '{call}' in {patience:.3g} s",
                         why="it hangs, is too slow, or keeps its answer in a buffer",
                         todo="write a line for each message, and flush stdout after it",
                     )
-                for key, _ in ready.select(left):
+                for key, _ in ready.select(seconds_left):
                     if key.fd == self._in:
                         message = message[self._write(message, call) :]
                         if not message:
@@ -174,9 +174,9 @@ class Child:
         _kill_child(self._process)
         size = self._errors.seek(0, os.SEEK_END)
         self._errors.seek(max(size - EXCERPT_LENGTH, 0))
-        noted = self._errors.read().decode(errors="replace").strip()
+        stderr_end = self._errors.read().decode(errors="replace").strip()
         self._close()
-        why = "; ".join(part for part in (why, noted and f"its stderr ends: {noted}") if part)
+        why = "; ".join(part for part in (why, stderr_end and f"its stderr ends: {stderr_end}") if part)
         self._failure = RendererError(f"the process '{self.command}' {what}", why=why, todo=todo)
         raise self._failure
 
@@ -394,15 +394,15 @@ class ProcessRenderer:
 
     def _lead(self, hips: Array, velocities: Array, dt: Array) -> tuple[Array, Array]:
         # A run of the protocol has one time step: a message for each stretch of equal dt.
-        cuts = [0, *np.flatnonzero(np.diff(dt)) + 1, len(dt)]
-        parts, contacts = [], []
-        for first, end in pairwise(cuts):
-            parts.append(self._ask_stretch(hips[first:end], velocities[first:end], float(dt[first])))
+        stretch_starts = [0, *np.flatnonzero(np.diff(dt)) + 1, len(dt)]
+        answers, contacts = [], []
+        for first, end in pairwise(stretch_starts):
+            answers.append(self._ask_stretch(hips[first:end], velocities[first:end], float(dt[first])))
             contacts.append(self.contact)
-        ihips, forces = (np.concatenate(column) for column in zip(*parts, strict=True))
+        ihips, forces = (np.concatenate(column) for column in zip(*answers, strict=True))
         # Contact is known of the whole only where each stretch reports it.
-        known = [contact for contact in contacts if isinstance(contact, np.ndarray)]
-        self.contact = np.concatenate(known) if len(known) == len(contacts) else None
+        known_contacts = [contact for contact in contacts if isinstance(contact, np.ndarray)]
+        self.contact = np.concatenate(known_contacts) if len(known_contacts) == len(contacts) else None
         return ihips, forces
 
     def _ask_stretch(self, hips: Array, velocities: Array, dt: float) -> tuple[Array, Array]:

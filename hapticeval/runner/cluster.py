@@ -218,11 +218,11 @@ class Cluster(Generic[T]):
                     self._look_for_workers()
                 answers, self._rescued = self._rescued, []
                 self._send()
-                left = LOOK_SECONDS if end is None else max(end - time.monotonic(), 0.0)
+                seconds_left = LOOK_SECONDS if end is None else max(end - time.monotonic(), 0.0)
                 # Wait for one chunk, and take with it whatever else has ended meanwhile.
-                over = [self._finished_futures.get(timeout=min(left, LOOK_SECONDS))]
-                over += [self._finished_futures.get_nowait() for _ in range(self._finished_futures.qsize())]
-                for future in over:
+                ended_futures = [self._finished_futures.get(timeout=min(seconds_left, LOOK_SECONDS))]
+                ended_futures += [self._finished_futures.get_nowait() for _ in range(self._finished_futures.qsize())]
+                for future in ended_futures:
                     answers += self._collect_answers(future)
             except queue.Empty:
                 pass
@@ -325,8 +325,10 @@ class Cluster(Generic[T]):
         """Send chunks again that dask holds for workers that are gone: it does not look for others by itself."""
         # A pending future that no worker has waits for workers that are gone.
         running = {key for keys in self._client.processing().values() for key in keys}
-        left = [future for future in self._under_way if future.status == "pending" and future.key not in running]
-        for future in left:
+        stranded_futures = [
+            future for future in self._under_way if future.status == "pending" and future.key not in running
+        ]
+        for future in stranded_futures:
             chunk = self._under_way.pop(future)
             future.cancel(force=True)
             self._rescued += self._send_again(chunk)
@@ -427,7 +429,7 @@ def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
     # Threads of one worker come here at once. Each takes a child that is idle, or starts one.
     with _lock:
         idle_children = _idle.setdefault(function, [])
-        crew, known = (idle_children.pop(), True) if idle_children else (_start_child(function), False)
+        crew, is_warm = (idle_children.pop(), True) if idle_children else (_start_child(function), False)
     answers: list[Answer[Any]] = []
     call_seconds = []
     begun = time.monotonic()
@@ -441,9 +443,9 @@ def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
             pass
         answers += new_answers
         # The first call of a new child loads and compiles, and says nothing of the next.
-        if known:
+        if is_warm:
             call_seconds.append(time.monotonic() - before)
-        known = True
+        is_warm = True
     with _lock:
         _idle[function].append(crew)
     return answers, call_seconds

@@ -75,10 +75,10 @@ def execute(
     # Finished jobs by their number in the plan, until those before them are reported.
     known_jobs = earlier_jobs or {}
     finished = {at: known_jobs[job.key] for at, job in enumerate(plan.jobs) if job.key in known_jobs}
-    old = set(finished)
-    waiting = iter([(at, job) for at, job in enumerate(plan.jobs) if at not in old])
-    added = 0
-    begun: dict[int, float] = {}
+    earlier_numbers = set(finished)
+    waiting = iter([(at, job) for at, job in enumerate(plan.jobs) if at not in earlier_numbers])
+    reported_count = 0
+    begun_at: dict[int, float] = {}
     reported = time.monotonic()
     warned = stopped = False
     lost_error: LostError | None = None
@@ -88,10 +88,10 @@ def execute(
             if directory is not None and earlier_jobs is None:
                 shutil.rmtree(directory / "recordings", ignore_errors=True)
                 outcomes.clear()
-            jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in old)
+            jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in earlier_numbers)
             unplanned = plan.known.unplanned(plan.renderers, [suite.name for suite in plan.suites])
             remarks = unplanned + plan.known.unsized()
-            yield RunStarted(plan.planned, len(plan.jobs), len(old), jobs_of, remarks)
+            yield RunStarted(plan.planned, len(plan.jobs), len(earlier_numbers), jobs_of, remarks)
             progress = Progress(plan, directory)
             # Each turn begins jobs, reports in the plan's order what has finished, and waits a little for answers.
             while True:
@@ -100,18 +100,18 @@ def execute(
                         # Without processes `begin` does the job itself, and only an exception can interrupt that.
                         with nullcontext() if workers else interrupts.raised():
                             for number, job in islice(waiting, crew.free):
-                                begun[number] = time.monotonic()
+                                begun_at[number] = time.monotonic()
                                 crew.begin(number, job, directory, derived_seed(plan.seed, *job.key))
                     except KeyboardInterrupt:
                         yield Interrupted(1, at_once=True)
                         break
                 # Jobs end in any order: a slow one holds back the reports of those behind it.
-                while added in finished:
-                    marked_job = progress.add(finished[added])
-                    if added not in old:
+                while reported_count in finished:
+                    marked_job = progress.add(finished[reported_count])
+                    if reported_count not in earlier_numbers:
                         yield marked_job
-                    del finished[added]
-                    added += 1
+                    del finished[reported_count]
+                    reported_count += 1
                 if interrupts.count and not warned:
                     yield Interrupted(crew.busy)
                     warned = True
@@ -124,17 +124,17 @@ def execute(
                     lost_error = error
                     break
                 for answer in answers:
-                    begun.pop(answer.call, None)
+                    begun_at.pop(answer.call, None)
                     finished[answer.call] = done = _finished_job(answer, plan.jobs[answer.call], directory, timeout)
                     # Written before its turn in the plan comes: a run that is killed now has it.
                     outcomes.add(done)
                     stopped |= plan.exit_first and progress.stops(done)
                 yield from (WorkerRefused(*refusal) for refusal in crew.refused())
                 now = time.monotonic()
-                if begun and now - reported >= BEAT:
+                if begun_at and now - reported >= BEAT:
                     reported = now
-                    runs = tuple(plan.jobs[number].key for number in begun)
-                    yield AtWork(added + len(finished), runs, now - min(begun.values()))
+                    runs = tuple(plan.jobs[number].key for number in begun_at)
+                    yield AtWork(reported_count + len(finished), runs, now - min(begun_at.values()))
                 # A second Ctrl-C: leaving the block ends the processes, without waiting for their jobs.
                 if interrupts.count > 1 and crew.busy:
                     yield Interrupted(crew.busy, at_once=True)
@@ -142,11 +142,11 @@ def execute(
         # What has finished behind a job that never did.
         for number in sorted(finished):
             marked_job = progress.add(finished[number])
-            if number not in old:
+            if number not in earlier_numbers:
                 yield marked_job
-            added += 1
+            reported_count += 1
         reason = None
-        if added < len(plan.jobs):
+        if reported_count < len(plan.jobs):
             reason = "interrupted by the user" if interrupts.count or not stopped else STOPPED_AT_FIRST
             reason = reason if lost_error is None else f"{lost_error.what}, and --resume goes on"
         results = progress.finish(reason)

@@ -93,8 +93,9 @@ class _RunFactory:
                 siblings["without"] = lambda kind: self.without(kind, Path(base.time, base.hip))
         else:
             times, hips = stimulus.sampled(dt)
-            back = Path(times, hips[::-1])  # the same HIPs to the last place, which differences of times would cost
-            siblings |= {"reverse": lambda: self.record(back, dt), "look": self.closeup(base)}
+            # The very same HIPs at even times: times counted from the end would differ in their last digit.
+            backward_path = Path(times, hips[::-1])
+            siblings |= {"reverse": lambda: self.record(backward_path, dt), "look": self.closeup(base)}
             siblings |= {"without": lambda kind: self.without(kind, stimulus), "moved": self.moved}
             siblings |= {"reordered": self.reordered, "in_turns": self.in_turns}
             if isinstance(self.renderer, Renderer):
@@ -114,11 +115,11 @@ class _RunFactory:
         if recording is None:
             return None
         # Back into the axes and lengths of the unmoved scene. Of equal stiffness, a force grows with the lengths.
-        back = {"hip": motion.back(recording.hip), "ihip": motion.back(recording.ihip)}
+        unmoved = {"hip": motion.back(recording.hip), "ihip": motion.back(recording.ihip)}
         force = motion.turned_back(recording.force) / motion.scale
         lengths = {name: recording.meta[name] / motion.scale for name in ("resolution", "standoff")}
         reported = {name: recording.channels[name] for name in recording.channels.keys() & {"contact"}}
-        return Recording(recording.time, {**back, "force": force, **reported}, meta={**recording.meta, **lengths})
+        return Recording(recording.time, {**unmoved, "force": force, **reported}, meta={**recording.meta, **lengths})
 
     def reordered(self) -> Recording | None:
         """Record the path on the model with its vertices in another order; see `Runs.reordered`."""
@@ -129,29 +130,29 @@ class _RunFactory:
         """Record the path with another HIP half way between each two, at half the time step; see `Runs.subdivided`."""
         hips = self.path().points
         # In ticks 0, 1/2, 1, ... n - 1: the n HIPs and the n - 1 midpoints between them.
-        half = 0.5 * np.arange(2.0 * len(hips) - 1.0)
-        between = np.repeat(hips, 2, axis=0)[:-1]
-        between[1::2] = 0.5 * (hips[:-1] + hips[1:])
-        return self.record(Path(self.scene.sampling_time * half, between), 0.5 * self.scene.sampling_time)
+        half_ticks = 0.5 * np.arange(2.0 * len(hips) - 1.0)
+        denser_hips = np.repeat(hips, 2, axis=0)[:-1]
+        denser_hips[1::2] = 0.5 * (hips[:-1] + hips[1:])
+        return self.record(Path(self.scene.sampling_time * half_ticks, denser_hips), 0.5 * self.scene.sampling_time)
 
     def in_turns(self) -> Recording:
         """Record the path by turns with another renderer; see `Runs.in_turns`."""
         dt = self.scene.sampling_time
         # The other renderer is asked at half size and backwards: what both share, as a global, shows in the answers.
-        half = scaling(0.5, self.scene.model.dimension)
+        half_size = scaling(0.5, self.scene.model.dimension)
         path = self.path()
-        scene, other = self._with_model(self.scene.model.moved(half))
-        back = path.reversed()
+        scene, other = self._with_model(self.scene.model.moved(half_size))
+        backward_path = path.reversed()
         # A model that cannot be scaled: another renderer in the same scene.
         if other is None:
             scene, other = self.scene, make_renderer(self.factory, self.scene)
         else:
-            back = Path(back.time, half(back.points))
+            backward_path = Path(backward_path.time, half_size(backward_path.points))
         # Tick by tick where both step, else one whole path after the other.
         if isinstance(self.renderer, Renderer) and isinstance(other, Renderer):
-            recording = play_in_turns((self.renderer, path, self.scene), (other, back, scene), dt)
+            recording = play_in_turns((self.renderer, path, self.scene), (other, backward_path, scene), dt)
         else:
-            play(other, back, dt, scene=scene)
+            play(other, backward_path, dt, scene=scene)
             recording = play(self.renderer, path, dt, scene=self.scene)
         self.simulated += 2.0 * len(recording) * dt
         return recording

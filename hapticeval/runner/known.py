@@ -80,10 +80,10 @@ class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         if metric is None:
             return cls(verdict=verdict.place, kind=kind, region=region)
         # A check that measures some of its faults by another metric tells their kinds apart by its name.
-        own = CHECKS[verdict.check].metric if verdict.check in CHECKS else metric.name
+        usual_metric = CHECKS[verdict.check].metric if verdict.check in CHECKS else metric.name
         # None stands for a number that was not finite. Four digits are what the list shows.
         value = math.inf if metric.value is None else float(f"{metric.value:.4g}")
-        kind = kind or (metric.name if metric.name != own else "")
+        kind = kind or (metric.name if metric.name != usual_metric else "")
         return cls(verdict=verdict.place, metric=value, unit=metric.unit, kind=kind, region=region)
 
     def surpassed_by(self, other: KnownVerdict, bound: float) -> str:
@@ -232,10 +232,10 @@ class Known:
         - Sizes go down and never up: a failure beyond the listed one is new.
         - A reason that nobody has given begins with `UNEXPLAINED` and goes on with the message of its worst verdict.
         """
-        ran = {(verdict.renderer, verdict.place): verdict for verdict in results.verdicts}
-        entries = {place: entry for place, entry in self.entries.items() if place not in ran}
-        fresh: dict[tuple[str, str, Outcome], list[VerdictEntry]] = {}
-        for place, verdict in ran.items():
+        verdict_by_place = {(verdict.renderer, verdict.place): verdict for verdict in results.verdicts}
+        entries = {place: entry for place, entry in self.entries.items() if place not in verdict_by_place}
+        new_failures: dict[tuple[str, str, Outcome], list[VerdictEntry]] = {}
+        for place, verdict in verdict_by_place.items():
             if verdict.outcome not in UNSATISFIED:
                 continue
             if verdict.known is not None:
@@ -243,9 +243,9 @@ class Known:
                 listed = self.entries.get(place) or _entry(verdict, verdict.known)
                 entries[place] = listed.renewed(verdict)
             elif results.stops(verdict):
-                fresh.setdefault((verdict.renderer, verdict.check, verdict.outcome), []).append(verdict)
+                new_failures.setdefault((verdict.renderer, verdict.check, verdict.outcome), []).append(verdict)
         # New failures of one renderer, check and outcome share a reason, that of the worst.
-        for (renderer, _, _), verdicts in fresh.items():
+        for (renderer, _, _), verdicts in new_failures.items():
             worst = max(verdicts, key=lambda verdict: verdict.severity)
             reason = f"{UNEXPLAINED}: {_short(worst.message)} ({worst.suite}/{worst.case})"
             entries |= {(renderer, verdict.place): _entry(verdict, reason) for verdict in verdicts}

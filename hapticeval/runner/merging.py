@@ -151,12 +151,12 @@ def _refuse_overlap(document_by_folder: Mapping[str, ResultsDocument]) -> None:
     """Raise `InputError` where two results have a run of the same suite, case and renderer."""
     folder_by_run: dict[RunKey, str] = {}
     for name, document in document_by_folder.items():
-        both = [run.key for run in document.runs if run.key in folder_by_run]
-        if both:
-            suite, case, renderer = both[0]
-            more = f" and {len(both) - 1} more" if len(both) > 1 else ""
+        shared_runs = [run.key for run in document.runs if run.key in folder_by_run]
+        if shared_runs:
+            suite, case, renderer = shared_runs[0]
+            more = f" and {len(shared_runs) - 1} more" if len(shared_runs) > 1 else ""
             raise InputError(
-                f"'{folder_by_run[both[0]]}' and '{name}' overlap",
+                f"'{folder_by_run[shared_runs[0]]}' and '{name}' overlap",
                 why=f"both hold {renderer} on {suite}/{case}{more}",
                 todo="name one of them, or runs that share nothing",
             )
@@ -195,18 +195,21 @@ def _suites(document_by_folder: Mapping[str, ResultsDocument]) -> list[SuiteEntr
             if suite.name not in folder_and_suite:
                 folder_and_suite[suite.name] = name, suite
                 continue
-            where, before = folder_and_suite[suite.name]
+            first_folder, before = folder_and_suite[suite.name]
             # Verdicts on different questions must not stand in one table under one name.
             if before.digest != suite.digest:
                 raise InputError(
-                    f"the suite '{suite.name}' is not the same in '{where}' and '{name}'",
+                    f"the suite '{suite.name}' is not the same in '{first_folder}' and '{name}'",
                     why="it was changed between the runs, or two suites have that name",
                     todo="run one of them again, or rename one of the suites",
                 )
             cases, renderers = (
                 _union([getattr(before, what), getattr(suite, what)]) for what in ("cases", "renderers")
             )
-            folder_and_suite[suite.name] = where, msgspec.structs.replace(before, cases=cases, renderers=renderers)
+            folder_and_suite[suite.name] = (
+                first_folder,
+                msgspec.structs.replace(before, cases=cases, renderers=renderers),
+            )
     return [suite for _, suite in folder_and_suite.values()]
 
 

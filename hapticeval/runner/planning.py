@@ -101,10 +101,12 @@ def plan(
     _refuse_namesakes(loaded)
     known.check(loaded)
     # Renderers named here go before those that the suite names, and these before the package's own.
-    chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
-    names = tuple(dict.fromkeys(name for renderer_names in chosen.values() for name in renderer_names))
+    renderers_by_suite = {
+        suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded
+    }
+    names = tuple(dict.fromkeys(name for renderer_names in renderers_by_suite.values() for name in renderer_names))
     for suite in loaded:
-        for name in chosen[suite.name]:
+        for name in renderers_by_suite[suite.name]:
             # Named by the suite's file alone: a file must not have code imported from anywhere.
             if name not in (*renderers, *factory_by_name) and name in suite.renderers:
                 resolve_installed(name, source=f"suite '{suite.name}'")
@@ -115,7 +117,7 @@ def plan(
     jobs = tuple(
         Job(suite.name, case, name, factory_by_name.get(name))
         for suite, case in (covering(selected_cases) if quick else selected_cases)
-        for name in chosen[suite.name]
+        for name in renderers_by_suite[suite.name]
     )
     if not jobs:
         raise NothingSelectedError("no suites or no renderers are named")
@@ -123,7 +125,7 @@ def plan(
     for job in jobs:
         cases[job.suite][job.case.name] = None
     # Of the whole plan, before a shard takes its part.
-    cases_and_renderers = {name: (tuple(cases[name]), chosen[name]) for name in cases}
+    cases_and_renderers = {name: (tuple(cases[name]), renderers_by_suite[name]) for name in cases}
     for (name, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
         with at(f"suite '{name}'"):
             # Before any job begins, and once for all renderers.

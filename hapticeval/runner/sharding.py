@@ -55,8 +55,8 @@ class Shard:
                 f"shard {self} is empty", why=f"there are {len(jobs)} jobs", todo="make fewer shards"
             )
         # A digest orders as if at random, and the same everywhere: neighbours in the plan go to different shards.
-        dealt = sorted(range(len(jobs)), key=lambda at: _digest(jobs[at].key))
-        return tuple(jobs[at] for at in sorted(dealt[self.number - 1 :: self.count]))
+        dealt_order = sorted(range(len(jobs)), key=lambda at: _digest(jobs[at].key))
+        return tuple(jobs[at] for at in sorted(dealt_order[self.number - 1 :: self.count]))
 
 
 def _digest(key: RunKey) -> bytes:

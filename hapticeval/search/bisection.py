@@ -48,24 +48,24 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
         return np.asarray(run_path(renderer_instance, hand_path, velocity, scene.sampling_time, scene=scene).ihip[-1])
 
     # Of a proxy that lags the hand has made the step before the IHIP jumps.
-    for last in range(min(tick, len(hips) - 1), max(tick - LAG_TICKS - 1, 0), -1):
-        low, high = hips[last - 1], hips[last]
-        ihip_low, ihip_high = answer(last - 1, low), answer(last - 1, high)
+    for tick_after in range(min(tick, len(hips) - 1), max(tick - LAG_TICKS - 1, 0), -1):
+        hip_low, hip_high = hips[tick_after - 1], hips[tick_after]
+        ihip_low, ihip_high = answer(tick_after - 1, hip_low), answer(tick_after - 1, hip_high)
         jump = float(np.linalg.norm(ihip_high - ihip_low))
         if fault.value is None or jump < REMAINING_SHARE * fault.value:
             continue
         # The jump is between HIPs low and high: the middle goes to the side whose IHIP is nearer to its own.
-        while np.linalg.norm(high - low) > FINEST_STEP:
-            middle = 0.5 * (low + high)
+        while np.linalg.norm(hip_high - hip_low) > FINEST_STEP:
+            hip_middle = 0.5 * (hip_low + hip_high)
             # Neighbouring floats have nothing between them.
-            if np.array_equal(middle, low) or np.array_equal(middle, high):
+            if np.array_equal(hip_middle, hip_low) or np.array_equal(hip_middle, hip_high):
                 break
-            ihip_middle = answer(last - 1, middle)
+            ihip_middle = answer(tick_after - 1, hip_middle)
             if np.linalg.norm(ihip_middle - ihip_low) < np.linalg.norm(ihip_middle - ihip_high):
-                low, ihip_low = middle, ihip_middle
+                hip_low, ihip_low = hip_middle, ihip_middle
             else:
-                high, ihip_high = middle, ihip_middle
+                hip_high, ihip_high = hip_middle, ihip_middle
         final_jump = float(np.linalg.norm(ihip_high - ihip_low))
         # What shrinks with the HIP's step is a steep place and no jump.
-        return (low, high, final_jump) if final_jump >= REMAINING_SHARE * jump else None
+        return (hip_low, hip_high, final_jump) if final_jump >= REMAINING_SHARE * jump else None
     return None

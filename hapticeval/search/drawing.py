@@ -88,58 +88,60 @@ def draw_cases(
     - `call`: calls a function with its arguments. Drawing takes seconds, and may be done in another process.
     """
     fixed = [dict(model.table) for model in first_models(models, dimension)]
-    number = 0
+    round_number = 0
     while True:
         # The first round is on the fixed models alone, and is soon over; further ones add drawn models.
-        more = [] if models or number == 0 else call(_draw_models, dimension, seed, number)
-        for at, model in enumerate((*fixed, *more)):
+        drawn_models = [] if models or round_number == 0 else call(_draw_models, dimension, seed, round_number)
+        for model_number, model in enumerate((*fixed, *drawn_models)):
             if repr(model) in refused:
                 continue
             # Read anew for each model: a check that has failed meanwhile asks for no more paths.
             for_paths = [name for name in checks if judges_paths(CHECKS[name])]
-            for moves in call(_draw_paths, model, seed, number, at) if for_paths else ():
+            for moves in call(_draw_paths, model, seed, round_number, model_number) if for_paths else ():
                 asked_checks = tuple(name for name in for_paths if name in checks)
                 if asked_checks:
                     yield _case(model, asked_checks, trajectory=moves)
             # No check that is left asks for a closed loop.
             if all(judges_paths(CHECKS[name]) for name in checks):
                 continue
-            for scene, push in call(_draw_pushes, model, seed, number, at):
+            for scene, push in call(_draw_pushes, model, seed, round_number, model_number):
                 asked_checks = tuple(name for name in checks if not judges_paths(CHECKS[name]))
                 if asked_checks:
                     yield _case(model, asked_checks, experiment=push, scene=scene)
-        number += 1
+        round_number += 1
 
 
-def _draw_models(dimension: int, seed: int, number: int) -> list[dict[str, Any]]:
+def _draw_models(dimension: int, seed: int, round_number: int) -> list[dict[str, Any]]:
     """Draw models of that dimension."""
     kinds = plane_models() if dimension == 2 else meshes()
-    return [dict(model.table) for model in _seeded_examples(kinds, MODELS_PER_ROUND, seed, "models", number)]
+    return [dict(model.table) for model in _seeded_examples(kinds, MODELS_PER_ROUND, seed, "models", round_number)]
 
 
-def _draw_paths(table: dict[str, Any], seed: int, number: int, at: int) -> list[Moves]:
+def _draw_paths(table: dict[str, Any], seed: int, round_number: int, model_number: int) -> list[Moves]:
     """Draw paths on a model: of a plane one also laps, of which the simplest is drawn once."""
     model = make_model(**table)
-    paths = _seeded_examples(hand_paths(model), PATHS_PER_MODEL, seed, "paths", number, at)
+    paths = _seeded_examples(hand_paths(model), PATHS_PER_MODEL, seed, "paths", round_number, model_number)
     curve = as_curve(model.boundary)
     if curve is not None and curve.closed:
         pointed = any(corner.convex for corner in curve.corners)
         # Going on past a corner takes a convex one.
         for past in (False, True) if pointed else (False,):
             # The first example of a strategy is its simplest in each draw: rounds after the first take the second.
-            paths += _seeded_examples(laps(model, past=past), min(number, 1) + 1, seed, "laps", number, at)[-1:]
+            paths += _seeded_examples(
+                laps(model, past=past), min(round_number, 1) + 1, seed, "laps", round_number, model_number
+            )[-1:]
     return paths
 
 
 def _draw_pushes(
-    table: dict[str, Any], seed: int, number: int, at: int
+    table: dict[str, Any], seed: int, round_number: int, model_number: int
 ) -> list[tuple[dict[str, Any], ExperimentTable]]:
     """Draw experiments on a model, each with what it has of a scene."""
     model = make_model(**table)
     pushed = st.fixed_dictionaries(GAINS).flatmap(
         lambda scene: st.tuples(st.just(scene), pushes(model, bilateral=scene["bilateral"]))
     )
-    return _seeded_examples(pushed, PUSHES_PER_MODEL, seed, "pushes", number, at)
+    return _seeded_examples(pushed, PUSHES_PER_MODEL, seed, "pushes", round_number, model_number)
 
 
 def _seeded_examples(strategy: st.SearchStrategy[Any], count: int, seed: int, *where: object) -> list[Any]:

@@ -97,24 +97,24 @@ class Search:
 
     def run(self) -> None:
         """Search until every check has failed, as many cases as `most_examples` were drawn, or it is stopped."""
-        left = list(self.checks)
+        open_checks = list(self.checks)
         takes_any = False
         refusing: set[str] = set()
         models = len(first_models(self.models, self.dimension))
-        last: tuple[str, bool] | None = None
+        last_group: tuple[str, bool] | None = None
         try:
-            for case, before in self._cases(left, refusing):
+            for case, examples_before in self._cases(open_checks, refusing):
                 model = repr(case.model)
                 # A renderer that broke is a finding of its own: the search for what it breaks is over.
                 # Another model, or the first case that is drawn: shrink what has failed until here.
-                if (model, before is None) != last:
-                    self._settle(left)
-                    last = model, before is None
-                if not left:
+                if (model, examples_before is None) != last_group:
+                    self._settle(open_checks)
+                    last_group = model, examples_before is None
+                if not open_checks:
                     break
                 if model in refusing:
                     continue
-                self.tried += before is None
+                self.tried += examples_before is None
                 answer = self.bench(case)
                 if answer.refused is not None:
                     refusing.add(model)
@@ -126,25 +126,27 @@ class Search:
                 takes_any = True
                 self.judged.update(name for name, outcome in answer.outcomes.items() if outcome in DECIDED)
                 for fault in answer.faults:
-                    self._meet(case, fault, before)
+                    self._meet(case, fault, examples_before)
                 if (
                     self.most_examples is not None and self.tried >= self.most_examples
                 ) or RENDERER in self.counterexamples:
                     break
-            self._settle(left)
+            self._settle(open_checks)
             self.finished = True
         except Stopped:
             pass
         if takes_any:
             self.refused = None
 
-    def _cases(self, left: Sequence[str], refusing: set[str]) -> Iterator[tuple[Case, int | None]]:
+    def _cases(self, open_checks: Sequence[str], refusing: set[str]) -> Iterator[tuple[Case, int | None]]:
         """Yield known cases, with the number of examples after which each was met, then drawn ones, with None."""
         for case, examples in self.known:
-            asked_checks = tuple(name for name in case.checks if name in left)
+            asked_checks = tuple(name for name in case.checks if name in open_checks)
             if asked_checks:
                 yield replace(case, checks=asked_checks), examples
-        draws = draw_cases(self.models, left, self.seed, refusing, dimension=self.dimension, call=self.bench.aside)
+        draws = draw_cases(
+            self.models, open_checks, self.seed, refusing, dimension=self.dimension, call=self.bench.aside
+        )
         yield from ((case, None) for case in draws)
 
     def _enough(self, name: str) -> bool:
@@ -158,7 +160,7 @@ class Search:
             or len(self._looked[name]) > MORE_SHRINKS
         )
 
-    def _meet(self, case: Case, fault: Fault, before: int | None) -> None:
+    def _meet(self, case: Case, fault: Fault, examples_before: int | None) -> None:
         """Queue a failure to be shrunk, unless that model has shown one of that check and kind already."""
         # One fault of each kind is shrunk on each model: more of them would shrink to the same.
         model = repr((case.model, fault.kind))
@@ -169,15 +171,18 @@ class Search:
         # A renderer may break on account of what any of the checks asks.
         asked_checks = case.checks if fault.check == RENDERER else (fault.check,)
         failing_case = FailingCase(
-            replace(case, checks=asked_checks), fault, self.tried if before is None else before, complete=False
+            replace(case, checks=asked_checks),
+            fault,
+            self.tried if examples_before is None else examples_before,
+            complete=False,
         )
         self.counterexamples.setdefault(fault.check, failing_case)
         shrink = Shrink(failing_case.case, fault, lambda smaller: self._fault_of(smaller, fault))
         # What is known and small stays as it was found.
-        is_small = before is not None and (case.experiment is not None or failing_case.size <= SMALL_PATH)
+        is_small = examples_before is not None and (case.experiment is not None or failing_case.size <= SMALL_PATH)
         self._waiting.append((failing_case, shrink, is_small))
 
-    def _settle(self, left: list[str]) -> None:
+    def _settle(self, open_checks: list[str]) -> None:
         """Shrink all queued failures, by turns, and take from `left` the checks that are good enough now."""
         waiting, self._waiting = self._waiting, []
         # A turn of a few trials for each first, so that none waits for one that is hard to shrink.
@@ -202,8 +207,8 @@ class Search:
                 best = self.counterexamples[failing_case.fault.check]
                 if failing_case.complete and (failing_case.size < best.size or not best.complete):
                     self.counterexamples[failing_case.fault.check] = failing_case
-        for name in [name for name in left if self._enough(name)]:
-            left.remove(name)
+        for name in [name for name in open_checks if self._enough(name)]:
+            open_checks.remove(name)
 
     def _tell(self, text: str) -> None:
         if self.report is not None:

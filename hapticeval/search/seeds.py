@@ -123,19 +123,19 @@ def run_hunts(
     parts: dict[int, HuntResult | None] = {}
     waiting = iter(enumerate(calls))
 
-    def result_of(at: int) -> tuple[Hunt, HuntResult, int]:
+    def result_of(hunt_number: int) -> tuple[Hunt, HuntResult, int]:
         # None stands for a seed whose process died or raised an error.
-        ended = [part for seed in range(len(seeds)) if (part := parts.get(at * len(seeds) + seed)) is not None]
-        return left.pop(at), merge_hunts(ended), len(ended)
+        ended = [part for seed in range(len(seeds)) if (part := parts.get(hunt_number * len(seeds) + seed)) is not None]
+        return left.pop(hunt_number), merge_hunts(ended), len(ended)
 
     with crew_of(run_hunt, workers, scheduler) as crew:
         while not interrupted():
             for number, call in islice(waiting, crew.free):
                 crew.begin(number, *call)
             # A hunt is over as soon as each of its seeds has ended, in whatever order.
-            for at in list(left):
-                if all(at * len(seeds) + seed in parts for seed in range(len(seeds))):
-                    yield result_of(at)
+            for hunt_number in list(left):
+                if all(hunt_number * len(seeds) + seed in parts for seed in range(len(seeds))):
+                    yield result_of(hunt_number)
             if not crew.busy:
                 break
             try:
@@ -151,8 +151,8 @@ def run_hunts(
                 hunt, seed = calls[number]
                 report(f"[{len(parts)}/{len(calls)}] {hunt.renderer}, seed {seed}: {_outcome_text(part, error)}")
     # Hunts that were cut short, with what their finished seeds have found.
-    for at in list(left):
-        yield result_of(at)
+    for hunt_number in list(left):
+        yield result_of(hunt_number)
 
 
 def _outcome_text(part: HuntResult | None, error: Exception | None) -> str:

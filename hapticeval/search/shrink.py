@@ -86,7 +86,7 @@ class Shrink:
             self._fixpoint(_without_tremor, _cut_after_fault(self), _fewer_moves, _even_moves, self._shorter)
             # Vertices on a path that is short by now: trials are quick.
             self._fixpoint(_fewer_vertices, _fewer_moves, self._shorter)
-            # Bounds go with the HIP's steps: what is left of a fault on a shorter path, a slower hand shows.
+            # Bounds grow with the HIP's steps: a fault that is small on a short path shows under a slower hand.
             self._take_first_failing(_slow)
             self._fixpoint(_fewer_moves, self._shorter)
             # From here on the case gets no smaller, but easier to tell: round numbers, positive ones.
@@ -152,44 +152,44 @@ class Shrink:
         boundary, size = scene.model.boundary, scene.model.size
         length = _length(points)
         feet = boundary.closest_point(points)
-        step = START_HEIGHT * size
-        options: list[Array] = []
+        start_height = START_HEIGHT * size
+        candidates: list[Array] = []
         # Straight in from above the surface beside where the first move ends, nearest first.
         reach = min(length, boundary.girth / 4.0)
         # Arc lengths along the surface, m: 0, and then the nearest to either side.
         lengths = reach * np.array(sorted(range(-START_PLACES, START_PLACES + 1), key=abs)) / START_PLACES
         for foot in (feet.foot[1], feet.foot[0]):
             places_beside = boundary.walk(foot, lengths)
-            for start in places_beside.foot + step * places_beside.normal:
-                moved = points.copy()
-                moved[0] = start
-                options.append(moved)
-        if len(points) == 2:  # the same way, planted anew beside there
+            for start in places_beside.foot + start_height * places_beside.normal:
+                moved_points = points.copy()
+                moved_points[0] = start
+                candidates.append(moved_points)
+        if len(points) == 2:  # a path of one move: the same move at places nearby
             depth = np.linalg.norm(points[1] - feet.foot[1])
             places_beside = boundary.walk(feet.foot[1], np.sort(lengths))
             above, under = (
-                places_beside.foot + step * places_beside.normal,
+                places_beside.foot + start_height * places_beside.normal,
                 places_beside.foot - depth * places_beside.normal,
             )
             # From above one place to under its neighbour, at the same depth and at less.
             for share in (1.0, 0.5, 0.2):
                 ends = places_beside.foot + share * (under - places_beside.foot)
-                options += [np.array(pair) for pair in zip(above[:-1], ends[1:], strict=True)]
-                options += [np.array(pair) for pair in zip(above[1:], ends[:-1], strict=True)]
+                candidates += [np.array(pair) for pair in zip(above[:-1], ends[1:], strict=True)]
+                candidates += [np.array(pair) for pair in zip(above[1:], ends[:-1], strict=True)]
         end = self._hand_after_fault(case)
         if end is not None:
-            options.append(np.vstack([points[:-1], end]))
+            candidates.append(np.vstack([points[:-1], end]))
         # x_k += p (x_j - x_k): both ends towards their neighbours, inner points towards the middle of theirs.
-        pulled = [(0, 1), (len(points) - 1, len(points) - 2)]
+        pulled_ends = [(0, 1), (len(points) - 1, len(points) - 2)]
         for pull in PULLS[1:] if len(points) == 2 else PULLS:
-            for at, towards in pulled:
-                moved = points.copy()
-                moved[at] += pull * (points[towards] - points[at])
-                options.append(moved)
-            for at in range(1, len(points) - 1):
-                moved = points.copy()
-                moved[at] += pull * (0.5 * (points[at - 1] + points[at + 1]) - points[at])
-                options.append(moved)
+            for index, neighbour in pulled_ends:
+                moved_points = points.copy()
+                moved_points[index] += pull * (points[neighbour] - points[index])
+                candidates.append(moved_points)
+            for index in range(1, len(points) - 1):
+                moved_points = points.copy()
+                moved_points[index] += pull * (0.5 * (points[index - 1] + points[index + 1]) - points[index])
+                candidates.append(moved_points)
         corners = sorted(
             boundary.corners, key=lambda corner: float(np.linalg.norm(points - corner.position, axis=1).min())
         )
@@ -197,18 +197,18 @@ class Shrink:
         centres = [corner.position for corner in corners[:3]] + [points[0], *feet.foot[1:]]
         for pull in PULLS[1:]:
             for centre in centres:
-                options.append(points + pull * (centre - points))
-        for moved in options:
-            if SHORTEST_PATH <= _length(moved) < SHORTER_SHARE * length:
-                yield _with_points(case, moved)
+                candidates.append(points + pull * (centre - points))
+        for moved_points in candidates:
+            if SHORTEST_PATH <= _length(moved_points) < SHORTER_SHARE * length:
+                yield _with_points(case, moved_points)
 
     def _hand_after_fault(self, case: Case) -> Array | None:
         """Return where the hand is (N,), m, two ticks after the evidence; None where that has no time."""
         if self.fault.time is None:
             return None
         path = _moves(case).path()
-        at = self.fault.time + 2.0 * case.build_scene().sampling_time
-        return np.array([np.interp(at, path.time, column) for column in path.points.T])
+        time = self.fault.time + 2.0 * case.build_scene().sampling_time
+        return np.array([np.interp(time, path.time, column) for column in path.points.T])
 
 
 def _moves(case: Case) -> Moves:
@@ -233,14 +233,16 @@ def _with_moves(case: Case, moves: Moves) -> Case:
 def _with_points(case: Case, points: Array) -> Case:
     """Return the case along other points (n, N), m: even moves keep their speed, and others their time."""
     moves = _moves(case)
-    before = _points(moves)
+    old_points = _points(moves)
     moves_along = []
-    for move, a, b, c, d in zip(moves.moves, before[:-1], before[1:], points[:-1], points[1:], strict=True):
+    for move, old_start, old_end, new_start, new_end in zip(
+        moves.moves, old_points[:-1], old_points[1:], points[:-1], points[1:], strict=True
+    ):
         seconds = move.seconds
-        # The same pace on the new way from c to d: t |cd| / |ab|.
-        if move.even and math.dist(a, b) > 0.0 and math.dist(c, d) > 0.0:
-            seconds = _whole_ticks(seconds * math.dist(c, d) / math.dist(a, b))
-        moves_along.append(replace(move, to=_rounded_point(d), seconds=seconds))
+        # The same speed on the new way: t' = t |new_end - new_start| / |old_end - old_start|.
+        if move.even and math.dist(old_start, old_end) > 0.0 and math.dist(new_start, new_end) > 0.0:
+            seconds = _whole_ticks(seconds * math.dist(new_start, new_end) / math.dist(old_start, old_end))
+        moves_along.append(replace(move, to=_rounded_point(new_end), seconds=seconds))
     return _with_moves(case, replace(moves, start=_rounded_point(points[0]), moves=tuple(moves_along)))
 
 
@@ -264,16 +266,16 @@ def _cut_after_fault(shrink: Shrink) -> Callable[[Case], Iterator[Case]]:
     """Return the pass that ends a path soon after the time of the evidence."""
 
     def cut(case: Case) -> Iterator[Case]:
-        moves, at = _moves(case), shrink.fault.time
-        if at is None:
+        moves, fault_time = _moves(case), shrink.fault.time
+        if fault_time is None:
             return
-        ends = np.cumsum([move.seconds for move in moves.moves])
+        end_times = np.cumsum([move.seconds for move in moves.moves])
         # Up to the end of the move in which the evidence lies, or else of the next one.
-        last = int(np.searchsorted(ends, at)) + 1
-        if last < len(moves.moves):
-            yield _with_moves(case, replace(moves, moves=moves.moves[:last]))
-        if last + 1 < len(moves.moves):
-            yield _with_moves(case, replace(moves, moves=moves.moves[: last + 1]))
+        move_count = int(np.searchsorted(end_times, fault_time)) + 1
+        if move_count < len(moves.moves):
+            yield _with_moves(case, replace(moves, moves=moves.moves[:move_count]))
+        if move_count + 1 < len(moves.moves):
+            yield _with_moves(case, replace(moves, moves=moves.moves[: move_count + 1]))
 
     return cut
 
@@ -318,27 +320,27 @@ def _on_grid(case: Case) -> Iterator[Case]:
     """Round all coordinates; on a path of few points also up or down in place of to the nearest."""
     points = _points(_moves(case))
     for grid in GRIDS:
-        near = np.round(points / grid)
-        yield _with_points(case, near * grid)
+        rounded = np.round(points / grid)
+        yield _with_points(case, rounded * grid)
         if points.size <= MOST_ROUNDED:
             # The 2^k corners of the grid's cell round the k coordinates, nearest first.
-            low = np.floor(points / grid)
-            roundings = [low + np.reshape(up, points.shape) for up in np.ndindex(*(2,) * points.size)]
+            lower_corner = np.floor(points / grid)
+            roundings = [lower_corner + np.reshape(up, points.shape) for up in np.ndindex(*(2,) * points.size)]
             distances = [float(np.abs(rounding * grid - points).sum()) for rounding in roundings]
-            for at in np.argsort(distances, kind="stable"):
-                yield _with_points(case, roundings[at] * grid)
+            for index in np.argsort(distances, kind="stable"):
+                yield _with_points(case, roundings[index] * grid)
 
 
 def _points_on_grid(case: Case) -> Iterator[Case]:
     """Round the coordinates of one point more coarsely than they are."""
     points = _points(_moves(case))
     for grid in GRIDS:
-        for at in range(len(points)):
-            moved = points.copy()
-            moved[at] = np.round(points[at] / grid) * grid
+        for index in range(len(points)):
+            moved_points = points.copy()
+            moved_points[index] = np.round(points[index] / grid) * grid
             # Rounding may lengthen a path by a step of the grid, so that a coarse one has a chance.
-            if not np.array_equal(moved, points) and _length(moved) < _length(points) + grid:
-                yield _with_points(case, moved)
+            if not np.array_equal(moved_points, points) and _length(moved_points) < _length(points) + grid:
+                yield _with_points(case, moved_points)
 
 
 def _slow(case: Case) -> Iterator[Case]:
@@ -381,9 +383,9 @@ def _mirrored_paths(case: Case) -> Iterator[Case]:
     dimension = points.shape[1]
     # Each sign is 0 or 1, for an axis as it is or mirrored: few mirrored ones first.
     for signs in sorted(np.ndindex(*(2,) * dimension), key=sum):
-        moved = points * (1.0 - 2.0 * np.array(signs))
-        if int(np.sum(moved < 0.0)) < negative:
-            yield _with_points(case, moved)
+        mirrored = points * (1.0 - 2.0 * np.array(signs))
+        if int(np.sum(mirrored < 0.0)) < negative:
+            yield _with_points(case, mirrored)
 
 
 def _fewer_vertices(case: Case) -> Iterator[Case]:
@@ -417,9 +419,9 @@ def _less_push(case: Case) -> Iterator[Case]:
             yield replace(case, experiment=replace(push, duration=duration))
     if rows:
         yield replace(case, experiment=replace(push, force=None))
-    for at in range(len(rows)):
+    for index in range(len(rows)):
         if len(rows) > 1:
-            yield replace(case, experiment=replace(push, force=rows[:at] + rows[at + 1 :]))
+            yield replace(case, experiment=replace(push, force=rows[:index] + rows[index + 1 :]))
     # To 0.1, 0.01, 0.001 m/s, to a hundredth of that in metres, and to 1, 0.1, 0.01 N.
     for digits in (1, 2, 3):
         for name in ("velocity", "position"):

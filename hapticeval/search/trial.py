@@ -96,11 +96,11 @@ class _Watch:
         now, waited = time.monotonic(), self._workers.starved(0)
         answers, compiles = self._workers.pulse(0)
         # Seconds since the last look in which the process could have run.
-        lately = now - self._last - max(waited - self._waited, 0.0)
+        elapsed = now - self._last - max(waited - self._waited, 0.0)
         compiled = compiles or self._compiles
-        self.worked += 0.0 if compiled else lately
+        self.worked += 0.0 if compiled else elapsed
         # Any answer since then shows that the renderer is alive.
-        self.silent = 0.0 if compiled or answers != self._answers else self.silent + lately
+        self.silent = 0.0 if compiled or answers != self._answers else self.silent + elapsed
         self._last, self._waited, self._answers, self._compiles = now, waited, answers, compiles
 
 

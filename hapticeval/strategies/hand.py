@@ -139,24 +139,38 @@ class Hand:
     def corner(self) -> None:
         """Go along a face past a corner: over a convex one straight on, into a concave one and on along the next."""
         # Of very many corners one in so many is drawn, evenly round the model.
-        chosen = self.draw(st.integers(0, min(len(self.corners), PLACE_COUNT) - 1))
-        corner = self.corners[chosen * len(self.corners) // min(len(self.corners), PLACE_COUNT)]
-        ahead, normal, leaves, after = corner.tangent_pre, corner.normal_pre, corner.tangent_post, corner.normal_post
+        corner_number = self.draw(st.integers(0, min(len(self.corners), PLACE_COUNT) - 1))
+        corner = self.corners[corner_number * len(self.corners) // min(len(self.corners), PLACE_COUNT)]
+        tangent_before, normal_before, tangent_after, normal_after = (
+            corner.tangent_pre,
+            corner.normal_pre,
+            corner.tangent_post,
+            corner.normal_post,
+        )
         # From the other side: the faces change places, and the tangents turn round.
         if self.draw(st.booleans()):
-            ahead, normal, leaves, after = -leaves, after, -ahead, normal
+            tangent_before, normal_before, tangent_after, normal_after = (
+                -tangent_after,
+                normal_after,
+                -tangent_before,
+                normal_before,
+            )
         # So near to the corner that the faces are still its own.
         reach = 0.4 * min(self.nearest_corner(corner.position), 0.5 * self.size)
         depth = reach * (0.005 + 0.5 * self.draw(share()) ** 2)
-        before = corner.position - reach * (0.3 + 0.7 * self.draw(share())) * ahead
-        self.move_to(before + 0.3 * reach * normal)
-        self.move_to(before - depth * normal)
+        face_point = corner.position - reach * (0.3 + 0.7 * self.draw(share())) * tangent_before
+        self.move_to(face_point + 0.3 * reach * normal_before)
+        self.move_to(face_point - depth * normal_before)
         if corner.convex:
-            self.move_to(corner.position + reach * (0.3 + 0.7 * self.draw(share())) * ahead - depth * normal)
+            self.move_to(
+                corner.position + reach * (0.3 + 0.7 * self.draw(share())) * tangent_before - depth * normal_before
+            )
         else:
-            self.move_to(corner.position - depth * normal)
-            self.move_to(corner.position - depth * after)
-            self.move_to(corner.position + reach * (0.3 + 0.7 * self.draw(share())) * leaves - depth * after)
+            self.move_to(corner.position - depth * normal_before)
+            self.move_to(corner.position - depth * normal_after)
+            self.move_to(
+                corner.position + reach * (0.3 + 0.7 * self.draw(share())) * tangent_after - depth * normal_after
+            )
         self.place, self.depth = self.place_near(np.array(self.position)), depth
 
     def nearest_corner(self, position: Array) -> float:
@@ -177,9 +191,9 @@ class Hand:
         # The rows after the first span what is perpendicular to the normal: a line, in space a plane.
         tangents = np.linalg.svd(self.place.normal[np.newaxis])[2][1:]
         along = tangents[self.draw(st.integers(0, len(tangents) - 1))] * (0.02 + 0.2 * self.draw(share())) * self.size
-        under = self.place.foot - 5e-3 * self.size * (0.02 + 0.98 * self.draw(share())) * self.place.normal
-        self.move_to(under - along)
-        self.move_to(under + along)
+        deepest_point = self.place.foot - 5e-3 * self.size * (0.02 + 0.98 * self.draw(share())) * self.place.normal
+        self.move_to(deepest_point - along)
+        self.move_to(deepest_point + along)
         self.release()
 
     def stay(self) -> None:
@@ -196,21 +210,21 @@ class Hand:
         """Go to somewhat less and then, a little aside, to somewhat more than a depth (m) that a place gives."""
         self.place = self.draw_place() if self.draw(st.booleans()) else self.place
         # a depth without end, as under a flat place, is cut to half the size
-        deep = min(depths(self.place), 0.5 * self.size)
+        depth = min(depths(self.place), 0.5 * self.size)
         # 0.80 to 0.99 of the depth, on the near side of it,
-        self.press_under(deep * (0.8 + 0.19 * self.draw(share())))
+        self.press_under(depth * (0.8 + 0.19 * self.draw(share())))
         aside = self.place_beside(self.place, 0.05 * self.draw(signed()) * self.girth)
         self.place = aside
         # and 1.01 to 1.21 of it, beyond.
-        self.press_under(deep * (1.01 + 0.2 * self.draw(share())))
+        self.press_under(depth * (1.01 + 0.2 * self.draw(share())))
 
     def focal_point(self) -> None:
         """Go to a centre of curvature, near it or through it; on a model without one to the medial axis."""
-        bent = [place for place in self.places if place.focal < 0.5 * self.size]
-        if not bent:
+        curved_places = [place for place in self.places if place.focal < 0.5 * self.size]
+        if not curved_places:
             self.cross_depth(lambda place: place.medial)
             return
-        self.place = bent[self.draw(st.integers(0, len(bent) - 1))]
+        self.place = curved_places[self.draw(st.integers(0, len(curved_places) - 1))]
         # 0.90, 0.95, ... 1.10 of the radius of curvature
         self.press_under(self.place.focal * (0.9 + self.draw(st.integers(0, 4)) / 20.0))
         along = self.place_beside(self.place, 0.01 * self.size).foot - self.place.foot

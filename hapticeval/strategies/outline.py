@@ -57,14 +57,14 @@ def _laps(draw: st.DrawFn, model: Model, curve: Curve, past: bool) -> Moves:
     stops = sorted(_stops_of(curve), key=lambda stop: direction * (stop.s - start) % curve.length)
     hand.release()
     hand.pace = 1.0  # it takes long enough
-    aside = 2.0 * depth + ASIDE_SHARE * model.size
+    overshoot = 2.0 * depth + ASIDE_SHARE * model.size
     for stop in (*stops, *stops, stops[0]):
         if past and stop.pointed:
             normal_before, normal_after = (stop.before, stop.after) if direction > 0.0 else (stop.after, stop.before)
             # The outward normal turned by 90 degrees is the tangent; anticlockwise for direction +1.
             along = direction * np.array([-normal_before[1], normal_before[0]])
-            hand.move_to(stop.foot + aside * along - depth * normal_before)
-            hand.move_to(stop.foot + aside * normal_after)
+            hand.move_to(stop.foot + overshoot * along - depth * normal_before)
+            hand.move_to(stop.foot + overshoot * normal_after)
         else:
             # Under a corner along the bisector of its normals.
             normal = stop.before + stop.after
@@ -95,20 +95,28 @@ def _stops_of(curve: Curve) -> list[Stop]:
     A straight move from one of them to the next stays close to the outline.
     """
     # Even arc lengths (m), and the corners themselves.
-    s = np.union1d(np.arange(OUTLINE_POINTS) * curve.length / OUTLINE_POINTS, [corner.s for corner in curve.corners])
+    arc_lengths = np.union1d(
+        np.arange(OUTLINE_POINTS) * curve.length / OUTLINE_POINTS, [corner.s for corner in curve.corners]
+    )
     # The normal half way between a point and the one before it; before the first one comes the last.
-    before = curve.normal(curve.parameter(0.5 * (s + np.roll(s, 1) - curve.length * (np.arange(s.size) == 0))))
-    after = np.roll(before, -1, axis=0)
+    normals_before = curve.normal(
+        curve.parameter(
+            0.5 * (arc_lengths + np.roll(arc_lengths, 1) - curve.length * (np.arange(arc_lengths.size) == 0))
+        )
+    )
+    normals_after = np.roll(normals_before, -1, axis=0)
     # Angle (rad) by which the normal turns at each point.
-    turns = np.arccos(np.clip(np.sum(before * after, axis=1), -1.0, 1.0))
-    stops, turned = [], 0.0
+    turns = np.arccos(np.clip(np.sum(normals_before * normals_after, axis=1), -1.0, 1.0))
+    stops, turned_angle = [], 0.0
     for index, turn in enumerate(turns.tolist()):
-        turned += turn
-        if turned >= STOP_ANGLE - 1e-6:
-            foot = np.asarray(curve.position(curve.parameter(s[index])))
+        turned_angle += turn
+        if turned_angle >= STOP_ANGLE - 1e-6:
+            foot = np.asarray(curve.position(curve.parameter(arc_lengths[index])))
             # n1 x n2 > 0: a turn to the left, which is convex on an anticlockwise outline.
-            convex = before[index, 0] * after[index, 1] > before[index, 1] * after[index, 0]
+            convex = (
+                normals_before[index, 0] * normals_after[index, 1] > normals_before[index, 1] * normals_after[index, 0]
+            )
             pointed = bool(convex) and turn > 0.5 * math.pi - 1e-6
-            stops.append(Stop(float(s[index]), foot, before[index], after[index], pointed))
-            turned = 0.0
+            stops.append(Stop(float(arc_lengths[index]), foot, normals_before[index], normals_after[index], pointed))
+            turned_angle = 0.0
     return stops

@@ -41,31 +41,31 @@ def _places_of(boundary: Boundary, size: float) -> list[Place]:
     frame = boundary.closest_point(boundary.points(PLACE_COUNT))
     foot, normal = frame.foot, frame.normal
     # The largest principal curvature, 1/m, positive where convex.
-    bend = np.linalg.eigvalsh(frame.shape).max(axis=1)
+    largest_curvature = np.linalg.eigvalsh(frame.shape).max(axis=1)
 
-    def own(depth: Array) -> BoolArray:
+    def is_nearest(depth: Array) -> BoolArray:
         """Whether each place is the nearest point of the surface from `depth` (n,), m, under it; (n,)."""
-        off = boundary.signed_distance(foot - depth[:, np.newaxis] * normal)
+        distance = boundary.signed_distance(foot - depth[:, np.newaxis] * normal)
         # At depth d the distance is -d while no other point of the surface is nearer, and more than that beyond.
-        nearest: BoolArray = off < -depth + 1e-6 * size
+        nearest: BoolArray = distance < -depth + 1e-6 * size
         return nearest
 
     low, high = np.zeros(PLACE_COUNT), np.full(PLACE_COUNT, np.inf)
     # Bracket the depth at which the place is the nearest no more, from 1e-4 to 1 of the size.
     for depth in size * np.geomspace(1e-4, 1.0, 32):
-        still = own(np.full(PLACE_COUNT, depth))
-        low = np.where(still & np.isinf(high), depth, low)
-        high = np.where(~still & np.isinf(high), depth, high)
-    known = np.isfinite(high)
+        still_nearest = is_nearest(np.full(PLACE_COUNT, depth))
+        low = np.where(still_nearest & np.isinf(high), depth, low)
+        high = np.where(~still_nearest & np.isinf(high), depth, high)
+    bracketed = np.isfinite(high)
     # Bisect: a bracket is a third of its depth wide, so that 1e-4 of it is left.
     for _ in range(12):
-        middle = np.where(known, 0.5 * (low + np.where(known, high, 0.0)), low)
-        still = own(middle)
-        low, high = np.where(known & still, middle, low), np.where(known & ~still, middle, high)
+        middle = np.where(bracketed, 0.5 * (low + np.where(bracketed, high, 0.0)), low)
+        still_nearest = is_nearest(middle)
+        low, high = np.where(bracketed & still_nearest, middle, low), np.where(bracketed & ~still_nearest, middle, high)
     # r = 1 / kappa; a flat or concave place has no centre under it.
-    focal = np.where(bend * size > 1e-6, 1.0 / np.maximum(bend, 1e-300), np.inf)
+    focal = np.where(largest_curvature * size > 1e-6, 1.0 / np.maximum(largest_curvature, 1e-300), np.inf)
     return [
-        Place(*row) for row in zip(foot, normal, np.where(known, low, np.inf).tolist(), focal.tolist(), strict=True)
+        Place(*row) for row in zip(foot, normal, np.where(bracketed, low, np.inf).tolist(), focal.tolist(), strict=True)
     ]
 
 

@@ -99,8 +99,8 @@ def patchwork(draw: st.DrawFn) -> Model:
     squares = [shapely.box(x - 0.55, y - 0.55, x + 0.55, y + 0.55) for x, y in cells]
     points = _outline(shapely.union_all(squares))
     # Sheared along both axes by up to 0.6.
-    askew = np.array([[1.0, 0.6 * draw(signed())], [0.6 * draw(signed()), 1.0]])
-    return _polygon(_scaled(points @ askew.T, draw(sizes())))
+    shear = np.array([[1.0, 0.6 * draw(signed())], [0.6 * draw(signed()), 1.0]])
+    return _polygon(_scaled(points @ shear.T, draw(sizes())))
 
 
 @st.composite
@@ -112,10 +112,10 @@ def _union(draw: st.DrawFn) -> Model:
     shape: Any = shapely.Point(0.0, 0.0).buffer(1.0, quad_segs=8)
     for _ in range(draw(st.integers(1, 3))):
         # Each part is placed on the outline so far, so that the union stays in one piece.
-        at = shape.exterior.interpolate(draw(share()), normalized=True)
-        x, y, size = at.x, at.y, 0.2 + 0.8 * draw(share())
+        outline_point = shape.exterior.interpolate(draw(share()), normalized=True)
+        x, y, size = outline_point.x, outline_point.y, 0.2 + 0.8 * draw(share())
         kind, turn = draw(st.sampled_from(["disc", "bar", "wedge"])), 360.0 * draw(share())
-        part: Any = at.buffer(size, quad_segs=6)
+        part: Any = outline_point.buffer(size, quad_segs=6)
         if kind == "bar":
             part = shapely.box(x - 1.5 * size, y - 0.2, x + 1.5 * size, y + 0.2)
         elif kind == "wedge":

@@ -30,25 +30,25 @@ def _pushes(draw: st.DrawFn, model: Model, bilateral: bool) -> ExperimentTable:
     place = places(model)[draw(st.integers(0, PLACE_COUNT - 1))]
     # The rows after the first are perpendicular to the normal.
     tangents = np.linalg.svd(place.normal[np.newaxis])[2][1:]
-    along = tangents[draw(st.integers(0, len(tangents) - 1))] * draw(st.sampled_from([-1.0, 1.0]))
+    tangent = tangents[draw(st.integers(0, len(tangents) - 1))] * draw(st.sampled_from([-1.0, 1.0]))
     # On the surface, or 0.1 to 5 % of the model's size off it.
-    off = 0.0 if bilateral or draw(st.booleans()) else 0.05 * (0.02 + 0.98 * draw(share())) * model.size
-    position = place.foot + off * place.normal
+    height = 0.0 if bilateral or draw(st.booleans()) else 0.05 * (0.02 + 0.98 * draw(share())) * model.size
+    position = place.foot + height * place.normal
     # Off a concave place another part of the surface may be in the way.
-    assume(off == 0.0 or float(model.boundary.signed_distance(position[np.newaxis])[0]) > 0.0)
-    into = 0.0 if off == 0.0 else 0.06 * draw(st.integers(0, 10))
-    velocity = -into * place.normal + 0.08 * draw(st.integers(0, 10)) * along
+    assume(height == 0.0 or float(model.boundary.signed_distance(position[np.newaxis])[0]) > 0.0)
+    speed_into = 0.0 if height == 0.0 else 0.06 * draw(st.integers(0, 10))
+    velocity = -speed_into * place.normal + 0.08 * draw(st.integers(0, 10)) * tangent
     duration = draw(st.integers(1, 8)) / 20.0
     force, time = [], 0.0
     for _ in range(draw(st.integers(1, 3))):
         # Up to 6 N into the surface and 2 N along it.
-        push = -0.5 * draw(st.integers(0, 12)) * place.normal + 0.5 * draw(st.integers(-4, 4)) * along
+        push = -0.5 * draw(st.integers(0, 12)) * place.normal + 0.5 * draw(st.integers(-4, 4)) * tangent
         force.append([round(time, 3), *(round(float(x), 4) for x in push)])
         time += 0.5 * duration
     return ExperimentTable(
         duration=duration,
         # On the surface as well as the number format can say it: a start inside of it is none.
-        position=[float(x) if off == 0.0 else rounded(x, model.size) for x in position],
+        position=[float(x) if height == 0.0 else rounded(x, model.size) for x in position],
         velocity=[round(float(x), 4) for x in velocity],
         force=force,
     )

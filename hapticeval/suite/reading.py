@@ -175,8 +175,8 @@ def _cases(table: CaseTable, variants: Mapping[str, Variant], folder: FilePath) 
 def _swept(case: Case, at_depth: Depth) -> Case:
     """Return the case at another depth."""
     # What is in print for this depth goes before what is for all of them.
-    both = (case.published, at_depth.published)
-    renderers = dict.fromkeys(renderer for published in both for renderer in published)
+    published_tables = (case.published, at_depth.published)
+    renderers = dict.fromkeys(renderer for published in published_tables for renderer in published)
     trajectory: Any = case.trajectory
     name, title = Heading(case.name, case.title).swept(at_depth.label, at_depth.depth)
     return structs.replace(
@@ -184,7 +184,10 @@ def _swept(case: Case, at_depth: Depth) -> Case:
         name=name,
         title=title,
         trajectory=structs.replace(trajectory, depth=at_depth.depth),
-        published={renderer: {**both[0].get(renderer, {}), **both[1].get(renderer, {})} for renderer in renderers},
+        published={
+            renderer: {**published_tables[0].get(renderer, {}), **published_tables[1].get(renderer, {})}
+            for renderer in renderers
+        },
     )
 
 

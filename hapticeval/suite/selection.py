@@ -68,13 +68,13 @@ def covering(selected: Selected) -> Selected:
     """
     # Unjudged cases only show something: they count where there are no others.
     judged = [suite_and_case for suite_and_case in selected if suite_and_case[1].judged] or list(selected)
-    left = {check for _, case in judged for check in case.checks}
+    missing_checks = {check for _, case in judged for check in case.checks}
     covering_cases: list[tuple[Suite, Case]] = []
-    while left:
+    while missing_checks:
         # max takes the first of equals
-        best = max(judged, key=lambda suite_and_case: len(left.intersection(suite_and_case[1].checks)))
-        covering_cases.append(best)
-        left -= set(best[1].checks)
+        best_case = max(judged, key=lambda suite_and_case: len(missing_checks.intersection(suite_and_case[1].checks)))
+        covering_cases.append(best_case)
+        missing_checks -= set(best_case[1].checks)
     # By identity, for cases cannot be hashed.
     return [suite_and_case for suite_and_case in judged if any(suite_and_case is other for other in covering_cases)]
 
