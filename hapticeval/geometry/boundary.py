@@ -304,7 +304,7 @@ class SurfaceInSpace:
 
 def spread_over_sphere(n: int) -> Array:
     """Return n points (n, 3) spread evenly over the unit sphere: golden angles, between equal shares of area."""
-    high = 1.0 - 2.0 * (np.arange(n) + 0.5) / n
-    out = np.sqrt(1.0 - high * high)
-    turn = np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
-    return np.column_stack([out * np.cos(turn), out * np.sin(turn), high])
+    height = 1.0 - 2.0 * (np.arange(n) + 0.5) / n
+    axis_distance = np.sqrt(1.0 - height * height)
+    azimuth = np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
+    return np.column_stack([axis_distance * np.cos(azimuth), axis_distance * np.sin(azimuth), height])

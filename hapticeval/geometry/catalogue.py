@@ -143,17 +143,17 @@ def dumbbell(neck: float = 0.5, size: float = 0.2) -> Model:
     inward = math.sqrt((lobe + fillet) ** 2 - height**2)
     # polar angle, at the lobe's centre, of the point where they touch
     reach = math.atan2(height, -inward)
-    bend = reach - math.pi / 2.0
+    fillet_sweep = reach - math.pi / 2.0
     end = centre - inward
     rows = [
         pieces.arc_piece((centre, 0.0), lobe, -reach, 2.0 * reach),
-        pieces.arc_piece((end, height), fillet, reach - math.pi, -bend),
+        pieces.arc_piece((end, height), fillet, reach - math.pi, -fillet_sweep),
         pieces.line_piece((end, half_width), (-end, half_width)),
-        pieces.arc_piece((-end, height), fillet, -math.pi / 2.0, -bend),
+        pieces.arc_piece((-end, height), fillet, -math.pi / 2.0, -fillet_sweep),
         pieces.arc_piece((-centre, 0.0), lobe, math.pi - reach, 2.0 * reach),
-        pieces.arc_piece((-end, -height), fillet, reach, -bend),
+        pieces.arc_piece((-end, -height), fillet, reach, -fillet_sweep),
         pieces.line_piece((-end, -half_width), (end, -half_width)),
-        pieces.arc_piece((end, -height), fillet, math.pi / 2.0, -bend),
+        pieces.arc_piece((end, -height), fillet, math.pi / 2.0, -fillet_sweep),
     ]
     return _model_of(Curve("dumbbell", pieces.concatenate_segments(rows), True), neck=neck, size=size)
 

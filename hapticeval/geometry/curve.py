@@ -377,30 +377,30 @@ class Curve:
 
 def _piece_from_zero(row: Array) -> Array:
     """Return a piece of lines or arcs with u from 0."""
-    own = np.array(row)
+    piece = np.array(row)
     if row[KIND] != UNBOUNDED:
-        own[[U0, U1]] = 0.0, row[U1] - row[U0]
-    return own
+        piece[[U0, U1]] = 0.0, row[U1] - row[U0]
+    return piece
 
 
 def _moved_piece(row: Array, motion: Motion) -> Array:
     """Return a LINE, ARC or UNBOUNDED piece moved, with u from 0; in a mirror it runs from where it ended."""
-    own = _piece_from_zero(row)
+    piece = _piece_from_zero(row)
     mirrored = motion.mirrors
     if row[KIND] == ARC:
         turn = math.atan2(motion.matrix[1, 0], motion.matrix[0, 0])
-        own[[A, B]] = motion(row[[A, B]])
-        own[C] *= motion.scale
+        piece[[A, B]] = motion(row[[A, B]])
+        piece[C] *= motion.scale
         # the angle of the start: turned; in a mirror that of the mirrored end
-        own[D] = turn - (row[D] + row[E] * own[U1] / row[C]) if mirrored else turn + row[D]
+        piece[D] = turn - (row[D] + row[E] * piece[U1] / row[C]) if mirrored else turn + row[D]
     else:
         # in a mirror the piece is run from where it ended
-        start = row[[A, B]] + own[U1] * row[[C, D]] if mirrored and row[KIND] == LINE else row[[A, B]]
-        own[[A, B]] = motion(start)
-        own[[C, D]] = (-1.0 if mirrored else 1.0) * (motion.matrix @ row[[C, D]])
+        start = row[[A, B]] + piece[U1] * row[[C, D]] if mirrored and row[KIND] == LINE else row[[A, B]]
+        piece[[A, B]] = motion(start)
+        piece[[C, D]] = (-1.0 if mirrored else 1.0) * (motion.matrix @ row[[C, D]])
     if row[KIND] != UNBOUNDED:
-        own[U1] *= motion.scale
-    return own
+        piece[U1] *= motion.scale
+    return piece
 
 
 def as_curve(boundary: Boundary | None) -> Curve | None:

@@ -142,7 +142,7 @@ def parameters_at(piece: Array, panels: Array, lengths: Array) -> Array:
 
 @compiled
 def _distance_slope(piece: Array, u: float, x: float, y: float) -> tuple[float, float, float]:
-    """Return the slope and bend of half the squared distance from (x, y), by u, and the squared distance (m^2)."""
+    """Return two derivatives by u of half the squared distance from (x, y), and the squared distance (m^2)."""
     cx, cy, dx, dy, ddx, ddy = evaluate(piece, u)
     # with r = c - p: (r.r / 2)' = r.c' and (r.r / 2)'' = c'.c' + r.c''
     rx, ry = cx - x, cy - y
@@ -156,30 +156,35 @@ def _minimise_distance(piece: Array, low: float, high: float, u: float, x: float
     The slope is negative or zero at `low` and positive at `high`; the search begins at `u`. Newton's method, kept
     between the two.
 
-    It ends with a step whose square, times the error that a step of one leaves estimated from the last two bends, is
-    below rounding.
+    It ends with a step whose square, times the error that a step of one leaves, is below rounding; that error is
+    estimated from the last two second derivatives.
     """
-    last_u, last_bend = u, 0.0
+    last_u, last_second_derivative = u, 0.0
     for _ in range(100):
-        slope, bend, distance_squared = _distance_slope(piece, u, x, y)
+        slope, second_derivative, distance_squared = _distance_slope(piece, u, x, y)
         if slope > 0.0:
             high = u
         else:
             low = u
-        # where the distance bends down, Newton would climb: halve the bracket
-        next_u = u - slope / bend if bend > 0.0 else low - 1.0
+        # where the second derivative is negative Newton would climb: halve the bracket
+        next_u = u - slope / second_derivative if second_derivative > 0.0 else low - 1.0
         if not (low <= next_u <= high):
             next_u = 0.5 * (low + high)
         step, rounding = abs(next_u - u), 2e-16 * (1.0 + abs(u))
         last_step = abs(u - last_u)
-        # of a step h the Newton error is about h^2 times the relative change of the bend per unit of u
-        error_left = abs(bend - last_bend) * step * step
+        # of a step h the Newton error is about h^2 times the relative change of the second derivative per unit of u
+        error_left = abs(second_derivative - last_second_derivative) * step * step
         if step <= rounding or (
-            last_bend > 0.0 and bend > 0.0 and step < last_step and error_left <= bend * last_step * rounding
+            last_second_derivative > 0.0
+            and second_derivative > 0.0
+            and step < last_step
+            and error_left <= second_derivative * last_step * rounding
         ):
             # the last step still takes this off the square
-            return next_u, max(distance_squared - slope * slope / bend, 0.0) if bend > 0.0 else distance_squared
-        last_u, last_bend, u = u, bend, next_u
+            if second_derivative > 0.0:
+                distance_squared = max(distance_squared - slope * slope / second_derivative, 0.0)
+            return next_u, distance_squared
+        last_u, last_second_derivative, u = u, second_derivative, next_u
     return u, _distance_slope(piece, u, x, y)[2]
 
 
@@ -189,9 +194,9 @@ def _slope_extremum(piece: Array, low: float, high: float, x: float, y: float) -
     _, start, _ = _distance_slope(piece, low, x, y)
     for _ in range(60):
         middle = 0.5 * (low + high)
-        _, bend, _ = _distance_slope(piece, middle, x, y)
+        _, second_derivative, _ = _distance_slope(piece, middle, x, y)
         # the slope's derivative has not changed its sign yet
-        if (bend > 0.0) == (start > 0.0):
+        if (second_derivative > 0.0) == (start > 0.0):
             low = middle
         else:
             high = middle
@@ -237,22 +242,22 @@ def _interval_minimum(piece: Array, a: Array, b: Array, x: float, y: float) -> t
     It shows as a change of sign of the slope, or as a pair of roots around an extremum of the slope.
     """
     ax, ay, bx, by = a[2] - x, a[3] - y, b[2] - x, b[3] - y
-    # half the squared distance's slopes and bends at both rows, from the table
+    # half the squared distance's slopes and second derivatives at both rows, from the table
     slope_a, slope_b = ax * a[4] + ay * a[5], bx * b[4] + by * b[5]
-    bend_a = a[4] ** 2 + a[5] ** 2 + ax * a[6] + ay * a[7]
-    bend_b = b[4] ** 2 + b[5] ** 2 + bx * b[6] + by * b[7]
+    second_a = a[4] ** 2 + a[5] ** 2 + ax * a[6] + ay * a[7]
+    second_b = b[4] ** 2 + b[5] ** 2 + bx * b[6] + by * b[7]
     low, high = a[0], b[0]
     # the slope changes its sign: one minimum, looked for from the root of its cubic
     if slope_a <= 0.0 < slope_b:
-        guess = _cubic_root(slope_a, slope_b, bend_a * (high - low), bend_b * (high - low))
+        guess = _cubic_root(slope_a, slope_b, second_a * (high - low), second_b * (high - low))
         return _minimise_distance(piece, low, high, low + guess * (high - low), x, y)
     # uphill at both ends, but the slope dips between: a minimum if it dips below zero
-    if slope_a > 0.0 and slope_b > 0.0 and bend_a < 0.0 < bend_b:
+    if slope_a > 0.0 and slope_b > 0.0 and second_a < 0.0 < second_b:
         low = _slope_extremum(piece, low, high, x, y)
         if _distance_slope(piece, low, x, y)[0] > 0.0:
             return low, np.inf
     # downhill at both ends, but the slope rises between: the same from the other side
-    elif slope_a < 0.0 and slope_b < 0.0 and bend_b < 0.0 < bend_a:
+    elif slope_a < 0.0 and slope_b < 0.0 and second_b < 0.0 < second_a:
         high = _slope_extremum(piece, low, high, x, y)
         if _distance_slope(piece, high, x, y)[0] <= 0.0:
             return low, np.inf
@@ -373,17 +378,19 @@ def nearest_with_values(
         values = evaluate(pieces[0], u)
         ex, ey = x - values[0], y - values[1]
         return 0, u, math.hypot(ex, ey), -1.0 if ex * values[3] - ey * values[2] < 0.0 else 1.0, values
-    u, distance, k, inner = 0.0, np.inf, 0, False
+    u, distance, k, best_is_within = 0.0, np.inf, 0, False
     for i in range(count):
-        at, piece_distance = _nearest_on_piece(pieces[i], x, y)
+        piece_u, piece_distance = _nearest_on_piece(pieces[i], x, y)
         # Beside a joint the foot is nearer than the joint by less than rounding: it is the one within its piece.
-        within, size = pieces[i, U0] < at < pieces[i, U1], abs(x) + abs(y) + piece_distance
+        is_within, size = pieces[i, U0] < piece_u < pieces[i, U1], abs(x) + abs(y) + piece_distance
         if pieces[i, 0] == ARC:
             size += abs(pieces[i, A]) + abs(pieces[i, B]) + pieces[i, C]
         # a foot within its piece wins a tie against one at a joint
         tie = TIE_ROUNDING * size
-        if piece_distance < distance + (tie if within and not inner else -tie if inner and not within else 0.0):
-            u, distance, k, inner = at, piece_distance, i, within
+        if piece_distance < distance + (
+            tie if is_within and not best_is_within else -tie if best_is_within and not is_within else 0.0
+        ):
+            u, distance, k, best_is_within = piece_u, piece_distance, i, is_within
     turn = 0.0
     # a foot on a joint belongs to the later piece
     if pieces[0, 0] != UNBOUNDED and (u == pieces[k, U0] or u == pieces[k, U1]):

@@ -155,12 +155,13 @@ def _triangulate_torus(major: float, minor: float, finer: float) -> Triangles:
     ratio = math.sqrt((major + minor) / minor)
     # no more than MOST_CELLS triangles: two a cell of the grid
     finer = min(finer, math.sqrt(MOST_CELLS[3] / (2.0 * 64.0 * ratio)))
-    around, about = math.ceil(8.0 * finer), math.ceil(8.0 * finer * ratio)
-    u, v = np.meshgrid(np.arange(about), np.arange(around), indexing="ij")
-    turn, angle = 2.0 * math.pi / about * u, 2.0 * math.pi / around * v
-    out = major + minor * np.cos(angle)
-    points = np.stack([out * np.cos(turn), out * np.sin(turn), minor * np.sin(angle)], axis=-1)
-    number = around * u + v
+    steps_around, steps_about = math.ceil(8.0 * finer), math.ceil(8.0 * finer * ratio)
+    u, v = np.meshgrid(np.arange(steps_about), np.arange(steps_around), indexing="ij")
+    azimuth, angle = 2.0 * math.pi / steps_about * u, 2.0 * math.pi / steps_around * v
+    axis_distance = major + minor * np.cos(angle)
+    x, y, z = axis_distance * np.cos(azimuth), axis_distance * np.sin(azimuth), minor * np.sin(angle)
+    points = np.stack([x, y, z], axis=-1)
+    number = steps_around * u + v
     next_about, next_around, both = (np.roll(number, shift, (0, 1)) for shift in ((-1, 0), (0, -1), (-1, -1)))
     # each cell of the grid in two triangles, anticlockwise seen from outside
     rows = np.concatenate(

@@ -75,8 +75,8 @@ class LevelSet:
                 todo="use a bounded model, or a grid that covers all of it",
             )
         # a node that lies on the curve gives the same crossing for each of its cell sides
-        close = np.hypot(*(outline[1:] - outline[:-1]).T) <= 1e-9 * self.cell
-        outline = outline[:-1][~close]
+        repeated = np.hypot(*(outline[1:] - outline[:-1]).T) <= 1e-9 * self.cell
+        outline = outline[:-1][~repeated]
         # the shoelace formula about a corner: negative for a clockwise outline
         x, y = (outline - outline[0]).T
         if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0.0:

@@ -162,8 +162,8 @@ class Mesh(SurfaceInSpace):
         neighbour = self.neighbours[face, edge]
         start, end = self.vertices[self.triangles[face, edge]], self.vertices[self.triangles[face, (edge + 1) % 3]]
         # (n x p) . edge < 0 where the neighbour turns up from the face
-        turned = np.sum(np.cross(self.normals[face], self.normals[neighbour]) * (end - start), axis=1)
-        return bool(np.any((turned < 0.0) & (self.facets[face] != self.facets[neighbour])))
+        turn = np.sum(np.cross(self.normals[face], self.normals[neighbour]) * (end - start), axis=1)
+        return bool(np.any((turn < 0.0) & (self.facets[face] != self.facets[neighbour])))
 
     def points(self, n: int) -> Array:
         """Return n points (n, 3), m, of the mesh, as many to equal areas: see `Boundary.points`."""

@@ -44,8 +44,8 @@ def _difference(a: float, b: float) -> tuple[float, float]:
     """Return a - b as the rounded difference and what that lost (Knuth's two-sum)."""
     high = a - b
     # -b as far as the sum took it in; what is missing of both is the error
-    back = high - a
-    return high, (a - (high - back)) - (b + back)
+    minus_b = high - a
+    return high, (a - (high - minus_b)) - (b + minus_b)
 
 
 @inner
@@ -94,19 +94,19 @@ def join_neighbours(count: int, triangles: IntArray) -> tuple[IntArray, int, int
         for i in range(3):
             a, b = triangles[k, i], triangles[k, (i + 1) % 3]
             # triangles that run along this edge the same way, itself included, and the other way
-            same, other = 0, 0
+            same_way, other_way = 0, 0
             for place in range(starts[a], starts[a + 1]):
                 if triangles[fan[place] // 3, (fan[place] + 1) % 3] == b:
-                    same += 1
+                    same_way += 1
             for place in range(starts[b], starts[b + 1]):
                 if triangles[fan[place] // 3, (fan[place] + 1) % 3] == a:
-                    other += 1
+                    other_way += 1
                     across[k, i] = fan[place] // 3
-            if same + other > 2:
+            if same_way + other_way > 2:
                 return across, SHARED, k, i
-            if same == 2:
+            if same_way == 2:
                 return across, FLIPPED, k, i
-            if other == 0:
+            if other_way == 0:
                 return across, OPEN, k, i
     # once round each vertex over the edges: fewer triangles than have it are one of several fans
     for row in range(count):
@@ -285,10 +285,10 @@ def build_tables(
                 vertices[row, PSEUDO + axis] += angle * faces[k, NORMAL + axis]
     for k in range(n):
         for i in range(3):
-            this, that = normal_of(faces, k), normal_of(faces, int(faces[k, ACROSS + i]))
-            mean = (this[0] + that[0], this[1] + that[1], this[2] + that[2])
-            # normals nearly opposite: n + p is as long as the angle between the triangles
-            if dot(mean, mean) <= LEAST_OPENING * LEAST_OPENING:
+            normal_here, normal_across = normal_of(faces, k), normal_of(faces, int(faces[k, ACROSS + i]))
+            total = plus(normal_here, 1.0, normal_across)
+            # normals nearly opposite: their sum is as long as the angle between the triangles
+            if dot(total, total) <= LEAST_OPENING * LEAST_OPENING:
                 return faces, vertices, FOLDED, order[k]
     for row in range(used):
         # a unit pseudonormal of each vertex
@@ -378,9 +378,10 @@ def _separates(axis: Triple, first: Array, second: Array, from_one: int) -> bool
     extent = 0.0
     low, high, below, above = math.inf, -math.inf, math.inf, -math.inf
     for row in range(from_one, 3):
-        one = axis[0] * first[row, 0] + axis[1] * first[row, 1] + axis[2] * first[row, 2]
-        two = axis[0] * second[row, 0] + axis[1] * second[row, 1] + axis[2] * second[row, 2]
-        low, high, below, above = min(low, one), max(high, one), min(below, two), max(above, two)
+        first_height = axis[0] * first[row, 0] + axis[1] * first[row, 1] + axis[2] * first[row, 2]
+        second_height = axis[0] * second[row, 0] + axis[1] * second[row, 1] + axis[2] * second[row, 2]
+        low, high = min(low, first_height), max(high, first_height)
+        below, above = min(below, second_height), max(above, second_height)
         for i in range(3):
             extent = max(extent, abs(first[row, i]), abs(second[row, i]))
     gap = SEPARATION_ROUNDING * size * extent
@@ -388,31 +389,31 @@ def _separates(axis: Triple, first: Array, second: Array, from_one: int) -> bool
     if from_one == 0:
         return bool(below - high > gap or low - above > gap)
     # with the shared corner in the plane, one triangle may touch it and the other not
-    small = 0.1 * gap
+    small_gap = 0.1 * gap
     return bool(
-        (high <= small and below > gap)
-        or (high < -gap and below >= -small)
-        or (above <= small and low > gap)
-        or (above < -gap and low >= -small)
+        (high <= small_gap and below > gap)
+        or (high < -gap and below >= -small_gap)
+        or (above <= small_gap and low > gap)
+        or (above < -gap and low >= -small_gap)
     )
 
 
 @inner
 def _meet_as_neighbours(faces: Array, vertices: Array, j: int, k: int, first: Array, second: Array) -> bool:
     """Whether triangles j and k have nothing in common but the corner or the edge that they share, beyond rounding."""
-    shared, one, two = 0, 0, 0
+    shared, first_corner, second_corner = 0, 0, 0
     for i in range(3):
         for h in range(3):
             if faces[j, CORNER + i] == faces[k, CORNER + h]:
-                shared, one, two = shared + 1, i, h
+                shared, first_corner, second_corner = shared + 1, i, h
     # two shared corners: neighbours over an edge, which `FOLDED` has decided
     if shared > 1:
         return True
     # both triangles seen from the shared corner, which is exact then
-    origin = position_of(vertices, faces[j, CORNER + one])
+    origin = position_of(vertices, faces[j, CORNER + first_corner])
     for i in range(3):
-        a = _minus(position_of(vertices, faces[j, CORNER + (one + i) % 3]), origin)
-        b = _minus(position_of(vertices, faces[k, CORNER + (two + i) % 3]), origin)
+        a = _minus(position_of(vertices, faces[j, CORNER + (first_corner + i) % 3]), origin)
+        b = _minus(position_of(vertices, faces[k, CORNER + (second_corner + i) % 3]), origin)
         for axis in range(3):
             first[i, axis], second[i, axis] = a[axis], b[axis]
     n, p = normal_of(faces, j), normal_of(faces, k)

@@ -135,9 +135,9 @@ def check_closed(positions: Array, triangles: IntArray) -> IntArray:
         _refuse_t_junction(positions, triangles, triangle, corner)
     if problem:
         refuse_triangle(problem, triangle, triangles, corner)
-    other = build.other_component(across)
-    if other >= 0:
-        refuse_triangle(build.OTHER_PART, other, triangles)
+    detached = build.other_component(across)
+    if detached >= 0:
+        refuse_triangle(build.OTHER_PART, detached, triangles)
     if build.volume(positions, triangles) <= 0.0:
         raise InputError(
             "the mesh is inside out, or encloses nothing: triangle 0 and all others show their inner side",
@@ -154,11 +154,11 @@ def _refuse_t_junction(positions: Array, triangles: IntArray, triangle: int, cor
     _, numbers, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
     # edges that one triangle alone has
     is_open = counts[numbers.ravel()] == 1
-    this = edges[3 * triangle + corner][None]
+    open_edge = edges[3 * triangle + corner][None]
     rows, edges = rows[is_open][:SUSPECT_BATCH], edges[is_open][:SUSPECT_BATCH]
     # vertices of this edge on another open one, and other vertices on this one
-    pairs = [(edge, row, vertex) for vertex in this.ravel() for edge, row in zip(edges, rows, strict=True)]
-    pairs += [(this[0], triangle, vertex) for vertex in np.unique(edges)]
+    pairs = [(edge, row, vertex) for vertex in open_edge.ravel() for edge, row in zip(edges, rows, strict=True)]
+    pairs += [(open_edge[0], triangle, vertex) for vertex in np.unique(edges)]
     for edge, row, vertex in pairs:
         if vertex not in edge and _lies_on(positions[vertex], *positions[edge]):
             raise InputError(
@@ -197,10 +197,10 @@ def check_crossings(faces: Array, vertices: Array, tree: Array, order: IntArray)
             for place in meeting_points(first, second):
                 # neighbours meet in the corners that they share
                 if place not in shared:
-                    at = ", ".join(f"{float(x):.6g}" for x in place)
+                    words = ", ".join(f"{float(x):.6g}" for x in place)
                     low, high = sorted((int(order[one]), int(order[two])))
                     raise InputError(
-                        f"triangles {low} and {high} cross or touch at ({at}) m",
+                        f"triangles {low} and {high} cross or touch at ({words}) m",
                         why="the surface of a rigid model does not meet itself",
                         todo="move the parts apart, or join them by a boolean union (trimesh.boolean.union, MeshLab)",
                     )

@@ -115,8 +115,8 @@ def merge_equal_vertices(vertices: Array, triangles: IntArray) -> tuple[Array, I
     # equal vertices come to stand next to each other
     order = np.lexsort(vertices.T)
     ranked = vertices[order]
-    new = np.concatenate([[True], (ranked[1:] != ranked[:-1]).any(axis=1)])
+    is_first = np.concatenate([[True], (ranked[1:] != ranked[:-1]).any(axis=1)])
     number = np.empty(len(vertices), np.int64)
     # the new number of each old vertex: how many different ones come before
-    number[order] = np.cumsum(new) - 1
-    return ranked[new], number[triangles]
+    number[order] = np.cumsum(is_first) - 1
+    return ranked[is_first], number[triangles]

@@ -496,7 +496,7 @@ def first_entry(
     # it begins inside
     if depth < -touch:
         return True, k, foot, 0.0
-    begin, low, near = 0.0, -touch / length, touch / length
+    begin, low, rounding = 0.0, -touch / length, touch / length
     outside = depth > touch
     while True:
         hit, s = first_triangle_hit(faces, vertices, tree, start, direction, low, 1.0)
@@ -513,7 +513,7 @@ def first_entry(
         if hit < 0:
             return False, k, foot, 0.0
         # go on past this crossing, by more than its rounding
-        k, begin, low, outside = hit, max(s, 0.0), s + near, False
+        k, begin, low, outside = hit, max(s, 0.0), s + rounding, False
 
 
 @compiled
@@ -542,32 +542,32 @@ def normals_in_reach(faces: Array, vertices: Array, tree: Array, points: Array, 
     starts, normals, k, total = np.zeros(n + 1, np.int64), np.empty((4 * n + 16, 3)), 0, 0
     for row in range(n):
         k, foot, _, _ = closest_on_mesh(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
-        near = reach[row] + ON_FEATURE * (abs(foot[0]) + abs(foot[1]) + abs(foot[2]))
+        limit = reach[row] + ON_FEATURE * (abs(foot[0]) + abs(foot[1]) + abs(foot[2]))
         # breadth first over neighbours that come within reach of the foot
         queue[0], visited_for[k] = k, row
         count, done = 1, 0
         while done < count:
             face = queue[done]
             done += 1
-            new = normal_of(faces, face)
+            normal = normal_of(faces, face)
             # a direction that is there already is not added again
             for other in range(starts[row], total):
-                bent = _minus(new, (normals[other, 0], normals[other, 1], normals[other, 2]))
+                bent = _minus(normal, (normals[other, 0], normals[other, 1], normals[other, 2]))
                 if dot(bent, bent) <= ONE_PLANE:
                     break
             else:
                 if total == normals.shape[0]:
                     # the table is full: double it
-                    more = np.empty((2 * total, 3))
-                    more[:total] = normals
-                    normals = more
-                normals[total, 0], normals[total, 1], normals[total, 2] = new
+                    larger = np.empty((2 * total, 3))
+                    larger[:total] = normals
+                    normals = larger
+                normals[total, 0], normals[total, 1], normals[total, 2] = normal
                 total += 1
             for i in range(3):
                 neighbour = int(faces[face, ACROSS + i])
                 if (
                     visited_for[neighbour] != row
-                    and distance_to_triangle(faces, vertices, neighbour, foot, math.inf)[0] <= near * near
+                    and distance_to_triangle(faces, vertices, neighbour, foot, math.inf)[0] <= limit * limit
                 ):
                     queue[count], visited_for[neighbour] = neighbour, row
                     count += 1
@@ -657,8 +657,8 @@ def angles_outside_cones(starts: IntArray, normals: Array, directions: Array) ->
         inside = closest_in_cone(normals, starts[row], starts[row + 1], d)
         # within a right angle: the angle to the closest direction of the cone
         if dot(inside, inside) > 0.0:
-            off = _cross(inside, d)
-            out[row] = math.atan2(math.sqrt(dot(off, off)), dot(inside, d))
+            cross = _cross(inside, d)
+            out[row] = math.atan2(math.sqrt(dot(cross, cross)), dot(inside, d))
             continue
         largest_cosine = -math.inf
         for k in range(starts[row], starts[row + 1]):

@@ -191,10 +191,10 @@ def _choose_at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int,
         along = dot(p, d)
         # the edge p: its part of d, and the side by the mean of both faces' normals
         if along > 0.0:
-            off = plus(d, -along / dot(p, p), p)
-            off_squared = dot(off, off)
+            aside = plus(d, -along / dot(p, p), p)
+            off_squared = dot(aside, aside)
             if off_squared < least_squared:
-                least_squared, side = off_squared, dot(plus(n, 1.0, normal_of(faces, after)), off)
+                least_squared, side = off_squared, dot(plus(n, 1.0, normal_of(faces, after)), aside)
             if along * along / dot(p, p) > steepest:
                 steepest, best, steepest_feature = along * along / dot(p, p), j, EDGE + h
         j = after

@@ -46,9 +46,9 @@ class NormalCone:
         u = np.unique(np.clip(inner, low, high - tiny))
         u = np.union1d(u, _inflections(curve, u, tiny))
         s = curve.arc_length(u)
-        raw = _angles_of(curve.normal(u))
+        wrapped = _angles_of(curve.normal(u))
         # unwrapped: each angle continues the one before
-        angle = np.concatenate([[raw[0]], raw[0] + np.cumsum(wrap_angle(np.diff(raw)))])
+        angle = np.concatenate([[wrapped[0]], wrapped[0] + np.cumsum(wrap_angle(np.diff(wrapped)))])
         turn = 2.0 * np.pi
         # three turns in a row: no stretch of half a turn to either side meets a seam
         self._s = np.concatenate([s - curve.length, s, s + curve.length])
@@ -60,8 +60,8 @@ class NormalCone:
             spline = CubicHermiteSpline(self._s, self._angle, np.tile(curve.curvature(u), 3))
             middle = 0.5 * (u[:-1] + u[1:])
             # the spline is used if it keeps to the exact normals half way between its knots
-            off = wrap_angle(_angles_of(curve.normal(middle)) - spline(curve.arc_length(middle)))
-            self._spline = spline if float(np.abs(off).max()) <= SPLINE_TOLERANCE else None
+            spline_error = wrap_angle(_angles_of(curve.normal(middle)) - spline(curve.arc_length(middle)))
+            self._spline = spline if float(np.abs(spline_error).max()) <= SPLINE_TOLERANCE else None
 
     def interval(self, points: Array, reach: Array) -> tuple[Array, Array]:
         """Return the lowest and highest angle (n,), rad, unwrapped, of the normals near points (n, 2), m.

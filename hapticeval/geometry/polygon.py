@@ -60,22 +60,22 @@ class Polygon(Curve):
         return np.asarray(self.vertices[edge] + (share - edge)[:, np.newaxis] * self.edges[edge])
 
 
-def _largest_between(value: Callable[[Array], Array], stops: Array) -> float:
+def _largest_between(evaluate: Callable[[Array], Array], stops: Array) -> float:
     """Return the largest value of a function smooth between `stops` (n,): eight samples each, then golden sections."""
     cuts = 8
     step = np.diff(stops)[:, np.newaxis]
-    at = np.append((stops[:-1, np.newaxis] + step * np.arange(cuts) / cuts).ravel(), stops[-1])
-    values = value(at)
+    positions = np.append((stops[:-1, np.newaxis] + step * np.arange(cuts) / cuts).ravel(), stops[-1])
+    values = evaluate(positions)
     inner = values[1:-1]
     # each sample no lower than its neighbours brackets a maximum
     peaks = 1 + np.flatnonzero((inner >= values[:-2]) & (inner >= values[2:]))
-    low, high = at[peaks - 1], at[peaks + 1]
+    low, high = positions[peaks - 1], positions[peaks + 1]
     ratio = (np.sqrt(5.0) - 1.0) / 2.0
     largest = float(values.max())
     # 0.618^40 is 4e-9 of the bracket: the error of a maximum goes with its square
     for _ in range(40):
         left, right = high - ratio * (high - low), low + ratio * (high - low)
-        value_left, value_right = value(left), value(right)
+        value_left, value_right = evaluate(left), evaluate(right)
         largest = max(largest, float(np.max([value_left, value_right], initial=0.0)))
         rising = value_right > value_left
         low, high = np.where(rising, left, low), np.where(rising, high, right)

@@ -96,8 +96,10 @@ class Surface(SurfaceInSpace):
         # equal shares of area: a ring of the tube has an area that goes with its distance from the axis
         angle = _tube_angle((np.arange(n) + 0.5) / n, minor / major)
         # golden angles about the axis keep the points apart, as in `spread_over_sphere`
-        out, turn = major + minor * np.cos(angle), np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
-        return np.column_stack([out * np.cos(turn), out * np.sin(turn), minor * np.sin(angle)])
+        axis_distance, azimuth = major + minor * np.cos(angle), np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
+        return np.column_stack(
+            [axis_distance * np.cos(azimuth), axis_distance * np.sin(azimuth), minor * np.sin(angle)]
+        )
 
 
 def _tube_angle(share: Array, ratio: float) -> Array:

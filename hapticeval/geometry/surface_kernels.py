@@ -97,8 +97,8 @@ def _on_torus(major: float, minor: float, y: Triple) -> tuple[Triple, Triple, fl
     cos, sin = 1.0, 0.0
     if length > 0.0:
         cos, sin = (across - major) / length, y[2] / length
-    out = major + minor * cos
-    return (out * ex, out * ey, minor * sin), (cos * ex, cos * ey, sin), length - minor
+    foot_radius = major + minor * cos
+    return (foot_radius * ex, foot_radius * ey, minor * sin), (cos * ex, cos * ey, sin), length - minor
 
 
 @compiled
@@ -178,12 +178,12 @@ def shape_operator(reals: Array, p: Triple, normal: Triple) -> Symmetric:
         # unit tangent of the parallel
         ax, ay = -p[1] / across, p[0] / across
         # 1/minor on the whole tangent plane, less the difference of the two principal curvatures along the parallel
-        less = major / (minor * across)
+        curvature_drop = major / (minor * across)
         return (
-            k * (1.0 - x * x) - less * ax * ax,
-            -k * x * y - less * ax * ay,
+            k * (1.0 - x * x) - curvature_drop * ax * ax,
+            -k * x * y - curvature_drop * ax * ay,
             -k * x * z,
-            k * (1.0 - y * y) - less * ay * ay,
+            k * (1.0 - y * y) - curvature_drop * ay * ay,
             -k * y * z,
             k * (1.0 - z * z),
         )

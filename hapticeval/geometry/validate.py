@@ -59,7 +59,7 @@ def checked_points(points: object) -> Array:
     return array
 
 
-def answer_by_kernel(kernel: Callable[..., R], known: Sequence[Array], points: object, dimension: int) -> R:
+def answer_by_kernel(kernel: Callable[..., R], tables: Sequence[Array], points: object, dimension: int) -> R:
     """Return what a kernel that calls `check_finite` gives of points (n, `dimension`), m: one compiled call.
 
     `known` are the tables of the boundary, such as faces (t, 9) and vertices (v, 6), that the kernel takes before the
@@ -67,7 +67,7 @@ def answer_by_kernel(kernel: Callable[..., R], known: Sequence[Array], points: o
     """
     array = points_for_kernels(points, dimension)
     try:
-        return kernel(*known, array)
+        return kernel(*tables, array)
     # the kernel can say no more than that some number is not finite
     except ValueError:
         raise not_finite_error(array) from None

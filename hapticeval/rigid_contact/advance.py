@@ -153,29 +153,33 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
     _, _, tx, ty, _, _ = surface_frame(row, u)
     mass = load[MASS]
     # velocity along the face, and along its outward normal (negative: into the model)
-    w = state[VX] * tx + state[VY] * ty
-    into = state[VX] * ty - state[VY] * tx
-    place_on_piece(run, piece, u, w)
+    tangent_speed = state[VX] * tx + state[VY] * ty
+    normal_speed = state[VX] * ty - state[VY] * tx
+    place_on_piece(run, piece, u, tangent_speed)
     # held from both sides: the normal velocity is lost, whatever its sign
     if load[BILATERAL] != 0.0:
-        jx, jy = apply_impulse(run, w * tx, w * ty)
-        if abs(into) > ALIGNED_SHARE * abs(w):
+        jx, jy = apply_impulse(run, tangent_speed * tx, tangent_speed * ty)
+        if abs(normal_speed) > ALIGNED_SHARE * abs(tangent_speed):
             log_event(run, IMPACT, tau, jx, jy)
         return
-    answer, _ = contact_force(row, u, w, tau, load)
+    contact, _ = contact_force(row, u, tangent_speed, tau, load)
     # it moves off, or is let go: no impact
-    if into > ALIGNED_SHARE * abs(w) or (into >= -ALIGNED_SHARE * abs(w) and answer < 0.0):
+    if normal_speed > ALIGNED_SHARE * abs(tangent_speed) or (
+        normal_speed >= -ALIGNED_SHARE * abs(tangent_speed) and contact < 0.0
+    ):
         state[MODE] = FLIGHT
         return
     # (3.5) along the normal: c_r times the speed into the face
-    bounce = -load[RESTITUTION] * into
+    bounce = -load[RESTITUTION] * normal_speed
     # a hop of height m v^2 / (2 N) below CONTACT_HOP counts as contact
-    if into >= -ALIGNED_SHARE * abs(w) or (answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CONTACT_HOP):
+    if normal_speed >= -ALIGNED_SHARE * abs(tangent_speed) or (
+        contact > 0.0 and mass * bounce * bounce < 2.0 * contact * CONTACT_HOP
+    ):
         bounce = 0.0
-    jx, jy = apply_impulse(run, w * tx + bounce * ty, w * ty - bounce * tx)
-    if bounce > 0.0 or answer < 0.0:
+    jx, jy = apply_impulse(run, tangent_speed * tx + bounce * ty, tangent_speed * ty - bounce * tx)
+    if bounce > 0.0 or contact < 0.0:
         state[MODE] = FLIGHT
-    if into < -ALIGNED_SHARE * abs(w):
+    if normal_speed < -ALIGNED_SHARE * abs(tangent_speed):
         log_event(run, IMPACT, tau, jx, jy)
 
 
@@ -205,7 +209,7 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
     mass, rebound = load[MASS], load[RESTITUTION]
     vx, vy = state[VX], state[VY]
     # normal velocities below this are rounding
-    tiny = ALIGNED_SHARE * math.sqrt(vx * vx + vy * vy)
+    rounding = ALIGNED_SHARE * math.sqrt(vx * vx + vy * vy)
     state[X], state[Y] = x, y
     # held: only the velocity along the next face goes on, and none if it points back
     if load[BILATERAL] != 0.0:
@@ -217,45 +221,49 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
         vx, vy = w * tx, w * ty
     else:
         # squared speed that counts as rest: 1e-9 of the first speed
-        small = 1e6 * tiny * tiny
+        rest_squared = 1e6 * rounding * rounding
         for _ in range(MOST_CORNER_HITS):
             # normal velocities off both faces: negative runs into one
             from_pre, from_post = vx * ay - vy * ax, vx * by - vy * bx
-            if min(from_pre, from_post) >= -tiny or vx * vx + vy * vy <= small:
+            if min(from_pre, from_post) >= -rounding or vx * vx + vy * vy <= rest_squared:
                 break
             # the face that it runs against more
             tx, ty, across = (ax, ay, from_pre) if from_pre < from_post else (bx, by, from_post)
             # (3.5) on that face
             vx, vy = vx - (1.0 + rebound) * across * ty, vy + (1.0 + rebound) * across * tx
             fx, fy = operator_force(load, tau, x, y, vx, vy)
-            answer, bounce = -(fx * ty - fy * tx), -rebound * across
+            contact, bounce = -(fx * ty - fy * tx), -rebound * across
             # a bounce that the force ends within CONTACT_HOP is left out
-            if answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CONTACT_HOP:
+            if contact > 0.0 and mass * bounce * bounce < 2.0 * contact * CONTACT_HOP:
                 vx, vy = vx - bounce * ty, vy + bounce * tx
         else:
             # still hitting after MOST_CORNER_HITS: each hit took speed, none is left
             if rebound < 1.0:
                 vx, vy = 0.0, 0.0
-        if vx * vx + vy * vy <= small:
+        if vx * vx + vy * vy <= rest_squared:
             vx, vy = 0.0, 0.0
     jx, jy = apply_impulse(run, vx, vy)
     if jx != 0.0 or jy != 0.0:
         log_event(run, kind, tau, jx, jy)
     # speeds away from the corner, along the face after and along the face before
     forth, back = vx * bx + vy * by, -(vx * ax + vy * ay)
-    on_post = forth > 0.0 and abs(vx * by - vy * bx) <= tiny
-    on_pre = back > 0.0 and abs(vx * ay - vy * ax) <= tiny
+    on_post = forth > 0.0 and abs(vx * by - vy * bx) <= rounding
+    on_pre = back > 0.0 and abs(vx * ay - vy * ax) <= rounding
     if on_post or on_pre:
         fx, fy = operator_force(load, tau, x, y, vx, vy)
         # accelerations back into the corner on either face
         pull_post, pull_pre = -(fx * bx + fy * by) / mass, (fx * ax + fy * ay) / mass
         share = max(ax * bx + ay * by, 0.0)
-        first, pull, other = (forth, pull_post, pull_pre) if on_post else (back, pull_pre, pull_post)
+        speed, pull, other_pull = (forth, pull_post, pull_pre) if on_post else (back, pull_pre, pull_post)
         # speed along the other face after the next pass: `share` is the cosine of the corner's turn
-        then = first * share
-        if pull > 0.0 and other > 0.0 and max(first * first / pull, then * then / other) < 2.0 * CONTACT_HOP:
+        next_speed = speed * share
+        if (
+            pull > 0.0
+            and other_pull > 0.0
+            and max(speed * speed / pull, next_speed * next_speed / other_pull) < 2.0 * CONTACT_HOP
+        ):
             # The corner takes the same share of the speed at every pass: the passes' times are a geometric series.
-            wait = 2.0 * (first / pull + then / other) / (1.0 - share * share) if rebound == 0.0 else 0.0
+            wait = 2.0 * (speed / pull + next_speed / other_pull) / (1.0 - share * share) if rebound == 0.0 else 0.0
             settle_in_corner(run, joint, tau, wait, 0)
             return
         # it slides off along the face that its velocity lies in
@@ -308,25 +316,25 @@ def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) 
 
 
 @compiled
-def _watched_value(what: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
+def _watched_value(watched: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
     """Return the number whose change of sign is the event: speed, way to the piece's end, or contact force."""
     du, w, _, _ = slide_for(piece, slide, tau, h, load)
-    if what == TURN:
+    if watched == TURN:
         return w
-    if what == END:
+    if watched == END:
         return du - end
     return contact_force(piece, slide[0] + du, w, tau + h, load)[0]
 
 
 @compiled
-def _locate_event(what: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
+def _locate_event(watched: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
     """Return the time (s) within the step of h at which the watched number has just changed sign, to rounding.
 
     It is 0 if it had before.
     """
     low, high = 0.0, h
-    a = _watched_value(what, piece, slide, tau, low, end, load)
-    b = _watched_value(what, piece, slide, tau, high, end, load)
+    a = _watched_value(watched, piece, slide, tau, low, end, load)
+    b = _watched_value(watched, piece, slide, tau, high, end, load)
     if a * b >= 0.0:
         return 0.0
     positive, side_kept = a > 0.0, 0
@@ -334,7 +342,7 @@ def _locate_event(what: int, piece: Array, slide: Slide, tau: float, h: float, e
         middle = guess_between(low, high, a, b, i)
         if not low < middle < high:
             break
-        f = _watched_value(what, piece, slide, tau, middle, end, load)
+        f = _watched_value(watched, piece, slide, tau, middle, end, load)
         if f == 0.0:
             return middle
         # the Illinois rule: the value of an end that stays twice is halved
@@ -360,59 +368,59 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
     slide = (began, state[DU], w)
     piece = terrain.pieces[index]
     bilateral = load[BILATERAL] != 0.0
-    answer, along = contact_force(piece, began + state[DU], w, tau, load)
+    contact, along = contact_force(piece, began + state[DU], w, tau, load)
     # a contact force below zero would pull: the tool leaves
-    if not bilateral and answer < 0.0:
+    if not bilateral and contact < 0.0:
         _leave_boundary(run, tau)
         return 0.0
     h = longest_slide_step(terrain.paces[index], w, along, load, time_left)
-    du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
+    du, end_w, jx, jy = slide_for(piece, slide, tau, h, load)
     # a step shorter than rounding has no turn worth looking for
-    moves = 0.5 * (abs(w) + abs(w1)) * h > STEP_ROUNDING * (abs(state[X]) + abs(state[Y]))
-    if moves and w == 0.0 and abs(along) > 1e-9 * abs(contact_force(piece, began + du, w1, tau + h, load)[1]):
+    is_resolved = 0.5 * (abs(w) + abs(end_w)) * h > STEP_ROUNDING * (abs(state[X]) + abs(state[Y]))
+    if is_resolved and w == 0.0 and abs(along) > 1e-9 * abs(contact_force(piece, began + du, end_w, tau + h, load)[1]):
         # Out and back within the step: shorten it until it only goes out.
         for _ in range(60):
-            if w1 * along >= 0.0:
+            if end_w * along >= 0.0:
                 break
             h *= 0.5
-            du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
-    turned = moves and w * w1 < 0.0
+            du, end_w, jx, jy = slide_for(piece, slide, tau, h, load)
+    turned = is_resolved and w * end_w < 0.0
     # the tool stops: the step ends there, at rest
     if turned:
         h = _locate_event(TURN, piece, slide, tau, h, 0.0, load)
-        du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
-        w1 = 0.0
-    direction = w + w1
-    crossed = 0
+        du, end_w, jx, jy = slide_for(piece, slide, tau, h, load)
+        end_w = 0.0
+    direction = w + end_w
+    crossed_end = 0
     # the piece's ends, as du
     first, last = piece[U0] - began, piece[U1] - began
     # past an end of the piece, in the direction of the motion
     if piece[KIND] != UNBOUNDED and ((du >= last and direction > 0.0) or (du <= first and direction < 0.0)):
-        crossed = 1 if direction > 0.0 else -1
-        end = last if crossed == 1 else first
+        crossed_end = 1 if direction > 0.0 else -1
+        end = last if crossed_end == 1 else first
         # What has begun at the end, and got beyond it by less than rounding, stays there for the step.
         if du != end and (state[DU] != end or began + du != began + end):
             h = _locate_event(END, piece, slide, tau, h, end, load)
-            du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
+            du, end_w, jx, jy = slide_for(piece, slide, tau, h, load)
         du = end
     # the contact force changed its sign within the step: it leaves there
-    if not bilateral and contact_force(piece, began + du, w1, tau + h, load)[0] < 0.0:
+    if not bilateral and contact_force(piece, began + du, end_w, tau + h, load)[0] < 0.0:
         h = _locate_event(LIFT, piece, slide, tau, h, 0.0, load)
-        du, w1, jx, jy = slide_for(piece, slide, tau, h, load)
-        crossed = 0
+        du, end_w, jx, jy = slide_for(piece, slide, tau, h, load)
+        crossed_end = 0
         state[MODE] = FLIGHT
     x, y, tx, ty, _, _ = surface_frame(piece, began + du)
     mass = load[MASS]
     sums[0] += jx
     sums[1] += jy
     # the operator's impulse is the change of momentum less the contact's
-    sums[2] += mass * (w1 * tx - state[VX]) - jx
-    sums[3] += mass * (w1 * ty - state[VY]) - jy
-    state[DU], state[W], state[X], state[Y], state[VX], state[VY] = du, w1, x, y, w1 * tx, w1 * ty
+    sums[2] += mass * (end_w * tx - state[VX]) - jx
+    sums[3] += mass * (end_w * ty - state[VY]) - jy
+    state[DU], state[W], state[X], state[Y], state[VX], state[VY] = du, end_w, x, y, end_w * tx, end_w * ty
     if state[MODE] == FLIGHT:
         _leave_boundary(run, tau + h)
-    elif crossed != 0:
-        _pass_joint(run, crossed, tau + h)
+    elif crossed_end != 0:
+        _pass_joint(run, crossed_end, tau + h)
     return h
 
 
@@ -444,9 +452,9 @@ def _advance_flight(run: Run, tau: float, time_left: float) -> float:
     if load[SPRING] > 0.0:
         h = min(h, 0.2 * math.sqrt(load[MASS] / load[SPRING]))
     x, y, vx, vy = state[X], state[Y], state[VX], state[VY]
-    at, piece, u = first_entry(run.terrain, (x, y, vx, vy, tau), h, load, run.free)
-    hit = at <= h
-    h = min(at, h)
+    entry_time, piece, u = first_entry(run.terrain, (x, y, vx, vy, tau), h, load, run.free)
+    hit = entry_time <= h
+    h = min(entry_time, h)
     state[X], state[Y], state[VX], state[VY] = fly_for(x, y, vx, vy, tau, h, load)
     # in flight all of the change of momentum is the operator's
     run.sums[2] += load[MASS] * (state[VX] - vx)
@@ -467,12 +475,12 @@ def _advance_rest(run: Run, tau: float, time_left: float) -> float:
     for side in (1, -1):
         # the direction in which the tool would leave along either face
         tx, ty = (bx, by) if side == 1 else (-ax, -ay)
-        # the force along it is now + grows t: when does that become positive?
-        now, grows = fx * tx + fy * ty, gx * tx + gy * ty
-        if now > 0.0:
+        # the force along it is force + rate t: when does that become positive?
+        force, rate = fx * tx + fy * ty, gx * tx + gy * ty
+        if force > 0.0:
             h, exits = 0.0, side
-        elif now + grows * h > 0.0:
-            h, exits = -now / grows, side
+        elif force + rate * h > 0.0:
+            h, exits = -force / rate, side
     # the integral of a force linear in time; the contact takes all of it
     jx, jy = h * (fx + 0.5 * h * gx), h * (fy + 0.5 * h * gy)
     sums[0] -= jx

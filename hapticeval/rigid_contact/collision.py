@@ -88,10 +88,10 @@ def _cuts_and_pace(piece: Array) -> tuple[Array, float]:
     turning = (rows[:, 2] * rows[:, 5] - rows[:, 3] * rows[:, 4]) / speed**2
     # as many as keep the turn of each below CELL_TURN
     cells = math.ceil((end - start) * np.abs(turning).max() / CELL_TURN)
-    bend = turning / speed
+    curvature = turning / speed
     # d kappa / ds is zero on an arc
-    change = 0.0 if kind == ARC else float(np.abs(np.gradient(bend, us) / speed).max())
-    return np.linspace(start, end, max(cells, 2) + 1), max(float(np.abs(bend).max()), math.sqrt(change))
+    change = 0.0 if kind == ARC else float(np.abs(np.gradient(curvature, us) / speed).max())
+    return np.linspace(start, end, max(cells, 2) + 1), max(float(np.abs(curvature).max()), math.sqrt(change))
 
 
 def _cell_rows(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_end: bool) -> Array:
@@ -162,15 +162,15 @@ def height_over_cell(cell: Array, pieces: Array, x: float, y: float) -> tuple[fl
         px -= cell[OX]
         py -= cell[OY]
         # how fast the point of the boundary moves along the chord with u
-        run = tx * cell[EX] + ty * cell[EY]
-        slope = (tx * cell[EY] - ty * cell[EX]) / run
+        progress = tx * cell[EX] + ty * cell[EY]
+        slope = (tx * cell[EY] - ty * cell[EX]) / progress
         miss = xi - (px * cell[EX] + py * cell[EY])
         # first order in what is left to the point: the error goes with its square
         bottom = px * cell[EY] - py * cell[EX] + slope * miss
         if abs(miss) >= shift or miss == 0.0:
             break
         shift = abs(miss)
-        u = min(max(u + miss / run, cell[UA]), cell[UB])
+        u = min(max(u + miss / progress, cell[UA]), cell[UB])
     return eta - bottom, slope, u, overhang
 
 
@@ -243,14 +243,14 @@ def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, lo
         f_end = _height_in_flight(cell, pieces, flight, end, load)[0]
         # it goes below the skin on this part of the step
         if f >= -SKIN_DEPTH and f_end < -SKIN_DEPTH:
-            at = _crossing_time(cell, pieces, flight, start, end, SKIN_DEPTH, load)
+            entry_time = _crossing_time(cell, pieces, flight, start, end, SKIN_DEPTH, load)
             # A flight that began within the skin was on this face: its first crossing of the surface is rounding.
             if f > SKIN_DEPTH:
-                at = _crossing_time(cell, pieces, flight, start, at, 0.0, load)
-            _, _, u, overhang = _height_in_flight(cell, pieces, flight, at, load)
+                entry_time = _crossing_time(cell, pieces, flight, start, entry_time, 0.0, load)
+            _, _, u, overhang = _height_in_flight(cell, pieces, flight, entry_time, load)
             # through this cell, and not past its ends
             if -cell[REACH_A] <= overhang <= cell[REACH_B]:
-                return at, u
+                return entry_time, u
         if turn >= h:
             break
         start, f = end, f_end
@@ -279,7 +279,7 @@ def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Array, f
     if xmin > free[0] and xmax < free[1] and ymin > free[2] and ymax < free[3]:
         return math.inf, 0, 0.0
     # `room` is the gap to the nearest cell that the flight's box does not touch
-    room, when, where, u = math.inf, math.inf, 0, 0.0
+    room, first_time, first_piece, u = math.inf, math.inf, 0, 0.0
     for i in range(terrain.cells.shape[0]):
         cell = terrain.cells[i]
         # the boxes are apart by at least this
@@ -288,11 +288,11 @@ def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Array, f
             room = min(room, gap)
             continue
         room = 0.0
-        at, u_at = _entry_through_cell(cell, terrain.pieces, flight, h, load)
-        if at < when:
-            when, where, u = at, int(cell[PIECE]), u_at
+        entry_time, entry_u = _entry_through_cell(cell, terrain.pieces, flight, h, load)
+        if entry_time < first_time:
+            first_time, first_piece, u = entry_time, int(cell[PIECE]), entry_u
     # a cell was touched: no box is known to be free
     if room == 0.0:
         room = -math.inf
     free[0], free[1], free[2], free[3] = xmin - room, xmax + room, ymin - room, ymax + room
-    return when, where, u
+    return first_time, first_piece, u

@@ -129,9 +129,9 @@ class IdealContact:
         began, lasts, samples = _cut_into_stretches(time, knots, dt)
         # the knot before the middle of each stretch; -1 before the first: the force is held there
         segment = np.searchsorted(knots, began + 0.5 * lasts, side="right") - 1
-        known = np.maximum(segment, 0)
-        slope = np.where(segment[:, np.newaxis] < 0, 0.0, slopes[known])
-        value = values[known] + slope * (began - knots[known])[:, np.newaxis]
+        knot = np.maximum(segment, 0)
+        slope = np.where(segment[:, np.newaxis] < 0, 0.0, slopes[knot])
+        value = values[knot] + slope * (began - knots[knot])[:, np.newaxis]
         if led:
             # a spring to the hand's path: g0 = k y_d + d y_d', g1 = k y_d'
             value, slope = gains[SPRING] * value + gains[DAMPER] * slope, gains[SPRING] * slope

@@ -63,9 +63,9 @@ def contact_force(piece: Array, u: float, w: float, tau: float, load: Array) -> 
     (3.3) and (3.8) with the inward centripetal force.
     """
     # the normal is (ty, -tx), so that F.nu = fx ty - fy tx
-    x, y, tx, ty, _, bend = surface_frame(piece, u)
+    x, y, tx, ty, _, curvature = surface_frame(piece, u)
     fx, fy = operator_force(load, tau, x, y, w * tx, w * ty)
-    return -(fx * ty - fy * tx) - load[MASS] * bend * w * w, fx * tx + fy * ty
+    return -(fx * ty - fy * tx) - load[MASS] * curvature * w * w, fx * tx + fy * ty
 
 
 STAGES = np.array(
@@ -90,7 +90,7 @@ def slide_for(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> 
     On a piece (9,) from `slide`, `tau` (s) into the stretch of `load` (10,): one step of Butcher's method.
     """
     u, grown, w = slide
-    rates, out = np.empty((7, 4)), np.empty(4)  # du/dt, dw/dt and the contact force
+    rates, totals = np.empty((7, 4)), np.empty(4)  # du/dt, dw/dt and the contact force
     for k in range(7):
         du, dw = 0.0, 0.0
         for i in range(k):
@@ -98,19 +98,19 @@ def slide_for(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> 
             dw += STAGES[k, i] * rates[i, 1]
         # ds/dt at this stage
         pace = w + h * dw / STAGES[k, 6]
-        x, y, tx, ty, speed, bend = surface_frame(piece, u + (grown + h * du / STAGES[k, 6]))
+        x, y, tx, ty, speed, curvature = surface_frame(piece, u + (grown + h * du / STAGES[k, 6]))
         fx, fy = operator_force(load, tau + STAGES[k, 7] * h / STAGES[k, 8], x, y, pace * tx, pace * ty)
         # the contact force, as in `contact_force`
-        answer = -(fx * ty - fy * tx) - load[MASS] * bend * pace * pace
+        contact = -(fx * ty - fy * tx) - load[MASS] * curvature * pace * pace
         # du/dt = w / |c'(u)|, dw/dt = F_o.t / m
         rates[k, 0], rates[k, 1] = pace / speed, (fx * tx + fy * ty) / load[MASS]
         # the impulse grows by N nu
-        rates[k, 2], rates[k, 3] = answer * ty, -answer * tx
+        rates[k, 2], rates[k, 3] = contact * ty, -contact * tx
     for c in range(4):
         r = rates[:, c]
         # the method's weights: 11, 0, 81, 81, -32, -32, 11 over 120
-        out[c] = h * (11.0 * (r[0] + r[6]) + 81.0 * (r[2] + r[3]) - 32.0 * (r[4] + r[5])) / 120.0
-    return grown + out[0], w + out[1], out[2], out[3]
+        totals[c] = h * (11.0 * (r[0] + r[6]) + 81.0 * (r[2] + r[3]) - 32.0 * (r[4] + r[5])) / 120.0
+    return grown + totals[0], w + totals[1], totals[2], totals[3]
 
 
 @compiled

@@ -125,9 +125,9 @@ def _medial(surface: Boundary) -> Array:
     low, high = np.zeros(len(feet)), np.full(len(feet), size)
     for _ in range(60):
         middle = 0.5 * (low + high)
-        near = np.linalg.norm(surface.closest_point(feet - middle[:, np.newaxis] * normals).foot - feet, axis=1)
+        foot_error = np.linalg.norm(surface.closest_point(feet - middle[:, np.newaxis] * normals).foot - feet, axis=1)
         # is the foot still where the normal began, to the rounding of a foot?
-        nearest = near <= 1e-7 * size
+        nearest = foot_error <= 1e-7 * size
         low, high = np.where(nearest, middle, low), np.where(nearest, high, middle)
     return np.asarray(feet - low[:, np.newaxis] * normals)
 

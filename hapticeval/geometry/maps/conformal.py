@@ -401,7 +401,7 @@ def balance_centre(system: FactoredSystem, start: Array) -> Correspondence:
     """
     # each node's share of the arc length
     weights = np.abs(system.nodes.steps) / np.sum(np.abs(system.nodes.steps))
-    tiny = MOVE_ROUNDING * system.curve.length
+    least_move = MOVE_ROUNDING * system.curve.length
     current, last = solve_correspondence(system, start), np.inf
     for _ in range(MOST_NEWTON_STEPS):
         circle = np.exp(1j * current.angles[:-1:TABLE_STEPS])
@@ -421,9 +421,9 @@ def balance_centre(system: FactoredSystem, start: Array) -> Correspondence:
         # where the map's inverse takes w, by Cauchy's formula over the nodes
         move = np.sum(weighted * current.z) / np.sum(weighted) - np.sum(harmonic * current.z) / np.sum(harmonic)
         # a centre outside would have no map
-        while abs(move) > tiny and not system.curve.contains([_shifted(current.centre, move)])[0]:
+        while abs(move) > least_move and not system.curve.contains([_shifted(current.centre, move)])[0]:
             move *= 0.5
-        if abs(move) <= tiny:
+        if abs(move) <= least_move:
             break
         current, last = solve_correspondence(system, _shifted(current.centre, move)), abs(w)
     return current

@@ -145,8 +145,8 @@ def map_to_disk(disk: DiskTables, points: Array) -> Array:
             for lane in range(lanes):
                 dx, dy = x - xs[lane] + NODE_OFFSET, y - ys[lane]
                 # weight z_j' / (z_j - z): numerator sums it times f_j, denominator alone
-                near = 1.0 / (dx * dx + dy * dy)
-                wx, wy = (tx * dx + ty * dy) * near, (ty * dx - tx * dy) * near
+                inverse_squared = 1.0 / (dx * dx + dy * dy)
+                wx, wy = (tx * dx + ty * dy) * inverse_squared, (ty * dx - tx * dy) * inverse_squared
                 ax[lane] += wx * fx - wy * fy
                 ay[lane] += wx * fy + wy * fx
                 bx[lane] += wx
@@ -179,8 +179,8 @@ def map_to_angle(disk: DiskTables, px: float, py: float) -> float:
     for j in range(nodes.shape[0]):
         dx, dy = nodes[j, 0] - px + NODE_OFFSET, nodes[j, 1] - py
         tx, ty, fx, fy = nodes[j, 2], nodes[j, 3], nodes[j, 4], nodes[j, 5]
-        near = 1.0 / (dx * dx + dy * dy)
-        wx, wy = (tx * dx + ty * dy) * near, (ty * dx - tx * dy) * near
+        inverse_squared = 1.0 / (dx * dx + dy * dy)
+        wx, wy = (tx * dx + ty * dy) * inverse_squared, (ty * dx - tx * dy) * inverse_squared
         ax += wx * fx - wy * fy
         ay += wx * fy + wy * fx
         bx += wx

@@ -108,12 +108,12 @@ def active_columns(values: Array, h: float) -> IntArray:
     ny, nx = values.shape
     out = np.zeros((ny, 2), np.int64)
     # two cells more than are moved, for the differences there
-    near = (CELLS_BEHIND + 2.0) * h
+    limit = (CELLS_BEHIND + 2.0) * h
     for j in range(1, ny - 1):
         low, high = 1, nx - 1
-        while low < high and values[j, low] > near:
+        while low < high and values[j, low] > limit:
             low += 1
-        while high > low and values[j, high - 1] > near:
+        while high > low and values[j, high - 1] > limit:
             high -= 1
         out[j, 0], out[j, 1] = low, high
     return out
@@ -253,11 +253,11 @@ def sample_at_point(
     `values` (ny, nx), m, on cells of side h (m) from (x0, y0).
     """
     ny, nx = values.shape
-    across, up = (x - x0) / h, (y - y0) / h
+    column, row = (x - x0) / h, (y - y0) / h
     # away from the edge, where central differences reach over it
-    i = min(max(int(across), 1), nx - 3)
-    j = min(max(int(up), 1), ny - 3)
-    a, b = across - i, up - j
+    i = min(max(int(column), 1), nx - 3)
+    j = min(max(int(row), 1), ny - 3)
+    a, b = column - i, row - j
     value, gx, gy, kappa = 0.0, 0.0, 0.0, 0.0
     for dj in range(2):
         for di in range(2):
@@ -331,15 +331,15 @@ def keep_apart(points: Array, least_gap: float) -> int:
         # along the mean tangent: negative where two points have passed each other
         along = (dx * tx + dy * ty) / size
         gaps[k] = along if along < 2.0 * least_gap else math.hypot(dx, dy)
-    small, first = int(np.sum(gaps < least_gap)), int(np.argmax(gaps)) + 1
-    if small == 0:
+    too_small, first = int(np.sum(gaps < least_gap)), int(np.argmax(gaps)) + 1
+    if too_small == 0:
         return 0
     # pool adjacent violators: shifts must not fall from one point to the next
     mean, weight, pools = np.empty(n), np.empty(n), 0
-    places, at = np.empty(n), 0.0
+    places, place = np.empty(n), 0.0
     for m in range(n):
-        places[m] = at
-        at += gaps[(first + m) % n] - least_gap
+        places[m] = place
+        place += gaps[(first + m) % n] - least_gap
         mean[pools], weight[pools] = places[m], 1.0
         pools += 1
         # a shift that falls: both pools take their mean
@@ -355,4 +355,4 @@ def keep_apart(points: Array, least_gap: float) -> int:
             points[k, 0] += (mean[pool] - places[m]) * tangents[k, 0]
             points[k, 1] += (mean[pool] - places[m]) * tangents[k, 1]
             m += 1
-    return small
+    return too_small

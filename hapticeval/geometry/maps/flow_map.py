@@ -97,9 +97,9 @@ class FlowMap:
         array = checked_points(points)
         out = map_to_angles(self.chart, array)
         # in no cell: in the sliver between the curve and the chords of the first level, or off the map
-        off = np.flatnonzero(np.isnan(out))
-        if off.size:
-            out[off] = self._angles_of_nearest(array[off], off)
+        unmapped = np.flatnonzero(np.isnan(out))
+        if unmapped.size:
+            out[unmapped] = self._angles_of_nearest(array[unmapped], unmapped)
         return out
 
     def surface(self, angles: Array) -> Array:
