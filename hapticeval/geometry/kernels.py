@@ -26,8 +26,8 @@ from hapticeval.compiled import compiled
 from hapticeval.types import Array
 
 LINE, ARC, CASSINIAN, ELLIPSE, UNBOUNDED = 0.0, 1.0, 2.0, 3.0, 4.0
-# columns of a piece, see the table above
 KIND, U0, U1, A, B, C, D, E = range(8)
+"""Columns of a piece, see the table above."""
 PIECE_COLUMNS = 9
 
 

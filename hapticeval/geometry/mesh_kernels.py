@@ -1,22 +1,26 @@
 """Compiled queries of a closed triangle mesh: closest point and side, crossings of a segment, cones of normals.
 
-A mesh is three tables; indices in them are whole numbers in float64.
+A mesh is three tables; indices in them are whole numbers in float64. A row of `faces` (t, 9) is a triangle:
 
-- A row of `faces` (t, 9) is a triangle: the rows of its corners in `vertices`, anticlockwise seen from outside; the
-  rows of its neighbours across the edges from the first corner to the second, from there to the third, and back; its
-  outward unit normal.
-- A row of `vertices` (v, 6) is a position (m) and a unit pseudonormal: the mean of the normals of the triangles round
-  it by their angles there.
-- `tree` (2 m, 11), m a power of two, bounds runs of triangles by boxes (least x, y, z, largest x, y, z) and discs.
+- the rows of its corners in `vertices`, anticlockwise seen from outside;
+- the rows of its neighbours across the edges from the first corner to the second, from there to the third, and back;
+- its outward unit normal.
 
-Row 1 of the tree bounds all triangles, row i the halves 2 i and 2 i + 1, and row m + j, a leaf, those from j t // m up
-to (j + 1) t // m. Row 0 is not used.
+A row of `vertices` (v, 6) is a position (m) and a unit pseudonormal: the mean of the normals of the triangles round it
+by their angles there.
 
-Beside the box stands a disc about its middle: its unit normal, its radius (m) and half of its thickness (m), infinite
-for long runs.
+A row of `tree` (2 m, 11), m a power of two, bounds a run of triangles by a box (least x, y, z, largest x, y, z) and a
+disc:
 
-- A box of a slanted patch is as thick as the patch is wide, so that as many as sqrt(t) of them are no farther from a
-  point away from the mesh than the closest triangle.
+- row 0 is not used, and row 1 bounds all triangles;
+- row i has the halves 2 i and 2 i + 1;
+- row m + j is a leaf: the triangles from j t // m up to (j + 1) t // m.
+
+The disc stands about the box's middle: its unit normal, its radius (m) and half of its thickness (m), infinite for long
+runs.
+
+- A box of a slanted patch is as thick as the patch is wide: as many as sqrt(t) of them may be no farther from a point
+  away from the mesh than the closest triangle.
 - A disc is as thick as the patch is bent.
 
 Triangles lie in the order of the leaves, and vertices in that of their first use, so that neighbours share cache lines.

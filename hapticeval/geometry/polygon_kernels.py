@@ -1,9 +1,11 @@
 """Compiled queries of a simple anticlockwise polygon: nearest point, side, first crossing.
 
-Edge k runs from vertex k to vertex k + 1 (the last one back to vertex 0).
+Edge k runs from vertex k to vertex k + 1 (the last one back to vertex 0). The tree is one array (2 m, 6), m a power of
+two:
 
-The tree is one array (2 m, 6), m a power of two: row 1 is the whole outline, row i has the halves 2 i and 2 i + 1, and
-row m + j is a leaf that holds the edges from j n // m up to (j + 1) n // m. Row 0 is not used.
+- row 0 is not used, and row 1 is the whole outline;
+- row i has the halves 2 i and 2 i + 1;
+- row m + j is a leaf that holds the edges from j n // m up to (j + 1) n // m.
 
 A row bounds its run of edges by a capsule: no point of the run is farther than the radius from the straight chord
 between the run's ends.
@@ -11,7 +13,9 @@ between the run's ends.
     x, y of the chord's start; dx, dy to its end; 1 / (dx^2 + dy^2), or 0; radius
 
 Capsules, not boxes: along a smooth outline a run of length l strays from its chord by order l^2, where the slack of a
-box is of order l. So a query looks into a bounded number of runs of each length, and its cost grows as log n.
+box is of order l.
+
+So a query looks into a bounded number of runs of each length, and its cost grows as log n.
 """
 
 from __future__ import annotations

@@ -25,6 +25,7 @@ from hapticeval.types import Array
 
 SPHERE, ELLIPSOID, TORUS = 0.0, 1.0, 2.0
 KIND, FIRST, SECOND, THIRD = range(4)
+"""Places in `reals`: what the surface is, and its lengths (m)."""
 ROW_LENGTH = 4
 
 Triple: TypeAlias = tuple[float, float, float]

@@ -1,17 +1,15 @@
 """The tool between samples: each mode is carried to its next event or to the end of the stretch, and what events do.
 
-The state is an array (10,): MODE (FLIGHT, SLIDE or REST), PIECE on the boundary, U on it where the tool touched down or
-came from a joint and DU how much U has grown since, W = ds/dt, position, velocity, and in REST the joint whose corner
-holds the tool.
-
-Kept in one number, U + DU would lose the digits of hops in a corner, which become as short as its rounding, and of
-which each sets the speed of the next.
+The state is an array (10,), see the names of its places. Kept in one number, U + DU would lose the digits of hops in a
+corner, which become as short as its rounding, and of which each sets the speed of the next.
 
 Impacts, corners and coming to rest change the state at an instant, and every change of velocity adds its impulse to
 `sums`.
 
 Sequences of ever smaller hops (bounces with 0 < c_r < 1, slides up and down the faces of a notch) never end in number
-but do in time. A hop that stays within CONTACT_HOP of where it began is taken as contact: the tool slides or rests.
+but do in time.
+
+A hop that stays within CONTACT_HOP of where it began is taken as contact: the tool slides or rests.
 """
 
 from __future__ import annotations
@@ -46,6 +44,13 @@ from hapticeval.rigid_contact.motion import (
 from hapticeval.types import Array, IntArray
 
 MODE, PIECE, U, DU, W, X, Y, VX, VY, JOINT = range(10)
+"""Places in the tool's state (10,).
+
+- MODE: FLIGHT, SLIDE or REST;
+- PIECE of the boundary, U on it where the tool touched down or came from a joint, DU how much U has grown since;
+- W = ds/dt (m/s), position (X, Y), m, and velocity (VX, VY), m/s;
+- JOINT: in REST the joint whose corner holds the tool.
+"""
 STATE_SIZE = 10
 FLIGHT, SLIDE, REST = 0.0, 1.0, 2.0
 IMPACT, LEAVE, CORNER, STOP = range(4)
@@ -286,8 +291,9 @@ def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) 
     It rests while the force points into the corner's zone (thesis 3.2.1). Else it goes along the face on which the
     force drives it away, or off both.
 
-    `wait` (s) is what an unending sequence of hops still takes: the event is logged at its end. `exits` is 1 or -1 when
-    the force is just leaving the zone towards the face after or before, where its sign is rounding; else 0.
+    - `wait` (s) is what an unending sequence of hops still takes: the event is logged at its end.
+    - `exits` is 1 or -1 when the force is just leaving the zone towards the face after or before, where its sign is
+      rounding; else 0.
     """
     state, load = run.state, run.load
     before, pre, post, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)

@@ -35,12 +35,22 @@ TIP_REACH = 1e-15
 dropped straight onto the tip fall between the two faces."""
 
 PIECE, UA, UB, OX, OY, EX, EY, SPAN, SLOPE_A, SLOPE_B, REACH_A, REACH_B, XMIN, XMAX, YMIN, YMAX = range(16)
+"""Columns of a cell.
+
+- PIECE it lies on, and its range of u from UA to UB;
+- start of the chord (OX, OY), m, its unit direction (EX, EY) and its length SPAN (m);
+- SLOPE_A and SLOPE_B of the boundary over the chord at both ends;
+- how far (m) it reaches beyond its ends, REACH_A and REACH_B;
+- a box (m) that holds it.
+"""
 CELL_COLUMNS = 16
 
 SKIN_DEPTH = 1e-13
-"""Depth (m) from which a tool in flight counts as inside: above the rounding of positions up to 100 m, so that a
-tool that has just left the surface, or bounced, does not collide with it again. The collision itself is located
-where the depth is zero."""
+"""Depth (m) from which a tool in flight counts as inside: above the rounding of positions up to 100 m.
+
+So a tool that has just left the surface, or bounced, does not collide with it again. The collision itself is located
+where the depth is zero.
+"""
 
 
 class BoundaryCells(NamedTuple):

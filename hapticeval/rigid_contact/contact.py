@@ -73,11 +73,12 @@ class IdealContact:
     def simulate(self, stimulus: Stimulus, dt: float) -> Recording:
         """Return the tool's motion, sampled every `dt` seconds.
 
-        An `Experiment` pushes the tool, and its hand draws it by its own spring.
+        - An `Experiment` pushes the tool, and its hand draws it by its own spring.
+        - Along a `Path` the hand holds it through the critically damped spring F_o = K (path - y) + 2 sqrt(K m) (path'
+          - y') with the scene's stiffness.
 
-        Along a `Path` the hand holds it through the critically damped spring F_o = K (path - y) + 2 sqrt(K m) (path' -
-        y') with the scene's stiffness. The tool starts on the path with the path's velocity, or, if that is inside the
-        model or the scene is bilateral, at rest on the nearest point of the boundary.
+        The tool starts on the path with the path's velocity, or, if that is inside the model or the scene is bilateral,
+        at rest on the nearest point of the boundary.
 
         Channels:
 

@@ -4,9 +4,13 @@ The operator's force on the tool is, within one stretch of time,
 
     F_o = g0 + g1 tau - k y - d y',      tau from the start of the stretch,
 
-with k = d = 0 in an experiment without a hand, the hand's own spring in one with a hand, and a critically damped one,
-d = 2 sqrt(k m), when the hand is led along a path.
-A stretch's numbers are an array `load` (see the column names below).
+and k and d are
+
+- zero in an experiment without a hand;
+- those of the hand's own spring in one with a hand;
+- a critically damped spring's, d = 2 sqrt(k m), when the hand is led along a path.
+
+A stretch's numbers are an array `load`, see the names of its places.
 """
 
 from __future__ import annotations
@@ -21,15 +25,22 @@ from hapticeval.geometry.kernels import evaluate
 from hapticeval.types import Array
 
 G0X, G0Y, G1X, G1Y, SPRING, DAMPER, MASS, RESTITUTION, BILATERAL, BEGAN = range(10)
+"""Places in a `load` (10,).
+
+g0 (N) and g1 (N/s) by axis, the spring's k (N/m), the damper's d (N s/m), the tool's mass (kg), the coefficient of
+restitution, 1 if the boundary holds the tool from both sides, and when the stretch began (s).
+"""
 LOAD_SIZE = 10
 
 Slide: TypeAlias = tuple[float, float, float]
 """A slide under way: u where it began, how much u has grown since, and w = ds/dt (m/s)."""
 
 LONGEST_STEP = 0.1
-"""Longest step of the sliding motion, in units of its own pace: the spring's 1 / omega, or the time in which the
-boundary changes its direction by one radian. The order of the method (six) then leaves errors of some 1e-12 m
-and 1e-10 m/s on a 0.2 m model."""
+"""Longest step of the sliding motion, in units of its own pace.
+
+That is the spring's 1 / omega, or the time in which the boundary changes its direction by one radian. The order of the
+method (six) then leaves errors of some 1e-12 m and 1e-10 m/s on a 0.2 m model.
+"""
 
 
 @compiled

@@ -158,8 +158,9 @@ def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
     """Return the conformal map of a closed curve's inside, its centre the conformal barycentre of the arc length.
 
     The `nodes` on the boundary are doubled until densities change by less than a twentieth of themselves, or are as
-    many as given (rounded down to a multiple of four on each piece). Given numbers are used even where they resolve
-    little; `error` and `blur` then show it.
+    many as given (rounded down to a multiple of four on each piece).
+
+    Given numbers are used even where they resolve little; `error` and `blur` then show it.
 
     Raises `CrowdingError` where double precision is exhausted, `RefusalError` for outlines of more detail than 2560
     nodes resolve and for an unbounded curve, and `InputError` for numbers of nodes that are no use.
