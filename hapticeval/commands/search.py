@@ -266,13 +266,13 @@ def _draw_counterexample(
     from hapticeval.reports.canvas import in_style, save_figure
     from hapticeval.reports.run_figure import Mark, run_figure
     from hapticeval.search.counterexample import line
-    from hapticeval.search.trial import RENDERER, Bench, Stopped, recorded
+    from hapticeval.search.trial import RENDERER, Bench, Stopped, record_case
 
     if counterexample.fault.check == RENDERER:
         return []
     try:
         with Bench(counterexample.renderer, counterexample.seed, over) as bench:
-            recording = bench.call_in_case(counterexample.case, recorded, counterexample.case)
+            recording = bench.call_in_case(counterexample.case, record_case, counterexample.case)
     except Stopped:
         return None
     if recording is None:

@@ -13,21 +13,21 @@ from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, Verdict
 
 @dataclass(frozen=True)
 class RunStarted:
-    """Before the first job: how much is planned."""
+    """The first event: how much is planned."""
 
     planned_verdicts: int
     planned_jobs: int
     kept_jobs: int = 0
-    """Of these, finished in an earlier run that this one resumes: they are not reported again."""
+    """Jobs that an earlier run has finished which this one resumes: they are not reported again."""
     jobs_of: Mapping[str, int] = field(default_factory=dict)
     """How many jobs of each suite are to be reported."""
     notes: tuple[str, ...] = ()
-    """What the list of known failures has about renderers that do not run, and failures without a size."""
+    """Remarks on the list of known failures: renderers that do not run, and failures without a size."""
 
 
 @dataclass(frozen=True)
 class JobFinished:
-    """One renderer has gone through one case; `error` is what stopped it, `recording` its run if no file keeps it."""
+    """One renderer has gone through one case; `error` is what stopped it, `recording` its run where no file has it."""
 
     run: RunEntry
     verdicts: tuple[VerdictEntry, ...]
@@ -37,7 +37,7 @@ class JobFinished:
 
 @dataclass(frozen=True)
 class AtWork:
-    """Now and then while runs take long: how many have ended, and which have begun, the oldest `seconds` ago first."""
+    """A sign of life while runs take long: how many have ended, and which are at work, the first since `seconds`."""
 
     finished_jobs: int
     runs: tuple[RunKey, ...]
@@ -46,7 +46,7 @@ class AtWork:
 
 @dataclass(frozen=True)
 class Interrupted:
-    """After the user's interrupt: no further job begins, and the `begun` ones are finished, or killed `at_once`."""
+    """The user has interrupted: no further job begins, those that have `begun` are finished, or killed `at_once`."""
 
     begun: int
     at_once: bool = False
@@ -54,14 +54,14 @@ class Interrupted:
 
 @dataclass(frozen=True)
 class RunFinished:
-    """After the last job, or after the user's interrupt: the results as they stand on disk."""
+    """The last event: the results as they are on disk, complete or not."""
 
     results: ResultsDocument
 
 
 @dataclass(frozen=True)
 class WorkerRefused:
-    """A worker of a cluster is given no job, and why."""
+    """A worker of a cluster gets no job, and why."""
 
     worker: str
     why: str

@@ -223,7 +223,7 @@ def _declared_form(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> str
 
 
 def _answers_the_hip(scene: Scene) -> bool:
-    """Whether a renderer in a closed loop answers what a path of the recorded HIPs asks: exact places, no velocity."""
+    """Whether a path of the recorded HIPs asks a renderer the same as the closed loop: exact places and no velocity."""
     return scene.damping == 0.0 and not any(effect.stage is Stage.SENSE for effect in scene.effects)
 
 
@@ -397,6 +397,7 @@ def _with_region(finding: Finding, base: Recording, scene: Scene) -> Finding:
 
 
 def _end_of(ended: Mapping[str, Any]) -> str:
+    """Return in words when and why a run ended early."""
     return f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
 
 

@@ -57,7 +57,7 @@ class Plan:
 
     @property
     def planned(self) -> int:
-        """Number of verdicts."""
+        """Number of verdicts that the jobs are to give."""
         return sum(len(job.case.checks) for job in self.jobs)
 
     def failed_first(self, earlier: ResultsDocument) -> Plan:

@@ -183,7 +183,7 @@ class Search:
         self._waiting.append((failing_case, shrink, is_small))
 
     def _settle(self, open_checks: list[str]) -> None:
-        """Shrink all queued failures, by turns, and take from `left` the checks that are good enough now."""
+        """Shrink all queued failures, by turns, and take from `open_checks` those that are done with."""
         waiting, self._waiting = self._waiting, []
         # A turn of a few trials for each first, so that none waits for one that is hard to shrink.
         for most_trials in (TRIALS_PER_TURN, MOST_TRIALS):

@@ -257,6 +257,7 @@ def _whole_ticks(seconds: float) -> float:
 
 
 def _without_tremor(case: Case) -> Iterator[Case]:
+    """Leave out the tremor, where there is one."""
     moves = _moves(case)
     if moves.tremor is not None:
         yield _with_moves(case, replace(moves, tremor=None))
@@ -360,6 +361,7 @@ def _speeds(moves: Moves) -> Sequence[float]:
 
 
 def _at_speeds(case: Case, speeds: Sequence[float]) -> Iterator[Case]:
+    """Give all moves one of the speeds (m/s) after the other, where all are even."""
     moves = _moves(case)
     points = _points(moves)
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1).tolist()

@@ -211,7 +211,7 @@ class Bench:
 
 
 def patience_for(seconds: float, slowest: float, prepared: float | None) -> float:
-    """Return how many seconds a renderer may give no answer in a case of so many `seconds`.
+    """Return for how many seconds a renderer may be silent in a case of so many `seconds`.
 
     `slowest` is the longest that it took before for a second of a case, 0.0 if it has answered none on a model that
     it knew; `prepared` what its first case on that model took, None if there was none.
@@ -265,14 +265,14 @@ def _try_case(renderer: str, seed: int, case: Case) -> TrialResult:
 
 
 def _seconds(case: Case) -> float:
-    """Return how long the path of a case, or its experiment, takes, s; a tenth at least, as much besides costs time."""
+    """Return the duration of a case's path or experiment, s: 0.1 at least, as all else in a trial takes time too."""
     if isinstance(case.trajectory, Moves):
         return max(0.1, case.trajectory.seconds)
     return 1.0 if case.experiment is None else max(0.1, case.experiment.duration)
 
 
-def recorded(renderer: str, seed: int, case: Case) -> Recording | None:
-    """Return what the renderer does in a case; None where it breaks."""
+def record_case(renderer: str, seed: int, case: Case) -> Recording | None:
+    """Return the recording of a renderer in a case, without checks; None where it breaks."""
     seed_all(seed)
     return judge(factory_of(renderer), renderer, SUITE, replace(case, checks=())).recording
 

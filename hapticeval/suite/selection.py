@@ -88,12 +88,14 @@ class _Expression:
         self._tokens = re.findall(r"[()]|[^\s()]+", text)
 
     def places(self) -> Places:
+        """Return the places that the expression selects. Raises `InputError` and `NothingSelectedError`."""
         places = self._parse_alternatives()
         if self._tokens:
             raise self._syntax_error(f"'{self._tokens[0]}' follows without 'and' or 'or'")
         return places
 
     def _parse_alternatives(self) -> Places:
+        """Parse operands that `and` and `or` join, up to the end or a parenthesis; return what they select."""
         # `or` binds less than `and`, and `and` less than `not`.
         return self._parse_sequence(
             "or", lambda: self._parse_sequence("and", self._parse_operand, Places.__and__), Places.__or__
@@ -102,6 +104,7 @@ class _Expression:
     def _parse_sequence(
         self, word: str, part: Callable[[], Places], join: Callable[[Places, Places], Places]
     ) -> Places:
+        """Parse one `part` or several with a `word` between them, and return what they select, joined."""
         places = part()
         while self._tokens[:1] == [word]:
             del self._tokens[0]
@@ -109,6 +112,7 @@ class _Expression:
         return places
 
     def _parse_operand(self) -> Places:
+        """Parse a glob, a parenthesis, or `not` before one of these; return what it selects."""
         token = self._tokens.pop(0) if self._tokens else ""
         if token == "not":
             return self._everything - self._parse_operand()
@@ -125,6 +129,7 @@ class _Expression:
         return self._places_matching(token)
 
     def _places_matching(self, glob: str) -> Places:
+        """Return the places that a glob matches. Raises `NothingSelectedError` where there are none."""
         # The name itself first: a word that is a case's name does not mean those that contain it.
         globs = [glob] if "/" in glob or re.search(r"[*?\[]", glob) else [glob, f"*{glob}*"]
         for pattern in globs:
