@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hapticeval.devices.criteria import cartesian_inertia
-from hapticeval.devices.parallelogram import BASE_LIMIT, EDGES, Parallelogram, Parallelogram2, Parallelogram3, corners
+from hapticeval.devices.parallelogram import (
+    BASE_LIMIT,
+    EDGES,
+    Parallelogram,
+    Parallelogram2,
+    Parallelogram3,
+    corner_angles,
+)
 from hapticeval.devices.workspace import lattice
 from hapticeval.errors import DomainError
 from hapticeval.quantity import quantity
@@ -133,7 +140,7 @@ def _draw_top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
 
 def _draw_joint_space(axes: Axes, device: Parallelogram, joints: Array) -> None:
     """The limits of the linkage's joints, and the singular curve between them."""
-    ends = corners()
+    ends = corner_angles()
     axes.fill(*ends.T, facecolor=PALETTE["inside"], edgecolor="none")
     if isinstance(device, Parallelogram3):
         shoulder, elbow = np.meshgrid(np.linspace(-2.1, 2.5, 300), np.linspace(-1.1, 2.4, 300))

@@ -20,7 +20,7 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.validate import checked_number
 
-TABLE_A1 = tuple(each.name for each in fields(ParallelogramParameters))
+TABLE_A1 = tuple(field.name for field in fields(ParallelogramParameters))
 
 
 def point_mass(mass: float, dimension: int = 2) -> PointMass:
@@ -66,13 +66,13 @@ def make_device(kind: str, **parameters: Any) -> Device:
     if kind not in DEVICES:
         raise UnknownNameError("device", kind, DEVICES)
     known = parameters_of(kind)
-    for given in parameters:
-        if given not in known:
-            raise UnknownNameError(f"parameter of device '{kind}'", given, known)
+    for parameter in parameters:
+        if parameter not in known:
+            raise UnknownNameError(f"parameter of device '{kind}'", parameter, known)
     for name, choices in (("dynamics", Dynamics), ("base_inertia", BaseInertia)):
         if name in parameters and parameters[name] not in list(choices):
             raise UnknownNameError(f"{name} of device '{kind}'", str(parameters[name]), choices)
-    _refuse_lacking(kind, parameters, lambda name: f"give {name}, for instance {name} = 0.1")
+    _require_parameters(kind, parameters, lambda name: f"give {name}, for instance {name} = 0.1")
     return DEVICES[kind](**parameters)
 
 
@@ -81,29 +81,30 @@ def device_named(text: str) -> Device:
 
     Raises `InputError` for what is not written so, and as `make_device` does.
     """
-    kind, _, rest = text.partition(":")
+    kind, _, settings = text.partition(":")
     parameters: dict[str, float | str] = {}
-    for part in rest.split(",") if rest else []:
-        name, equals, value = (each.strip() for each in part.partition("="))
+    for part in settings.split(",") if settings else []:
+        name, equals, value = (text_part.strip() for text_part in part.partition("="))
         if not (name and equals and value):
             raise InputError(
                 f"device '{text}': '{part}' is not name=value", todo="write for instance parallelogram-3dof:b1=0.4"
             )
-        try:
+        try:  # a number, or else a word such as `lagrangian`
             parameters[name] = float(value)
         except ValueError:
             parameters[name] = value
     if kind in DEVICES:
-        start = f"{text.rstrip(':')}{',' if rest else ':'}"
-        _refuse_lacking(kind, parameters, lambda name: f"write for instance {start}{name}=0.1")
+        # refused here as on a command line, before `make_device` words it as for a suite file
+        start = f"{text.rstrip(':')}{',' if settings else ':'}"
+        _require_parameters(kind, parameters, lambda name: f"write for instance {start}{name}=0.1")
     return make_device(kind, **parameters)
 
 
-def _refuse_lacking(kind: str, given: Mapping[str, Any], todo: Callable[[str], str]) -> None:
+def _require_parameters(kind: str, parameters: Mapping[str, Any], todo: Callable[[str], str]) -> None:
     """Raise `InputError` for the first parameter that a device of the catalogue lacks and cannot do without."""
     for name, parameter in inspect.signature(DEVICES[kind]).parameters.items():
         required = parameter.default is inspect.Parameter.empty and parameter.kind is not inspect.Parameter.VAR_KEYWORD
-        if required and name not in given:
+        if required and name not in parameters:
             raise InputError(f"device '{kind}' lacks the parameter '{name}'", todo=todo(name))
 
 

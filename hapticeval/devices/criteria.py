@@ -43,9 +43,9 @@ class Peak(NamedTuple):
 class Spread(NamedTuple):
     """A criterion over the workspace."""
 
-    least: float
+    smallest: float
     median: float
-    greatest: float
+    largest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class Criteria:
 
 
 def criteria(device: Device, joints: ArrayLike, *, torque_limit: float | None = None) -> Criteria:
-    """Compute all criteria at a pose of the functional configuration space.
+    """Compute all criteria at a pose of the functional configuration space, `joints` (N,), rad or m.
 
     `torque_limit` (N m; N for the point mass) holds for each motor. Raises `DomainError` for a pose outside,
     `InputError` for numbers that are no such quantities.
@@ -109,43 +109,51 @@ def criteria(device: Device, joints: ArrayLike, *, torque_limit: float | None = 
 
 
 def cartesian_inertia(device: Device, joints: ArrayLike) -> Array:
-    """Return M̂ = J⁻ᵀ M J⁻¹ of (2.9), (N, N), kg. Raises `DomainError` outside of the functional configuration space."""
-    pose = checked_joints(device, joints)
-    inverse = np.linalg.inv(device.jacobian(pose))
-    product: Array = inverse.T @ device.inertia(pose) @ inverse
-    return 0.5 * (product + product.T)
-
-
-def cartesian_damping(device: Device, joints: ArrayLike) -> Array:
-    """Return B̂ = J⁻ᵀ b J⁻¹ of (2.9) at rest, (N, N), N s/m; b q̇ is the part of the bias that is linear in the rates.
+    """Return the mass that the hand feels in each direction at `joints` (N,): M̂ = J⁻ᵀ M J⁻¹ of (2.9), (N, N), kg.
 
     Raises `DomainError` outside of the functional configuration space.
     """
     pose = checked_joints(device, joints)
     inverse = np.linalg.inv(device.jacobian(pose))
+    product: Array = inverse.T @ device.inertia(pose) @ inverse
+    return 0.5 * (product + product.T)  # symmetric to the last bit, as `eigh` reads one half of it only
+
+
+def cartesian_damping(device: Device, joints: ArrayLike) -> Array:
+    """Return the damping that the hand feels at rest at `joints` (N,): B̂ = J⁻ᵀ b J⁻¹ of (2.9), (N, N), N s/m.
+
+    b q̇ is the part of the bias that is linear in the rates. Raises `DomainError` outside of the functional
+    configuration space.
+    """
+    pose = checked_joints(device, joints)
+    inverse = np.linalg.inv(device.jacobian(pose))
     units = np.eye(device.dimension)
-    resisting = np.column_stack([0.5 * (device.bias(pose, unit) - device.bias(pose, -unit)) for unit in units])
-    return np.array(inverse.T @ resisting @ inverse)
+    # the odd part of the bias: its velocity terms are quadratic, and even
+    damping_torques = np.column_stack([0.5 * (device.bias(pose, unit) - device.bias(pose, -unit)) for unit in units])
+    return np.array(inverse.T @ damping_torques @ inverse)
 
 
 def position_resolution(device: Device, joints: ArrayLike) -> Array:
-    """Return |J| δq, (N,), m: how far one count of all encoders at once moves each measured coordinate at most."""
+    """Return how far one count of all encoders moves each measured coordinate at most: |J| δq, (N,), m.
+
+    `joints` (N,) are in rad, or m for the point mass.
+    """
     return np.array(np.abs(device.jacobian(checked_joints(device, joints))).sum(axis=1) * ENCODER_STEP)
 
 
 def peak_force(device: Device, joints: ArrayLike, torque_limit: float) -> Peak:
-    """Return the forces F = J⁻ᵀ τ (2.6) that can be held with |τᵢ| ≤ `torque_limit` (N m; N for the point mass).
+    """Return the forces, N, that motors can hold at `joints` (N,): F = J⁻ᵀ τ (2.6) with |τᵢ| ≤ `torque_limit`.
 
-    Raises `DomainError` outside of the functional configuration space.
+    That is in N m, in N for the point mass. Raises `DomainError` outside of the functional configuration space.
     """
     pose = checked_joints(device, joints)
     return _peak(device.jacobian(pose).T, torque_limit)
 
 
 def peak_acceleration(device: Device, joints: ArrayLike, torque_limit: float) -> Peak:
-    """Return the accelerations ÿ = J M⁻¹ τ, m/s², from rest with |τᵢ| ≤ `torque_limit` (N m; N for the point mass).
+    """Return the accelerations from rest, m/s², that motors give at `joints` (N,): ÿ = J M⁻¹ τ, |τᵢ| ≤ `torque_limit`.
 
-    Raises `DomainError` outside of the functional configuration space.
+    That is in N m, in N for the point mass. Raises `DomainError` outside of the functional configuration space.
     """
     pose = checked_joints(device, joints)
     return _peak(device.inertia(pose) @ np.linalg.inv(device.jacobian(pose)), torque_limit)
@@ -156,16 +164,17 @@ def _peak(torques_of: Array, limit: float) -> Peak:
     if not math.isfinite(limit) or limit <= 0.0:
         raise InputError(f"torque_limit = {limit!r} N m", why="it must be finite and positive")
     lengths = np.linalg.norm(torques_of, axis=1)
-    weakest = int(np.argmax(lengths))
+    weakest_row = int(np.argmax(lengths))
     torques = np.array(list(itertools.product((-limit, limit), repeat=len(lengths))))
+    # the polytope's corners are those of the cube of torques
     corners = np.linalg.solve(torques_of, torques.T).T
     sizes = np.linalg.norm(corners, axis=1)
-    strongest = int(np.argmax(sizes))
+    strongest_corner = int(np.argmax(sizes))
     return Peak(
-        float(limit / lengths[weakest]),
-        torques_of[weakest] / lengths[weakest],
-        float(sizes[strongest]),
-        corners[strongest] / sizes[strongest],
+        float(limit / lengths[weakest_row]),
+        torques_of[weakest_row] / lengths[weakest_row],
+        float(sizes[strongest_corner]),
+        corners[strongest_corner] / sizes[strongest_corner],
         corners,
     )
 
@@ -177,20 +186,20 @@ def over_workspace(device: Device, *, torque_limit: float | None = None) -> dict
     `stiffest` (N/m, the least K_max), `resolution` (m, the coarsest coordinate), `manipulability`, and with a torque
     limit `force` (N) and `acceleration` (m/s²) in every direction. Nearer to a singularity M̂ grows without bound.
     """
-    found: dict[str, list[float]] = {}
+    values_of: dict[str, list[float]] = {}
     for joints in lattice(device, clearance=CLEARANCE):
-        at = criteria(device, joints, torque_limit=torque_limit)
+        at_pose = criteria(device, joints, torque_limit=torque_limit)
         values = {
-            "lightest": at.masses[0],
-            "heaviest": at.masses[-1],
-            "anisotropy": at.anisotropy,
-            "damping": at.resistances[0],
-            "stiffest": at.stiffest[0],
-            "resolution": at.resolution.max(),
-            "manipulability": at.manipulability,
+            "lightest": at_pose.masses[0],
+            "heaviest": at_pose.masses[-1],
+            "anisotropy": at_pose.anisotropy,
+            "damping": at_pose.resistances[0],
+            "stiffest": at_pose.stiffest[0],
+            "resolution": at_pose.resolution.max(),
+            "manipulability": at_pose.manipulability,
         }
-        if at.force is not None and at.acceleration is not None:
-            values |= {"force": at.force.worst, "acceleration": at.acceleration.worst}
+        if at_pose.force is not None and at_pose.acceleration is not None:
+            values |= {"force": at_pose.force.worst, "acceleration": at_pose.acceleration.worst}
         for name, value in values.items():
-            found.setdefault(name, []).append(float(value))
-    return {name: Spread(min(each), float(np.median(each)), max(each)) for name, each in found.items()}
+            values_of.setdefault(name, []).append(float(value))
+    return {name: Spread(min(values), float(np.median(values)), max(values)) for name, values in values_of.items()}

@@ -36,6 +36,7 @@ class Limit(NamedTuple):
     @classmethod
     def between(cls, what: str, value: float, low: float, high: float, *, scale: float = 1.0) -> Limit:
         """Make the limit of an angle between `low` and `high`; `scale` makes joint-space distance of its excess."""
+        # the nearer of both ends, and how far the value is inside of it
         slack, end = min((value - low, low), (high - value, high))
         side = "within" if slack > 0.0 else "beyond" if slack < 0.0 else "from, that is on,"
         text = f"{what} = {_angle(value)} is {_angle(abs(slack))} {side} its limit of {_angle(end)}"
@@ -82,32 +83,44 @@ class Device(Protocol):
         """The same device for compiled loops."""
 
     def position(self, joints: Array) -> Array:
-        """Forward kinematics w (2.3): (N,), m."""
+        """Return where the hand is at `joints` (N,), rad or m: w of (2.3), (N,), m."""
 
     def joints(self, position: Array) -> Array:
-        """Inverse kinematics: (N,). Raises `DomainError` for a position outside the functional workspace."""
+        """Return the joints (N,), rad or m, with which the hand is at `position` (N,), m.
+
+        Raises `DomainError` for a position outside the functional workspace.
+        """
 
     def jacobian(self, joints: Array) -> Array:
-        """J = dw/dq (2.4): (N, N)."""
+        """Return how the hand moves with the `joints` (N,): J = dw/dq (2.4), (N, N), m per rad or per m."""
 
     def inertia(self, joints: Array) -> Array:
-        """M(q): (N, N)."""
+        """Return the inertia M(q) at `joints` (N,): (N, N), kg m² or kg."""
 
     def bias(self, joints: Array, rates: Array) -> Array:
-        """C(q, q̇) q̇ + b q̇ + g: (N,), so that M q̈ + bias = τ."""
+        """Return the torques that keep `rates` (N,) at `joints` (N,): C(q, q̇) q̇ + b q̇ + g, (N,), N m or N.
+
+        With them M q̈ + bias = τ.
+        """
 
     def limits(self, joints: Array) -> tuple[Limit, ...]:
-        """What bounds the functional configuration space (Definition 2.4), as seen from `joints`; empty if nothing."""
+        """Return what bounds the functional configuration space (Definition 2.4), as seen from `joints` (N,), rad or m.
+
+        Empty if nothing does.
+        """
 
     def margin(self, joints: Array) -> float:
-        """How far inside the functional configuration space: positive inside, zero on its edge.
+        """Return how far inside the functional configuration space `joints` (N,) are, rad: zero on its edge.
 
-        The smallest distance of `limits` (rad); infinite for the point mass.
+        That is the smallest distance of `limits`, negative beyond one; infinite for the point mass.
         """
 
 
 def checked_vector(device: Device, values: ArrayLike, what: str = "joints", *, finite: bool = True) -> Array:
-    """Return `values` as a new (N,) float64 array. Raises `InputError` where they are not N (finite) numbers."""
+    """Return what a caller gave for a device's joints or position as a new float64 array (N,), rad or m.
+
+    `what` names it in messages. Raises `InputError` where `values` are not N numbers, or not finite unless they may be.
+    """
     try:
         vector = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -121,7 +134,7 @@ def checked_vector(device: Device, values: ArrayLike, what: str = "joints", *, f
 
 
 def checked_joints(device: Device, joints: ArrayLike) -> Array:
-    """Return `joints` as (N,) float64 if they lie in the functional configuration space.
+    """Return `joints` as a float64 array (N,), rad or m, if they lie in the functional configuration space.
 
     Raises `InputError` where they are not N finite numbers, and `DomainError` outside or on the edge, which is open
     (Definition 2.4): it names the limit, and by how much it is passed, in rad and degrees.
@@ -129,6 +142,7 @@ def checked_joints(device: Device, joints: ArrayLike) -> Array:
     vector = checked_vector(device, joints)
     if device.margin(vector) > 0.0:
         return vector
+    # the limit that is passed by most is the one to name
     worst = min(device.limits(vector), key=lambda limit: limit.distance, default=None)
     if worst is not None and worst.distance <= 0.0:
         raise DomainError(
@@ -146,8 +160,8 @@ def apparent_mass(device: Device, position: Array, normal: Array) -> float:
     That is 1 / (n' J M⁻¹ J' n), of (4.21) with J_n = n' J. Raises `DomainError` where the device does not reach.
     """
     joints = device.joints(position)
-    along = device.jacobian(joints).T @ normal
-    return 1.0 / float(along @ np.linalg.solve(device.inertia(joints), along))
+    joint_normal = device.jacobian(joints).T @ normal
+    return 1.0 / float(joint_normal @ np.linalg.solve(device.inertia(joints), joint_normal))
 
 
 def heaviest_mass(device: Device, position: Array) -> float:

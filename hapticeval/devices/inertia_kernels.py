@@ -22,27 +22,27 @@ inverse, kinematics2, kinematics3, dynamics2, dynamics3 = map(
 
 @compiled
 def linkage_mass(parameters: Array, point: Array, normal: Array) -> float:
-    """Return what `device.apparent_mass` does, kg, for a parallelogram; zero where it does not reach.
+    """Return the mass (kg) that a blow along a unit `normal` (N,) meets at `point` (N,), m, on a parallelogram.
 
-    Its inertia is diagonal.
+    That is what `device.apparent_mass` returns; zero where the device does not reach. `parameters` (k,) are its own.
     """
-    size = point.shape[0]
-    rows = np.zeros((5, size))
+    dimension = point.shape[0]
+    rows = np.zeros((5, dimension))
     joints, rates, position, velocity, drift = rows[0], rows[1], rows[2], rows[3], rows[4]
-    jacobian, inertia = np.zeros((size, size)), np.zeros((size, size))
-    sine = inverse(parameters, point, joints)
+    jacobian, inertia = np.zeros((dimension, dimension)), np.zeros((dimension, dimension))
+    sine = inverse(parameters, point, joints)  # of the linkage's fold: beyond ±1 the links do not reach there
     if not -1.0 <= sine <= 1.0:
         return 0.0
-    if size == 2:
+    if dimension == 2:
         kinematics2(parameters, joints, rates, position, velocity, jacobian, drift)
         dynamics2(parameters, joints, rates, inertia, drift)
     else:
         kinematics3(parameters, joints, rates, position, velocity, jacobian, drift)
         dynamics3(parameters, joints, rates, inertia, drift)
-    mobility = 0.0
-    for k in range(size):
-        along = 0.0
-        for i in range(size):
-            along += jacobian[i, k] * normal[i]
-        mobility += along * along / inertia[k, k]
+    mobility = 0.0  # n' J M⁻¹ J' n, 1/kg; M is diagonal
+    for k in range(dimension):
+        joint_normal = 0.0
+        for i in range(dimension):
+            joint_normal += jacobian[i, k] * normal[i]
+        mobility += joint_normal * joint_normal / inertia[k, k]
     return 1.0 / mobility

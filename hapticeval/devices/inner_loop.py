@@ -33,7 +33,7 @@ class InnerLoop(StrEnum):
     def torque(
         self, device: Device, joints: Array, rates: Array, force: Array, *, mass: float, push: Array | None = None
     ) -> Array:
-        """Joint torques (N,) that `force` (N,), N, asks for at `joints` and `rates` (N,).
+        """Return the joint torques (N,), N m or N, that `force` (N,), N, asks for at `joints` and `rates` (N,).
 
         - static: Jᵀ F;
         - compensated: Jᵀ F + bias - M J⁻¹ J̇ q̇, so that M̂ ÿ = F + F_o (2.12);
@@ -46,33 +46,39 @@ class InnerLoop(StrEnum):
         from hapticeval.devices.inner_loop_kernels import Inner, torque
         from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, POSITION, VELOCITY, plant_of, scratch_of
 
-        q, rate, given = (np.array(each, dtype=np.float64) for each in (joints, rates, force))
+        q, rate, response = (np.array(vector, dtype=np.float64) for vector in (joints, rates, force))
         sensed = None if push is None else np.array(push, dtype=np.float64)
         plant, scratch, out = plant_of(device), scratch_of(device.dimension), np.empty(device.dimension)
         rows = scratch.rows
+        # the kernel takes J and J̇ q̇ from the scratch, where a closed loop's sensing has left them
         plant.kinematics(
             plant.parameters, q, rate, rows[POSITION], rows[VELOCITY], scratch.squares[JACOBIAN], rows[DRIFT]
         )
-        torque(Inner(self.code, mass), plant, q, rate, given, sensed, scratch, out)
+        torque(Inner(self.code, mass), plant, q, rate, response, sensed, scratch, out)
         return out
 
     def torques(
         self, device: Device, joints: Array, rates: Array, force: Array, *, mass: float, push: Array | None = None
     ) -> Array:
-        """What `torque` gives for each of n rows (n, N), ten times as fast: the kernel's types are looked up once."""
+        """Return what `torque` does, (n, N), N m or N, for each of n rows of its arguments (n, N), ten times as fast.
+
+        The kernel's types are looked up once for all rows.
+        """
         from hapticeval.compiled import specialised
         from hapticeval.devices.inner_loop_kernels import Inner, torque
         from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, POSITION, VELOCITY, plant_of, scratch_of
 
-        q, rate, given = (np.array(each, dtype=np.float64) for each in (joints, rates, force))
+        q, rate, response = (np.array(rows, dtype=np.float64) for rows in (joints, rates, force))
         sensed = [None] * len(q) if push is None else np.array(push, dtype=np.float64)
         inner, plant, scratch = Inner(self.code, mass), plant_of(device), scratch_of(device.dimension)
         position, velocity, drift = (scratch.rows[row] for row in (POSITION, VELOCITY, DRIFT))
         out = np.empty_like(q)
         if not len(q):
             return out
-        step = specialised(torque, inner, plant, q[0], rate[0], given[0], sensed[0], scratch, out[0])
-        for at, pace, asked, pushed, row in zip(q, rate, given, sensed, out, strict=True):
-            plant.kinematics(plant.parameters, at, pace, position, velocity, scratch.squares[JACOBIAN], drift)
-            step(inner, plant, at, pace, asked, pushed, scratch, row)
+        step = specialised(torque, inner, plant, q[0], rate[0], response[0], sensed[0], scratch, out[0])
+        for joints_row, rates_row, response_row, push_row, out_row in zip(q, rate, response, sensed, out, strict=True):
+            plant.kinematics(
+                plant.parameters, joints_row, rates_row, position, velocity, scratch.squares[JACOBIAN], drift
+            )
+            step(inner, plant, joints_row, rates_row, response_row, push_row, scratch, out_row)
         return out

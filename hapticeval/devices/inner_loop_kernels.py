@@ -29,40 +29,42 @@ def torque(
     scratch: Scratch,
     out: Array,
 ) -> None:
-    """Write joint torques (N,) for the Cartesian force of the renderer, at the state that the controller believes in.
+    """Write the joint torques that an inner loop makes of the renderer's force, at the state that it believes in.
 
-    The device's Jacobian and J̇ q̇ there stand in `scratch`; `push` is the hand's force as measured, or None.
+    `joints` (N,), rad or m, and `rates` (N,) are that state; `force` (N,), N, is the renderer's, and `push` (N,), N,
+    the hand's as measured, or None; `out` (N,), N m or N, is written. The device's Jacobian and J̇ q̇ there stand in
+    `scratch`.
     """
     jacobian, drift = scratch.squares[JACOBIAN], scratch.rows[DRIFT]
     size = joints.shape[0]
-    for i in range(size):
+    for i in range(size):  # (2.8): τ = Jᵀ F
         total = 0.0
         for k in range(size):
             total += jacobian[k, i] * force[k]
         out[i] = total
     if inner.loop == STATIC:
         return
-    inertia, left = scratch.squares[INERTIA], scratch.squares[SCRATCH]
-    bias, goal = scratch.rows[BIAS], scratch.rows[NET]
+    inertia, matrix = scratch.squares[INERTIA], scratch.squares[SCRATCH]
+    bias, acceleration = scratch.rows[BIAS], scratch.rows[NET]
     plant.dynamics(plant.parameters, joints, rates, inertia, bias)
     for i in range(size):
         for k in range(size):
-            left[i, k] = jacobian[i, k]
-    if inner.loop == COMPENSATED:
+            matrix[i, k] = jacobian[i, k]
+    if inner.loop == COMPENSATED:  # (2.11): add bias - M J⁻¹ J̇ q̇ to Jᵀ F
         for i in range(size):
-            goal[i] = -drift[i]
-    else:
+            acceleration[i] = -drift[i]
+    else:  # (6.7), (6.14): τ = M J⁻¹ (v - J̇ q̇) + bias with v = F / m
         for i in range(size):
             out[i] = 0.0
-            goal[i] = force[i] / inner.mass - drift[i]
-        if push is not None:
+            acceleration[i] = force[i] / inner.mass - drift[i]
+        if push is not None:  # (8.6): the hand pushes the tool too, and is taken off the device
             for i in range(size):
-                goal[i] = (force[i] + push[i]) / inner.mass - drift[i]
+                acceleration[i] = (force[i] + push[i]) / inner.mass - drift[i]
                 for k in range(size):
                     out[i] -= jacobian[k, i] * push[k]
-    solve(left, goal)
+    solve(matrix, acceleration)  # J⁻¹ of it: joint accelerations
     for i in range(size):
         total = out[i] + bias[i]
         for k in range(size):
-            total += inertia[i, k] * goal[k]
+            total += inertia[i, k] * acceleration[k]
         out[i] = total

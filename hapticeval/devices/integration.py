@@ -52,11 +52,12 @@ def runge_kutta(
 ) -> Method:
     """A method for first-order systems, from the strictly lower rows of A, b, and the weights of its lower order."""
     size = len(b)
-    full = np.zeros((size, size))
+    full = np.zeros((size, size))  # the first row of an explicit method is zero
     for i, row in enumerate(a, start=1):
         full[i, : len(row)] = row
     weights = np.array(b)
     e = np.zeros(size) if lower is None else weights - np.array(lower)
+    # in Nyström's form: Ā = A², b̄ = bᵀA, ē = eᵀA
     return Method(name, order, full, weights, full @ full, weights @ full, e, e @ full, error_order)
 
 
@@ -67,7 +68,7 @@ def euler() -> Method:
 
 def semi_implicit_euler() -> Method:
     """Semi-implicit Euler, order 1: the new position is had from the new velocity."""
-    zero = np.zeros(1)
+    zero = np.zeros(1)  # b̄ = b = 1: q⁺ = q + h q̇ + h² a = q + h q̇⁺
     return Method("semi-implicit-euler", 1, np.zeros((1, 1)), np.ones(1), np.zeros((1, 1)), np.ones(1), zero, zero)
 
 
@@ -171,5 +172,6 @@ def default_method() -> Method:
 def control(method: Method, *, tolerance: float = TOLERANCE, substeps: int = 1) -> Array:
     """Return the kernels' settings (3,) beside the table: tolerance or 0, exponent of the step size, equal steps."""
     if method.adaptive:
+        # the error of a step of order p falls as h^(p + 1)
         return np.array([tolerance, -1.0 / (method.error_order + 1), 1.0])
     return np.array([0.0, 0.0, float(substeps)])

@@ -51,6 +51,8 @@ FLOOR = 1e-3
 """The least joint (rad, m) and rate (rad/s, m/s) that an error is measured against."""
 
 MOST_STEPS = 100_000
+"""Steps in a part of a tick after which a device counts as stuck: its equations are too stiff, or run away."""
+
 MOST_EVENTS = 64
 """A joint that stops and breaks loose more often than that in a tick is held at the ends of whole steps only."""
 
@@ -135,10 +137,13 @@ def scratch_of(size: int, stages: int = 1) -> Scratch:
 
 @borrowing
 def solve(matrix: Array, vector: Array) -> None:
-    """Replace `vector` (N,) by matrix⁻¹ vector; `matrix` (N, N) is overwritten. Elimination with row exchange."""
+    """Solve a linear system in place: `vector` (N,) becomes matrix⁻¹ vector, and `matrix` (N, N) is overwritten.
+
+    Elimination with row exchange; units are the caller's, such as kg m² and N m for rad/s².
+    """
     size = vector.shape[0]
     for column in range(size - 1):
-        pivot = column
+        pivot = column  # the largest of the column, so that no factor is above 1
         for i in range(column + 1, size):
             if abs(matrix[i, column]) > abs(matrix[pivot, column]):
                 pivot = i
@@ -152,7 +157,7 @@ def solve(matrix: Array, vector: Array) -> None:
                 for k in range(column + 1, size):
                     matrix[i, k] -= factor * matrix[column, k]
                 vector[i] -= factor * vector[column]
-    for i in range(size - 1, -1, -1):
+    for i in range(size - 1, -1, -1):  # back substitution
         total = vector[i]
         for k in range(i + 1, size):
             total -= matrix[i, k] * vector[k]
@@ -160,19 +165,25 @@ def solve(matrix: Array, vector: Array) -> None:
 
 
 @inner
-def accelerate(motion: Motion, tick: int, time: float, joints: Array, rates: Array, torque: Array, out: Array) -> None:
-    """Write q̈ (N,) at `time` seconds into the tick; with friction, also what holds each joint: rows[HOLD]."""
+def accelerate(
+    motion: Motion, tick: int, time: float, joints: Array, rates: Array, torque: Array, acceleration: Array
+) -> None:
+    """Write the joint accelerations q̈ (N,), rad/s² or m/s², to `acceleration`, at `time` s into the tick.
+
+    `joints` (N,), rad or m, `rates` (N,) and the motors' `torque` (N,), N m or N, are the state. With friction also
+    what holds each joint is written: rows[HOLD].
+    """
     plant, load, scratch = motion.plant, motion.load, motion.scratch
     inertia, bias = scratch.squares[INERTIA], scratch.rows[BIAS]
     plant.dynamics(plant.parameters, joints, rates, inertia, bias)
     for i in range(joints.shape[0]):
-        out[i] = torque[i] - bias[i]
-    add_hand(load.push, load.grip, motion, tick, time, joints, rates, out)
-    solve_held(load.friction, scratch, out)
+        acceleration[i] = torque[i] - bias[i]  # M q̈ = u - bias + Jᵀ F_o - friction: first the right-hand side
+    add_hand_force(load.push, load.grip, motion, tick, time, joints, rates, acceleration)
+    solve_with_friction(load.friction, scratch, acceleration)
 
 
 @inner
-def add_hand(
+def add_hand_force(
     push: Array,
     grip: Grip | None,
     motion: Motion,
@@ -182,42 +193,53 @@ def add_hand(
     rates: Array,
     out: Array,
 ) -> None:
-    """Add Jᵀ F_o, N m, to `out` (N,): the operator's force at `time` seconds into the tick."""
+    """Add what the operator's force does to the joints, Jᵀ F_o, to the torques `out` (N,), N m, at `time` s.
+
+    `joints` (N,), rad or m, and `rates` (N,) are the state; `push` (ticks + 1, N), N, and `grip` are those of `Load`.
+    """
     plant, rows = motion.plant, motion.scratch.rows
     jacobian, position, velocity = motion.scratch.squares[JACOBIAN], rows[POSITION], rows[VELOCITY]
     plant.kinematics(plant.parameters, joints, rates, position, velocity, jacobian, rows[DRIFT])
     dt = motion.load.dt
     share = time / dt
     for k in range(joints.shape[0]):
+        # the prescribed force, straight from sample to sample
         force = push[tick, k] + share * (push[tick + 1, k] - push[tick, k])
         if grip is not None:
+            # k (x_d - y) + b (ẋ_d - ẏ), towards a point that runs straight from sample to sample
             path, gains = grip.path, grip.gains
-            way = path[tick + 1, k] - path[tick, k]
-            force += gains[0] * (path[tick, k] + share * way - position[k]) + gains[1] * (way / dt - velocity[k])
+            path_step = path[tick + 1, k] - path[tick, k]
+            force += gains[0] * (path[tick, k] + share * path_step - position[k]) + gains[1] * (
+                path_step / dt - velocity[k]
+            )
         for i in range(joints.shape[0]):
             out[i] += jacobian[k, i] * force
 
 
 @inner
-def solve_held(friction: Array | None, scratch: Scratch, out: Array) -> None:
-    """Replace the torques `out` (N,) by M⁻¹ of them, less friction, where the joints that are held do not move."""
+def solve_with_friction(friction: Array | None, scratch: Scratch, out: Array) -> None:
+    """Turn the torques `out` (N,), N m, into accelerations, rad/s², with friction: joints that it holds do not move.
+
+    `friction` (N,), N m, is that of `Load`. rows[HOLD] (N,) becomes the torque that holds each joint.
+    """
     inertia = scratch.squares[INERTIA]
     if friction is None:
         solve(inertia, out)
         return
-    held = scratch.squares[SCRATCH]
+    matrix = scratch.squares[SCRATCH]
     mode, hold, net = scratch.rows[MODE], scratch.rows[HOLD], scratch.rows[NET]
     size = out.shape[0]
     for i in range(size):
-        out[i] -= mode[i] * friction[i]
+        out[i] -= mode[i] * friction[i]  # Coulomb: against the motion, whatever its speed
         net[i] = out[i]
         for k in range(size):
-            held[i, k] = inertia[i, k]
-        if mode[i] == 0.0:
+            matrix[i, k] = inertia[i, k]
+        if mode[i] == 0.0:  # its row of the system says that it has no acceleration
             out[i] = 0.0
             for k in range(size):
-                held[i, k] = 1.0 if k == i else 0.0
-    solve(held, out)
+                matrix[i, k] = 1.0 if k == i else 0.0
+    solve(matrix, out)
+    # what is left of each joint's torque, which friction has to take: net - M q̈
     for i in range(size):
         hold[i] = net[i]
         for k in range(size):
@@ -225,59 +247,76 @@ def solve_held(friction: Array | None, scratch: Scratch, out: Array) -> None:
 
 
 @inner
-def step(motion: Motion, tick: int, time: float, h: float, joints: Array, rates: Array, torque: Array) -> float:
-    """Take one step of `h` seconds to rows[END], rows[END_RATE]; return its estimated relative error."""
+def take_step(motion: Motion, tick: int, time: float, h: float, joints: Array, rates: Array, torque: Array) -> float:
+    """Take one Runge-Kutta-Nyström step of `h` s to rows[END], rows[END_RATE]; return its estimated relative error.
+
+    It starts at `joints` (N,), rad or m, and `rates` (N,), `time` s into the tick, with the motors' `torque` (N,), N m.
+    The formulas stand in `integration`. Infinite where the step's end is not finite.
+    """
     table, rows, stages = motion.steps.table, motion.scratch.rows, motion.scratch.stages
     size, count = joints.shape[0], table.shape[1]
     stage, stage_rate, end, end_rate = rows[STAGE], rows[STAGE_RATE], rows[END], rows[END_RATE]
+    # rows of `Method.table` after A and Ā
     b, bbar, c, e, ebar = 2 * count, 2 * count + 1, 2 * count + 2, 2 * count + 3, 2 * count + 4
     for s in range(count):
         for i in range(size):
-            first, second = 0.0, 0.0
+            rate_sum, position_sum = 0.0, 0.0
             for r in range(s):
-                first += table[s, r] * stages[r, i]
-                second += table[count + s, r] * stages[r, i]
-            stage[i] = joints[i] + h * (table[c, s] * rates[i] + h * second)
-            stage_rate[i] = rates[i] + h * first
+                rate_sum += table[s, r] * stages[r, i]
+                position_sum += table[count + s, r] * stages[r, i]
+            # q + c_i h q̇ + h² Σ ā_ij a_j and q̇ + h Σ a_ij a_j, where a_i is asked for
+            stage[i] = joints[i] + h * (table[c, s] * rates[i] + h * position_sum)
+            stage_rate[i] = rates[i] + h * rate_sum
         accelerate(motion, tick, time + table[c, s] * h, stage, stage_rate, torque, stages[s])
-    largest, fastest, astray, off = FLOOR, FLOOR, 0.0, 0.0
+    largest_joint, largest_rate, position_error, rate_error = FLOOR, FLOOR, 0.0, 0.0
     for i in range(size):
-        first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
+        rate_sum, position_sum, rate_error_sum, position_error_sum = 0.0, 0.0, 0.0, 0.0
         for r in range(count):
-            first += table[b, r] * stages[r, i]
-            second += table[bbar, r] * stages[r, i]
-            third += table[e, r] * stages[r, i]
-            fourth += table[ebar, r] * stages[r, i]
-        end[i] = joints[i] + h * (rates[i] + h * second)
-        end_rate[i] = rates[i] + h * first
-        largest, fastest = max(largest, abs(end[i])), max(fastest, abs(end_rate[i]))
-        astray, off = max(astray, abs(h * h * fourth)), max(off, abs(h * third))
+            rate_sum += table[b, r] * stages[r, i]
+            position_sum += table[bbar, r] * stages[r, i]
+            rate_error_sum += table[e, r] * stages[r, i]
+            position_error_sum += table[ebar, r] * stages[r, i]
+        # q⁺ = q + h q̇ + h² Σ b̄_i a_i and q̇⁺ = q̇ + h Σ b_i a_i
+        end[i] = joints[i] + h * (rates[i] + h * position_sum)
+        end_rate[i] = rates[i] + h * rate_sum
+        largest_joint, largest_rate = max(largest_joint, abs(end[i])), max(largest_rate, abs(end_rate[i]))
+        position_error, rate_error = (
+            max(position_error, abs(h * h * position_error_sum)),
+            max(rate_error, abs(h * rate_error_sum)),
+        )
         if not math.isfinite(end_rate[i] + end[i]):
             return math.inf
-    return max(astray / largest, off / fastest)
+    return max(position_error / largest_joint, rate_error / largest_rate)
 
 
 @inner
-def settle(friction: Array, rows: Array) -> bool:
-    """Whether a joint at rest breaks loose, given rows[HOLD]; its mode is then the way that it goes."""
-    loose = False
+def break_loose(friction: Array, rows: Array) -> bool:
+    """Let joints at rest break loose whose torque rows[HOLD] friction (N,), N m, cannot take; return whether one does.
+
+    Its mode is then the direction in which it goes. `rows` (ROWS, N) are those of `Scratch`.
+    """
+    broke_loose = False
     for i in range(rows.shape[1]):
         if rows[MODE, i] == 0.0 and abs(rows[HOLD, i]) > friction[i]:
             rows[MODE, i] = math.copysign(1.0, rows[HOLD, i])
-            loose = True
-    return loose
+            broke_loose = True
+    return broke_loose
 
 
 @inner
-def turned(friction: Array, motion: Motion, tick: int, time: float, torque: Array) -> bool:
-    """Whether at rows[END] a joint moves against its mode, or one at rest cannot be held."""
+def joint_event(friction: Array, motion: Motion, tick: int, time: float, torque: Array) -> bool:
+    """Return whether a joint stopped or broke loose in the step to rows[END], which ends at `time` s.
+
+    That is, whether it moves against its mode there, or rests and cannot be held by `friction` (N,), N m, against the
+    motors' `torque` (N,), N m.
+    """
     rows = motion.scratch.rows
-    resting = False
+    some_at_rest = False
     for i in range(rows.shape[1]):
         if rows[MODE, i] * rows[END_RATE, i] < 0.0:
             return True
-        resting = resting or rows[MODE, i] == 0.0
-    if resting:
+        some_at_rest = some_at_rest or rows[MODE, i] == 0.0
+    if some_at_rest:  # what would hold them, in rows[HOLD]
         accelerate(motion, tick, time, rows[END], rows[END_RATE], torque, rows[STAGE])
         for i in range(rows.shape[1]):
             if rows[MODE, i] == 0.0 and abs(rows[HOLD, i]) > friction[i]:
@@ -289,19 +328,23 @@ def turned(friction: Array, motion: Motion, tick: int, time: float, torque: Arra
 def set_modes(
     friction: Array | None, motion: Motion, tick: int, time: float, joints: Array, rates: Array, torque: Array
 ) -> None:
-    """Write which way each joint moves at the start of a tick's part."""
+    """Write the direction in which each joint moves at the start of a tick's part, `time` s into the tick: rows[MODE].
+
+    `friction` and `torque` (N,), N m, `joints` (N,), rad or m, and `rates` (N,) as of `accelerate`.
+    """
     if friction is None:
         return
     rows = motion.scratch.rows
     for i in range(joints.shape[0]):
         rows[MODE, i] = 0.0 if rates[i] == 0.0 else math.copysign(1.0, rates[i])
         rows[EVENTS, i] = 0.0
+    # a joint at rest that the motors or the hand overcome goes at once
     accelerate(motion, tick, time, joints, rates, torque, rows[STAGE])
-    settle(friction, rows)
+    break_loose(friction, rows)
 
 
 @inner
-def stop(
+def end_at_event(
     friction: Array | None,
     motion: Motion,
     tick: int,
@@ -311,78 +354,93 @@ def stop(
     rates: Array,
     torque: Array,
 ) -> float:
-    """End a step of `h` seconds at the first joint that stops or breaks loose in it; return the step's length then."""
+    """End a step of `h` s at the first joint that stops or breaks loose in it; return the step's length (s) then.
+
+    `friction` and `torque` (N,), N m, `joints` (N,), rad or m, and `rates` (N,) as of `accelerate`; the step is in
+    rows[END] and rows[END_RATE], and taken again where it is shortened.
+    """
     if friction is None:
         return h
     dt, rows = motion.load.dt, motion.scratch.rows
-    if rows[EVENTS, 0] < MOST_EVENTS and turned(friction, motion, tick, time + h, torque):
+    if rows[EVENTS, 0] < MOST_EVENTS and joint_event(friction, motion, tick, time + h, torque):
         low, high = 0.0, h
         rows[EVENTS, 0] += 1.0
+        # bisection on the length: no event in a step of `low` seconds, one in a step of `high`
         while high - low > 1e-15 * dt + 1e-13 * high:
             middle = 0.5 * (low + high)
             if middle in (low, high):
                 break
-            step(motion, tick, time, middle, joints, rates, torque)
-            if turned(friction, motion, tick, time + middle, torque):
+            take_step(motion, tick, time, middle, joints, rates, torque)
+            if joint_event(friction, motion, tick, time + middle, torque):
                 high = middle
             else:
                 low = middle
         h = high
-        step(motion, tick, time, h, joints, rates, torque)
-    stopped = False
+        take_step(motion, tick, time, h, joints, rates, torque)
+    some_at_rest = False
     for i in range(joints.shape[0]):
-        if rows[MODE, i] * rows[END_RATE, i] < 0.0:
+        if rows[MODE, i] * rows[END_RATE, i] < 0.0:  # it stops: what is left of its rate is rounding
             rows[END_RATE, i], rows[MODE, i] = 0.0, 0.0
-        stopped = stopped or rows[MODE, i] == 0.0
-    if stopped:
+        some_at_rest = some_at_rest or rows[MODE, i] == 0.0
+    if some_at_rest:
         accelerate(motion, tick, time + h, rows[END], rows[END_RATE], torque, rows[STAGE])
-        settle(friction, rows)
+        break_loose(friction, rows)
     return h
 
 
 @borrowing
 def advance(motion: Motion, tick: int, begin: float, finish: float, joints: Array, rates: Array, torque: Array) -> int:
-    """Move `joints` and `rates` (N,) from `begin` to `finish` seconds into the tick; return the steps, 0 if stuck."""
+    """Move a device from `begin` to `finish` s into the tick under a held torque; return the steps taken, 0 if stuck.
+
+    `joints` (N,), rad or m, and `rates` (N,) are changed in place; `torque` (N,), N m or N, is the motors'.
+    """
     control, pace, rows = motion.steps.control, motion.steps.pace, motion.scratch.rows
-    time, taken = begin, 0
+    time, step_count = begin, 0
     adaptive = control[TOLERANCE] > 0.0
-    equal = max(1, math.ceil(control[SUBSTEPS] * (finish - begin) / motion.load.dt - 1e-9))
+    # part of a tick takes its share of the tick's steps
+    equal_steps = max(1, math.ceil(control[SUBSTEPS] * (finish - begin) / motion.load.dt - 1e-9))
     set_modes(motion.load.friction, motion, tick, time, joints, rates, torque)
     while time < finish:
-        left = finish - time
-        h = (finish - begin) / equal
+        time_left = finish - time
+        h = (finish - begin) / equal_steps
         if adaptive:
             h = pace[0]
-        if h >= 0.999999 * left:
-            h = left
-        elif adaptive and 2.0 * h > left:
-            h = 0.5 * left
-        error = step(motion, tick, time, h, joints, rates, torque)
-        taken += 1
-        if taken > MOST_STEPS or not math.isfinite(h + time):
+        # no sliver is left for a last step, and two equal steps are better than a long and a short one
+        if h >= 0.999999 * time_left:
+            h = time_left
+        elif adaptive and 2.0 * h > time_left:
+            h = 0.5 * time_left
+        error = take_step(motion, tick, time, h, joints, rates, torque)
+        step_count += 1
+        if step_count > MOST_STEPS or not math.isfinite(h + time):
             return 0
         if adaptive:
+            # the usual control: 0.9 error^(-1 / (order + 1)), by a factor of 5 at the most
             error /= control[TOLERANCE]
             factor = 0.2
             if error < 1e-5:
                 factor = 5.0
             elif error < 1e4:
                 factor = min(5.0, max(0.2, 0.9 * error ** control[EXPONENT]))
-            if error > 1.0:
+            if error > 1.0:  # again, with a shorter step
                 pace[0] = h * min(factor, 0.9)
                 continue
+            # a step that was cut at the tick's end does not shorten the next one's
             if factor * h > pace[0] or h == pace[0]:
                 pace[0] = factor * h
-        h = stop(motion.load.friction, motion, tick, time, h, joints, rates, torque)
-        time = finish if h >= left else time + h
+        h = end_at_event(motion.load.friction, motion, tick, time, h, joints, rates, torque)
+        time = finish if h >= time_left else time + h
         for i in range(joints.shape[0]):
             joints[i], rates[i] = rows[END, i], rows[END_RATE, i]
-    return taken
+    return step_count
 
 
 @inner
-def pushed(push: Array, tick: int, i: int, time: float, dt: float) -> float:
-    """Return the operator's prescribed force along axis `i`, N, at `time` seconds into the tick of `dt`."""
+def push_at(push: Array, tick: int, i: int, time: float, dt: float) -> float:
+    """Return the operator's prescribed force along axis `i`, N, at `time` s into the tick of `dt` s.
+
+    `push` (n, N), N, has a row a sample, and runs straight in between.
+    """
     if time <= 0.0:
         return float(push[tick, i])
     if time >= dt:
@@ -391,42 +449,46 @@ def pushed(push: Array, tick: int, i: int, time: float, dt: float) -> float:
 
 
 @borrowing
-def fall(motion: Motion, tick: int, begin: float, finish: float, joints: Array, rates: Array, torque: Array) -> int:
+def advance_point_mass(
+    motion: Motion, tick: int, begin: float, finish: float, joints: Array, rates: Array, torque: Array
+) -> int:
     """`advance` for a point mass that no hand holds, by its exact integral: `PointMass.advance`, to the last bit."""
-    load, time = motion.load, finish - begin
-    gain = time / motion.plant.parameters[0]
+    load, duration = motion.load, finish - begin
+    gain = duration / motion.plant.parameters[0]
     for i in range(joints.shape[0]):
-        first, last = pushed(load.push, tick, i, begin, load.dt), pushed(load.push, tick, i, finish, load.dt)
-        joints[i] = joints[i] + time * rates[i] + (time * gain / 6.0) * (3.0 * torque[i] + 2.0 * first + last)
+        # the push runs straight, so that the velocity is quadratic in time and the position cubic
+        first, last = push_at(load.push, tick, i, begin, load.dt), push_at(load.push, tick, i, finish, load.dt)
+        joints[i] = joints[i] + duration * rates[i] + (duration * gain / 6.0) * (3.0 * torque[i] + 2.0 * first + last)
         rates[i] = rates[i] + gain * (torque[i] + 0.5 * (first + last))
     return 1
 
 
 def advance_of(motion: Motion, *, exact: bool = False) -> FirstClass:
-    """Return `advance`, or `fall` if `exact`, for the types of a motion as a value.
+    """Return `advance`, or `advance_point_mass` if `exact`, for the types of a motion as a value.
 
     A loop that calls it is compiled without its code, and once for both.
     """
     times = types.int64, types.float64, types.float64
     signature = types.int64(typeof(motion), *times, VECTOR, VECTOR, VECTOR)  # type: ignore[no-untyped-call]
-    return first_class(fall if exact else advance, signature)
+    return first_class(advance_point_mass if exact else advance, signature)
 
 
 @compiled
 def advance_many(motion: Motion, states: Array, afresh: bool, torque: Array) -> int:
-    """`advance` by a tick for each row of `torque` (n, N): joints and rates into states[1:] (n, 2 N); return all steps.
+    """Move a device by a tick for each row of `torque` (n, N), N m or N; return all steps.
 
-    `afresh`: each tick starts from the state that is there already. Otherwise it starts where the last one ended.
+    Joints (rad or m) and rates after each tick go to `states` (k, m), a row of 2 N each, from row 1 on. `afresh`: each
+    tick starts from the state that is there already. Otherwise it starts where the last one ended.
     """
     ticks, size = torque.shape
-    taken = 0
+    step_count = 0
     joints, rates = np.empty(size), np.empty(size)
     start = states.copy()
     for tick in range(ticks):
         if afresh or tick == 0:
             for i in range(size):
                 joints[i], rates[i] = start[tick, i], start[tick, size + i]
-        taken += advance(motion, tick, 0.0, motion.load.dt, joints, rates, torque[tick])
+        step_count += advance(motion, tick, 0.0, motion.load.dt, joints, rates, torque[tick])
         for i in range(size):
             states[tick + 1, i], states[tick + 1, size + i] = joints[i], rates[i]
-    return taken
+    return step_count

@@ -24,6 +24,7 @@ from hapticeval.geometry.validate import checked_number, checked_size
 from hapticeval.types import Array
 
 L1, L4, B1, B2, B3, D1, D2, D3, COUPLED, COSINE = range(10)
+"""Where Table A.1's numbers are in `parameters`, and whether the velocity terms count and d₀ has cos² x₃."""
 
 BASE_LIMIT = SHOULDER_LIMIT = 2.4
 """rad: |x₁| and |x₂| of (2.30)."""
@@ -85,19 +86,19 @@ class ParallelogramParameters:
     d3: float = 0.01825
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if each.name.startswith("l"):
-                value = checked_size(value, each.name)
+        for constant in fields(self):
+            value = getattr(self, constant.name)
+            if constant.name.startswith("l"):
+                value = checked_size(value, constant.name)
             else:
-                value = checked_number(each.name, value)
-                unit, zero_allowed = ("N m s/rad", True) if each.name.startswith("b") else ("kg m²", False)
+                value = checked_number(constant.name, value)
+                unit, zero_allowed = ("N m s/rad", True) if constant.name.startswith("b") else ("kg m²", False)
                 if value < 0.0 or (value == 0.0 and not zero_allowed):
                     raise InputError(
-                        f"{each.name} = {value!r} {unit}",
+                        f"{constant.name} = {value!r} {unit}",
                         why="a joint cannot drive itself" if zero_allowed else "an inertia must be positive",
                     )
-            object.__setattr__(self, each.name, value)
+            object.__setattr__(self, constant.name, value)
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ class Parallelogram(ABC):
 
     @cached_property
     def _numbers(self) -> Array:
-        constants = [float(getattr(self.constants, each.name)) for each in fields(self.constants)]
+        constants = [float(getattr(self.constants, constant.name)) for constant in fields(self.constants)]
         choices = [self.dynamics is Dynamics.LAGRANGIAN, self.base_inertia is BaseInertia.COS]
         return np.array([*constants, *map(float, choices)])
 
@@ -142,33 +143,37 @@ class Parallelogram(ABC):
         return CompiledDevice(*map(compiled_once, (*self._equations, margin)))
 
     def position(self, joints: ArrayLike) -> Array:
-        """y = h(x) (2.28), (2.36), (N,), m, zero at home."""
+        """Return where the hand is at `joints` (N,), rad: y = h(x) of (2.28) or (2.36), (N,), m, zero at home."""
         return self._kinematics(joints)[0]
 
     def jacobian(self, joints: ArrayLike) -> Array:
-        """J (2.29), (2.37), (N, N), m/rad."""
+        """Return how the hand moves with the `joints` (N,), rad: J of (2.29) or (2.37), (N, N), m per rad."""
         return self._kinematics(joints)[1]
 
     def inertia(self, joints: ArrayLike) -> Array:
-        """M: diag(d₀, d₂, d₃), or diag(d₂, d₃) with the base locked, (N, N), kg m²."""
+        """Return the joint inertia M at `joints` (N,), rad: diag(d₀, d₂, d₃), or diag(d₂, d₃), (N, N), kg m²."""
         return self._dynamics(joints, np.zeros(self.dimension))[0]
 
     def bias(self, joints: ArrayLike, rates: ArrayLike) -> Array:
-        """Velocity terms of `dynamics`, and b q̇; the linkage is balanced against gravity, (N,), N m."""
+        """Return the torques (N,), N m, that the joints need to keep their `rates` (N,), rad/s, at `joints` (N,), rad.
+
+        They are the velocity terms of `dynamics`, and b q̇; the linkage is balanced against gravity.
+        """
         return self._dynamics(joints, rates)[1]
 
     def margin(self, joints: ArrayLike) -> float:
-        """The smallest of the distances of `limits`, rad; minus infinity where a joint is not finite.
+        """Return how far inside its limits the device is at `joints` (N,), rad: the smallest distance of `limits`, rad.
 
-        From inside, no move of the joints (Euclidean norm) shorter than this leaves the functional configuration
-        space (2.33), (2.39).
+        Minus infinity where a joint is not finite. From inside, no move of the joints (Euclidean norm) shorter than
+        this leaves the functional configuration space (2.33), (2.39).
         """
         return float(self.kernels.margin(self._numbers, checked_vector(self, joints, finite=False)))
 
     def limits(self, joints: ArrayLike) -> tuple[Limit, ...]:
-        """The joint limits of (2.30) and (2.38), open as Definition 2.4 wants, and the singularities.
+        """Return the limits as seen from `joints` (N,), rad: those of (2.30) and (2.38), and the singularities.
 
-        Beyond the stop det J is zero, and with the base turning where the hand comes to the base's axis.
+        They are open, as Definition 2.4 wants. Beyond the stop det J is zero, and with the base turning where the hand
+        comes to the base's axis.
         """
         pose = checked_vector(self, joints, finite=False).tolist()
         *base, shoulder, elbow = pose
@@ -176,6 +181,7 @@ class Parallelogram(ABC):
         linkage = (
             Limit.between(first, shoulder, -SHOULDER_LIMIT, SHOULDER_LIMIT),
             Limit.between(second, elbow, ELBOW_LOW, ELBOW_HIGH),
+            # a plane x₂ - x₃ = constant: nearer in joint space than the difference of the angles
             Limit.between(f"{first} - {second}", shoulder - elbow, -STOP, STOP, scale=DIAGONAL),
             Limit(
                 "the linkage stretched or folded",
@@ -192,18 +198,18 @@ class Parallelogram(ABC):
         return (Limit.between("x1", base[0], -BASE_LIMIT, BASE_LIMIT), *linkage, axis)
 
     def joints(self, position: ArrayLike) -> Array:
-        """Inverse kinematics in closed form: (N,), rad, the one pose inside the functional configuration space.
+        """Return the joints (N,), rad, with which the hand is at `position` (N,), m: the one pose within the limits.
 
         Raises `InputError` where `position` is not N finite numbers, and `DomainError` for one that is out of reach or
         only reached beyond a limit, which it names with the excess.
         """
         point = checked_vector(self, position, "position")
-        found = self._inverse(point)
+        pose = self._inverse(point)
         try:
-            checked_joints(self, found)
+            checked_joints(self, pose)
         except DomainError as error:
             raise self._unreachable(point, error.why) from error
-        return found
+        return pose
 
     @property
     @abstractmethod
@@ -256,13 +262,14 @@ class Parallelogram(ABC):
 
         A limit's name is `shoulder`, `elbow` or `stop`. With the base turning, a part lies beyond its axis.
         """
-        ends = corners()
-        flat = Parallelogram2(self.constants)
-        found = []
-        for name, here, there in zip(EDGES, ends, np.roll(ends, -1, axis=0), strict=True):
-            joints = np.linspace(here, there, max(2, n // len(ends)) + 1)
-            found.append((name, np.array([flat.position(pose) for pose in joints])))
-        return tuple(found)
+        corner_joints = corner_angles()
+        locked_base = Parallelogram2(self.constants)
+        traced = []
+        # an edge is straight in joint space, and a curve in the plane
+        for name, start, end in zip(EDGES, corner_joints, np.roll(corner_joints, -1, axis=0), strict=True):
+            joints = np.linspace(start, end, max(2, n // len(corner_joints)) + 1)
+            traced.append((name, np.array([locked_base.position(pose) for pose in joints])))
+        return tuple(traced)
 
     def section(self, n: int = 400) -> Array:
         """Trace the outline of the functional workspace in the linkage's plane, closed, about `n` points (k, 2), m.
@@ -305,6 +312,7 @@ class Parallelogram2(Parallelogram):
 
     def size(self, n: int = 20_000) -> float:
         """Return the area of the functional workspace, m²."""
+        # the shoelace formula
         x, y = self.section(n).T
         return abs(float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())) / 2.0
 
@@ -337,23 +345,25 @@ class Parallelogram3(Parallelogram):
 
     def section(self, n: int = 400) -> Array:
         """Trace the outline in the plane of the linkage, which ends at the base's axis."""
-        return _right_of(super().section(n), -self.constants.l4)
+        return _part_right_of(super().section(n), -self.constants.l4)
 
     def size(self, n: int = 20_000) -> float:
         """Return the volume of the functional workspace, m³, by Pappus: the base's angle times the first moment."""
         x, up = self.section(n).T
         x = x + self.constants.l4
         across, above = np.roll(x, -1), np.roll(up, -1)
+        # the first moment of the section about the axis, triangle by triangle of its outline (Pappus)
         moment = float(((x + across) * (x * above - across * up)).sum()) / 6.0
         return 2.0 * BASE_LIMIT * abs(moment)
 
     def _inverse(self, point: Array) -> Array:
+        # on the axis every base angle gives the same point
         if math.hypot(point[0] + self.constants.l4, point[1]) == 0.0:
             raise self._unreachable(point, "it lies on the base's axis, where x1 is not defined (a singularity)")
         return self._reached(point)
 
 
-def corners() -> Array:
+def corner_angles() -> Array:
     """Return the corners of (2.38) in the plane of the linkage's joints, (5, 2), rad: the bound x₁ > -2.4 is never met.
 
     In the order of `EDGES`.
@@ -362,31 +372,37 @@ def corners() -> Array:
     return np.array([(low - stop, low), (low + stop, low), (end, end - stop), (end, high), (high - stop, high)])
 
 
-def _right_of(outline: Array, axis: float) -> Array:
-    """Return the part of a closed outline with first coordinates above `axis`, closed along it: one piece."""
-    kept: list[Array] = []
-    for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        if here[0] > axis:
-            kept.append(here)
-        if (here[0] > axis) != (there[0] > axis):
-            kept.append(here + (axis - here[0]) / (there[0] - here[0]) * (there - here))
-    return np.array(kept)
+def _part_right_of(outline: Array, axis: float) -> Array:
+    """Return the part of a closed outline (n, 2), m, with first coordinates above `axis`, closed along it."""
+    vertices: list[Array] = []
+    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        if start[0] > axis:
+            vertices.append(start)
+        if (start[0] > axis) != (end[0] > axis):  # where the edge crosses the axis
+            vertices.append(start + (axis - start[0]) / (end[0] - start[0]) * (end - start))
+    return np.array(vertices)
 
 
 def kinematics2(
     parameters: Array, joints: Array, rates: Array, position: Array, velocity: Array, jacobian: Array, drift: Array
 ) -> None:
-    """(2.36), (2.37)."""
+    """Write where the hand is and how it moves, with the base locked: (2.36), (2.37).
+
+    Of `joints` (2,), rad, and `rates` (2,), rad/s, these are `position` (2,), m, `velocity` J q̇ (2,), m/s, the
+    `jacobian` J (2, 2), m per rad, and the `drift` J̇ q̇ (2,), m/s². `parameters` (10,) are by the indices L1 to COSINE.
+    """
     l1, l4 = parameters[L1], parameters[L4]
     sin1, cos1 = l1 * math.sin(joints[0]), l1 * math.cos(joints[0])
     sin2, cos2 = l4 * math.sin(joints[1]), l4 * math.cos(joints[1])
     first, second = rates[0], rates[1]
-    position[0] = cos2 - sin1 - l4
+    position[0] = cos2 - sin1 - l4  # (2.36)
     position[1] = sin2 + cos1 - l1
+    # (2.37)
     jacobian[0, 0], jacobian[0, 1] = -cos1, -sin2
     jacobian[1, 0], jacobian[1, 1] = -sin1, cos2
     velocity[0] = -cos1 * first - sin2 * second
     velocity[1] = -sin1 * first + cos2 * second
+    # J̇ q̇: what ÿ is without joint accelerations
     drift[0] = sin1 * first * first - cos2 * second * second
     drift[1] = -cos1 * first * first - sin2 * second * second
 
@@ -404,19 +420,24 @@ def inverse(parameters: Array, position: Array, joints: Array) -> float:
     if last == 2:
         joints[0] = math.atan2(position[1], across)
         across = math.hypot(across, position[1])
+    # |across + i up|² = ℓ₁² + ℓ₄² + 2 ℓ₁ ℓ₄ sin δ, with the difference of squares as a product: fewer digits are lost
     distance = math.hypot(across, up)
     sine = ((distance - l1) * (distance + l1) - l4 * l4) / (2.0 * l1 * l4)
     if not -1.0 <= sine <= 1.0:
         return float(sine)
-    fold = math.asin(sine)
-    turn = math.atan2(up, across) - math.atan2(l4 * math.sin(fold) + l1, l4 * math.cos(fold))
-    joints[last - 1] = turn - 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
+    fold = math.asin(sine)  # δ
+    shoulder = math.atan2(up, across) - math.atan2(l4 * math.sin(fold) + l1, l4 * math.cos(fold))
+    # the turn that is within ±π, as joints are
+    joints[last - 1] = shoulder - 2.0 * math.pi * np.rint(shoulder / (2.0 * math.pi))
     joints[last] = joints[last - 1] + fold
     return float(sine)
 
 
 def dynamics2(parameters: Array, joints: Array, rates: Array, inertia: Array, bias: Array) -> None:
-    """(2.35): both inertias are constant, so that no velocity terms are missing from it."""
+    """Write the inertia (2, 2), kg m², and the bias (2,), N m, with the base locked: (2.35).
+
+    `joints` (2,), rad, `rates` (2,), rad/s. Both inertias are constant, so that no velocity terms are missing.
+    """
     inertia[0, 0], inertia[0, 1] = parameters[D2], 0.0
     inertia[1, 0], inertia[1, 1] = 0.0, parameters[D3]
     bias[0] = parameters[B2] * rates[0]
@@ -426,7 +447,12 @@ def dynamics2(parameters: Array, joints: Array, rates: Array, inertia: Array, bi
 def kinematics3(
     parameters: Array, joints: Array, rates: Array, position: Array, velocity: Array, jacobian: Array, drift: Array
 ) -> None:
-    """(2.28), (2.29), by the distance r = ℓ₄ cos x₃ - ℓ₁ sin x₂ from the base's axis."""
+    """Write where the hand is and how it moves, with the base turning: (2.28), (2.29), by r = ℓ₄ cos x₃ - ℓ₁ sin x₂.
+
+    r (m) is the hand's distance from the base's axis. Of `joints` (3,), rad, and `rates` (3,), rad/s, these are
+    `position` (3,), m, `velocity` J q̇ (3,), m/s, the `jacobian` J (3, 3), m per rad, and the `drift` J̇ q̇ (3,), m/s².
+    `parameters` (10,) are by the indices L1 to COSINE.
+    """
     l1, l4 = parameters[L1], parameters[L4]
     sin1, cos1 = math.sin(joints[0]), math.cos(joints[0])
     sin2, cos2 = l1 * math.sin(joints[1]), l1 * math.cos(joints[1])
@@ -434,43 +460,52 @@ def kinematics3(
     first, second, third = rates[0], rates[1], rates[2]
     reach = cos3 - sin2
     reach_rate = -sin3 * third - cos2 * second
-    reach_drift = -cos3 * third * third + sin2 * second * second
+    reach_acceleration = -cos3 * third * third + sin2 * second * second
+    # (2.28)
     position[0] = cos1 * reach - l4
     position[1] = sin1 * reach
     position[2] = sin3 + cos2 - l1
+    # (2.29)
     jacobian[0, 0], jacobian[0, 1], jacobian[0, 2] = -sin1 * reach, -cos1 * cos2, -cos1 * sin3
     jacobian[1, 0], jacobian[1, 1], jacobian[1, 2] = cos1 * reach, -sin1 * cos2, -sin1 * sin3
     jacobian[2, 0], jacobian[2, 1], jacobian[2, 2] = 0.0, -sin2, cos3
     velocity[0] = cos1 * reach_rate - sin1 * reach * first
     velocity[1] = sin1 * reach_rate + cos1 * reach * first
     velocity[2] = -sin2 * second + cos3 * third
-    inward = reach_drift - reach * first * first
-    across = 2.0 * reach_rate * first
-    drift[0] = cos1 * inward - sin1 * across
-    drift[1] = sin1 * inward + cos1 * across
+    # J̇ q̇ in polar coordinates: r̈ - r ẋ₁² outwards and 2 ṙ ẋ₁ round the axis, without joint accelerations
+    radial_drift = reach_acceleration - reach * first * first
+    circumferential_drift = 2.0 * reach_rate * first
+    drift[0] = cos1 * radial_drift - sin1 * circumferential_drift
+    drift[1] = sin1 * radial_drift + cos1 * circumferential_drift
     drift[2] = -cos2 * second * second - sin3 * third * third
 
 
 def dynamics3(parameters: Array, joints: Array, rates: Array, inertia: Array, bias: Array) -> None:
-    """(2.26) with d₀ of (2.27), and where `parameters` say so the velocity terms that (2.26) lacks."""
+    """Write the inertia (3, 3), kg m², and the bias (3,), N m, with the base turning: (2.26) with d₀ of (2.27).
+
+    `joints` (3,), rad, `rates` (3,), rad/s. Where `parameters` (10,) say so the bias has the velocity terms that (2.26)
+    lacks: without them the robot creates energy.
+    """
     d2, d3 = parameters[D2], parameters[D3]
     sin2, sin3, cos3 = math.sin(joints[1]), math.sin(joints[2]), math.cos(joints[2])
+    # ∂₂d₀ = d₂ sin 2x₂ and ∂₃d₀ = ±d₃ sin 2x₃
     slope2 = 2.0 * d2 * sin2 * math.cos(joints[1])
     slope3 = 2.0 * d3 * sin3 * cos3
-    base = parameters[D1] + d2 * sin2 * sin2
-    if parameters[COSINE] != 0.0:
-        base += d3 * cos3 * cos3
+    base_inertia = parameters[D1] + d2 * sin2 * sin2
+    if parameters[COSINE] != 0.0:  # thin links, against the print of (2.27)
+        base_inertia += d3 * cos3 * cos3
         slope3 = -slope3
     else:
-        base += d3 * sin3 * sin3
+        base_inertia += d3 * sin3 * sin3
     for i in range(3):
         for j in range(3):
             inertia[i, j] = 0.0
-    inertia[0, 0], inertia[1, 1], inertia[2, 2] = base, d2, d3
+    inertia[0, 0], inertia[1, 1], inertia[2, 2] = base_inertia, d2, d3
     first, second, third = rates[0], rates[1], rates[2]
     bias[0] = parameters[B1] * first
     bias[1] = parameters[B2] * second
     bias[2] = parameters[B3] * third
+    # Lagrange's terms: ḋ₀ ẋ₁ on the base, -½ ∂ᵢd₀ ẋ₁² on the links
     if parameters[COUPLED] != 0.0:
         bias[0] += (slope2 * second + slope3 * third) * first
         bias[1] -= 0.5 * slope2 * first * first
@@ -478,7 +513,10 @@ def dynamics3(parameters: Array, joints: Array, rates: Array, inertia: Array, bi
 
 
 def margin(parameters: Array, joints: Array) -> float:
-    """Return the smallest of the distances of `limits`, rad; minus infinity for joints that are not finite."""
+    """Return how far inside its limits the device is at `joints` (N,), rad: the smallest distance of `limits`, rad.
+
+    Minus infinity for joints that are not finite. `parameters` (10,) are by the indices L1 to COSINE.
+    """
     last = joints.shape[0] - 1
     for i in range(last + 1):
         if not math.isfinite(joints[i]):
@@ -490,7 +528,7 @@ def margin(parameters: Array, joints: Array) -> float:
         ELBOW_HIGH - elbow,
         (STOP - abs(shoulder - elbow)) * DIAGONAL,
     )
-    if last == 2:
+    if last == 2:  # the base: its own limit, and the singularity on its axis
         l1, l4 = parameters[L1], parameters[L4]
         reach = l4 * math.cos(elbow) - l1 * math.sin(shoulder)
         nearest = min(nearest, BASE_LIMIT - abs(joints[0]), reach / math.sqrt(l1 * l1 + l4 * l4))

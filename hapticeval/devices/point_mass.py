@@ -36,50 +36,51 @@ class PointMass:
         return CompiledDevice(*map(compiled_once, (kinematics, dynamics, margin)))
 
     def position(self, joints: Array) -> Array:
-        """The joints themselves, (N,), m."""
+        """Return where the hand is at `joints` (N,), m: there (2.24)."""
         return np.array(joints, dtype=np.float64)
 
     def joints(self, position: Array) -> Array:
-        """The position itself, (N,), m."""
+        """Return the joints (N,), m, with which the hand is at `position` (N,), m: the position itself."""
         return np.array(position, dtype=np.float64)
 
     def jacobian(self, joints: Array) -> Array:
-        """The identity (2.25), (N, N)."""
+        """Return how the hand moves with the `joints` (N,), m: the identity (2.25), (N, N)."""
         return np.eye(self.dimension)
 
     def inertia(self, joints: Array) -> Array:
-        """m I, (N, N), kg."""
+        """Return the inertia at `joints` (N,), m: the mass times the identity, (N, N), kg."""
         return self.mass * np.eye(self.dimension)
 
     def bias(self, joints: Array, rates: Array) -> Array:
-        """Zero (2.23), (N,), N."""
+        """Return the force that keeps `rates` (N,), m/s, at `joints` (N,), m: none (2.23), (N,), N."""
         return np.zeros(self.dimension)
 
     def limits(self, joints: Array) -> tuple[Limit, ...]:
-        """None: its functional workspace is all of space."""
+        """Return no limits, whatever the `joints` (N,), m: its functional workspace is all of space."""
         return ()
 
     def margin(self, joints: Array) -> float:
-        """Infinite: it has no limits."""
+        """Return infinity, whatever the `joints` (N,), m: it has no limits."""
         return math.inf
 
     def advance(
         self, position: Array, velocity: Array, force: Array, push: Array, next_push: Array, dt: float
     ) -> tuple[Array, Array]:
-        """Position (N,), m, and velocity (N,), m/s, after `dt` seconds.
+        """Return `position` (N,), m, and `velocity` (N,), m/s, after `dt` seconds under forces (N,), N.
 
         `force` (N,) is held (zero-order hold, thesis 2.6) and the operator's force runs straight from `push` to
         `next_push`, so that the motion is a cubic and this is its exact integral.
         """
-        gain = dt / self.mass
-        new_position = position + dt * velocity + (dt * gain / 6.0) * (3.0 * force + 2.0 * push + next_push)
-        return new_position, velocity + gain * (force + 0.5 * (push + next_push))
+        # the acceleration is linear in time: f / m over the tick, from (force + push) to (force + next_push)
+        time_per_mass = dt / self.mass
+        new_position = position + dt * velocity + (dt * time_per_mass / 6.0) * (3.0 * force + 2.0 * push + next_push)
+        return new_position, velocity + time_per_mass * (force + 0.5 * (push + next_push))
 
 
 def kinematics(
     parameters: Array, joints: Array, rates: Array, position: Array, velocity: Array, jacobian: Array, drift: Array
 ) -> None:
-    """Position is the joints, J the identity, J̇ rates zero."""
+    """Write the hand's state of `joints` (N,), m, and `rates` (N,), m/s: its own, with J = I and J̇ q̇ = 0."""
     for i in range(joints.shape[0]):
         position[i], velocity[i], drift[i] = joints[i], rates[i], 0.0
         for j in range(joints.shape[0]):
@@ -87,7 +88,7 @@ def kinematics(
 
 
 def dynamics(parameters: Array, joints: Array, rates: Array, inertia: Array, bias: Array) -> None:
-    """M = m I, no bias."""
+    """Write the inertia (N, N), kg, m I with the mass of `parameters` (1,), and the bias (N,), N, which is zero."""
     for i in range(joints.shape[0]):
         bias[i] = 0.0
         for j in range(joints.shape[0]):
@@ -95,5 +96,5 @@ def dynamics(parameters: Array, joints: Array, rates: Array, inertia: Array, bia
 
 
 def margin(parameters: Array, joints: Array) -> float:
-    """Infinite."""
+    """Return infinity, whatever the `joints` (N,), m: there are no limits."""
     return math.inf

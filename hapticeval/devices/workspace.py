@@ -36,13 +36,16 @@ class Fit(NamedTuple):
 
 
 def nearest_limit(device: Device, joints: Array) -> Limit | None:
-    """Return the joint limit that is nearest, None for a device without."""
-    return min((each for each in device.limits(joints) if not each.singular), key=_distance, default=None)
+    """Return the joint limit that is nearest to `joints` (N,), rad or m; None for a device without."""
+    return min((limit for limit in device.limits(joints) if not limit.singular), key=_distance, default=None)
 
 
 def nearest_singularity(device: Device, joints: Array) -> float:
-    """Return a distance (rad, Euclidean) within which no singularity lies; infinite for a device without."""
-    return min((abs(each.distance) for each in device.limits(joints) if each.singular), default=math.inf)
+    """Return a distance (rad, Euclidean) from `joints` (N,), rad or m, within which no singularity lies.
+
+    Infinite for a device without.
+    """
+    return min((abs(limit.distance) for limit in device.limits(joints) if limit.singular), default=math.inf)
 
 
 def _distance(limit: Limit) -> float:
@@ -67,9 +70,10 @@ def holds(device: Device, model: Model | ArrayLike) -> Fit:
     points = model.boundary.points(SAMPLES)
     if model.boundary.closed:
         return _points_hold(device, points)
-    each = [_points_hold(device, point[None]) for point in points]
-    index = max(range(len(each)), key=lambda i: each[i].margin)
-    return each[index]._replace(row=index)
+    # of an unbounded line: the point with the largest margin
+    fits = [_points_hold(device, point[None]) for point in points]
+    index = max(range(len(fits)), key=lambda i: fits[i].margin)
+    return fits[index]._replace(row=index)
 
 
 def require(device: Device, model: Model | ArrayLike) -> None:
@@ -91,15 +95,15 @@ def _points_hold(device: Device, points: ArrayLike) -> Fit:
         raise InputError(
             f"points of the shape {array.shape}", why=f"{device.name} moves in {device.dimension} dimensions"
         )
-    least, index = math.inf, 0
+    smallest_margin, index = math.inf, 0
     for i, point in enumerate(array):
-        try:
+        try:  # out of reach, or within it but beyond a limit
             margin = device.margin(device.joints(point))
         except DomainError as error:
             return Fit(False, -math.inf, i, tuple(point.tolist()), error.why or error.what)
-        if margin < least:
-            least, index = margin, i
-    return Fit(True, least, index, tuple(array[index].tolist()))
+        if margin < smallest_margin:
+            smallest_margin, index = margin, i
+    return Fit(True, smallest_margin, index, tuple(array[index].tolist()))
 
 
 def lattice(device: Device, *, step: float = 0.2, clearance: float = 0.0) -> Array:
@@ -111,12 +115,13 @@ def lattice(device: Device, *, step: float = 0.2, clearance: float = 0.0) -> Arr
     if not device.limits(np.zeros(device.dimension)):
         return np.zeros((1, device.dimension))
     moves = [move for move in itertools.product((-1, 0, 1), repeat=device.dimension) if any(move)]
-    kept, seen, waiting = [], {home}, [home]
+    # flood fill from home over neighbours along edges and diagonals
+    nodes, reached_nodes, waiting = [], {home}, [home]
     while waiting:
         node = waiting.pop()
         if device.margin(step * np.array(node)) > clearance:
-            kept.append(node)
-            reached = {tuple(np.add(node, move).tolist()) for move in moves} - seen
-            seen |= reached
-            waiting += reached
-    return step * np.array(sorted(kept)).reshape(-1, device.dimension)
+            nodes.append(node)
+            new_nodes = {tuple(np.add(node, move).tolist()) for move in moves} - reached_nodes
+            reached_nodes |= new_nodes
+            waiting += new_nodes
+    return step * np.array(sorted(nodes)).reshape(-1, device.dimension)

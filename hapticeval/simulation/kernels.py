@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from hapticeval.compiled import EFFECT, FirstClass, borrowing, compiled_once, first_class, inner
 from hapticeval.devices.inner_loop_kernels import Inner, torque
-from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, Grip, Motion, pushed
+from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, Grip, Motion, push_at
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def feel(feeling: Hook | None, loop: Loop, tick: int) -> None:
         return
     load, force = loop.motion.load, loop.out[MEASURED_FORCE, tick]
     for i in range(force.shape[0]):
-        force[i] = pushed(load.push, tick, i, 0.0, load.dt)
+        force[i] = push_at(load.push, tick, i, 0.0, load.dt)
         force[i] += drawn(load.grip, tick, i, load.dt, loop.out[HIP, tick], loop.out[SPEED, tick])
     take_part(feeling, tick, load.dt, force, force)
 

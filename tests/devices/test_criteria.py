@@ -114,15 +114,15 @@ def test_over_the_workspace():
     """M̂ and B̂ of the plane have bounds by hand: 561.33 N/m is the most that the weakest direction ever allows."""
     device = Parallelogram2()
     spread = over_workspace(device, torque_limit=0.3)
-    assert spread["stiffest"].greatest == pytest.approx(561.328477, abs=1e-6)
-    assert spread["manipulability"].greatest == pytest.approx(0.1038)
-    assert spread["force"].least == pytest.approx(0.3 / 0.346)
+    assert spread["stiffest"].largest == pytest.approx(561.328477, abs=1e-6)
+    assert spread["manipulability"].largest == pytest.approx(0.1038)
+    assert spread["force"].smallest == pytest.approx(0.3 / 0.346)
     poses = lattice(device, clearance=CLEARANCE)
     heaviest = [criteria(device, pose).masses[-1] for pose in poses]
     assert spread["heaviest"] == (min(heaviest), np.median(heaviest), max(heaviest))
-    assert all(each.least <= each.median <= each.greatest for each in spread.values())
+    assert all(each.smallest <= each.median <= each.largest for each in spread.values())
     assert "force" not in over_workspace(device)
-    assert over_workspace(PointMass(0.1, 2))["heaviest"].greatest == pytest.approx(0.1)
+    assert over_workspace(PointMass(0.1, 2))["heaviest"].largest == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(
