@@ -15,8 +15,8 @@ def change_row(
 ) -> int:
     """Let the effects change one answer in place; return 0, or the number of a refusal."""
     for k in range(len(changes)):
-        each = changes[k]
-        refusal = each.function(each.numbers, closest, hip, velocity, dt, ihip, force)
+        change = changes[k]
+        refusal = change.function(change.numbers, closest, hip, velocity, dt, ihip, force)
         if refusal != 0:
             return APART * (k + 1) + refusal
     return 0

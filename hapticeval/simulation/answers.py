@@ -30,18 +30,18 @@ def with_effects(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> Rende
 
     Raises `RefusalError` for a renderer that answers a stimulus whole: there is no answer to a tick to change.
     """
-    shown = abilities_of(renderer).supports or frozenset()
-    lacking = [each for each in scene.effects if each.stage is Stage.ANSWER and each.kind not in shown]
-    if not lacking:
+    supported = abilities_of(renderer).supports or frozenset()
+    missing = [effect for effect in scene.effects if effect.stage is Stage.ANSWER and effect.kind not in supported]
+    if not missing:
         return renderer
     if not isinstance(renderer, Renderer):
-        kinds = ", ".join(each.kind for each in lacking)
+        kinds = ", ".join(effect.kind for effect in missing)
         raise RefusalError(
             f"the scene calls for {kinds}",
             why="the renderer answers a stimulus whole and does not declare to support that",
             todo="choose a renderer that answers tick by tick; one of your own that shows it declares it in supports",
         )
-    return Affected(renderer, lacking, scene)
+    return Affected(renderer, missing, scene)
 
 
 RESTS = 10
@@ -56,25 +56,27 @@ class Affected:
         from hapticeval.geometry.closest_kernels import closest_of
         from hapticeval.simulation.answer_kernels import APART, change_rows
 
-        can = abilities_of(renderer)
+        abilities = abilities_of(renderer)
         self.base = renderer
         self.effects = tuple(effects)
         self.surface, self.resolution, self.standoff, self.supports = (
-            can.surface, can.resolution, can.standoff, can.supports,
+            abilities.surface, abilities.resolution, abilities.standoff, abilities.supports,
         )  # fmt: skip
-        self.pieces = can.pieces
-        if can.observe_force:
+        self.pieces = abilities.pieces
+        if abilities.observe_force:
             self.observe_force = renderer.observe_force  # type: ignore[attr-defined]
-        if can.diagnostics:
+        if abilities.diagnostics:
             self.diagnostics = renderer.diagnostics  # type: ignore[attr-defined]
-        if can.declares is not None:
-            self.declares = replace(can.declares, spring=None, stiffness_range=None)
+        if abilities.declares is not None:
+            self.declares = replace(abilities.declares, spring=None, stiffness_range=None)
         self.refusals = {
-            APART * k + number: words for k, each in enumerate(effects, 1) for number, words in each.refusals.items()
+            APART * k + number: words
+            for k, effect in enumerate(effects, 1)
+            for number, words in effect.refusals.items()
         }
-        for each in effects:
-            each.check_base(scene, self._ask)
-        parts = [each.change(scene) for each in effects]
+        for effect in effects:
+            effect.check_base(scene, self._ask)
+        parts = [effect.change(scene) for effect in effects]
         boundary = scene.model.boundary
         self._compiled = closest_of(boundary) is not None
         self._begin = [part.state.copy() for part in parts]
@@ -83,7 +85,7 @@ class Affected:
             # To look the types of nested arrays up takes a hundred times as long as a tick.
             row = np.empty((1, scene.model.dimension))
             self._change_rows = specialised(change_rows, self._changes, self._closest, row, row, 0.0, row, row)
-        self.law = self._composed(can.law)
+        self.law = self._composed(abilities.law)
         self.contact: Any = None
 
     def reset(self, hip: Array) -> None:
@@ -94,9 +96,9 @@ class Affected:
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where an effect refuses."""
-        ihip, force = (np.array(each, dtype=np.float64) for each in self.base.step(hip, velocity, dt))
+        ihip, force = (np.array(vector, dtype=np.float64) for vector in self.base.step(hip, velocity, dt))
         self.contact = self._reported()
-        hip, velocity = (np.array(each, dtype=np.float64)[np.newaxis] for each in (hip, velocity))
+        hip, velocity = (np.array(vector, dtype=np.float64)[np.newaxis] for vector in (hip, velocity))
         self._change(hip, velocity, dt, ihip[np.newaxis], force[np.newaxis])
         return Response(ihip, force)
 
@@ -118,7 +120,7 @@ class Affected:
             ]
             answers = np.array([ihip for ihip, *_ in steps]), np.array([force for _, force, _ in steps])
             self.contact = np.array([contact for *_, contact in steps])
-        ihips, forces = (np.array(each, dtype=np.float64, order="C") for each in answers)
+        ihips, forces = (np.array(rows, dtype=np.float64, order="C") for rows in answers)
         self._change(hips, velocities, dt, ihips, forces)
         return ihips, forces
 
@@ -129,23 +131,23 @@ class Affected:
     def _ask(self, start: Array, hip: Array) -> tuple[Array, Array]:
         """Return the bare answer to a hand that comes from `start` (N,), m, and rests at `hip`: IHIP and force."""
         self.base.reset(start.copy())
-        rest, dt = np.zeros_like(hip), 1e-3
+        standstill, dt = np.zeros_like(hip), 1e-3
         for point in (start, *[hip] * RESTS):
-            ihip, force = self.base.step(point.copy(), rest, dt)
+            ihip, force = self.base.step(point.copy(), standstill, dt)
         return np.array(ihip, dtype=np.float64), np.array(force, dtype=np.float64)
 
     def _change(self, hips: Array, velocities: Array, dt: float, ihips: Array, forces: Array) -> None:
         """Change answers (n, N) to `hips` (n, N) in place."""
         from hapticeval.simulation import answer_kernels as kernels
 
-        given = self._changes, self._closest
+        changes_and_closest = self._changes, self._closest
         if self._compiled:
-            row, refusal = self._change_rows(*given, hips, velocities, dt, ihips, forces)
+            row, refusal = self._change_rows(*changes_and_closest, hips, velocities, dt, ihips, forces)
         else:  # the boundary is in Python, and so is all that asks it
-            one = getattr(kernels.change_row, "py_func", kernels.change_row)
+            change_row = getattr(kernels.change_row, "py_func", kernels.change_row)
             ticks = enumerate(zip(hips, velocities, ihips, forces, strict=True))
-            numbers = ((row, one(*given, *tick[:2], dt, *tick[2:])) for row, tick in ticks)
-            row, refusal = next((found for found in numbers if found[1]), (0, 0))
+            numbers = ((row, change_row(*changes_and_closest, *tick[:2], dt, *tick[2:])) for row, tick in ticks)
+            row, refusal = next((row_and_number for row_and_number in numbers if row_and_number[1]), (0, 0))
         if refusal:
             place = ", ".join(f"{x:.6g}" for x in hips[row])
             raise DomainError(f"{self.refusals[refusal]}: ({place}) m")
@@ -165,7 +167,8 @@ class Affected:
         twin = copy(self)
         twin.base = deepcopy(self.base, memo)
         twin._changes = tuple(
-            each._replace(numbers=each.numbers._replace(state=each.numbers.state.copy())) for each in self._changes
+            change._replace(numbers=change.numbers._replace(state=change.numbers.state.copy()))
+            for change in self._changes
         )
         for name in ("observe_force", "diagnostics"):
             if hasattr(self, name):
@@ -179,13 +182,13 @@ def _assembled(parts: Sequence[Part], boundary: Boundary) -> tuple[Closest, tupl
     from hapticeval.compiled import CHANGE, CLOSEST, Change, Closest, Numbers, compiled_once, first_class, law_data
     from hapticeval.geometry.closest_kernels import closest_in_python, closest_of
 
-    found = closest_of(boundary)
+    compiled_closest = closest_of(boundary)
     changes = []
     for part in parts:
         assert part.function is not None
         numbers = Numbers(part.params, np.atleast_2d(part.samples), np.array(np.atleast_2d(part.state), order="C"))
-        function: Any = part.function if found is None else first_class(compiled_once(part.function), CHANGE)
+        function: Any = part.function if compiled_closest is None else first_class(compiled_once(part.function), CHANGE)
         changes.append(Change(function, numbers))
-    if found is None:
+    if compiled_closest is None:
         return Closest(closest_in_python(boundary), law_data()), tuple(changes)
-    return Closest(first_class(found.function, CLOSEST), found.data), tuple(changes)
+    return Closest(first_class(compiled_closest.function, CLOSEST), compiled_closest.data), tuple(changes)

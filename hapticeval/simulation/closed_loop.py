@@ -83,7 +83,7 @@ def _plain(experiment: Experiment, scene: Scene) -> bool:
     return (
         scene.inner_loop is not InnerLoop.LINEARISED
         and experiment.hand is None
-        and all(each.stage in (None, Stage.ANSWER) for each in scene.effects)
+        and all(effect.stage in (None, Stage.ANSWER) for effect in scene.effects)
     )
 
 
@@ -144,7 +144,7 @@ def _drive_device(
         elif status == kernels.RAN_AWAY:
             end = _ended(tick, _ran_away(tick, out[kernels.HIP, tick], loop.state[kernels.JOINTS]))
         elif status == kernels.NOT_FINITE:
-            raise not_finite(tick, *(out[each, tick] for each in (kernels.MEASURED_HIP, kernels.IHIP, kernels.FORCE)))
+            raise not_finite(tick, *(out[plane, tick] for plane in (kernels.MEASURED_HIP, kernels.IHIP, kernels.FORCE)))
         elif status < 0:
             raise RendererError(
                 f"the renderer's compiled step returned {status}",
@@ -165,11 +165,11 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
     sense, act = (specialised(kernel, loop, 0) for kernel in (kernels.sense, kernels.act))
     out, joints = loop.out, loop.state[kernels.JOINTS]
     hips, speeds, pushes = out[kernels.MEASURED_HIP], out[kernels.MEASURED_SPEED], out[kernels.MEASURED_FORCE]
-    feels = loop.feeling is not None and abilities_of(renderer).observe_force
+    observes_force = loop.feeling is not None and abilities_of(renderer).observe_force
     for tick in range(out.shape[1]):
         if tick > 0 and sense(loop, tick) == kernels.OUTSIDE:
             return _ended(tick, _outside(device, joints))
-        if feels:
+        if observes_force:
             observe_force_checked(renderer, tick, hips[tick], pushes[tick])
         try:
             out[kernels.IHIP, tick], out[kernels.FORCE, tick] = step_checked(
@@ -221,15 +221,15 @@ def _recorded(
         }
         if isinstance(end.error, RunawayError):
             meta["ended"]["ran_away"] = True
-    answered = {name: values[:count] for name, values in channels.items()} | contact_channel(contact[:count])
-    recording = Recording(time[:count], answered, meta=meta)
+    kept_channels = {name: values[:count] for name, values in channels.items()} | contact_channel(contact[:count])
+    recording = Recording(time[:count], kept_channels, meta=meta)
     if not abilities_of(renderer).diagnostics:
         return recording
     with renderer_errors("signals()"):
-        found = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
-    more = {name: values for name, (_, values) in found.items()}
-    signals = {name: signal for name, (signal, _) in found.items()}
-    return Recording(recording.time, {**recording.channels, **more}, meta=meta, signals=signals)
+        added = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
+    added_channels = {name: values for name, (_, values) in added.items()}
+    signals = {name: signal for name, (signal, _) in added.items()}
+    return Recording(recording.time, {**recording.channels, **added_channels}, meta=meta, signals=signals)
 
 
 def _ran_away(tick: int, hip: Array, joints: Array) -> RunawayError:
@@ -255,11 +255,13 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
     time = sample_times(experiment.duration, dt)
     count, size = time.size, device.dimension
     parts = [
-        (each.stage, each.part(count, size, dt)) for each in scene.effects if each.stage not in (None, Stage.ANSWER)
+        (effect.stage, effect.part(count, size, dt))
+        for effect in scene.effects
+        if effect.stage not in (None, Stage.ANSWER)
     ]
     sensors, feeling, motors = (
-        kernels.hook_of(part for stage, part in parts if stage is wanted)
-        for wanted in (Stage.SENSE, Stage.FEEL, Stage.COMMAND)
+        kernels.hook_of(part for stage, part in parts if stage is stage_of_hook)
+        for stage_of_hook in (Stage.SENSE, Stage.FEEL, Stage.COMMAND)
     )
     frictions = [part.params for stage, part in parts if stage is Stage.JOINTS]
     ends = np.append(time, count * dt)
@@ -270,7 +272,7 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
         None if hand is None else Grip(hand.desired(ends), np.array([hand.stiffness, hand.damping])),
         np.sum(frictions, axis=0) if frictions else None,
     )
-    exact = isinstance(device, PointMass) and hand is None and not frictions
+    has_exact_integral = isinstance(device, PointMass) and hand is None and not frictions
     state = np.zeros((kernels.ROWS, size))
     joints = device.joints(experiment.position)
     state[kernels.JOINTS] = state[kernels.START] = joints
@@ -283,7 +285,7 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
         sensors,
         feeling,
         motors,
-        advance_of(motion, exact=exact),
+        advance_of(motion, exact=has_exact_integral),
         RUNAWAY * (1.0 if device.turning else scene.model.size),
         state,
         np.zeros((kernels.PLANES, count, size)),
@@ -309,20 +311,20 @@ def _channels(loop: Loop, scene: Scene) -> dict[str, Array]:
     """Return what the recording holds of a run: the channels of any loop, of its effects, and of joints that turn."""
     from hapticeval.simulation import kernels
 
-    kept = {
+    plane_of = {
         "hip": kernels.HIP,
         "ihip": kernels.IHIP,
         "force": kernels.FORCE,
         "velocity": kernels.SPEED,
         "operator_force": kernels.OPERATOR,
     }
-    measured = {
+    measured_planes = {
         "measured_hip": kernels.MEASURED_HIP,
         "measured_velocity": kernels.MEASURED_SPEED,
         "measured_force": kernels.MEASURED_FORCE,
     }
-    added = {name for each in scene.effects for name in each.channels}
-    kept |= {name: plane for name, plane in measured.items() if name in added}
+    added_by_effects = {name for effect in scene.effects for name in effect.channels}
+    plane_of |= {name: plane for name, plane in measured_planes.items() if name in added_by_effects}
     if scene.robot.turning:
-        kept |= {"joint_position": kernels.JOINT, "joint_velocity": kernels.RATE, "joint_torque": kernels.TORQUE}
-    return {name: loop.out[plane] for name, plane in kept.items()}
+        plane_of |= {"joint_position": kernels.JOINT, "joint_velocity": kernels.RATE, "joint_torque": kernels.TORQUE}
+    return {name: loop.out[plane] for name, plane in plane_of.items()}

@@ -68,24 +68,24 @@ class Loop(NamedTuple):
 
 def hook_of(parts: Iterable[Part]) -> Hook | None:
     """Return the effects of a stage as kernels take them, each compiled at its first use; None for no effects."""
-    found = tuple(
-        Attached(first_class(compiled_once(function), EFFECT), *rest)
-        for function, *rest in parts
+    attached = tuple(
+        Attached(first_class(compiled_once(function), EFFECT), *arrays)
+        for function, *arrays in parts
         if function is not None
     )
-    return found or None
+    return attached or None
 
 
 @borrowing
 def take_part(hook: Hook | None, tick: int, dt: float, first: Array, second: Array) -> float:
     """Let the effects of a stage change `first` and `second`; return the last of the times (s) that they give."""
-    last = 0.0
+    latest = 0.0
     if hook is None:
-        return last
+        return latest
     for k in range(len(hook)):
-        each = hook[k]
-        last = max(last, each.function(each.params, each.samples, each.state, tick, dt, first, second))
-    return last
+        effect = hook[k]
+        latest = max(latest, effect.function(effect.params, effect.samples, effect.state, tick, dt, first, second))
+    return latest
 
 
 @inner
@@ -93,8 +93,8 @@ def drawn(grip: Grip | None, tick: int, i: int, dt: float, hip: Array, speed: Ar
     """Return the force of the hand along axis `i`, N, at the sample."""
     if grip is None:
         return 0.0
-    pace = (grip.path[tick + 1, i] - grip.path[tick, i]) / dt
-    return float(grip.gains[0] * (grip.path[tick, i] - hip[i]) + grip.gains[1] * (pace - speed[i]))
+    path_speed = (grip.path[tick + 1, i] - grip.path[tick, i]) / dt
+    return float(grip.gains[0] * (grip.path[tick, i] - hip[i]) + grip.gains[1] * (path_speed - speed[i]))
 
 
 @inner
@@ -113,15 +113,15 @@ def feel(feeling: Hook | None, loop: Loop, tick: int) -> None:
 def see(sensors: Hook | None, loop: Loop, tick: int) -> None:
     """Write what the controller is given of joints, rates, HIP and velocity at the sample."""
     state, out, motion = loop.state, loop.out, loop.motion
-    seen, seen_rates = state[SEEN], state[SEEN_RATES]
-    for i in range(seen.shape[0]):
-        seen[i], seen_rates[i] = state[JOINTS, i], state[RATES, i]
+    seen_joints, seen_rates = state[SEEN], state[SEEN_RATES]
+    for i in range(seen_joints.shape[0]):
+        seen_joints[i], seen_rates[i] = state[JOINTS, i], state[RATES, i]
         out[MEASURED_HIP, tick, i], out[MEASURED_SPEED, tick, i] = out[HIP, tick, i], out[SPEED, tick, i]
     if sensors is None:
         return
-    take_part(sensors, tick, motion.load.dt, seen, seen_rates)
+    take_part(sensors, tick, motion.load.dt, seen_joints, seen_rates)
     motion.plant.kinematics(
-        motion.plant.parameters, seen, seen_rates, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick],
+        motion.plant.parameters, seen_joints, seen_rates, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick],
         motion.scratch.squares[JACOBIAN], motion.scratch.rows[DRIFT],
     )  # fmt: skip
 
@@ -148,13 +148,13 @@ def sense(loop: Loop, tick: int) -> int:
 def command(feeling: Hook | None, loop: Loop, tick: int) -> None:
     """Write the torques that the inner loop makes of the renderer's force, and of the hand's where it is measured."""
     state, motion = loop.state, loop.motion
-    seen, seen_rates, force = state[SEEN], state[SEEN_RATES], loop.out[FORCE, tick]
-    held = loop.out[TORQUE, tick]
+    seen_joints, seen_rates, force = state[SEEN], state[SEEN_RATES], loop.out[FORCE, tick]
+    torques = loop.out[TORQUE, tick]
     if feeling is None:
-        torque(loop.servo, motion.plant, seen, seen_rates, force, None, motion.scratch, held)
+        torque(loop.servo, motion.plant, seen_joints, seen_rates, force, None, motion.scratch, torques)
     else:
         push = loop.out[MEASURED_FORCE, tick]
-        torque(loop.servo, motion.plant, seen, seen_rates, force, push, motion.scratch, held)
+        torque(loop.servo, motion.plant, seen_joints, seen_rates, force, push, motion.scratch, torques)
 
 
 @inner
@@ -169,7 +169,7 @@ def drive(loop: Loop, tick: int, begin: float, end: float, torque: Array) -> boo
 
 
 @inner
-def add_position(grip: Grip | None, loop: Loop, share: float, lever: float) -> None:
+def add_position(grip: Grip | None, loop: Loop, weight: float, lever: float) -> None:
     """Add to state[DRAWN] this end's part in the integral of the position: Hermite's rule, from values and rates."""
     if grip is None:
         return
@@ -179,7 +179,7 @@ def add_position(grip: Grip | None, loop: Loop, share: float, lever: float) -> N
         scratch.rows[DRIFT],
     )  # fmt: skip
     for i in range(state.shape[1]):
-        state[DRAWN, i] += share * (state[PLACE, i] + lever * state[PACE, i])
+        state[DRAWN, i] += weight * (state[PLACE, i] + lever * state[PACE, i])
 
 
 @inner
@@ -195,30 +195,30 @@ def add_drawn(grip: Grip | None, loop: Loop, tick: int, i: int, mean: float) -> 
         return mean
     path, dt = grip.path, loop.motion.load.dt
     mean += grip.gains[0] * (0.5 * (path[tick, i] + path[tick + 1, i]) - loop.state[DRAWN, i] / dt)
-    moved = loop.state[PLACE, i] - loop.out[HIP, tick, i]
-    return float(mean + grip.gains[1] * (path[tick + 1, i] - path[tick, i] - moved) / dt)
+    hand_step = loop.state[PLACE, i] - loop.out[HIP, tick, i]
+    return float(mean + grip.gains[1] * (path[tick + 1, i] - path[tick, i] - hand_step) / dt)
 
 
 @borrowing
 def act(loop: Loop, tick: int) -> int:
     """Go from the renderer's force in out[FORCE, tick] to the device's state at the next sample."""
     state, out, load = loop.state, loop.out, loop.motion.load
-    dt, held, before = load.dt, out[TORQUE, tick], state[BEFORE]
+    dt, torques, previous_torques = load.dt, out[TORQUE, tick], state[BEFORE]
     command(loop.feeling, loop, tick)
-    switch = take_part(loop.motors, tick, dt, held, before)
-    for i in range(held.shape[0]):
+    switch = take_part(loop.motors, tick, dt, torques, previous_torques)
+    for i in range(torques.shape[0]):
         state[DRAWN, i] = 0.0
-    for late in range(2):  # one place that calls: it is compiled once
-        begin, end = (switch, dt) if late else (0.0, switch)
+    for part in range(2):  # one place that calls: it is compiled once
+        begin, end = (switch, dt) if part else (0.0, switch)
         if end > begin:
-            given = held if late else before
-            if not drive(loop, tick, begin, end, given):
+            acting_torques = torques if part else previous_torques
+            if not drive(loop, tick, begin, end, acting_torques):
                 return RAN_AWAY
-    for i in range(held.shape[0]):
+    for i in range(torques.shape[0]):
         if switch > 0.0:
-            held[i] = (switch * before[i] + (dt - switch) * held[i]) / dt
+            torques[i] = (switch * previous_torques[i] + (dt - switch) * torques[i]) / dt
         out[OPERATOR, tick, i] = add_drawn(load.grip, loop, tick, i, mean_push(load.push, tick, i))
-    for i in range(held.shape[0]):
+    for i in range(torques.shape[0]):
         if not abs(state[JOINTS, i] - state[START, i]) < loop.reach:
             return RAN_AWAY
     return DONE

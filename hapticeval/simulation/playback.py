@@ -67,16 +67,16 @@ def play_while_defined(
     """
     try:
         return play(renderer, path, dt, scene=scene)
-    except DomainError as left:
+    except DomainError as error:
         if not isinstance(renderer, Renderer):
             raise
         time, hips = path.sampled(dt)
         count = rows_defined(lambda rows: _play(renderer, time[:rows], hips[:rows], dt, scene), time.size)
         if count < 2:
             raise
-        found = _play(renderer, time[:count], hips[:count], dt, scene)
-        ended = {"tick": count, "time": float(time[count]), "what": left.what, "why": left.why}
-        return Recording(found.time, found.channels, {**found.meta, "ended": ended})
+        recording = _play(renderer, time[:count], hips[:count], dt, scene)
+        ended = {"tick": count, "time": float(time[count]), "what": error.what, "why": error.why}
+        return Recording(recording.time, recording.channels, {**recording.meta, "ended": ended})
 
 
 def rows_defined(lead: Callable[[int], object], count: int) -> int:
@@ -161,18 +161,18 @@ def run_path(
     a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). One that feels is given the
     measured `pushes` (n, N), N, row by row, where there are any. Errors count ticks from `first` on.
     """
-    can = abilities_of(renderer)
-    if not can.observe_force:
+    abilities = abilities_of(renderer)
+    if not abilities.observe_force:
         pushes = None
-    way = way_in(renderer, hips, scene)
-    count = way.shape[0]
+    lead_in = way_in(renderer, hips, scene)
+    count = lead_in.shape[0]
     if count:
         step = float(np.median(dt))
-        moving = np.diff(way, axis=0, prepend=way[:1]) / step
-        hips, velocity = np.vstack([way, hips]), np.vstack([moving, velocity])
+        lead_in_velocity = np.diff(lead_in, axis=0, prepend=lead_in[:1]) / step
+        hips, velocity = np.vstack([lead_in, hips]), np.vstack([lead_in_velocity, velocity])
         dt = np.concatenate([np.full(count, step), dt]) if isinstance(dt, np.ndarray) else dt
-        pushes = None if pushes is None else np.vstack([np.zeros_like(way), pushes])
-    if can.run and not isinstance(dt, np.ndarray) and pushes is None:
+        pushes = None if pushes is None else np.vstack([np.zeros_like(lead_in), pushes])
+    if abilities.run and not isinstance(dt, np.ndarray) and pushes is None:
         answers = _all_at_once(renderer, hips, velocity, dt, first, count)
     else:
         answers = _step_by_step(renderer, hips, velocity, dt, first, count, pushes)
@@ -187,23 +187,23 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
     starts with its tool where the nearest projection puts it. None for a hand that starts outside, and on a bilateral
     constraint.
     """
-    none = np.empty((0, hips.shape[1]))
+    nothing = np.empty((0, hips.shape[1]))
     if scene is None or scene.bilateral:
-        return none
+        return nothing
     boundary: Boundary = abilities_of(renderer).surface or scene.model.boundary
     start = hips[0]
     frame = boundary.closest_point(start[np.newaxis])
     depth = -float(frame.distance[0])
     if depth <= 0.0:
-        return none
+        return nothing
     pace = float(np.linalg.norm(np.diff(hips, axis=0), axis=1).max(initial=0.0)) or NEAR * scene.model.size
     outwards = (frame.foot[0] - start) / depth
-    before = frame.foot[0] + (abilities_of(renderer).standoff + pace) * outwards
-    if not boundary.signed_distance(before[np.newaxis])[0] > 0.0:
-        before = frame.foot[0]
-    ticks = min(math.ceil(float(np.linalg.norm(start - before)) / pace), WAY)
+    outside = frame.foot[0] + (abilities_of(renderer).standoff + pace) * outwards
+    if not boundary.signed_distance(outside[np.newaxis])[0] > 0.0:
+        outside = frame.foot[0]
+    ticks = min(math.ceil(float(np.linalg.norm(start - outside)) / pace), WAY)
     share = np.linspace(0.0, 1.0, ticks + 1)[:, np.newaxis]
-    return np.vstack([(1.0 - share) * before + share * start, np.repeat(start[np.newaxis], REST, axis=0)])
+    return np.vstack([(1.0 - share) * outside + share * start, np.repeat(start[np.newaxis], REST, axis=0)])
 
 
 def simulate_checked(renderer: TrajectoryRenderer, stimulus: Stimulus, dt: float) -> Recording:
@@ -394,22 +394,22 @@ def compare_batch(
         except DomainError:
             continue  # it may be led here, and not start here
         single = np.stack(_step_by_step(renderer, hips, velocity, dt, first, 0)[:2], axis=1)
-        apart = np.linalg.norm(batch - single, axis=2)
-        wrong = np.flatnonzero(np.any(apart > allowed, axis=1))
+        differences = np.linalg.norm(batch - single, axis=2)
+        wrong = np.flatnonzero(np.any(differences > allowed, axis=1))
         if wrong.size == 0:
             continue
         row = int(wrong[0])
-        if np.any(apart[row] > allowed + _shaken(renderer, hips[: row + 1], velocity, dt, rounding, single[row])):
-            ihip, force = apart[row]
-            ways = [
-                f"{way}() answers {each[row, 0]} m, {each[row, 1]} N"
-                for way, each in zip(("run", "step"), (batch, single), strict=True)
+        if np.any(differences[row] > allowed + _shaken(renderer, hips[: row + 1], velocity, dt, rounding, single[row])):
+            ihip, force = differences[row]
+            answers_of_both = [
+                f"{method}() answers {answers[row, 0]} m, {answers[row, 1]} N"
+                for method, answers in zip(("run", "step"), (batch, single), strict=True)
             ]
             raise RendererError(
                 f"the renderer's run() and step() differ by {1e3 * ihip:.3g} mm in the IHIP and {force:.3g} N",
                 tick=first + row,
                 hip=hips[row],
-                why=f"{', '.join(ways)}, both from a reset at tick {first} on; "
+                why=f"{', '.join(answers_of_both)}, both from a reset at tick {first} on; "
                 f"rounding allows for {1e3 * allowed[0]:.2g} mm and {allowed[1]:.2g} N",
                 todo="make run() equal to reset() and a step() a row",
             )
@@ -417,13 +417,13 @@ def compare_batch(
 
 def _shaken(renderer: Renderer, hips: Array, velocity: Array, dt: float, by: float, answer: Array) -> Array:
     """How far the last answer of `step` moves, (IHIP, force), when the last of `hips` is moved by `by` either way."""
-    moved = np.zeros(2)
+    largest_change = np.zeros(2)
     for shift in by * np.vstack([np.eye(hips.shape[1]), -np.eye(hips.shape[1])]):
         shaken = hips.copy()
         shaken[-1] += shift
-        other = np.stack(_step_by_step(renderer, shaken, velocity, dt, 0, 0)[:2], axis=1)[-1]
-        moved = np.maximum(moved, np.linalg.norm(other - answer, axis=1))
-    return moved
+        answer_there = np.stack(_step_by_step(renderer, shaken, velocity, dt, 0, 0)[:2], axis=1)[-1]
+        largest_change = np.maximum(largest_change, np.linalg.norm(answer_there - answer, axis=1))
+    return largest_change
 
 
 class _Rows(NamedTuple):
@@ -456,23 +456,23 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
 
     Both are reset at the beginning, and then answer `TURN` ticks each until the first path ends.
     """
-    led = []
+    parties = []
     for renderer, path, scene in (first, second):
         time, hips = path.sampled(dt)
         rows = _Rows(hips, backward_difference(hips, time), np.full(time.size, dt))
-        way = way_in(renderer, hips, scene)
-        ahead = _Rows(way, np.diff(way, axis=0, prepend=way[:1]) / dt, np.full(len(way), dt))
-        led.append((renderer, ahead.followed_by(rows)))
-        reset_checked(renderer, led[-1][1].hip[0])
-    ways = led[0][1]
-    answers = Answers.room(ways.hip)
-    for begin in range(0, len(ways.dt), TURN):
-        turn = [_led_on(renderer, rows.part(begin, begin + TURN), begin) for renderer, rows in led]
-        for column, answered in zip(answers, turn[0], strict=True):
+        lead_in = way_in(renderer, hips, scene)
+        lead_in_rows = _Rows(lead_in, np.diff(lead_in, axis=0, prepend=lead_in[:1]) / dt, np.full(len(lead_in), dt))
+        parties.append((renderer, lead_in_rows.followed_by(rows)))
+        reset_checked(renderer, parties[-1][1].hip[0])
+    first_rows = parties[0][1]
+    answers = Answers.room(first_rows.hip)
+    for begin in range(0, len(first_rows.dt), TURN):
+        answers_of_turn = [_led_on(renderer, rows.part(begin, begin + TURN), begin) for renderer, rows in parties]
+        for column, answered in zip(answers, answers_of_turn[0], strict=True):
             column[begin : begin + TURN] = answered
     time, hips = first[1].sampled(dt)
-    recorded = slice(len(ways.dt) - len(time), None)
-    channels = {"hip": hips, **answers.part(recorded).channels, "velocity": ways.velocity[recorded]}
+    recorded = slice(len(first_rows.dt) - len(time), None)
+    channels = {"hip": hips, **answers.part(recorded).channels, "velocity": first_rows.velocity[recorded]}
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(first[0]).meta})
 
 
@@ -499,10 +499,10 @@ class Closeup:
         """Of the `recording` that `play` made of `renderer` in `scene`, which its copies have in common with it."""
         dt = float(recording.meta["dt"])
         rows = _Rows(recording.hip, recording.channel("velocity"), np.full(len(recording), dt))
-        way = way_in(renderer, recording.hip, scene)
-        before = _Rows(way, np.diff(way, axis=0, prepend=way[:1]) / dt, np.full(len(way), dt))
+        lead_in = way_in(renderer, recording.hip, scene)
+        before = _Rows(lead_in, np.diff(lead_in, axis=0, prepend=lead_in[:1]) / dt, np.full(len(lead_in), dt))
         shared = (scene, scene.model, scene.model.boundary)
-        return cls(recording, rows, before, _Subject(renderer, dt, shared, len(way)))
+        return cls(recording, rows, before, _Subject(renderer, dt, shared, len(lead_in)))
 
     def closer(self, first: int, last: int, factor: int, *, lag: int) -> Closeup:
         """The way from row `first` to row `last` > `first`, each step in `factor` equal ones.
@@ -514,24 +514,24 @@ class Closeup:
         """
         renderer = self._standing(first)
         tick = self._tick(first)
-        rest, answer = self._rest(renderer, first, lag)
-        kept = self._subject.copy(renderer)
+        rest_rows, rest_answer = self._rest(renderer, first, lag)
+        copy = self._subject.copy(renderer)
         share = np.tile(np.arange(1.0, factor + 1.0) / factor, last - first)[:, np.newaxis]
-        start_, end = (np.repeat(self._rows.hip[k : k + last - first], factor, axis=0) for k in (first, first + 1))
+        start, end = (np.repeat(self._rows.hip[k : k + last - first], factor, axis=0) for k in (first, first + 1))
         dt = np.repeat(self._rows.dt[first + 1 : last + 1] / factor, factor)
-        hip = np.where(share == 1.0, end, start_ + share * (end - start_))
-        way = _Rows(hip, (end - start_) / (factor * dt)[:, np.newaxis], dt)
-        way = way.followed_by(_Rows.resting(hip[-1], float(dt[-1]), lag))
-        led = _led_on(renderer, way, tick)
-        answers = Answers(*(np.concatenate(pair) for pair in zip(answer, led, strict=True)))
-        time = self.recording.time[first] + np.concatenate([[0.0], np.cumsum(way.dt)])
-        rows = rest.part(-1, rest.dt.size).followed_by(way)
+        hip = np.where(share == 1.0, end, start + share * (end - start))
+        fine_rows = _Rows(hip, (end - start) / (factor * dt)[:, np.newaxis], dt)
+        fine_rows = fine_rows.followed_by(_Rows.resting(hip[-1], float(dt[-1]), lag))
+        fine_answers = _led_on(renderer, fine_rows, tick)
+        answers = Answers(*(np.concatenate(pair) for pair in zip(rest_answer, fine_answers, strict=True)))
+        time = self.recording.time[first] + np.concatenate([[0.0], np.cumsum(fine_rows.dt)])
+        rows = rest_rows.part(-1, rest_rows.dt.size).followed_by(fine_rows)
         channels = {"hip": rows.hip, **answers.channels, "velocity": rows.velocity}
         recording = Recording(time, channels, {**self.recording.meta, "dt": float(dt[-1])})
-        before = self._before.followed_by(self._rows.part(0, first + 1)).followed_by(rest.part(0, -1))
+        before = self._before.followed_by(self._rows.part(0, first + 1)).followed_by(rest_rows.part(0, -1))
         closer = Closeup(recording, rows, before, self._subject)
-        if kept is not None:
-            closer._kept[0] = kept
+        if copy is not None:
+            closer._kept[0] = copy
         return closer
 
     def _tick(self, row: int) -> int:
@@ -544,8 +544,8 @@ class Closeup:
         answers: list[tuple[Array, Array]] = []
         for _ in range(PATIENCE):
             answers.append(step_checked(renderer, self._tick(row), rows.hip[0], rows.velocity[0], self._subject.dt))
-            same = [np.array_equal(ihip, answers[-1][0]) for ihip, _ in answers[-lag - 1 :]]
-            if len(same) > lag and all(same):
+            same_answers = [np.array_equal(ihip, answers[-1][0]) for ihip, _ in answers[-lag - 1 :]]
+            if len(same_answers) > lag and all(same_answers):
                 break
         ihip, force = answers[-1]
         last = Answers(ihip[np.newaxis], force[np.newaxis], np.array([reported_contact(renderer)]))
@@ -553,14 +553,14 @@ class Closeup:
 
     def _standing(self, row: int) -> Renderer:
         """The renderer as it was after `row`, to be led on from there."""
-        kept = self._keep(row) if self._subject.copies else None
-        copy = None if kept is None else self._subject.copy(kept)
+        kept_renderer = self._keep(row) if self._subject.copies else None
+        copy = None if kept_renderer is None else self._subject.copy(kept_renderer)
         if copy is not None:
             return copy
         renderer = self._subject.renderer
-        way = self._before.followed_by(self._rows.part(0, row + 1))
-        reset_checked(renderer, way.hip[0])
-        _led_on(renderer, way, -self._subject.ahead)
+        rows = self._before.followed_by(self._rows.part(0, row + 1))
+        reset_checked(renderer, rows.hip[0])
+        _led_on(renderer, rows, -self._subject.ahead)
         return renderer
 
     def _keep(self, row: int) -> Renderer | None:
@@ -568,7 +568,7 @@ class Closeup:
         if row in self._kept:
             return self._kept[row]
         subject = self._subject
-        nearest = max((kept for kept in self._kept if kept < row), default=-1)
+        nearest = max((kept_row for kept_row in self._kept if kept_row < row), default=-1)
         if nearest >= 0:
             renderer = subject.copy(self._kept[nearest])
         else:
@@ -578,15 +578,15 @@ class Closeup:
         if renderer is None:
             return None
         _led_on(renderer, self._rows.part(nearest + 1, row + 1), self._tick(nearest + 1))
-        kept = subject.copy(renderer) if nearest < 0 else renderer
-        if kept is not None and subject.proves(kept, self._rows.part(row + 1, row + 1 + PROOF)):
-            self._kept[row] = kept
+        copy = subject.copy(renderer) if nearest < 0 else renderer
+        if copy is not None and subject.proves(copy, self._rows.part(row + 1, row + 1 + PROOF)):
+            self._kept[row] = copy
             if len(self._kept) > KEPT:
                 rows = sorted(self._kept)
                 del self._kept[
                     min(zip(rows, rows[1:], rows[2:], strict=False), key=lambda three: three[2] - three[0])[1]
                 ]
-            return kept
+            return copy
         return None
 
 
@@ -612,12 +612,12 @@ class _Subject:
         if not self.copies:
             return None
         try:
-            return deepcopy(renderer, {id(each): each for each in self.shared})
+            return deepcopy(renderer, {id(shared_object): shared_object for shared_object in self.shared})
         except Exception:  # a foreign object may refuse in any way; it is then led to the place anew
             self.copies = False
             return None
 
-    def proves(self, kept: Renderer, rows: _Rows) -> bool:
+    def proves(self, renderer: Renderer, rows: _Rows) -> bool:
         """Whether copies are independent: of a handle to a state elsewhere a copy is the same state once more.
 
         Two copies are led along the same rows one after the other, and must give the same answers to the bit.
@@ -625,7 +625,7 @@ class _Subject:
         if not self.proved:
             answers = []
             for _ in range(2):
-                copy = self.copy(kept)
+                copy = self.copy(renderer)
                 if copy is None:
                     return False
                 answers.append(_led_on(copy, rows, 0))
@@ -640,12 +640,12 @@ def _led_on(renderer: Renderer, rows: _Rows, first: int) -> Answers:
     """
     answers = Answers.room(rows.hip)
     ihips, forces, contact = answers
-    done = _led_at_once(renderer, rows, answers)
-    bad = ~np.isfinite([ihips[:done], forces[:done]]).all(axis=(0, 2))
-    if bad.any():
-        row = int(np.argmax(bad))
+    answered = _led_at_once(renderer, rows, answers)
+    not_finite_rows = ~np.isfinite([ihips[:answered], forces[:answered]]).all(axis=(0, 2))
+    if not_finite_rows.any():
+        row = int(np.argmax(not_finite_rows))
         raise not_finite(max(first + row, 0), rows.hip[row], ihips[row], forces[row])
-    for row in range(done, rows.dt.size):
+    for row in range(answered, rows.dt.size):
         ihips[row], forces[row] = step_checked(
             renderer, max(first + row, 0), rows.hip[row], rows.velocity[row], float(rows.dt[row])
         )
@@ -655,16 +655,18 @@ def _led_on(renderer: Renderer, rows: _Rows, first: int) -> Answers:
 
 def _led_at_once(renderer: Renderer, rows: _Rows, answers: Answers) -> int:
     """Write what a renderer answers in one call, and return how many rows that are: none where it cannot."""
-    can, count = abilities_of(renderer), rows.dt.size
-    if can.law is not None and count:
+    abilities, count = abilities_of(renderer), rows.dt.size
+    if abilities.law is not None and count:
         from hapticeval.compiled import for_kernels, law_value
         from hapticeval.simulation.playback_kernels import lead
 
-        law = law_value(can.law.function, can.law.data)
-        given = for_kernels(rows.hip), for_kernels(rows.velocity), for_kernels(rows.dt)
-        reported = np.empty(0) if can.law.contact is None else can.law.contact
-        return lead(law, can.law.data, np.zeros(rows.hip.shape[1]), *given, answers[:2], reported, answers.contact)
-    if can.lead and count:
+        law = law_value(abilities.law.function, abilities.law.data)
+        columns = for_kernels(rows.hip), for_kernels(rows.velocity), for_kernels(rows.dt)
+        reported = np.empty(0) if abilities.law.contact is None else abilities.law.contact
+        return lead(
+            law, abilities.law.data, np.zeros(rows.hip.shape[1]), *columns, answers[:2], reported, answers.contact
+        )
+    if abilities.lead and count:
         with suppress(Exception):  # it does not say where it broke; single steps do
             answers.ihip[:], answers.force[:] = renderer.lead(*(column.copy() for column in rows))  # type: ignore[attr-defined]
             answers.contact[:] = _reported_contacts(renderer, count)
