@@ -161,8 +161,8 @@ def box_middle(tree: Array, i: int) -> Triple:
 
 @inner
 def _disc_distance_squared(tree: Array, i: int, p: Triple) -> float:
-    # a disc is a flat cylinder: the excess over its half thickness, and over its radius aside
     """Return the squared distance (m^2) of p from the disc of row i: no triangle in it is closer."""
+    # a disc is a flat cylinder: the excess over its half thickness, and over its radius aside
     q, n = _minus(p, box_middle(tree, i)), (tree[i, DISC], tree[i, DISC + 1], tree[i, DISC + 2])
     aside = _cross(n, q)
     height_excess = max(abs(dot(n, q)) - tree[i, DISC + 4], 0.0)

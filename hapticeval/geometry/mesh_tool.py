@@ -32,7 +32,7 @@ def fly_to_hand(
             return False, k, 0, hip
         k, feature, foot = closest_feature(faces, vertices, tree, foot, k)
         status, k, feature, start = walk_downhill(faces, vertices, True, k, feature, foot, hip)
-        # else the way to the hand is free again: fly on from there
+        # if it does not rest, the way to the hand is free again: fly on from there
         if status == RESTS:
             return True, k, feature, start
     # flights without end, by rounding: the closest point is where the tool would come to rest

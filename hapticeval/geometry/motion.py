@@ -87,13 +87,16 @@ def mirroring(dimension: int) -> Motion:
 
 
 def rigid_motion(angle: float, shift: ArrayLike) -> Motion:
-    """Return a turn by `angle` (rad), in space about the axis (1, 2, 3), and then a shift (N,), m."""
+    """Return a turn by `angle` (rad), and then a shift (N,), m.
+
+    In the plane it turns anticlockwise; in space about the axis (1, 2, 3), clockwise seen from its tip.
+    """
     shift = np.asarray(shift, dtype=np.float64)
     c, s = math.cos(angle), math.sin(angle)
     if shift.size == 2:
         return Motion(np.array([[c, -s], [s, c]]), 1.0, shift)
     # |(1, 2, 3)| = sqrt 14: a direction that no symmetry of a model shares
     axis = np.array([1.0, 2.0, 3.0]) / math.sqrt(14.0)
-    # Rodrigues: R = cos I + sin [axis]x + (1 - cos) axis axis^T
+    # Rodrigues: R = cos I - sin [axis]x + (1 - cos) axis axis^T; the rows of `cross` are axis x e_i: -[axis]x
     cross = np.cross(np.eye(3), -axis)
     return Motion(c * np.eye(3) + s * cross + (1.0 - c) * np.outer(axis, axis), 1.0, shift)

@@ -216,7 +216,7 @@ def _map_with_measures(curve: Curve, coarse: Correspondence, fine: Correspondenc
     cuts = curve.length * np.arange(EQUAL_ARCS + 1) / EQUAL_ARCS
     # each arc's harmonic measure (rad): its share of the circle
     masses = np.diff(np.interp(cuts, along, turns))
-    # the boundary that angles of +- ROUNDING about each entry cover
+    # the boundary that angles of +- ANGLE_ROUNDING about each entry cover
     blurs = np.interp(angles + ANGLE_ROUNDING, turns, along) - np.interp(angles - ANGLE_ROUNDING, turns, along)
     widest = int(np.argmax(blurs))
     return ConformalMap(

@@ -196,7 +196,7 @@ class Front:
         dt = SHARE_OF_BOUND * kernels.largest_step(self.kind, scale, self.h)
         # an even number, as `advance_steps` asks, that takes the front about CELLS_PER_UPDATE
         steps = 2 * max(1, round(0.5 * CELLS_PER_UPDATE * self.h / (self._speed * dt)))
-        # speed 1: the way is the time
+        # at speed 1 lengths (m) are times
         if self.kind == kernels.UNIT:
             dt, steps = 0.5 * CELLS_PER_UPDATE * self.h, 2
         self._speed = max(
