@@ -66,6 +66,7 @@ class Runs:
     pieces: Boundary | None = None
 
     def __post_init__(self) -> None:
+        # `valid` is only there where some rows are not.
         if self.base.valid is not None:
             raise InputError(
                 "a recording with gaps cannot be judged as a whole",
@@ -112,6 +113,7 @@ class Situation(StrEnum):
 def situations(runs: Runs, scene: Scene) -> frozenset[Situation]:
     """Return the situations that runs in a scene are in: checks name those in which they have no question."""
     source = runs.base.meta.get("source")
+    # Corners of the model itself, whatever a renderer was given.
     convex, concave = has_corners(scene.model.boundary)
     holds = {
         Situation.PLAYBACK: source == "playback",

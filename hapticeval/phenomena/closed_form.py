@@ -36,6 +36,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # From the recorded start: the closed form solves the same initial value problem.
     expected = form.motion(scene, base.hip[0], base.velocity[0], time).hip
     travel = float(np.max(np.linalg.norm(expected - expected[0], axis=1)))
+    # Both at the base run's samples, (n, N): the extrapolation is to continuous time.
     apart = np.linalg.norm(hips - expected, axis=1)
     tick = int(np.argmax(apart))
     # The correction is that of the worst coordinate: over all N of them a length is sqrt(N) times that.

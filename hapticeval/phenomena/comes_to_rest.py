@@ -49,6 +49,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         message = f"the tool gets {mm(distance[farthest])} off the surface, farther than the model is large"
         reach_metric = Metric("largest distance from the surface", float(distance[farthest]), "m")
         return Finding(Outcome.FAIL, message, reach_metric, reach, {**evidence, **evidence_at(base, farthest)})
+    # For the message alone; nothing moved before where this is not a number.
     ratio = after / before if before > 0.0 else math.nan
     return compared(
         metric,

@@ -25,7 +25,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     lap_runs = [
         lap_run
         for lap_run in laps(base.hip, size)
-        if lap_run.count > 2 and contact[lap_run.first :][: lap_run.period * lap_run.count].any()
+        if lap_run.number > 2 and contact[lap_run.first :][: lap_run.period * lap_run.number].any()
     ]
     if not lap_runs:
         return undecided("the hand never goes round a closed loop three times in contact")

@@ -50,6 +50,7 @@ def read_page(check: Check) -> CheckPage:
     Raises `InputError` where it has none, or one without a question or a bound.
     """
     try:
+        # A check of another package brings its own page.
         return parse_page(check.page or page_file(check).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(
@@ -75,6 +76,7 @@ def _sections(tokens: Sequence[Token]) -> Iterator[tuple[str, Sequence[Token]]]:
     """Yield each section below a heading of the second level by its title, and what comes before the first by ''."""
     starts = [index for index, token in enumerate(tokens) if token.type == "heading_open" and token.tag == "h2"]
     yield "", tokens[: starts[0] if starts else len(tokens)]
+    # The title is the inline token behind the heading's opening.
     for start, end in pairwise([*starts, len(tokens)]):
         yield _plain(tokens[start + 1]), tokens[start + 2 : end]
 
@@ -83,6 +85,7 @@ def _paragraphs(tokens: Sequence[Token]) -> str:
     """Return the paragraphs before the first list of a section, without its heading."""
     texts = []
     for before, token in pairwise(tokens):
+        # The derivation is a list: the bound itself ends where that begins.
         if before.type.endswith("list_open"):
             break
         if before.type == "paragraph_open":

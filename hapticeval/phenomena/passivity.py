@@ -33,11 +33,11 @@ LAP = "in each lap after the first"
 
 
 class LapRun(NamedTuple):
-    """Laps that follow each other on the same points: the `first` row, the `period` in rows, and how many: `count`."""
+    """Laps that follow each other on the same points: the `first` row, the `period` in rows, and how many: `number`."""
 
     first: int
     period: int
-    count: int
+    number: int
 
 
 @dataclass(frozen=True)

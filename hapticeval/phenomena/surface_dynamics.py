@@ -48,6 +48,7 @@ def judge_output_invariance(runs: Runs, scene: Scene) -> Finding:
     tick = int(np.argmax(distance))
     # m kappa v^2 / K_p: what a law without a centripetal term would stand off.
     cost = float(np.max(np.abs(motion.centripetal))) / scene.stiffness
+    # Where refinement does not settle it, what a held force may let drift is the bound.
     bound = remains.change if remains.settled else motion.held_distance()
     bound += motion.sensor_error + EXTRAPOLATION_ROUNDING * scene.model.size
     evidence: dict[str, object] = {

@@ -18,22 +18,27 @@ from hapticeval.types import Array, IntArray
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
-    """Compare the force along the surface with mu_s F_n where a tool that stuck begins to slide."""
+    """Compare the force along the surface with mu_s F_n (4.18) where a tool that stuck begins to slide."""
     base, friction = runs.base, scene.effect(FRICTION)
     reason = reason_not_judged(base, scene)
     if reason is not None:
         return reason
     load = load_of(base, scene)
+    # Ticks in which the tool begins to slide, after it has surely stuck.
     slips = _break_away_ticks(base, load, scene, min(STICKING_SHARE, friction.stick) * friction.mu_k)
+    # |F_t| / (mu_s F_n): 1 on the edge of the static cone (4.18)
     share = np.divide(load.size, friction.mu_s * load.normal, where=load.normal > 0.0, out=np.zeros(len(base)))
     # In the tick before, of a channel that is late too, the hand was a step less far, or two where that is between two.
     feet = np.diff(scene.model.boundary.closest_point(base.hip).foot, axis=0)
     step = _largest_within_lag(np.concatenate([[0.0], np.maximum(hip_steps(base), np.linalg.norm(feet, axis=1))]))
+    # How much the normal force, N, changes in a tick near it.
     press = _largest_within_lag(np.abs(np.diff(load.normal, prepend=load.normal[:1])))
     holds = friction.mu_s * load.normal[slips - 1]
     with np.errstate(divide="ignore", invalid="ignore"):
+        # 2 K |dx| + mu_s |dF_n| and rounding: what the force may have lacked in the tick before.
         open_ = 2.0 * scene.stiffness * step[slips] + friction.mu_s * press[slips] + load.other[slips - 1]
         allowed = np.where(holds > 0.0, open_ / holds, np.inf)
+    # Known to a tenth, or to half of what lies between the static and the kinetic cone.
     clear = allowed <= max(TELLING_SHARE, 0.5 * (1.0 - friction.mu_k / friction.mu_s))
     if not clear.any():
         return undecided(
@@ -63,12 +68,15 @@ def _break_away_ticks(base: Recording, load: Load, scene: Scene, surely: float) 
 
     It has stuck when it rested for longer than the granted lag, and was pulled by less than the share `surely` of F_n.
     """
+    # Below this way, m, an IHIP has not moved: the rounding of its coordinates.
     place = 8.0 * ihip_precision(base) * float(np.max(np.abs(base.hip)))
     length = np.linalg.norm(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), axis=1)
     pressed = load.pressed & (load.normal > 0.0)
+    # What is no contact ends a rest as well as a motion does.
     moves = (length > place) | ~pressed | ~np.roll(pressed, 1)
     sticks = pressed & (load.size <= surely * load.normal)
     near = np.zeros(len(base), dtype=bool)
+    # At a corner the tool may change its face: there a step is no slip.
     for corner in scene.model.boundary.corners:
         near |= np.linalg.norm(base.ihip - corner.position, axis=1) <= length + place
     ticks = np.flatnonzero(moves)

@@ -20,11 +20,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if reason is not None:
         return reason
     load = load_of(base, scene)
+    # |F_t| less what the scene's dampers and rounding may make of it.
     tangential = np.maximum(load.size - load.other, 0.0)
     limit = friction.mu_s * np.maximum(load.normal, 0.0)
+    # |F_t| / (mu_s F_n); infinite where nothing presses the tool
     shares = np.divide(tangential, limit, out=np.where(tangential > 0.0, np.inf, 0.0), where=limit > 0.0)
     worst = int(np.argmax(shares))
     share = float(shares[worst])
+    # A force that hardly leans shows nothing of the friction.
     if share < TELLING_SHARE:
         return undecided("the tool is hardly pulled along the surface: less than a tenth of what the friction holds")
     return compared(

@@ -23,6 +23,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 def _judge(base: Recording, scene: Scene) -> Finding:
     load = load_of(base, scene)
     free = ~touching(base, scene)
+    # The last free row before each contact: there nothing is stored.
     begins = np.flatnonzero(free[:-1] & ~free[1:])
     if not begins.size:
         return undecided("the hand never comes from free space: what is stored is not known")
@@ -38,14 +39,17 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     steep = np.where(change > STEEPER_THAN_SPRING * scene.stiffness * across, change * across, 0.0)
     before = np.concatenate([[0.0], length[:-1]])
     strength = np.linalg.norm(base.force[:-1], axis=1)
+    # K |dx|^2 / 2 for a spring held over a tick, and B |dx| |dx before| / dt for a damper
     allowed = 0.5 * scene.stiffness * length**2 + steep + damping / base.dt * length * before
     allowed += SINGLE_ROUNDINGS * SINGLE * strength * length
+    # F . dx of a force that is held from row to row, J
     gained = np.sum(base.force[:-1] * moved, axis=1)
     worst, gain, granted = None, 0.0, 0.0
     for begin in begins:
         later = np.flatnonzero(free[begin + 1 :])
         stop = int(begin + 1 + later[0]) if later.size else len(base) - 1
         work, bound = np.cumsum(gained[begin:stop]), np.cumsum(allowed[begin:stop])
+        # The tick up to which the hand has got most beyond what is granted.
         row = int(np.argmax(work - bound))
         if worst is None or work[row] - bound[row] > gain - granted:
             worst = int(begin), int(begin) + row + 1

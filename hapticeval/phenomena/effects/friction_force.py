@@ -37,6 +37,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     tangential = load.tangential
     if runs.without is not None:
         plain = runs.without(kind).force
+        # What the renderer itself gives along the surface, without the friction, is not the law's.
         tangential = tangential - (plain - np.sum(plain * load.normals, axis=1)[:, np.newaxis] * load.normals)
     # What the queue of a late renderer begins with is not of the law.
     judged = load.pressed & (np.arange(len(base)) >= LAG_TICKS)
@@ -44,6 +45,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     straight = law(0.0, BRISTLE_PARTS)
     strength = np.linalg.norm(straight, axis=1)
     rounding = load.other - viscous_coefficient(scene) * np.linalg.norm(load.velocity, axis=1)
+    # The law with a held speed and with one that goes straight: what sampling leaves open.
     doubt = rounding + np.linalg.norm(law(0.0, 1) - straight, axis=1)
     if not (judged & (doubt <= TELLING_SHARE * strength)).any():
         return undecided("the law's force is nowhere ten times what sampling and rounding leave open of it")
@@ -55,10 +57,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             float(doubt[judged].mean()),
         )
 
+    # The lag of whichever of the two fits better.
     lag = min(late(1), late(BRISTLE_PARTS), key=lambda lag_and_misfit: lag_and_misfit[1])[0]
     if lag:
         stepped, straight = law(lag, 1), law(lag, BRISTLE_PARTS)
         doubt = rounding + np.linalg.norm(stepped - straight, axis=1)
+        # Between ticks it is not known which value the renderer had.
         if abs(lag - round(lag)) > WHOLE_LAG:
             doubt += straight_way_doubt(straight)
     # The speed of a tick may be taken as held since the last, or as going there straight.
@@ -78,7 +82,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def _friction_law(base: Recording, load: Load, scene: Scene) -> Callable[[float, int], Array]:
-    """Return -F_t of the law (n, N), N, as a function of a lag in ticks and the parts of a tick; see `lugre_force`."""
+    """Return -F_t of the law (n, N), N, as a function of a lag in ticks and the parts of a tick: see `lugre_force`."""
     lugre = scene.effect(LUGRE)
     rows = np.arange(len(base), dtype=np.int64)
 

@@ -32,10 +32,13 @@ def viscous_coefficient(scene: Scene) -> float:
 class Load:
     """The force of each tick, (n,), as parts across and along the surface at the IHIP.
 
-    `pressed` is where the force is above the floor. `normal` (n,), N, is positive where the surface pushes, and on a
-    bilateral one also where it pulls. `tangential` (n, N), N, is the part along the surface; `size` (n,) is its length,
-    and at a corner what is beyond the fan of its normals. `velocity` (n, N), m/s, is the hand's along the surface, and
-    `normals` (n, N) are the outward ones. `other` (n,), N, is what the scene's dampers may add, and rounding.
+    - `pressed` (n,): where the force is above the floor.
+    - `normal` (n,), N: the part across, positive where the surface pushes, and on a bilateral one also where it pulls.
+    - `tangential` (n, N), N: the part along; `size` (n,), N, its length, and at a corner what leaves the fan of
+      normals.
+    - `velocity` (n, N), m/s: the hand's along the surface.
+    - `normals` (n, N): the outward unit normals.
+    - `other` (n,), N: what the scene's dampers may add, and rounding.
     """
 
     pressed: BoolArray
@@ -54,9 +57,12 @@ def load_of(base: Recording, scene: Scene) -> Load:
     rows = np.flatnonzero(pressed)
     ihip, force = base.ihip[rows], base.force[rows]
     normals = scene.model.boundary.closest_point(ihip).normal
+    # F_n = n . F, and F_t = F - F_n n
     across = np.sum(force * normals, axis=1)
+    # A bilateral surface may pull: its force is turned round, so that it presses.
     push = np.where((across < 0.0) & scene.bilateral, -1.0, 1.0)[:, np.newaxis] * force
     if scene.model.boundary.corners:
+        # At a corner the normal may be any of the fan: |F| cos and |F| sin of the angle outside of it.
         angle = scene.model.boundary.normal_cone(ihip, np.zeros(rows.size))(push)
         strength = np.linalg.norm(force, axis=1)
         normal, size = strength * np.cos(angle), strength * np.sin(angle)
@@ -65,6 +71,7 @@ def load_of(base: Recording, scene: Scene) -> Load:
         size = np.linalg.norm(force - across[:, np.newaxis] * normals, axis=1)
     moving = velocity[rows] - np.sum(velocity[rows] * normals, axis=1)[:, np.newaxis] * normals
     damping = scene.damping + viscous_coefficient(scene)
+    # Rounding of positions as a force, K |x|, and of the force itself.
     reach = scene.stiffness * float(np.max(np.abs(base.hip))) + np.linalg.norm(force, axis=1)
     parts = (
         normal,
@@ -76,6 +83,7 @@ def load_of(base: Recording, scene: Scene) -> Load:
     )
     filled = []
     for part in parts:
+        # Zero in ticks without a force above the floor.
         column = np.zeros((len(base), *part.shape[1:]))
         column[rows] = part
         filled.append(column)
@@ -97,7 +105,7 @@ def judge_with_lag(
     """Judge a recording, and where it fails, one with channels held back by up to three ticks: a lag is granted.
 
     Each of `on_time` are channels that may be on time where the others are late. A renderer that is late gives and
-    takes energy for that alone: see `passivity`. Where all fail the first is found.
+    takes energy for that alone: see `passivity`. Where all fail, the finding is that without a lag.
     """
     finding = judge(base)
     for lag in range(1, LAG_TICKS + 1):
@@ -105,6 +113,7 @@ def judge_with_lag(
         for names in on_time:
             if finding.outcome is not Outcome.FAIL:
                 return finding
+            # Held back by `lag` rows, so that they meet the late ones.
             back = {name: base.channels[name][rows] for name in names if name in base.channels}
             again = judge(Recording(base.time, {**base.channels, **back}, base.meta))
             if again.outcome is Outcome.PASS:

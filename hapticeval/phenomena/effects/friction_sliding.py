@@ -27,25 +27,32 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     friction = scene.effect(FRICTION)
     load = load_of(base, scene)
     step = np.diff(base.ihip, axis=0, prepend=base.ihip[:1])
+    # The slip ds of a tick, along the surface.
     step -= np.sum(step * load.normals, axis=1)[:, np.newaxis] * load.normals
     length = np.linalg.norm(step, axis=1)
+    # (4.20): F_t = -mu_k F_n ds / |ds|
     braking = friction.mu_k * load.normal
     shape = scene.model.boundary.closest_point(base.ihip).shape
     bend, twist = _curvature(shape)
+    # Below this way, m, an IHIP has not moved: the rounding of its coordinates.
     place = 8.0 * ihip_precision(base) * np.max(np.abs(base.hip))
+    # How far, m, the HIP may lie from the IHIP along the surface: the slip and the spring's length.
     lag = length + (load.size + np.maximum(load.normal, 0.0)) / scene.stiffness
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         off = np.linalg.norm(load.tangential + braking[:, np.newaxis] * step / length[:, np.newaxis], axis=1) / braking
+        # The tangent plane turns by curvature times that way; of first order only where it twists.
         turned = twist * lag + (bend * lag) ** 2
         allowed = load.other / braking + turned + place / length + SLIDING_ROUNDING
     slides = load.pressed & np.roll(load.pressed, 1) & (length > place) & (braking > 0.0) & (allowed <= TELLING_SHARE)
     slides[0] = False
+    # A slip over a corner has two directions.
     for corner in scene.model.boundary.corners:
         slides &= np.linalg.norm(base.ihip - corner.position, axis=1) > length + place
     ticks = np.flatnonzero(slides)
     if ticks.size < SLIDING_TICKS:
         return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
     worst = int(ticks[np.argmax((off - allowed)[ticks])])
+    # The force against the motion, N, for the message.
     against = -float(np.sum(load.tangential[worst] * step[worst])) / float(length[worst])
     comparison = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {braking[worst]:.4g} N"
     return compared(
@@ -71,6 +78,7 @@ def _curvature(shape: Array) -> tuple[Array, Array]:
     largest = np.abs(np.linalg.eigvalsh(shape)).max(axis=1)
     if shape.shape[1] == 2:
         return largest, np.zeros_like(largest)
+    # (k1 - k2)^2 = 2 tr(W^2) - tr(W)^2
     apart = 2.0 * np.sum(shape**2, axis=(1, 2)) - np.trace(shape, axis1=1, axis2=2) ** 2
     return largest, 0.5 * np.sqrt(np.maximum(apart, 0.0))
 

@@ -20,12 +20,15 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if reason is not None:
         return reason
     load = load_of(base, scene)
+    # |F_t| / (mu_k F_n); 0 where nothing presses
     pulled = load.size / np.where(load.normal > 0.0, friction.mu_k * load.normal, np.inf)
     sticks = load.pressed & (load.normal > 0.0) & (pulled <= STICKING_SHARE)
+    # First rows and rows behind the last of the stretches that stick, by turns.
     edges = np.flatnonzero(np.diff(np.concatenate([[False], sticks, [False]]).astype(int)))
     creeps = []
     for first, stop in zip(edges[::2], edges[1::2], strict=True):
         seconds = float(base.time[stop - 1] - base.time[first])
+        # Long enough to tell creep from bending, and pulled hard enough to creep.
         if seconds >= STICKING_TIME and float(np.median(pulled[first:stop])) >= TELLING_SHARE:
             away = np.linalg.norm(base.ihip[first:stop] - base.ihip[first], axis=1)
             creeps.append((float(away.max()) / seconds, first, stop, float(away.max()), seconds))

@@ -54,6 +54,7 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     if not spans:
         return undecided("the hand goes round no closed lap twice in contact")
     moved = np.diff(base.hip, axis=0)
+    # Work of the hand by the trapezoid: -F . dx
     mean = 0.5 * (base.force[1:] + base.force[:-1])
     put_in = -np.sum(mean * moved, axis=1)
     dissipated, unknown = _dissipated_work(base, load, scene, moved)
@@ -62,6 +63,7 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     for start, stop in spans:
         law = float(dissipated[start:stop].sum())
         work = float(put_in[start:stop].sum() - (stored[stop] - stored[start]))
+        # A lap in which nothing slips takes nothing, and has no share to be off by.
         if law >= SLIP_WORK:
             allowed = LAP_WORK + abs(float(unknown[start:stop].sum())) / law
             lap_works.append((abs(work - law) / law, allowed, work, law, start, stop))
@@ -88,7 +90,7 @@ def _judge(base: Recording, scene: Scene) -> Finding:
 
 
 def _dissipated_work(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
-    """Return the work (n - 1,), J, that the laws take over each step of the hand `moved` (n - 1, N), and its doubt."""
+    """Return the work (n - 1,), J, that the laws take over each step `moved` (n - 1, N), m, and its doubt."""
     dissipated, unknown = np.zeros((2, len(moved)))
     friction, lugre = scene.effect(FRICTION), scene.effect(LUGRE)
     if friction is not None:
@@ -99,9 +101,13 @@ def _dissipated_work(base: Recording, load: Load, scene: Scene, moved: Array) ->
         normal = load.normal[1:]
         # The law's force after the slip and what a law across the surface differs by from the scene's spring, times the
         # slip, and what the spring falls by while the hand moves on.
+        # mu_k F_n |ds|, and F_n times what the foot moves across
         dissipated += normal * (friction.mu_k * along - across)
+        # A law that is not the scene's spring: its difference does work on the slip, too.
         dissipated -= np.sum((scene.stiffness * (base.ihip - base.hip) - base.force)[1:] * slip, axis=1)
+        # K ds . (ds - dx) / 2: the spring relaxes by ds while the hand moves on by dx.
         dissipated += 0.5 * scene.stiffness * np.sum(slip * (slip - moved), axis=1)
+    # b v . dx, with the mean speed of the step
     dissipated += 0.5 * viscous_coefficient(scene) * np.sum((load.velocity[1:] + load.velocity[:-1]) * moved, axis=1)
     if lugre is not None:
         stepped, straight = (lugre_force(lugre, load, base.dt, parts) for parts in (1, BRISTLE_PARTS))
@@ -112,7 +118,7 @@ def _dissipated_work(base: Recording, load: Load, scene: Scene, moved: Array) ->
 
 
 def _stored_energy(base: Recording, load: Load, scene: Scene) -> Array:
-    """Return what a tool that lags behind the hand stores at each tick, (n,), J."""
+    """Return what a tool that lags behind the hand stores at each tick, F^2 / (2 K): (n,), J."""
     if scene.effect(FRICTION) is None:
         return np.zeros(len(base))
     pull = load.tangential + viscous_coefficient(scene) * load.velocity
@@ -120,9 +126,11 @@ def _stored_energy(base: Recording, load: Load, scene: Scene) -> Array:
 
 
 def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
-    """Return -F_t of LuGre friction at each tick, (n, N), N: a speed that is held over each of `parts` of a tick.
+    """Return -F_t of LuGre friction at each tick, (n, N), N, for a speed that is held over each of `parts` of a tick.
 
-    With one part that is the speed of the tick, else it goes straight from the last to that of the tick.
+    With one part that is the speed of the tick, else it goes straight from the last to that of the tick. The bristles'
+    deflection z (m) obeys z' = v - sigma0 |v| z / g(v), and F_t = -(sigma0 z + sigma1 z' + sigma2 v): Canudas de Wit et
+    al. 1995. `dt` is in s.
     """
     now, pressed = load.velocity, load.normal > 0.0
     press = np.where(pressed, load.normal, 1.0)
@@ -132,6 +140,7 @@ def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
     for part in range(parts):
         velocity = now if parts == 1 else before + (part + 0.5) / parts * (now - before)
         speed = np.linalg.norm(velocity, axis=1)[:, np.newaxis]
+        # Steady deflection g(v) / sigma0, where g grows with the press, and how z nears it over a part of a tick.
         bend = press[:, np.newaxis] * law.limit(speed) / law.stiffness
         decay = np.exp(-speed * dt / (parts * bend))
         settled = np.divide(bend * velocity, speed, out=np.zeros_like(velocity), where=speed > 0.0)
@@ -142,6 +151,7 @@ def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
     bent = free
     rows = zip(pressed.tolist(), load.normals.tolist(), grow[:, 0].tolist(), add.tolist(), longest, strict=True)
     for touches, normal, shrinks, more, holds in rows:
+        # The part of z along the normal goes; what is left in the tangent plane is stretched back to its length.
         lifted = sum(map(mul, bent, normal))
         laid = [along - lifted * across for along, across in zip(bent, normal, strict=True)]
         share = shrinks * min(size, holds) / max(math.hypot(*laid), tiny)
@@ -150,7 +160,9 @@ def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
         bends.append(bent)
     z = np.array(bends)
     speed = np.linalg.norm(now, axis=1)[:, np.newaxis]
+    # z' = v - sigma0 |v| z / g(v)
     rate = now - law.stiffness * speed / (press[:, np.newaxis] * law.limit(speed)) * z
+    # sigma0 z + sigma1 z' + sigma2 v
     force = law.stiffness * z + law.damping_at(speed) * rate + law.viscosity * now
     return np.where(pressed[:, np.newaxis], force, 0.0)
 

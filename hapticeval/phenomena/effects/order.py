@@ -31,9 +31,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.NOT_APPLICABLE, message)
     if lacks_ihip(base, scene):
         return without_ihip(base)
+    # The catalogue's order: shading and bump maps, friction, texture.
     first, last = (FRICTION, TEXTURE) if others[0] == TEXTURE else (others[0], FRICTION)
     plain = runs.without(last)
     pressed = above_force_floor(base, scene) & above_force_floor(plain, scene)
+    # A late renderer's queue is not filled before.
     pressed[:LAG_TICKS] = False
     largest = float(np.max(np.abs(base.hip)))
     strength = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
@@ -64,9 +66,11 @@ def _drag_deviation(base: Recording, plain: Recording, scene: Scene, pressed: Bo
     fits = []
     for lag in range(-LAG_TICKS, LAG_TICKS + 1):
         rows = np.clip(np.arange(len(base)) - lag, 0, len(base) - 1)
+        # K (s - p): what friction adds, which draws the IHIP from p to s
         drag = scene.stiffness * (base.ihip - plain.ihip)[rows]
         off = np.linalg.norm(base.force - plain.force - drag, axis=1)
         fits.append((float(off[pressed].mean()) if pressed.any() else 0.0, abs(lag), off, np.linalg.norm(drag, axis=1)))
+    # The best fit, and of several alike the shortest lag.
     _, _, off, added = min(fits, key=lambda fit: fit[:2])
     return off, added
 
@@ -80,6 +84,7 @@ def _vibration_deviation(base: Recording, plain: Recording, scene: Scene) -> tup
     added = base.force - plain.force
     normal = scene.model.boundary.closest_point(base.ihip).normal
     across = np.sum(added * normal, axis=1)[:, np.newaxis] * normal
+    # What vibrations add beside their own direction is another effect's work.
     aside = added - across if texture.direction == "normal" else across
     moved = scene.stiffness * np.linalg.norm(base.ihip - plain.ihip, axis=1)
     return np.linalg.norm(aside, axis=1) + moved, np.linalg.norm(added, axis=1)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class ReliefAnswer(NamedTuple):
-    """What a relief makes of some ticks: forces (n, N), N, and IHIPs (n, N), m, and both on the bare surface.
+    """What a scene's relief makes of some ticks: forces (n, N), N, and IHIPs (n, N), m, and both on the bare surface.
 
     `stiff` (n,), N/m, and `moving` (n,) are how much force and IHIP change at the most for a HIP that is elsewhere.
     """
@@ -45,7 +45,7 @@ class ReliefAnswer(NamedTuple):
 
 
 class Waves:
-    """Heights and slopes of a scene's relief, written down anew from its numbers."""
+    """Heights (m) and slopes of a scene's relief, computed anew from its numbers, beside the effect's own code."""
 
     def __init__(self, relief: Relief, scene: Scene) -> None:
         from scipy.interpolate import CubicSpline
@@ -57,6 +57,7 @@ class Waves:
             self.wave = self.boundary.girth / max(1, round(self.boundary.girth / self.wave))
         direction = np.array(relief.direction or (1.0, 0.0, 0.0))
         self.direction = direction / np.linalg.norm(direction)
+        # Wave number, rad/m.
         turn = 2.0 * np.pi / self.wave
         if relief.profile:
             heights = np.array([*relief.profile, relief.profile[0]])
@@ -73,13 +74,15 @@ class Waves:
             self.steep, self.bend = high * turn, high * turn**2
 
     def over(self, points: Array, foot: Array, normal: Array) -> tuple[Array, Array]:
-        """Return the heights (n,), m, and their gradient (n, N) along the surface at the feet of `points`."""
+        """Return heights (n,), m, and their gradient (n, N) along the surface, at the feet of `points` (n, N), m."""
         if self.model.dimension == 2:
             curve = self.model.curve
+            # In the plane the relief goes with the arc length, in space with the place along a direction.
             at = curve.arc_length(curve.nearest(points))
             along = np.column_stack([-normal[:, 1], normal[:, 0]])
         else:
             at = foot @ self.direction
+            # The gradient of that place, seen along the surface.
             along = self.direction - (normal @ self.direction)[:, np.newaxis] * normal
         within = np.mod(at, self.wave)
         return np.asarray(self.height(within)), np.asarray(self.rise(within))[:, np.newaxis] * along
@@ -93,11 +96,13 @@ def height_map_answer(waves: Waves, scene: Scene, hips: Array, plain: Array | No
     frame = waves.boundary.closest_point(hips)
     depth, normal, stiffness = -frame.distance, frame.normal, scene.stiffness
     height, gradient = waves.over(hips, frame.foot, normal)
+    # I - d W: the hand moves by so much where its foot moves by one.
     one = np.eye(hips.shape[1]) - depth[:, np.newaxis, np.newaxis] * frame.shape
     slope = np.linalg.solve(one, gradient[..., np.newaxis])[..., 0]
     spring = stiffness * np.where(scene.bilateral, depth, np.maximum(depth, 0.0))[:, np.newaxis] * normal
     inside = (depth + height > 0.0) | scene.bilateral
     other_force = 0.0 if plain is None else plain - spring
+    # F = -grad U with U = K (d + h)^2 / 2
     force = stiffness * (depth + height)[:, np.newaxis] * (normal - slope) + other_force
     pushes = inside[:, np.newaxis]
     # Of U = K (d + h)^2 / 2 the force changes by K |grad (d + h)|^2 + K (d + h) |grad^2 (d + h)| a metre.
@@ -119,10 +124,12 @@ def height_map_answer(waves: Waves, scene: Scene, hips: Array, plain: Array | No
 def bump_map_answer(waves: Waves, ihips: Array, forces: Array | None, recorded: Array) -> ReliefAnswer:
     """Return what a bump map makes of the answers of a renderer, (n, N): its normal force along unit(n - grad h).
 
-    Where the `forces` without the relief are not known, the part of the `recorded` ones along that direction is all.
+    `ihips` are (n, N), m, forces (n, N), N. Where the `forces` without the relief are not known, the part of the
+    `recorded` ones along that direction is all.
     """
     frame = waves.boundary.closest_point(ihips)
     _, gradient = waves.over(ihips, frame.foot, frame.normal)
+    # unit(n - grad h), as bump mapping turns a normal (4.16)
     tilted = frame.normal - gradient
     tilted /= np.linalg.norm(tilted, axis=1)[:, np.newaxis]
     if forces is None:
@@ -152,6 +159,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the force without the relief is not known: the hand is not led along a path that we give")
     if any(effect.stage is Stage.SENSE for effect in scene.effects):
         return undecided("the renderer answers what its sensors show, and not where the hand is")
+    # Compared from the tick on in which a late renderer's queue is filled.
     rows = np.arange(LAG_TICKS, len(base), dtype=np.int64)
     felt = _relief_law(Waves(relief, scene), scene, base, plain, rows)
     place = rounding(scene) + SINGLE * float(np.max(np.abs(base.hip)))
@@ -162,6 +170,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         _compare_channel(felt, base, rows, doubt, name, scene, turns_answers=relief.kind == BUMP)
         for name in ("force", "ihip")
     ]
+    # A bump map tilts the force alone.
     if relief.kind == BUMP and judged[1] is None:
         judged = judged[:1]  # the IHIP stays where it is
     if None in judged:
@@ -211,7 +220,7 @@ def _relief_law(
 
 
 def straight_way_doubt(values: Array) -> Array:
-    """Return how far (n,) values (n, N) between two ticks may be off the straight way."""
+    """Return how far (n,) `values` (n, N), as m or N, may be off the straight way between two ticks."""
     aside = np.pad(np.linalg.norm(np.diff(values, 2, axis=0), axis=1), LAG_TICKS + 1, mode="edge")
     return np.asarray(BETWEEN_TICKS * np.lib.stride_tricks.sliding_window_view(aside, 2 * LAG_TICKS + 1).max(axis=1))
 
@@ -237,6 +246,7 @@ def _compare_channel(
     def misfit(lag: float) -> float:
         return float(np.linalg.norm(recorded - law(lag)[0], axis=1).mean())
 
+    # A misfit of rounding needs no lag to explain it.
     exact = float(np.min(doubt)) * (scene.stiffness if channel == "force" else 1.0)
     lag, late_misfit = believed_lag(misfit, exact)
     if turns_answers:  # an IHIP may be recorded later than the force that is made of it
@@ -248,10 +258,12 @@ def _compare_channel(
         late = straight_way_doubt(right)
     else:
         late = np.zeros(len(rows))
+    # What the relief adds, and how much of it the channel shows: <recorded - bare, change> / |change|^2
     change = right - bare
     rounded = SINGLE * (np.linalg.norm(right, axis=1) + (scene.stiffness if channel == "force" else 1.0)
                         * float(np.max(np.abs(base.hip))))  # fmt: skip
     allowed = moves * doubt + late + 4.0 * rounded
+    # Ticks in which a tenth of the relief's largest effect can be told.
     clear = allowed <= TELLING_SHARE * float(np.max(np.linalg.norm(change, axis=1)))
     if not clear.any():
         return None

@@ -46,18 +46,21 @@ def expect_shading(runs: Runs, scene: Scene) -> ExpectedShading | Finding:
     if lacks_ihip(base, scene):
         return without_ihip(base)
     plain = runs.without(SHADING)
+    # (4.15): n_e = unit(sum of a_i n_i), at the contact point of the unshaded run
     normals = normals_at(scene.model.boundary, shading.crease, plain.ihip, plain.hip)
     contact = above_force_floor(base, scene) & above_force_floor(plain, scene)
     if not contact.any():
         return undecided("no force above the floor: the tool never presses on the surface")
     size = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
+    # Single precision of the force, and of the positions as a force K |x|.
     rounding = SINGLE_ROUNDINGS * SINGLE * (size + scene.stiffness * float(np.max(np.abs(base.hip))))
     return ExpectedShading(plain.force, turned(plain.force, normals), contact, rounding)
 
 
 def angles(first: Array, second: Array) -> Array:
-    """Return the angles (n,), rad, between vectors (n, N); zero where one is zero."""
+    """Return the angles (n,), rad, between vectors `first` and `second` (n, N); zero where one is zero."""
     unit, other = (_unit(vectors) for vectors in (first, second))
+    # 2 atan2(|u - v|, |u + v|): exact for small angles, where acos is not.
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(unit - other, axis=1), np.linalg.norm(unit + other, axis=1)))
 
 
@@ -75,11 +78,14 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
     pressed = expected.contact[1:] & expected.contact[:-1]
     if not pressed.any():
         return undecided("no two ticks of contact in a row")
+    # Turns from tick to tick, rad: as recorded, of the facets' normals, and of the shaded ones.
     turn, flat, smooth = (angles(force[1:], force[:-1]) for force in (base.force, expected.plain, expected.force))
+    # Rounding of a force over its size is what it may turn by.
     open_ = np.divide(
         expected.rounding, np.linalg.norm(base.force, axis=1), where=expected.contact, out=np.zeros(len(base))
     )
     allowed = OTHER_WEIGHTS * _largest_within_lag(np.where(pressed, smooth, 0.0)) + open_[1:] + open_[:-1]
+    # Only where an unshaded force would turn by more does shading show.
     shows = pressed & (flat > allowed)
     if not shows.any():
         message = "the tool crosses no edge at which an unshaded force would turn farther: nothing to be smoothed"
@@ -107,7 +113,7 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
 
 
 def _largest_within_lag(values: Array) -> Array:
-    """Return the largest of `values` (n,) within the granted lag of each."""
+    """Return the largest of `values` (n,) within the granted lag of each: (n,)."""
     padded = np.pad(values, LAG_TICKS, mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * LAG_TICKS + 1).max(axis=1))
 
@@ -124,11 +130,13 @@ def judge_magnitude(runs: Runs, scene: Scene) -> Finding:
     base = runs.base
     size, plain = (np.linalg.norm(force, axis=1) for force in (base.force, expected.plain))
     off = np.abs(size - plain)
+    # Forces under the floor have no share to be told.
     share = off / np.maximum(plain, force_floor(scene))
     allowed = expected.rounding / np.maximum(plain, force_floor(scene))
     clear = allowed <= TELLING_SHARE
     if not (clear & expected.contact).any():
         return undecided("rounding may make a tenth of the force throughout: its size cannot be measured")
+    # In contact, and where a force is added without one.
     judged = clear & (expected.contact | (off > force_floor(scene)))
     worst = int(np.argmax(np.where(judged, share - allowed, -np.inf)))
     evidence = {**evidence_at(base, worst), "force_N": float(size[worst]), "without_N": float(plain[worst])}
@@ -158,6 +166,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     loops = [(first, last) for first, last in loops if reference.contact[first:last].any()]
     if not loops:
         return undecided("the hand goes round no closed loop twice: the work of a loop cannot be measured")
+    # Running work of the recorded force, of the shaded one, and of the unshaded one.
     sums = [_running_work(base, force) for force in (base.force, reference.force, reference.plain)]
     measured, expected, plain = (
         np.array([sums_of_force[last] - sums_of_force[first] for first, last in loops]) for sums_of_force in sums
@@ -167,6 +176,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     allowed = np.array([rounding[last] - rounding[first] for first, last in loops])
     off = np.abs(measured - expected)
     worst, most_active = int(np.argmax(off - allowed)), int(np.argmax(np.abs(measured - plain)))
+    # What shading gives round the loop: by its closed form it need not be zero.
     added = float((measured - plain)[most_active])
     evidence = {
         **evidence_at(base, loops[worst][1]),
@@ -195,7 +205,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
 
 
 def _running_work(base: Recording, force: Array) -> Array:
-    """Return the work (n,), J, that a force (n, N) gives to the hand from the first tick on, by the trapezoid."""
+    """Return the work (n,), J, that a force (n, N), N, gives to the hand up to each tick, by the trapezoid."""
     steps = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(base.hip, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 

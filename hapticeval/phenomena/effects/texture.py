@@ -44,7 +44,7 @@ class Stretch(NamedTuple):
 
 
 def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
-    """Return the stretches of steady speed and force, longest first, or why there is none."""
+    """Return the stretches of steady speed and force, longest first, or the finding that says why there is none."""
     from hapticeval.effects.stochastic_texture import StochasticTexture
 
     base, effect = runs.base, scene.effect(StochasticTexture)
@@ -54,6 +54,7 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     if others:
         message = f"the scene calls for {' and '.join(others)} too, which answer vibrations: texture is judged alone"
         return Finding(Outcome.NOT_APPLICABLE, message)
+    # Ticks a sample of the texture; only a whole number lets its samples be picked.
     every = 1.0 / (effect.model.rate * base.dt)
     if abs(every - round(every)) > WHOLE_SAMPLE:
         return undecided(f"the recording has {every:.4g} ticks a sample of the texture: no whole number")
@@ -66,12 +67,14 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     direction = np.divide(slide, speed[:, np.newaxis], out=np.zeros_like(slide), where=speed[:, np.newaxis] > 0.0)
     if effect.direction != "along":
         direction = normal if effect.direction == "normal" else np.cross(direction, normal)
+    # The texture's own acceleration: what it adds along its direction, over its mass, m/s^2
     shaken = np.sum((base.force - plain.force) * direction, axis=1) / effect.mass
     settles = math.ceil(TEXTURE_SETTLES / base.dt)
     pressed = above_force_floor(plain, scene)
     steady_stretches = []
     for first, last in _steady_spans(speed, press, pressed & (speed > 0.0)):
         rows = slice(first + settles, last, round(every))
+        # The first part of a stretch is still under the one before.
         if last - first > settles + 1:
             means = float(speed[first + 1 : last].mean()), float(press[first + 1 : last].mean())
             steady_stretches.append(Stretch(first + settles, *means, shaken[rows]))
@@ -88,6 +91,7 @@ def _steady_spans(speed: Array, press: Array, where: BoolArray) -> list[tuple[in
         if not where[row]:
             row += 1
             continue
+        # From this row on as far as both quantities stay close to what they are here.
         near = where[row:].copy()
         for quantity in (speed, press):
             near &= np.abs(quantity[row:] - quantity[row]) <= STEADY_SHARE * quantity[row]
@@ -98,7 +102,7 @@ def _steady_spans(speed: Array, press: Array, where: BoolArray) -> list[tuple[in
 
 
 def _texture_covariance(scene: Scene, stretch: Stretch, count: int) -> Array:
-    """Return the covariance (count,), (m/s^2)^2, that the scene's texture has in a stretch."""
+    """Return the autocovariance (count,), (m/s^2)^2, that the scene's texture has at a stretch's speed and force."""
     from hapticeval.effects.stochastic_texture import StochasticTexture
     from hapticeval.effects.texture import autocovariance
 
@@ -108,8 +112,12 @@ def _texture_covariance(scene: Scene, stretch: Stretch, count: int) -> Array:
 
 
 def _mean_square_variance(covariance: Array, count: int) -> float:
-    """Return the variance of the mean square of `count` samples, as a share of its mean squared: Isserlis's theorem."""
+    """Return the variance of the mean square of `count` samples, as a share of its mean squared.
+
+    By Isserlis's theorem for a Gaussian process of autocovariance `covariance` (k,), (m/s^2)^2.
+    """
     lags = np.arange(1, min(covariance.size, count))
+    # 2 / n (1 + 2 sum over lags of (r_k / r_0)^2 (1 - k / n))
     share = (covariance[lags] / covariance[0]) ** 2 * (1.0 - lags / count)
     return float(2.0 / count * (1.0 + 2.0 * share.sum()))
 
@@ -135,7 +143,9 @@ def welch_of(covariance: Array) -> Array:
     from scipy.signal import get_window
 
     window = get_window("hann", WELCH_WINDOW)
+    # r_k times the window's correlation with itself, normalised to one at lag 0.
     lags = covariance[:WELCH_WINDOW] * np.correlate(window, window, "full")[WELCH_WINDOW - 1 :] / (window @ window)
+    # Even in the lag: negative lags stand behind, as the transform expects them.
     both = np.concatenate([lags, [0.0], lags[:0:-1]])
     return np.asarray(2.0 * np.fft.rfft(both).real[::2])
 
@@ -151,8 +161,10 @@ def spectrum_bound(count: int) -> float:
     from scipy.special import polygamma
     from scipy.stats import chi2
 
+    # Windows that overlap by half fit into `count` samples.
     windows = max((count - WELCH_WINDOW // 2) // (WELCH_WINDOW // 2), 1)
     share = (1.0 + 2.0 * (1.0 - 1.0 / windows) / 36.0) / windows
+    # 126 bins, fewer by how much neighbours hang together.
     freedom = (WELCH_WINDOW // 2 - 2) / (1.0 + 2.0 * (4.0 / 9.0) ** 2 + 2.0 * (1.0 / 36.0) ** 2)
     deviation = DECIBELS * math.sqrt(float(polygamma(1, 1.0 / share)))
     return deviation * math.sqrt(float(chi2.ppf(1.0 - CHANCE_OF_FAILURE, freedom)) / freedom)
@@ -176,9 +188,11 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
             f"the longest steady stretch has {count} samples: by chance its spectrum is off by {bound:.3g} dB, and "
             f"{CLEAR_DECIBELS:g} dB is to be told"
         )
+    # Without the bins of the mean and its neighbour, and the last: the window smears the mean.
     frequency, power = welch(longest.vibration, 1.0, nperseg=WELCH_WINDOW)
     with np.errstate(divide="ignore"):
         error = DECIBELS * np.log(power / welch_of(covariance))[2:-1]
+    # A bin without power is -1000 dB, and not infinite.
     error = np.maximum(error, -1e3)
     rms, mean, worst = float(np.sqrt(np.mean(error**2))), float(error.mean()), int(np.argmax(np.abs(error)))
     rate = 1.0 / (runs.base.dt * max(round(1.0 / (_texture_rate(scene) * runs.base.dt)), 1))
@@ -201,6 +215,7 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
 
 
 def _texture_rate(scene: Scene) -> float:
+    """Return the samples of the scene's texture a second, Hz."""
     from hapticeval.effects.stochastic_texture import StochasticTexture
 
     effect = scene.effect(StochasticTexture)
@@ -221,10 +236,13 @@ def judge_stationary(runs: Runs, scene: Scene) -> Finding:
     if size < WELCH_WINDOW or not covariance[0] > 0.0:
         message = f"the longest steady stretch has {longest.vibration.size} samples: its parts are too short to compare"
         return undecided(message)
+    # Mean square of each of the parts, (m/s^2)^2.
     power = np.mean(longest.vibration[: POWER_PARTS * size].reshape(POWER_PARTS, size) ** 2, axis=1)
     if not power.mean() > 0.0:
         return undecided("the longest steady stretch has no vibrations")
+    # A mean square is about gamma distributed; its shape is one over the variance of its share.
     share = 1.0 / _mean_square_variance(covariance, size)
+    # Two-sided, shared by all of the parts (Bonferroni).
     tail = 0.5 * CHANCE_OF_FAILURE / POWER_PARTS
     bound = max(abs(DECIBELS * math.log(float(gamma.ppf(p, share)) / share)) for p in (tail, 1.0 - tail))
     with np.errstate(divide="ignore"):
@@ -268,6 +286,7 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
     with np.errstate(divide="ignore"):
         power = np.array([np.mean(candidate.vibration**2) for candidate, _ in stretches_and_covariances])
         error = np.maximum(DECIBELS * np.log(power), -1e3) - level
+    # Variance of the logarithm of a gamma variable: trigamma(shape).
     own = np.array(
         [
             polygamma(1, 1.0 / _mean_square_variance(covariance, candidate.vibration.size))
@@ -275,6 +294,7 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
         ]
     )
     count = level.size
+    # Of a stretch less the mean of all: v_j (1 - 2/n) + sum of v / n^2
     deviation = DECIBELS * np.sqrt(own * (1.0 - 2.0 / count) + own.sum() / count**2)
     allowed = float(norm.ppf(1.0 - 0.5 * CHANCE_OF_FAILURE / count)) * deviation
     off = error - error.mean()
@@ -318,6 +338,7 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     still = np.concatenate([[False], hip_steps(base) <= 4.0 * np.finfo(float).eps * largest])
     settles = math.ceil(TEXTURE_SETTLES / base.dt)
     rows = np.arange(len(base))
+    # Ticks since the hand last moved, or was off the surface.
     since = rows - np.maximum.accumulate(np.where(still & above_force_floor(plain, scene), -1, rows))
     rested = np.flatnonzero(since > settles)
     if not rested.size:
@@ -329,6 +350,7 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     largest_moving = float(np.max(np.where(still, 0.0, added)))
     from hapticeval.effects.line_spectra import coefficients_of
 
+    # The slowest pole of the texture's filters: they ring as radius^k.
     radius = max(float(np.max(np.abs(np.roots([1.0, *coefficients_of(one.ar)])))) for one in effect.model.filters)
     # The root of a speed that is low-passed, and a filter that rings: one after the other they fall as (1 + c t) e^-ct.
     fades = TEXTURE_SETTLES * min(math.pi * SLOWEST_LOW_PASS, -math.log(radius) * effect.model.rate)

@@ -35,6 +35,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     loops = [(first, last) for first, last in loops if pressed[first:last].all() and last < len(base)]
     if not loops:
         return undecided("the hand goes round no closed loop in contact twice: the work of a loop cannot be measured")
+    # First and last rows of all laps, (k,) each.
     first, last = np.array(loops).T
     largest = float(np.max(np.abs(base.hip)))
     for finest in FINER_RATES:
@@ -43,16 +44,19 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             sums[last] - sums[first]
             for sums in (half.smooth, full.smooth, full.error, full.crossed, full.path, full.effort)
         )
+        # The last step of refinement, the trapezoid's own error, and single precision.
         allowed = (
             np.abs(work - before) + error + SINGLE_ROUNDINGS * SINGLE * (scene.stiffness * largest * path + effort)
         )
         gains = work > allowed
+        # Decided where a gain is certain, or what is open is a thousandth of what crosses.
         if gains.any() or np.all(allowed <= LOOP_KNOWN * crossed):
             break
     else:
         return undecided("refinement does not settle the work of a lap")
     worst = int(np.argmax(work - allowed))
     gain = float(work[worst])
+    # Above this speed, m/s, a wave is shorter than two ticks of the hand's way.
     limit = relief.fastest(base.dt)
     evidence = {
         **evidence_at(base, int(last[worst])),
@@ -71,6 +75,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         fails=f"{what}: in the lap that ends at t = {base.time[last[worst]]:.4g} s the hand gets {by}",
     )
     why = relief.active(scene.damping)
+    # A relief that is active by its law gives energy whatever the renderer does: shown only.
     if why is None:
         return finding
     return replace(finding, level=Level.INFO, message=f"{finding.message}; shown only, for {why}")

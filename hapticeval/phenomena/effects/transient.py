@@ -56,15 +56,19 @@ def impulse_of(effect: Any, scene: Scene, place: Array, normal: Array, speed: fl
     from hapticeval.devices.device import apparent_mass
 
     if effect.kind == IMPULSE:
+        # (4.21) with J_n = n' J: (1 + c_r) v / (n' J M^-1 J' n)
         impulse = (1.0 + scene.restitution) * apparent_mass(scene.robot, place, normal) * speed
         effort, lasts = impulse, scene.sampling_time
     elif effect.kind == RINGING:
         omega = 2.0 * math.pi * effect.frequency
+        # Integral of L v e^(-B t) sin(w t) over all time: L v w / (B^2 + w^2)
         impulse = effect.amplitude * speed * omega / (effect.decay**2 + omega**2)
         effort, lasts = effect.amplitude * speed / effect.decay, IMPULSE_DECAYS / effect.decay
     else:
+        # A recorded pulse: its samples times their step.
         impulse = math.fsum(effect.pulse) * effect.step
         effort, lasts = math.fsum(map(abs, effect.pulse)) * effect.step, (len(effect.pulse) + 1) * effect.step
+    # A cap spreads the effort over as much longer.
     return impulse, lasts + (0.0 if math.isinf(effect.cap) else effort / effect.cap)
 
 
@@ -78,10 +82,13 @@ def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) 
     edges = np.flatnonzero(np.diff(touches.astype(np.int8))) + 1
     velocity = base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
     added = base.force - plain.force
+    # A recording in single precision is one in which every force is a single number.
     single = bool(np.all(base.force.astype(np.float32) == base.force))
     largest = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
+    # N, of the larger of both forces.
     rounding = SINGLE_ROUNDINGS * (SINGLE if single else DOUBLE) * largest
     struck = []
+    # Each tick in which contact begins, up to the next in which it ends.
     for touch in edges[touches[edges]].tolist():
         end = int(min(edges[edges > touch], default=len(base)))
         grazes = boundary.signed_distance(base.hip[touch - 1 : touch])[0] <= rounding_of(scene)
@@ -89,6 +96,7 @@ def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) 
         rows = slice(begin, end)
         normal = boundary.closest_point(plain.ihip[touch : touch + 1]).normal[0]
         along = added[rows] @ normal
+        # An impulse along the surface, N s, which the effect has none of.
         across = float(np.linalg.norm((added[rows] - along[:, np.newaxis] * normal).sum(axis=0))) * dt
         impulse = float(np.sum(along)) * dt
         # One that answers a tick late may know speed and place of that tick.
@@ -98,6 +106,7 @@ def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) 
             (*impulse_of(effect, scene, base.hip[tick], normal, speed), speed)
             for tick, speed in zip(may, speeds, strict=True)
         ]
+        # The tick in which the answer fits best counts.
         expected, needs, speed = min(totals, key=lambda total: abs(total[0] - impulse))
         if speeds[0] > 0.0:
             struck.append(
@@ -121,6 +130,7 @@ def judge_each(
 
 def _rank_of_finding(finding: Finding) -> tuple[int, float]:
     order = ("not-applicable", "pass", "inconclusive", "fail", "error")
+    # Of two of one outcome the smaller margin is worse.
     margin = finding.margin
     return order.index(finding.outcome), -margin if margin is not None else 0.0
 
@@ -181,6 +191,7 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
         np.array([contact.expected for contact in lasting]),
         np.array([contact.across for contact in lasting]),
     )
+    # Off along the normal, or given along the surface: the larger counts, N s.
     off = np.maximum(np.abs(impulses - expected), across)
     allowed = np.array(
         [IMPULSE_CLOSE * abs(contact.expected) + float(np.sum(contact.rounding)) * dt for contact in lasting]
@@ -232,6 +243,7 @@ def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> 
     longest = max(struck, key=lambda contact: contact.end - contact.begin)
     if longest.late is None:
         return undecided("no force is added that could ring")
+    # From the first force on, as long as the vibration lasts; after that there is only rounding.
     wave = longest.added[longest.late :][: math.ceil(IMPULSE_DECAYS / effect.decay / base.dt)]
     fitted = fit(wave, base.dt, effect.decay, effect.frequency)
     if fitted is None:
@@ -255,6 +267,7 @@ def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> 
     )
     if any(open_ > TELLING_SHARE for _, open_ in shares.values()):
         return undecided(f"{heard}: the fit leaves more than a tenth open", evidence=evidence)
+    # Whichever of decay and frequency is farther off, in what is open of it.
     name, (off, open_) = max(shares.items(), key=lambda named_share: abs(named_share[1][0]) / named_share[1][1])
     return compared(
         Metric(f"{name} less the scene's, as a share of it", abs(off), ""),
