@@ -46,7 +46,7 @@ class Twin:
     ) -> None:
         from hapticeval.compiled import specialised
         from hapticeval.devices.motion_kernels import Grip, Load, advance, motion_of
-        from hapticeval.simulation.kernels import hook_of, take_part
+        from hapticeval.simulation.kernels import apply_effects, hook_of
 
         device, size = wiring.device, wiring.device.dimension
         parts = [(effect.stage, effect.part(0, size, dt)) for effect in effects]
@@ -58,12 +58,15 @@ class Twin:
         # Nothing but the grip moves the robot: the two external forces of the step are zero.
         load = Load(dt, np.zeros((2, size)), self._grip, np.sum(friction, axis=0) if friction else None)
         self._motion, self._advance = motion_of(device, load, default_method()), advance
-        self._motors, self._take_part = hook_of(part for stage, part in parts if stage is Stage.COMMAND), take_part
+        self._motors, self._apply_effects = (
+            hook_of(part for stage, part in parts if stage is Stage.COMMAND),
+            apply_effects,
+        )
         # Torques, N m: as commanded; as the motors take them up in this cycle; and those before they do.
         self._command, self._held, self._before = np.zeros(size), np.zeros(size), np.zeros(size)
         self._count = 0
         # Compile before time counts.
-        specialised(take_part, self._motors, 0, dt, self._held, self._before)
+        specialised(apply_effects, self._motors, 0, dt, self._held, self._before)
         self._move(self.joints.copy(), self.rates.copy(), 0.0, 0.0, dt, np.zeros(size))
 
     def read(self) -> Reading:
@@ -86,7 +89,7 @@ class Twin:
         start, dt = cycle * self.dt, self.dt
         # Commands act through the motors' effects: saturation, and a delay after which they switch.
         self._held[:] = self._command
-        switch = self._take_part(self._motors, cycle, dt, self._held, self._before)
+        switch = self._apply_effects(self._motors, cycle, dt, self._held, self._before)
         # Until `switch` seconds into the cycle the old torque acts, from there on the new one.
         self._move(self.joints, self.rates, start, 0.0, switch, self._before)
         self._move(self.joints, self.rates, start, switch, dt, self._held)

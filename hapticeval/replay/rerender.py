@@ -118,7 +118,7 @@ class Part:
 def rerender(renderer: Renderer | TrajectoryRenderer, path: HandPath, scene: Scene | None) -> tuple[Part, ...]:
     """Return the renderer's answers along each stretch, from a reset each, at the recorded samples and times.
 
-    With a `scene`, a hand that starts inside its model is led in first, see `playback.way_in`.
+    With a `scene`, a hand that starts inside its model is led in first, see `playback.lead_in_path`.
 
     The HIP is never resampled. A renderer that answers a stimulus whole is given straight lines between the samples;
     it is refused (`RefusalError`) on a clock that is not regular, since it knows one sampling time. A `DomainError`

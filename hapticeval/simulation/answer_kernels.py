@@ -5,7 +5,7 @@ from __future__ import annotations
 from hapticeval.compiled import Change, Closest, Composed, borrowing
 from hapticeval.types import Array
 
-APART = 1000
+REFUSALS_PER_EFFECT = 1000
 """Refusals of the k-th effect, from 1, are numbered from APART k on."""
 
 
@@ -18,7 +18,7 @@ def change_row(
         change = changes[k]
         refusal = change.function(change.numbers, closest, hip, velocity, dt, ihip, force)
         if refusal != 0:
-            return APART * (k + 1) + refusal
+            return REFUSALS_PER_EFFECT * (k + 1) + refusal
     return 0
 
 

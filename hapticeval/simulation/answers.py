@@ -44,7 +44,7 @@ def with_effects(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> Rende
     return Affected(renderer, missing, scene)
 
 
-RESTS = 10
+REST_TICKS = 10
 """Ticks that a hand rests when a bare answer is asked for: more than any granted lag."""
 
 
@@ -54,7 +54,7 @@ class Affected:
     def __init__(self, renderer: Renderer, effects: Sequence[Effect], scene: Scene) -> None:
         from hapticeval.compiled import specialised
         from hapticeval.geometry.closest_kernels import closest_of
-        from hapticeval.simulation.answer_kernels import APART, change_rows
+        from hapticeval.simulation.answer_kernels import REFUSALS_PER_EFFECT, change_rows
 
         abilities = abilities_of(renderer)
         self.base = renderer
@@ -70,17 +70,17 @@ class Affected:
         if abilities.declares is not None:
             self.declares = replace(abilities.declares, spring=None, stiffness_range=None)
         self.refusals = {
-            APART * k + number: words
+            REFUSALS_PER_EFFECT * k + number: words
             for k, effect in enumerate(effects, 1)
             for number, words in effect.refusals.items()
         }
         for effect in effects:
-            effect.check_base(scene, self._ask)
+            effect.check_base(scene, self._bare_answer)
         parts = [effect.change(scene) for effect in effects]
         boundary = scene.model.boundary
         self._compiled = closest_of(boundary) is not None
-        self._begin = [part.state.copy() for part in parts]
-        self._closest, self._changes = _assembled(parts, boundary)
+        self._initial_states = [part.state.copy() for part in parts]
+        self._closest, self._changes = _compile_changes(parts, boundary)
         if self._compiled:
             # To look the types of nested arrays up takes a hundred times as long as a tick.
             row = np.empty((1, scene.model.dimension))
@@ -90,14 +90,14 @@ class Affected:
 
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: the effects begin as they were made."""
-        for change, state in zip(self._changes, self._begin, strict=True):
+        for change, state in zip(self._changes, self._initial_states, strict=True):
             change.numbers.state[:] = state
         self.base.reset(hip)
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where an effect refuses."""
         ihip, force = (np.array(vector, dtype=np.float64) for vector in self.base.step(hip, velocity, dt))
-        self.contact = self._reported()
+        self.contact = self._reported_contact()
         hip, velocity = (np.array(vector, dtype=np.float64)[np.newaxis] for vector in (hip, velocity))
         self._change(hip, velocity, dt, ihip[np.newaxis], force[np.newaxis])
         return Response(ihip, force)
@@ -112,10 +112,10 @@ class Affected:
         self.reset(hips[0])
         if abilities_of(self.base).run:
             answers = cast("Batch", self.base).run(hips.copy(), dt)
-            self.contact = self._reported()
+            self.contact = self._reported_contact()
         else:
             steps = [
-                (*self.base.step(hip, velocity, dt), self._reported())
+                (*self.base.step(hip, velocity, dt), self._reported_contact())
                 for hip, velocity in zip(hips, velocities, strict=True)
             ]
             answers = np.array([ihip for ihip, *_ in steps]), np.array([force for _, force, _ in steps])
@@ -124,15 +124,15 @@ class Affected:
         self._change(hips, velocities, dt, ihips, forces)
         return ihips, forces
 
-    def _reported(self) -> Any:
+    def _reported_contact(self) -> Any:
         """Return what the renderer reports of the contact in its last answers."""
         return self.base.contact if abilities_of(self.base).contact else None  # type: ignore[attr-defined]
 
-    def _ask(self, start: Array, hip: Array) -> tuple[Array, Array]:
+    def _bare_answer(self, start: Array, hip: Array) -> tuple[Array, Array]:
         """Return the bare answer to a hand that comes from `start` (N,), m, and rests at `hip`: IHIP and force."""
         self.base.reset(start.copy())
         standstill, dt = np.zeros_like(hip), 1e-3
-        for point in (start, *[hip] * RESTS):
+        for point in (start, *[hip] * REST_TICKS):
             ihip, force = self.base.step(point.copy(), standstill, dt)
         return np.array(ihip, dtype=np.float64), np.array(force, dtype=np.float64)
 
@@ -177,7 +177,7 @@ class Affected:
         return twin
 
 
-def _assembled(parts: Sequence[Part], boundary: Boundary) -> tuple[Closest, tuple[Change, ...]]:
+def _compile_changes(parts: Sequence[Part], boundary: Boundary) -> tuple[Closest, tuple[Change, ...]]:
     """Return the closest point and the changes as kernels take them; in Python where the boundary is in Python."""
     from hapticeval.compiled import CHANGE, CLOSEST, Change, Closest, Numbers, compiled_once, first_class, law_data
     from hapticeval.geometry.closest_kernels import closest_in_python, closest_of

@@ -73,12 +73,12 @@ def simulate_closed_loop(
             why="hand and device must move in the same space",
         )
     law = abilities_of(renderer).law
-    if law is None and isinstance(device, PointMass) and _plain(experiment, scene):
+    if law is None and isinstance(device, PointMass) and _has_exact_integral(experiment, scene):
         return _drive_point_mass(renderer, experiment, device, dt, reach=RUNAWAY * scene.model.size)
     return _drive_device(renderer, law, experiment, scene, dt)
 
 
-def _plain(experiment: Experiment, scene: Scene) -> bool:
+def _has_exact_integral(experiment: Experiment, scene: Scene) -> bool:
     """Whether a point mass is ideal, and under forces that run straight: then its integral is exact."""
     return (
         scene.inner_loop is not InnerLoop.LINEARISED
@@ -103,13 +103,13 @@ def _drive_point_mass(
         try:
             ihip, force = step_checked(renderer, tick, hip, velocity, dt)
         except DomainError as error:
-            end = _ended(tick, error)
+            end = _end_of_run(tick, error)
             break
         hips[tick], ihips[tick], forces[tick], velocities[tick] = hip, ihip, force, velocity
         contact[tick] = reported_contact(renderer)
         hip, velocity = device.advance(hip, velocity, force, push[tick], push[tick + 1], dt)
         if not abs(hip - experiment.position).max() < reach:
-            end = _ended(tick, _ran_away(tick, hips[tick], hip))
+            end = _end_of_run(tick, _runaway_error(tick, hips[tick], hip))
             break
     channels = {
         "hip": hips,
@@ -118,7 +118,7 @@ def _drive_point_mass(
         "velocity": velocities,
         "operator_force": 0.5 * (push[:-1] + push[1:]),
     }
-    return _recorded(renderer, experiment, time, channels, dt, end, contact)
+    return _recording_of(renderer, experiment, time, channels, dt, end, contact)
 
 
 def _drive_device(
@@ -140,9 +140,9 @@ def _drive_device(
         loop = loop._replace(reported=law.contact)
         tick, status = kernels.run(law_value(law.function, law.data), law.data, loop)
         if status == kernels.OUTSIDE:
-            end = _ended(tick, _outside(scene.robot, loop.state[kernels.JOINTS]))
+            end = _end_of_run(tick, _outside_error(scene.robot, loop.state[kernels.JOINTS]))
         elif status == kernels.RAN_AWAY:
-            end = _ended(tick, _ran_away(tick, out[kernels.HIP, tick], loop.state[kernels.JOINTS]))
+            end = _end_of_run(tick, _runaway_error(tick, out[kernels.HIP, tick], loop.state[kernels.JOINTS]))
         elif status == kernels.NOT_FINITE:
             raise not_finite(tick, *(out[plane, tick] for plane in (kernels.MEASURED_HIP, kernels.IHIP, kernels.FORCE)))
         elif status < 0:
@@ -153,8 +153,8 @@ def _drive_device(
                 why="it is below 0: the renderer broke",
             )
         elif status >= kernels.REFUSED:
-            end = _ended(tick, _refused(law, status - kernels.REFUSED + 1, out[kernels.MEASURED_HIP, tick]))
-    return _recorded(renderer, experiment, time, _channels(loop, scene), dt, end, out[kernels.CONTACT, :, 0])
+            end = _end_of_run(tick, _refusal_error(law, status - kernels.REFUSED + 1, out[kernels.MEASURED_HIP, tick]))
+    return _recording_of(renderer, experiment, time, _channels_of(loop, scene), dt, end, out[kernels.CONTACT, :, 0])
 
 
 def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float) -> _End | None:
@@ -168,7 +168,7 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
     observes_force = loop.feeling is not None and abilities_of(renderer).observe_force
     for tick in range(out.shape[1]):
         if tick > 0 and sense(loop, tick) == kernels.OUTSIDE:
-            return _ended(tick, _outside(device, joints))
+            return _end_of_run(tick, _outside_error(device, joints))
         if observes_force:
             observe_force_checked(renderer, tick, hips[tick], pushes[tick])
         try:
@@ -176,14 +176,14 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
                 renderer, tick, hips[tick], speeds[tick], dt
             )
         except DomainError as error:
-            return _ended(tick, error)
+            return _end_of_run(tick, error)
         out[kernels.CONTACT, tick, 0] = reported_contact(renderer)
         if act(loop, tick) != kernels.DONE:
-            return _ended(tick, _ran_away(tick, out[kernels.HIP, tick], joints))
+            return _end_of_run(tick, _runaway_error(tick, out[kernels.HIP, tick], joints))
     return None
 
 
-def _refused(law: CompiledStep, number: int, hip: Array) -> DomainError:
+def _refusal_error(law: CompiledStep, number: int, hip: Array) -> DomainError:
     """What a law's refusal number says."""
     return DomainError(
         law.refusals.get(number, f"the renderer's law refuses: number {number}"),
@@ -192,14 +192,14 @@ def _refused(law: CompiledStep, number: int, hip: Array) -> DomainError:
     )
 
 
-def _ended(tick: int, error: DomainError | RunawayError) -> _End:
+def _end_of_run(tick: int, error: DomainError | RunawayError) -> _End:
     """The end of a run in its middle; at its very start there is nothing to keep, and the error is raised."""
     if tick == 0:
         raise error
     return _End(tick, error)
 
 
-def _recorded(
+def _recording_of(
     renderer: Renderer,
     experiment: Experiment,
     time: Array,
@@ -232,7 +232,7 @@ def _recorded(
     return Recording(recording.time, {**recording.channels, **added_channels}, meta=meta, signals=signals)
 
 
-def _ran_away(tick: int, hip: Array, joints: Array) -> RunawayError:
+def _runaway_error(tick: int, hip: Array, joints: Array) -> RunawayError:
     return RunawayError(
         f"the closed loop ran away: the next joint positions are {joints}",
         tick=tick,
@@ -291,11 +291,11 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
         np.zeros((kernels.PLANES, count, size)),
     )
     if kernels.sense(loop, 0) == kernels.OUTSIDE:
-        raise _outside(device, joints)
+        raise _outside_error(device, joints)
     return loop
 
 
-def _outside(device: Device, joints: Array) -> DomainError:
+def _outside_error(device: Device, joints: Array) -> DomainError:
     """Return why the device is not defined at `joints`."""
     try:
         checked_joints(device, joints)
@@ -307,7 +307,7 @@ def _outside(device: Device, joints: Array) -> DomainError:
     )
 
 
-def _channels(loop: Loop, scene: Scene) -> dict[str, Array]:
+def _channels_of(loop: Loop, scene: Scene) -> dict[str, Array]:
     """Return what the recording holds of a run: the channels of any loop, of its effects, and of joints that turn."""
     from hapticeval.simulation import kernels
 

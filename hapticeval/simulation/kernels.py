@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 ) = range(13)  # fmt: skip
 """Planes of `Loop.out`: one per channel. CONTACT has its first column only."""
 
-JOINTS, RATES, SEEN, SEEN_RATES, BEFORE, PLACE, PACE, DRAWN, START, ROWS = range(10)
+JOINTS, RATES, MEASURED_JOINTS, MEASURED_RATES, PREVIOUS_TORQUE, PLACE, PLACE_RATE, POSITION_INTEGRAL, START, ROWS = (
+    range(10)
+)
 """Rows of `Loop.state`: true joints and rates, and those that the controller is given; what the motors gave before;
 position and velocity at the end of a part of a tick, the integral of the position; joints at the start."""
 
@@ -77,7 +79,7 @@ def hook_of(parts: Iterable[Part]) -> Hook | None:
 
 
 @borrowing
-def take_part(hook: Hook | None, tick: int, dt: float, first: Array, second: Array) -> float:
+def apply_effects(hook: Hook | None, tick: int, dt: float, first: Array, second: Array) -> float:
     """Let the effects of a stage change `first` and `second`; return the last of the times (s) that they give."""
     latest = 0.0
     if hook is None:
@@ -89,7 +91,7 @@ def take_part(hook: Hook | None, tick: int, dt: float, first: Array, second: Arr
 
 
 @inner
-def drawn(grip: Grip | None, tick: int, i: int, dt: float, hip: Array, speed: Array) -> float:
+def grip_force(grip: Grip | None, tick: int, i: int, dt: float, hip: Array, speed: Array) -> float:
     """Return the force of the hand along axis `i`, N, at the sample."""
     if grip is None:
         return 0.0
@@ -98,28 +100,28 @@ def drawn(grip: Grip | None, tick: int, i: int, dt: float, hip: Array, speed: Ar
 
 
 @inner
-def feel(feeling: Hook | None, loop: Loop, tick: int) -> None:
+def measure_force(feeling: Hook | None, loop: Loop, tick: int) -> None:
     """Write what the force sensor gives at the sample."""
     if feeling is None:
         return
     load, force = loop.motion.load, loop.out[MEASURED_FORCE, tick]
     for i in range(force.shape[0]):
         force[i] = push_at(load.push, tick, i, 0.0, load.dt)
-        force[i] += drawn(load.grip, tick, i, load.dt, loop.out[HIP, tick], loop.out[SPEED, tick])
-    take_part(feeling, tick, load.dt, force, force)
+        force[i] += grip_force(load.grip, tick, i, load.dt, loop.out[HIP, tick], loop.out[SPEED, tick])
+    apply_effects(feeling, tick, load.dt, force, force)
 
 
 @inner
-def see(sensors: Hook | None, loop: Loop, tick: int) -> None:
+def measure_state(sensors: Hook | None, loop: Loop, tick: int) -> None:
     """Write what the controller is given of joints, rates, HIP and velocity at the sample."""
     state, out, motion = loop.state, loop.out, loop.motion
-    seen_joints, seen_rates = state[SEEN], state[SEEN_RATES]
+    seen_joints, seen_rates = state[MEASURED_JOINTS], state[MEASURED_RATES]
     for i in range(seen_joints.shape[0]):
         seen_joints[i], seen_rates[i] = state[JOINTS, i], state[RATES, i]
         out[MEASURED_HIP, tick, i], out[MEASURED_SPEED, tick, i] = out[HIP, tick, i], out[SPEED, tick, i]
     if sensors is None:
         return
-    take_part(sensors, tick, motion.load.dt, seen_joints, seen_rates)
+    apply_effects(sensors, tick, motion.load.dt, seen_joints, seen_rates)
     motion.plant.kinematics(
         motion.plant.parameters, seen_joints, seen_rates, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick],
         motion.scratch.squares[JACOBIAN], motion.scratch.rows[DRIFT],
@@ -139,16 +141,16 @@ def sense(loop: Loop, tick: int) -> int:
     )  # fmt: skip
     for i in range(joints.shape[0]):
         out[JOINT, tick, i], out[RATE, tick, i] = joints[i], rates[i]
-    feel(loop.feeling, loop, tick)
-    see(loop.sensors, loop, tick)
+    measure_force(loop.feeling, loop, tick)
+    measure_state(loop.sensors, loop, tick)
     return DONE
 
 
 @inner
-def command(feeling: Hook | None, loop: Loop, tick: int) -> None:
+def write_torques(feeling: Hook | None, loop: Loop, tick: int) -> None:
     """Write the torques that the inner loop makes of the renderer's force, and of the hand's where it is measured."""
     state, motion = loop.state, loop.motion
-    seen_joints, seen_rates, force = state[SEEN], state[SEEN_RATES], loop.out[FORCE, tick]
+    seen_joints, seen_rates, force = state[MEASURED_JOINTS], state[MEASURED_RATES], loop.out[FORCE, tick]
     torques = loop.out[TORQUE, tick]
     if feeling is None:
         torque(loop.servo, motion.plant, seen_joints, seen_rates, force, None, motion.scratch, torques)
@@ -158,28 +160,28 @@ def command(feeling: Hook | None, loop: Loop, tick: int) -> None:
 
 
 @inner
-def drive(loop: Loop, tick: int, begin: float, end: float, torque: Array) -> bool:
+def move_device(loop: Loop, tick: int, begin: float, end: float, torque: Array) -> bool:
     """Move the device from `begin` to `end` seconds into the tick; return False where it has no finite state."""
     joints, rates = loop.state[JOINTS], loop.state[RATES]
-    add_position(loop.motion.load.grip, loop, 0.5 * (end - begin), (end - begin) / 6.0)
+    add_to_position_integral(loop.motion.load.grip, loop, 0.5 * (end - begin), (end - begin) / 6.0)
     if loop.advance(loop.motion, tick, begin, end, joints, rates, torque) == 0:
         return False
-    add_position(loop.motion.load.grip, loop, 0.5 * (end - begin), -(end - begin) / 6.0)
+    add_to_position_integral(loop.motion.load.grip, loop, 0.5 * (end - begin), -(end - begin) / 6.0)
     return True
 
 
 @inner
-def add_position(grip: Grip | None, loop: Loop, weight: float, lever: float) -> None:
+def add_to_position_integral(grip: Grip | None, loop: Loop, weight: float, lever: float) -> None:
     """Add to state[DRAWN] this end's part in the integral of the position: Hermite's rule, from values and rates."""
     if grip is None:
         return
     state, plant, scratch = loop.state, loop.motion.plant, loop.motion.scratch
     plant.kinematics(
-        plant.parameters, state[JOINTS], state[RATES], state[PLACE], state[PACE], scratch.squares[JACOBIAN],
+        plant.parameters, state[JOINTS], state[RATES], state[PLACE], state[PLACE_RATE], scratch.squares[JACOBIAN],
         scratch.rows[DRIFT],
     )  # fmt: skip
     for i in range(state.shape[1]):
-        state[DRAWN, i] += weight * (state[PLACE, i] + lever * state[PACE, i])
+        state[POSITION_INTEGRAL, i] += weight * (state[PLACE, i] + lever * state[PLACE_RATE, i])
 
 
 @inner
@@ -189,12 +191,12 @@ def mean_push(push: Array, tick: int, i: int) -> float:
 
 
 @inner
-def add_drawn(grip: Grip | None, loop: Loop, tick: int, i: int, mean: float) -> float:
+def add_mean_grip_force(grip: Grip | None, loop: Loop, tick: int, i: int, mean: float) -> float:
     """Return `mean` and the mean of the hand's force over the tick along axis `i`, N."""
     if grip is None:
         return mean
     path, dt = grip.path, loop.motion.load.dt
-    mean += grip.gains[0] * (0.5 * (path[tick, i] + path[tick + 1, i]) - loop.state[DRAWN, i] / dt)
+    mean += grip.gains[0] * (0.5 * (path[tick, i] + path[tick + 1, i]) - loop.state[POSITION_INTEGRAL, i] / dt)
     hand_step = loop.state[PLACE, i] - loop.out[HIP, tick, i]
     return float(mean + grip.gains[1] * (path[tick + 1, i] - path[tick, i] - hand_step) / dt)
 
@@ -203,21 +205,21 @@ def add_drawn(grip: Grip | None, loop: Loop, tick: int, i: int, mean: float) -> 
 def act(loop: Loop, tick: int) -> int:
     """Go from the renderer's force in out[FORCE, tick] to the device's state at the next sample."""
     state, out, load = loop.state, loop.out, loop.motion.load
-    dt, torques, previous_torques = load.dt, out[TORQUE, tick], state[BEFORE]
-    command(loop.feeling, loop, tick)
-    switch = take_part(loop.motors, tick, dt, torques, previous_torques)
+    dt, torques, previous_torques = load.dt, out[TORQUE, tick], state[PREVIOUS_TORQUE]
+    write_torques(loop.feeling, loop, tick)
+    switch = apply_effects(loop.motors, tick, dt, torques, previous_torques)
     for i in range(torques.shape[0]):
-        state[DRAWN, i] = 0.0
+        state[POSITION_INTEGRAL, i] = 0.0
     for part in range(2):  # one place that calls: it is compiled once
         begin, end = (switch, dt) if part else (0.0, switch)
         if end > begin:
             acting_torques = torques if part else previous_torques
-            if not drive(loop, tick, begin, end, acting_torques):
+            if not move_device(loop, tick, begin, end, acting_torques):
                 return RAN_AWAY
     for i in range(torques.shape[0]):
         if switch > 0.0:
             torques[i] = (switch * previous_torques[i] + (dt - switch) * torques[i]) / dt
-        out[OPERATOR, tick, i] = add_drawn(load.grip, loop, tick, i, mean_push(load.push, tick, i))
+        out[OPERATOR, tick, i] = add_mean_grip_force(load.grip, loop, tick, i, mean_push(load.push, tick, i))
     for i in range(torques.shape[0]):
         if not abs(state[JOINTS, i] - state[START, i]) < loop.reach:
             return RAN_AWAY

@@ -32,16 +32,16 @@ from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
 from hapticeval.types import Array, BoolArray
 
-NEAR = 1e-4
+LEAD_IN_SHARE = 1e-4
 """Distance from the surface, as a share of the model's size, from which a hand that rests is led in."""
 
-WAY = 100
+MOST_LEAD_IN_TICKS = 100
 """Ticks that a hand is led in at the most, in longer steps than the path's where that needs more: none is judged."""
 
-CLOCK = 1e-6
+CLOCK_ROUNDING = 1e-6
 """A share of the sampling time by which a clock may differ from what was asked: rounding."""
 
-REST = 10
+LEAD_IN_REST_TICKS = 10
 """Ticks that it then rests where the path begins: more than any granted lag."""
 
 
@@ -154,8 +154,8 @@ def run_path(
 ) -> Answers:
     """The answers of a renderer that is reset at the first row of `hips` (n, N) and led on.
 
-    With a `scene`, a hand that would start inside its model is led in first: see `way_in`. These ticks are no part of
-    the answer.
+    With a `scene`, a hand that would start inside its model is led in first: see `lead_in_path`. These ticks are no
+    part of the answer.
 
     With one `dt` (s) for all rows a batch renderer is asked at once, and takes the velocity from the HIPs itself; with
     a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). One that feels is given the
@@ -164,7 +164,7 @@ def run_path(
     abilities = abilities_of(renderer)
     if not abilities.observe_force:
         pushes = None
-    lead_in = way_in(renderer, hips, scene)
+    lead_in = lead_in_path(renderer, hips, scene)
     count = lead_in.shape[0]
     if count:
         step = float(np.median(dt))
@@ -179,7 +179,7 @@ def run_path(
     return answers.part(slice(count, None))
 
 
-def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
+def lead_in_path(renderer: object, hips: Array, scene: Scene | None) -> Array:
     """HIPs (m, N) that lead a hand from free space to the first row of `hips` (n, N), where that is inside the model.
 
     Straight in from the nearest point of the surface, the renderer's own where it has one, at the pace of the path or
@@ -196,14 +196,16 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
     depth = -float(frame.distance[0])
     if depth <= 0.0:
         return nothing
-    pace = float(np.linalg.norm(np.diff(hips, axis=0), axis=1).max(initial=0.0)) or NEAR * scene.model.size
+    pace = float(np.linalg.norm(np.diff(hips, axis=0), axis=1).max(initial=0.0)) or LEAD_IN_SHARE * scene.model.size
     outwards = (frame.foot[0] - start) / depth
     outside = frame.foot[0] + (abilities_of(renderer).standoff + pace) * outwards
     if not boundary.signed_distance(outside[np.newaxis])[0] > 0.0:
         outside = frame.foot[0]
-    ticks = min(math.ceil(float(np.linalg.norm(start - outside)) / pace), WAY)
+    ticks = min(math.ceil(float(np.linalg.norm(start - outside)) / pace), MOST_LEAD_IN_TICKS)
     share = np.linspace(0.0, 1.0, ticks + 1)[:, np.newaxis]
-    return np.vstack([(1.0 - share) * outside + share * start, np.repeat(start[np.newaxis], REST, axis=0)])
+    return np.vstack(
+        [(1.0 - share) * outside + share * start, np.repeat(start[np.newaxis], LEAD_IN_REST_TICKS, axis=0)]
+    )
 
 
 def simulate_checked(renderer: TrajectoryRenderer, stimulus: Stimulus, dt: float) -> Recording:
@@ -216,7 +218,7 @@ def simulate_checked(renderer: TrajectoryRenderer, stimulus: Stimulus, dt: float
         )
     recording.require(*REQUIRED)
     time = stimulus.sampled(dt)[0] if isinstance(stimulus, Path) else sample_times(stimulus.duration, dt)
-    if recording.time.shape != time.shape or np.max(np.abs(recording.time - time)) > CLOCK * dt:
+    if recording.time.shape != time.shape or np.max(np.abs(recording.time - time)) > CLOCK_ROUNDING * dt:
         raise RendererError(
             f"the renderer's simulate() has {len(recording)} samples from {recording.time[0]:.6g} to "
             f"{recording.time[-1]:.6g} s",
@@ -399,7 +401,10 @@ def compare_batch(
         if wrong.size == 0:
             continue
         row = int(wrong[0])
-        if np.any(differences[row] > allowed + _shaken(renderer, hips[: row + 1], velocity, dt, rounding, single[row])):
+        if np.any(
+            differences[row]
+            > allowed + _change_of_answer(renderer, hips[: row + 1], velocity, dt, rounding, single[row])
+        ):
             ihip, force = differences[row]
             answers_of_both = [
                 f"{method}() answers {answers[row, 0]} m, {answers[row, 1]} N"
@@ -415,7 +420,7 @@ def compare_batch(
             )
 
 
-def _shaken(renderer: Renderer, hips: Array, velocity: Array, dt: float, by: float, answer: Array) -> Array:
+def _change_of_answer(renderer: Renderer, hips: Array, velocity: Array, dt: float, by: float, answer: Array) -> Array:
     """How far the last answer of `step` moves, (IHIP, force), when the last of `hips` is moved by `by` either way."""
     largest_change = np.zeros(2)
     for shift in by * np.vstack([np.eye(hips.shape[1]), -np.eye(hips.shape[1])]):
@@ -460,14 +465,14 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
     for renderer, path, scene in (first, second):
         time, hips = path.sampled(dt)
         rows = _Rows(hips, backward_difference(hips, time), np.full(time.size, dt))
-        lead_in = way_in(renderer, hips, scene)
+        lead_in = lead_in_path(renderer, hips, scene)
         lead_in_rows = _Rows(lead_in, np.diff(lead_in, axis=0, prepend=lead_in[:1]) / dt, np.full(len(lead_in), dt))
         parties.append((renderer, lead_in_rows.followed_by(rows)))
         reset_checked(renderer, parties[-1][1].hip[0])
     first_rows = parties[0][1]
     answers = Answers.room(first_rows.hip)
     for begin in range(0, len(first_rows.dt), TURN):
-        answers_of_turn = [_led_on(renderer, rows.part(begin, begin + TURN), begin) for renderer, rows in parties]
+        answers_of_turn = [_lead_on(renderer, rows.part(begin, begin + TURN), begin) for renderer, rows in parties]
         for column, answered in zip(answers, answers_of_turn[0], strict=True):
             column[begin : begin + TURN] = answered
     time, hips = first[1].sampled(dt)
@@ -487,22 +492,22 @@ class Closeup:
     renderer where it can be copied, else by leading it there anew from its reset. `recording` holds what it answered.
     """
 
-    def __init__(self, recording: Recording, rows: _Rows, before: _Rows, subject: _Subject) -> None:
+    def __init__(self, recording: Recording, rows: _Rows, before: _Rows, subject: _Original) -> None:
         self.recording = recording
         self._rows = rows
         self._before = before
         self._subject = subject
-        self._kept: dict[int, Renderer] = {}
+        self._copies: dict[int, Renderer] = {}
 
     @classmethod
     def of(cls, renderer: Renderer, recording: Recording, scene: Scene) -> Closeup:
         """Of the `recording` that `play` made of `renderer` in `scene`, which its copies have in common with it."""
         dt = float(recording.meta["dt"])
         rows = _Rows(recording.hip, recording.channel("velocity"), np.full(len(recording), dt))
-        lead_in = way_in(renderer, recording.hip, scene)
+        lead_in = lead_in_path(renderer, recording.hip, scene)
         before = _Rows(lead_in, np.diff(lead_in, axis=0, prepend=lead_in[:1]) / dt, np.full(len(lead_in), dt))
         shared = (scene, scene.model, scene.model.boundary)
-        return cls(recording, rows, before, _Subject(renderer, dt, shared, len(lead_in)))
+        return cls(recording, rows, before, _Original(renderer, dt, shared, len(lead_in)))
 
     def closer(self, first: int, last: int, factor: int, *, lag: int) -> Closeup:
         """The way from row `first` to row `last` > `first`, each step in `factor` equal ones.
@@ -512,9 +517,9 @@ class Closeup:
         k `factor` is where row `first` + k was. Then the hand rests for `lag` fine ticks. Raises `RendererError` as
         `play` does.
         """
-        renderer = self._standing(first)
+        renderer = self._renderer_after(first)
         tick = self._tick(first)
-        rest_rows, rest_answer = self._rest(renderer, first, lag)
+        rest_rows, rest_answer = self._rest_at(renderer, first, lag)
         copy = self._subject.copy(renderer)
         share = np.tile(np.arange(1.0, factor + 1.0) / factor, last - first)[:, np.newaxis]
         start, end = (np.repeat(self._rows.hip[k : k + last - first], factor, axis=0) for k in (first, first + 1))
@@ -522,7 +527,7 @@ class Closeup:
         hip = np.where(share == 1.0, end, start + share * (end - start))
         fine_rows = _Rows(hip, (end - start) / (factor * dt)[:, np.newaxis], dt)
         fine_rows = fine_rows.followed_by(_Rows.resting(hip[-1], float(dt[-1]), lag))
-        fine_answers = _led_on(renderer, fine_rows, tick)
+        fine_answers = _lead_on(renderer, fine_rows, tick)
         answers = Answers(*(np.concatenate(pair) for pair in zip(rest_answer, fine_answers, strict=True)))
         time = self.recording.time[first] + np.concatenate([[0.0], np.cumsum(fine_rows.dt)])
         rows = rest_rows.part(-1, rest_rows.dt.size).followed_by(fine_rows)
@@ -531,14 +536,14 @@ class Closeup:
         before = self._before.followed_by(self._rows.part(0, first + 1)).followed_by(rest_rows.part(0, -1))
         closer = Closeup(recording, rows, before, self._subject)
         if copy is not None:
-            closer._kept[0] = copy
+            closer._copies[0] = copy
         return closer
 
     def _tick(self, row: int) -> int:
         """As errors count it, from where the path begins."""
         return self._before.dt.size - self._subject.ahead + row
 
-    def _rest(self, renderer: Renderer, row: int, lag: int) -> tuple[_Rows, Answers]:
+    def _rest_at(self, renderer: Renderer, row: int, lag: int) -> tuple[_Rows, Answers]:
         """The ticks of a rest at `row`, and the last answer, a single row."""
         rows = _Rows.resting(self._rows.hip[row], self._subject.dt, PATIENCE)
         answers: list[tuple[Array, Array]] = []
@@ -551,53 +556,53 @@ class Closeup:
         last = Answers(ihip[np.newaxis], force[np.newaxis], np.array([reported_contact(renderer)]))
         return rows.part(0, len(answers)), last
 
-    def _standing(self, row: int) -> Renderer:
+    def _renderer_after(self, row: int) -> Renderer:
         """The renderer as it was after `row`, to be led on from there."""
-        kept_renderer = self._keep(row) if self._subject.copies else None
-        copy = None if kept_renderer is None else self._subject.copy(kept_renderer)
+        renderer_copy = self._copy_after(row) if self._subject.copies else None
+        copy = None if renderer_copy is None else self._subject.copy(renderer_copy)
         if copy is not None:
             return copy
         renderer = self._subject.renderer
         rows = self._before.followed_by(self._rows.part(0, row + 1))
         reset_checked(renderer, rows.hip[0])
-        _led_on(renderer, rows, -self._subject.ahead)
+        _lead_on(renderer, rows, -self._subject.ahead)
         return renderer
 
-    def _keep(self, row: int) -> Renderer | None:
+    def _copy_after(self, row: int) -> Renderer | None:
         """A copy of the renderer as it was after `row`, which is not to be led on itself; None where there is none."""
-        if row in self._kept:
-            return self._kept[row]
+        if row in self._copies:
+            return self._copies[row]
         subject = self._subject
-        nearest = max((kept_row for kept_row in self._kept if kept_row < row), default=-1)
+        nearest = max((copied_row for copied_row in self._copies if copied_row < row), default=-1)
         if nearest >= 0:
-            renderer = subject.copy(self._kept[nearest])
+            renderer = subject.copy(self._copies[nearest])
         else:
             reset_checked(subject.renderer, self._before.followed_by(self._rows).hip[0])
-            _led_on(subject.renderer, self._before, -subject.ahead)
+            _lead_on(subject.renderer, self._before, -subject.ahead)
             renderer = subject.renderer
         if renderer is None:
             return None
-        _led_on(renderer, self._rows.part(nearest + 1, row + 1), self._tick(nearest + 1))
+        _lead_on(renderer, self._rows.part(nearest + 1, row + 1), self._tick(nearest + 1))
         copy = subject.copy(renderer) if nearest < 0 else renderer
-        if copy is not None and subject.proves(copy, self._rows.part(row + 1, row + 1 + PROOF)):
-            self._kept[row] = copy
-            if len(self._kept) > KEPT:
-                rows = sorted(self._kept)
-                del self._kept[
+        if copy is not None and subject.proves_copies(copy, self._rows.part(row + 1, row + 1 + PROOF_TICKS)):
+            self._copies[row] = copy
+            if len(self._copies) > MOST_COPIES:
+                rows = sorted(self._copies)
+                del self._copies[
                     min(zip(rows, rows[1:], rows[2:], strict=False), key=lambda three: three[2] - three[0])[1]
                 ]
             return copy
         return None
 
 
-KEPT = 16
+MOST_COPIES = 16
 """Copies of a renderer that are kept of one path, for it may be large: spread over all of it, so that none is far."""
-PROOF = 8
+PROOF_TICKS = 8
 """Ticks over which two copies of a renderer have to answer alike, one after the other."""
 
 
 @dataclass
-class _Subject:
+class _Original:
     """The renderer that is looked at, and whether copies of it can stand for it."""
 
     renderer: Renderer
@@ -617,7 +622,7 @@ class _Subject:
             self.copies = False
             return None
 
-    def proves(self, renderer: Renderer, rows: _Rows) -> bool:
+    def proves_copies(self, renderer: Renderer, rows: _Rows) -> bool:
         """Whether copies are independent: of a handle to a state elsewhere a copy is the same state once more.
 
         Two copies are led along the same rows one after the other, and must give the same answers to the bit.
@@ -628,19 +633,19 @@ class _Subject:
                 copy = self.copy(renderer)
                 if copy is None:
                     return False
-                answers.append(_led_on(copy, rows, 0))
+                answers.append(_lead_on(copy, rows, 0))
             self.copies = self.proved = all(map(np.array_equal, *(answer[:2] for answer in answers)))
         return self.copies
 
 
-def _led_on(renderer: Renderer, rows: _Rows, first: int) -> Answers:
+def _lead_on(renderer: Renderer, rows: _Rows, first: int) -> Answers:
     """The answers of a renderer that is led on without a reset. Errors count ticks from `first` on.
 
     By its compiled `law` or its `lead`, where it has one, as far as that answers: what that refuses its `step` words.
     """
     answers = Answers.room(rows.hip)
     ihips, forces, contact = answers
-    answered = _led_at_once(renderer, rows, answers)
+    answered = _lead_at_once(renderer, rows, answers)
     not_finite_rows = ~np.isfinite([ihips[:answered], forces[:answered]]).all(axis=(0, 2))
     if not_finite_rows.any():
         row = int(np.argmax(not_finite_rows))
@@ -653,7 +658,7 @@ def _led_on(renderer: Renderer, rows: _Rows, first: int) -> Answers:
     return answers
 
 
-def _led_at_once(renderer: Renderer, rows: _Rows, answers: Answers) -> int:
+def _lead_at_once(renderer: Renderer, rows: _Rows, answers: Answers) -> int:
     """Write what a renderer answers in one call, and return how many rows that are: none where it cannot."""
     abilities, count = abilities_of(renderer), rows.dt.size
     if abilities.law is not None and count:

@@ -20,7 +20,7 @@ from hapticeval.runner.results import environment
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import Affected
 from hapticeval.simulation.closed_loop import loop_of, simulate_closed_loop
-from hapticeval.simulation.playback import play, way_in
+from hapticeval.simulation.playback import lead_in_path, play
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.study.bench.measure import machine, without_garbage_collection
 from hapticeval.study.effects.document import Cost, EffectsDocument, Ladder, Rung, SceneEntry
@@ -215,7 +215,7 @@ def _prepare_path(renderer: Renderer, path: Path, scene: Scene) -> TimedRun:
     dt = scene.sampling_time
     hips = path.sampled(dt)[1]
     # Where the path begins inside the hand is led in first, see `Renderer.reset`.
-    hips = np.vstack([way_in(renderer, hips, scene), hips])
+    hips = np.vstack([lead_in_path(renderer, hips, scene), hips])
     velocities = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
 
     def answer_path() -> int:
