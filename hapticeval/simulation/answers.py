@@ -59,6 +59,7 @@ class Affected:
         abilities = abilities_of(renderer)
         self.base = renderer
         self.effects = tuple(effects)
+        # everything that checks ask of a renderer is the base's, but for its stiffness, which the effects change
         self.surface, self.resolution, self.standoff, self.supports = (
             abilities.surface, abilities.resolution, abilities.standoff, abilities.supports,
         )  # fmt: skip
@@ -74,6 +75,7 @@ class Affected:
             for k, effect in enumerate(effects, 1)
             for number, words in effect.refusals.items()
         }
+        # before anything is compiled: a base that an effect cannot be put on is refused at once
         for effect in effects:
             effect.check_base(scene, self._bare_answer)
         parts = [effect.change(scene) for effect in effects]
@@ -95,7 +97,10 @@ class Affected:
         self.base.reset(hip)
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
-        """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where an effect refuses."""
+        """Answer one tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s.
+
+        Raises `DomainError` where an effect refuses.
+        """
         ihip, force = (np.array(vector, dtype=np.float64) for vector in self.base.step(hip, velocity, dt))
         self.contact = self._reported_contact()
         hip, velocity = (np.array(vector, dtype=np.float64)[np.newaxis] for vector in (hip, velocity))
@@ -103,13 +108,14 @@ class Affected:
         return Response(ihip, force)
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        """A whole path: `reset` at the first row of `hips` (n, N), and a `step` a row. Raises as `step` does.
+        """Answer a whole path: `reset` at the first row of `hips` (n, N), m, and a `step` a row, every `dt` s.
 
-        Returns IHIPs and forces, (n, N).
+        Returns IHIPs (n, N), m, and forces (n, N), N. Raises as `step` does.
         """
         hips = np.array(hips, dtype=np.float64, order="C")
         velocities = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
         self.reset(hips[0])
+        # all bare answers first, and then the changes: the base never sees what the effects make of them
         if abilities_of(self.base).run:
             answers = cast("Batch", self.base).run(hips.copy(), dt)
             self.contact = self._reported_contact()
@@ -132,6 +138,7 @@ class Affected:
         """Return the bare answer to a hand that comes from `start` (N,), m, and rests at `hip`: IHIP and force."""
         self.base.reset(start.copy())
         standstill, dt = np.zeros_like(hip), 1e-3
+        # it comes from `start`, and a lagging proxy has caught up by the last tick
         for point in (start, *[hip] * REST_TICKS):
             ihip, force = self.base.step(point.copy(), standstill, dt)
         return np.array(ihip, dtype=np.float64), np.array(force, dtype=np.float64)
@@ -173,6 +180,7 @@ class Affected:
         for name in ("observe_force", "diagnostics"):
             if hasattr(self, name):
                 setattr(twin, name, getattr(twin.base, name))
+        # the bound methods and the law of the copy, not of the original
         twin.law = twin._composed(abilities_of(twin.base).law)
         return twin
 

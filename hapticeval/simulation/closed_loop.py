@@ -93,7 +93,7 @@ def _drive_point_mass(
     """The plain case, without kernels: what a small renderer in Python costs is its own time."""
     time = sample_times(experiment.duration, dt)
     count = time.size
-    push = experiment.operator_force(np.append(time, count * dt))
+    push = experiment.operator_force(np.append(time, count * dt))  # also at the end of the last tick
     hips, ihips, forces, velocities = (np.empty((count, experiment.dimension)) for _ in range(4))
     contact = np.empty(count)
     hip, velocity = experiment.position, experiment.velocity
@@ -107,8 +107,9 @@ def _drive_point_mass(
             break
         hips[tick], ihips[tick], forces[tick], velocities[tick] = hip, ihip, force, velocity
         contact[tick] = reported_contact(renderer)
+        # F_r is held over the tick, the push runs straight: the integral is exact
         hip, velocity = device.advance(hip, velocity, force, push[tick], push[tick + 1], dt)
-        if not abs(hip - experiment.position).max() < reach:
+        if not abs(hip - experiment.position).max() < reach:  # also for nan
             end = _end_of_run(tick, _runaway_error(tick, hips[tick], hip))
             break
     channels = {
@@ -116,7 +117,7 @@ def _drive_point_mass(
         "ihip": ihips,
         "force": forces,
         "velocity": velocities,
-        "operator_force": 0.5 * (push[:-1] + push[1:]),
+        "operator_force": 0.5 * (push[:-1] + push[1:]),  # the mean over the tick of a force that runs straight
     }
     return _recording_of(renderer, experiment, time, channels, dt, end, contact)
 
@@ -131,7 +132,7 @@ def _drive_device(
     time = sample_times(experiment.duration, dt)
     loop = loop_of(experiment, scene, dt)
     out = loop.out
-    out[kernels.CONTACT] = np.nan
+    out[kernels.CONTACT] = np.nan  # unknown, until a renderer reports it
     reset_checked(renderer, out[kernels.MEASURED_HIP, 0])
     end = None
     if law is None:
@@ -152,7 +153,7 @@ def _drive_device(
                 hip=out[kernels.MEASURED_HIP, tick],
                 why="it is below 0: the renderer broke",
             )
-        elif status >= kernels.REFUSED:
+        elif status >= kernels.REFUSED:  # the law's own number, from 1 on
             end = _end_of_run(tick, _refusal_error(law, status - kernels.REFUSED + 1, out[kernels.MEASURED_HIP, tick]))
     return _recording_of(renderer, experiment, time, _channels_of(loop, scene), dt, end, out[kernels.CONTACT, :, 0])
 
@@ -167,6 +168,7 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
     hips, speeds, pushes = out[kernels.MEASURED_HIP], out[kernels.MEASURED_SPEED], out[kernels.MEASURED_FORCE]
     observes_force = loop.feeling is not None and abilities_of(renderer).observe_force
     for tick in range(out.shape[1]):
+        # `loop_of` has sensed the first tick
         if tick > 0 and sense(loop, tick) == kernels.OUTSIDE:
             return _end_of_run(tick, _outside_error(device, joints))
         if observes_force:
@@ -213,6 +215,7 @@ def _recording_of(
     count = time.size
     if end is not None:
         count = end.tick
+        # the rows before the tick were answered: they are the recording
         meta["ended"] = {
             "tick": end.tick,
             "time": float(time[end.tick]),
@@ -254,6 +257,7 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
     device, hand = scene.robot, experiment.hand
     time = sample_times(experiment.duration, dt)
     count, size = time.size, device.dimension
+    # the effects of the surface are in the renderer's answers already
     parts = [
         (effect.stage, effect.part(count, size, dt))
         for effect in scene.effects
@@ -264,7 +268,7 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
         for stage_of_hook in (Stage.SENSE, Stage.FEEL, Stage.COMMAND)
     )
     frictions = [part.params for stage, part in parts if stage is Stage.JOINTS]
-    ends = np.append(time, count * dt)
+    ends = np.append(time, count * dt)  # the path and the push run straight to the end of the last tick too
     push = experiment.operator_force(ends)
     load = Load(
         dt,
@@ -276,7 +280,7 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
     state = np.zeros((kernels.ROWS, size))
     joints = device.joints(experiment.position)
     state[kernels.JOINTS] = state[kernels.START] = joints
-    if device.margin(joints) > 0.0:
+    if device.margin(joints) > 0.0:  # q̇ = J⁻¹ ẏ; elsewhere the sensing below refuses
         state[kernels.RATES] = np.linalg.solve(device.jacobian(joints), experiment.velocity)
     motion = motion_of(device, load, default_method())
     loop = kernels.Loop(

@@ -80,11 +80,14 @@ def hook_of(parts: Iterable[Part]) -> Hook | None:
 
 @borrowing
 def apply_effects(hook: Hook | None, tick: int, dt: float, first: Array, second: Array) -> float:
-    """Let the effects of a stage change `first` and `second`; return the last of the times (s) that they give."""
+    """Let the effects of a stage change `first` and `second` (N,), vectors in the stage's units (rad, N m, N).
+
+    Returns the last of the times (s) that they give, zero for no effects.
+    """
     latest = 0.0
     if hook is None:
         return latest
-    for k in range(len(hook)):
+    for k in range(len(hook)):  # all of one type, functions being values: a tuple that can be indexed
         effect = hook[k]
         latest = max(latest, effect.function(effect.params, effect.samples, effect.state, tick, dt, first, second))
     return latest
@@ -92,7 +95,10 @@ def apply_effects(hook: Hook | None, tick: int, dt: float, first: Array, second:
 
 @inner
 def grip_force(grip: Grip | None, tick: int, i: int, dt: float, hip: Array, speed: Array) -> float:
-    """Return the force of the hand along axis `i`, N, at the sample."""
+    """Return the force with which the hand draws along axis `i`, N, at the sample: k (x_d - y) + b (ẋ_d - ẏ).
+
+    `hip` (N,), m, and `speed` (N,), m/s, are the device's.
+    """
     if grip is None:
         return 0.0
     path_speed = (grip.path[tick + 1, i] - grip.path[tick, i]) / dt
@@ -101,11 +107,12 @@ def grip_force(grip: Grip | None, tick: int, i: int, dt: float, hip: Array, spee
 
 @inner
 def measure_force(feeling: Hook | None, loop: Loop, tick: int) -> None:
-    """Write what the force sensor gives at the sample."""
+    """Write what the force sensor gives at the sample, N: the hand's push and grip, through the sensor's effects."""
     if feeling is None:
         return
     load, force = loop.motion.load, loop.out[MEASURED_FORCE, tick]
     for i in range(force.shape[0]):
+        # what is prescribed, and what the grip adds, before the sensor makes of it what it can
         force[i] = push_at(load.push, tick, i, 0.0, load.dt)
         force[i] += grip_force(load.grip, tick, i, load.dt, loop.out[HIP, tick], loop.out[SPEED, tick])
     apply_effects(feeling, tick, load.dt, force, force)
@@ -113,7 +120,7 @@ def measure_force(feeling: Hook | None, loop: Loop, tick: int) -> None:
 
 @inner
 def measure_state(sensors: Hook | None, loop: Loop, tick: int) -> None:
-    """Write what the controller is given of joints, rates, HIP and velocity at the sample."""
+    """Write what the controller is given of joints, rates, HIP and velocity at the sample, through the sensors."""
     state, out, motion = loop.state, loop.out, loop.motion
     seen_joints, seen_rates = state[MEASURED_JOINTS], state[MEASURED_RATES]
     for i in range(seen_joints.shape[0]):
@@ -122,6 +129,7 @@ def measure_state(sensors: Hook | None, loop: Loop, tick: int) -> None:
     if sensors is None:
         return
     apply_effects(sensors, tick, motion.load.dt, seen_joints, seen_rates)
+    # a controller computes HIP and velocity, J and J̇ q̇ of the joints that it sees
     motion.plant.kinematics(
         motion.plant.parameters, seen_joints, seen_rates, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick],
         motion.scratch.squares[JACOBIAN], motion.scratch.rows[DRIFT],
@@ -130,10 +138,13 @@ def measure_state(sensors: Hook | None, loop: Loop, tick: int) -> None:
 
 @borrowing
 def sense(loop: Loop, tick: int) -> int:
-    """Write what is and what the sensors give at the sample `tick`; return OUTSIDE where the device is not defined."""
+    """Begin a tick: write the device's true state and what the sensors give of it; return OUTSIDE or DONE.
+
+    OUTSIDE is a device beyond its functional configuration space, where it is not defined.
+    """
     state, out, plant, scratch = loop.state, loop.out, loop.motion.plant, loop.motion.scratch
     joints, rates = state[JOINTS], state[RATES]
-    if not plant.margin(plant.parameters, joints) > 0.0:
+    if not plant.margin(plant.parameters, joints) > 0.0:  # beyond a limit, or not finite
         return OUTSIDE
     plant.kinematics(
         plant.parameters, joints, rates, out[HIP, tick], out[SPEED, tick], scratch.squares[JACOBIAN],
@@ -161,8 +172,12 @@ def write_torques(feeling: Hook | None, loop: Loop, tick: int) -> None:
 
 @inner
 def move_device(loop: Loop, tick: int, begin: float, end: float, torque: Array) -> bool:
-    """Move the device from `begin` to `end` seconds into the tick; return False where it has no finite state."""
+    """Move the device from `begin` to `end` s into the tick under `torque` (N,), N m or N.
+
+    Returns False where it has no finite state at the end.
+    """
     joints, rates = loop.state[JOINTS], loop.state[RATES]
+    # with h = end - begin: h/2 (y_0 + h/6 ẏ_0) at the start, h/2 (y_1 - h/6 ẏ_1) at the end
     add_to_position_integral(loop.motion.load.grip, loop, 0.5 * (end - begin), (end - begin) / 6.0)
     if loop.advance(loop.motion, tick, begin, end, joints, rates, torque) == 0:
         return False
@@ -172,7 +187,10 @@ def move_device(loop: Loop, tick: int, begin: float, end: float, torque: Array) 
 
 @inner
 def add_to_position_integral(grip: Grip | None, loop: Loop, weight: float, lever: float) -> None:
-    """Add to state[DRAWN] this end's part in the integral of the position: Hermite's rule, from values and rates."""
+    """Add this end's part to the integral of the position (m s) over the tick: Hermite's rule, from values and rates.
+
+    `weight` and `lever` are in s. Only the grip's mean force needs that integral: without a grip it is left out.
+    """
     if grip is None:
         return
     state, plant, scratch = loop.state, loop.motion.plant, loop.motion.scratch
@@ -186,16 +204,17 @@ def add_to_position_integral(grip: Grip | None, loop: Loop, weight: float, lever
 
 @inner
 def mean_push(push: Array, tick: int, i: int) -> float:
-    """Return the mean of the prescribed force over the tick along axis `i`, N."""
+    """Return the mean over the tick of the prescribed force along axis `i`, N; `push` (n, N), N, is at the samples."""
     return float(0.5 * (push[tick, i] + push[tick + 1, i]))
 
 
 @inner
 def add_mean_grip_force(grip: Grip | None, loop: Loop, tick: int, i: int, mean: float) -> float:
-    """Return `mean` and the mean of the hand's force over the tick along axis `i`, N."""
+    """Return the mean force over the tick along axis `i`, N: `mean` of what is prescribed, and the grip's."""
     if grip is None:
         return mean
     path, dt = grip.path, loop.motion.load.dt
+    # the means of k (x_d - y) and of b (ẋ_d - ẏ)
     mean += grip.gains[0] * (0.5 * (path[tick, i] + path[tick + 1, i]) - loop.state[POSITION_INTEGRAL, i] / dt)
     hand_step = loop.state[PLACE, i] - loop.out[HIP, tick, i]
     return float(mean + grip.gains[1] * (path[tick + 1, i] - path[tick, i] - hand_step) / dt)
@@ -203,10 +222,14 @@ def add_mean_grip_force(grip: Grip | None, loop: Loop, tick: int, i: int, mean: 
 
 @borrowing
 def act(loop: Loop, tick: int) -> int:
-    """Go from the renderer's force in out[FORCE, tick] to the device's state at the next sample."""
+    """End a tick: go from the renderer's force in out[FORCE, tick] to the device's state at the next sample.
+
+    Returns DONE, or RAN_AWAY where a joint is not finite or farther than `Loop.reach` from the start.
+    """
     state, out, load = loop.state, loop.out, loop.motion.load
     dt, torques, previous_torques = load.dt, out[TORQUE, tick], state[PREVIOUS_TORQUE]
     write_torques(loop.feeling, loop, tick)
+    # until `switch` seconds into the tick a delay lets the motors give the torques of before
     switch = apply_effects(loop.motors, tick, dt, torques, previous_torques)
     for i in range(torques.shape[0]):
         state[POSITION_INTEGRAL, i] = 0.0
@@ -217,11 +240,11 @@ def act(loop: Loop, tick: int) -> int:
             if not move_device(loop, tick, begin, end, acting_torques):
                 return RAN_AWAY
     for i in range(torques.shape[0]):
-        if switch > 0.0:
+        if switch > 0.0:  # the channel holds the tick's mean
             torques[i] = (switch * previous_torques[i] + (dt - switch) * torques[i]) / dt
         out[OPERATOR, tick, i] = add_mean_grip_force(load.grip, loop, tick, i, mean_push(load.push, tick, i))
     for i in range(torques.shape[0]):
-        if not abs(state[JOINTS, i] - state[START, i]) < loop.reach:
+        if not abs(state[JOINTS, i] - state[START, i]) < loop.reach:  # also for nan
             return RAN_AWAY
     return DONE
 
@@ -242,13 +265,15 @@ def run(law: Callable[..., Any], data: Any, loop: Loop) -> tuple[int, int]:
         status = sense(loop, tick)
         if status != DONE:
             return tick, status
+        # the law knows only what the sensors give
         number = law(
             data, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick], out[MEASURED_FORCE, tick], dt, out[IHIP, tick],
             out[FORCE, tick],
         )  # fmt: skip
-        if number != 0:
+        if number != 0:  # below zero it broke, above it refuses: `_drive_device` words both
             return tick, number if number < 0 else REFUSED - 1 + number
         for i in range(out.shape[2]):
+            # no number that is not finite reaches the motors
             if not math.isfinite(out[IHIP, tick, i]) or not math.isfinite(out[FORCE, tick, i]):
                 return tick, NOT_FINITE
         note_contact(loop.reported, loop, tick)

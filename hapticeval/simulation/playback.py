@@ -46,7 +46,7 @@ LEAD_IN_REST_TICKS = 10
 
 
 def play(renderer: Renderer | TrajectoryRenderer, path: Path, dt: float, *, scene: Scene | None = None) -> Recording:
-    """The renderer's answers along `path`, sampled every `dt` seconds; with a `scene` led in first: see `run_path`.
+    """Return a renderer's answers along `path`, sampled every `dt` s; with a `scene` led in first: see `run_path`.
 
     Raises `RendererError`, naming tick and HIP, when the renderer raises, answers in a wrong shape or with a
     number that is not finite, and `DomainError` where it is led out of where it is defined.
@@ -92,6 +92,7 @@ def rows_defined(lead: Callable[[int], object], count: int) -> int:
             return True
         return False
 
+    # rows that end too early answer, all that go on refuse: the first that refuses has one row too many
     return bisect_left(range(1, count), True, key=leaves)
 
 
@@ -111,7 +112,7 @@ class Answers(NamedTuple):
 
     @classmethod
     def room(cls, hips: Array) -> Answers:
-        """Return room for the answers to `hips` (n, N), of which nothing is known yet."""
+        """Return room for the answers to HIPs (n, N), m, of which nothing is known yet."""
         return cls(np.empty_like(hips), np.empty_like(hips), np.full(hips.shape[0], np.nan))
 
     def part(self, rows: slice) -> Answers:
@@ -125,7 +126,7 @@ class Answers(NamedTuple):
 
 
 def contact_channel(contact: Array) -> dict[str, Array]:
-    """Return the channel of what was reported, (n,): none where that is not known of every row."""
+    """Return the recording's channel of reported `contact` (n,), 1, 0 or NaN: none unless it is known of every row."""
     return {} if np.isnan(contact).any() else {"contact": contact}
 
 
@@ -152,7 +153,7 @@ def run_path(
     pushes: Array | None = None,
     first: int = 0,
 ) -> Answers:
-    """The answers of a renderer that is reset at the first row of `hips` (n, N) and led on.
+    """Return the answers of a renderer that is reset at the first row of `hips` (n, N), m, and led on.
 
     With a `scene`, a hand that would start inside its model is led in first: see `lead_in_path`. These ticks are no
     part of the answer.
@@ -166,7 +167,7 @@ def run_path(
         pushes = None
     lead_in = lead_in_path(renderer, hips, scene)
     count = lead_in.shape[0]
-    if count:
+    if count:  # the hand starts inside: it is led in at the path's median rate
         step = float(np.median(dt))
         lead_in_velocity = np.diff(lead_in, axis=0, prepend=lead_in[:1]) / step
         hips, velocity = np.vstack([lead_in, hips]), np.vstack([lead_in_velocity, velocity])
@@ -180,7 +181,7 @@ def run_path(
 
 
 def lead_in_path(renderer: object, hips: Array, scene: Scene | None) -> Array:
-    """HIPs (m, N) that lead a hand from free space to the first row of `hips` (n, N), where that is inside the model.
+    """Return HIPs (m, N), m, that lead a hand from free space to the first of `hips` (n, N), m, if that is inside.
 
     Straight in from the nearest point of the surface, the renderer's own where it has one, at the pace of the path or
     faster, and a rest at the end. A proxy that is reset inside of the solid would know no way out; so none is, and each
@@ -196,8 +197,10 @@ def lead_in_path(renderer: object, hips: Array, scene: Scene | None) -> Array:
     depth = -float(frame.distance[0])
     if depth <= 0.0:
         return nothing
+    # as far a tick as the path's fastest one; a hand at rest there is led in by a small share of the model's size
     pace = float(np.linalg.norm(np.diff(hips, axis=0), axis=1).max(initial=0.0)) or LEAD_IN_SHARE * scene.model.size
     outwards = (frame.foot[0] - start) / depth
+    # beyond the surface, by as much as the renderer's own may stray; else, in a narrow notch, on it
     outside = frame.foot[0] + (abilities_of(renderer).standoff + pace) * outwards
     if not boundary.signed_distance(outside[np.newaxis])[0] > 0.0:
         outside = frame.foot[0]
@@ -300,7 +303,7 @@ def _step_by_step(
 
 
 def reset_checked(renderer: Renderer, hip: Array) -> None:
-    """Call `renderer.reset(hip)`. Raises `RendererError` for what it raises."""
+    """Call `renderer.reset(hip)` with the hand at `hip` (N,), m. Raises `RendererError` for what it raises."""
     with renderer_errors("reset()", tick=0, hip=hip):
         try:
             renderer.reset(hip.copy())
@@ -309,13 +312,16 @@ def reset_checked(renderer: Renderer, hip: Array) -> None:
 
 
 def observe_force_checked(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
-    """Call `renderer.observe_force(push)`. Raises `RendererError` for what it raises."""
+    """Call `renderer.observe_force(push)` with the measured `push` (N,), N, of a hand at `hip` (N,), m.
+
+    Raises `RendererError` for what it raises.
+    """
     with renderer_errors("observe_force()", tick=tick, hip=hip):
         renderer.observe_force(push.copy())  # type: ignore[attr-defined]
 
 
 def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
-    """Return IHIP and force, (N,) each, of `renderer.step(...)`, in copies of their own.
+    """Return IHIP (N,), m, and force (N,), N, of `renderer.step(hip, velocity, dt)`, in copies of their own.
 
     The renderer gets copies too: what it does to its arguments, and to its answers later, must not reach the recording.
     Raises `RendererError`, with tick and HIP, unless it answers two finite vectors like `hip`.
@@ -356,7 +362,7 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
 
 
 def not_finite(tick: int, hip: Array, ihip: Array, force: Array) -> RendererError:
-    """Return the error of a renderer whose answer holds a number that is not finite."""
+    """Return the error of a renderer whose `ihip` (N,), m, or `force` (N,), N, to `hip` (N,), m, is not finite."""
     return RendererError(
         f"the renderer's answer is not finite: IHIP {in_mm(ihip)}, force {force} N",
         tick=tick,
@@ -384,6 +390,7 @@ def compare_batch(
     if not abilities_of(renderer).run or touched.size == 0:
         return
     dt = float(recording.meta["dt"])
+    # of a coordinate, m; a spring and a backward difference make forces of it, which are rounded themselves
     rounding = 4.0 * SINGLE * float(np.max(np.abs(recording.hip)))
     allowed = np.array([rounding, (stiffness + 2.0 * damping / dt) * rounding])
     allowed[1] += 4.0 * SINGLE * float(np.max(np.abs(recording.force)))
@@ -469,7 +476,7 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
         lead_in_rows = _Rows(lead_in, np.diff(lead_in, axis=0, prepend=lead_in[:1]) / dt, np.full(len(lead_in), dt))
         parties.append((renderer, lead_in_rows.followed_by(rows)))
         reset_checked(renderer, parties[-1][1].hip[0])
-    first_rows = parties[0][1]
+    first_rows = parties[0][1]  # only the first renderer's answers are recorded
     answers = Answers.room(first_rows.hip)
     for begin in range(0, len(first_rows.dt), TURN):
         answers_of_turn = [_lead_on(renderer, rows.part(begin, begin + TURN), begin) for renderer, rows in parties]
@@ -519,11 +526,13 @@ class Closeup:
         """
         renderer = self._renderer_after(first)
         tick = self._tick(first)
+        # the hand rests before the part, which then begins without lag, and after it, so that a lag shows
         rest_rows, rest_answer = self._rest_at(renderer, first, lag)
         copy = self._subject.copy(renderer)
         share = np.tile(np.arange(1.0, factor + 1.0) / factor, last - first)[:, np.newaxis]
         start, end = (np.repeat(self._rows.hip[k : k + last - first], factor, axis=0) for k in (first, first + 1))
         dt = np.repeat(self._rows.dt[first + 1 : last + 1] / factor, factor)
+        # where a step ends the HIP is the path's own, to the bit
         hip = np.where(share == 1.0, end, start + share * (end - start))
         fine_rows = _Rows(hip, (end - start) / (factor * dt)[:, np.newaxis], dt)
         fine_rows = fine_rows.followed_by(_Rows.resting(hip[-1], float(dt[-1]), lag))
@@ -550,6 +559,7 @@ class Closeup:
         for _ in range(PATIENCE):
             answers.append(step_checked(renderer, self._tick(row), rows.hip[0], rows.velocity[0], self._subject.dt))
             same_answers = [np.array_equal(ihip, answers[-1][0]) for ihip, _ in answers[-lag - 1 :]]
+            # a proxy that lags by `lag` ticks has caught up when so many answers are the same
             if len(same_answers) > lag and all(same_answers):
                 break
         ihip, force = answers[-1]
@@ -562,6 +572,7 @@ class Closeup:
         copy = None if renderer_copy is None else self._subject.copy(renderer_copy)
         if copy is not None:
             return copy
+        # it cannot be copied: led from its reset again
         renderer = self._subject.renderer
         rows = self._before.followed_by(self._rows.part(0, row + 1))
         reset_checked(renderer, rows.hip[0])
@@ -573,6 +584,7 @@ class Closeup:
         if row in self._copies:
             return self._copies[row]
         subject = self._subject
+        # from the last copy before the row, or from a reset
         nearest = max((copied_row for copied_row in self._copies if copied_row < row), default=-1)
         if nearest >= 0:
             renderer = subject.copy(self._copies[nearest])
@@ -587,6 +599,7 @@ class Closeup:
         if copy is not None and subject.proves_copies(copy, self._rows.part(row + 1, row + 1 + PROOF_TICKS)):
             self._copies[row] = copy
             if len(self._copies) > MOST_COPIES:
+                # the copy whose neighbours are closest together is the one that is missed least
                 rows = sorted(self._copies)
                 del self._copies[
                     min(zip(rows, rows[1:], rows[2:], strict=False), key=lambda three: three[2] - three[0])[1]
@@ -661,6 +674,7 @@ def _lead_on(renderer: Renderer, rows: _Rows, first: int) -> Answers:
 def _lead_at_once(renderer: Renderer, rows: _Rows, answers: Answers) -> int:
     """Write what a renderer answers in one call, and return how many rows that are: none where it cannot."""
     abilities, count = abilities_of(renderer), rows.dt.size
+    # compiled first: it says itself how far it got; a `lead` in Python answers all rows or none
     if abilities.law is not None and count:
         from hapticeval.compiled import for_kernels, law_value
         from hapticeval.simulation.playback_kernels import lead
