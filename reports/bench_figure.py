@@ -119,9 +119,9 @@ def _precision_svg(models: Mapping[str, PlottedSettings], kind: Kind, names: Seq
         low = (0.62 + below) / (4.6 + below)
         width = 0.93 / len(models)
         handles: dict[str, Any] = {}
-        for k, (model, placed) in enumerate(models.items()):
+        for k, (model, plotted) in enumerate(models.items()):
             axes = fig.add_axes((0.065 + k * width, low, width - 0.055, 0.93 - low))
-            _draw_panel(axes, placed, kind, names)
+            _draw_panel(axes, plotted, kind, names)
             axes.set_title(model, loc="left")
             if k == 0:
                 axes.set_ylabel("IHIP error, 99 % (mm)")
@@ -136,19 +136,19 @@ def _precision_svg(models: Mapping[str, PlottedSettings], kind: Kind, names: Seq
         return page_svg(fig, prefix=f"b{kind}{first or ''}", title=title)
 
 
-def _draw_panel(axes: Axes, placed: PlottedSettings, kind: Kind, names: Sequence[str]) -> None:
+def _draw_panel(axes: Axes, plotted: PlottedSettings, kind: Kind, names: Sequence[str]) -> None:
     axes.set(xscale="log", yscale="log", xlabel="time a step, median (µs)")
     axes.grid(True, which="major")
-    labelled = [(setting, at) for setting, at in placed if kind in setting.front]
+    labelled = [(setting, at) for setting, at in plotted if kind in setting.front]
     if labelled:  # steps from each setting on the front to the next: what is reachable lies above and to the right
         front = sorted(at for _, at in labelled)
         label = "Pareto front"
         axes.step(
             *zip(*front, strict=True), where="post", color=colour_of("ink"), linewidth=1.4, zorder=1.8, label=label
         )
-    for name in dict.fromkeys(setting.renderer for setting, _ in placed):
+    for name in dict.fromkeys(setting.renderer for setting, _ in plotted):
         colour, marker = _colour_and_marker(name, names)
-        of_renderer = [(setting, at) for setting, at in placed if setting.renderer == name]
+        of_renderer = [(setting, at) for setting, at in plotted if setting.renderer == name]
         # The first and the last setting of a sweep are named, and what is on the front.
         labelled += [of_renderer[0], of_renderer[-1]]
         axes.plot(*zip(*(at for _, at in of_renderer), strict=True), color=colour, linewidth=0.7, alpha=0.6)
@@ -163,7 +163,7 @@ def _draw_panel(axes: Axes, placed: PlottedSettings, kind: Kind, names: Sequence
                     label=label,
                 )  # fmt: skip
                 label = "_"  # of a name the legend shows one mark
-    _set_axis_limits(axes, placed)
+    _set_axis_limits(axes, plotted)
     _label_settings(axes, labelled)
     axes.axhline(TARGET_ERROR, color=colour_of("mark"), linewidth=1.0, zorder=1.5)
     small: dict[str, Any] = {"fontsize": 7}
@@ -193,8 +193,8 @@ def _is_foreign(name: str) -> bool:
     return ":" in name
 
 
-def _set_axis_limits(axes: Axes, placed: PlottedSettings) -> None:
-    times, errors = zip(*(at for _, at in placed), strict=True)
+def _set_axis_limits(axes: Axes, plotted: PlottedSettings) -> None:
+    times, errors = zip(*(at for _, at in plotted), strict=True)
     # us: the 10 us line is always in view.
     low, high = min(*times, 8.0), max(*times, 12.0)
     axes.set_xlim(low / 1.35, high * 1.6)

@@ -178,13 +178,13 @@ def drawn_rows(
     ends = np.arange(length), np.arange(n - length, n)
     # Reach twice as far from both ends as long as half the samples still follow the path there.
     while 4 * length < n:
-        begun, ended = end(0, 2 * length), end(n - 2 * length, n)
-        if begun is None or ended is None:
+        first_rows, last_rows = end(0, 2 * length), end(n - 2 * length, n)
+        if first_rows is None or last_rows is None:
             break
-        ends, length = (begun, ended), 2 * length
+        ends, length = (first_rows, last_rows), 2 * length
     # In the part that is left out, each verdict has its row and the two beside it.
-    between = [k for tick in ticks for k in (tick - 1, tick, tick + 1) if length <= k < n - length]
-    verdict_rows = np.unique(np.array(between, dtype=np.int64))
+    rows_between = [k for tick in ticks for k in (tick - 1, tick, tick + 1) if length <= k < n - length]
+    verdict_rows = np.unique(np.array(rows_between, dtype=np.int64))
     # No line leads to the first of neighbouring rows, nor to the first row of the end.
     cuts = np.append(verdict_rows[np.diff(verdict_rows, prepend=-1) > 1], n - length)
     time = runs[0].time
@@ -411,13 +411,13 @@ class Packer:
         number = len(self.shapes)
         self.clocks[number] = integers[:, 0]
         # Row 0: the number; row 1 and after: its difference to the row before.
-        coded = np.diff(integers, axis=0, prepend=0)
+        residuals = np.diff(integers, axis=0, prepend=0)
         if clock is not None:
             # From row 2 on: the error of going on in a straight line in time.
-            coded[2:] -= predicted_steps(coded[1:-1], np.diff(self.clocks[clock])[:, None])
+            residuals[2:] -= predicted_steps(residuals[1:-1], np.diff(self.clocks[clock])[:, None])
         self.shapes.append([*table.shape, scale, *([] if clock is None else [clock])])
         # Column by column, as neighbours in a column are alike.
-        self.parts.append(varints(coded.T.ravel()))
+        self.parts.append(varints(residuals.T.ravel()))
         return number
 
     def text(self, document: Mapping[str, Any]) -> str:
@@ -476,12 +476,12 @@ def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
     encoded = np.frombuffer(numbers, dtype=np.uint8)
     # A byte without the top bit ends its number; `owner` is the number that each byte belongs to.
     ends = np.flatnonzero(encoded < 128)
-    owner = np.searchsorted(ends, np.arange(encoded.size))
+    number_of_byte = np.searchsorted(ends, np.arange(encoded.size))
     first_byte = np.append(0, ends[:-1] + 1)
     # Bits by which each byte is shifted: 7 for each byte before it in its number.
-    shift = (7 * (np.arange(encoded.size) - first_byte[owner])).astype(np.uint64)
+    shift = (7 * (np.arange(encoded.size) - first_byte[number_of_byte])).astype(np.uint64)
     coded = np.zeros(ends.size, dtype=np.uint64)
-    np.add.at(coded, owner, (encoded & 127).astype(np.uint64) << shift)
+    np.add.at(coded, number_of_byte, (encoded & 127).astype(np.uint64) << shift)
     # Undo the zigzag: the lowest bit is the sign.
     integers = (coded >> np.uint64(1)).astype(np.int64) ^ -(coded & np.uint64(1)).astype(np.int64)
     tables: list[IntArray] = []
@@ -520,15 +520,15 @@ def position_resolution(tracks: Sequence[Track]) -> float:
 def pack_runs(tracks: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
     """Pack tracks, each array once, and return for each the numbers of its arrays by name."""
     number_by_content: dict[bytes, int] = {}
-    fine = position_resolution(tracks)
+    resolution = position_resolution(tracks)
 
-    def add(values: Array | None, **how: Any) -> int | None:
+    def add(values: Array | None, **options: Any) -> int | None:
         if values is None:
             return None
         # Arrays of equal content, as the hand path of a playback, are packed once.
         key = values.tobytes()
         if key not in number_by_content:
-            number_by_content[key] = packer.add(values, **how)
+            number_by_content[key] = packer.add(values, **options)
         return number_by_content[key]
 
     def drawn(values: Array | None, clock: int | None, largest: int = LARGEST_DRAWN) -> int | None:
@@ -542,7 +542,7 @@ def pack_runs(tracks: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
         clock = add(track.time, scale=tick_scale(track.time))
         run = {
             "time": clock,
-            "hip": add(track.hip, scale=fine, clock=clock),
+            "hip": add(track.hip, scale=resolution, clock=clock),
             "apart": drawn(track.apart, clock, LARGEST_APART),
             "force": drawn(track.force, clock),
             "step": drawn(track.step, clock) if track.led else None,

@@ -179,10 +179,10 @@ def plane_svg(
     """
     space = tracks[0].hip.shape[1] == 3
     # (N, 2), mm/m: in space the projection along the direction to the eye.
-    onto = MM * (EYE_AXES[:2].T if space else np.eye(2))
+    projection = MM * (EYE_AXES[:2].T if space else np.eye(2))
     with figure(5.0, 4.6, page=True) as fig:
         axes = fig.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.115, 0.1, 0.875, 0.89))
-        view = view_of(tracks, model, onto, aspect_of(axes))
+        view = view_of(tracks, model, projection, aspect_of(axes))
         if model is not None and space:
             _draw_solid(axes, model)
         elif model is not None:
@@ -196,26 +196,30 @@ def plane_svg(
             if group[0].off is not None:
                 continue
             colour = looks[group[0].name].role if len(hands) > 1 and len(group) == 1 else "quiet"
-            path = _with_gaps(group[0].hip @ onto, group[0].starts)
+            path = _with_gaps(group[0].hip @ projection, group[0].starts)
             axes.plot(*path.T, color=colour_of(colour), linewidth=0.8, zorder=2)
         for track in tracks:
             path = track.ihip if track.off is None else track.hip
             _draw_path(
-                axes, track, path @ onto, looks[track.name], _hidden_behind_model(track, model) if space else None
+                axes, track, path @ projection, looks[track.name], _hidden_behind_model(track, model) if space else None
             )
         ringed_points = []
         for place in places:
             track = next(track for track in tracks if track.name == place.renderer)
             path = track.ihip if track.off is None else track.hip
             # The sample nearest to the verdict's time, in the figure's coordinates, mm.
-            ringed_points.append(path[int(np.argmin(np.abs(track.time - place.time)))] @ onto)
+            ringed_points.append(path[int(np.argmin(np.abs(track.time - place.time)))] @ projection)
             axes.plot(
                 *ringed_points[-1], marker="o", markersize=9.0, markerfacecolor="none", markeredgewidth=1.3,
                 color=colour_of(looks[track.name].role), zorder=5,
             )  # fmt: skip
         for name, position in crosses.items():
             axes.plot(
-                *(np.array(position) @ onto), marker="x", markersize=8.0, color=colour_of(looks[name].role), zorder=5
+                *(np.array(position) @ projection),
+                marker="x",
+                markersize=8.0,
+                color=colour_of(looks[name].role),
+                zorder=5,
             )
         for point, text in labels([place.number for place in places], ringed_points, 0.05 * (view[2] - view[0])):
             axes.annotate(text, tuple(point), xytext=(5.5, 3.5), textcoords="offset points", fontsize=8, zorder=6)
@@ -227,7 +231,7 @@ def plane_svg(
         return page_svg(fig, prefix=prefix, title=title)
 
 
-def _draw_path(axes: Axes, track: Track, path: Array, style: Look, hidden: BoolArray | None) -> None:
+def _draw_path(axes: Axes, track: Track, path: Array, look: Look, hidden: BoolArray | None) -> None:
     """The way of the tool where it is in contact; without IHIP there is none, and where it is `hidden` it is faint.
 
     A tool that is held on a surface is where the hand is.
@@ -237,7 +241,7 @@ def _draw_path(axes: Axes, track: Track, path: Array, style: Look, hidden: BoolA
     if track.off is None:
         # Free motion, where the tool is at the hand, is not drawn.
         path = np.where(np.any(track.apart != 0.0, axis=1)[:, None], path, np.nan)
-    line_style: dict[str, Any] = {"color": colour_of(style.role), "dashes": style.dash or (None, None), "zorder": 3}
+    line_style: dict[str, Any] = {"color": colour_of(look.role), "dashes": look.dash or (None, None), "zorder": 3}
     visible = path if hidden is None else np.where(hidden[:, None], np.nan, path)
     if hidden is not None:
         # One sample more on both sides, so that the faint line meets the strong one.
@@ -247,7 +251,7 @@ def _draw_path(axes: Axes, track: Track, path: Array, style: Look, hidden: BoolA
             **{**line_style, "linewidth": 0.7, "alpha": 0.5},
         )
     axes.plot(
-        *_with_gaps(visible, track.starts).T, **line_style, linewidth=1.3, marker=style.marker, markersize=3.5,
+        *_with_gaps(visible, track.starts).T, **line_style, linewidth=1.3, marker=look.marker, markersize=3.5,
         markeredgewidth=0.0, markevery=np.unique(np.searchsorted(track.time, _marker_times(track.time))).tolist(),
     )  # fmt: skip
 
@@ -317,19 +321,19 @@ def _with_gaps(values: Array, starts: Sequence[int] | Any) -> Array:
     return np.insert(values, starts, np.nan, axis=0)
 
 
-def view_of(tracks: Sequence[Track], model: Model | None, onto: Array, aspect: float) -> Box:
+def view_of(tracks: Sequence[Track], model: Model | None, projection: Array, aspect: float) -> Box:
     """Return what the figure shows, mm: the paths that do not run away, and the whole solid if it is not far larger.
 
     `onto` (N, 2) maps points, m, onto the figure.
     """
     # m, from the origin.
     extent = [float(np.max(np.abs(track.hip))) for track in tracks]
-    near = [
+    in_sight = [
         track for track, reach in zip(tracks, extent, strict=True) if reach <= RUNAWAY_RATIO * float(np.median(extent))
     ]
-    points = np.vstack([np.vstack([track.hip, track.ihip]) for track in near]) @ onto
+    points = np.vstack([np.vstack([track.hip, track.ihip]) for track in in_sight]) @ projection
     if model is not None and (model.dimension == 3 or model.boundary.closed):
-        solid = (triangles_of(model.boundary)[0] if model.dimension == 3 else model.boundary.points(200)) @ onto
+        solid = (triangles_of(model.boundary)[0] if model.dimension == 3 else model.boundary.points(200)) @ projection
         # The whole solid is in view where the paths still fill two fifths of it.
         if np.all(np.ptp(solid, axis=0) < 2.5 * np.ptp(points, axis=0).max()):
             points = np.vstack([points, solid])
@@ -399,7 +403,7 @@ def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mappin
     # Zero is always in view.
     highs, lows = [0.0], [0.0]
     for track in tracks:
-        style = looks[track.name]
+        look = looks[track.name]
         for k, (name, _) in enumerate(panel.terms if alone else panel.terms[:1]):
             values = panel_values(track, name)
             if values is None:
@@ -408,7 +412,7 @@ def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mappin
                 # What lies below a logarithmic panel runs along its floor.
                 values = np.maximum(values, panel.powers[0])
             time = track.time
-            colour, dash = (style.role, style.dash) if k == 0 else (("one", "two", "three")[k - 1], DASHES[k])
+            colour, dash = (look.role, look.dash) if k == 0 else (("one", "two", "three")[k - 1], DASHES[k])
             rows = _envelope_rows(time, values, track.starts)
             starts = np.searchsorted(rows, track.starts)
             axes.plot(

@@ -118,7 +118,7 @@ def write_case_page(
     *,
     verdicts: Mapping[str, Sequence[VerdictEntry]],
     order: Sequence[str] = (),
-    around: Neighbours | None = None,
+    neighbours: Neighbours | None = None,
 ) -> Mapping[str, str]:
     """Write the page of a case (suite and name) below `folder` as `places.case_file`; return the styles that it needs.
 
@@ -127,7 +127,7 @@ def write_case_page(
     page. It needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be written.
     """
     section = case_section(case, entries, recordings, verdicts=verdicts, order=order, check_pages=ROOT + CHECK_PAGES)
-    _write_page(folder / case_file(*case), section.text, entries[0], around or Neighbours(), ROOT)
+    _write_page(folder / case_file(*case), section.text, entries[0], neighbours or Neighbours(), ROOT)
     return section.styles
 
 
@@ -154,9 +154,9 @@ def write_view(
     return path
 
 
-def _write_page(path: Path, section: str, first: RunEntry, around: Neighbours, root: str) -> None:
+def _write_page(path: Path, section: str, first: RunEntry, neighbours: Neighbours, root: str) -> None:
     text = environment().get_template("case_page.html.j2").render(
-        section=section, around=around, first=first, files=(*ASSETS, FIGURE_SHEET), root=root
+        section=section, neighbours=neighbours, first=first, files=(*ASSETS, FIGURE_SHEET), root=root
     )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -192,11 +192,11 @@ def case_section(
     verdicts: Mapping[str, Sequence[VerdictEntry]],
     order: Sequence[str] = (),
     prefix: str = "c",
-    within: Sequence[str] = (),
+    enclosing_names: Sequence[str] = (),
     note: str = "",
     check_pages: str = "",
 ) -> Section:
-    """Return what a page shows of a case; on a page of several, `prefix` and the names `within` tell ids apart.
+    """Return what a page shows of a case; on a page of several, `prefix` and the `enclosing_names` tell ids apart.
 
     A `note` stands beside the scene. Checks link to where `check_pages` tells of them, if it is given.
     Everything that comes from results is escaped.
@@ -262,7 +262,8 @@ def case_section(
         suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems, model=model,
         checks=_check_sections(judged), questions=questions, check_pages=check_pages,
         figures=figures, data=data, charts=charts,
-        time_of=time_of, place=partial(anchor, *within), numbers={name: k for k, name in enumerate(names)}, note=note,
+        time_of=time_of, place=partial(anchor, *enclosing_names),
+        numbers={name: k for k, name in enumerate(names)}, note=note,
         scene_words=scene_words, robot_words=robot_words, ended_words=ended_words, figures_cited=figures_cited,
         places={(place.renderer, place.time): place.number for place in places},
         tracks={track.name for track in tracks},
@@ -318,8 +319,8 @@ def _check_sections(verdicts: Sequence[VerdictEntry]) -> list[CheckSection]:
     checks: dict[str, dict[tuple[Any, ...], list[VerdictEntry]]] = {}
     for verdict in verdicts:
         # Only verdicts that show nothing of their own can share a row.
-        alike = verdict.metric is None and time_of(verdict) is None
-        key = (verdict.outcome, verdict.message, verdict.level) if alike else (verdict.renderer,)
+        is_bare = verdict.metric is None and time_of(verdict) is None
+        key = (verdict.outcome, verdict.message, verdict.level) if is_bare else (verdict.renderer,)
         checks.setdefault(verdict.check, {}).setdefault(key, []).append(verdict)
     sections = [CheckSection(check, list(rows.values())) for check, rows in checks.items()]
     return sorted(sections, key=lambda section: min(_expectedness(row[0]) for row in section.rows))

@@ -40,8 +40,8 @@ def write_device(directory: Path, device: Parallelogram, joints: Array, *, stem:
 
     Raises `HapticevalError` where a file cannot be written.
     """
-    deep = isinstance(device, Parallelogram3)
-    size, widths = ((13.2, 5.3), (1.12, 1.25, 0.9)) if deep else ((9.2, 5.3), (1.2, 0.9))
+    has_base = isinstance(device, Parallelogram3)
+    size, widths = ((13.2, 5.3), (1.12, 1.25, 0.9)) if has_base else ((9.2, 5.3), (1.2, 0.9))
     with figure(*size, settings={**BOXED, "axes.titlesize": 8.5}, layout="constrained") as fig:
         panels = fig.subplots(1, len(widths), width_ratios=widths)
         _draw_side(panels[0], device, joints)
@@ -58,22 +58,22 @@ def write_device(directory: Path, device: Parallelogram, joints: Array, *, stem:
 
 def _draw_side(axes: Axes, device: Parallelogram, joints: Array) -> None:
     """The linkage's plane: what is reached, its edges by limit, inertia, and the pose with both links."""
-    deep, constants = isinstance(device, Parallelogram3), device.constants
-    flat = Parallelogram2(constants)
-    around = MM * np.concatenate([points for _, points in device.edges()])
-    axes.fill(*around.T, facecolor=PALETTE["model"], edgecolor="none")
+    has_base, constants = isinstance(device, Parallelogram3), device.constants
+    linkage_device = Parallelogram2(constants)
+    edge_points = MM * np.concatenate([points for _, points in device.edges()])
+    axes.fill(*edge_points.T, facecolor=PALETTE["model"], edgecolor="none")
     axes.fill(*(MM * device.section().T), facecolor=PALETTE["inside"], edgecolor="none", label="functional workspace")
     names = _joint_names(device)
     for name, points in device.edges():
         label = f"{names.pop(name)} at its limit" if name in names else None
         axes.plot(*(MM * points.T), color=LIMIT_COLOURS[name], linewidth=1.5, label=label)
-    if deep:
-        axis = [-MM * constants.l4] * 2, [around[:, 1].min(), around[:, 1].max()]
+    if has_base:
+        axis = [-MM * constants.l4] * 2, [edge_points[:, 1].min(), edge_points[:, 1].max()]
         axes.plot(*axis, linewidth=1.3, linestyle="--", **SINGULAR_STYLE)
-    for pose in lattice(flat, step=POSE_SPACING, clearance=POSE_CLEARANCE):
+    for pose in lattice(linkage_device, step=POSE_SPACING, clearance=POSE_CLEARANCE):
         # The hand's distance from the base's axis, m: near it a motion across takes large turns of the base.
-        if not deep or constants.l4 * math.cos(pose[1]) - constants.l1 * math.sin(pose[0]) > 0.05:
-            _draw_ellipse(axes, flat.position(pose), cartesian_inertia(flat, pose))
+        if not has_base or constants.l4 * math.cos(pose[1]) - constants.l1 * math.sin(pose[0]) > 0.05:
+            _draw_ellipse(axes, linkage_device.position(pose), cartesian_inertia(linkage_device, pose))
     words = f"inertia: half-axis {ELLIPSE_RADIUS:g} mm at 1 kg, ∝ √mass"
     axes.plot([], [], color=PALETTE["inertia"], linewidth=1.0, label=words)
     # Shoulder and elbow, rad; the base's turn comes before them.
@@ -81,11 +81,11 @@ def _draw_side(axes: Axes, device: Parallelogram, joints: Array) -> None:
     # m, with the hand at the origin when all joints are zero.
     shoulder = np.array([-constants.l4, -constants.l1])
     elbow = shoulder + constants.l1 * np.array([-math.sin(linkage[0]), math.cos(linkage[0])])
-    hand = flat.position(linkage)
+    hand = linkage_device.position(linkage)
     _draw_links(axes, np.array([shoulder, elbow, hand]), markersize=3.5, solid_capstyle="round", label="the pose")
-    _draw_ellipse(axes, hand, cartesian_inertia(flat, linkage), strong=True)
-    axes.set(aspect="equal", title="in the plane of the linkage" if deep else "where the hand reaches")
-    axes.set(xlabel="from home, outwards (mm)" if deep else "y₁ (mm)", ylabel="y₃ (mm)" if deep else "y₂ (mm)")
+    _draw_ellipse(axes, hand, cartesian_inertia(linkage_device, linkage), strong=True)
+    axes.set(aspect="equal", title="in the plane of the linkage" if has_base else "where the hand reaches")
+    axes.set(xlabel="from home, outwards (mm)" if has_base else "y₁ (mm)", ylabel="y₃ (mm)" if has_base else "y₂ (mm)")
 
 
 def _joint_names(device: Parallelogram) -> dict[str, str]:
@@ -122,12 +122,12 @@ def _draw_top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
     axes.plot(*(MM * axis), "x", markersize=7, markeredgewidth=1.6, zorder=5, **SINGULAR_STYLE)
     # m; + 0.0 takes the sign off a zero.
     height = round(float(device.position(joints)[2]), 12) + 0.0
-    flat = Parallelogram2(device.constants)
+    linkage_device = Parallelogram2(device.constants)
     for turn in np.arange(-3, 4) * 0.7:
         for reach in (0.25, 0.4, 0.55):
             # Where no joints reach the place there is nothing to draw.
             with suppress(DomainError):
-                pose = np.array([turn, *flat.joints((reach - device.constants.l4, height))])
+                pose = np.array([turn, *linkage_device.joints((reach - device.constants.l4, height))])
                 if device.margin(pose) > 0.0:
                     _draw_ellipse(axes, device.position(pose)[:2], cartesian_inertia(device, pose)[:2, :2])
     hand = device.position(joints)[:2]

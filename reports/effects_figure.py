@@ -60,7 +60,7 @@ def effect_plots(directory: Path, results: ResultsDocument) -> list[EffectPlot]:
     plots = []
     for number, (effect, run) in enumerate(effects_alone(results)):
         verdicts = results.verdicts_of.get(run.key, [])
-        about = [
+        of_effect = [
             verdict for verdict in verdicts if verdict.check in CHECKS and effect.kind in CHECKS[verdict.check].effects
         ]
         words = effect.describe(turning=run.scene.device is not None and run.scene.device.kind != PointMass.name)
@@ -68,9 +68,9 @@ def effect_plots(directory: Path, results: ResultsDocument) -> list[EffectPlot]:
         try:
             svg = effect_svg(effect, *read_run(directory, run), prefix=f"e{number}", title=title)
         except HapticevalError as error:
-            plots.append(EffectPlot(effect.kind, words, run, about, problem=error.what))
+            plots.append(EffectPlot(effect.kind, words, run, of_effect, problem=error.what))
         else:
-            plots.append(EffectPlot(effect.kind, words, run, about, svg))
+            plots.append(EffectPlot(effect.kind, words, run, of_effect, svg))
     return plots
 
 
@@ -81,9 +81,9 @@ def effects_alone(results: ResultsDocument) -> list[tuple[Effect, RunEntry]]:
         if not run.scene.effects or run.error or run.refusal or run.recording is None:
             continue
         # Effects of device and sensors may be there as well: they belong to the robot.
-        called = [effect for effect in map(make_effect, run.scene.effects) if effect.stage is Stage.ANSWER]
-        if len(called) == 1 and called[0].kind in PANELS:
-            alone_by_kind.setdefault(called[0].kind, (called[0], run))
+        surface_effects = [effect for effect in map(make_effect, run.scene.effects) if effect.stage is Stage.ANSWER]
+        if len(surface_effects) == 1 and surface_effects[0].kind in PANELS:
+            alone_by_kind.setdefault(surface_effects[0].kind, (surface_effects[0], run))
     return list(alone_by_kind.values())
 
 
@@ -219,19 +219,19 @@ def _draw_work(axes: Axes, recording: Recording, model: Model, effect: Effect) -
 
 def _draw_transient(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
     # The first contact whose beginning was recorded.
-    begins = next((first for first, _ in contact_stretches(recording) if first > 0), 0)
-    start = recording.time[begins]
-    drawn = (recording.time >= start - SECONDS_BEFORE) & (recording.time <= start + SECONDS_AFTER)
+    contact_row = next((first for first, _ in contact_stretches(recording) if first > 0), 0)
+    start = recording.time[contact_row]
+    in_window = (recording.time >= start - SECONDS_BEFORE) & (recording.time <= start + SECONDS_AFTER)
     _, _, across = sliding_motion(recording, model)
     # m: 0 outside the model.
     depth = np.maximum(-model.boundary.closest_point(recording.hip).distance, 0.0)
-    time = 1e3 * (recording.time[drawn] - start)
-    axes.step(time, across[drawn], where="post", color=colour_of("hip"), label="force across")
+    time = 1e3 * (recording.time[in_window] - start)
+    axes.step(time, across[in_window], where="post", color=colour_of("hip"), label="force across")
     # Narrower, with room for the second axis on the right.
     axes.set_position((*PANEL_AREA[:2], 0.72, PANEL_AREA[3]))
     depth_axes = axes.twinx()
     depth_axes.plot(
-        time, MM * depth[drawn], color=colour_of("ihip"), linestyle=(0, (4, 1.2)), label="depth of the hand"
+        time, MM * depth[in_window], color=colour_of("ihip"), linestyle=(0, (4, 1.2)), label="depth of the hand"
     )
     depth_axes.set_ylabel("depth (mm)")
     depth_axes.spines["right"].set_visible(True)

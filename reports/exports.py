@@ -149,8 +149,8 @@ def _latex_table(sheet: Sheet, frame: pd.DataFrame) -> str:
     )
     # The size has to hold inside the table's own group.
     begin, end = (f"\\{command}{{{environment}}}" for command in ("begin", "end"))
-    small = f"{{{size}\\setlength{{\\tabcolsep}}{{2pt}}\n{begin}"
-    return table.replace(begin, small).replace(end, f"{end}}}") if size else table
+    sized_begin = f"{{{size}\\setlength{{\\tabcolsep}}{{2pt}}\n{begin}"
+    return table.replace(begin, sized_begin).replace(end, f"{end}}}") if size else table
 
 
 LONG_TABLE_ROWS = 40
@@ -177,10 +177,10 @@ def _latex_columns(sheet: Sheet) -> tuple[str, str]:
     parts = ([word for cell in column for word in re.split(r"\s|(?<=\w)[-+@/]", cell)] for column in columns)
     words = [max(map(len, words_of_column)) + COLUMN_GAP for words_of_column in parts]
     size = r"\scriptsize" if sum(words) <= LINE_CHARACTERS[r"\scriptsize"] else r"\tiny"
-    room = [max(cell_width + COLUMN_GAP - word, 0) for cell_width, word in zip(longest, words, strict=True)]
+    room = [max(cell_width + COLUMN_GAP - word_width, 0) for cell_width, word_width in zip(longest, words, strict=True)]
     # What is left of the line, as a share of what the cells would still take.
     free = max(LINE_CHARACTERS[size] - sum(words), 0) / max(sum(room), 1)
-    widths = [word + min(free, 1.0) * more - COLUMN_GAP for word, more in zip(words, room, strict=True)]
+    widths = [word_width + min(free, 1.0) * extra - COLUMN_GAP for word_width, extra in zip(words, room, strict=True)]
     # From characters to shares of the line.
     scale = 1.0 / max(LINE_CHARACTERS[size], sum(words))
     return "".join(rf">{{\raggedright\arraybackslash}}p{{{scale * width:.3f}\linewidth}}" for width in widths), size

@@ -82,10 +82,10 @@ def _model_figure(surface: Any, size: float, title: str, *, below: float) -> Ite
     xmin, ymin, xmax, ymax = (MM * bound for bound in surface.bounds)
     pad = MARGIN_SHARE * MM * size
     # Inches: as high as the model needs at one scale for both axes.
-    tall = PLOT * (ymax - ymin + 2.0 * pad) / (xmax - xmin + 2.0 * pad)
-    width, height = LEFT + PLOT + RIGHT, below + tall + ABOVE
+    plot_height = PLOT * (ymax - ymin + 2.0 * pad) / (xmax - xmin + 2.0 * pad)
+    width, height = LEFT + PLOT + RIGHT, below + plot_height + ABOVE
     with figure(width, height, settings=BOXED) as fig:
-        axes = fig.add_axes((LEFT / width, below / height, PLOT / width, tall / height))
+        axes = fig.add_axes((LEFT / width, below / height, PLOT / width, plot_height / height))
         # Fine enough for round parts, and for every corner of a polygon.
         points = MM * surface.points(max(2000, 8 * len(surface.corners)))
         (outline,) = axes.fill(points[:, 0], points[:, 1], facecolor=PALETTE["model"], edgecolor="none")
@@ -124,12 +124,12 @@ def caption(summary: Mapping[str, Any]) -> str:
             for angle in summary["shallow_angle_deg"]
         )
         lines.append(f"Error vector against the normal, degrees (median / 95 %): {angles}")
-    third = []
+    inside_words = []
     if amplification["rest_share"] > 0.0:
-        third.append(f"the IHIP rests at a corner in {100 * amplification['rest_share']:.3g} %")
+        inside_words.append(f"the IHIP rests at a corner in {100 * amplification['rest_share']:.3g} %")
     if summary["contact_share"] < 1.0:
-        third.append(f"the tool is free in {100 * (1 - summary['contact_share']):.3g} %")
-    return "\n".join([*lines, *([f"Of the inside, {' and '.join(third)}"] if third else [])])
+        inside_words.append(f"the tool is free in {100 * (1 - summary['contact_share']):.3g} %")
+    return "\n".join([*lines, *([f"Of the inside, {' and '.join(inside_words)}"] if inside_words else [])])
 
 
 def _draw_field(axes: Axes, field: Field, outline: Polygon) -> None:

@@ -300,8 +300,8 @@ def headline(results: ResultsDocument) -> str:
     broken = sum(run.error is not None for run in results.runs)
     # Incomplete runs have been dealt with: what is counted here did run.
     unexpected = sum(not verdict.as_expected for verdict in results.verdicts)
-    are = "is" if unexpected == 1 else "are"
-    parts = [f"{unexpected:,} of {_plural(results.ran, 'verdict')} {are} not as expected"] * bool(unexpected)
+    verb = "is" if unexpected == 1 else "are"
+    parts = [f"{unexpected:,} of {_plural(results.ran, 'verdict')} {verb} not as expected"] * bool(unexpected)
     parts += [f"{_plural(broken, 'run')} broke"] * bool(broken)
     if not results.verdicts and not parts:
         return "No verdict was given"

@@ -136,12 +136,12 @@ def render_index(
     if replayed is not None and replayed_beside:
         replays = [run for run in replayed.runs if run.replay]
 
-    def page(suite: str, case: str) -> str:
+    def case_link(suite: str, case: str) -> str:
         return f"#{anchor(suite, case)}" if single else case_file(suite, case)
 
-    def to(entry: VerdictEntry | RunEntry) -> str:
+    def entry_link(entry: VerdictEntry | RunEntry) -> str:
         if isinstance(entry, RunEntry):
-            return page(entry.suite, entry.case)
+            return case_link(entry.suite, entry.case)
         # On the one page an anchor names suite and case too.
         if single:
             return f"#{anchor(*entry.key, entry.check)}"
@@ -181,8 +181,8 @@ def render_index(
         failing_states=[State.KNOWN, State.WARNING, *(state for state in State if state.grave)],
         titles={(run.suite, run.case): run.title for run in results.runs},
         aside={(run.suite, run.case) for run in results.runs if not run.judged},
-        page=page,
-        to=to,
+        case_link=case_link,
+        entry_link=entry_link,
         checks=[(check, read_page(check)) for check in known.values()],
         about=None if single else link_to,
         command={name: getattr(results.command, name) for name in results.command.__struct_fields__},

@@ -55,22 +55,24 @@ def draw_plane(
     for number, tick in ticks.items():
         _draw_mark(axes, recording, tick, failed=number in failed)
     places = [MM * recording.ihip[tick] for tick in ticks.values()]
-    for where, text in labels(list(ticks), places, 0.05 * (view[2] - view[0])):
-        axes.annotate(text, tuple(where), xytext=(5.5, 3.5), textcoords="offset points", fontsize=7.5, zorder=6)
+    for label_place, text in labels(list(ticks), places, 0.05 * (view[2] - view[0])):
+        axes.annotate(text, tuple(label_place), xytext=(5.5, 3.5), textcoords="offset points", fontsize=7.5, zorder=6)
     axes.set(xlim=view[::2], ylim=view[1::2])
     legend_above(
         axes, loc="lower left", bbox_to_anchor=(0.0, 0.985), handlelength=1.4, columnspacing=1.2, handletextpad=0.4
     )
     corners = _emptiest_corners(recording, chosen, view)
-    flat = model if model is not None and model.dimension == 2 and model.boundary.closed else None
-    if flat is not None and view[2] - view[0] < OVERVIEW_BELOW * flat.size * MM:
-        _draw_overview(axes, corners.pop(0), flat, view)
+    closed_model = model if model is not None and model.dimension == 2 and model.boundary.closed else None
+    if closed_model is not None and view[2] - view[0] < OVERVIEW_BELOW * closed_model.size * MM:
+        _draw_overview(axes, corners.pop(0), closed_model, view)
     depths = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)
     # mm: HIP and IHIP would fall into one dot.
     if 0.0 < depths.max() < LENS_BELOW * (view[2] - view[0]):
         # A failed mark deep enough to be seen, else the deepest sample.
-        deep = [ticks[number] for number in ticks if number in failed and depths[ticks[number]] > 0.3 * depths.max()]
-        tick = deep[0] if deep else int(np.argmax(depths))
+        deep_failures = [
+            ticks[number] for number in ticks if number in failed and depths[ticks[number]] > 0.3 * depths.max()
+        ]
+        tick = deep_failures[0] if deep_failures else int(np.argmax(depths))
         _draw_lens(axes, corners.pop(0), recording, body, tick, float(depths.max()))
 
 

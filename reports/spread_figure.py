@@ -59,14 +59,13 @@ def _draw_column(axes: Axes, aligned: Aligned, bands: Sequence[Band]) -> None:
     scale, unit = _shown_unit(COLUMNS[column][0])
     across, along = _shown_unit(aligned.unit)
     names = list(dict.fromkeys(band.renderer for band in bands))
-    ways = len({band.direction for band in bands}) > 1
+    both_directions = len({band.direction for band in bands}) > 1
     for band in bands:
         order = names.index(band.renderer)
         colour = COLOURS[order % len(COLOURS)]
         width = 0.9 + 1.1 * (len(names) - 1 - order) / max(len(names) - 1, 1)  # curves that coincide are all seen
-        label = (
-            f"{band.renderer}{f', {DIRECTION_WORDS[band.direction]}' if ways else ''} ({int(band.count.max())} repeats)"
-        )
+        direction = f", {DIRECTION_WORDS[band.direction]}" if both_directions else ""
+        label = f"{band.renderer}{direction} ({int(band.count.max())} repeats)"
         low, high, median = (
             # Where no repeat has a value there is no band.
             np.where(band.count > 0, scale * quantile, np.nan)
@@ -104,13 +103,13 @@ def summary(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
         cells = []
         for direction in DIRECTION_WORDS:
             # Where on the grid each pass has values; a place counts as covered by any of them.
-            own = [
+            masks = [
                 aligned_pass.mask
                 for aligned_pass in aligned.passes
                 if aligned_pass.run == number and aligned_pass.direction == direction
             ]
-            share = f"{100.0 * float(np.mean(np.any(own, axis=0))):.3g} %" if own else ""
-            cells.append(f"{share} in {len(own)} passes" if len(own) > 1 else share)
+            share = f"{100.0 * float(np.mean(np.any(masks, axis=0))):.3g} %" if masks else ""
+            cells.append(f"{share} in {len(masks)} passes" if len(masks) > 1 else share)
         rows.append((run.renderer, run.label, *cells))
     return _markdown(aligned, comparisons, ("renderer", "run", "covered forward", "covered backward"), rows)
 
@@ -170,15 +169,15 @@ def _repeats_needed(comparison: Comparison) -> str:
     )
     if comparison.needed is None:
         return f"{repeats_words}, and among so many renderers no number is enough: compare fewer at once"
-    more = [
-        f"{enough - had} more of {renderer}"
-        for renderer, had, enough in zip(
+    missing_repeats = [
+        f"{needed_count - given_count} more of {renderer}"
+        for renderer, given_count, needed_count in zip(
             (comparison.first, comparison.second), comparison.repeats, comparison.needed, strict=True
         )
-        if enough > had
+        if needed_count > given_count
     ]
     totals = f"{comparison.needed[0]} and {comparison.needed[1]}"
-    return f"{repeats_words}; it takes {' and '.join(more)} at the least ({totals})"
+    return f"{repeats_words}; it takes {' and '.join(missing_repeats)} at the least ({totals})"
 
 
 def _document(aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Comparison]) -> Any:

@@ -225,19 +225,19 @@ class _Body:
     def defs(self) -> Iterator[_Element]:
         """Return what the elements refer to, as one element if anything."""
         definitions = []
-        for (old, style), name in self.used.items():
-            node = self.named[old]
+        for (shape_id, style), name in self.used.items():
+            node = self.named[shape_id]
             # Only letters are moved where they are defined.
             if moved := node.get("transform"):
                 letter = _Element("path", {"id": name, "transform": _transform_in_units(moved)})
                 self._draw(letter, node.get("d", ""), "")
                 definitions.append(letter)
             elif node.tag == f"{NAMESPACE}path":
-                own = _merged_style(style, self._style(node.get("style", "")))
-                shape = _Element("path", {"style": own} if own else {})
+                merged_style = _merged_style(style, self._style(node.get("style", "")))
+                shape = _Element("path", {"style": merged_style} if merged_style else {})
                 self._draw(shape, node.get("d", ""), "")
-                how = {"id": name, "markerUnits": "userSpaceOnUse"}
-                definitions.append(_Element("marker", how, inside=[shape]))
+                attributes = {"id": name, "markerUnits": "userSpaceOnUse"}
+                definitions.append(_Element("marker", attributes, inside=[shape]))
             else:
                 definitions.append(_Element("clipPath", {"id": name}, inside=list(self.seen(node))))
         if definitions:
@@ -339,16 +339,16 @@ def _without_retraced(strokes: Sequence[tuple[Array, bool]]) -> list[tuple[Array
     for points, closed in strokes:
         corners = [tuple(corner) for corner in np.rint(points).astype(np.int64).tolist()]
         edges = [frozenset(pair) for pair in pairwise(corners)]
-        again = np.zeros(len(edges), dtype=bool)
+        retraced = np.zeros(len(edges), dtype=bool)
         for k, edge in enumerate(edges):
             # An edge in either direction counts; one of equal corners is a dot, and stays.
-            again[k] = edge in drawn_edges and len(edge) == 2
+            retraced[k] = edge in drawn_edges and len(edge) == 2
             drawn_edges.add(edge)
-        if closed or not again.any():
+        if closed or not retraced.any():
             distinct.append((points, closed))
             continue
         # Where new edges begin and end, in turns: each pair is a stroke that is kept.
-        bounds = np.flatnonzero(np.diff(again, prepend=True, append=True))
+        bounds = np.flatnonzero(np.diff(retraced, prepend=True, append=True))
         distinct += [(points[first : last + 1], False) for first, last in bounds.reshape(-1, 2)]
     return distinct
 
@@ -361,7 +361,7 @@ def _path_text(strokes: Sequence[tuple[Array, bool]], within: float) -> str:
     from shapely import get_coordinates, linestrings, simplify
 
     parts: list[str] = []
-    at = np.zeros(2, dtype=np.int64)
+    pen = np.zeros(2, dtype=np.int64)
     for points, closed in strokes:
         if within and len(points) > 2:
             # Douglas and Peucker, in units of a fifth of a point.
@@ -370,11 +370,11 @@ def _path_text(strokes: Sequence[tuple[Array, bool]], within: float) -> str:
         if within and len(strokes) > 1 and int(np.ptp(corners, axis=0).max()) <= 1:
             continue
         # Rounded before the differences are taken, so that errors do not add up.
-        steps = np.diff(np.vstack([at, corners]), axis=0)
+        steps = np.diff(np.vstack([pen, corners]), axis=0)
         moves = [steps[0], *(move for move in steps[1:] if move.any() or not within)]
         parts.append("m" + " ".join(f"{x} {y}" for x, y in moves).replace(" -", "-") + ("z" if closed else ""))
         # z goes back to the stroke's first corner.
-        at = corners[0] if closed else corners[-1]
+        pen = corners[0] if closed else corners[-1]
     return "".join(parts)
 
 
@@ -393,11 +393,11 @@ def _transform_in_units(value: str) -> str:
     for name, inside in re.findall(r"(\w+)\(([^)]*)\)", value):
         numbers = re.findall(NUMBER, inside)
         # How many of the numbers are no lengths: an angle, the four of a turn and scale; all of scale and skew.
-        plain = {"translate": 0, "rotate": 1, "matrix": 4}.get(name, len(numbers))
+        unscaled = {"translate": 0, "rotate": 1, "matrix": 4}.get(name, len(numbers))
         # matplotlib writes a turn of -0 beside most texts.
         if name == "rotate" and float(numbers[0]) == 0.0:
             continue
         transforms.append(
-            f"{name}({' '.join([*numbers[:plain], *(_numbers_in_units(number) for number in numbers[plain:])])})"
+            f"{name}({' '.join([*numbers[:unscaled], *(_numbers_in_units(number) for number in numbers[unscaled:])])})"
         )
     return " ".join(transforms)

@@ -58,11 +58,11 @@ class Summary:
 def summaries(results: ResultsDocument) -> list[Summary]:
     """Return the tables that the suites define, with the published answers beside and of other renderers."""
     # A row of several suites goes with the first; what no suite names comes last.
-    left = dict(results.table)
+    unassigned = dict(results.table)
     groups: list[tuple[SuiteEntry | None, list[str]]] = []
     for suite in results.suites:
-        groups.append((suite, [title for title in suite.rows if left.pop(title, None) is not None]))
-    groups.append((None, list(left)))
+        groups.append((suite, [title for title in suite.rows if unassigned.pop(title, None) is not None]))
+    groups.append((None, list(unassigned)))
     tables = [_summary(results, suite, titles) for suite, titles in groups if titles]
     return [table for table in tables if table.renderers]
 
@@ -101,10 +101,12 @@ def provenance(results: ResultsDocument) -> str:
         parts.append(results.date[:16].replace("T", " ") + " UTC")
     groups = renderers_by_commit(results)
     # One commit for all renderers needs no names.
-    alone = len(groups) == 1 and len(results.commits) == len(results.renderers)
+    is_one_commit = len(groups) == 1 and len(results.commits) == len(results.renderers)
     for commit, names in groups.items():
         several = f"{len(names)} renderers" if len(names) > 2 else " and ".join(names)
-        parts.append(f"commit {short_commit(commit)}" if alone else f"{several} at commit {short_commit(commit)}")
+        parts.append(
+            f"commit {short_commit(commit)}" if is_one_commit else f"{several} at commit {short_commit(commit)}"
+        )
     return ", ".join(parts)
 
 

@@ -38,7 +38,7 @@ def environment() -> Environment:
     jinja.filters |= {
         # A zero-width space lets a browser break a long name there.
         "breakable": lambda name: name.replace("+", "+\u200b").replace("@", "\u200b@").replace("/", "/\u200b"),
-        "brief": _json_text,
+        "json_text": _json_text,
         "bytes": size,
         "duration": duration,
         "in_unit": length,
@@ -46,8 +46,8 @@ def environment() -> Environment:
         "number": number,
         "plural": lambda count, noun: f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s",
         "quantity": quantity,
-        "seen": _evidence_text,
-        "short": _small_length,
+        "evidence_text": _evidence_text,
+        "small_length": _small_length,
         "svg": Markup,
     }
     jinja.globals |= {

@@ -60,7 +60,7 @@ class Page:
     runs: tuple[RunEntry, ...]
     verdicts: Mapping[str, Sequence[VerdictEntry]]
     order: Sequence[str]
-    around: Neighbours
+    neighbours: Neighbours
     prefix: str
     drawn: bool = True
 
@@ -72,23 +72,27 @@ class Page:
     def make(self) -> Section:
         """Read the recordings and write the page; without figures if it is not to be `drawn`."""
         if not self.drawn:
-            return self._made({run.renderer: NOT_DRAWN for run in self.runs if not run.error})
-        return self._made(
+            return self._write_section({run.renderer: NOT_DRAWN for run in self.runs if not run.error})
+        return self._write_section(
             {run.renderer: _recording_or_problem(self.directory, run) for run in self.runs if not run.error}
         )
 
-    def without(self) -> Section:
+    def fallback(self) -> Section:
         """Write the page without figures, where the process that drew them has ended."""
-        return self._made({run.renderer: DRAWING_DIED for run in self.runs if not run.error})
+        return self._write_section({run.renderer: DRAWING_DIED for run in self.runs if not run.error})
 
-    def _made(self, recordings: Mapping[str, Recording | str]) -> Section:
+    def _write_section(self, recordings: Mapping[str, Recording | str]) -> Section:
         from hapticeval.reports.case_page import Section, case_section, write_case_page
 
-        common = (self.case, self.runs, recordings)
+        case_arguments = (self.case, self.runs, recordings)
         # On one page for all, ids tell cases apart by prefix and suite and case.
         if self.pages is None:
-            return case_section(*common, verdicts=self.verdicts, order=self.order, prefix=self.prefix, within=self.case)
-        styles = write_case_page(self.pages, *common, verdicts=self.verdicts, order=self.order, around=self.around)
+            return case_section(
+                *case_arguments, verdicts=self.verdicts, order=self.order, prefix=self.prefix, enclosing_names=self.case
+            )
+        styles = write_case_page(
+            self.pages, *case_arguments, verdicts=self.verdicts, order=self.order, neighbours=self.neighbours
+        )
         return Section("", styles)
 
 
@@ -119,7 +123,7 @@ class Picture:
         marks = tuple(marks_of(self.verdicts).values())
         return Drawing(svg=figure_svg(recording, model, marks=marks, prefix=self.prefix, title=title))
 
-    def without(self) -> Drawing:
+    def fallback(self) -> Drawing:
         """Return what stands there where the process that drew it has ended."""
         return Drawing(problem=DRAWING_DIED)
 
@@ -149,7 +153,7 @@ def write_reports(
     bench = read_bench(directory) if (directory / BENCH).exists() else None
     effects = effect_plots(directory, results)
     costs = read_costs(directory) if (directory / COSTS).exists() else None
-    replayed = read_results(directory / REPLAY) if (directory / REPLAY / FILE).exists() else None
+    replayed_results = read_results(directory / REPLAY) if (directory / REPLAY / FILE).exists() else None
     # An earlier report stays until the new one is complete.
     with _replacing_folder(directory / FOLDER, single_file) as pages:
         orders: list[Page | Picture] = [*_case_pages(directory, results, None if single_file else pages)]
@@ -171,7 +175,7 @@ def write_reports(
             effects=effects,
             costs=costs,
             counterexamples=counterexamples,
-            replayed=replayed,
+            replayed=replayed_results,
             single=single,
         )
         written = {"table.md": markdown(results), "junit.xml": junit(results)}
@@ -242,7 +246,7 @@ def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -
     drawn = set(islice(dict.fromkeys([*failing, *cases]), MOST_DRAWN))
     links = [(runs[0].title, ROOT + case_file(*case)) for case, runs in cases.items()]
     for number, runs in enumerate(cases.values()):
-        around = Neighbours(
+        neighbours = Neighbours(
             home=("All results", ROOT + INDEX),
             before=links[number - 1] if number else None,
             after=links[number + 1] if number + 1 < len(links) else None,
@@ -254,7 +258,7 @@ def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -
             tuple(runs),
             verdicts,
             results.renderers,
-            around,
+            neighbours,
             f"c{number}",
             (runs[0].suite, runs[0].case) in drawn,
         )
@@ -279,11 +283,11 @@ def _carry_out(
 ) -> list[Section | Drawing]:
     progress(0, len(orders))
     outcome_by_number: dict[int, Section | Drawing] = {}
-    waiting = iter(enumerate(orders))
+    remaining = iter(enumerate(orders))
     with Workers(draw, workers) as crew:
         while True:
             # As many as there are idle processes.
-            for number, order in islice(waiting, crew.free):
+            for number, order in islice(remaining, crew.free):
                 crew.begin(number, order)
             if stopped is not None and stopped():
                 raise KeyboardInterrupt
@@ -303,7 +307,7 @@ def draw(order: Page | Picture) -> Section | Drawing:
 def _outcome_of(answer: Answer[Section | Drawing], order: Page | Picture) -> Section | Drawing:
     # The process died: the page is written without its figures, here.
     if isinstance(answer.error, Ended):
-        return order.without()
+        return order.fallback()
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None

@@ -85,14 +85,15 @@ MemoryLimit = Annotated[
 Folder = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where picture and numbers go.")]
 
 
-def renderers_option(without: str) -> Any:
-    """Return the option `-r`, whose help says what is done `without` it."""
+def renderers_option(default_words: str) -> Any:
+    """Return the option `-r`, whose help says what is done without it."""
     return option(
         "-r",
         "--renderer",
         metavar="NAME",
         help="A renderer: package.module:factory; a name of `hapticeval list renderers`, NAME[+SCHEME]"
-        f"[@REPRESENTATION]; lib:PATH, a C library; cmd:COMMAND, a process. May be repeated. Without it: {without}.",
+        f"[@REPRESENTATION]; lib:PATH, a C library; cmd:COMMAND, a process. May be repeated. "
+        f"Without it: {default_words}.",
     )
 
 

@@ -194,7 +194,7 @@ def device(
     say(paragraphs(*parts))
 
 
-def _criteria_rows(robot: Device, at: Criteria, limit: float | None) -> Iterator[tuple[str, str]]:
+def _criteria_rows(robot: Device, pose: Criteria, limit: float | None) -> Iterator[tuple[str, str]]:
     """Yield name and text of each criterion at the pose."""
     from hapticeval.devices.criteria import SAMPLING_TIME
     from hapticeval.devices.parallelogram import Parallelogram
@@ -203,31 +203,31 @@ def _criteria_rows(robot: Device, at: Criteria, limit: float | None) -> Iterator
     yield "device", f"{robot.name}, {robot.dimension} degrees of freedom"
     if isinstance(robot, Parallelogram):
         yield "dynamics", robot.described_dynamics
-    yield "hand", f"{_vector_text(1e3 * at.position)} mm"
+    yield "hand", f"{_vector_text(1e3 * pose.position)} mm"
     # None for a device without limits, as a point mass.
-    nearest = nearest_limit(robot, at.joints)
+    nearest = nearest_limit(robot, pose.joints)
     if nearest is None:
         yield "workspace", "all of space"
     else:
-        yield "joints", f"{_vector_text(at.joints)} rad"
+        yield "joints", f"{_vector_text(pose.joints)} rad"
         yield "nearest limit", nearest.text
-        yield "singularities", f"none within {nearest_singularity(robot, at.joints):.4g} rad of the joints"
+        yield "singularities", f"none within {nearest_singularity(robot, pose.joints):.4g} rad of the joints"
     if isinstance(robot, Parallelogram):
         yield "workspace", f"{robot.size():.4g} {'m²' if robot.dimension == 2 else 'm³'}"
-    yield from _direction_rows("inertia", at.masses, "kg", at.directions)
-    yield "anisotropy", f"{at.anisotropy:.4g}, the heaviest direction over the lightest"
-    yield from _direction_rows("damping", at.resistances, "N s/m", at.resistance_directions)
+    yield from _direction_rows("inertia", pose.masses, "kg", pose.directions)
+    yield "anisotropy", f"{pose.anisotropy:.4g}, the heaviest direction over the lightest"
+    yield from _direction_rows("damping", pose.resistances, "N s/m", pose.resistance_directions)
     # (2.40) bounds the stiffness by the damping: without any there is no bound to show.
-    if at.resistances[-1] > 0.0:
-        yield from _direction_rows("stiffest (2.40)", at.stiffest, "N/m", at.resistance_directions)
+    if pose.resistances[-1] > 0.0:
+        yield from _direction_rows("stiffest (2.40)", pose.stiffest, "N/m", pose.resistance_directions)
     if nearest is not None:
         # um a coordinate, from the encoders' counts: a point mass has none.
-        yield "resolution", f"{_vector_text(1e6 * at.resolution)} µm a coordinate"
-    if at.force is not None and at.acceleration is not None and limit is not None:
+        yield "resolution", f"{_vector_text(1e6 * pose.resolution)} µm a coordinate"
+    if pose.force is not None and pose.acceleration is not None and limit is not None:
         motors = f"motors of {limit:g} {'N' if nearest is None else 'N m'}"
-        yield "peak force", f"{_peak_words(at.force, 'N')}, with {motors}"
-        yield "peak acceleration", f"{_peak_words(at.acceleration, 'm/s²')}, from rest"
-    yield "manipulability", f"{at.manipulability:.4g}, |det J|"
+        yield "peak force", f"{_peak_words(pose.force, 'N')}, with {motors}"
+        yield "peak acceleration", f"{_peak_words(pose.acceleration, 'm/s²')}, from rest"
+    yield "manipulability", f"{pose.manipulability:.4g}, |det J|"
     yield "sampling rate", f"{1.0 / SAMPLING_TIME:g} Hz"
 
 

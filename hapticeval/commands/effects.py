@@ -92,13 +92,13 @@ def _cost_lines(document: EffectsDocument) -> Iterator[str]:
 
 def _cost_row(scene: SceneEntry, cost: Cost) -> list[str]:
     # A scene without effects is its own reference.
-    plain = scene.plain or cost
-    more = f"{1e9 * (cost.tick - plain.tick):+.0f}" if scene.plain else "0"
-    where = "; ".join(
+    reference = scene.plain or cost
+    more = f"{1e9 * (cost.tick - reference.tick):+.0f}" if scene.plain else "0"
+    stages = "; ".join(
         f"{STAGE_WORDS.get(stage, stage)}: {', '.join(kinds)}" for stage, kinds in scene.assembled.items()
     )
-    numbers = [f"{scene.ticks}", _tick_ns(plain), _tick_ns(cost), more, _code_bytes(plain), _code_bytes(cost)]
-    return [f"{scene.suite}/{scene.case}", where or "none", *numbers]
+    numbers = [f"{scene.ticks}", _tick_ns(reference), _tick_ns(cost), more, _code_bytes(reference), _code_bytes(cost)]
+    return [f"{scene.suite}/{scene.case}", stages or "none", *numbers]
 
 
 def _tick_ns(cost: Cost) -> str:

@@ -201,15 +201,17 @@ def run(
         return results if write_known is None else results.write_known(write_known)
 
     def once() -> int:
-        return judge_and_summarise(judged, verbose=verbose, report=not (quick or no_report), also=write_known)
+        return judge_and_summarise(judged, verbose=verbose, report=not (quick or no_report), other_file=write_known)
 
     if not watch:
         raise typer.Exit(once())
     from hapticeval.commands.watching import files_behind, run_again
 
     # Beside the renderers' sources: files of the user that change what is judged.
-    listed = [Path(suite) for suite in suites or () if suite.endswith(".toml")] + ([] if known is None else [known])
-    raise typer.Exit(run_again(once, lambda: [*files_behind(renderers or ()), *listed]))
+    suite_files = [Path(suite) for suite in suites or () if suite.endswith(".toml")] + (
+        [] if known is None else [known]
+    )
+    raise typer.Exit(run_again(once, lambda: [*files_behind(renderers or ()), *suite_files]))
 
 
 def merge(
@@ -233,15 +235,15 @@ def merge(
 
 def judge_and_summarise(
     judge: Callable[[Terminal], Results],
-    before: Callable[[Results], str] | None = None,
+    opening_text: Callable[[Results], str] | None = None,
     *,
     verbose: bool = False,
     report: bool = True,
-    also: Path | None = None,
+    other_file: Path | None = None,
 ) -> int:
-    """Have renderers judged, print the summary, below what comes `before` it, and return the exit code.
+    """Have renderers judged, print the summary, below the `opening_text` of the results, and return the exit code.
 
-    Reports are written if wanted; `also` is what else is.
+    Reports are written if wanted; `other_file` is named among them.
     """
     from hapticeval.runner.interrupts import Interrupts
 
@@ -251,8 +253,8 @@ def judge_and_summarise(
         results = judge(terminal)
         # None where they were interrupted: then the exit code is 1 at least.
         reports = _write_reports(results, terminal, interrupts) if report else [results.file]
-        opening = "" if before is None else before(results)
-        written = [*(reports or [results.file]), *([also] if also else [])]
+        opening = "" if opening_text is None else opening_text(results)
+        written = [*(reports or [results.file]), *([other_file] if other_file else [])]
         say(paragraphs(opening, summary(results.document, written, verbose=verbose, width=terminal_width())))
     return max(results.exit_code, int(reports is None))
 
@@ -264,10 +266,10 @@ def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts,
     returns None. A first interrupt that has ended the run early does not stop the drawing as well.
     """
     # An interrupt that has ended the run early was not meant for the reports.
-    meant_for_the_run = int(terminal.interrupted)
+    interrupts_of_run = int(terminal.interrupted)
 
     def stopped() -> bool:
-        return interrupts.count > meant_for_the_run
+        return interrupts.count > interrupts_of_run
 
     if not stopped():
         try:
@@ -367,11 +369,11 @@ def replay(
         file, recording, model=_model_table(model), suite_case=suite_case, scene=scene or (),
         unsaid=unsaid(recording, renderers or ()) if as_recorded else None,
     )  # fmt: skip
-    see = f"see `hapticeval inspect {file}{'' if mapping is None else f' --mapping {mapping}'}`"
+    hint = f"see `hapticeval inspect {file}{'' if mapping is None else f' --mapping {mapping}'}`"
     if as_recorded:
-        raise typer.Exit(_recompute_recorded(replay_case, renderers, see))
+        raise typer.Exit(_recompute_recorded(replay_case, renderers, hint))
     raise typer.Exit(
-        _replay_path(replay_case, renderers or list(own_renderers()), directory, seed, see, verbose=verbose)
+        _replay_path(replay_case, renderers or list(own_renderers()), directory, seed, hint, verbose=verbose)
     )
 
 
@@ -383,7 +385,7 @@ def _model_table(name: str | None) -> Mapping[str, Any] | None:
 
 
 def _replay_path(
-    replay_case: ReplayCase, renderers: list[str], directory: Path, seed: int, see: str, *, verbose: bool
+    replay_case: ReplayCase, renderers: list[str], directory: Path, seed: int, hint: str, *, verbose: bool
 ) -> int:
     from hapticeval.api import carry_out
     from hapticeval.replay.job import differences, prepared, replay_plan
@@ -394,26 +396,26 @@ def _replay_path(
     work = prepared(replay_case)
 
     def judged(terminal: Terminal) -> Results:
-        _warn_of_suspicious(work.path.suspicious, see, terminal)
+        _warn_of_suspicious(work.path.suspicious, hint, terminal)
         return carry_out(planned, output=directory, workers=cores(), watch=terminal, work=work)
 
-    return judge_and_summarise(judged, before=lambda results: differences(results.document), verbose=verbose)
+    return judge_and_summarise(judged, opening_text=lambda results: differences(results.document), verbose=verbose)
 
 
-def _warn_of_suspicious(suspicious: Sequence[str], see: str, terminal: Terminal) -> None:
+def _warn_of_suspicious(suspicious: Sequence[str], hint: str, terminal: Terminal) -> None:
     """Say what an examination of the recording found: verdicts on it may say little."""
     for finding in suspicious:
         terminal.line(f"suspicious: {finding}")
     if suspicious:
-        terminal.line(see)
+        terminal.line(hint)
 
 
-def _recompute_recorded(replay_case: ReplayCase, renderers: list[str] | None, see: str) -> int:
+def _recompute_recorded(replay_case: ReplayCase, renderers: list[str] | None, hint: str) -> int:
     from hapticeval.replay.as_recorded import as_recorded
 
     comparison = as_recorded(replay_case, renderers or ())
     with Terminal() as terminal:
-        _warn_of_suspicious(comparison.suspicious, see, terminal)
+        _warn_of_suspicious(comparison.suspicious, hint, terminal)
     say(comparison.describe())
     return int(not comparison.follows)
 

@@ -244,16 +244,16 @@ def _search_words(hunt: Hunt, outcome: HuntResult, took: float) -> str:
     if outcome.refused is not None:
         return f"{hunt.renderer} refuses every model that was tried: {outcome.refused}"
     failing = {counterexample.fault.check for counterexample in outcome.counterexamples}
-    missing = [name for name in hunt.checks if name not in failing]
+    unfailed = [name for name in hunt.checks if name not in failing]
     # Checks that were decided, with in how many examples.
-    passed = [f"{name} ({outcome.judged[name]})" for name in missing if outcome.judged[name]]
-    silent = [name for name in missing if not outcome.judged[name]]
+    passed = [f"{name} ({outcome.judged[name]})" for name in unfailed if outcome.judged[name]]
+    undecided = [name for name in unfailed if not outcome.judged[name]]
     ended = "" if outcome.finished else "; stopped before the end"
-    tried = f"{plural(outcome.tried, 'example')} drawn, {outcome.trials} tried in {took:.1f} s{ended}"
+    effort = f"{plural(outcome.tried, 'example')} drawn, {outcome.trials} tried in {took:.1f} s{ended}"
     if not outcome.judged and not outcome.counterexamples:
-        return lines([tried, "nothing was judged: no example had an answer when the time was over"])
-    unfailing = [("no failure, in so many examples, of", passed), ("no example decides", silent)]
-    return lines([tried, *(f"{words}: {', '.join(names)}" for words, names in unfailing if names)])
+        return lines([effort, "nothing was judged: no example had an answer when the time was over"])
+    unfailing = [("no failure, in so many examples, of", passed), ("no example decides", undecided)]
+    return lines([effort, *(f"{words}: {', '.join(names)}" for words, names in unfailing if names)])
 
 
 def _draw_counterexample(

@@ -108,8 +108,8 @@ def _grid_cell(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tu
     )
     counts = {"!": wrong, "~": kinds["known"] + kinds["as known"], "?": kinds["warning"]}
     text = f"{sum(verdict.outcome is Outcome.PASS for verdict in judged)}/{len(judged)}"
-    noted = "".join(f" {mark}{count}" for mark, count in counts.items() if count)
-    return text + noted, "red" if wrong else "yellow" if noted else "green"
+    marks = "".join(f" {mark}{count}" for mark, count in counts.items() if count)
+    return text + marks, "red" if wrong else "yellow" if marks else "green"
 
 
 def _summary_tables(results: ResultsDocument, width: int) -> Iterator[str]:
@@ -117,8 +117,8 @@ def _summary_tables(results: ResultsDocument, width: int) -> Iterator[str]:
     titles = [(suite.title, suite.rows) for suite in results.suites if suite.rows]
     named = {title for _, rows in titles for title in rows}
     # Rows that no suite groups stand in a table without a title.
-    left = [title for title in results.table if title not in named]
-    for name, rows in [*titles, ("", left)]:
+    ungrouped = [title for title in results.table if title not in named]
+    for name, rows in [*titles, ("", ungrouped)]:
         answered = {title: row for title in rows if (row := results.table.get(title))}
         if answered:
             heading = f"{name}\n" if name and len(titles) > 1 else ""
@@ -159,9 +159,9 @@ def _aligned_cells(header: Sequence[str], rows: Sequence[Sequence[tuple[str, str
             lists += [title, *map(paint, named, colours)]
         return lines(lists)
     # Widths by text: colour codes take no room on the terminal, but count as characters.
-    places = [max(map(len, column)) for column in zip(*texts, strict=True)]
+    widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
     painted = (
-        [paint(text, colour) + " " * (place - len(text)) for (text, colour), place in zip(row, places, strict=True)]
+        [paint(text, colour) + " " * (place - len(text)) for (text, colour), place in zip(row, widths, strict=True)]
         for row in rows
     )
     return lines([aligned_lines[0], *("  ".join(row).rstrip() for row in painted)])
@@ -228,15 +228,15 @@ def _totals_words(results: ResultsDocument, *, verbose: bool) -> str:
     unexpected = sum(not verdict.as_expected for verdict in results.verdicts)
     warnings = sum(verdict.warns for verdict in results.verdicts)
     known = sum(verdict.standing == "known" for verdict in results.verdicts)
-    noted = f", {known} known" * bool(known)
+    remarks = f", {known} known" * bool(known)
     if warnings:
-        noted += f", {plural(warnings, 'warning')}" + (
+        remarks += f", {plural(warnings, 'warning')}" + (
             " that count" if results.command.strict else "" if verbose else " (-v shows them)"
         )
     ran = f"{results.ran} of {plural(results.planned, 'planned verdict')} ran"
     if not results.complete:
         ran += f" (incomplete: {results.reason})"
-    counts = f"{ran}: {outcome_counts(results.verdicts)}; {unexpected or 'none'} not as expected{noted}"
+    counts = f"{ran}: {outcome_counts(results.verdicts)}; {unexpected or 'none'} not as expected{remarks}"
     return f"{counts}\n{_time_words(results.timing)}"
 
 

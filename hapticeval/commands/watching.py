@@ -56,10 +56,10 @@ def _file_stamps(files: Iterable[Path]) -> dict[Path, tuple[int, int]]:
     stamps = {}
     for file in files:
         try:
-            about = file.stat()
+            status = file.stat()
         except OSError:
             continue
-        stamps[file] = (about.st_mtime_ns, about.st_size)
+        stamps[file] = (status.st_mtime_ns, status.st_size)
     return stamps
 
 
