@@ -53,7 +53,7 @@ def bench_plots(bench: BenchResults) -> list[tuple[str, str]]:
 
 
 def _costs_svg(settings: Sequence[SettingEntry], names: Sequence[str]) -> str:
-    """A row per setting with a mark for its memory and one for its time to build: of all models the dearest."""
+    """Draw a row per setting with a mark for its memory and one for its time to build: of all models the dearest."""
     settings_by_label: dict[str, list[SettingEntry]] = {}
     for setting in settings:
         if not setting.problem and setting.memory_bytes is not None and setting.build_seconds:
@@ -78,7 +78,7 @@ def _costs_svg(settings: Sequence[SettingEntry], names: Sequence[str]) -> str:
 
 
 def _changes_svg(comparison: Sequence[Change]) -> str:
-    """A row per setting and kind of time: its ratio to the earlier time with the interval of 95 per cent."""
+    """Draw a row per setting and kind of time: its ratio to the earlier time with the interval of 95 per cent."""
     timed = [
         (change, change.ratio, change.low)
         for change in comparison
@@ -103,7 +103,7 @@ def _changes_svg(comparison: Sequence[Change]) -> str:
 
 
 def _plotted_settings(settings: Sequence[SettingEntry], kind: Kind) -> PlottedSettings:
-    """Those that have both a time of that kind and a proven error."""
+    """Return the settings that have a time of that kind and an error, each with its point: us across, mm up."""
     return [
         # An exact setting has no place on a logarithmic axis: it is drawn at EXACT_ERROR.
         (setting, (MICROSECONDS * times.median, max(MM * setting.claims["ihip"]["p99"], EXACT_ERROR)))
@@ -113,7 +113,7 @@ def _plotted_settings(settings: Sequence[SettingEntry], kind: Kind) -> PlottedSe
 
 
 def _precision_svg(models: Mapping[str, PlottedSettings], kind: Kind, names: Sequence[str], first: int) -> str:
-    """One panel per model, of which number `first` is the first."""
+    """Draw error against time, one panel per model; `first` is the number of the first model among all."""
     below = 0.2 * ((len(names) + 3) // 4)
     with figure(10.0, 4.6 + below, page=True) as fig:
         low = (0.62 + below) / (4.6 + below)
@@ -180,7 +180,7 @@ def _draw_panel(axes: Axes, plotted: PlottedSettings, kind: Kind, names: Sequenc
 
 
 def _colour_and_marker(name: str, names: Sequence[str]) -> tuple[str, str]:
-    """Colour and marker of a renderer: one colour for all its representations, one marker for each representation."""
+    """Return colour and marker of a renderer: all its representations share the colour, and each has a marker."""
     bases = list(dict.fromkeys(full_name.partition("@")[0] for full_name in names))
     kinds = list(dict.fromkeys(full_name.partition("@")[2] for full_name in names))
     # A name is renderer@representation.

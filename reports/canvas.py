@@ -127,7 +127,7 @@ def in_style(settings: Mapping[str, Any] | None = None) -> AbstractContextManage
 
 
 def clear_axes(axes: Axes) -> None:
-    """Take out what has been drawn into axes; their place, ticks and labels stay."""
+    """Remove what has been drawn into axes; their place, ticks and labels stay."""
     legend = axes.get_legend()
     # Copied before it is emptied: removing an artist changes its list.
     for kind in (axes.lines, axes.patches, axes.collections, axes.texts, axes.artists, axes.child_axes):
@@ -146,7 +146,7 @@ def page_svg(fig: Figure, *, prefix: str, title: str) -> str:
 
 
 def svg_element(svg: str, *, prefix: str, title: str) -> str:
-    """Return an SVG file of matplotlib as `page_svg` does."""
+    """Return the text of an SVG file of matplotlib as an element for a page, as `page_svg` does for a figure."""
     from hapticeval.reports.svg import inline_svg
 
     # Each role has a colour of its own, so that a colour in the file tells its role.
@@ -189,7 +189,7 @@ def save_figure(
 
 
 def colour_of(role: str) -> str:
-    """Return the colour to draw a role in; on a page `page_svg` turns it into the page's."""
+    """Return the colour to draw a role of `THEME` in; on a page `page_svg` turns it into the page's own."""
     return THEME[role]
 
 

@@ -39,19 +39,19 @@ INTERVALS = 12
 """The largest and smallest of force, depth and step in so many intervals are kept exactly."""
 
 MOST_EVENTS = 200
-"""Of what happens more often than so many times, the largest so many are kept for certain."""
+"""At most so many gaps, so many jumps and so many changes of contact are kept for certain; the longest jumps."""
 
 JUMP_RATIO = 4.0
 """An IHIP step this many times as long as the HIP's, and as the IHIP steps on both sides of it, is kept: a jump."""
 
 LARGEST_INT16 = 32767
-"""The largest number that an array of 16 bits has."""
+"""The largest whole number of 16 bits: the finest that an array is packed in."""
 
 LARGEST_APART = 4095
-"""The largest number of IHIP less HIP."""
+"""The largest whole number that IHIP less HIP is packed in, of either sign."""
 
 LARGEST_DRAWN = 2047
-"""The largest number of what is drawn against time only, in plots of 200 px."""
+"""The largest whole number of what is drawn against time only, in plots of 200 px."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Track:
     hip_step: Array
     starts: IntArray
     dt: float
-    """The sampling time, s: between samples that are farther apart, lines are as good as the rest."""
+    """The sampling time, s. Where drawn samples are farther apart, a line stands for those between them."""
     led: bool
     """Whether the hand was led along a given path."""
     off: Array | None = None
@@ -140,7 +140,7 @@ def sample_tracks(
 
 
 def _surface_signals(off: Array, along: Array) -> tuple[Array, ...]:
-    """What is drawn of the motion on a surface: distance and speed, and the distance's powers of ten."""
+    """Return what is drawn of the motion on a surface: distance (m), speed (m/s), and the distance's power of ten."""
     # m: the logarithm must not spend samples on rounding errors near zero.
     floor = max(float(np.median(np.abs(off))), 1e-12) / 10.0
     return off, along, np.log10(np.maximum(np.abs(off), floor))
@@ -194,7 +194,7 @@ def drawn_rows(
 
 
 def _largest_departure(runs: Sequence[Recording], rows: IntArray) -> float:
-    """How far lines between the rows leave the paths of HIP and IHIP, as a share of how far these go."""
+    """Return how far lines between the rows leave the paths of HIP and IHIP, as a share of the paths' extent."""
     time = runs[0].time
     columns = [*runs[0].hip.T, *(column for run in runs if "ihip" in run.channels for column in run.ihip.T)]
     # m: the largest distance of any coordinate from its interpolation between the chosen rows.
@@ -226,7 +226,7 @@ def thinned_rows(
 
 
 def _channels_in_tolerances(run: Recording) -> Array:
-    """The channels that are shown (n, k), in units of what straight lines may be off."""
+    """Return the channels that are drawn (n, k), each in units of the error that straight lines may have."""
     parts = [3.0 * _in_tolerances(run.hip)]  # a picture can be enlarged
     if "ihip" in run.channels:
         parts += [_in_tolerances(run.ihip - run.hip), _in_tolerances(step_lengths(run, run.ihip))[:, None]]
@@ -278,7 +278,7 @@ def _refined_rows(time: Array, values: Array, chosen: IntArray, count: int) -> I
 
 
 def _signals_with_extremes(recording: Recording) -> list[Array]:
-    """What must keep its extremes: the size of the force, the depth, the IHIP's steps."""
+    """Return the signals whose extremes are kept: the size of the force (N), the depth and the IHIP's steps (m)."""
     signals = []
     if "force" in recording.channels:
         signals.append(np.linalg.norm(recording.force, axis=1))
@@ -322,7 +322,7 @@ def jump_rows(recording: Recording) -> IntArray:
 
 
 def _certain_rows(recording: Recording, ticks: Collection[int]) -> IntArray:
-    """What is kept for certain, with the row before: ends, verdicts' places, gaps, jumps, contacts."""
+    """Return the rows that are kept for certain: ends, verdicts' places, gaps, jumps, contacts, and the rows before."""
     n = len(recording)
     # A verdict's tick and the one after it; the ones before are added below.
     row_groups = [np.array([0, n - 1, *(tick + 1 for tick in ticks)]), np.array([*ticks], dtype=np.int64)]
@@ -338,7 +338,7 @@ def _certain_rows(recording: Recording, ticks: Collection[int]) -> IntArray:
 
 
 def _extremes(signal: Array, intervals: int) -> IntArray:
-    """The rows of the largest and the smallest value in each of so many intervals."""
+    """Return the rows of the largest and the smallest value in each of so many intervals of equal length."""
     edges = np.linspace(0, signal.size, intervals + 1).astype(np.int64)
     parts = [(begin, signal[begin:end]) for begin, end in pairwise(edges) if end > begin]
     return np.unique([begin + int(pick(part)) for begin, part in parts for pick in (np.argmax, np.argmin)])

@@ -42,10 +42,10 @@ RUNAWAY_RATIO = 3.0
 """A run that goes this many times as far as the median run leaves the picture, which would show nothing else."""
 
 PLOT_COLUMNS = 150
-"""A plot without script is as fine as this: columns of two points."""
+"""Columns of a plot on a page without script, two points wide each: what is finer cannot be seen."""
 
 SMALLEST_DISTANCE = 1e-12
-"""m: distances below are rounding errors, and lie on the floor of a logarithmic panel."""
+"""Distances (m) below this are rounding errors, and lie on the floor of a logarithmic panel."""
 
 SHARP_TURN = 0.5
 """Turn (rad) of the faces at an edge of a solid that is drawn: round ones of few triangles have none."""
@@ -137,7 +137,10 @@ def case_panels(tracks: Sequence[Track], *, held_on_surface: bool) -> list[Panel
 
 
 def _power_range(tracks: Sequence[Track]) -> tuple[float, float]:
-    """Return whole powers of ten, mm, down to where the run that keeps closest is for half of its time."""
+    """Return the ends of a logarithmic panel, whole powers of ten in mm.
+
+    The lower is at the median of the run that keeps closest to the surface, the upper above the farthest.
+    """
     sizes = [np.abs(track.off) for track in tracks if track.off is not None]
     # m: the best run's median is the floor, so that it is not all below the panel.
     closest = max(min(float(np.median(size)) for size in sizes), SMALLEST_DISTANCE)
@@ -146,7 +149,10 @@ def _power_range(tracks: Sequence[Track]) -> tuple[float, float]:
 
 
 def panel_values(track: Track, name: str) -> Array | None:
-    """Return what a panel draws of a run, (n,), in N or mm; None where it was not recorded."""
+    """Return what a panel draws of a run, (n,), in N, mm or m/s; None where it was not recorded.
+
+    `name` is a channel of the track: "force.0" its first coordinate, "|force|" its size.
+    """
     channel, _, column = name.strip("|").partition(".")
     values: Array | None = getattr(track, channel)
     if values is None:
@@ -232,7 +238,7 @@ def plane_svg(
 
 
 def _draw_path(axes: Axes, track: Track, path: Array, look: Look, hidden: BoolArray | None) -> None:
-    """The way of the tool where it is in contact; without IHIP there is none, and where it is `hidden` it is faint.
+    """Draw the tool's path where it is in contact, faint where it is `hidden`; without an IHIP there is none.
 
     A tool that is held on a surface is where the hand is.
     """
@@ -261,7 +267,7 @@ def _marker_times(time: Array) -> Array:
 
 
 def _hidden_behind_model(track: Track, model: Model | None) -> BoolArray | None:
-    """Where the surface under the tool faces away from the eye, (n,)."""
+    """Return where the surface under the tool faces away from the eye, (n,); None without a model."""
     if model is None:
         return None
     # Of a convex solid this is exact; of others it misses what a part in front hides.
@@ -269,7 +275,7 @@ def _hidden_behind_model(track: Track, model: Model | None) -> BoolArray | None:
 
 
 def _draw_solid(axes: Axes, model: Model) -> None:
-    """What a solid covers, and the edges at which it turns away from the eye or is sharp."""
+    """Draw what a solid covers, and the edges at which it turns away from the eye or is sharp."""
     import shapely
 
     vertices, rows = triangles_of(model.boundary)
@@ -299,7 +305,7 @@ def _draw_solid(axes: Axes, model: Model) -> None:
 
 
 def _draw_directions(axes: Axes, view: Box) -> None:
-    """Three arrows for the axes, in a corner, and the length of a scale bar."""
+    """Draw three arrows for the coordinates in a corner, and a scale bar with its length."""
     size = 0.07 * (view[2] - view[0])
     origin = np.array([view[2] - 1.8 * size, view[1] + 1.6 * size])
     for k, name in enumerate("₁₂₃"):
@@ -317,7 +323,7 @@ def _draw_directions(axes: Axes, view: Box) -> None:
 
 
 def _with_gaps(values: Array, starts: Sequence[int] | Any) -> Array:
-    """Values with a row of NaN before each start, so that no line crosses a gap."""
+    """Return values with a row of NaN before each start, so that no line crosses a gap."""
     return np.insert(values, starts, np.nan, axis=0)
 
 

@@ -109,7 +109,7 @@ def torus(major: float, minor: float) -> tuple[Array, IntArray]:
 
 
 def _outline(model: Model, tracks: Sequence[Track]) -> Geometry:
-    """What the model fills round the paths, mm: a closed outline as fine as the depth asks for."""
+    """Return what the model fills round the paths, mm: a closed outline as fine as the penetration depth asks for."""
     view = _view_around_paths(model, tracks)
     filled = filled_part(model, view)
     # Open, or far larger than the paths: only what the view holds of it.

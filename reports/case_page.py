@@ -46,7 +46,7 @@ FIGURE_SHEET = "figures.css"
 """The style sheet of what all figures look like."""
 
 VIEW_FILES = {INDEX, ASSET_FOLDER}
-"""What a folder of a view holds."""
+"""Names in a folder that an earlier view wrote: it may be written over."""
 
 LICENCES = ("LICENSE-uPlot.txt",)
 
@@ -61,7 +61,7 @@ class Neighbours:
 
 
 EVIDENCE_ELSEWHERE = ("time", "tick", "moments")
-"""Evidence that is shown in another way."""
+"""Evidence that does not stand in a check's table: it is shown beside the verdict, or among the closed forms."""
 
 
 class Section(NamedTuple):
@@ -303,7 +303,7 @@ def _failed_places(verdicts: Iterable[VerdictEntry], drawn_renderers: set[str]) 
 
 
 def _drawn_parts(tracks: Sequence[Track]) -> dict[tuple[float, float], list[str]]:
-    """The seconds at the beginning and at the end that are drawn of runs too long to be drawn whole: which runs."""
+    """Return which runs are too long to be drawn whole, by the seconds drawn of their beginning and their end."""
     parts: dict[tuple[float, float], list[str]] = {}
     for track in tracks:
         if track.left_out is not None:
@@ -315,7 +315,7 @@ def _drawn_parts(tracks: Sequence[Track]) -> dict[tuple[float, float], list[str]
 
 
 def _check_sections(verdicts: Sequence[VerdictEntry]) -> list[CheckSection]:
-    """The verdicts by check, what is not as expected first, then what failed."""
+    """Return the verdicts by check: first the checks that are not as expected, then those that failed."""
     checks: dict[str, dict[tuple[Any, ...], list[VerdictEntry]]] = {}
     for verdict in verdicts:
         # Only verdicts that show nothing of their own can share a row.
@@ -327,7 +327,7 @@ def _check_sections(verdicts: Sequence[VerdictEntry]) -> list[CheckSection]:
 
 
 def _spanning_cells(values: Sequence[Any]) -> Iterator[Cell | None]:
-    """The cells of a column: None where the one above reaches there."""
+    """Yield the cells of a column: None where the one above reaches there."""
     for value, alike in groupby(values):
         rows = len(list(alike))
         # The first of equal cells spans them all; the others are left out.
@@ -349,7 +349,7 @@ def _script_data(
     names: Sequence[str],
     crosses: Mapping[str, Sequence[float]],
 ) -> str:
-    """What the script reads: runs, panels and model, with the numbers of their arrays, and the arrays, packed."""
+    """Return what the page's script reads, packed: runs, panels and model, and the arrays that they name by number."""
     packer = Packer()
     runs = pack_runs(tracks, packer)
     # Keys are what assets/case.js reads.

@@ -141,12 +141,12 @@ def _sliding_directions(steps: Array, normal: Array) -> Array:
 
 
 def contact_stretches(recording: Recording) -> list[tuple[int, int]]:
-    """Return the first and the last row but one of each stretch in which the renderer answers with a force."""
+    """Return the first row of each stretch in which the renderer answers with a force, and the row after its last."""
     return list(runs_of(np.linalg.norm(recording.force, axis=1) > 0.0))
 
 
 def work_on_hand(recording: Recording) -> Array:
-    """Return the work that the hand has got of the force, (n,), J: the force times the hand's way, trapezoidal."""
+    """Return the work that the force has done on the hand up to each sample, (n,), J, by the trapezoidal rule."""
     # W = sum of (F_k + F_k+1) / 2 . (x_k+1 - x_k), J.
     mean = 0.5 * (recording.force[1:] + recording.force[:-1])
     return np.append(0.0, np.cumsum(np.sum(mean * np.diff(recording.hip, axis=0), axis=1)))

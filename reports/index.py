@@ -111,6 +111,7 @@ def render_index(
     """
     from hapticeval.closed_forms import CLOSED_FORMS
 
+    # What the first page shows with a figure: failures, warnings, or else what is known to fail.
     worst = worst_verdicts(results, MOST_FAILURES)
     # Reversed, so that the first of several failures of a run wins: it has the figure.
     first = {verdict.key: verdict for verdict in reversed(worst)}  # of several failures of a run, one has the figure
@@ -123,10 +124,12 @@ def render_index(
         _counterexample_svg(counterexample, f"x{number}") for number, counterexample in enumerate(counterexamples)
     ]
     costs_svg = "" if costs is None else cost_svg(costs)
+    # All SVG of the page at once, so that its elements share their style classes.
     drawn = [*(drawing.svg for _, drawing in failures), *(svg for _, svg in plots), *(effect.svg for effect in effects)]
     elements, styles = styles_as_classes([*drawn, *pictures, costs_svg])
     # The same order as in `drawn`: each place below takes the next element.
     svgs = iter(elements)
+    # Checks of a package that is not installed here have no page to link to.
     known = judged_checks(results)
     recorded = {run.renderer for run in results.runs if run.is_recorded}
     names, hard = hard_cases(results)
@@ -224,6 +227,7 @@ def _suite_sections(results: ResultsDocument) -> list[SuiteSection]:
     sections = []
     for name in dict.fromkeys(run.suite for run in results.runs):
         suite = suite_by_name.get(name, SuiteEntry(name=name, title="", citation="", rows=[]))
+        # States of the suite's verdicts, written beside its title.
         counts = Counter(state_of(verdict) for verdict in results.verdicts if verdict.suite == name)
         grid = case_grid(results, name)
         sections.append(

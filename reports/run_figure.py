@@ -104,7 +104,7 @@ def figure_svg(
 
 @cache
 def _page_figure() -> tuple[Figure, Frame]:
-    """Make the figure that each of a page is drawn in: axes and ticks take as long to make as all that they hold."""
+    """Make the figure that all figures of pages are drawn in, once: its axes take as long to make as their content."""
     with figure(4.4, 5.2, page=True) as fig:
         return fig, _add_frame(fig, AREAS_STACKED)
 

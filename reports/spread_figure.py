@@ -38,6 +38,7 @@ def write_spread(
 
     Raises `HapticevalError` where a file cannot be written.
     """
+    # In a fixed order; a signal that was not recorded has no panel.
     columns = [name for name in TITLES if any(band.column == name for band in bands)]
     rows = (len(columns) + 1) // 2
     height = 0.9 + 2.6 * rows
@@ -56,6 +57,7 @@ def write_spread(
 
 def _draw_column(axes: Axes, aligned: Aligned, bands: Sequence[Band]) -> None:
     column = bands[0].column
+    # From SI to what is shown, as rad to degrees.
     scale, unit = _shown_unit(COLUMNS[column][0])
     across, along = _shown_unit(aligned.unit)
     names = list(dict.fromkeys(band.renderer for band in bands))
@@ -150,6 +152,7 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
             )
             if comparison.outcome == "the runs differ":
                 finding += ". These are single runs: whether other runs of the same renderers would differ is not known"
+        # No more apart than repeats of one renderer: no difference is shown.
         elif comparison.outcome == "within the spread":
             finding = f"within the spread: {size} apart, repeats {scale * comparison.spread:.3g} {unit} ({tested})"
         else:
@@ -167,6 +170,7 @@ def _repeats_needed(comparison: Comparison) -> str:
     repeats_words = (
         f"given are {comparison.repeats[0]} of {comparison.first} and {comparison.repeats[1]} of {comparison.second}"
     )
+    # The correction for many comparisons leaves no number of repeats that is enough.
     if comparison.needed is None:
         return f"{repeats_words}, and among so many renderers no number is enough: compare fewer at once"
     missing_repeats = [

@@ -86,7 +86,7 @@ def style_sheet(styles: Mapping[str, str]) -> str:
 
 @dataclass
 class _Element:
-    """An element to be: `strokes` are the corners (n, 2) of the strokes of a path and whether each is closed.
+    """An element of the page: `strokes` are the corners (n, 2) of the strokes of a path and whether each is closed.
 
     Where it is places that are marked, and not a line, `marker` is what marks them.
     """
@@ -124,7 +124,7 @@ class _Element:
 
 
 class _Body:
-    """What is seen of a file's elements, of which `named` have ids; `defs` gives what they refer to."""
+    """Turns a file's elements into those of a page: `seen` gives what is seen, `defs` what that refers to by id."""
 
     def __init__(self, named: Mapping[str, ET.Element], prefix: str, colours: Mapping[str, str]) -> None:
         self.named, self.prefix, self.colours = named, prefix, colours
@@ -164,7 +164,7 @@ class _Body:
         return None if shape is None else shape.get("transform")
 
     def _mark(self, use: ET.Element, style: str) -> _Element:
-        """A place that is marked; a tick, which is a single line, becomes that line."""
+        """Return a place that is marked; a tick, which is a single line, becomes that line."""
         link = use.get(LINK, "")
         place = UNITS_PER_POINT * np.array([[float(use.get("x", "0")), float(use.get("y", "0"))]])
         d = self.named[link[1:]].get("d", "")
@@ -177,7 +177,7 @@ class _Body:
         return _Element("path", {}, [(place, False)], marker=self._refer(link, style))
 
     def _other(self, child: ET.Element, tag: str, style: str, clip: str) -> _Element:
-        """A text, a picture, or a group that moves what it holds."""
+        """Return a text, a picture, or a group that moves what it holds."""
         element = _Element(tag, {"style": style} if style else {})
         for name, value in child.items():
             # Lengths and positions are in points in the file.
@@ -244,7 +244,7 @@ class _Body:
             yield _Element("defs", {}, inside=definitions)
 
     def _style(self, style: str) -> str:
-        """A style with the page's colours and font, in units."""
+        """Return a style with the page's colours and font, lengths in units."""
         style = re.sub(r"font: ([\d.]+px) [^;]*", r"font-size:\1", style)
         declarations = []
         for part in style.split(";"):
@@ -259,7 +259,7 @@ class _Body:
 
 
 def _lines_joined(elements: Iterable[_Element]) -> list[_Element]:
-    """Straight lines of one look become one path, and so do marks."""
+    """Join straight lines of one look into one path, and marks of one look into another."""
     joined: list[_Element] = []
     first: dict[tuple[str, ...], _Element] = {}
     for element in elements:
@@ -287,7 +287,7 @@ def _lines_joined(elements: Iterable[_Element]) -> list[_Element]:
 
 
 def _repeats_shared(elements: Sequence[_Element], prefix: str) -> Iterator[_Element]:
-    """Long lines that lie on one another are written once, and used."""
+    """Write long lines that are equal only once, and refer to them."""
     names: dict[str, str] = {}
     texts = [element.drawn if element.strokes and not element.marker else "" for element in elements]
     # Equal paths, as a HIP and an IHIP that move as one.
@@ -301,7 +301,7 @@ def _repeats_shared(elements: Sequence[_Element], prefix: str) -> Iterator[_Elem
 
 
 def _texts_grouped(elements: Iterable[_Element]) -> Iterator[_Element]:
-    """Texts of one look that follow one another have it from a group."""
+    """Put texts of one look that follow one another into a group that has the look."""
     for style, run in groupby(
         elements, lambda element: element.attributes.get("style", "") if element.tag == "text" else ""
     ):
@@ -316,13 +316,13 @@ def _texts_grouped(elements: Iterable[_Element]) -> Iterator[_Element]:
 
 
 def _merged_style(*styles: str) -> str:
-    """Several styles as one, of which the later count."""
+    """Return several styles as one; where two set the same property, the later counts."""
     parts = (part.partition(":") for style in styles for part in style.split(";") if part)
     return ";".join(f"{name}:{value}" for name, value in {name: value for name, _, value in parts}.items())
 
 
 def _strokes(d: str) -> list[tuple[Array, bool]]:
-    """The corners of each stroke of a path of straight lines."""
+    """Return the corners (n, 2), in units, of each stroke of a path of straight lines, and whether it is closed."""
     return [
         (
             UNITS_PER_POINT * np.array([float(number) for number in re.findall(NUMBER, stroke)]).reshape(-1, 2),
@@ -333,7 +333,7 @@ def _strokes(d: str) -> list[tuple[Array, bool]]:
 
 
 def _without_retraced(strokes: Sequence[tuple[Array, bool]]) -> list[tuple[Array, bool]]:
-    """The strokes of a line in whole units, without what lies on itself: laps that are all alike are one."""
+    """Return the strokes of a line without edges that it has drawn before: laps that are all alike are one."""
     distinct: list[tuple[Array, bool]] = []
     drawn_edges: set[frozenset[tuple[int, ...]]] = set()
     for points, closed in strokes:
@@ -354,7 +354,7 @@ def _without_retraced(strokes: Sequence[tuple[Array, bool]]) -> list[tuple[Array
 
 
 def _path_text(strokes: Sequence[tuple[Array, bool]], within: float) -> str:
-    """The text of a path: each corner by its distance from the last, without those that lines miss by `within`.
+    """Return the text of a path: each corner by its distance from the last, without those within `within` of a line.
 
     Of several strokes those go that are dots.
     """
@@ -383,12 +383,12 @@ def _curve_text(d: str) -> str:
 
 
 def _numbers_in_units(value: str) -> str:
-    """Every number of a text in units."""
+    """Return a text with every number, which is in points, in units."""
     return re.sub(NUMBER, lambda match: f"{round(UNITS_PER_POINT * float(match[0]))}", value)
 
 
 def _transform_in_units(value: str) -> str:
-    """A transform in units; empty where it does nothing."""
+    """Return a transform with its lengths in units; empty where it does nothing."""
     transforms = []
     for name, inside in re.findall(r"(\w+)\(([^)]*)\)", value):
         numbers = re.findall(NUMBER, inside)

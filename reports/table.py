@@ -138,6 +138,7 @@ def markdown(results: ResultsDocument) -> str:
         # Two line feeds between blocks.
         size += len(block.encode()) + 2
         if size > LIMIT:
+            # Whole blocks are left out: a table cut in two would not be one.
             parts.append(LEFT_OUT.format(count=len(blocks) - number))
             break
         parts.append(block)

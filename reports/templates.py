@@ -111,7 +111,7 @@ def evidence_words(name: str) -> str:
 
 
 def _evidence_text(value: Any) -> str:
-    """Evidence in a table: numbers to four digits, lists without brackets."""
+    """Return evidence as a table shows it: numbers to four digits, lists without brackets."""
     # Before numbers: a bool is an int in Python.
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -126,7 +126,7 @@ def _evidence_text(value: Any) -> str:
 
 
 def _json_text(value: Any) -> str:
-    """A value as JSON text, numbers to six digits."""
+    """Return a value as JSON text, numbers to six digits."""
     if isinstance(value, str):
         return value
     # Through JSON, which reaches the numbers at any depth.
@@ -135,7 +135,7 @@ def _json_text(value: Any) -> str:
 
 
 def _millimetres(metres: float | None) -> str:
-    """To a nanometre; what rounds to zero has no sign."""
+    """Return a length in mm to a nanometre; what rounds to zero has no sign."""
     if metres is None:
         return "not finite"
     text = f"{1e3 * metres:.6f}"
@@ -144,7 +144,7 @@ def _millimetres(metres: float | None) -> str:
 
 
 def _small_length(metres: float | None) -> str:
-    """A length for which millimetres may be far too much."""
+    """Return a length with the unit that suits it, from m down to pm: a tolerance may be far below a millimetre."""
     if metres is None or not 0.0 < metres < 1e-4:
         return quantity(metres, "m")
     unit, scale = next(

@@ -41,7 +41,7 @@ SINGLE_FILE = "report.html"
 """The report as one file."""
 
 WAIT_SECONDS = 0.1
-"""Seconds after which it is seen at the latest that the drawing is to stop."""
+"""Seconds between two looks at whether the drawing is to stop."""
 
 MOST_DRAWN = 200
 """Cases that are drawn at most: those with the worst failures, then the first. A page without figures takes little."""
@@ -124,7 +124,7 @@ class Picture:
         return Drawing(svg=figure_svg(recording, model, marks=marks, prefix=self.prefix, title=title))
 
     def fallback(self) -> Drawing:
-        """Return what stands there where the process that drew it has ended."""
+        """Return the reason that stands in the figure's place where the process that drew it has ended."""
         return Drawing(problem=DRAWING_DIED)
 
 
@@ -234,7 +234,7 @@ def _replacing_folder(path: Path, unused: bool) -> Iterator[Path]:
 
 
 def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -> Iterator[Page]:
-    """One page for each case, that links to the first page and to the cases before and after."""
+    """Yield a page for each case, with links to the first page and to the cases before and after."""
     from hapticeval.reports.case_page import Neighbours
 
     cases: dict[tuple[str, str], list[RunEntry]] = {}
@@ -265,7 +265,7 @@ def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -
 
 
 def _failure_pictures(directory: Path, results: ResultsDocument) -> list[Picture]:
-    """One figure for each run that the first page shows the failure of."""
+    """Return one figure to draw for each run whose failure the first page shows."""
     run_keys: dict[RunKey, None] = dict.fromkeys(verdict.key for verdict in worst_verdicts(results, MOST_FAILURES))
     runs = {run.key: run for run in results.runs}
     return [

@@ -90,6 +90,7 @@ def new(
     """
     from hapticeval.commands.starters import write_starter
 
+    # The files, and the commands to type next.
     written, steps = write_starter(kind, directory)
     say(wrote_lines(written))
     say("\n".join(["", "then:", *(f"  {step}" for step in steps)]))

@@ -97,6 +97,7 @@ def _cost_row(scene: SceneEntry, cost: Cost) -> list[str]:
     stages = "; ".join(
         f"{STAGE_WORDS.get(stage, stage)}: {', '.join(kinds)}" for stage, kinds in scene.assembled.items()
     )
+    # ns a tick and bytes of machine code, without effects and with.
     numbers = [f"{scene.ticks}", _tick_ns(reference), _tick_ns(cost), more, _code_bytes(reference), _code_bytes(cost)]
     return [f"{scene.suite}/{scene.case}", stages or "none", *numbers]
 
@@ -112,6 +113,7 @@ def _code_bytes(cost: Cost) -> str:
 def _ladder_lines(document: EffectsDocument) -> Iterator[str]:
     from hapticeval.quantity import aligned
 
+    # None where no compiled scene calls for effects of the surface.
     ladder = document.ladder
     if ladder is None:
         return

@@ -200,6 +200,7 @@ def run(
         )
         return results if write_known is None else results.write_known(write_known)
 
+    # Once, or again after each change with --watch.
     def once() -> int:
         return judge_and_summarise(judged, verbose=verbose, report=not (quick or no_report), other_file=write_known)
 
@@ -271,6 +272,7 @@ def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts,
     def stopped() -> bool:
         return interrupts.count > interrupts_of_run
 
+    # A second interrupt ends the run at once, and no report is drawn.
     if not stopped():
         try:
             return results.report(progress=terminal.drawn, stopped=stopped, **options)
@@ -369,6 +371,7 @@ def replay(
         file, recording, model=_model_table(model), suite_case=suite_case, scene=scene or (),
         unsaid=unsaid(recording, renderers or ()) if as_recorded else None,
     )  # fmt: skip
+    # Named where the recording is suspicious.
     hint = f"see `hapticeval inspect {file}{'' if mapping is None else f' --mapping {mapping}'}`"
     if as_recorded:
         raise typer.Exit(_recompute_recorded(replay_case, renderers, hint))
@@ -391,6 +394,7 @@ def _replay_path(
     from hapticeval.replay.job import differences, prepared, replay_plan
     from hapticeval.workers import cores
 
+    # One run for each renderer, beside the recorded one.
     planned = replay_plan(replay_case, renderers, seed=seed)
     # Once for all renderers: the path and its examination.
     work = prepared(replay_case)

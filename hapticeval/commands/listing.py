@@ -164,6 +164,7 @@ def check_rows(name: str) -> Rows:
     if page.first_cause:
         yield "if it fails", page.first_cause
     yield "level", check.level.value
+    # Channels that it needs, and those that it uses where they are there.
     yield "reads", ", ".join([*check.channels, *(f"{channel} where it was recorded" for channel in check.reads_also)])
     yield "also runs", "; ".join(check.siblings.values()) or "none"
     if check.needs:

@@ -105,6 +105,7 @@ def _show_foreign_file(table: Table, file: Path, write_mapping: Path | None) -> 
 
     text = propose(table, file=file.name)
     parts = [f"{file}: {formats()[table.format].about if table.format in formats() else table.format}", text]
+    # A warning makes the exit code 1, a remark does not.
     parts += [f"remark: {remark}" for remark in table.remarks] + [f"suspicious: {text}" for text in table.warnings]
     if write_mapping is not None:
         try:
@@ -146,6 +147,7 @@ def _examine_recording(
     )
     soundness = sound_intervals(recording, report)
     parts = [summary(report, soundness, title=file.name)]
+    # Impacts on the wall are listed one by one.
     if recording.dimension == 1 and {"wall_force", "force"} & recording.channels.keys():
         parts.append(contacts(impacts(recording)))
     written = write_integrity(directory, recording, report, soundness, title=file.name, stem=_picture_stem(file))
@@ -300,6 +302,7 @@ def compare(
 
     with limited(memory_limit):
         runs = [_read_run(file, mapping, format_) for file in files]
+    # m: what the polar angle is about.
     x, y = (float(coordinate) for coordinate in parse_point(centre, 2, option="--centre"))
     abscissa = Abscissa(by, centre=(x, y), curve=_touched_curve(model, runs))
     aligned = align(runs, abscissa, split=split)

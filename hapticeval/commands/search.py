@@ -134,6 +134,7 @@ def _search_renderers(
 
     if not renderers:
         raise InputError("no renderer is named", why="a search takes its time for each", todo="name one: -r constraint")
+    # A name that does not exist is reported before any time is spent.
     for name in renderers:
         resolve(name)
     for check in checks or ():
@@ -183,6 +184,7 @@ def _search_renderers(
                 codes.append(_write_findings(hunt, outcome, directory, time.monotonic() - begun))
             return max(codes)
         for hunt in hunts:
+            # Between two renderers: the first one has ended by itself.
             if interrupted():
                 codes.append(1)
                 break
@@ -191,6 +193,7 @@ def _search_renderers(
             terminal.line(f"{started}, Ctrl-C ends it and keeps what is found")
             outcome = run_hunt(hunt, seeds[0], interrupted=interrupted, progress=progress, report=terminal.line)
             terminal.clear()
+            # An interrupted search has failed, even where it found nothing.
             codes.append(max(_write_findings(hunt, outcome, directory, time.monotonic() - begun), int(interrupted())))
     return max(codes)
 
@@ -277,6 +280,7 @@ def _draw_counterexample(
         return None
     if recording is None:
         return []
+    # The time that the verdict names, ringed as failed.
     marks = [] if counterexample.fault.time is None else [Mark(1, counterexample.fault.time, True)]
     model, title = counterexample.case.build_scene().model, f"{counterexample.renderer}: {line(counterexample)}"
     with in_style():
@@ -310,6 +314,7 @@ def _replay_kept(folder: Path, renderers: list[str] | None) -> int:
                 with Bench(name, counterexample.seed, lambda: interrupts.count > 0) as bench:
                     try:
                         answer = bench(counterexample.case)
+                    # Interrupted: the case has no row, and the code below is 1.
                     except Stopped:
                         break
                 check = counterexample.fault.check

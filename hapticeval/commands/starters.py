@@ -102,6 +102,7 @@ def write_starter(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
         texts[renamed(file_name)] = renamed(text, files_alone if Path(file_name).suffix in (".c", ".cpp") else named)
     if starter.header:
         texts["hapticeval.h"] = files("hapticeval.adapters").joinpath("hapticeval.h").read_text("utf-8")
+    # A step of the workflow file, indented as the others.
     build = f"      - run: {starter.build}\n" if starter.build else ""
     renderer = renamed(starter.renderer)
     texts[str(WORKFLOW)] = WORKFLOW_TEXT.format(build=build, renderer=renderer, judged=starter.judged)

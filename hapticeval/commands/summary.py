@@ -36,6 +36,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
     Where a `width` is given, tables that are wider are shown as lists.
     """
     stops = [verdict for verdict in results.verdicts if results.stops(verdict) and not results.lost(verdict)]
+    # Worst first: errors, then by how many bounds they are away.
     stops.sort(key=lambda verdict: verdict.severity, reverse=True)
     # What does not stop the gate is shown only with -v, but for lists that are outdated.
     unstopping = [verdict for verdict in results.verdicts if not results.stops(verdict)]
@@ -103,6 +104,7 @@ def _grid_cell(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tu
     wrong = sum(results.stops(verdict) for verdict in verdicts)
     if not judged and not wrong:
         return "-", None
+    # Known failures and warnings, of what does not stop the gate.
     kinds = Counter(
         verdict.standing for verdict in judged if not results.stops(verdict) and verdict.outcome is not Outcome.PASS
     )

@@ -144,6 +144,7 @@ class Terminal:
 
     def searching(self, done: float, total: float, what: str) -> None:
         """Take how many seconds of a search are over, and what it has found: a bar, else a line after each silence."""
+        # Whole seconds; a search may run a little over its time.
         self.still(min(int(done), int(total)), int(total), what, " s")
 
     def still(self, done: int, total: int, what: str, unit: str = "") -> None:

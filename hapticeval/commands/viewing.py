@@ -67,10 +67,12 @@ def view(
             why="hand and model must live in the same space",
             todo="give another model with --model",
         )
+    # Judged where model and stiffness are known, shown alone where they are not.
     viewed_run = viewed(
         file, recording, suite_case=suite_case, scene=scene or (),
         model=None if named is None else {"kind": named.name, **named.parameters},
     )  # fmt: skip
+    # With the reason where nothing was judged.
     page = write_view(directory, viewed_run.entry, viewed_run.recording, viewed_run.verdicts, note=viewed_run.unjudged)
     say(
         lines(
