@@ -80,13 +80,13 @@ def active_chart(y: Triple) -> int:
 
 @compiled
 def to_chart_axes(chart: int, v: Triple) -> Triple:
-    """The vector with the chart's axis as its third."""
+    """Return a vector in the coordinates of a chart, whose third axis is the chart's own."""
     return v if chart == 1 else (v[1], v[2], v[0])
 
 
 @compiled
 def from_chart_axes(chart: int, v: Triple) -> Triple:
-    """The inverse of `to_chart_axes`."""
+    """Return a vector of a chart's coordinates in those of space: the inverse of `to_chart_axes`."""
     return v if chart == 1 else (v[2], v[0], v[1])
 
 
@@ -106,7 +106,9 @@ def jacobian(q: Triple) -> tuple[Triple, Triple, Triple]:
 def chart_acceleration(
     radius: float, q: Triple, u: Triple, v_across: float, brake_rate: float, pushed: Triple
 ) -> Triple:
-    """ÿ for which σ̈ = v, all in turned coordinates: position `q`, velocity `u`, off the axis.
+    """Return the hand's acceleration with which the sphere's coordinates move as they should: ÿ for which σ̈ = v.
+
+    All is in a chart's coordinates: position `q` (m) and velocity `u` (m/s), off the axis.
 
     `v_across` is v⊥; `brake_rate` b_d / m (1/s) and `pushed` F_o / m (m/s^2) make v∥.
     """

@@ -206,7 +206,7 @@ def _inside_kernel(surface: Sampled, name: str) -> Array:
 
 
 def _mutually_hidden(surface: Sampled, bounding: IntArray) -> tuple[int, int]:
-    """Return two of the places that leave no kernel, the way from the first to the second of which leads outside.
+    """Return two places of a surface without kernel that cannot see each other: the line between them leads outside.
 
     Those that carry the optimum have weights m > 0 with sum m n = 0 and sum m n.y <= 0. So for each y_j of them sum_k
     m_k n_k.(y_j - y_k) >= 0, and unless all its terms vanish one is positive: from y_k the way to y_j leads outside.
@@ -250,7 +250,7 @@ def _analytic_centre(surface: Sampled, point: Array) -> Centre:
 
 
 def _checked_centre(boundary: Boundary, surface: Sampled, name: str, centre: Array) -> Centre:
-    """Return a given centre, measured. Raises `NoKernelError` where it is none."""
+    """Return a given centre with its support distances. Raises `NoKernelError` where the kernel does not hold it."""
     if centre.shape != (boundary.dimension,) or not np.isfinite(centre).all():
         raise RefusalError(
             f"the centre {np.asarray(centre).tolist()} for model '{name}'",

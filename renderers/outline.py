@@ -177,7 +177,10 @@ def slide(
 
 @borrowing
 def _first_zero(g: float, slope: float, third_bound: float) -> float:
-    """The smallest d > 0 with -g + slope d + bend d^2 / 2 = 0, for g > 0; infinite if there is none."""
+    """Return how far to march in u: the smallest d > 0 with -g + slope d + M d^2 / 2 = 0, for g > 0, or infinity.
+
+    M is `third_bound`; see the module.
+    """
     if third_bound == 0.0:
         return g / slope if slope > 0.0 else math.inf
     # the positive root, in the form that does not cancel
@@ -272,7 +275,7 @@ def outline_in(data: LawData) -> Outline:
 
 @inner
 def is_closed(b: Outline) -> bool:
-    """Return whether it is closed; else it is the unbounded line."""
+    """Return whether an outline is closed; else it is the unbounded line."""
     return bool(b.pieces[0, KIND] != UNBOUNDED)
 
 

@@ -114,7 +114,7 @@ def stretch(numbers: Array, first: int, t: float, h: float) -> float:
 
 
 def stiffness_range(numbers: Sequence[float], smallest: float, largest: float) -> tuple[float, float]:
-    """Return between what shares of K the force over the depth lies, for support distances (m) from least to largest.
+    """Return between what shares of K the force over the depth lies, for support distances (m) between two.
 
     That share is (t / v) / d, with the depth d = h - A (h - b). Both v and d rise with h, so that at each level the
     share is least where h is largest.

@@ -166,7 +166,7 @@ class ProjectiveRenderer(LawRenderer):
 
 
 class ProjectedRenderer:
-    """The same for a projection without memory that is no kernel: it projects in Python, and regulates compiled.
+    """Projects the HIP in Python, and regulates in compiled code: for a projection without memory that is no kernel.
 
     `step` and `run` agree to the last bit.
     """

@@ -41,7 +41,7 @@ class Peak(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """A criterion over the workspace."""
+    """How a criterion varies over the workspace: its extremes and its median, in the criterion's unit."""
 
     smallest: float
     median: float

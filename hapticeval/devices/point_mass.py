@@ -15,7 +15,10 @@ from hapticeval.types import Array
 
 @dataclass(frozen=True)
 class PointMass:
-    """m y'' = F_r + F_o (2.23), (3.1) in `dimension` N = 2 or 3; `mass` in kg. Its joints are its position (2.24)."""
+    """A mass (kg) that moves freely in `dimension` N = 2 or 3: m y'' = F_r + F_o (2.23), (3.1).
+
+    Its joints are its position (2.24).
+    """
 
     mass: float
     dimension: int = 2

@@ -28,5 +28,5 @@ class BumpMap(Relief):
         return self._part(scene, turn_normal)
 
     def active(self, damping: float) -> str | None:  # noqa: ARG002 - as every effect
-        """Give energy away always."""
+        """Return why it gives energy away, which it does with any renderer."""
         return "turning only the normal, as (4.16), is the force of no potential"

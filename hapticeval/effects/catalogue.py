@@ -93,7 +93,7 @@ one after the other as `[[case.scene.effect]]`."""
 
 
 def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[str, Any], tuple[Effect, ...]]:
-    """Return what else a scene's table holds, and its effects: those listed under `effects`, and their short forms.
+    """Read the effects of a scene's table, listed or in short form; return the table's other entries, and the effects.
 
     Files that an effect names count from `folder`. `viscosity = 0.3` is short for `effects = [{ kind = "viscosity",
     coefficient = 0.3 }]`, see `Entry.short`. Raises `UnknownNameError` for an unknown kind, number or short form, and

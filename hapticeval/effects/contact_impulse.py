@@ -55,7 +55,7 @@ class ContactImpulse(Effect):
 
 
 def capped(cap: float) -> str:
-    """Return how messages add a cap."""
+    """Return the words with which messages add a cap (N) on the force; none for an infinite one."""
     return "" if math.isinf(cap) else f" of at most {quantity(cap, 'N')}"
 
 

@@ -102,7 +102,7 @@ class ContactTransient(Effect):
         return Part(ring, np.array(params), state=np.zeros((STATE, scene.model.dimension)))
 
     def active(self, damping: float) -> str | None:  # noqa: ARG002 - as every effect
-        """Give energy away where the hand moves with the ringing."""
+        """Return why it gives energy away: to a hand that moves with the ringing."""
         return "a surface that rings pushes the hand whatever it does"
 
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect

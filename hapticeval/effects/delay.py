@@ -27,7 +27,7 @@ class Delay(Effect):
 
     @property
     def off(self) -> bool:
-        """Whether there is none."""
+        """Whether the delay is zero: it then changes nothing."""
         return self.time == 0.0
 
     @property
@@ -47,7 +47,7 @@ class Delay(Effect):
         )
 
     def active(self, damping: float) -> str | None:  # noqa: ARG002 - as every effect
-        """Give energy away always."""
+        """Return why it gives energy away, which it does with any renderer."""
         return "motors that are late give energy away at any sampling rate"
 
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect

@@ -97,7 +97,7 @@ class Friction(Effect):
 
     @property
     def off(self) -> bool:
-        """Whether there is none."""
+        """Whether mu_s is zero, and so mu_k: it then changes nothing."""
         return self.mu_s == 0.0
 
     def change(self, scene: Calling) -> Part:

@@ -84,7 +84,7 @@ class RecordedImpulse(Effect):
         return Part(replay, params, np.vstack([pulse, sums]), np.zeros((STATE, scene.model.dimension)))
 
     def active(self, damping: float) -> str | None:  # noqa: ARG002 - as every effect
-        """Give energy away where the hand moves with the pulse."""
+        """Return why it gives energy away: to a hand that moves with the pulse."""
         return "a pulse that is replayed pushes the hand whatever it does"
 
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect

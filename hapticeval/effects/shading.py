@@ -85,7 +85,7 @@ class Shading(Effect):
         return Part(shade, np.array([AT_VERTEX * ends]), samples=facet_table, state=np.zeros((ROWS, 2)))
 
     def active(self, damping: float) -> str | None:
-        """Give energy away on some loops always."""
+        """Return why it gives energy away, which it does on some loops with any renderer."""
         return "shaded normals are the gradient of no potential: round a loop whose depth changes they give energy away"
 
 

@@ -120,5 +120,5 @@ class StochasticTexture(Effect):
         return Part(kernels.vibrate, params, model.rows(), state)
 
     def active(self, damping: float) -> str | None:  # noqa: ARG002 - as every effect
-        """Give energy away at times."""
+        """Return why it gives energy away, which it does at times with any renderer."""
         return "a stochastic texture shakes the hand with noise"

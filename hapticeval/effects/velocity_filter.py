@@ -36,7 +36,7 @@ class VelocityFilter(Effect):
         return Part(difference, np.array([blend(self.cutoff, dt)]), state=np.zeros((2, size)))
 
     def active(self, damping: float) -> str | None:
-        """Give energy away where a damper acts on the filtered velocity."""
+        """Return why it gives energy away where a damper acts on the filtered velocity; None without damping."""
         return "a damper on a filtered velocity is late, and so gives energy away" if damping > 0.0 else None
 
 

@@ -19,5 +19,5 @@ class Viscosity(Effect):
 
     @property
     def off(self) -> bool:
-        """Whether there is none."""
+        """Whether its coefficient is zero: it then changes nothing."""
         return self.coefficient == 0.0

@@ -30,7 +30,7 @@ class ViscousFriction(Effect):
 
     @property
     def off(self) -> bool:
-        """Whether there is none."""
+        """Whether its coefficient is zero: it then changes nothing."""
         return self.coefficient == 0.0
 
     def change(self, scene: Calling) -> Part:

@@ -90,7 +90,7 @@ def _has_exact_integral(experiment: Experiment, scene: Scene) -> bool:
 def _drive_point_mass(
     renderer: Renderer, experiment: Experiment, device: PointMass, dt: float, *, reach: float
 ) -> Recording:
-    """The plain case, without kernels: what a small renderer in Python costs is its own time."""
+    """Run the plain case without kernels: with a small renderer in Python they would take longer than they save."""
     time = sample_times(experiment.duration, dt)
     count = time.size
     push = experiment.operator_force(np.append(time, count * dt))  # also at the end of the last tick
@@ -125,7 +125,7 @@ def _drive_point_mass(
 def _drive_device(
     renderer: Renderer, law: CompiledStep | None, experiment: Experiment, scene: Scene, dt: float
 ) -> Recording:
-    """Any device and any effect, by compiled kernels; the renderer by its own, where it has any."""
+    """Run any device with any effect in compiled kernels, and the renderer in its own compiled law where it has one."""
     from hapticeval.compiled import law_value
     from hapticeval.simulation import kernels
 

@@ -137,7 +137,7 @@ def reported_contact(renderer: Renderer) -> float:
 
 
 def _reported_contacts(renderer: Renderer, count: int) -> Array:
-    """Return the same of the `count` answers of its last `run` or `lead`: (count,)."""
+    """Return what a renderer reports of the answers of its last `run` or `lead`, (count,): `reported_contact`."""
     report = np.asarray(getattr(renderer, "contact", None) if abilities_of(renderer).contact else None)
     known = report.dtype == np.bool_ and report.shape == (count,)
     return report.astype(np.float64) if known else np.full(count, np.nan)
@@ -508,7 +508,10 @@ class Closeup:
 
     @classmethod
     def of(cls, renderer: Renderer, recording: Recording, scene: Scene) -> Closeup:
-        """Of the `recording` that `play` made of `renderer` in `scene`, which its copies have in common with it."""
+        """Return the close-up of a `recording` that `play` made of `renderer` in `scene`.
+
+        The renderer's copies have the scene in common with it.
+        """
         dt = float(recording.meta["dt"])
         rows = _Rows(recording.hip, recording.channel("velocity"), np.full(len(recording), dt))
         lead_in = lead_in_path(renderer, recording.hip, scene)
@@ -517,7 +520,7 @@ class Closeup:
         return cls(recording, rows, before, _Original(renderer, dt, shared, len(lead_in)))
 
     def closer(self, first: int, last: int, factor: int, *, lag: int) -> Closeup:
-        """The way from row `first` to row `last` > `first`, each step in `factor` equal ones.
+        """Return a close-up of the path from row `first` to row `last` > `first`, each step in `factor` equal ones.
 
         The hand first rests at row `first`, at the path's own rate, until `lag` + 1 answers are the same: what a
         lagging proxy has to catch up with there belongs to the way before. Row 0 is the last of that rest, and row
