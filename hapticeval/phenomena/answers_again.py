@@ -28,28 +28,28 @@ def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
     assert runs.reverse is not None
     from scipy.spatial import cKDTree
 
-    base, back = runs.base, runs.reverse()
+    base, reversed_run = runs.base, runs.reverse()
     if lacks_ihip(base, scene):
         return without_ihip(base)
     # For each HIP the nearest one of the way back; the sampled points need not be the same.
-    distance, match = map(np.asarray, cKDTree(back.hip).query(base.hip))
-    contact = touching(base, scene) | touching(back, scene)[match]
-    answered = (np.arange(len(base)) < len(base) - LAG_TICKS) & (match < len(back) - LAG_TICKS)
+    distance, match = map(np.asarray, cKDTree(reversed_run.hip).query(base.hip))
+    contact = touching(base, scene) | touching(reversed_run, scene)[match]
+    answered = (np.arange(len(base)) < len(base) - LAG_TICKS) & (match < len(reversed_run) - LAG_TICKS)
     # Within a HIP step, in contact on either path, and with the rows in which a late answer may stand.
     common = np.flatnonzero((distance <= hip_step(base, scene)) & contact & answered)
     if common.size == 0:
         return undecided("no HIP in contact is reached along both paths")
-    apart, other = _closest_answers(base, back, common, match[common])
-    worst = int(np.argmax(apart))
-    metric = Metric(MEMORYLESS.metric, float(apart[worst]), "m")
+    answer_distances, other = _closest_answers(base, reversed_run, common, match[common])
+    worst = int(np.argmax(answer_distances))
+    metric = Metric(MEMORYLESS.metric, float(answer_distances[worst]), "m")
     bound = position_tolerance(base, scene)
-    share = float(np.mean(apart > bound))
+    share = float(np.mean(answer_distances > bound))
     return compared(
         metric,
         bound,
         {
             **evidence_at(base, int(common[worst])),
-            "ihip_other_path": listed(back.ihip[other[worst]]),
+            "ihip_other_path": listed(reversed_run.ihip[other[worst]]),
             "hips_compared": int(common.size),
             "share_apart": share,
         },
@@ -59,7 +59,9 @@ def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _closest_answers(base: Recording, back: Recording, common: IntArray, match: IntArray) -> tuple[Array, IntArray]:
+def _closest_answers(
+    base: Recording, reversed_run: Recording, common: IntArray, match: IntArray
+) -> tuple[Array, IntArray]:
     """Return how far apart the answers to one HIP are on the two paths, (n,), m, and the row of the other's closest.
 
     The answer to a HIP is given in its own row or up to three later, on either path.
@@ -68,7 +70,7 @@ def _closest_answers(base: Recording, back: Recording, common: IntArray, match: 
     # All pairs of a lag on one path and a lag on the other: (n, lags, lags, N).
     first = base.ihip[common[:, np.newaxis, np.newaxis] + late[:, np.newaxis]]
     other = match[:, np.newaxis] + late
-    distance = np.linalg.norm(first - back.ihip[other[:, np.newaxis]], axis=3).reshape(common.size, -1)
+    distance = np.linalg.norm(first - reversed_run.ihip[other[:, np.newaxis]], axis=3).reshape(common.size, -1)
     best = np.argmin(distance, axis=1)
     rows = np.arange(common.size)
     return distance[rows, best], other[rows, best % late.size]
@@ -88,25 +90,25 @@ def judge_reset_clears(runs: Runs, scene: Scene) -> Finding:
             rows, lengths_differ = int(parted[0]), False
     if rows == 0:
         return undecided("the hand of the second run is elsewhere from the start")
-    apart = {name: _apart(base, again, name, rows) for name in ("ihip", "force")}
+    differences = {name: _apart(base, again, name, rows) for name in ("ihip", "force")}
     # To the bit without a declared scatter: a reset that leaves nothing repeats every operation.
-    exceeds = {name: apart[name] > scatter[name] for name in apart}
-    off = exceeds["ihip"] | exceeds["force"]
+    exceeds = {name: differences[name] > scatter[name] for name in differences}
+    differs = exceeds["ihip"] | exceeds["force"]
     named, name, unit = ("IHIP", "ihip", "m") if exceeds["ihip"].any() and not exceeds["force"].any() else FORCE
-    worst = int(np.argmax(apart[name]))
-    metric = Metric(f"{named} after a reset less that before", float(apart[name][worst]), unit)
+    worst = int(np.argmax(differences[name]))
+    metric = Metric(f"{named} after a reset less that before", float(differences[name][worst]), unit)
     ratio = _force_ratio(base.force[:rows], again.force[:rows])
     evidence: dict[str, object] = {
         **evidence_at(base, worst),
-        "ihip_apart_m": float(apart["ihip"].max()),
-        "force_apart_N": float(apart["force"].max()),
+        "ihip_apart_m": float(differences["ihip"].max()),
+        "force_apart_N": float(differences["force"].max()),
         "force_ratio": ratio,
     }
-    if not off.any() and not lengths_differ:
+    if not differs.any() and not lengths_differ:
         how = "as nearly as the renderer declares" if any(scatter.values()) else "to the bit"
         message = f"after a reset the same way gives the same answers, {how}"
         return Finding(Outcome.PASS, message, metric, scatter[name], evidence)
-    evidence["first_tick"] = int(np.argmax(off)) if off.any() else rows
+    evidence["first_tick"] = int(np.argmax(differs)) if differs.any() else rows
     message = (
         f"a reset leaves something behind: the second run is off by up to {metric.value:.3g} {metric.unit}, "
         f"first at tick {evidence['first_tick']}"

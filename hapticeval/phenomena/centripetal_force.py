@@ -244,21 +244,21 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
     frame = scene.model.boundary.closest_point(recording.hip[ticks])
     normal = frame.normal
     turning, speed2 = _normal_turning(frame, recording.velocity[ticks])
-    required, unknown = scene.mass * speed2, np.zeros(len(normal))
+    required, push_doubt = scene.mass * speed2, np.zeros(len(normal))
     if abs(frame.distance[0]) > PLACE_ROUNDING * scene.model.size or not np.all(np.abs(required) > 0.0):
         return None
     outward_force = np.sum(recording.force[ticks] * normal, axis=1)
     if "operator_force" in recording.channels:
         push = recording.channels["operator_force"][ticks]
         outward_force += np.sum(push * normal, axis=1)
-        unknown = HOLD_TICKS * recording.dt * turning * np.linalg.norm(push, axis=1)
+        push_doubt = HOLD_TICKS * recording.dt * turning * np.linalg.norm(push, axis=1)
     # The required force is inward: the value between two samples that the given one comes nearest to.
     nearest = np.clip(-outward_force[:-1], *np.sort([required[:-1], required[1:]], axis=0))
     if not np.all(np.abs(nearest) > 0.0):
         return None
     # 1 - |given| / |required|: 0 where all is given, 1 where nothing is.
     missing = 1.0 + outward_force[:-1] / nearest
-    missing = np.sign(missing) * np.maximum(np.abs(missing) - unknown[:-1] / np.abs(nearest), 0.0)
+    missing = np.sign(missing) * np.maximum(np.abs(missing) - push_doubt[:-1] / np.abs(nearest), 0.0)
     return float(missing[np.argmin(np.abs(missing))])
 
 

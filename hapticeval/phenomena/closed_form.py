@@ -37,8 +37,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     expected = form.motion(scene, base.hip[0], base.velocity[0], time).hip
     travel = float(np.max(np.linalg.norm(expected - expected[0], axis=1)))
     # Both at the base run's samples, (n, N): the extrapolation is to continuous time.
-    apart = np.linalg.norm(hips - expected, axis=1)
-    tick = int(np.argmax(apart))
+    distance_from_form = np.linalg.norm(hips - expected, axis=1)
+    tick = int(np.argmax(distance_from_form))
     # The correction is that of the worst coordinate: over all N of them a length is sqrt(N) times that.
     bound = correction * np.sqrt(hips.shape[1]) + EXTRAPOLATION_ROUNDING * travel
     distance = scene.model.boundary.signed_distance
@@ -58,7 +58,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             for k in np.linspace(0, len(base) - 1, MOMENTS).astype(int)
         ],
     }
-    metric = Metric(CHECK.metric, float(apart[tick]), "m")
+    metric = Metric(CHECK.metric, float(distance_from_form[tick]), "m")
     # Written so that an infinite or undefined bound is undecided, too.
     if not bound <= FORM_TOLERANCE * travel:
         message = f"refinement does not settle the run: it is known to {mm(bound)} only"

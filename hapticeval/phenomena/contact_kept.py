@@ -149,13 +149,13 @@ def _find_trailing_tool(base: Recording, scene: Scene, allowed: Array) -> Findin
 
     `allowed` (n,), m, is how far the IHIP may be from the HIP there.
     """
-    off = np.where(trailing(base, scene), np.linalg.norm(base.hip - base.ihip, axis=1), 0.0)
+    distance = np.where(trailing(base, scene), np.linalg.norm(base.hip - base.ihip, axis=1), 0.0)
     # A late IHIP rests for up to three ticks where the contact was.
-    off[_rests_where_contact_ended(base, scene, allowed)] = 0.0
-    worst = int(np.argmax(off - allowed))
-    if off[worst] <= allowed[worst]:
+    distance[_rests_where_contact_ended(base, scene, allowed)] = 0.0
+    worst = int(np.argmax(distance - allowed))
+    if distance[worst] <= allowed[worst]:
         return None
-    many = int(np.sum(off > allowed))
+    many = int(np.sum(distance > allowed))
     # A tool that the surface still holds is not in free space, though the hand is outside, as behind a plate.
     lies = float(np.abs(scene.model.boundary.signed_distance(base.ihip[worst : worst + 1]))[0])
     dropped = bool(touching(base, scene)[:worst].any()) and lies <= allowed[worst]
@@ -164,8 +164,10 @@ def _find_trailing_tool(base: Recording, scene: Scene, allowed: Array) -> Findin
         if dropped
         else ("the tool trails the hand in free space: no force, and the IHIP")
     )
-    message = f"{what} {mm(off[worst])} away from the HIP at t = {base.time[worst]:.4g} s ({many} of {len(base)} ticks)"
-    metric = Metric("distance of the IHIP from the HIP in free space", float(off[worst]), "m")
+    message = (
+        f"{what} {mm(distance[worst])} away from the HIP at t = {base.time[worst]:.4g} s ({many} of {len(base)} ticks)"
+    )
+    metric = Metric("distance of the IHIP from the HIP in free space", float(distance[worst]), "m")
     evidence = {**evidence_at(base, worst), "kind": "dropped" if dropped else "trails", "trailing_ticks": many}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 

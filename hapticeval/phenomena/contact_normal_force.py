@@ -40,24 +40,24 @@ NEAREST = "minimum-distance"
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Judge the direction first; then, where the run ends in rest under an operator's push, the magnitude."""
     base = runs.base
-    strong = np.flatnonzero(above_force_floor(base, scene))
-    if strong.size == 0:
+    pressed_rows = np.flatnonzero(above_force_floor(base, scene))
+    if pressed_rows.size == 0:
         return undecided("no force above the floor: the tool never presses on the surface")
     if "ihip" not in base.channels:
-        return _without_ihip(base, scene, strong)
-    declared, near = resolution(base, scene), _normal_reach(base, scene)[strong]
+        return _without_ihip(base, scene, pressed_rows)
+    declared, near = resolution(base, scene), _normal_reach(base, scene)[pressed_rows]
     # Around the IHIP every normal within its lag and the declared resolution is a true one.
-    off = scene.model.boundary.normal_cone(base.ihip[strong], near + declared)
-    rounded = _rounding_angle(base, scene, strong)
-    lag = _ihip_lag(base, scene, strong, off, rounded)
-    deviation = _force_deviation(base, scene, strong, off, lag)
+    angle_outside = scene.model.boundary.normal_cone(base.ihip[pressed_rows], near + declared)
+    rounded = _rounding_angle(base, scene, pressed_rows)
+    lag = _ihip_lag(base, scene, pressed_rows, angle_outside, rounded)
+    deviation = _force_deviation(base, scene, pressed_rows, angle_outside, lag)
     # What rounding leaves, and what a lag leaves of a path that bends.
-    allowed = rounded + _bend_angle(base, strong, lag)
+    allowed = rounded + _bend_angle(base, pressed_rows, lag)
     worst = int(np.argmax(deviation - allowed))
     angle, bound = math.degrees(float(deviation[worst])), math.degrees(float(allowed[worst]))
-    tick = int(strong[worst])
-    leans = _error_vector_angles(base, strong, off)
-    evidence: dict[str, object] = {**evidence_at(base, tick), "samples": int(strong.size), **leans}
+    tick = int(pressed_rows[worst])
+    leans = _error_vector_angles(base, pressed_rows, angle_outside)
+    evidence: dict[str, object] = {**evidence_at(base, tick), "samples": int(pressed_rows.size), **leans}
     if lag is not None:
         evidence["lag_ticks"] = lag
     metric = Metric("angle of the force outside the true normals", angle, "deg")
@@ -68,23 +68,25 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         # The part of the force, N, that no normal explains.
         aside = size * math.sin(min(float(deviation[worst]), 0.5 * math.pi))
         # Pulled to the solid: more than a right angle from every outward normal.
-        inwards = not scene.bilateral and float(off(base.force[strong])[worst]) > 0.5 * math.pi
-        does = "pulls inwards," if inwards else "points"
+        inwards = not scene.bilateral and float(angle_outside(base.force[pressed_rows])[worst]) > 0.5 * math.pi
+        direction = "pulls inwards," if inwards else "points"
         late = (
             f" (with the lag of {lag:.3g} ticks that its positions show)"
             if lag is not None and lag >= TELLING_SHARE
             else ""
         )
-        message = f"the force of {size:.3g} N {does} {angle:.3g} degrees ({aside:.2g} N) off {where}{late}"
+        message = f"the force of {size:.3g} N {direction} {angle:.3g} degrees ({aside:.2g} N) off {where}{late}"
         return Finding(Outcome.FAIL, message, metric, bound, evidence)
     granted = ""
     if declared > 0.0:
         # How far the force would be off without the declared resolution: said, though it is granted.
-        bare = _force_deviation(base, scene, strong, scene.model.boundary.normal_cone(base.ihip[strong], near), lag)
-        needs_resolution = bare - (allowed - _resolution_angle(base, scene, strong))
+        deviation_without = _force_deviation(
+            base, scene, pressed_rows, scene.model.boundary.normal_cone(base.ihip[pressed_rows], near), lag
+        )
+        needs_resolution = deviation_without - (allowed - _resolution_angle(base, scene, pressed_rows))
         neediest = int(np.argmax(needs_resolution))
         if needs_resolution[neediest] > 0.0:
-            leaning = math.degrees(float(bare[neediest]))
+            leaning = math.degrees(float(deviation_without[neediest]))
             evidence["angle_by_resolution_deg"] = leaning
             granted = f" (but for up to {leaning:.2g} degrees, which its resolution of {mm(declared)} allows)"
     balance = _static_balance(base, scene)
@@ -113,14 +115,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return Finding(Outcome.PASS, message, metric, bound, evidence)
 
 
-def _without_ihip(recording: Recording, scene: Scene, strong: IntArray) -> Finding:
+def _without_ihip(recording: Recording, scene: Scene, pressed_rows: IntArray) -> Finding:
     """Judge the force of a recording without IHIP against the normal at the model's point nearest to the HIP.
 
     That is where a minimum-distance renderer has its contact point, and others with a memory may have theirs elsewhere:
     of these nothing is decided.
     """
     ihip = recording.hip.copy()
-    ihip[strong] = scene.model.boundary.closest_point(ihip[strong]).foot
+    ihip[pressed_rows] = scene.model.boundary.closest_point(ihip[pressed_rows]).foot
     finding = judge(Runs(replace(recording, channels={**recording.channels, "ihip": ihip})), scene)
     # The evidence names the point that was assumed, and not an IHIP that nobody recorded.
     evidence = {"nearest" if name == "ihip" else name: value for name, value in finding.evidence.items()}
@@ -132,16 +134,18 @@ def _without_ihip(recording: Recording, scene: Scene, strong: IntArray) -> Findi
     return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message, evidence=evidence)
 
 
-def _error_vector_angles(recording: Recording, strong: IntArray, off: Callable[[Array], Array]) -> dict[str, float]:
+def _error_vector_angles(
+    recording: Recording, pressed_rows: IntArray, angle_outside: Callable[[Array], Array]
+) -> dict[str, float]:
     """Return how far the error vector HIP to IHIP leans from the normal, degrees: median and 95th percentile.
 
     Thesis section 5.1 asks that it vanishes at shallow depth.
     """
-    error = (recording.ihip - recording.hip)[strong]
+    error = (recording.ihip - recording.hip)[pressed_rows]
     deep = np.any(error != 0.0, axis=1)
     if not deep.any():
         return {}
-    angles = np.degrees(off(error)[deep])
+    angles = np.degrees(angle_outside(error)[deep])
     return {
         "error_vector_angle_median_deg": float(np.median(angles)),
         "error_vector_angle_95_deg": float(np.percentile(angles, 95)),
@@ -172,110 +176,116 @@ def _normal_reach(recording: Recording, scene: Scene) -> Array:
 
 
 def _force_deviation(
-    recording: Recording, scene: Scene, strong: IntArray, off: Callable[[Array], Array], lag: float | None
+    recording: Recording,
+    scene: Scene,
+    pressed_rows: IntArray,
+    angle_outside: Callable[[Array], Array],
+    lag: float | None,
 ) -> Array:
     """Return the angle (n,), rad, of each force above the floor outside of the true normals around its IHIP.
 
-    `off` measures it. A spring from a late IHIP to the present HIP is tilted by the HIP's travel since: with a `lag`
-    (ticks) the spring to the HIP that the IHIP answers is measured.
+    `angle_outside` measures it. A spring from a late IHIP to the present HIP is tilted by the HIP's travel since: with
+    a `lag` (ticks) the spring to the HIP that the IHIP answers is measured.
     """
-    force = recording.force[strong]
+    force = recording.force[pressed_rows]
     if lag is not None:
-        depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
+        depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[pressed_rows]
         strength = np.linalg.norm(force, axis=1)
         # k = |F| / |e|: the apparent stiffness of each row, as the spring is linear in the error.
         stiffness = np.divide(strength, depth, out=np.zeros_like(depth), where=depth > 0.0)[:, np.newaxis]
         # F = k (IHIP - HIP) drawn to the HIP of the lag: F + k (HIP_now - HIP_then)
-        force = force + stiffness * (recording.hip[strong] - _answered_hips(recording, strong, lag))
-    return _angles(force, scene, off)
+        force = force + stiffness * (recording.hip[pressed_rows] - _answered_hips(recording, pressed_rows, lag))
+    return _angles(force, scene, angle_outside)
 
 
-def _angles(vectors: Array, scene: Scene, off: Callable[[Array], Array]) -> Array:
-    """Return the angles (n,), rad, that `off` measures of vectors (n, N); up to sign on a bilateral constraint."""
-    return np.minimum(off(vectors), off(-vectors)) if scene.bilateral else off(vectors)
+def _angles(vectors: Array, scene: Scene, angle_outside: Callable[[Array], Array]) -> Array:
+    """Return what `angle_outside` measures of vectors (n, N): (n,), rad, up to sign on a bilateral constraint."""
+    return np.minimum(angle_outside(vectors), angle_outside(-vectors)) if scene.bilateral else angle_outside(vectors)
 
 
-def _answered_hips(recording: Recording, strong: IntArray, lag: float) -> Array:
+def _answered_hips(recording: Recording, pressed_rows: IntArray, lag: float) -> Array:
     """Return the HIPs (n, N), m, that the IHIPs answer: of `lag` ticks before, and those that it has rested."""
-    return delayed(recording.hip, strong - resting_ticks(recording.ihip)[strong], lag)
+    return delayed(recording.hip, pressed_rows - resting_ticks(recording.ihip)[pressed_rows], lag)
 
 
 def _ihip_lag(
-    recording: Recording, scene: Scene, strong: IntArray, off: Callable[[Array], Array], rounded: Array
+    recording: Recording, scene: Scene, pressed_rows: IntArray, angle_outside: Callable[[Array], Array], rounded: Array
 ) -> float | None:
     """Return the one lag of the run's IHIPs, ticks, where forces ask for one; None where none does.
 
     A tangential force beside an IHIP that is not late asks for none.
     """
-    depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
+    depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[pressed_rows]
     asks = np.flatnonzero(
-        (_force_deviation(recording, scene, strong, off, None) > rounded) & (depth > force_depth(scene))
+        (_force_deviation(recording, scene, pressed_rows, angle_outside, None) > rounded) & (depth > force_depth(scene))
     )
     # The error vector itself leans where a lag is behind it; a force that leans alone has another cause.
-    present = _angles(recording.ihip[strong] - recording.hip[strong], scene, off)
+    present = _angles(recording.ihip[pressed_rows] - recording.hip[pressed_rows], scene, angle_outside)
     return find_lag(recording, scene).ihip if np.any(present[asks] > rounded[asks]) else None
 
 
-def _bend_angle(recording: Recording, strong: IntArray, lag: float | None) -> Array:
+def _bend_angle(recording: Recording, pressed_rows: IntArray, lag: float | None) -> Array:
     """Return the angle (n,), rad, that a path which bends between ticks leaves in forces that are `lag` ticks late.
 
     A way of acceleration a is off its chord by a h^2 / 8 at the most, an eighth of the second difference of its rows:
     so far beside may the HIP have been that the spring was drawn to.
     """
     if lag is None or lag == 0.0:
-        return np.zeros(strong.size)
+        return np.zeros(pressed_rows.size)
     bends = np.zeros(len(recording))
     # a h^2 / 8, the sagitta of a parabola over a tick
     bends[1:-1] = np.linalg.norm(np.diff(recording.hip, n=2, axis=0), axis=1) / 8.0
-    largest_bend = np.max([bends[np.maximum(strong - back, 0)] for back in range(LAG_TICKS + 1)], axis=0)
-    return _tilt_angle(recording, strong, largest_bend)
+    largest_bend = np.max(
+        [bends[np.maximum(pressed_rows - ticks_back, 0)] for ticks_back in range(LAG_TICKS + 1)], axis=0
+    )
+    return _tilt_angle(recording, pressed_rows, largest_bend)
 
 
-def _tilt_angle(recording: Recording, strong: IntArray, aside: Array | float) -> Array:
+def _tilt_angle(recording: Recording, pressed_rows: IntArray, aside: Array | float) -> Array:
     """Return the angle (n,), rad, by which a spring tilts whose end lies `aside` by m; 0 where a force has no depth."""
-    depth = _least_depth(recording, strong)
+    depth = _least_depth(recording, pressed_rows)
     return np.asarray(np.arcsin(np.minimum(np.divide(aside, depth, out=np.zeros_like(depth), where=depth > 0.0), 1.0)))
 
 
-def _least_depth(recording: Recording, strong: IntArray) -> Array:
+def _least_depth(recording: Recording, pressed_rows: IntArray) -> Array:
     """Return the least depth (n,), m, of the three ticks that a force may be late; 0 where it has none in any."""
     depths = np.linalg.norm(recording.hip - recording.ihip, axis=1)
     # A row without a depth does not bound it.
     depths[depths == 0.0] = np.inf
-    depth = np.min([depths[np.maximum(strong - lag, 0)] for lag in range(LAG_TICKS + 1)], axis=0)
+    depth = np.min([depths[np.maximum(pressed_rows - lag, 0)] for lag in range(LAG_TICKS + 1)], axis=0)
     depth[np.isinf(depth)] = 0.0
     return np.asarray(depth)
 
 
-def _resolution_angle(recording: Recording, scene: Scene, strong: IntArray) -> Array:
+def _resolution_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) -> Array:
     """Return the angle (n,), rad, by which a spring tilts to a point that the declared resolution puts beside.
 
     At most a HIP step beside: what is coarser are facets, in whose contact a spring is normal to the facet, and that is
     a normal within the resolution.
     """
-    return _tilt_angle(recording, strong, min(resolution(recording, scene), hip_step(recording, scene)))
+    return _tilt_angle(recording, pressed_rows, min(resolution(recording, scene), hip_step(recording, scene)))
 
 
-def _rounding_angle(recording: Recording, scene: Scene, strong: IntArray) -> Array:
+def _rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) -> Array:
     """Return the angle (n,), rad, that the rounding of numbers and the declared resolution leave in each force.
 
     Two positions in single precision, of the model's size, are subtracted to give a vector as long as the depth; a
     force that is there without a depth was not built so, and has the rounding of its own components only. Each
     component of a force that a log gives in steps of q is off by up to q / 2.
     """
-    depth = _least_depth(recording, strong)
+    depth = _least_depth(recording, pressed_rows)
     stretch = np.divide(scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
     # Rounding of two positions over their difference: SINGLE size / depth.
     angle = (
         ANGLE_ROUNDING
         + SINGLE_ROUNDINGS * SINGLE * np.maximum(stretch, 1.0)
-        + _resolution_angle(recording, scene, strong)
+        + _resolution_angle(recording, scene, pressed_rows)
     )
     if recording.meta.get("source") not in SIMULATED:
-        force = recording.force[strong]
+        force = recording.force[pressed_rows]
         # Half a step of quantisation in every component.
-        off = 0.5 * float(np.linalg.norm([quantization_step(column) for column in recording.force.T]))
-        angle += np.arcsin(np.minimum(off / np.linalg.norm(force, axis=1), 1.0))
+        half_step = 0.5 * float(np.linalg.norm([quantization_step(column) for column in recording.force.T]))
+        angle += np.arcsin(np.minimum(half_step / np.linalg.norm(force, axis=1), 1.0))
     return np.asarray(angle)
 
 

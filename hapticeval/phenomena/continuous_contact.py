@@ -67,10 +67,10 @@ def amplification(recording: Recording, scene: Scene) -> float:
     contact = touching(recording, scene) & ~lingering(recording, scene)
     steps = hip_steps(recording)
     # Steps next to nothing divide rounding by rounding.
-    both = contact[1:] & contact[:-1] & (steps > STILL_STEP_SHARE * np.max(steps, initial=0.0))
-    if not both.any():
+    judged = contact[1:] & contact[:-1] & (steps > STILL_STEP_SHARE * np.max(steps, initial=0.0))
+    if not judged.any():
         return 0.0
-    return float(np.max(np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)[both] / steps[both]))
+    return float(np.max(np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)[judged] / steps[judged]))
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -136,12 +136,12 @@ def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
     distance = np.zeros(len(base))
     distance[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
     worst = int(np.argmax(distance - allowed))
-    off = float(distance[worst])
-    if off <= allowed[worst]:
+    largest_distance = float(distance[worst])
+    if largest_distance <= allowed[worst]:
         return None
-    message = f"the IHIP in contact lies {mm(off)} off the surface at t = {base.time[worst]:.4g} s"
-    metric = Metric("distance of the IHIP in contact from the surface", off, "m")
-    evidence = {**evidence_at(base, worst), "off_surface_m": off}
+    message = f"the IHIP in contact lies {mm(largest_distance)} off the surface at t = {base.time[worst]:.4g} s"
+    metric = Metric("distance of the IHIP in contact from the surface", largest_distance, "m")
+    evidence = {**evidence_at(base, worst), "off_surface_m": largest_distance}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
@@ -181,15 +181,15 @@ def _judge_refined(
     base: Recording, refine: Callable[[int], Recording], scene: Scene, tick: int | None = None
 ) -> Finding:
     """Refine the whole run until its worst jump is within the bound, or is seen to stay; `tick` is where to look."""
-    off = standoff(base, scene)
-    jump, worst = worst_step(base, scene, step_bounds(base, scene, LAG_TICKS, off))
+    surface_gap = standoff(base, scene)
+    jump, worst = worst_step(base, scene, step_bounds(base, scene, LAG_TICKS, surface_gap))
     tick = worst if tick is None else tick
     evidence = _jump_evidence(base, scene, tick)
     jumps = [jump]
     slope = bound = math.nan
     for factor in REFINEMENTS[1:]:
         fine = refine(factor)
-        bounds = step_bounds(fine, scene, LAG_TICKS, off)
+        bounds = step_bounds(fine, scene, LAG_TICKS, surface_gap)
         jump, worst = worst_step(fine, scene, bounds)
         jumps.append(jump)
         evidence |= {"jumps_m": jumps, "refinements": list(REFINEMENTS[: len(jumps)])}
@@ -204,18 +204,18 @@ def _judge_refined(
             break
     evidence["slope"] = slope
     # A jump that stays is the finest one; of what shrinks only the limit is left.
-    left = jumps[-1] if slope < JUMP_SLOPE or jumps[-1] <= bound else _limit_of_jumps(jumps)
-    metric = Metric(CHECK.metric, left, "m")
-    where = f"{mm(left)} at t = {base.time[tick]:.4g} s"
-    if left > bound:
-        message = _pop_through_message(base, left, where, evidence)
+    remaining = jumps[-1] if slope < JUMP_SLOPE or jumps[-1] <= bound else _limit_of_jumps(jumps)
+    metric = Metric(CHECK.metric, remaining, "m")
+    where = f"{mm(remaining)} at t = {base.time[tick]:.4g} s"
+    if remaining > bound:
+        message = _pop_through_message(base, remaining, where, evidence)
         # Between the two slopes a steep map and a jump beside one look alike.
         if slope < JUMP_SLOPE or slope > SHRINKING_SLOPE:
             return Finding(Outcome.FAIL, message, metric, bound, evidence)
         message = f"steep: the IHIP moves {where} in one step, and refinement does not settle it"
         return undecided(message, metric, bound, evidence)
-    if slope < JUMP_SLOPE and left > bound - off:
-        message = f"a jump of {where} stays, within the declared standoff of {mm(off)}"
+    if slope < JUMP_SLOPE and remaining > bound - surface_gap:
+        message = f"a jump of {where} stays, within the declared standoff of {mm(surface_gap)}"
     elif jumps[-1] > bound:
         message = (
             f"continuous while in contact, but steep: refinement takes the largest IHIP step down to {mm(jumps[-1])}"
@@ -237,8 +237,10 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
     if rows.stop > len(fine):
         return None
     # In closed loop the finer run may have gone another way: then it shows nothing of this step.
-    apart = np.linalg.norm(fine.hip[factor * (tick - 1) : rows.stop : factor] - base.hip[tick - 1 : tick + 1], axis=1)
-    if apart.max() > allowed:
+    hand_distance = np.linalg.norm(
+        fine.hip[factor * (tick - 1) : rows.stop : factor] - base.hip[tick - 1 : tick + 1], axis=1
+    )
+    if hand_distance.max() > allowed:
         return None
     jump = _ihip_step_to(base, tick)
     if jump > allowed and lets_go(fine, rows, allowed, scene) is not None:
@@ -256,11 +258,11 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
 def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scene, pieces: Boundary | None) -> Finding:
     """Look at each place where the IHIP moves far in finer steps, and at the whole run only where a jump stays."""
     base = look.recording
-    off = standoff(base, scene)
-    bounds = step_bounds(base, scene, HALF_LAG_STEPS, off)
+    surface_gap = standoff(base, scene)
+    bounds = step_bounds(base, scene, HALF_LAG_STEPS, surface_gap)
     if pieces is not None:
         bounds = _with_steps_of_pieces(base, scene, bounds, pieces)
-    place = look_closer(look, scene, bounds=bounds, standoff=off)
+    place = look_closer(look, scene, bounds=bounds, standoff=surface_gap)
     if place is None:
         steps = contact_steps(base, scene)
         jump, tick = worst_step(base, scene, bounds)
@@ -270,8 +272,8 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
             message = (
                 f"continuous while in contact, but steep: the IHIP moves {moved} in one step; finer ones shrink it"
             )
-        elif jump > bound - off:
-            message = f"a step of {mm(jump)} is within the declared standoff of {mm(off)}"
+        elif jump > bound - surface_gap:
+            message = f"a step of {mm(jump)} is within the declared standoff of {mm(surface_gap)}"
         else:
             message = _continuous_message(base, scene, float(steps.max()))
         longest = int(np.argmax(np.where(steps <= bounds, steps, -1.0)))

@@ -34,23 +34,23 @@ def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:
     crossings = find_crossings(base, scene, convex=True)
     if not crossings:
         return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face past a convex corner into free space")
-    strong = above_force_floor(base, scene)
-    findings = [_judge_convex_corner(base, scene, crossing, strong) for crossing in crossings]
+    pushes = above_force_floor(base, scene)
+    findings = [_judge_convex_corner(base, scene, crossing, pushes) for crossing in crossings]
     judged = worst_finding([finding for finding in findings if finding is not None])
-    if judged is None and all(strong[crossing.first : crossing.crossed].any() for crossing in crossings):
+    if judged is None and all(pushes[crossing.first : crossing.crossed].any() for crossing in crossings):
         message = "the tool is on another face while the hand goes under one past its convex corner"
         return Finding(Outcome.NOT_APPLICABLE, message)
     return judged or undecided("no force is felt under a face before its convex corner")
 
 
-def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray) -> Finding | None:
+def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: BoolArray) -> Finding | None:
     """Judge one convex corner; None where the tool does not press before it on the face that the hand is under."""
     along, under = crossing.along, crossing.under
     crossed, end = crossing.crossed, crossing.end
     # Along n_pre: within a share of the angle that the corner turns by.
-    first_face = strong & (angle_between(base.force, crossing.normal_pre) <= FACE_TURN_SHARE * crossing.turn)
+    first_face = pushes & (angle_between(base.force, crossing.normal_pre) <= FACE_TURN_SHARE * crossing.turn)
     # A tool that another part of the solid bars from the hand, or a late one, comes to this face when it does.
-    pressed = np.flatnonzero((strong & crossing.tool)[crossing.first : crossed])
+    pressed = np.flatnonzero((pushes & crossing.tool)[crossing.first : crossed])
     if pressed.size == 0:
         return None
     # A tool that is struck is given its impulse at once, and what it presses with from then on may begin at nothing.
@@ -60,7 +60,7 @@ def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, stro
     # The force that is usual on the first face, N.
     usual = float(np.median(strength[first:crossed][crossing.tool[first:crossed]]))
     # A hand that is no deeper than the floor of forces presses by less than that: it may rest on the face.
-    rests = ~strong & (under <= force_depth(scene))
+    rests = ~pushes & (under <= force_depth(scene))
     # What a rigid corner gives up to its place: n_pre, with the tool on that face.
     holding = ((first_face | rests) & crossing.tool)[first:crossed]
     # A spring's force goes with the depth, and a rigid contact's with what the hand does: only at one depth is it held.
@@ -70,7 +70,7 @@ def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, stro
     early_ticks = first + np.flatnonzero(~holding)
     # `along` is negative before the corner: the distance from it at which n_pre is lost.
     early = -float(along[early_ticks[0]]) if early_ticks.size else 0.0
-    after = strong[crossed:end]
+    after = pushes[crossed:end]
     # A force that is only late is gone after a few ticks; up to there it remains wrongly, too.
     ticks_to_zero = int(np.argmax(~after)) if not after.all() else after.size
     # Past the corner no force may remain, and none may come back from the face that was left.
@@ -82,7 +82,7 @@ def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, stro
     fails = f"a force remains up to {mm(late)} past the corner"
     if too_early:
         before = f"{mm(early)} before the corner"
-        if not strong[tick]:
+        if not pushes[tick]:
             fails = f"the force is lost {before}"
         elif not crossing.tool[tick]:
             fails = f"the force leaves n_pre {before}: another face pushes"
@@ -114,16 +114,16 @@ def judge_abrupt_switch(runs: Runs, scene: Scene) -> Finding:
     crossings = find_crossings(base, scene, convex=False)
     if not crossings:
         return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face into a concave corner, and out again")
-    strong = above_force_floor(base, scene)
-    findings = [_judge_concave_corner(base, scene, crossing, strong) for crossing in crossings]
+    pushes = above_force_floor(base, scene)
+    findings = [_judge_concave_corner(base, scene, crossing, pushes) for crossing in crossings]
     return worst_finding([finding for finding in findings if finding is not None]) or undecided(
         "the force does not go from the first face's normal to the second's"
     )
 
 
-def _judge_concave_corner(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray) -> Finding | None:
+def _judge_concave_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: BoolArray) -> Finding | None:
     """Judge one concave corner; None where the force does not go from the first face's normal to the second's."""
-    pressed = crossing.first + np.flatnonzero(strong[crossing.first : crossing.end])
+    pressed = crossing.first + np.flatnonzero(pushes[crossing.first : crossing.end])
     if pressed.size == 0:
         return None
     on_pre, on_post = (
@@ -139,25 +139,25 @@ def _judge_concave_corner(base: Recording, scene: Scene, crossing: Crossing, str
     leaves = begin + int(np.argmin(on_pre[begin:]))
     if leaves > last:
         return None
-    left = int(pressed[leaves - 1])
+    left_tick = int(pressed[leaves - 1])
     # Backwards from the last tick on n_post to the first of that run.
     reached = int(pressed[last - int(np.argmin(on_post[last::-1])) + 1])
     # A rigid tool may strike both faces by turns: as long as it is at one place that is one switch.
     within = position_tolerance(base, scene)
-    left = _last_tick_within(base, pressed[on_pre & (pressed < reached)], left, within)
-    reached = _last_tick_within(base, pressed[on_post & (pressed > left)][::-1], reached, within)
-    takes = float(base.time[reached] - base.time[left])
-    travel = float(np.sum(crossing.steps[left:reached]))
+    left_tick = _last_tick_within(base, pressed[on_pre & (pressed < reached)], left_tick, within)
+    reached = _last_tick_within(base, pressed[on_post & (pressed > left_tick)][::-1], reached, within)
+    takes = float(base.time[reached] - base.time[left_tick])
+    travel = float(np.sum(crossing.steps[left_tick:reached]))
     # The usual depth before the switch: travel is told in units of it, and no less than a step.
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
-    depth = max(float(np.median(depths[pressed[pressed <= left]])), hip_step(base, scene))
+    depth = max(float(np.median(depths[pressed[pressed <= left_tick]])), hip_step(base, scene))
     return compared(
         Metric(ABRUPT_SWITCH.metric, travel / depth, "depths"),
         position_tolerance(base, scene) / depth,
         {
             **evidence_at(base, reached),
             "corner": listed(crossing.place),
-            "switch_starts_s": float(base.time[left]),
+            "switch_starts_s": float(base.time[left_tick]),
             "switch_takes_s": takes,
             "travel_m": travel,
             "depth_m": depth,

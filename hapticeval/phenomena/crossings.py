@@ -136,10 +136,10 @@ def _cross_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterato
                 continue
             if _comes_from_outside(recording, boundary, first, under, pre, slack):
                 turn, steps = abs(corner.turn), hip_steps(recording)
-                off = _distance_to_face(recording, scene, corner, heading)
-                tool = off <= position_tolerance(recording, scene) + resolution(recording, scene)
+                face_distance = _distance_to_face(recording, scene, corner, heading)
+                tool = face_distance <= position_tolerance(recording, scene) + resolution(recording, scene)
                 if corner.convex and tool[first:crossed].any():
-                    nearer = off <= _distance_to_face(recording, scene, corner, -heading)
+                    nearer = face_distance <= _distance_to_face(recording, scene, corner, -heading)
                     if not (tool & nearer)[first:crossed].any():
                         continue  # beside the corner, and all the time on the other face
                 yield Crossing(corner.position, pre, post, turn, first, crossed, end, along, under, steps, tool)
@@ -202,10 +202,10 @@ def _cross_convex_edges(recording: Recording, mesh: Mesh, slack: float) -> Itera
         under = (tools[first] - recording.hip) @ pre
         # The hand, drawn up into the plane of the face it was under: where it leaves that face.
         feet = recording.hip[crossed - 1 : crossed + 1] + under[crossed - 1 : crossed + 1, np.newaxis] * pre
-        left = _leave_face(mesh, face, pre, *feet) if under[crossed] > slack else None
-        if left is None:
+        leaving = _leave_face(mesh, face, pre, *feet) if under[crossed] > slack else None
+        if leaving is None:
             continue
-        place, ahead, post = left
+        place, ahead, post = leaving
         along = (recording.hip - place) @ ahead
         # Past the edge and out of the solid, as in the plane.
         free = (along > 0.0) & (faces == IN_FREE_SPACE)

@@ -29,7 +29,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     ]
     if not lap_runs:
         return undecided("the hand never goes round a closed loop three times in contact")
-    largest_excess, off, worst, number = -1.0, -1.0, 0, 0
+    largest_excess, largest_change, worst, number = -1.0, -1.0, 0, 0
     for first, period, count in lap_runs:
         # (laps - 1, period, N), from the second lap on; forces as lengths, by the stiffness.
         rows = slice(first + period, first + count * period)
@@ -37,25 +37,25 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             channel[rows].reshape(count - 1, period, -1)
             for channel in (base.hip, base.ihip, base.force / scene.stiffness)
         )
-        apart, *answers = (np.linalg.norm(channel - channel[0], axis=2) for channel in (hip, ihip, force))
+        hand_changes, *answers = (np.linalg.norm(channel - channel[0], axis=2) for channel in (hip, ihip, force))
         changed = np.maximum(*answers)
         # Points are the same within `SAME_POINT` only: what that may change of a steep answer is no drift.
-        excess = np.maximum(changed - STEEP_FACTOR * apart, 0.0)
+        excess = np.maximum(changed - STEEP_FACTOR * hand_changes, 0.0)
         # Without any drift the tick with the largest change is shown.
         row = int(np.argmax(np.where(excess.max() > 0.0, excess, changed)))
         excess_and_change = float(excess.flat[row]), float(changed.flat[row])
-        if excess_and_change > (largest_excess, off):
-            (largest_excess, off), worst, number = excess_and_change, first + period + row, count
+        if excess_and_change > (largest_excess, largest_change):
+            (largest_excess, largest_change), worst, number = excess_and_change, first + period + row, count
     # Digits of the model's size that the answers keep, 16 at the most.
-    digits = -math.log10(max(off / size, EPS))
+    digits = -math.log10(max(largest_change / size, EPS))
     ticks = sum(period * count for _, period, count in lap_runs)
-    evidence = {**evidence_at(base, worst), "digits": digits, "off_m": off, "laps": number, "ticks": ticks}
+    evidence = {**evidence_at(base, worst), "digits": digits, "off_m": largest_change, "laps": number, "ticks": ticks}
     return compared(
         Metric(CHECK.metric, largest_excess / size, CHECK.unit),
         ANSWER_CHANGE,
         evidence,
         passes=f"after {number} laps the answers are those of the second, to {math.floor(digits)} digits",
-        fails=f"the answers drift: in {number} laps over the same points by up to {mm(off)}",
+        fails=f"the answers drift: in {number} laps over the same points by up to {mm(largest_change)}",
     )
 
 

@@ -121,9 +121,9 @@ def _misfit(measured: Measured, base: Recording) -> tuple[float, bool, float, fl
     """Rank how ill a law fits: beyond the declared range, with nothing clear, in more ticks, by a larger excess."""
     coarse = float(measured.beyond(declared_range(base) or UNDECLARED_RANGE, measured.allowed_in_lag).max(initial=0.0))
     clear = measured.rows(measured.allowed <= TELLING_SHARE)
-    off = clear.excess > 0.0
-    fine = float(off.mean()) if off.size else 0.0, float(clear.excess.max(initial=0.0))
-    return max(coarse, 0.0), not off.size, *fine
+    deviates = clear.excess > 0.0
+    fine = float(deviates.mean()) if deviates.size else 0.0, float(clear.excess.max(initial=0.0))
+    return max(coarse, 0.0), not deviates.size, *fine
 
 
 def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measured:
@@ -182,8 +182,8 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
         bending = scene.mass * _curvature_acceleration(base, scene, velocity, now)
     coarse = _force_coarseness(base, size)
     # What rounding leaves open of the difference of HIP and IHIP, m.
-    apart = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
-    other_force = bending + coarse + scene.stiffness * apart
+    position_rounding = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
+    other_force = bending + coarse + scene.stiffness * position_rounding
     with np.errstate(divide="ignore"):
         allowed, allowed_in_lag = (
             (scene.damping * rate + other_force) / (scene.stiffness * depth)
@@ -387,16 +387,18 @@ def _failed_finding(
     return Finding(Outcome.FAIL, message, Metric(CHECK.metric, abs(share - 1.0), ""), bound, evidence | numbers)
 
 
-def _describe_pattern(base: Recording, scene: Scene, measured: Measured, off: BoolArray) -> tuple[str, dict[str, Any]]:
+def _describe_pattern(
+    base: Recording, scene: Scene, measured: Measured, deviates: BoolArray
+) -> tuple[str, dict[str, Any]]:
     """Return what the deviations go with, in words, and the numbers that show it."""
-    ticks, numbers = measured.ticks[off], {"share_off": float(off.mean())}
-    if measured.begins[off].all():
+    ticks, numbers = measured.ticks[deviates], {"share_off": float(deviates.mean())}
+    if measured.begins[deviates].all():
         largest = float(np.linalg.norm(base.force[ticks], axis=1).max())
         return f"a kick where the contact begins or ends: up to {largest:.3g} N", numbers | {"kicks": ticks.size}
     inner = measured.rows(~measured.begins)
-    off = off[~measured.begins]
+    deviates = deviates[~measured.begins]
     # The plainest cause first: a missing force, then what goes with direction, depth, time or place.
-    quiet = _describe_missing_force(base, scene, inner, off)
+    quiet = _describe_missing_force(base, scene, inner, deviates)
     if quiet is not None:
         return quiet, numbers
     middle = float(np.median(inner.ratio))
@@ -407,8 +409,8 @@ def _describe_pattern(base: Recording, scene: Scene, measured: Measured, off: Bo
         explained = _explain_by_causes(base, inner, FINE_GROUPS)[1]
     # Rounded, so that of causes that explain alike the first counts.
     cause = max(explained, key=lambda name: round(explained[name], 2))
-    if off.mean() <= SPIKE_SHARE and (uniform or explained[cause] < CAUSE_SHARE):
-        return _describe_rare(base, inner.ticks[off]), numbers | {"spikes": ticks.size}
+    if deviates.mean() <= SPIKE_SHARE and (uniform or explained[cause] < CAUSE_SHARE):
+        return _describe_rare(base, inner.ticks[deviates]), numbers | {"spikes": ticks.size}
     numbers |= {f"share_{key}": share for key, share in medians.items()}
     if uniform:
         percent = abs(1e2 * (middle - 1.0))
@@ -420,14 +422,15 @@ def _describe_pattern(base: Recording, scene: Scene, measured: Measured, off: Bo
         return f"{along_path} ({_describe_extremes(base, inner)})", numbers
     if cause == "place":
         return f"it depends on the place ({_describe_extremes(base, inner)})", numbers
-    one, two, verb = {
+    first_side, second_side, verb = {
         "direction": ("inwards", "outwards", "depends on the"),
         "depth": ("shallow", "deep", "depends on the"),
         "time": ("first", "last", "drifts with"),
     }[cause]
-    first, second = medians[one], medians[two]
+    first, second = medians[first_side], medians[second_side]
     return (
-        f"it {verb} {cause} ({first:.3g} of the scene's stiffness {SIDES[one]}, {second:.3g} {SIDES[two]})",
+        f"it {verb} {cause} ({first:.3g} of the scene's stiffness {SIDES[first_side]}, {second:.3g} "
+        f"{SIDES[second_side]})",
         numbers,
     )
 
@@ -475,10 +478,10 @@ def _explain_by_causes(base: Recording, measured: Measured, count: int) -> tuple
     return medians, explained
 
 
-def _describe_missing_force(base: Recording, scene: Scene, measured: Measured, off: BoolArray) -> str | None:
+def _describe_missing_force(base: Recording, scene: Scene, measured: Measured, deviates: BoolArray) -> str | None:
     """Return words for a force that is missing: up to a depth, or for stretches of time; None where it is there."""
     silent = ~above_force_floor(base, scene)[measured.ticks]
-    if not (silent & off).any():
+    if not (silent & deviates).any():
         return None
     depths = measured.depth
     if "ihip" in base.channels and base.apart.any():
@@ -488,23 +491,23 @@ def _describe_missing_force(base: Recording, scene: Scene, measured: Measured, o
     if depth <= float(depths[~silent].min(initial=np.inf)):
         gives = f"{scene.stiffness * depth:.3g} N"
         return f"a dead band: no force up to a depth of {mm(depth)}, where the spring gives {gives}"
-    if np.mean(silent[off]) < CAUSE_SHARE:
+    if np.mean(silent[deviates]) < CAUSE_SHARE:
         return None
     ticks = measured.ticks[silent]
-    longest, more = _longest_run(ticks)
-    return f"no force {_describe_stretch(base, longest)}{more}"
+    longest, others_note = _longest_run(ticks)
+    return f"no force {_describe_stretch(base, longest)}{others_note}"
 
 
 def _describe_rare(base: Recording, ticks: IntArray) -> str:
     """Return words for few ticks that are off: spikes, where none lasts for longer than a lag, else a stretch."""
-    longest, more = _longest_run(ticks)
+    longest, others_note = _longest_run(ticks)
     if longest.size > LAG_TICKS:
-        return f"off {_describe_stretch(base, longest)}{more}"
+        return f"off {_describe_stretch(base, longest)}{others_note}"
     gaps = np.diff(ticks)
     # Every so many ticks: the gaps differ by a tenth of their mean at the most.
     regular = gaps.size > 1 and gaps.mean() > 1.0 and np.ptp(gaps) <= TELLING_SHARE * gaps.mean()
-    every = f", every {round(gaps.mean())} ticks" if regular else ""
-    return f"spikes: {ticks.size} tick{'s' if ticks.size > 1 else ''} off{every}"
+    period = f", every {round(gaps.mean())} ticks" if regular else ""
+    return f"spikes: {ticks.size} tick{'s' if ticks.size > 1 else ''} off{period}"
 
 
 def _longest_run(ticks: IntArray) -> tuple[IntArray, str]:

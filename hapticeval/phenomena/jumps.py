@@ -221,8 +221,8 @@ def _look_into_stretches(
             # Begun early enough for a late proxy to have the state that it had.
             begin = max(first - 1 - LAG_TICKS, 0)
             closer = look.closer(begin, last, factor, lag=LAG_TICKS)
-            off = standoff + rounded
-            if _leads_the_same_way(recording, closer.recording, scene, steps > bounds, (first, last, begin), off):
+            tolerance = standoff + rounded
+            if _leads_the_same_way(recording, closer.recording, scene, steps > bounds, (first, last, begin), tolerance):
                 # The row of the coarse look that ends the step in which each fine row lies.
                 rows = begin - (-np.arange(len(closer.recording)) // factor)
                 within = bounds[np.minimum(rows, last)]
@@ -300,15 +300,15 @@ def _leads_the_same_way(
     scene: Scene,
     above: BoolArray,
     part: tuple[int, int, int],
-    off: float,
+    tolerance: float,
 ) -> bool:
     """Return whether the finer steps lead, in contact, by where the coarse ones went, and so stand for them.
 
     They have to pass by both ends of each step `above` its bound (n,),
 
     - at most as much earlier as the lag that is granted;
-    - as close as a step of the hand, what the tool may lie `off`, m, and their own length: a tool with a memory may
-      meet an edge by a step later.
+    - as close as a step of the hand, what the tool may lie off (the `tolerance`, m), and their own length: a tool with
+      a memory may meet an edge by a step later.
 
     A way without two samples in contact in a row has no step at all, and stands for none.
     """
@@ -316,7 +316,7 @@ def _leads_the_same_way(
     # The closer look has `factor` rows a step, and the granted lag behind.
     factor = (len(fine) - 1 - LAG_TICKS) // (last - begin)
     hip_step = float(np.max(np.linalg.norm(np.diff(coarse.hip[begin : last + 1], axis=0), axis=1)))
-    depth = LAG_TICKS * hip_step + off
+    depth = LAG_TICKS * hip_step + tolerance
     if touching(coarse, scene)[begin : last + 1].all() and lets_go(fine, slice(None), depth, scene) is not None:
         return False
     contact = touching(fine, scene)
@@ -325,7 +325,7 @@ def _leads_the_same_way(
     lengths = contact_steps(fine, scene)
     rows = first + np.flatnonzero(above[first : last + 1])
     ihips = for_kernels(coarse.ihip), for_kernels(fine.ihip)
-    return _passes_by(*ihips, for_kernels(contact), lengths, rows, begin, factor, hip_step + off)
+    return _passes_by(*ihips, for_kernels(contact), lengths, rows, begin, factor, hip_step + tolerance)
 
 
 @borrowing
@@ -346,15 +346,15 @@ def _passes_by(
         for k in range(start, end):
             longest = max(longest, lengths[k])
         for at in range(row - 1, row + 1):
-            off = math.inf
+            nearest = math.inf
             for k in range(start, end):
                 if contact[k]:
                     # |fine - coarse|, the least over these rows
                     distance_squared = 0.0
                     for i in range(fine.shape[1]):
                         distance_squared += (fine[k, i] - coarse[at, i]) * (fine[k, i] - coarse[at, i])
-                    off = min(off, math.sqrt(distance_squared))
-            if off > allowed + longest:
+                    nearest = min(nearest, math.sqrt(distance_squared))
+            if nearest > allowed + longest:
                 return False
     return True
 

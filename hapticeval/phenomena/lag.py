@@ -56,12 +56,12 @@ def _find_lag(recording: Recording, scene: Scene) -> Lag:
     return Lag(_find_ihip_lag(recording, scene), force_hip, force_ihip)
 
 
-def delayed(values: Array, rows: IntArray, back: float = 0.0) -> Array:
-    """Return `values` (n, N), as m or N, `back` ticks before `rows` (k,): between two of them on the straight way.
+def delayed(values: Array, rows: IntArray, ticks_before: float = 0.0) -> Array:
+    """Return `values` (n, N), as m or N, so many `ticks_before` each of `rows` (k,): between two on the straight way.
 
     Rows before the first are the first, and rows after the last the last.
     """
-    place = np.clip(rows.astype(np.float64) - back, 0.0, len(values) - 1.0)
+    place = np.clip(rows.astype(np.float64) - ticks_before, 0.0, len(values) - 1.0)
     before = np.floor(place).astype(np.int64)
     after = np.minimum(before + 1, len(values) - 1)
     # v = (1 - s) v_before + s v_after
@@ -122,8 +122,8 @@ def believed_lag(misfit: Callable[[float], float], exact: float) -> tuple[float,
         return 0.0, without
     lag = least_misfit(misfit)
     # The share of the misfit that the lag does not explain decides whether it is one.
-    left = misfit(lag)
-    return (lag, left) if left <= TELLING_SHARE * without else (0.0, without)
+    remaining = misfit(lag)
+    return (lag, remaining) if remaining <= TELLING_SHARE * without else (0.0, without)
 
 
 def _find_ihip_lag(recording: Recording, scene: Scene) -> float:
@@ -139,18 +139,18 @@ def _find_ihip_lag(recording: Recording, scene: Scene) -> float:
     ihip = recording.ihip[rows]
     contact = touching(recording, scene)[rows]
     inside = np.flatnonzero(contact)
-    off = scene.model.boundary.normal_cone(ihip[inside], np.full(inside.size, rounding(scene)))
+    angle_outside = scene.model.boundary.normal_cone(ihip[inside], np.full(inside.size, rounding(scene)))
 
     def misfit(lag: float, since: IntArray) -> float:
         """Return the mean way (m) from IHIPs (k, N) to the HIPs `lag` ticks before the rows `since` (k,)."""
         errors = ihip - delayed(recording.hip, since, lag)
-        left = np.linalg.norm(errors, axis=1)
+        distances = np.linalg.norm(errors, axis=1)
         # In contact only what leans out of the normal cone counts: the depth is no misfit.
-        angles = off(errors[inside])
+        angles = angle_outside(errors[inside])
         if scene.bilateral:
-            angles = np.minimum(angles, off(-errors[inside]))
-        left[inside] *= np.sin(np.minimum(angles, 0.5 * np.pi))
-        return float(left.mean())
+            angles = np.minimum(angles, angle_outside(-errors[inside]))
+        distances[inside] *= np.sin(np.minimum(angles, 0.5 * np.pi))
+        return float(distances.mean())
 
     exact = rounding(scene)
     if misfit(0.0, rows) <= exact:

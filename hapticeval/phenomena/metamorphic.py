@@ -81,9 +81,9 @@ def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
     scatter = [float(base.meta.get(f"{name}_scatter", 0.0)) for name in ("ihip", "force")]
     # Beside rounding what the renderer declares to scatter, of IHIP and force, as lengths.
     allowed = np.full(len(base), max(step, force) + max(scatter[0], scatter[1] / scene.stiffness))
-    off = answers_apart(runs, other, scene)
+    change = answers_apart(runs, other, scene)
     return _relation_finding(
-        IN_TURNS, base, scene, off, allowed, np.zeros(len(base), dtype=bool), "beside another renderer"
+        IN_TURNS, base, scene, change, allowed, np.zeros(len(base), dtype=bool), "beside another renderer"
     )
 
 
@@ -105,7 +105,7 @@ def _compare_runs(
         return Finding(Outcome.NOT_APPLICABLE, f"the model has no such form, or the renderer refuses it {how}")
     if not (has_answer(base) | has_answer(other)).any():
         return undecided("the hand never touches the model")
-    off = answers_apart(runs, other, scene)
+    change = answers_apart(runs, other, scene)
     # What restating a scene changes of the hand: a rounding of its coordinates.
     hand = HAND_ROUNDING * float(np.abs(base.hip).max())
     declared = max(resolution(recording, scene) + believed_standoff(recording, scene) for recording in (base, other))
@@ -113,42 +113,42 @@ def _compare_runs(
     damped = 2.0 * hand * scene.damping / (scene.stiffness * 0.5 * base.dt)
     allowed = np.full(len(base), hand + declared + damped)
     exempt = np.zeros(len(base), dtype=bool)
-    if np.any(off > allowed + SAME_ANSWER * scene.model.size) and runs.moved is not None:
+    if np.any(change > allowed + SAME_ANSWER * scene.model.size) and runs.moved is not None:
         # Only where something is off are nudged runs made: each costs a run of its own.
         allowed += STEEP_FACTOR * steepness(runs, hand + declared, scene)
         if among is not None:
             exempt = among(runs, scene)
     # A renderer that answers a stimulus whole has events at instants that it has to find.
     allowed += 0.0 if runs.subdivided is not None else (SAME_SIMULATED_ANSWER - SAME_ANSWER) * scene.model.size
-    return _relation_finding(check, base, scene, off, allowed, exempt, how)
+    return _relation_finding(check, base, scene, change, allowed, exempt, how)
 
 
 def _relation_finding(
     check: Check,
     base: Recording,
     scene: Scene,
-    off: Array,
+    change: Array,
     allowed: Array,
     exempt: BoolArray,
     how: str,
 ) -> Finding:
-    """Judge how far answers are `off` (n,), m, beyond what is `allowed` (n,), m, in rows that are not `exempt` (n,)."""
+    """Judge the `change` (n,), m, of answers beyond what is `allowed` (n,), m, in rows that are not `exempt` (n,)."""
     size = scene.model.size
-    excess = np.where(exempt, 0.0, np.maximum(off - allowed, 0.0)) / size
+    excess = np.where(exempt, 0.0, np.maximum(change - allowed, 0.0)) / size
     # Without an excess the largest change of a row that counts is shown.
-    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(exempt, -1.0, off)))
+    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(exempt, -1.0, change)))
     return compared(
         Metric(check.metric, float(excess.max()), check.unit),
         SAME_ANSWER,
         {
             **evidence_at(base, worst),
-            "off_m": float(off[worst]),
+            "off_m": float(change[worst]),
             "allowed_m": float(allowed[worst]),
             "rows_off": int(np.sum(excess > SAME_ANSWER)),
             "rows_exempt": int(exempt.sum()),
         },
         passes=f"the answers are the same {how}",
-        fails=f"{how} the answer is off by {mm(off[worst])}, {off[worst] / size:.2g} of the model's size, "
+        fails=f"{how} the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} of the model's size, "
         f"at {int(np.sum(excess > SAME_ANSWER))} of {len(base)} HIPs",
     )
 

@@ -29,12 +29,14 @@ def answers_apart(runs: Runs, other: Recording, scene: Scene, *, forces: bool = 
     that is more. Its forces are means over a tick with the impulses of all events in it, and move its tool by so much.
     """
     base = runs.base
-    off = np.linalg.norm(base.ihip - other.ihip, axis=1)
+    distance = np.linalg.norm(base.ihip - other.ihip, axis=1)
     if forces:
         # A force F held for dt moves a mass m by F dt^2 / m: as a length it is F / (m / dt^2).
         event_stiffness = 0.0 if runs.subdivided is not None else scene.mass / base.dt**2
-        off = np.maximum(off, np.linalg.norm(base.force - other.force, axis=1) / max(scene.stiffness, event_stiffness))
-    return np.asarray(off)
+        distance = np.maximum(
+            distance, np.linalg.norm(base.force - other.force, axis=1) / max(scene.stiffness, event_stiffness)
+        )
+    return np.asarray(distance)
 
 
 def steepness(runs: Runs, reach: float, scene: Scene) -> Array:

@@ -70,11 +70,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         for recording in (base, *(r for *_, r in answering_runs))
     )
     # The worst of all motions; under a scale the IHIPs alone are compared.
-    off = np.max(
+    change = np.max(
         [answers_apart(runs, run, scene, forces=motion.scale == 1.0) for _, motion, run in answering_runs], axis=0
     )
     # Where no answer is off by more than a thousandth of the bound there is nothing that nudges need explain.
-    suspect = bool(off.max() > hand + declared + SUSPECT_SHARE * ANSWER_CHANGE * size)
+    suspect = bool(change.max() > hand + declared + SUSPECT_SHARE * ANSWER_CHANGE * size)
     steep = steepness(runs, hand + declared, scene) if suspect else np.zeros(len(base))
     # The hand's rounding, what is declared, and what both become where the answer is steep.
     allowed = hand + declared + STEEP_FACTOR * steep
@@ -86,42 +86,42 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         flies = np.all(base.ihip == base.hip, axis=1)
         ahead = np.append(hip_steps(base), _step_behind(base, scene))
         on_surface[flies] = np.maximum(on_surface[flies] - ahead[flies], 0.0)
-    off = np.maximum(off, on_surface)
+    change = np.maximum(change, on_surface)
     # Rows beside a discontinuity tell nothing of digits: nudges change their answers by more than tenfold.
     clear = contact & (steep <= AMPLIFIED_FACTOR * (hand + declared) + ANSWER_CHANGE * size)
-    excess = np.where(contact, np.maximum(off - allowed, 0.0), 0.0) / size
+    excess = np.where(contact, np.maximum(change - allowed, 0.0), 0.0) / size
     # Without an excess the answer with the fewest digits is shown.
-    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(clear, off, -1.0)))
-    digits = -math.log10(max(float(off[clear].max(initial=0.0)) / size, EPS))
-    which = max(
+    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(clear, change, -1.0)))
+    digits = -math.log10(max(float(change[clear].max(initial=0.0)) / size, EPS))
+    motion_name = max(
         answering_runs,
         key=lambda moved_run: float(answers_apart(runs, moved_run[2], scene, forces=moved_run[1].scale == 1.0)[worst]),
     )[0]
     # The distance from the surface is that of the run as it is, and not of a motion.
-    if on_surface[worst] == off[worst]:
-        which = "as it is"
-    least_digits = int(np.argmax(np.where(clear, off, 0.0)))
+    if on_surface[worst] == change[worst]:
+        motion_name = "as it is"
+    least_digits = int(np.argmax(np.where(clear, change, 0.0)))
     excuse = ""
-    if clear[least_digits] and off[least_digits] > ANSWER_CHANGE * size:
-        excuse = _describe_excuse(float(off[least_digits]), float(hand), float(declared), float(steep[least_digits]))
+    if clear[least_digits] and change[least_digits] > ANSWER_CHANGE * size:
+        excuse = _describe_excuse(float(change[least_digits]), float(hand), float(declared), float(steep[least_digits]))
     return compared(
         Metric(CHECK.metric, float(excess.max()), CHECK.unit),
         ANSWER_CHANGE,
         {
             **evidence_at(base, worst),
             "digits": digits,
-            "off_m": float(off[worst]),
+            "off_m": float(change[worst]),
             "rounding_m": float(hand),
             "declared_m": float(declared),
-            "motion": which,
+            "motion": motion_name,
             "motions": [name for name, *_ in answering_runs],
             "rows_in_contact": int(contact.sum()),
             "rows_exempt": int((contact & ~clear).sum()),
         },
         passes=f"the answers keep {max(0, math.floor(digits))} digits when the scene is "
         f"{_words_listed([name for name, *_ in answering_runs])}{excuse}",
-        fails=f"with the scene {which}, the answer is off by {mm(off[worst])}, {off[worst] / size:.2g} of the model's "
-        f"size: {math.floor(max(0.0, -math.log10(max(float(off[worst]) / size, EPS))))} digits are left",
+        fails=f"with the scene {motion_name}, the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} of "
+        f"the model's size: {math.floor(max(0.0, -math.log10(max(float(change[worst]) / size, EPS))))} digits are left",
     )
 
 
@@ -143,13 +143,13 @@ def _step_behind(base: Recording, scene: Scene) -> float:
     return step
 
 
-def _describe_excuse(off: float, rounding: float, declared: float, steep: float) -> str:
+def _describe_excuse(change: float, rounding: float, declared: float, steep: float) -> str:
     """Return why an answer may be off by more than `ANSWER_CHANGE` allows; `steep` is what nudges change; all in m."""
     what = f"the declared resolution and standoff of {mm(declared)}"
     if declared <= rounding:
         what = f"the rounding of {mm(rounding)} of the largest coordinates"
-    how_far = f": they are off by up to {mm(off)}"
-    if off <= rounding + declared:
+    how_far = f": they are off by up to {mm(change)}"
+    if change <= rounding + declared:
         return f"{how_far}, within {what}"
     return f"{how_far}, which {what} may cause: nudges of the hand by as much change the answer by {mm(steep)} there"
 

@@ -211,10 +211,10 @@ def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, *, anywhe
     # A gain that shrinks, and not yet in the ratio of any order, may shrink to nothing: finer runs show it.
     shrinking = np.where(after < 0.0, np.inf, np.maximum(first, last))
     correction = np.where(settled, np.maximum(last, 0.5 * np.abs(after - before + after)), shrinking)
-    unknown = error + correction
+    doubt = error + correction
     # The row with the largest gain beyond what is open; at the end of the span where none is.
-    row = int(np.argmax(law - unknown))
-    if law[row] <= unknown[row]:
+    row = int(np.argmax(law - doubt))
+    if law[row] <= doubt[row]:
         row = rows.size - 1
     return Gain(
         span.what,
@@ -225,7 +225,7 @@ def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, *, anywhe
         lag=float(over(base_rate.smooth)[row] - law[row]),
         law=float(law[row]),
         correction=float(correction[row]),
-        open=float(unknown[row]),
+        open=float(doubt[row]),
         crossed=float(over(finest.crossed)[row]),
         effort=float(over(finest.effort)[row]),
     )
@@ -306,7 +306,8 @@ def explained_work(base: Recording, scene: Scene, lag: float) -> Array:
 def _largest_of_recent(values: Array, ticks: int) -> Array:
     """Return the largest of each of `values` (n,), as m or N, and of so many `ticks` before it: (n,)."""
     later = [
-        np.concatenate([np.zeros(back), values[: values.size - back]]) for back in range(min(ticks, values.size) + 1)
+        np.concatenate([np.zeros(ticks_back), values[: values.size - ticks_back]])
+        for ticks_back in range(min(ticks, values.size) + 1)
     ]
     return np.asarray(np.max(later, axis=0))
 
@@ -319,12 +320,12 @@ def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, round_trip
     if scene.effects or declares_wide_range(base) or "ihip" not in base.channels:
         return None
     lag = force_lag(base, scene)
-    work, may = sampled.held, explained_work(base, scene, lag) + _rounding_work(base, sampled, scene)
+    work, explained = sampled.held, explained_work(base, scene, lag) + _rounding_work(base, sampled, scene)
 
     def largest(span: Span, rows: IntArray) -> AtOwnRate:
         """Return the work, J, of a span up to that of `rows` (k,) where it is farthest beyond what is explained."""
-        last = int(rows[np.argmax((work - may)[rows])])
-        gained, granted = (float(sums[last] - sums[span.first]) for sums in (work, may))
+        last = int(rows[np.argmax((work - explained)[rows])])
+        gained, granted = (float(sums[last] - sums[span.first]) for sums in (work, explained))
         return AtOwnRate(span.what, span.first, last, gained, granted, lag)
 
     gains = [largest(span, np.arange(span.first + 1, span.last + 1)) for span in contact_spans(~touching(base, scene))]

@@ -200,11 +200,11 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
         distance = distance[distance < 0.0]
     if distance.size == 0:
         return False
-    off = np.abs(distance)
+    depths = np.abs(distance)
     # What a rigid contact's HIPs may differ by in depth: a lag's way and rounding.
     tolerance = LAG_TICKS * hip_step(recording, scene) + PLACE_ROUNDING * scene.model.size
     # Deeper than a declared standoff, or not equally deep: these HIPs lie on no surface of their own.
-    return bool(off.max() > tolerance + believed_standoff(recording, scene) or np.ptp(off) > tolerance)
+    return bool(depths.max() > tolerance + believed_standoff(recording, scene) or np.ptp(depths) > tolerance)
 
 
 def declares_force_only(recording: Recording) -> bool:

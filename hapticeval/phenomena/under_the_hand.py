@@ -75,8 +75,8 @@ def _followed_rows(base: Recording, scene: Scene, feet: Array, distance: Array) 
     for first, end in runs_of(contact):
         # Of a contact that a log begins with it is not known where it began.
         known = base.meta.get("source") in SIMULATED if first == 0 else abs(distance[first]) <= near[first]
-        left = np.flatnonzero((jumps | outside)[first + 1 : end])
-        last = first + 1 + int(left[0]) if left.size else end
+        ends = np.flatnonzero((jumps | outside)[first + 1 : end])
+        last = first + 1 + int(ends[0]) if ends.size else end
         # Up to the first jump, or the first row outside.
         judged[first:last] = known
         branch_doubt[first:last] = np.maximum.accumulate(np.maximum(moved - steps, 0.0)[first:last])

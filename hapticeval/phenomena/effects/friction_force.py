@@ -66,14 +66,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         if abs(lag - round(lag)) > WHOLE_LAG:
             doubt += straight_way_doubt(straight)
     # The speed of a tick may be taken as held since the last, or as going there straight.
-    off = np.linalg.norm(tangential + straight, axis=1)
-    worst = int(np.argmax(np.where(judged, off - doubt, -np.inf)))
+    deviation = np.linalg.norm(tangential + straight, axis=1)
+    worst = int(np.argmax(np.where(judged, deviation - doubt, -np.inf)))
     what = (
-        f"at t = {base.time[worst]:.4g} s (tick {worst}) it is {off[worst]:.3g} N off the {strength[worst]:.3g} N that "
-        f"the {kind} makes of {1e3 * np.linalg.norm(load.velocity[worst]):.3g} mm/s"
+        f"at t = {base.time[worst]:.4g} s (tick {worst}) it is {deviation[worst]:.3g} N off the {strength[worst]:.3g} "
+        f"N that the {kind} makes of {1e3 * np.linalg.norm(load.velocity[worst]):.3g} mm/s"
     )
     return compared(
-        Metric(CHECK.metric, float(off[worst]), "N"),
+        Metric(CHECK.metric, float(deviation[worst]), "N"),
         float(doubt[worst]),
         {**evidence_at(base, worst), "law_N": float(strength[worst]), "lag_ticks": float(lag)},
         passes=f"the force along the surface is that of the {kind} in every tick",

@@ -114,8 +114,8 @@ def judge_with_lag(
             if finding.outcome is not Outcome.FAIL:
                 return finding
             # Held back by `lag` rows, so that they meet the late ones.
-            back = {name: base.channels[name][rows] for name in names if name in base.channels}
-            again = judge(Recording(base.time, {**base.channels, **back}, base.meta))
+            held_back = {name: base.channels[name][rows] for name in names if name in base.channels}
+            again = judge(Recording(base.time, {**base.channels, **held_back}, base.meta))
             if again.outcome is Outcome.PASS:
                 late = "IHIP" if "force" in names else "force"
                 return replace(again, message=f"{again.message}; the {late} is {lag} ticks late")

@@ -39,7 +39,9 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     # How far, m, the HIP may lie from the IHIP along the surface: the slip and the spring's length.
     lag = length + (load.size + np.maximum(load.normal, 0.0)) / scene.stiffness
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        off = np.linalg.norm(load.tangential + braking[:, np.newaxis] * step / length[:, np.newaxis], axis=1) / braking
+        deviation = (
+            np.linalg.norm(load.tangential + braking[:, np.newaxis] * step / length[:, np.newaxis], axis=1) / braking
+        )
         # The tangent plane turns by curvature times that way; of first order only where it twists.
         turned = twist * lag + (bend * lag) ** 2
         allowed = load.other / braking + turned + place / length + SLIDING_ROUNDING
@@ -51,12 +53,12 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     ticks = np.flatnonzero(slides)
     if ticks.size < SLIDING_TICKS:
         return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
-    worst = int(ticks[np.argmax((off - allowed)[ticks])])
+    worst = int(ticks[np.argmax((deviation - allowed)[ticks])])
     # The force against the motion, N, for the message.
     against = -float(np.sum(load.tangential[worst] * step[worst])) / float(length[worst])
     comparison = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {braking[worst]:.4g} N"
     return compared(
-        Metric(CHECK.metric, float(off[worst]), ""),
+        Metric(CHECK.metric, float(deviation[worst]), ""),
         float(allowed[worst]),
         {
             **evidence_at(base, worst),
@@ -79,8 +81,8 @@ def _curvature(shape: Array) -> tuple[Array, Array]:
     if shape.shape[1] == 2:
         return largest, np.zeros_like(largest)
     # (k1 - k2)^2 = 2 tr(W^2) - tr(W)^2
-    apart = 2.0 * np.sum(shape**2, axis=(1, 2)) - np.trace(shape, axis1=1, axis2=2) ** 2
-    return largest, 0.5 * np.sqrt(np.maximum(apart, 0.0))
+    difference_squared = 2.0 * np.sum(shape**2, axis=(1, 2)) - np.trace(shape, axis1=1, axis2=2) ** 2
+    return largest, 0.5 * np.sqrt(np.maximum(difference_squared, 0.0))
 
 
 CHECK = Check(

@@ -57,7 +57,7 @@ def _judge(base: Recording, scene: Scene) -> Finding:
     # Work of the hand by the trapezoid: -F . dx
     mean = 0.5 * (base.force[1:] + base.force[:-1])
     put_in = -np.sum(mean * moved, axis=1)
-    dissipated, unknown = _dissipated_work(base, load, scene, moved)
+    dissipated, doubt = _dissipated_work(base, load, scene, moved)
     stored = _stored_energy(base, load, scene)
     lap_works = []
     for start, stop in spans:
@@ -65,17 +65,17 @@ def _judge(base: Recording, scene: Scene) -> Finding:
         work = float(put_in[start:stop].sum() - (stored[stop] - stored[start]))
         # A lap in which nothing slips takes nothing, and has no share to be off by.
         if law >= SLIP_WORK:
-            allowed = LAP_WORK + abs(float(unknown[start:stop].sum())) / law
+            allowed = LAP_WORK + abs(float(doubt[start:stop].sum())) / law
             lap_works.append((abs(work - law) / law, allowed, work, law, start, stop))
     if not lap_works:
         return undecided("the tool does not slip in any closed lap")
-    off, allowed, work, law, start, stop = max(lap_works, key=lambda lap_work: lap_work[0] - lap_work[1])
+    deviation, allowed, work, law, start, stop = max(lap_works, key=lambda lap_work: lap_work[0] - lap_work[1])
     what = (
         f"{1e3 * work:.5g} mJ in a lap from t = {base.time[start]:.4g} s to {base.time[stop]:.4g} s, where the "
         f"friction takes {1e3 * law:.5g} mJ"
     )
     return compared(
-        Metric(CHECK.metric, off, ""),
+        Metric(CHECK.metric, deviation, ""),
         allowed,
         {
             **evidence_at(base, stop),
@@ -91,7 +91,7 @@ def _judge(base: Recording, scene: Scene) -> Finding:
 
 def _dissipated_work(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
     """Return the work (n - 1,), J, that the laws take over each step `moved` (n - 1, N), m, and its doubt."""
-    dissipated, unknown = np.zeros((2, len(moved)))
+    dissipated, doubt = np.zeros((2, len(moved)))
     friction, lugre = scene.effect(FRICTION), scene.effect(LUGRE)
     if friction is not None:
         slip = np.diff(base.ihip, axis=0)
@@ -113,8 +113,8 @@ def _dissipated_work(base: Recording, load: Load, scene: Scene, moved: Array) ->
         stepped, straight = (lugre_force(lugre, load, base.dt, parts) for parts in (1, BRISTLE_PARTS))
         work = [0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1) for force in (stepped, straight)]
         dissipated += work[1]
-        unknown += work[1] - work[0]
-    return dissipated, unknown
+        doubt += work[1] - work[0]
+    return dissipated, doubt
 
 
 def _stored_energy(base: Recording, load: Load, scene: Scene) -> Array:
@@ -150,12 +150,12 @@ def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
     free, bends, size = [0.0] * now.shape[1], [], 0.0
     bent = free
     rows = zip(pressed.tolist(), load.normals.tolist(), grow[:, 0].tolist(), add.tolist(), longest, strict=True)
-    for touches, normal, shrinks, more, holds in rows:
+    for touches, normal, shrinks, added, holds in rows:
         # The part of z along the normal goes; what is left in the tangent plane is stretched back to its length.
         lifted = sum(map(mul, bent, normal))
         laid = [along - lifted * across for along, across in zip(bent, normal, strict=True)]
         share = shrinks * min(size, holds) / max(math.hypot(*laid), tiny)
-        bent = [share * along + new for along, new in zip(laid, more, strict=True)] if touches else free
+        bent = [share * along + new for along, new in zip(laid, added, strict=True)] if touches else free
         size = math.hypot(*bent)
         bends.append(bent)
     z = np.array(bends)

@@ -26,8 +26,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     base = runs.base
     others = scene.answer_effects_except(FRICTION)
     if len(others) != 1 or others[0] not in (*BEFORE_FRICTION, TEXTURE):
-        one = ", ".join((*BEFORE_FRICTION, TEXTURE))
-        message = f"it is asked of friction and one of {one}, not of {others or 'it alone'}"
+        listed_effects = ", ".join((*BEFORE_FRICTION, TEXTURE))
+        message = f"it is asked of friction and one of {listed_effects}, not of {others or 'it alone'}"
         return Finding(Outcome.NOT_APPLICABLE, message)
     if lacks_ihip(base, scene):
         return without_ihip(base)
@@ -40,19 +40,19 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     largest = float(np.max(np.abs(base.hip)))
     strength = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
     allowed = SINGLE_ROUNDINGS * SINGLE * (strength + scene.stiffness * largest) + force_floor(scene)
-    off, added = (
+    deviation, added = (
         _vibration_deviation(base, plain, scene) if last == TEXTURE else _drag_deviation(base, plain, scene, pressed)
     )
     if not (pressed & (added > TOLD_APART * allowed)).any():
         return undecided(f"the {last} adds nothing to be told from rounding, where the tool is pressed")
-    worst = int(np.argmax(np.where(pressed, off - allowed, -np.inf)))
+    worst = int(np.argmax(np.where(pressed, deviation - allowed, -np.inf)))
     return compared(
-        Metric(CHECK.metric, float(off[worst]), "N"),
+        Metric(CHECK.metric, float(deviation[worst]), "N"),
         float(allowed[worst]),
         evidence_at(base, worst),
         passes=f"the {last} works on what the {first} has made",
         fails=(
-            f"the {last} does not work on what the {first} has made: the force is {off[worst]:.3g} N off at "
+            f"the {last} does not work on what the {first} has made: the force is {deviation[worst]:.3g} N off at "
             f"t = {base.time[worst]:.4g} s (tick {worst}); in the catalogue the {first} comes first"
         ),
     )
@@ -68,11 +68,18 @@ def _drag_deviation(base: Recording, plain: Recording, scene: Scene, pressed: Bo
         rows = np.clip(np.arange(len(base)) - lag, 0, len(base) - 1)
         # K (s - p): what friction adds, which draws the IHIP from p to s
         drag = scene.stiffness * (base.ihip - plain.ihip)[rows]
-        off = np.linalg.norm(base.force - plain.force - drag, axis=1)
-        fits.append((float(off[pressed].mean()) if pressed.any() else 0.0, abs(lag), off, np.linalg.norm(drag, axis=1)))
+        deviation = np.linalg.norm(base.force - plain.force - drag, axis=1)
+        fits.append(
+            (
+                float(deviation[pressed].mean()) if pressed.any() else 0.0,
+                abs(lag),
+                deviation,
+                np.linalg.norm(drag, axis=1),
+            )
+        )
     # The best fit, and of several alike the shortest lag.
-    _, _, off, added = min(fits, key=lambda fit: fit[:2])
-    return off, added
+    _, _, deviation, added = min(fits, key=lambda fit: fit[:2])
+    return deviation, added
 
 
 def _vibration_deviation(base: Recording, plain: Recording, scene: Scene) -> tuple[Array, Array]:

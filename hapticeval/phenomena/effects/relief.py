@@ -97,8 +97,8 @@ def height_map_answer(waves: Waves, scene: Scene, hips: Array, plain: Array | No
     depth, normal, stiffness = -frame.distance, frame.normal, scene.stiffness
     height, gradient = waves.over(hips, frame.foot, normal)
     # I - d W: the hand moves by so much where its foot moves by one.
-    one = np.eye(hips.shape[1]) - depth[:, np.newaxis, np.newaxis] * frame.shape
-    slope = np.linalg.solve(one, gradient[..., np.newaxis])[..., 0]
+    hand_stretch = np.eye(hips.shape[1]) - depth[:, np.newaxis, np.newaxis] * frame.shape
+    slope = np.linalg.solve(hand_stretch, gradient[..., np.newaxis])[..., 0]
     spring = stiffness * np.where(scene.bilateral, depth, np.maximum(depth, 0.0))[:, np.newaxis] * normal
     inside = (depth + height > 0.0) | scene.bilateral
     other_force = 0.0 if plain is None else plain - spring
@@ -106,16 +106,16 @@ def height_map_answer(waves: Waves, scene: Scene, hips: Array, plain: Array | No
     force = stiffness * (depth + height)[:, np.newaxis] * (normal - slope) + other_force
     pushes = inside[:, np.newaxis]
     # Of U = K (d + h)^2 / 2 the force changes by K |grad (d + h)|^2 + K (d + h) |grad^2 (d + h)| a metre.
-    stretch = 1.0 / np.min(np.abs(np.linalg.eigvalsh(one)), axis=1)
+    stretch = 1.0 / np.min(np.abs(np.linalg.eigvalsh(hand_stretch)), axis=1)
     curved = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1)
     steep, bend = waves.steep * stretch, (waves.bend + curved) * stretch**2
     stiff = stiffness * (1.0 + steep**2 + np.abs(depth + height) * bend)
-    apart = (depth > 0.0) | scene.bilateral
+    bare_pushes = (depth > 0.0) | scene.bilateral
     return ReliefAnswer(
         np.where(pushes, force, 0.0),
         np.where(pushes, frame.foot + height[:, np.newaxis] * normal, hips),
         spring + other_force,
-        np.where(apart[:, np.newaxis], frame.foot, hips),
+        np.where(bare_pushes[:, np.newaxis], frame.foot, hips),
         stiff,
         stretch + steep,
     )
@@ -134,12 +134,12 @@ def bump_map_answer(waves: Waves, ihips: Array, forces: Array | None, recorded: 
     tilted /= np.linalg.norm(tilted, axis=1)[:, np.newaxis]
     if forces is None:
         press = np.sum(recorded * tilted, axis=1)
-        bare = press[:, np.newaxis] * frame.normal
+        bare_force = press[:, np.newaxis] * frame.normal
     else:
-        press, bare = np.sum(forces * frame.normal, axis=1), forces
+        press, bare_force = np.sum(forces * frame.normal, axis=1), forces
     curved = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1)
-    force = bare + press[:, np.newaxis] * (tilted - frame.normal)
-    return ReliefAnswer(force, ihips, bare, ihips, np.abs(press) * (waves.bend + curved), np.ones(len(ihips)))
+    force = bare_force + press[:, np.newaxis] * (tilted - frame.normal)
+    return ReliefAnswer(force, ihips, bare_force, ihips, np.abs(press) * (waves.bend + curved), np.ones(len(ihips)))
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -180,7 +180,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         (deviation for deviation in judged if deviation is not None),
         key=lambda deviation: min(deviation.off / deviation.allowed, 2.0),
     )
-    by = f"{worst.off:.3g} N" if worst.channel == "force" else f"{1e6 * worst.off:.3g} um"
+    amount = f"{worst.off:.3g} N" if worst.channel == "force" else f"{1e6 * worst.off:.3g} um"
     share_shown = f"over all ticks the {worst.channel} shows {worst.share:.2g} of what the relief adds"
     return compared(
         Metric(f"{worst.channel} off that of the relief", worst.off, "N" if worst.channel == "force" else "m"),
@@ -188,7 +188,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         {**evidence_at(base, worst.tick), "share": worst.share, "lag_ticks": worst.lag},
         passes=f"force and IHIP are those of the {relief.kind} in every tick",
         fails=(
-            f"the {worst.channel} is {by} off that of the {relief.kind} at t = {base.time[worst.tick]:.4g} s (tick "
+            f"the {worst.channel} is {amount} off that of the {relief.kind} at t = {base.time[worst.tick]:.4g} s (tick "
             f"{worst.tick}); {share_shown}"
         ),
     )
@@ -212,11 +212,11 @@ def _relief_law(
     waves: Waves, scene: Scene, base: Recording, plain: Recording | None, rows: IntArray
 ) -> Callable[[float], ReliefAnswer]:
     """Return the law of the relief at `rows` as a function of how many ticks ago the place is that it answers."""
-    own = None if plain is None else plain.force[rows]
+    own_force = None if plain is None else plain.force[rows]
     if any(effect.kind == HEIGHT for effect in scene.effects):
-        return lambda lag: height_map_answer(waves, scene, delayed(base.hip, rows, lag), own)
+        return lambda lag: height_map_answer(waves, scene, delayed(base.hip, rows, lag), own_force)
     tool = base.ihip if plain is None else plain.ihip
-    return lambda lag: bump_map_answer(waves, delayed(tool, rows, lag), own, base.force[rows])
+    return lambda lag: bump_map_answer(waves, delayed(tool, rows, lag), own_force, base.force[rows])
 
 
 def straight_way_doubt(values: Array) -> Array:
@@ -240,8 +240,12 @@ def _compare_channel(
 
     def law(lag: float) -> tuple[Array, Array, Array]:
         """Return the channel's values with and without the relief, and what a HIP elsewhere changes them by."""
-        one = felt(lag)
-        return (one.force, one.bare_force, one.stiff) if channel == "force" else (one.ihip, one.bare_ihip, one.moving)
+        answer = felt(lag)
+        return (
+            (answer.force, answer.bare_force, answer.stiff)
+            if channel == "force"
+            else (answer.ihip, answer.bare_ihip, answer.moving)
+        )
 
     def misfit(lag: float) -> float:
         return float(np.linalg.norm(recorded - law(lag)[0], axis=1).mean())
@@ -252,14 +256,14 @@ def _compare_channel(
     if turns_answers:  # an IHIP may be recorded later than the force that is made of it
         early, early_misfit = believed_lag(lambda lag: misfit(-lag), exact)
         lag = lag if late_misfit <= early_misfit else -early
-    right, bare, moves = law(lag)
+    right, bare_answer, moves = law(lag)
     if abs(lag - round(lag)) > WHOLE_LAG:  # what is between two ticks may be the HIP, or the answer
         doubt = doubt + straight_way_doubt(base.hip)[rows]
         late = straight_way_doubt(right)
     else:
         late = np.zeros(len(rows))
     # What the relief adds, and how much of it the channel shows: <recorded - bare, change> / |change|^2
-    change = right - bare
+    change = right - bare_answer
     rounded = SINGLE * (np.linalg.norm(right, axis=1) + (scene.stiffness if channel == "force" else 1.0)
                         * float(np.max(np.abs(base.hip))))  # fmt: skip
     allowed = moves * doubt + late + 4.0 * rounded
@@ -267,10 +271,10 @@ def _compare_channel(
     clear = allowed <= TELLING_SHARE * float(np.max(np.linalg.norm(change, axis=1)))
     if not clear.any():
         return None
-    off = np.where(clear, np.linalg.norm(recorded - right, axis=1), 0.0)
-    worst = int(np.argmax(off / allowed))
-    share = float(np.sum((recorded - bare) * change) / np.sum(change**2))
-    return Deviation(channel, int(rows[worst]), float(off[worst]), float(allowed[worst]), float(lag), share)
+    deviation = np.where(clear, np.linalg.norm(recorded - right, axis=1), 0.0)
+    worst = int(np.argmax(deviation / allowed))
+    share = float(np.sum((recorded - bare_answer) * change) / np.sum(change**2))
+    return Deviation(channel, int(rows[worst]), float(deviation[worst]), float(allowed[worst]), float(lag), share)
 
 
 CHECK = Check(

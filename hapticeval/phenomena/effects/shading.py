@@ -129,15 +129,15 @@ def judge_magnitude(runs: Runs, scene: Scene) -> Finding:
         return expected
     base = runs.base
     size, plain = (np.linalg.norm(force, axis=1) for force in (base.force, expected.plain))
-    off = np.abs(size - plain)
+    difference = np.abs(size - plain)
     # Forces under the floor have no share to be told.
-    share = off / np.maximum(plain, force_floor(scene))
+    share = difference / np.maximum(plain, force_floor(scene))
     allowed = expected.rounding / np.maximum(plain, force_floor(scene))
     clear = allowed <= TELLING_SHARE
     if not (clear & expected.contact).any():
         return undecided("rounding may make a tenth of the force throughout: its size cannot be measured")
     # In contact, and where a force is added without one.
-    judged = clear & (expected.contact | (off > force_floor(scene)))
+    judged = clear & (expected.contact | (difference > force_floor(scene)))
     worst = int(np.argmax(np.where(judged, share - allowed, -np.inf)))
     evidence = {**evidence_at(base, worst), "force_N": float(size[worst]), "without_N": float(plain[worst])}
     return compared(
@@ -174,8 +174,8 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     length = np.linalg.norm(np.diff(base.hip, axis=0), axis=1)
     rounding = np.concatenate([[0.0], np.cumsum(0.5 * (reference.rounding[1:] + reference.rounding[:-1]) * length)])
     allowed = np.array([rounding[last] - rounding[first] for first, last in loops])
-    off = np.abs(measured - expected)
-    worst, most_active = int(np.argmax(off - allowed)), int(np.argmax(np.abs(measured - plain)))
+    difference = np.abs(measured - expected)
+    worst, most_active = int(np.argmax(difference - allowed)), int(np.argmax(np.abs(measured - plain)))
     # What shading gives round the loop: by its closed form it need not be zero.
     added = float((measured - plain)[most_active])
     evidence = {
@@ -188,7 +188,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     }
     where = f"round the loop that ends at t = {base.time[loops[worst][1]]:.4g} s"
     return compared(
-        Metric(WORK.metric, float(off[worst]), "J"),
+        Metric(WORK.metric, float(difference[worst]), "J"),
         float(allowed[worst]),
         evidence,
         passes=(

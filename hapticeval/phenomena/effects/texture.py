@@ -55,9 +55,9 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
         message = f"the scene calls for {' and '.join(others)} too, which answer vibrations: texture is judged alone"
         return Finding(Outcome.NOT_APPLICABLE, message)
     # Ticks a sample of the texture; only a whole number lets its samples be picked.
-    every = 1.0 / (effect.model.rate * base.dt)
-    if abs(every - round(every)) > WHOLE_SAMPLE:
-        return undecided(f"the recording has {every:.4g} ticks a sample of the texture: no whole number")
+    ticks_per_sample = 1.0 / (effect.model.rate * base.dt)
+    if abs(ticks_per_sample - round(ticks_per_sample)) > WHOLE_SAMPLE:
+        return undecided(f"the recording has {ticks_per_sample:.4g} ticks a sample of the texture: no whole number")
     plain = runs.without(TEXTURE)
     normal = scene.model.boundary.closest_point(plain.ihip).normal
     press = np.sum(plain.force * normal, axis=1)
@@ -73,7 +73,7 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     pressed = above_force_floor(plain, scene)
     steady_stretches = []
     for first, last in _steady_spans(speed, press, pressed & (speed > 0.0)):
-        rows = slice(first + settles, last, round(every))
+        rows = slice(first + settles, last, round(ticks_per_sample))
         # The first part of a stretch is still under the one before.
         if last - first > settles + 1:
             means = float(speed[first + 1 : last].mean()), float(press[first + 1 : last].mean())
@@ -146,8 +146,8 @@ def welch_of(covariance: Array) -> Array:
     # r_k times the window's correlation with itself, normalised to one at lag 0.
     lags = covariance[:WELCH_WINDOW] * np.correlate(window, window, "full")[WELCH_WINDOW - 1 :] / (window @ window)
     # Even in the lag: negative lags stand behind, as the transform expects them.
-    both = np.concatenate([lags, [0.0], lags[:0:-1]])
-    return np.asarray(2.0 * np.fft.rfft(both).real[::2])
+    two_sided = np.concatenate([lags, [0.0], lags[:0:-1]])
+    return np.asarray(2.0 * np.fft.rfft(two_sided).real[::2])
 
 
 def spectrum_bound(count: int) -> float:
@@ -246,16 +246,19 @@ def judge_stationary(runs: Runs, scene: Scene) -> Finding:
     tail = 0.5 * CHANCE_OF_FAILURE / POWER_PARTS
     bound = max(abs(DECIBELS * math.log(float(gamma.ppf(p, share)) / share)) for p in (tail, 1.0 - tail))
     with np.errstate(divide="ignore"):
-        off = np.maximum(DECIBELS * np.log(power / power.mean()), -1e3)
-    worst = int(np.argmax(np.abs(off)))
-    evidence = _stretch_evidence(scene, longest, runs.base) | {"parts_dB": [float(decibels) for decibels in off]}
+        part_decibels = np.maximum(DECIBELS * np.log(power / power.mean()), -1e3)
+    worst = int(np.argmax(np.abs(part_decibels)))
+    evidence = _stretch_evidence(scene, longest, runs.base) | {
+        "parts_dB": [float(decibels) for decibels in part_decibels]
+    }
     part = f"part {worst + 1} of {POWER_PARTS}"
     return compared(
-        Metric(STATIONARY.metric, abs(float(off[worst])), "dB"),
+        Metric(STATIONARY.metric, abs(float(part_decibels[worst])), "dB"),
         bound,
         evidence,
-        passes=f"at a steady speed and force the power stays the same, within {abs(off[worst]):.2g} dB",
-        fails=f"{part} of the stretch has {off[worst]:+.3g} dB of the mean power, and chance makes {bound:.2g} dB",
+        passes=f"at a steady speed and force the power stays the same, within {abs(part_decibels[worst]):.2g} dB",
+        fails=f"{part} of the stretch has {part_decibels[worst]:+.3g} dB of the mean power, and chance makes "
+        f"{bound:.2g} dB",
     )
 
 
@@ -287,7 +290,7 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
         power = np.array([np.mean(candidate.vibration**2) for candidate, _ in stretches_and_covariances])
         error = np.maximum(DECIBELS * np.log(power), -1e3) - level
     # Variance of the logarithm of a gamma variable: trigamma(shape).
-    own = np.array(
+    log_variances = np.array(
         [
             polygamma(1, 1.0 / _mean_square_variance(covariance, candidate.vibration.size))
             for candidate, covariance in stretches_and_covariances
@@ -295,28 +298,28 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
     )
     count = level.size
     # Of a stretch less the mean of all: v_j (1 - 2/n) + sum of v / n^2
-    deviation = DECIBELS * np.sqrt(own * (1.0 - 2.0 / count) + own.sum() / count**2)
+    deviation = DECIBELS * np.sqrt(log_variances * (1.0 - 2.0 / count) + log_variances.sum() / count**2)
     allowed = float(norm.ppf(1.0 - 0.5 * CHANCE_OF_FAILURE / count)) * deviation
-    off = error - error.mean()
-    worst = int(np.argmax(np.abs(off) / allowed))
+    error_from_mean = error - error.mean()
+    worst = int(np.argmax(np.abs(error_from_mean) / allowed))
     stretch = stretches_and_covariances[worst][0]
     evidence = _stretch_evidence(scene, stretch, runs.base) | {
         "stretches": [
             {"speed_m_s": candidate.speed, "force_N": candidate.press, "off_dB": float(gap)}
-            for (candidate, _), gap in zip(stretches_and_covariances, off, strict=True)
+            for (candidate, _), gap in zip(stretches_and_covariances, error_from_mean, strict=True)
         ]
     }
     return compared(
-        Metric(AMPLITUDE.metric, abs(float(off[worst])), "dB"),
+        Metric(AMPLITUDE.metric, abs(float(error_from_mean[worst])), "dB"),
         float(allowed[worst]),
         evidence,
         passes=(
             f"over {count} stretches, whose rms should differ by {np.ptp(level):.3g} dB, it follows speed and force "
-            f"within {abs(off[worst]):.2g} dB"
+            f"within {abs(error_from_mean[worst]):.2g} dB"
         ),
         fails=(
-            f"at {stretch.speed:.3g} m/s and {stretch.press:.3g} N the rms is {off[worst]:+.3g} dB from what the other "
-            f"stretches make of it, and chance makes {allowed[worst]:.2g} dB"
+            f"at {stretch.speed:.3g} m/s and {stretch.press:.3g} N the rms is {error_from_mean[worst]:+.3g} dB from "
+            f"what the other stretches make of it, and chance makes {allowed[worst]:.2g} dB"
         ),
     )
 
@@ -354,13 +357,13 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     radius = max(float(np.max(np.abs(np.roots([1.0, *coefficients_of(one.ar)])))) for one in effect.model.filters)
     # The root of a speed that is low-passed, and a filter that rings: one after the other they fall as (1 + c t) e^-ct.
     fades = TEXTURE_SETTLES * min(math.pi * SLOWEST_LOW_PASS, -math.log(radius) * effect.model.rate)
-    left = (1.0 + fades) * math.exp(-fades)
-    if left > TELLING_SHARE:
+    ringing_share = (1.0 + fades) * math.exp(-fades)
+    if ringing_share > TELLING_SHARE:
         return undecided(
-            f"the texture's own filters still ring with {left:.2g} of it {TEXTURE_SETTLES:g} s after a stop"
+            f"the texture's own filters still ring with {ringing_share:.2g} of it {TEXTURE_SETTLES:g} s after a stop"
         )
     size = max(float(np.linalg.norm(recording.force[tick])) for recording in (base, plain))
-    allowed = left * largest_moving + SINGLE_ROUNDINGS * SINGLE * (size + scene.stiffness * largest)
+    allowed = ringing_share * largest_moving + SINGLE_ROUNDINGS * SINGLE * (size + scene.stiffness * largest)
     return compared(
         Metric(REST.metric, float(added[tick]), "N"),
         allowed,

@@ -66,13 +66,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "aliases_above_m_s": limit,
     }
     what = f"waves of {1e3 * relief.finest:.4g} mm, which alias above {limit:.4g} m/s"
-    by = f"{1e3 * gain:.4g} mJ of the {1e3 * crossed[worst]:.3g} mJ that cross"
+    share_gained = f"{1e3 * gain:.4g} mJ of the {1e3 * crossed[worst]:.3g} mJ that cross"
     finding = compared(
         Metric(CHECK.metric, gain, "J"),
         float(allowed[worst]),
         evidence,
         passes=f"{what}: a lap gives the hand nothing ({1e3 * gain:.2g} mJ, {1e3 * allowed[worst]:.2g} mJ open)",
-        fails=f"{what}: in the lap that ends at t = {base.time[last[worst]]:.4g} s the hand gets {by}",
+        fails=f"{what}: in the lap that ends at t = {base.time[last[worst]]:.4g} s the hand gets {share_gained}",
     )
     why = relief.active(scene.damping)
     # A relief that is active by its law gives energy whatever the renderer does: shown only.

@@ -100,11 +100,11 @@ def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) 
         across = float(np.linalg.norm((added[rows] - along[:, np.newaxis] * normal).sum(axis=0))) * dt
         impulse = float(np.sum(along)) * dt
         # One that answers a tick late may know speed and place of that tick.
-        may = range(begin, min(begin + LATE_START + 1, end))
-        speeds = [max(-float(velocity[tick] @ normal), 0.0) for tick in may]
+        answer_ticks = range(begin, min(begin + LATE_START + 1, end))
+        speeds = [max(-float(velocity[tick] @ normal), 0.0) for tick in answer_ticks]
         totals = [
             (*impulse_of(effect, scene, base.hip[tick], normal, speed), speed)
-            for tick, speed in zip(may, speeds, strict=True)
+            for tick, speed in zip(answer_ticks, speeds, strict=True)
         ]
         # The tick in which the answer fits best counts.
         expected, needs, speed = min(totals, key=lambda total: abs(total[0] - impulse))
@@ -150,11 +150,11 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
     stray = np.where(free, np.linalg.norm(base.force - plain.force, axis=1), 0.0)
     if stray.max() > force_floor(scene):
         tick = int(np.argmax(stray > force_floor(scene)))
-        off = min(max(contact.begin - tick, tick - contact.end + 1) for contact in struck)
+        ticks_away = min(max(contact.begin - tick, tick - contact.end + 1) for contact in struck)
         message = (
             f"the {effect.kind} acts in free space: {stray[tick]:.3g} N at t = {base.time[tick]:.4g} s (tick {tick})"
         )
-        metric = Metric("ticks from a contact to a force without one", float(off), "ticks")
+        metric = Metric("ticks from a contact to a force without one", float(ticks_away), "ticks")
         return compared(metric, 0.0, evidence_at(base, tick), passes="", fails=message)
     if all(contact.end - contact.begin <= LATE_START for contact in struck):
         return undecided("no contact lasts longer than what it starts may be late")
@@ -174,14 +174,16 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
 def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
     """Compare the impulse that is added in each contact with the effect's."""
     base, dt = runs.base, runs.base.dt
-    every = find_contacts(base, plain, scene, effect)
-    if not every:
+    all_contacts = find_contacts(base, plain, scene, effect)
+    if not all_contacts:
         return undecided(NONE)
     lasting = [
-        contact for contact in every if (contact.end - contact.begin) * dt >= contact.needs * (1.0 - IMPULSE_CLOSE)
+        contact
+        for contact in all_contacts
+        if (contact.end - contact.begin) * dt >= contact.needs * (1.0 - IMPULSE_CLOSE)
     ]
     if not lasting:
-        longest = max(every, key=lambda contact: contact.end - contact.begin)
+        longest = max(all_contacts, key=lambda contact: contact.end - contact.begin)
         return undecided(
             f"no contact lasts as long as the {effect.kind} needs: {longest.needs:.3g} s, and the longest is "
             f"{(longest.end - longest.begin) * dt:.3g} s"
@@ -192,12 +194,12 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
         np.array([contact.across for contact in lasting]),
     )
     # Off along the normal, or given along the surface: the larger counts, N s.
-    off = np.maximum(np.abs(impulses - expected), across)
+    deviation = np.maximum(np.abs(impulses - expected), across)
     allowed = np.array(
         [IMPULSE_CLOSE * abs(contact.expected) + float(np.sum(contact.rounding)) * dt for contact in lasting]
     )
     peak = max(float(np.max(np.abs(contact.added))) for contact in lasting)
-    worst = int(np.argmax(off - allowed))
+    worst = int(np.argmax(deviation - allowed))
     if allowed[worst] > TELLING_SHARE * abs(expected[worst]):
         return undecided("rounding may make a tenth of the impulse")
     contact = lasting[worst]
@@ -215,7 +217,7 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
         return compared(metric, effect.cap, evidence, passes="", fails=message)
     times = impulses[worst] / expected[worst] if expected[worst] != 0.0 else math.nan
     return compared(
-        Metric(TOTAL.metric, float(off[worst]), "N s"),
+        Metric(TOTAL.metric, float(deviation[worst]), "N s"),
         float(allowed[worst]),
         evidence,
         passes=(
@@ -268,9 +270,9 @@ def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> 
     if any(open_ > TELLING_SHARE for _, open_ in shares.values()):
         return undecided(f"{heard}: the fit leaves more than a tenth open", evidence=evidence)
     # Whichever of decay and frequency is farther off, in what is open of it.
-    name, (off, open_) = max(shares.items(), key=lambda named_share: abs(named_share[1][0]) / named_share[1][1])
+    name, (deviation, open_) = max(shares.items(), key=lambda named_share: abs(named_share[1][0]) / named_share[1][1])
     return compared(
-        Metric(f"{name} less the scene's, as a share of it", abs(off), ""),
+        Metric(f"{name} less the scene's, as a share of it", abs(deviation), ""),
         open_,
         evidence,
         passes=heard,
