@@ -30,7 +30,7 @@ from hapticeval.commands.summary import summary, terminal_width
 from hapticeval.commands.terminal import Terminal, columns, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
-from hapticeval.recordings.memory import LIMIT
+from hapticeval.recordings.memory import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from hapticeval.api import Results
@@ -333,7 +333,7 @@ def replay(
     scene: SceneEntries = None,
     mapping: MappingFile = None,
     format_: FormatName = None,
-    memory_limit: MemoryLimit = LIMIT,
+    memory_limit: MemoryLimit = DEFAULT_LIMIT,
     directory: Annotated[
         Path | None, option("-o", "--output", metavar="DIR", help="Where results and reports go: replay-FILE.")
     ] = None,

@@ -87,7 +87,7 @@ def record(
     """
     from hapticeval.discovery import resolve
     from hapticeval.hardware.live import channels, run, signals, warm
-    from hapticeval.hardware.wiring import CUTOFF
+    from hapticeval.hardware.wiring import VELOCITY_CUTOFF
     from hapticeval.recordings.recorder import Recorder
     from hapticeval.renderer import Renderer, abilities_of
     from hapticeval.runner.judging import make_renderer
@@ -114,7 +114,7 @@ def record(
     # Compiles what the loop calls: in the loop that would miss cycles.
     warm(wired, chosen_renderer, scene)
     # With velocities low-passed as on hardware, the loop may be unstable where a simulation is not.
-    warning = describe_instability(factory, scene, cutoff=CUTOFF)
+    warning = describe_instability(factory, scene, cutoff=VELOCITY_CUTOFF)
     if warning:
         typer.echo(printable(f"warning: {warning}"), err=True)
     cycles = max(1, round(seconds * rate))

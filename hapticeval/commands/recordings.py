@@ -23,7 +23,7 @@ from hapticeval.commands.arguments import (
 )
 from hapticeval.commands.terminal import lines, paragraphs, say, wrote_lines
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.recordings.memory import LIMIT
+from hapticeval.recordings.memory import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from hapticeval.geometry.curve import Curve
@@ -60,7 +60,7 @@ def inspect(
         Path | None, option("--write-mapping", metavar="TOML", help="Write the proposed mapping here.")
     ] = None,
     format_: FormatName = None,
-    memory_limit: MemoryLimit = LIMIT,
+    memory_limit: MemoryLimit = DEFAULT_LIMIT,
     model: Annotated[
         str | None, option("--model", metavar="MODEL", help="What was touched, as in circle:size=0.2.")
     ] = None,
@@ -184,12 +184,12 @@ def _recorded_robot(recording: Recording) -> Any:
 
 def _touched_model(recording: Recording, name: str | None) -> Any:
     from hapticeval.geometry.catalogue import make_model
-    from hapticeval.recordings.provenance import LINE, model_of
+    from hapticeval.recordings.provenance import LINE_MODEL, model_of
 
     if name is not None:
         touched = model_named(name)
         # A hand in one dimension stands before a wall, which is a line of the plane.
-        walled = recording.dimension == 1 and touched.name == LINE
+        walled = recording.dimension == 1 and touched.name == LINE_MODEL
         if recording.dimension != touched.dimension and not walled:
             raise InputError(
                 f"the recording is in {recording.dimension}D, the model '{name}' in {touched.dimension}D",
@@ -220,7 +220,7 @@ def convert(
     ],
     mapping: MappingFile = None,
     format_: FormatName = None,
-    memory_limit: MemoryLimit = LIMIT,
+    memory_limit: MemoryLimit = DEFAULT_LIMIT,
     salvage: Annotated[
         bool, typer.Option("--salvage", help="Of a recording that is cut short or damaged take what is whole.")
     ] = False,
@@ -273,7 +273,7 @@ def compare(
     ] = False,
     mapping: MappingFile = None,
     format_: FormatName = None,
-    memory_limit: MemoryLimit = LIMIT,
+    memory_limit: MemoryLimit = DEFAULT_LIMIT,
     directory: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Where table and figure go.")
     ] = Path(),

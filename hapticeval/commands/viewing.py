@@ -19,7 +19,7 @@ from hapticeval.commands.arguments import (
 from hapticeval.commands.terminal import lines, say
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
-from hapticeval.recordings.memory import LIMIT
+from hapticeval.recordings.memory import DEFAULT_LIMIT
 
 VIEW_CODES = """\b
 Exit codes:
@@ -35,7 +35,7 @@ def view(
     scene: SceneEntries = None,
     mapping: MappingFile = None,
     format_: FormatName = None,
-    memory_limit: MemoryLimit = LIMIT,
+    memory_limit: MemoryLimit = DEFAULT_LIMIT,
     directory: Annotated[
         Path | None, option("-o", "--output", metavar="DIR", help="Where the page goes: view-FILE.")
     ] = None,

@@ -47,25 +47,25 @@ class HardwareDevice(Protocol):
         """Stop the motors and let go of the hardware."""
 
 
-PATIENCE = 2.0
+CYCLE_PATIENCE = 2.0
 """Seconds that a cycle may take before the hardware counts as gone, but four cycles at least."""
 
 R = TypeVar("R")
 
 
 class Guarded:
-    """`hardware` with `joints` joints and cycles of `dt` seconds, as a context that leaves its motors at rest.
+    """A driver made safe for a loop: `hardware` with `joints` joints and cycles of `dt` seconds, as a context.
 
-    Whatever a driver raises becomes a `HapticevalError` that names the cycle, and so do readings that are no numbers.
-    A cycle that does not end within `PATIENCE` is broken off by a timer signal, which only the main thread can have,
-    and which a driver that waits in foreign code without returning to Python does not see: give it a time limit.
-    So is Ctrl-C: it is raised when a reading has come, never within the driver, and however often it is pressed the
-    motors are stopped first.
+    - Whatever it raises becomes a `HapticevalError` that names the cycle, and so do readings that are no numbers.
+    - A cycle that does not end within `CYCLE_PATIENCE` is broken off by a timer signal. Only the main thread can have
+      one, and a driver that waits in foreign code does not see it: give such a driver a time limit of its own.
+    - Ctrl-C is raised when a reading has come, never within the driver.
+    - The motors are stopped at the end, however often Ctrl-C is pressed.
     """
 
     def __init__(self, hardware: HardwareDevice, joints: int, dt: float) -> None:
         self._hardware, self._joints = hardware, joints
-        self._patience = max(PATIENCE, 4.0 * dt)
+        self._patience = max(CYCLE_PATIENCE, 4.0 * dt)
         self._cycle = 0
         self._last: int | None = None
         self._doing = "the driver"

@@ -21,15 +21,15 @@ from hapticeval.scene import Scene
 from hapticeval.simulation.playback import reset_checked, step_checked
 from hapticeval.types import Array
 
-WORLD, JOINT = ("hip", "velocity", "ihip", "force"), ("joint_position", "joint_torque")
+WORLD_CHANNELS, JOINT_CHANNELS = ("hip", "velocity", "ihip", "force"), ("joint_position", "joint_torque")
 
-BESIDE = 1e-3
+WARM_DISTANCE = 1e-3
 """Metres on either side of the surface at which everything is run once before it counts."""
 
 
 def channels(dimension: int) -> dict[str, int]:
     """Return what a live run records, and in how many columns, in the order of `append`."""
-    return dict.fromkeys((*WORLD, *JOINT, "raw"), dimension)
+    return dict.fromkeys((*WORLD_CHANNELS, *JOINT_CHANNELS, "raw"), dimension)
 
 
 def signals(wiring: Wiring) -> dict[str, Signal]:
@@ -62,7 +62,7 @@ def warm(wiring: Wiring, renderer: Renderer, scene: Scene) -> None:
     home = device.position(np.zeros(device.dimension))
     # The surface next to the robot's home: a place that the robot can reach, as a rule.
     frame = scene.model.boundary.closest_point(home[None])
-    for side in (-BESIDE, BESIDE):
+    for side in (-WARM_DISTANCE, WARM_DISTANCE):
         with contextlib.suppress(DomainError):  # of a point that the robot or the renderer does not have
             joints = device.joints(frame.foot[0] + side * frame.normal[0])
             kinematics.check(joints)

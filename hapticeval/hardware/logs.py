@@ -17,7 +17,7 @@ from hapticeval.recordings.importing import convert
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
-OUTSIDE = "outside of the robot's workspace"
+OUTSIDE_WORKSPACE = "outside of the robot's workspace"
 
 
 def load(
@@ -107,8 +107,9 @@ def _hand(recording: Recording, wiring: Wiring, joint_channels: Mapping[str, Arr
 
 
 def _counted(meta: Mapping[str, Any], outside: Any) -> Mapping[str, Any]:
+    """Return `meta` with the number of rows `outside` (n,) of the workspace, beside what the import left out."""
     count = int(np.sum(outside))
     if not count:
         return meta
     notes = meta.get("import", {})
-    return {**meta, "import": {**notes, "left out": {**notes.get("left out", {}), OUTSIDE: count}}}
+    return {**meta, "import": {**notes, "left out": {**notes.get("left out", {}), OUTSIDE_WORKSPACE: count}}}

@@ -20,16 +20,16 @@ from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Hand, Path
 from hapticeval.types import Array
 
-DEPTH, REACH, PERIOD, LONGEST = 0.005, 0.075, 5.0, 600.0
+HAND_DEPTH, HAND_REACH, HAND_PERIOD, HAND_SECONDS = 0.005, 0.075, 5.0, 600.0
 """The hand's path: m inside the surface, m to either side along it, s to and fro, and s until it stands still."""
 
-KNOTS = 40
+KNOTS_A_SECOND = 40
 """Points of the path per second."""
 
-DELAY, FRICTION = 2e-4, 2e-3
+MOTOR_DELAY, COULOMB_FRICTION = 2e-4, 2e-3
 """s between sampling and output; N m of Coulomb friction in each joint."""
 
-GRIP = (250.0, 4.0)
+HAND_GRIP = (250.0, 4.0)
 """N/m and N s/m of the hand."""
 
 
@@ -117,16 +117,16 @@ def demonstration(wiring: Wiring, scene: Scene) -> Twin:
 
     It begins where the surface is nearest to a point 100 mm right of home.
     """
-    effects = (Saturation(MOTOR_TORQUE), Delay(DELAY), JointFriction(FRICTION))
+    effects = (Saturation(MOTOR_TORQUE), Delay(MOTOR_DELAY), JointFriction(COULOMB_FRICTION))
     path = _to_and_fro(scene.model.boundary)
-    hand = Hand(path=path, stiffness=GRIP[0], damping=GRIP[1])
+    hand = Hand(path=path, stiffness=HAND_GRIP[0], damping=HAND_GRIP[1])
     return Twin(wiring, effects, position=path.points[0], hand=hand, dt=scene.sampling_time)
 
 
 def _to_and_fro(boundary: Boundary) -> Path:
-    """Return the path of a hand that slides `DEPTH` inside the surface, to and fro by `REACH`."""
-    time = np.linspace(0.0, LONGEST, round(KNOTS * LONGEST) + 1)
+    """Return the path of a hand that slides `HAND_DEPTH` inside the surface, to and fro by `HAND_REACH`."""
+    time = np.linspace(0.0, HAND_SECONDS, round(KNOTS_A_SECOND * HAND_SECONDS) + 1)
     start = np.eye(boundary.dimension)[0] * 0.1
-    surface = boundary.walk(start, REACH * np.sin(2.0 * np.pi / PERIOD * time))
+    surface = boundary.walk(start, HAND_REACH * np.sin(2.0 * np.pi / HAND_PERIOD * time))
     # The foot on the surface, moved inwards along the outward normal.
-    return Path(time, surface.foot - DEPTH * surface.normal)
+    return Path(time, surface.foot - HAND_DEPTH * surface.normal)

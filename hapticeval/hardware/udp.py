@@ -27,26 +27,26 @@ from hapticeval.hardware.device import Reading
 from hapticeval.hardware.twin import Twin
 from hapticeval.types import Array
 
-JOINTS = 3
+PACKET_JOINTS = 3
 READ, WRITE, STOPPED = b"HCRD", b"HCWR", b"HCST"
-READING, COMMAND = struct.Struct(f"<4sQq{JOINTS}d"), struct.Struct(f"<4sQ{JOINTS}d")
+READING, COMMAND = struct.Struct(f"<4sQq{PACKET_JOINTS}d"), struct.Struct(f"<4sQ{PACKET_JOINTS}d")
 HELLO, BYE = 0, 2**64 - 1
-LONGEST = 1024
+LONGEST_PACKET = 1024
 """Bytes of the longest packet that is read whole."""
 
-SILENCE = 1.8
+SILENCE_SECONDS = 1.8
 """Seconds without a packet after which the other side is taken to be gone: before the loop's own patience ends."""
 
-SPIN = 200_000
+SPIN_NANOSECONDS = 200_000
 """Nanoseconds before a cycle at which waiting turns from sleep to looking at the clock."""
 
-LISTEN = 0.9
+ANSWER_SHARE = 0.9
 """Share of a cycle that the twin waits for an answer; a later one is taken at the next cycle."""
 
-UNHEARD = 2.0
+UNHEARD_SECONDS = 2.0
 """Seconds without a command after which the loop is taken to be gone."""
 
-AGAIN = 0.02
+REPEAT_SECONDS = 0.02
 """Seconds between two times that a twin which has stopped says why."""
 
 
@@ -55,7 +55,7 @@ class UdpDevice:
 
     The robot sets the pace. When the loop was late, packets wait: the newest is read, and the gap in its count says how
     many cycles were missed. Raises `HapticevalError` when there is no such address, when the robot is silent for
-    `SILENCE` or says that it stopped, and for a packet that is none of its.
+    `SILENCE_SECONDS` or says that it stopped, and for a packet that is none of its.
     """
 
     def __init__(self, address: tuple[str, int], dimension: int) -> None:
@@ -64,7 +64,7 @@ class UdpDevice:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         # A command names the reading that it answers; before the first there is none.
         self._answered = HELLO
-        self._zeros = [0.0] * JOINTS
+        self._zeros = [0.0] * PACKET_JOINTS
         # poll() and no timeout of the socket: the newest of several packets has to be taken without waiting.
         self._arrival = select.poll()
         self._arrival.register(self._socket, select.POLLIN)
@@ -89,7 +89,7 @@ class UdpDevice:
                 why=f"it has {len(packet)} bytes and begins with {packet[:4]!r}, "
                 f"where a reading has {READING.size} and begins with {READ!r}",
             )
-        # Packets always hold `JOINTS` numbers: a robot of fewer joints leaves the last ones at zero.
+        # Packets always hold `PACKET_JOINTS` numbers: a robot of fewer joints leaves the last ones at zero.
         _, count, nanoseconds, *raw = READING.unpack(packet)
         self._answered = count
         return Reading(nanoseconds, count, np.array(raw[: self.dimension]))
@@ -109,12 +109,12 @@ class UdpDevice:
         """Return the last of the packets that have come, or the robot's last word, whichever is first."""
         packet = b""
         try:
-            if not self._arrival.poll(1e3 * SILENCE):
-                raise self._silent(f"no packet for {SILENCE:g} s")
+            if not self._arrival.poll(1e3 * SILENCE_SECONDS):
+                raise self._silent(f"no packet for {SILENCE_SECONDS:g} s")
             with contextlib.suppress(BlockingIOError):
                 # Older readings are thrown away; a last word of the robot is kept and ends the search.
                 while not packet or packet.startswith(READ):
-                    packet = self._socket.recv(LONGEST)
+                    packet = self._socket.recv(LONGEST_PACKET)
         except ConnectionError as error:
             raise self._silent(str(error)) from error
         return packet
@@ -143,13 +143,13 @@ def serve(twin: Twin, connection: socket.socket) -> None:
     # ns of this process's monotonic clock.
     heard = begun = due = time.monotonic_ns()
     try:
-        while time.monotonic_ns() - heard < UNHEARD * 1e9:
+        while time.monotonic_ns() - heard < UNHEARD_SECONDS * 1e9:
             reading = twin.read()
-            raw = [*reading.raw.tolist(), *([0.0] * JOINTS)][:JOINTS]
+            raw = [*reading.raw.tolist(), *([0.0] * PACKET_JOINTS)][:PACKET_JOINTS]
             _wait(due)
             connection.sendto(READING.pack(READ, reading.sequence, begun + reading.nanoseconds, *raw), loop)
             # An answer within this time acts in this cycle, a later one in the next.
-            _wait(due + round(LISTEN * cycle))
+            _wait(due + round(ANSWER_SHARE * cycle))
             due += cycle
             for count, values in _commands(connection):
                 heard = time.monotonic_ns()
@@ -166,13 +166,13 @@ def serve(twin: Twin, connection: socket.socket) -> None:
 
 def _last_word(connection: socket.socket, loop: tuple[str, int], packet: bytes) -> None:
     """Send why it stopped until the loop has ended or gone: one that was held up has no room left for a packet."""
-    until = time.monotonic() + UNHEARD
+    until = time.monotonic() + UNHEARD_SECONDS
     while time.monotonic() < until:
         with contextlib.suppress(BlockingIOError):
             connection.sendto(packet, loop)
         if any(count == BYE for count, _ in _commands(connection)):
             return
-        time.sleep(AGAIN)
+        time.sleep(REPEAT_SECONDS)
 
 
 def _commands(connection: socket.socket) -> Iterator[tuple[int, list[float]]]:
@@ -190,8 +190,8 @@ def _commands(connection: socket.socket) -> Iterator[tuple[int, list[float]]]:
 def _wait(due: int) -> None:
     """Wait until `due`, ns of the monotonic clock, asleep for most of it."""
     left = due - time.monotonic_ns()
-    if left > SPIN:
-        time.sleep((left - SPIN) / 1e9)
+    if left > SPIN_NANOSECONDS:
+        time.sleep((left - SPIN_NANOSECONDS) / 1e9)
     while time.monotonic_ns() < due:
         pass
 
@@ -217,8 +217,9 @@ def running(twin: Twin) -> Iterator[tuple[str, int]]:
 
 
 def _served(twin: Twin, connection: socket.socket, parent: int) -> None:
+    """Wait for the first packet and serve the twin, in a process of its own, which ends when `parent` does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the loop, which then says good-bye
-    while not select.select([connection], [], [], AGAIN)[0]:
+    while not select.select([connection], [], [], REPEAT_SECONDS)[0]:
         if os.getppid() != parent:  # it was killed before its loop began
             return
     serve(twin, connection)

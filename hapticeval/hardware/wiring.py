@@ -20,10 +20,10 @@ from hapticeval.effects.velocity_filter import blend
 from hapticeval.errors import DomainError, InputError, at
 from hapticeval.types import Array
 
-OWN = ("counts_per_turn", "offsets", "directions", "torque_per_command")
+WIRING_ENTRIES = ("counts_per_turn", "offsets", "directions", "torque_per_command")
 """Entries of a `[device]` table that are the wiring's; the others but `kind` are the device's."""
 
-CUTOFF = 100.0
+VELOCITY_CUTOFF = 100.0
 """Hz of the low-pass of joint velocities: a count per tick of the robot's encoders is 24 mrad/s before it, 11 after."""
 
 
@@ -55,6 +55,7 @@ class Wiring:
                 raise InputError(f"wiring: {name} = {value!r}", why="it must be a number, finite and positive")
 
     def _of_each_joint(self, name: str, default: float) -> tuple[float, ...]:
+        """Return entry `name` as one finite number a joint, `default` where none is given."""
         entry, count = getattr(self, name), self.device.dimension
         values = tuple(entry) if isinstance(entry, list | tuple) else (entry,)
         # An empty entry is one that was not given.
@@ -69,13 +70,13 @@ class Wiring:
     def described(cls, table: Mapping[str, Any]) -> Wiring:
         """Return the wiring of a `[device]` table, as mappings and `hapticeval record --wiring` have it.
 
-        `kind` is the device, `OWN` entries are the wiring's, and all others override the device's own parameters, those
-        of Table A.1. Raises `UnknownNameError` and `InputError` for what neither has.
+        `kind` is the device, `WIRING_ENTRIES` are the wiring's, and all others override the device's own parameters,
+        those of Table A.1. Raises `UnknownNameError` and `InputError` for what neither has.
         """
         if not isinstance(table.get("kind"), str):
             raise InputError("[device] lacks its kind", todo='write for instance kind = "parallelogram-2dof"')
-        own = {name: table[name] for name in OWN if name in table}
-        return cls(device=make_device(**{name: table[name] for name in table if name not in OWN}), **own)
+        own = {name: table[name] for name in WIRING_ENTRIES if name in table}
+        return cls(device=make_device(**{name: table[name] for name in table if name not in WIRING_ENTRIES}), **own)
 
     def description(self) -> dict[str, Any]:
         """Return the `[device]` table that `described` makes this wiring of."""
@@ -148,7 +149,7 @@ class Rates:
         """Return velocities (N,), rad/s, at `joints` (N,), `elapsed` s after the ones before; zero the first time."""
         if self._before is not None:
             # v + share (dq / dt - v): the low-pass takes this share of the newest difference, more after a longer step.
-            share = blend(CUTOFF, elapsed)
+            share = blend(VELOCITY_CUTOFF, elapsed)
             self._rates = self._rates + share * ((joints - self._before) / elapsed - self._rates)
         self._before = joints
         return self._rates

@@ -60,8 +60,11 @@ ANSWERED = (*REQUIRED, "contact")
 def declared(name: str, signals: Mapping[str, Signal]) -> Signal:
     """Return what channel `name` is: known, with the sign convention that `signals` may add, or as declared there.
 
-    Raises `InputError` for a name that is neither known nor declared or that files cannot hold, for a declaration that
-    changes a known channel's unit or frame, and for a frame that is none of `FRAMES`.
+    Raises `InputError` for
+
+    - a name that is neither known nor declared, or that files cannot hold;
+    - a declaration that changes a known channel's unit or frame;
+    - a frame that is none of `FRAMES`.
     """
     known, declaration = CHANNELS.get(name), signals.get(name)
     if declaration is None:
@@ -140,7 +143,7 @@ def check_metadata(meta: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _copied(value: Any) -> Any:
-    # Copied all the way down: a later change of the caller's table must not reach the recording.
+    """Copy tables and lists all the way down: a later change of the caller's must not reach the recording."""
     if isinstance(value, Mapping):
         return {key: _copied(entry) for key, entry in value.items()}
     return [_copied(entry) for entry in value] if isinstance(value, list) else value

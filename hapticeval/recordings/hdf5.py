@@ -59,7 +59,7 @@ ROW_TYPES = {"time": np.float64, "nanoseconds": np.int64, "sequence": np.int64, 
 DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError)
 """h5py raises any of these for one and the same damage, by where it strikes."""
 
-LOST = "lost"
+LOST_EVENT = "lost"
 """The kind of the events that report losses, so that a recording made of a damaged file goes on reporting them."""
 
 
@@ -131,6 +131,7 @@ def recording_bytes(recording: Recording) -> bytes:
 
 
 def _write(file: Any, recording: Recording) -> None:
+    """Write everything into an open file: first what names the rows, then the rows, block by block."""
     meta = np.frombuffer(metadata_json(recording.meta).encode(), dtype=np.uint8)
     file.attrs["format"] = np.bytes_(FORMAT)
     file.attrs["format_version"] = FORMAT_VERSION
@@ -207,9 +208,12 @@ def _event_table(events: Iterable[Event]) -> Any:
 def read_recording(path: Path, *, channels: Sequence[str] | None = None) -> Recording:
     """Read a recording that `write_recording` wrote, or only some of its `channels`.
 
-    Raises `InputError` that names which: the file is missing, is no HDF5 file, is cut short or damaged (and in which
-    rows of which signal), is someone else's HDF5 file, was written by a newer format, lacks a channel that is asked
-    for, holds one in a unit other than ours, or takes more memory than is allowed.
+    Raises `InputError`, naming what is wrong, for a file that
+
+    - is missing, no HDF5 file, somebody else's, or of a newer format;
+    - is cut short or damaged, with the rows of each signal (`DamagedError`);
+    - lacks a channel that is asked for, or holds one in a unit other than ours;
+    - takes more memory than is allowed.
     """
     path = Path(path)
     recording, losses = _read(path, channels)
@@ -346,7 +350,7 @@ def _readable_recording(path: Path, file: Any, selected: Sequence[str] | None, l
         clock=clock,
         valid=valid,
         signals={name: channel.signal for name, channel in left.items()},
-        events=events + tuple(Event(float(time[-1]), LOST, str(loss)) for loss in losses),
+        events=events + tuple(Event(float(time[-1]), LOST_EVENT, str(loss)) for loss in losses),
     )
 
 

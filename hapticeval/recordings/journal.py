@@ -26,7 +26,7 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.channels import Signal, declared
-from hapticeval.recordings.hdf5 import LOST, Loss, Salvaged, metadata_json, write_recording
+from hapticeval.recordings.hdf5 import LOST_EVENT, Loss, Salvaged, metadata_json, write_recording
 from hapticeval.recordings.memory import first_bytes
 from hapticeval.recordings.recording import Clock, Event, Recording
 
@@ -34,10 +34,10 @@ UNCLOSED = "the process of the loop ended without closing"
 """The end that a journal states where its recorder was killed."""
 
 MAGIC = b"\x89hapticeval journal\r\n"
-MARK = b"\xa5HEJ"
+BLOCK_MARK = b"\xa5HEJ"
 BLOCK = struct.Struct("<4sB3xIIII")
-VERSION = 1
-HEADERS = 2
+JOURNAL_VERSION = 1
+HEADER_COPIES = 2
 """How often the header stands at the front."""
 
 
@@ -88,16 +88,16 @@ class Layout:
             {"name": name, "columns": columns, **self.signals[name]._asdict()}
             for name, columns in self.channels.items()
         ]
-        header = {"version": VERSION, "channels": channels, "anchor": self.anchor}
+        header = {"version": JOURNAL_VERSION, "channels": channels, "anchor": self.anchor}
         return json.dumps({**header, "meta": json.loads(metadata_json(self.meta))}).encode()
 
     @classmethod
     def decoded(cls, payload: bytes) -> Layout:
         """Return the layout that `encoded` gave. Raises `InputError` for that of a later version."""
         header = json.loads(payload)
-        if header["version"] != VERSION:
+        if header["version"] != JOURNAL_VERSION:
             raise InputError(
-                f"a journal of version {header['version']}; this hapticeval reads version {VERSION}",
+                f"a journal of version {header['version']}; this hapticeval reads version {JOURNAL_VERSION}",
                 todo="update hapticeval",
             )
         channels = {channel.pop("name"): channel for channel in header["channels"]}
@@ -109,14 +109,14 @@ class Layout:
 def block_head(kind: Kind, number: int, rows: int, payload: Any) -> bytes:
     """Return the 24 bytes that go before a payload."""
     # Without its last four bytes, the CRC, which is over the head before it and the payload.
-    head = BLOCK.pack(MARK, kind, number & 0xFFFFFFFF, rows, len(payload), 0)[:-4]
+    head = BLOCK.pack(BLOCK_MARK, kind, number & 0xFFFFFFFF, rows, len(payload), 0)[:-4]
     return head + struct.pack("<I", zlib.crc32(payload, zlib.crc32(head)))
 
 
 def opening(layout: Layout) -> bytes:
     """Return the bytes that a journal begins with."""
     header = layout.encoded()
-    return MAGIC + b"".join(block_head(Kind.HEADER, number, 0, header) + header for number in range(HEADERS))
+    return MAGIC + b"".join(block_head(Kind.HEADER, number, 0, header) + header for number in range(HEADER_COPIES))
 
 
 class Block(NamedTuple):
@@ -131,7 +131,7 @@ class Block(NamedTuple):
 
 def blocks(data: mmap.mmap) -> Iterator[Block]:
     """Yield the whole blocks of a journal, those whose checksum (CRC32) is right, and skip what lies between them."""
-    view, at = memoryview(data), data.find(MARK)
+    view, at = memoryview(data), data.find(BLOCK_MARK)
     while at >= 0:
         # Where this mark heads no whole block, the search goes on one byte later: it may have been a number.
         search_from, begin = at + 1, at + BLOCK.size
@@ -142,7 +142,7 @@ def blocks(data: mmap.mmap) -> Iterator[Block]:
             if len(payload) == length and zlib.crc32(payload, zlib.crc32(view[at : begin - 4])) == crc:
                 search_from = begin + length
                 yield Block(at, search_from, kind, number, payload)
-        at = data.find(MARK, search_from)
+        at = data.find(BLOCK_MARK, search_from)
 
 
 def finish(journal: Path, path: Path) -> Salvaged:
@@ -232,7 +232,7 @@ class _Read:
             events.append(Event(last, "ended", self.end["how"] + unknown))
         if not valid.all():
             events.append(Event(last, "not-valid", f"{np.count_nonzero(~valid)} rows are not finite or out of order"))
-        events += [Event(last, LOST, str(loss)) for loss in losses]
+        events += [Event(last, LOST_EVENT, str(loss)) for loss in losses]
         recording = Recording.clocked(clock, channels, layout.meta, valid=valid, signals=layout.signals, events=events)
         return Salvaged(recording, tuple(losses))
 

@@ -13,16 +13,16 @@ from pathlib import Path
 
 from hapticeval.errors import InputError
 
-HEAD = 1 << 16
+HEAD_BYTES = 1 << 16
 """Bytes by which a format is recognised: a header of a thousand columns is shorter."""
 
 FOLDER = b"folder\n"
 GIGABYTE = 10**9
 
-LIMIT = 2.0
+DEFAULT_LIMIT = 2.0
 """Gigabytes for one file unless asked for otherwise: 30 channels at 1 kHz for more than two hours."""
 
-_limit: ContextVar[float] = ContextVar("memory limit", default=LIMIT)
+_limit: ContextVar[float] = ContextVar("memory limit", default=DEFAULT_LIMIT)
 
 
 @contextmanager
@@ -54,7 +54,7 @@ def reserve(size: int, what: str) -> None:
 
 
 def first_bytes(path: Path) -> bytes:
-    """Return the first `HEAD` bytes of a file; of a folder `FOLDER` and the names in it, one per line.
+    """Return the first `HEAD_BYTES` bytes of a file; of a folder `FOLDER` and the names in it, one per line.
 
     Raises `InputError` for a file that is missing or empty, and for a pipe or a device.
     """
@@ -69,7 +69,7 @@ def first_bytes(path: Path) -> bytes:
         )
     try:
         with path.open("rb") as file:
-            head = file.read(HEAD)
+            head = file.read(HEAD_BYTES)
     except OSError as error:
         raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
     if not head:

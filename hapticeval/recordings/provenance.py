@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.hdf5 import LOST
+from hapticeval.recordings.hdf5 import LOST_EVENT
 from hapticeval.recordings.recording import Recording
 
-MISSING = ("time out of order", "without a number")
+MISSING_ROWS = ("time out of order", "without a number")
 """Of what an import leaves out, the rows that the file should have had: gaps are as they were meant."""
 
-LINE = "line"
+LINE_MODEL = "line"
 """The model that the wall of a recording in one dimension is."""
 
 
@@ -69,7 +69,7 @@ def declared_floor(recording: Recording) -> float | None:
 
 def describe_losses(recording: Recording) -> tuple[str, ...]:
     """Return what is lost of the file that a recording was made of, in words."""
-    return tuple(event.text for event in recording.events if event.kind == LOST)
+    return tuple(event.text for event in recording.events if event.kind == LOST_EVENT)
 
 
 def describe_warnings(recording: Recording) -> tuple[str, ...]:
@@ -79,12 +79,16 @@ def describe_warnings(recording: Recording) -> tuple[str, ...]:
 
 def incomplete(recording: Recording) -> bool:
     """Return whether rows are lost or masked, cycles have no row, the run ended early, or the import warned."""
-    # Rows that a mapping declared as gaps are not missing: only those of `MISSING` count.
+    # Rows that a mapping declared as gaps are not missing: only those of `MISSING_ROWS` count.
     left_out = recording.meta.get("import", {}).get("left out", {})
     ended = any(event.kind == "ended" for event in recording.events)
     missed = recording.clock is not None and recording.clock.missed
     return bool(
-        missed or ended or describe_losses(recording) or describe_warnings(recording) or left_out.keys() & set(MISSING)
+        missed
+        or ended
+        or describe_losses(recording)
+        or describe_warnings(recording)
+        or left_out.keys() & set(MISSING_ROWS)
     )
 
 

@@ -27,7 +27,7 @@ import numpy as np
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
-FINEST = 1e-7
+FINEST_SHARE = 1e-7
 """A quantum below this share of the range cannot be distinguished from the rounding of the file."""
 
 LATTICE_TOLERANCE = 0.02
@@ -36,13 +36,13 @@ LATTICE_TOLERANCE = 0.02
 DIVISOR_STEPS = 500
 """Steps that a common divisor is taken of."""
 
-SAMPLE = 400
+SAMPLE_SIZE = 400
 """So many numbers are looked at, evenly spread over the column."""
 
-FEWEST = 50
+FEWEST_DISTINCT = 50
 """Of so few different numbers nothing is said: they may be round by themselves."""
 
-DIGITS = range(3, 15)
+DECIMAL_DIGITS = range(3, 15)
 """Significant digits that a text may keep; a double has 15 to 17."""
 
 
@@ -58,14 +58,14 @@ def numeric_step(values: Array) -> float | None:
     span = float(distinct[-1] - distinct[0])
     steps = np.diff(distinct)
     # Smaller ones are one number in two roundings.
-    steps = steps[steps > FINEST * span]
+    steps = steps[steps > FINEST_SHARE * span]
     if steps.size == 0:
         return None
-    step = _common_divisor(steps, FINEST * span)
+    step = _common_divisor(steps, FINEST_SHARE * span)
     for _ in range(3):  # the mean over many steps is finer than the smallest alone
         counts = np.round((distinct - distinct[0]) / step)
         # A lattice finer than a 1e7th of the range is the spacing of the numbers themselves.
-        if counts[-1] > 1.0 / FINEST:
+        if counts[-1] > 1.0 / FINEST_SHARE:
             return None
         step = float(np.dot(counts, distinct - distinct[0]) / np.dot(counts, counts))
     # In quanta: on a lattice all lie near whole numbers, and not many different values at one of them.
@@ -116,7 +116,7 @@ def single_precision_step(values: Array) -> float:
 def _decimal_step(values: Array) -> float:
     """The unit in the last place of the largest number, where all have so few digits; otherwise 0."""
     sample, largest = _sample(values)
-    for digits in DIGITS if sample.size else ():
+    for digits in DECIMAL_DIGITS if sample.size else ():
         rounded = np.array([float(f"{number:.{digits - 1}e}") for number in sample])
         if np.all(np.abs(rounded - sample) <= 2.0 * np.spacing(np.abs(sample))):  # a change of unit rounds again
             return float(10.0 ** (math.floor(math.log10(largest)) - digits + 1))
@@ -129,8 +129,8 @@ def _sample(values: Array) -> tuple[Array, float]:
     if nonzero.size == 0:
         return nonzero, 0.0
     # Evenly spread over the run, so that a rest at the begin does not decide.
-    sample = np.unique(nonzero[np.linspace(0, nonzero.size - 1, SAMPLE).astype(int)])
-    return sample if sample.size >= FEWEST else sample[:0], float(np.max(np.abs(nonzero)))
+    sample = np.unique(nonzero[np.linspace(0, nonzero.size - 1, SAMPLE_SIZE).astype(int)])
+    return sample if sample.size >= FEWEST_DISTINCT else sample[:0], float(np.max(np.abs(nonzero)))
 
 
 ROUNDING_STEPS = 16.0

@@ -35,25 +35,25 @@ from numpy import ndarray
 from hapticeval.errors import HapticevalError, InputError, describe_error
 from hapticeval.files import refuse_existing
 from hapticeval.recordings.channels import Signal, check_metadata
-from hapticeval.recordings.journal import HEADERS, UNCLOSED, Kind, Layout, block_head, opening
+from hapticeval.recordings.journal import HEADER_COPIES, UNCLOSED, Kind, Layout, block_head, opening
 
-EVENTS = 256
-EVENT = np.dtype([("nanoseconds", "<i8"), ("kind", "S32"), ("text", "S216")])
+RING_EVENTS = 256
+EVENT_TYPE = np.dtype([("nanoseconds", "<i8"), ("kind", "S32"), ("text", "S216")])
 
-ROWS = 16_384
+RING_ROWS = 16_384
 """Rows that the ring holds: 16 s at 1 kHz, for a disk that is busy or full for a while."""
 
 ROWS_A_BLOCK = 256
-LOOK = 0.1
+LOOK_SECONDS = 0.1
 """Seconds between two looks of the writer: blocks of about 100 rows at 1 kHz."""
 
-SYNC = 1.0
+SYNC_SECONDS = 1.0
 """Seconds between two requests that the disk really has it: what a loss of power costs."""
 
-SETTLE = 0.01
+SETTLE_SECONDS = 0.01
 """Seconds after which what one process put into memory is there for the other."""
 
-START = STOP = 60.0
+START_SECONDS = STOP_SECONDS = 60.0
 """Seconds within which the writer must have started, and ended."""
 
 LOOK_ROWS = 256
@@ -79,11 +79,11 @@ class State(IntEnum):
 
 OVERRUN, HEAD, TAIL = map(int, (State.OVERRUN, State.HEAD, State.TAIL))
 STATE_BYTES = 256
-ROWS_AT = STATE_BYTES + EVENTS * EVENT.itemsize
+ROWS_AT = STATE_BYTES + RING_EVENTS * EVENT_TYPE.itemsize
 
 
 class Ring:
-    """`capacity` rows of `size` bytes each, with their counters, and as many events as `EVENTS`.
+    """`capacity` rows of `size` bytes each, with their counters, and as many events as `RING_EVENTS`.
 
     Made anew without `descriptor`, and joined with the one of a ring that another process made.
     """
@@ -99,7 +99,7 @@ class Ring:
             self.memory[:] = bytes(length)
         # Counters as int64, each written by one of the two processes only: no lock is needed.
         self.state: Any = self.memory[:STATE_BYTES].cast("q")
-        self.events = np.frombuffer(self.memory, dtype=EVENT, count=EVENTS, offset=STATE_BYTES)
+        self.events = np.frombuffer(self.memory, dtype=EVENT_TYPE, count=RING_EVENTS, offset=STATE_BYTES)
 
     def bytes_of(self, first: int, count: int) -> memoryview:
         """Return the bytes of `count` rows from counter `first` on, which must not reach over the end of the ring."""
@@ -134,12 +134,12 @@ class Writer:
         """Write until the loop closes the recorder or is gone."""
         self.state[State.READY] = 1
         known_head = 0
-        while not (select.select([sys.stdin], [], [], LOOK)[0] or os.getppid() != parent):
+        while not (select.select([sys.stdin], [], [], LOOK_SECONDS)[0] or os.getppid() != parent):
             # Only rows that were there at the last look: their bytes have long arrived in this process too.
             self.drain(known_head)
             known_head = self.state[HEAD]
         # The loop is closed or gone: what it wrote last has arrived after this.
-        time.sleep(SETTLE)
+        time.sleep(SETTLE_SECONDS)
         self.finish("closed" if self.state[State.CLOSED] else UNCLOSED)
 
     def finish(self, how: str) -> None:
@@ -167,14 +167,15 @@ class Writer:
             # Only after they are written: until then their places in the ring are not free.
             self.state[TAIL] = tail + count
         while (at := self.state[State.EVENT_TAIL]) < self.state[State.EVENT_HEAD]:
-            event = self.ring.events[at % EVENTS]
+            event = self.ring.events[at % RING_EVENTS]
             if not self._event(int(event["nanoseconds"]), event["kind"].decode(), event["text"].decode()):
                 return
             self.state[State.EVENT_TAIL] = at + 1
         self._report_overrun()
-        self._sync(SYNC)
+        self._sync(SYNC_SECONDS)
 
     def _report_overrun(self) -> None:
+        """Record as events how many rows and events found no room since the last report, and why."""
         losses = (self.state[OVERRUN], self.state[State.EVENT_OVERRUN])
         error = self.state[State.ERROR]
         why = f"the journal could not be written: {os.strerror(error)}" if error else "the writer was too late"
@@ -272,6 +273,7 @@ class Recorder:
     `append` never waits: a row that finds the memory full is counted, and its place shows in the sequence numbers.
     Where the writer dies, the next `LOOK_ROWS` rows bring a `LossWarning`, and `failed` has the reason: rows then stay
     in memory as long as there is room, and `close` writes them.
+
     Raises `InputError` where the journal is there already and for channels nobody declared, `HapticevalError` where
     the file or the writer cannot be made. Needs a POSIX system.
     """
@@ -283,7 +285,7 @@ class Recorder:
         *,
         signals: Mapping[str, Signal] | None = None,
         meta: Mapping[str, Any] | None = None,
-        rows: int = ROWS,
+        rows: int = RING_ROWS,
     ) -> None:
         # The stamp and the wall clock at this instant anchor the monotonic stamps in time.
         layout = Layout(channels, signals or {}, check_metadata(meta or {}), (monotonic_ns(), time.time_ns()))
@@ -305,7 +307,7 @@ class Recorder:
         try:
             if os.write(self._journal, begin) != len(begin):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            self._state[State.BYTES], self._state[State.BLOCKS] = len(begin), HEADERS
+            self._state[State.BYTES], self._state[State.BLOCKS] = len(begin), HEADER_COPIES
             self._process = self._started()
         except BaseException as error:
             os.close(self._journal)
@@ -317,6 +319,7 @@ class Recorder:
             raise
 
     def _started(self) -> subprocess.Popen[bytes]:
+        """Start the process that writes, and wait until it is ready. Raises `HapticevalError` where it is not."""
         ring = self._ring
         arguments = (ring.descriptor, self._journal, ring.size, ring.capacity, os.getpid())
         # The interpreter looks for modules where this one does, and not in the folder that it happens to run in.
@@ -330,7 +333,7 @@ class Recorder:
             start_new_session=True,
         )
         assert process.stdin is not None
-        late = time.monotonic() + START
+        late = time.monotonic() + START_SECONDS
         while not self._state[State.READY]:
             if process.poll() is not None or time.monotonic() > late:
                 process.kill()
@@ -403,15 +406,15 @@ class Recorder:
     def event(self, kind: str, text: str = "", *, at: int | None = None) -> None:
         """Record that something happened. Texts are cut after 216 bytes, kinds after 32."""
         head = self._state[State.EVENT_HEAD]
-        if head - self._state[State.EVENT_TAIL] >= EVENTS:
+        if head - self._state[State.EVENT_TAIL] >= RING_EVENTS:
             self._state[State.EVENT_OVERRUN] += 1
             return
-        event = self._ring.events[head % EVENTS]
+        event = self._ring.events[head % RING_EVENTS]
         for name, content in (("kind", kind), ("text", text)):
             if not isinstance(content, str) or "\0" in content or (name == "kind" and not content):
                 raise InputError(f"an event has the {name} {content!r}", todo="give it as text")
             # Cut by bytes, and not within a character: decoding drops the half that may be left.
-            event[name] = content.encode()[: EVENT[name].itemsize].decode(errors="ignore").encode()
+            event[name] = content.encode()[: EVENT_TYPE[name].itemsize].decode(errors="ignore").encode()
         event["nanoseconds"] = monotonic_ns() if at is None else at
         self._state[State.EVENT_HEAD] = head + 1
 
@@ -448,7 +451,7 @@ class Recorder:
         with contextlib.suppress(OSError):
             self._process.stdin.close()
         try:
-            self._process.wait(STOP)
+            self._process.wait(STOP_SECONDS)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

@@ -106,6 +106,7 @@ def among(events: Iterable[Event], since: float, until: float) -> tuple[Event, .
 
 
 def _event(fields: Any) -> Event:
+    """Return an event of a time (s), a kind and a text. Raises `InputError` for anything else."""
     event = Event(*fields)
     when = isinstance(event.time, int | float | np.floating | np.integer) and np.isfinite(event.time)
     texts = isinstance(event.kind, str) and isinstance(event.text, str) and "\0" not in event.kind + event.text
@@ -179,6 +180,7 @@ class Clock:
 
 
 def _whole_numbers(name: str, values: Any) -> IntArray:
+    """Return whole numbers as read-only int64, (n,). Raises `InputError` for floats, and beyond int64."""
     array = np.asarray(values)
     if array.dtype.kind not in "iu":
         raise InputError(
@@ -203,14 +205,16 @@ class MissingChannelError(InputError):
 class Recording:
     """One run, simulated or real: a time base and channels, SI units; arrays are read-only.
 
-    `time` (n,), s, and `channels`: those of frame `world` are (n, N) with N = 1, 2 or 3, those of frame `joint`
-    (n, J) with one column per joint, those of the other frames (n,) or (n, k). `CHANNELS` gives the meaning of the
-    known names; any other channel is declared in `signals`, which may also state the sign convention of a known one. No
-    channel has to be there: hardware may know no IHIP or no force. Checks read those in `REQUIRED`; see `require`.
-
-    `clock` has the stamps of a real run, of which `time` is made: see `Recording.clocked`. `valid` (n,) is False
-    where a row is no measurement: its numbers are kept as they came, NaN too, and are never judged; None where every
-    row is sound. `events` are in no particular order. `meta` states what the channels do not: see `METADATA`.
+    - `time`: (n,), s.
+    - `channels`: those of frame `world` are (n, N) with N = 1, 2 or 3, those of frame `joint` (n, J) with one column
+      per joint, those of the other frames (n,) or (n, k). `CHANNELS` gives the meaning of the known names. No channel
+      has to be there: hardware may know no IHIP or no force. Checks read those in `REQUIRED`; see `require`.
+    - `signals`: what any other channel is; it may also state the sign convention of a known one.
+    - `clock`: the stamps of a real run, of which `time` is made: see `Recording.clocked`.
+    - `valid`: (n,), False where a row is no measurement: its numbers are kept as they came, NaN too, and are never
+      judged; None where every row is sound.
+    - `events`: in no particular order.
+    - `meta`: what the channels do not state: see `METADATA`.
 
     Raises `InputError`, naming channel and row, for a time base that does not increase, a shape that does not
     fit, a channel nobody declared, or a number that is not finite; rows that are not valid are exempt.
@@ -271,6 +275,7 @@ class Recording:
         )
 
     def _check_clock(self, time: Array, valid: BoolArray | None) -> None:
+        """Raise `InputError` where clock and time differ, or stamps or cycle numbers do not increase."""
         if self.clock is None:
             return
         # The same array as a rule; otherwise equal to the bit.
@@ -448,6 +453,7 @@ def columns_of(recording: Recording) -> dict[str, Column]:
 
 
 def _mask(flags: Any, count: int) -> BoolArray | None:
+    """Return which rows are valid, (n,), None where all are. Raises `InputError` for what is no mask of them."""
     if flags is None:
         return None
     mask = np.asarray(flags)

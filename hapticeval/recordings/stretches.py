@@ -9,13 +9,13 @@ import numpy as np
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.types import Array, BoolArray
 
-LAG = 3
+LAG_TICKS = 3
 """A proxy may answer up to so many ticks late without being wrong."""
 
-GAP_STEPS = LAG + 1
+GAP_STEPS = LAG_TICKS + 1
 """A hole longer than so many sampling times ends a stretch: no answer before it, however late, reaches over it."""
 
-STAMP = 1e-9
+STAMP_SECONDS = 1e-9
 """Seconds to which recorded times are stamped: steps that differ by no more are the same."""
 
 
@@ -78,6 +78,7 @@ def nominal_step(recording: Recording) -> float:
 
 
 def _median_cycle(recording: Recording) -> float:
+    """Return the median time of a cycle, s: by the cycle numbers where they are counted, else from row to row."""
     if recording.clock is None or recording.clock.sequence is None:
         return recording.dt
     # Cycles and seconds from row to row: their quotient is a cycle's time, also where rows are missing.
@@ -114,4 +115,4 @@ def describe_clock(recording: Recording, parts: tuple[Stretch, ...]) -> str:
 def _stamp_tolerance(recording: Recording) -> float:
     # s: a nanosecond, and the spacing of doubles at the largest time, four times for the differences.
     time = recording.time if recording.valid is None else recording.time[recording.valid]
-    return STAMP + 4.0 * float(np.spacing(np.max(np.abs(time), initial=0.0)))
+    return STAMP_SECONDS + 4.0 * float(np.spacing(np.max(np.abs(time), initial=0.0)))

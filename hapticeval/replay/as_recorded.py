@@ -24,16 +24,16 @@ from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-LIVE = "hardware"
+LIVE_SOURCE = "hardware"
 """The source of what our own loop recorded."""
 
-DECIMALS = range(1, 13)
+DECIMAL_PLACES = range(1, 13)
 """Decimal places that a log may have been rounded to."""
 
 LONGEST_LAG = 20
 """Ticks up to which a lag is looked for, either way: 20 ms at 1 kHz, more than any loop that anyone could feel with."""
 
-SETTLED = 0.99
+EXPLAINED_SHARE = 0.99
 """Share of the samples that a lag or a gain must bring within the tolerance to explain the deviation."""
 
 
@@ -106,7 +106,7 @@ def deviation(channel: str, computed: Array, logged: Array, time: Array, *, tole
         left = np.linalg.norm(theirs - gain * mine, axis=1) <= tolerance * max(1.0, abs(gain))
         # What is zero or at rest fits any lag and gain; those samples that deviate must be brought to fit.
         moved = exceeds[max(lag, 0) : exceeds.size + min(lag, 0)]
-        if moved.any() and np.mean(left[moved]) >= SETTLED and np.mean(left) >= SETTLED:
+        if moved.any() and np.mean(left[moved]) >= EXPLAINED_SHARE and np.mean(left) >= EXPLAINED_SHARE:
             return replace(unexplained, lag=lag, gain=gain, explained=True)
     return unexplained
 
@@ -171,7 +171,7 @@ def as_recorded(subject: ReplayCase, renderers: Sequence[str] = ()) -> AsRecorde
         )
     path = hand_path(subject)
     log, step = path.recording, path.recording.meta.get("dt")
-    if log.meta.get("source") == LIVE and log.valid is None and step is not None:
+    if log.meta.get("source") == LIVE_SOURCE and log.valid is None and step is not None:
         # Our own loop gives a renderer the same step each cycle and never resets it, also where cycles were missed.
         path = replace(path, stretches=(Stretch(0, len(log)),), dt=float(step))
     # A hand that was not led began where it was.
@@ -223,7 +223,7 @@ def _rounding(log: Recording, scene: Scene) -> dict[str, float]:
 def _last_place(values: Array) -> float:
     """Return 10^-d where every number has at most d decimals, as in a text file; 0 where they have more."""
     scale = max(1.0, float(np.max(np.abs(values))))
-    for decimals in DECIMALS:
+    for decimals in DECIMAL_PLACES:
         place = 10.0**-decimals
         # Whole numbers of the last place, but for the rounding of the division; whole values are no sign of a text.
         if np.max(np.abs(values / place - np.round(values / place))) <= 8.0 * np.finfo(float).eps * scale / place:

@@ -20,7 +20,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import describe_clock
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.rerender import HandPath, Part, concatenated, hand_path, rerender, rerender_backwards
-from hapticeval.replay.subject import SUITE, ReplayCase
+from hapticeval.replay.subject import REPLAY_SUITE, ReplayCase
 from hapticeval.runner import results
 from hapticeval.runner.judging import Recorded, judge_recorded, make_renderer
 from hapticeval.runner.planning import Job, Plan
@@ -65,12 +65,14 @@ class ReplayTask:
         return store_recording(replace(judged, verdicts=verdicts), job, directory)
 
     def _recorded(self) -> Recorded:
+        """Return the recorded run itself, stretch by stretch as it is judged."""
         path = self.path
         parts = [path.recording.part(stretch.rows) for stretch in path.judged]
         note = self._entry(None, "The recorded run as it was.", parts, path.left_out)
         return Recorded(concatenated(parts), tuple(Runs(part) for part in parts), note)
 
     def _replayed(self, name: str, scene: Scene) -> Recorded:
+        """Return the renderer's answers along the hand path, and how checks may ask it again."""
         path, renderer = self.path, make_renderer(resolve(name), scene)
         parts = rerender(renderer, path, scene)
 
@@ -129,8 +131,8 @@ def replay_plan(subject: ReplayCase, renderers: Sequence[str], *, seed: int = 0)
     for name in names:
         resolve(name)
     case = subject.case
-    suite = Suite(name=SUITE, title=case.title, citation="", cases=(case,), rows=())
-    jobs = tuple(Job(SUITE, case, name) for name in (RECORDED, *names))
+    suite = Suite(name=REPLAY_SUITE, title=case.title, citation="", cases=(case,), rows=())
+    jobs = tuple(Job(REPLAY_SUITE, case, name) for name in (RECORDED, *names))
     return Plan((suite,), (RECORDED, *names), jobs, (), seed)
 
 

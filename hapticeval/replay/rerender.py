@@ -30,10 +30,11 @@ MOST_NAMED = 12
 class HandPath:
     """What renderers are given: HIP and velocity (n, N) of a recording, over the gapless `stretches`.
 
-    Where the recording holds what the sensors gave to the renderer, that is the path and not the true HIP. `dt` (s) is
-    what a renderer is given as the duration of each step, where that is not what the clock says. The recorded run
-    itself is judged over `judged`, which a fault of its force or IHIP parts, too. `left_out` describes what is not and
-    when, and `suspicious` what else the examination found that a person should look at.
+    Where the recording holds what the sensors gave to the renderer, that is the path and not the true HIP.
+
+    - `dt` (s): the duration of each step that a renderer is told, where that is not what the clock says.
+    - `judged`: over which the recorded run itself is judged; a fault of its force or IHIP parts these, too.
+    - `left_out`: what is not used, and when; `suspicious`: what else a person should look at.
     """
 
     recording: Recording
@@ -140,6 +141,7 @@ def rerender(renderer: Renderer | TrajectoryRenderer, path: HandPath, scene: Sce
 def _rerender_stretch(
     renderer: Renderer | TrajectoryRenderer, path: HandPath, stretch: Stretch, scene: Scene | None
 ) -> Part:
+    """Return the renderer's answers along one stretch, or, where it is led out of its domain, up to there."""
     rows = stretch.rows
     time, hip, velocity = path.recording.time[rows], path.hip[rows], path.velocity(stretch)
     dt = steps(path.recording, stretch) if path.dt is None else path.dt
@@ -202,6 +204,10 @@ def _play_recorded(
 
 
 def _simulate_recorded(renderer: TrajectoryRenderer, time: Array, hip: Array, dt: float | Array) -> Recording:
+    """Return the answer of a renderer that takes a stimulus whole: straight lines between the recorded samples.
+
+    Raises `RefusalError` on a clock that is not regular, and `RendererError` for another number of samples.
+    """
     if not isinstance(dt, float):
         raise RefusalError(
             "the recording's clock is not regular",

@@ -11,23 +11,23 @@ from hapticeval.effects.catalogue import read_effects, short_forms
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import file_stem
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.recordings.provenance import LINE, before_the_wall, model_of, scene_of
+from hapticeval.recordings.provenance import LINE_MODEL, before_the_wall, model_of, scene_of
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import case_named
 
-SUITE = "replay"
+REPLAY_SUITE = "replay"
 """The suite that a replay's verdicts belong to."""
 
-GIVEN = ("device", "inner_loop", "effects", "model")
+STRUCTURED_ENTRIES = ("device", "inner_loop", "effects", "model")
 """Entries of a scene that cannot be given as key=value."""
 
-ENTRIES = (*(field.name for field in fields(Scene) if field.name != "model"), *short_forms())
+SCENE_ENTRIES = (*(field.name for field in fields(Scene) if field.name != "model"), *short_forms())
 """Entries of a scene beside its model."""
 
-NUMBERS = {
-    **{field.name: field.default for field in fields(Scene) if field.name not in GIVEN},
+KEY_VALUE_DEFAULTS = {
+    **{field.name: field.default for field in fields(Scene) if field.name not in STRUCTURED_ENTRIES},
     **{name: 0.0 for name, is_number in short_forms().items() if is_number},
 }
 
@@ -53,14 +53,19 @@ def subject(
     """The case of a replay: model, scene and checks.
 
     Each comes from what is given (`model` as a suite has it; `suite_case` as SUITE/CASE; `scene` as key=value), else
-    from the recording's meta. The checks are the case's, or all. Raises `InputError` where neither says the model or
-    the stiffness, naming all that lacks, with `unsaid`: what else does, and how to give it. And for a key that a scene
-    does not have, and where model and recording differ in dimension: a run in one dimension is placed before the model
+    from the recording's meta. The checks are the case's, or all. A run in one dimension is placed before the model
     `line`, see `before_the_wall`.
+
+    Raises `InputError`
+
+    - where neither says the model or the stiffness, naming all that lacks, with `unsaid`: what else does, and how to
+      give it;
+    - for a key that a scene does not have;
+    - where model and recording differ in dimension.
     """
     # A case of a suite gives model, scene and checks together.
     template = None if suite_case is None else case_named(suite_case)
-    entries = {key: value for key, value in scene_of(recording).items() if key in ENTRIES}
+    entries = {key: value for key, value in scene_of(recording).items() if key in SCENE_ENTRIES}
     if template is not None:
         entries = dict(template.scene)
     # What the user gives overrides what the recording or the case says.
@@ -89,7 +94,7 @@ def subject(
     with at(file.name):
         built = replay_case.build_scene()
     # One degree of freedom is placed in the plane, before the wall that the model is.
-    if recording.hip.shape[1] == 1 and built.model.name == LINE:
+    if recording.hip.shape[1] == 1 and built.model.name == LINE_MODEL:
         recording = before_the_wall(recording)
     if built.model.dimension != recording.hip.shape[1]:
         raise InputError(
@@ -115,6 +120,7 @@ def _not_said(file: Path, scene: Mapping[str, str], others: Mapping[str, str]) -
 
 
 def _checks(recording: Recording, scene: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the checks of the recording's meta, or all that the scene allows."""
     names = recording.meta.get("checks")
     if isinstance(names, list | tuple) and names and all(name in CHECKS for name in names):
         return tuple(names)
@@ -129,10 +135,11 @@ def _checks(recording: Recording, scene: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _entry(text: str) -> tuple[str, Any]:
+    """Return an entry of a scene from key=value. Raises `InputError` for another key, and for no number."""
     key, equals, value = (part.strip() for part in text.partition("="))
-    if key not in NUMBERS:
-        raise UnknownNameError("entry of a scene", key, NUMBERS)
-    default = NUMBERS[key]
+    if key not in KEY_VALUE_DEFAULTS:
+        raise UnknownNameError("entry of a scene", key, KEY_VALUE_DEFAULTS)
+    default = KEY_VALUE_DEFAULTS[key]
     # bool before float: "true" is no number, and 1 no truth value.
     if isinstance(default, bool):
         if value.lower() in ("true", "false"):

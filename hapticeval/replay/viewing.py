@@ -11,11 +11,11 @@ import msgspec
 
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
-from hapticeval.recordings.provenance import LINE, model_of, scene_of
+from hapticeval.recordings.provenance import LINE_MODEL, model_of, scene_of
 from hapticeval.recordings.recording import Recording
 from hapticeval.replay import RECORDED
 from hapticeval.replay.job import prepared
-from hapticeval.replay.subject import SUITE, subject
+from hapticeval.replay.subject import REPLAY_SUITE, subject
 from hapticeval.runner.outcome import run_entry
 from hapticeval.runner.planning import Job
 from hapticeval.runner.results import RunEntry, SceneEntry, VerdictEntry
@@ -48,7 +48,7 @@ def viewed(
     """
     recording.require("hip")
     # A run in one dimension needs no model: what it touches is a wall.
-    touched = model or model_of(recording) or ({"kind": LINE} if recording.dimension == 1 else None)
+    touched = model or model_of(recording) or ({"kind": LINE_MODEL} if recording.dimension == 1 else None)
     missing = []
     if suite_case is None:
         if touched is None:
@@ -62,7 +62,7 @@ def viewed(
         file, recording, model=touched if suite_case is None else model, suite_case=suite_case, scene=scene
     )
     # The runner's own work, done here at once: the page shows what a replay's report would.
-    work, job = prepared(replay_case), Job(SUITE, replay_case.case, RECORDED)
+    work, job = prepared(replay_case), Job(REPLAY_SUITE, replay_case.case, RECORDED)
     judged, _ = work(job, None, 0)
     entry = msgspec.structs.replace(run_entry(job, judged, None), title=_title(file), shows=None)
     # The recorded run is given, so that only an error can leave none.
@@ -76,12 +76,13 @@ def _title(file: Path) -> str:
 
 
 def _unjudged(file: Path, recording: Recording, model: Mapping[str, Any] | None, why: str) -> Viewed:
+    """Return the run as it was recorded, without verdicts, and `why` there are none."""
     entries = scene_of(recording)
     stiffness, damping, mass, restitution = (
         float(entries.get(name, 0.0)) for name in ("stiffness", "damping", "mass", "restitution")
     )
     entry = RunEntry(
-        suite=SUITE,
+        suite=REPLAY_SUITE,
         case=file_stem(file.stem),
         renderer=RECORDED,
         recording=None,

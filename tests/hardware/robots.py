@@ -11,7 +11,7 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import read_effects
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.hardware.live import channels, run, signals
-from hapticeval.hardware.twin import DELAY, FRICTION, Twin
+from hapticeval.hardware.twin import COULOMB_FRICTION, MOTOR_DELAY, Twin
 from hapticeval.hardware.wiring import Wiring
 from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import Recorder
@@ -20,7 +20,7 @@ from hapticeval.stimulus.stimulus import Hand, Path
 
 DT = 1e-3
 RENDERER = "minimum-distance+pp-pd"
-REAL = {"torque_limit": MOTOR_TORQUE, "delay": DELAY, "friction": FRICTION}
+REAL = {"torque_limit": MOTOR_TORQUE, "delay": MOTOR_DELAY, "friction": COULOMB_FRICTION}
 
 
 def wired(dimension=2, **wiring):

@@ -125,13 +125,13 @@ def test_a_driver_that_breaks_is_named_with_its_cycle(tmp_path, trick, words):
 @pytest.fixture
 def patience(monkeypatch):
     """So much of it that only what hangs is ever broken off, however slow the machine is."""
-    monkeypatch.setattr(guard, "PATIENCE", 60.0)
+    monkeypatch.setattr(guard, "CYCLE_PATIENCE", 60.0)
 
 
 def hang(*_):
     """Wait for longer than the guard does, whose time then passes quickly."""
     left, again = signal.getitimer(signal.ITIMER_REAL)
-    assert 0.0 < left <= again == guard.PATIENCE
+    assert 0.0 < left <= again == guard.CYCLE_PATIENCE
     signal.setitimer(signal.ITIMER_REAL, 0.01, again)
     time.sleep(600.0)
 

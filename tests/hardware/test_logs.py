@@ -8,7 +8,7 @@ from robots import recorded, twin_of, wired
 
 from hapticeval.cli import main
 from hapticeval.errors import HapticevalError
-from hapticeval.hardware.logs import OUTSIDE, at_the_hand, load
+from hapticeval.hardware.logs import OUTSIDE_WORKSPACE, at_the_hand, load
 from hapticeval.recordings.recording import Recording
 
 CYCLES = 400
@@ -96,7 +96,7 @@ def test_a_row_outside_is_marked(tmp_path):
     raw[20] = (80_000.0, 0.0)
     made = at_the_hand(Recording(run.time, {"raw": raw}, run.meta, signals={"raw": run.signals["raw"]}))
     assert np.flatnonzero(~made.valid).tolist() == [20]
-    assert made.meta["import"]["left out"] == {OUTSIDE: 1}
+    assert made.meta["import"]["left out"] == {OUTSIDE_WORKSPACE: 1}
     assert "force" not in made.channels
     assert at_the_hand(run) is run  # which has a HIP
 

@@ -11,7 +11,7 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import read_effects
 from hapticeval.errors import HapticevalError
 from hapticeval.hardware.twin import Twin, demonstration
-from hapticeval.hardware.wiring import CUTOFF
+from hapticeval.hardware.wiring import VELOCITY_CUTOFF
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 
@@ -25,7 +25,9 @@ CYCLES = 600
 )
 def test_it_is_the_closed_loop(tmp_path, dimension, effects):
     wiring = wired(dimension)
-    seen = read_effects({"imperfections": {"encoder_step": ENCODER_STEP, "velocity_cutoff": CUTOFF, **effects}})[1]
+    seen = read_effects(
+        {"imperfections": {"encoder_step": ENCODER_STEP, "velocity_cutoff": VELOCITY_CUTOFF, **effects}}
+    )[1]
     scene = scene_of(wiring, effects=seen)
     hand, still = hand_of(dimension), np.zeros(dimension)
     experiment = Experiment((CYCLES - 1) * DT, hand.path.points[0], still, np.zeros(1), still[None], hand)

@@ -28,8 +28,8 @@ def robot():
 @pytest.fixture
 def patient(monkeypatch):
     """Neither side takes the other to be gone because the machine is busy."""
-    monkeypatch.setattr(udp, "SILENCE", 60.0)
-    monkeypatch.setattr(udp, "UNHEARD", 60.0)
+    monkeypatch.setattr(udp, "SILENCE_SECONDS", 60.0)
+    monkeypatch.setattr(udp, "UNHEARD_SECONDS", 60.0)
 
 
 def greeted(robot):
@@ -72,7 +72,7 @@ def test_the_newest_reading_counts(robot):
     ],
 )
 def test_what_is_no_reading_is_refused(robot, monkeypatch, packet, words):
-    monkeypatch.setattr(udp, "SILENCE", 0.05 if packet is None else 60.0)
+    monkeypatch.setattr(udp, "SILENCE_SECONDS", 0.05 if packet is None else 60.0)
     device, loop = greeted(robot)
     if packet is not None:
         robot.sendto(packet, loop)

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 
 from hapticeval.recordings.channels import Signal
-from hapticeval.recordings.journal import HEADERS, Kind, Layout, block_head, opening
+from hapticeval.recordings.journal import HEADER_COPIES, Kind, Layout, block_head, opening
 from hapticeval.recordings.recording import Clock, Event, Recording
 
 EXTRA = tuple(f"adc{k}" for k in range(7))
@@ -49,7 +49,7 @@ def journal_parts(layout, table, *, size=10, closed=True, events=()):
     made = [opening(layout)]
 
     def add(kind, count, payload):
-        made.append(block_head(kind, len(made) - 1 + HEADERS, count, payload) + payload)
+        made.append(block_head(kind, len(made) - 1 + HEADER_COPIES, count, payload) + payload)
 
     for begin in range(0, len(table), size):
         part = table[begin : begin + size]

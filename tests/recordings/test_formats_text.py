@@ -209,7 +209,7 @@ def read_acme(path):
 
 
 def test_a_fresh_importer_is_a_few_lines(table, tmp_path, monkeypatch):
-    monkeypatch.setattr(registry, "KNOWN", dict(registry.KNOWN))
+    monkeypatch.setattr(registry, "REGISTERED", dict(registry.REGISTERED))
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "acme_logs.py").write_text(FRESH)
     found = table("0|1.5\n10|2.5\n", "run.acme", format="acme_logs:read_acme")
@@ -219,7 +219,7 @@ def test_a_fresh_importer_is_a_few_lines(table, tmp_path, monkeypatch):
 
 
 def test_names_are_given_once_and_suggested(table, monkeypatch):
-    monkeypatch.setattr(registry, "KNOWN", dict(registry.KNOWN))
+    monkeypatch.setattr(registry, "REGISTERED", dict(registry.REGISTERED))
     with pytest.raises(InputError, match="is there already"):
         importer("svc", about="another")(lambda path: Table({}))
     with pytest.raises(UnknownNameError, match="matlab"):

@@ -54,7 +54,7 @@ def line_of(function):
 @pytest.fixture
 def here(here, monkeypatch):
     formats()  # those of ours are known before what is known is put back
-    monkeypatch.setattr(registry, "KNOWN", dict(registry.KNOWN))
+    monkeypatch.setattr(registry, "REGISTERED", dict(registry.REGISTERED))
     monkeypatch.setattr(sys, "path", list(sys.path))
     (here / "stick.py").write_text(MINE)
     (here / "run.acme").write_text("0 one\n")

@@ -6,7 +6,7 @@ from recording_files import flipped, journal_of
 
 from hapticeval.cli import main
 from hapticeval.recordings import hdf5
-from hapticeval.recordings.hdf5 import LOST, read_recording, write_recording
+from hapticeval.recordings.hdf5 import LOST_EVENT, read_recording, write_recording
 from hapticeval.recordings.importing.convert import is_ours, load
 from hapticeval.recordings.journal import MAGIC
 from hapticeval.recordings.provenance import describe_losses
@@ -32,7 +32,7 @@ def test_a_journal_becomes_a_recording_and_reports_what_is_lost(here, capsys):
     assert "breaks off inside a block; what came from cycle 200 on is unknown" in capsys.readouterr().out
     made = read_recording(here / "run.h5")
     assert made.force.tobytes() == run().force[:200].tobytes()
-    assert [event.kind for event in made.events] == [LOST]
+    assert [event.kind for event in made.events] == [LOST_EVENT]
     for file in ("run.journal", "run.h5"):  # what was lost is not forgotten by converting it
         assert main(["inspect", file]) == 1
         assert "suspicious: lost (all): the end, bytes" in capsys.readouterr().out

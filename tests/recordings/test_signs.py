@@ -12,7 +12,7 @@ from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.integrity.force_sign import balance, force_signs
 from hapticeval.recordings.integrity.report import examine
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import LAG
+from hapticeval.recordings.stretches import LAG_TICKS
 
 DT = 1e-3
 TIME = DT * np.arange(6000)
@@ -130,9 +130,9 @@ def test_a_late_force_is_free_as_long_as_it_says_so():
     """A lossless wall that is touched for a few ticks gives nothing at the lag that its force has."""
     hip = 0.01 * np.cos(2.0 * np.pi * 20.0 * TIME)[:, None] + 0.0097
     force = np.where(hip < 0.0, -1000.0 * hip, 0.0)
-    late = np.concatenate([np.zeros((LAG, 1)), force[:-LAG]])
+    late = np.concatenate([np.zeros((LAG_TICKS, 1)), force[:-LAG_TICKS]])
     assert all(each.as_logged.passive for each in balance(hip, force, TIME))
-    assert balance(hip, late, TIME)[LAG].as_logged.energy == pytest.approx(0.0, abs=1e-9)
+    assert balance(hip, late, TIME)[LAG_TICKS].as_logged.energy == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_sensor_that_reads_so_much_in_free_motion_is_not_trusted():

@@ -16,16 +16,15 @@ from hapticeval.recordings.channels import CHANNELS
 from hapticeval.recordings.compare.permutation import LEVEL, needed
 from hapticeval.recordings.quantization import Resolution, resolution
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import LAG, Stretch, continuing_steps, stretches
+from hapticeval.recordings.stretches import LAG_TICKS, Stretch, continuing_steps, stretches
 from hapticeval.types import Array, BoolArray, IntArray
 
-QUARTER_TURN = (
-    0.5 * math.pi
-)  # a HIP that turns further about the centre in one step passes too near to it to be followed
+# rad; a HIP that turns further about the centre in one step passes too near to it to be followed.
+QUARTER_TURN = 0.5 * math.pi
 LARGEST_BEND = 0.99  # share of the radius of curvature beyond which the foot is no function of the HIP to be followed
 ROUNDED_STEP = 1e-9  # m below which a step of the foot is rounding
 FULL_TURN = 2.0 * math.pi
-HAND_STEP = 1.0 / 3600.0
+HAND_STEP = 1.0 / 3600.0  # of a turn: a wider part that no run visits is none of the hand's steps
 
 
 @dataclass(frozen=True)
@@ -103,8 +102,10 @@ class Abscissa:
             depth = np.maximum(-self.curve.signed_distance(hip), 0.0)
             bent = np.minimum(depth * np.maximum(np.asarray(self.curve.curvature(u)), 0.0), LARGEST_BEND)
             moved = np.linalg.norm(np.diff(hip, axis=0), axis=1)
-            # A foot more than LAG times as far along as the HIP's step allows has leapt over the medial axis.
-            leaps = np.asarray(np.abs(step) > LAG * moved / (1.0 - np.maximum(bent[1:], bent[:-1])) + ROUNDED_STEP)
+            # A foot more than LAG_TICKS times as far along as the HIP's step allows has leapt over the medial axis.
+            leaps = np.asarray(
+                np.abs(step) > LAG_TICKS * moved / (1.0 - np.maximum(bent[1:], bent[:-1])) + ROUNDED_STEP
+            )
         else:
             channel, _, column = self.by.partition(":")
             values = np.asarray(recording.channels.get(channel, np.empty((0, 0))))
@@ -379,8 +380,8 @@ def _smooth_contact_steps(recording: Recording) -> BoolArray:
     if "ihip" in recording.channels:
         step = float(np.max(moved, where=both_touch, initial=0.0))
         ihip_change = np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)
-        # A tool may catch up `LAG` of the longest HIP steps in one tick, and a surface jump by its standoff.
-        smooth &= ihip_change <= LAG * step + recording.standoff
+        # A tool may catch up `LAG_TICKS` of the longest HIP steps in one tick, and a surface jump by its standoff.
+        smooth &= ihip_change <= LAG_TICKS * step + recording.standoff
         depth = np.linalg.norm(recording.ihip - hip, axis=1)
         pressed = contact & (depth > 0.0)
         if pressed.any():
@@ -388,7 +389,7 @@ def _smooth_contact_steps(recording: Recording) -> BoolArray:
             stiffness = float(np.median(np.linalg.norm(force[pressed], axis=1) / depth[pressed]))
             force_change = np.linalg.norm(np.diff(force, axis=0), axis=1)
             # A spring between HIP and IHIP changes with the steps of both.
-            smooth &= force_change <= stiffness * ((LAG + 1) * step + recording.standoff)
+            smooth &= force_change <= stiffness * ((LAG_TICKS + 1) * step + recording.standoff)
     return smooth
 
 

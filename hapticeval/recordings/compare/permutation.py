@@ -22,7 +22,7 @@ from hapticeval.types import Array
 
 LEVEL = 0.05  # at which a difference is called one: so often, at the most, where there is none
 DEALS = 9999  # deals that are looked at where there are more; so p is never below one in one more of them
-ROUNDING = 1e-12  # a deal that mirrors the observed one has its statistic, but for so much
+MIRROR_ROUNDING = 1e-12  # a deal that mirrors the observed one has its statistic, but for so much
 
 Unit = tuple[int, int]
 """A repeat: of the first or the second renderer (0, 1), and its number."""
@@ -77,9 +77,11 @@ def least_p(first: int, second: int) -> float:
 
 
 def needed(first: int, second: int, *, tests: int, level: float) -> tuple[int, int] | None:
-    """The fewest repeats, not below those given and two at least, as even as can be, with which a difference can be
-    detected at the `level` where so many `tests` share it; None where no number can, since p is never below that of the
-    `DEALS`."""
+    """The fewest repeats of two renderers with which a difference can be detected, not below `first` and `second`.
+
+    So many `tests` share the `level`. The numbers are two at least and as even as can be; None where no number can,
+    since p is never below that of the `DEALS`.
+    """
     if tests / (DEALS + 1) >= level:
         return None
     first, second = max(first, 2), max(second, 2)
@@ -92,7 +94,10 @@ def needed(first: int, second: int, *, tests: int, level: float) -> tuple[int, i
 
 
 def permutation_p(columns: Mapping[str, Distances], *, seed: int) -> tuple[Mapping[str, float], float]:
-    """p of each column against the largest statistic of any of them in each deal, and the least that p can be."""
+    """p of each column against the largest statistic of any of them in each deal, and the least that p can be.
+
+    Without columns there is nothing to deal, and the least p is 1.
+    """
     all_units = sorted({unit for distances in columns.values() for unit in distances.units})
     if not all_units:
         return {}, 1.0
@@ -111,7 +116,7 @@ def permutation_p(columns: Mapping[str, Distances], *, seed: int) -> tuple[Mappi
     p_values = {}
     for column, distances in columns.items():
         at_least_as_large = int(
-            np.count_nonzero(largest >= (1.0 - ROUNDING) * float(distances.energies(all_units, observed)[0]))
+            np.count_nonzero(largest >= (1.0 - MIRROR_ROUNDING) * float(distances.energies(all_units, observed)[0]))
         )
         # the observed deal is one of all, and is added to the random ones
         p_values[column] = at_least_as_large / deal_count if exact else (at_least_as_large + 1) / (DEALS + 1)

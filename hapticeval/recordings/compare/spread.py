@@ -27,7 +27,7 @@ from hapticeval.types import Array, BoolArray, IntArray
 LEAST_COVERAGE = 0.5  # a repeat covers at least this share of what the fullest one does: the end of a last lap is none
 LEAST_COMMON = 0.05  # two curves must share this much of the grid for a distance, and two medians for a difference
 RUNS, LAPS = "runs", "laps of one run"
-COMPARED = ("direction", "leaning", "magnitude", "depth")
+COMPARED_COLUMNS = ("direction", "leaning", "magnitude", "depth")
 
 
 class Repeats(NamedTuple):
@@ -59,7 +59,7 @@ def groups(aligned: Aligned) -> Iterator[tuple[str, int, Mapping[str, Repeats]]]
     """
     branches: dict[str, tuple[Array, BoolArray]] = {}
     for direction in (1, -1):
-        for column in COMPARED:
+        for column in COMPARED_COLUMNS:
             passes_of = {}
             for renderer in dict.fromkeys(run.renderer for run in aligned.runs):
                 passes = [pass_ for pass_ in aligned.of(renderer, direction) if column in pass_.columns]

@@ -37,12 +37,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error, origin
 from hapticeval.recordings.importing.units import parse_unit
-from hapticeval.recordings.memory import FOLDER, HEAD, first_bytes, reserve
+from hapticeval.recordings.memory import FOLDER, HEAD_BYTES, first_bytes, reserve
 
-GROUP = "hapticeval.formats"
+FORMAT_GROUP = "hapticeval.formats"
 """Entry points of this group are functions of other packages, marked with `importer`."""
 
-OWN = ("matlab5", "matlab73", "hdf5", "npz", "rosbag", "svc", "devicelog", "hdurecord", "csv")
+OWN_FORMATS = ("matlab5", "matlab73", "hdf5", "npz", "rosbag", "svc", "devicelog", "hdurecord", "csv")
 """The formats of this package, the most particular first: delimited text fits much."""
 
 MOST_SIGNALS = 64
@@ -80,12 +80,15 @@ SIGNATURES: tuple[tuple[bytes, str], ...] = (
 class Table:
     """Columns of numbers, each (n,), float64 or int64; they may differ in length, as topics of a bag do.
 
-    `units` holds only what the file or its format states; `notes` is the file's text about a column, a scope's label;
-    `attributes` are single numbers and texts of the file; `warnings` name what is missing or damaged, `remarks` what
-    is whole but no column of numbers. `cells` are those of the warnings that report cells without a number, which a
-    recording counts itself. `topics` names, for columns of a file that holds several streams, the stream of each: rows
-    of different streams are at different times, however many there are.
-    Integers stay integers: nanoseconds of a wall clock do not fit into a float.
+    Integers stay integers: nanoseconds of a wall clock do not fit into a float. Beside them are
+
+    - `units`: only what the file or its format states;
+    - `notes`: the file's text about a column, such as a scope's label;
+    - `attributes`: single numbers and texts of the file;
+    - `warnings`: what is missing or damaged; `remarks`: what is whole but no column of numbers;
+    - `cells`: those of the warnings that report cells without a number, which a recording counts itself;
+    - `topics`: for columns of a file that holds several streams, the stream of each. Rows of different streams are at
+      different times, however many there are.
 
     Raises `InputError`, naming the column, for one that is not a row of numbers, and where all of them take more memory
     than `memory.limited` allows.
@@ -125,6 +128,7 @@ class Table:
 
 
 def _column(name: str, values: ArrayLike) -> NDArray[Any]:
+    """Return a column as a read-only array (n,) of float64 or int64. Raises `InputError` for what is none."""
     array = np.asarray(values)
     if array.ndim != 1 or array.dtype.kind not in "fiub":
         raise InputError(
@@ -235,7 +239,7 @@ class Format:
         return getattr(self.read, "__module__", "").startswith(f"{__name__}.")
 
 
-KNOWN: dict[str, Format] = {}
+REGISTERED: dict[str, Format] = {}
 """The formats that were registered in this process."""
 
 
@@ -249,11 +253,11 @@ def importer(
     """
 
     def register(read: Read) -> Read:
-        known = KNOWN.get(name)
+        known = REGISTERED.get(name)
         if known is not None and importer_name(known.read) != importer_name(read):
             why = f"{known.read.__module__} registered it"
             raise InputError(f"the format '{name}' is there already", why=why, todo="choose another name")
-        KNOWN[name] = Format(name, about, read, tuple(suffix.lower() for suffix in suffixes), recognises)
+        REGISTERED[name] = Format(name, about, read, tuple(suffix.lower() for suffix in suffixes), recognises)
         return read
 
     return register
@@ -263,13 +267,13 @@ def formats() -> Mapping[str, Format]:
     """Return every format by name, in the order in which a file is offered to them: other people's before ours."""
     for module in ("arrays", "matlab5", "rosbag", "text"):
         import_module(f"{__name__}.{module}")
-    for entry in entry_points(group=GROUP):
+    for entry in entry_points(group=FORMAT_GROUP):
         with blame_importer(f"the format '{entry.name}' of an installed package ({entry.value})"):
             entry.load()
     # Other people's come first: delimited text, the last of ours, would fit many of their files.
-    others = [known_format for known_format in KNOWN.values() if not known_format.ours]
+    others = [known_format for known_format in REGISTERED.values() if not known_format.ours]
     return MappingProxyType(
-        {known_format.name: known_format for known_format in (*others, *(KNOWN[name] for name in OWN))}
+        {known_format.name: known_format for known_format in (*others, *(REGISTERED[name] for name in OWN_FORMATS))}
     )
 
 
@@ -278,9 +282,14 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
 
     `format` names one of `formats()`, or `package.module:function` of one that is not installed, which runs that code:
     it is for names that a user gives, never for names that a file gives. Without it the file's first bytes and its name
-    decide. Raises `InputError` where the file is missing, empty, damaged, larger than `memory.limited` allows, or
-    something else, and then names what it is; and for an importer of somebody else's that cannot be loaded, that raises
-    anything, or gives what is no sound table, with the line in its own file.
+    decide.
+
+    Raises `InputError`
+
+    - where the file is missing, empty, damaged or larger than `memory.limited` allows;
+    - where it is something else: the message names what;
+    - for somebody else's importer that cannot be loaded, raises anything, or gives no sound table, with the line in its
+      own file.
     """
     path = Path(path)
     chosen = _detected_format(path) if format is None else _named_format(format)
@@ -307,11 +316,12 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
 
 
 def _detected_format(path: Path) -> Format:
+    """Return the format of a file, by its bytes or its name. Raises `InputError` that says what it is instead."""
     head, known = first_bytes(path), formats()
     for candidate in known.values():
         if candidate.fits(path, head):
             return candidate
-    if is_text(head) and path.suffix.lower() in known["csv"].suffixes and len(head) == HEAD:
+    if is_text(head) and path.suffix.lower() in known["csv"].suffixes and len(head) == HEAD_BYTES:
         return known["csv"]  # a header longer than what was looked at
     words = _described_kind(head) or ("text without a row of numbers" if is_text(head) else None)
     why = f"its name ends in '{path.suffix}', its first bytes are {head[:16]!r}"
@@ -326,6 +336,7 @@ def _detected_format(path: Path) -> Format:
 
 
 def _named_format(name: str) -> Format:
+    """Return the format of a name, or of `package.module:function`, which is imported and so run."""
     if ":" not in name:
         known = formats()
         if name not in known:
@@ -342,7 +353,7 @@ def _named_format(name: str) -> Format:
     if not callable(read):
         raise InputError(f"'{name}' is of type {type(read).__name__}", todo="name a function from a path to a Table")
     # A function marked with `importer` keeps its format's name and words.
-    return next((known_format for known_format in KNOWN.values() if known_format.read is read), None) or Format(
+    return next((known_format for known_format in REGISTERED.values() if known_format.read is read), None) or Format(
         name, f"the format {name}", read
     )
 

@@ -42,13 +42,13 @@ NPZ_DAMAGE = (ValueError, RuntimeError, zipfile.BadZipFile, zlib.error, EOFError
 """NumPy and zipfile do so, too."""
 
 UNIT_NAMES = ("unit", "units", "Unit", "Units")
-DEEPEST = 32
+DEEPEST_GROUP = 32
 """Groups within groups; a file nested deeper holds no log, and takes minutes to walk through."""
 
-MOST = 100_000
+MOST_OBJECTS = 100_000
 """Objects in a file."""
 
-FEW = 9
+MOST_PARAMETERS = 9
 """A MATLAB array of as many numbers at the most is a parameter (a 3 x 3 matrix), no signal."""
 
 
@@ -116,11 +116,11 @@ class Nodes:
     def enter(self, node: Any, depth: int) -> None:
         """Count an object that is about to be looked at."""
         self._count += 1
-        if depth > DEEPEST or self._count > MOST:
-            what = f"groups {depth} deep" if depth > DEEPEST else f"more than {MOST} parts"
+        if depth > DEEPEST_GROUP or self._count > MOST_OBJECTS:
+            what = f"groups {depth} deep" if depth > DEEPEST_GROUP else f"more than {MOST_OBJECTS} parts"
             raise InputError(
                 f"{self.path} has {what}, at '{str(node.name)[:80]}'",
-                why=f"at most {DEEPEST} levels and {MOST} parts are read",
+                why=f"at most {DEEPEST_GROUP} levels and {MOST_OBJECTS} parts are read",
                 todo="write the recording's data sets into a file of their own",
             )
 
@@ -182,6 +182,7 @@ def read_hdf5(path: Path) -> Table:
 
 
 def _add_dataset(nodes: Nodes, arrays: Arrays, name: str, node: Any) -> None:
+    """Add the numbers of a data set, or of the numeric fields of a structured one; the others become remarks."""
     kinds = {part: node.dtype[part].base for part in node.dtype.names or ()} or {"": node.dtype}
     numeric = [part for part, kind in kinds.items() if kind.kind in "fiub"]
     for part, kind in kinds.items():
@@ -252,13 +253,13 @@ class Variables(Arrays):
         """Variables that are objects of MATLAB's own, which nothing else reads."""
 
     def add(self, name: str, values: NDArray[Any]) -> None:
-        """Add an array as MATLAB holds it: text, a few numbers, or columns (n,) or (n, k) of more than `FEW` numbers.
+        """Add an array as MATLAB holds it: text, a few numbers, or columns (n,) or (n, k).
 
-        Numbers keep their unit (m, N or what the file states).
+        Columns have more than `MOST_PARAMETERS` numbers. Numbers keep their unit (m, N or what the file states).
         """
         if values.dtype.kind == "c":
             self.warnings.append(f"'{name}' holds complex numbers, which are left out")
-        elif values.dtype.kind in "fiub" and values.size > FEW:
+        elif values.dtype.kind in "fiub" and values.size > MOST_PARAMETERS:
             self.columns |= spread(name, self._upright(name, values))
         elif values.dtype.kind in "US":
             self.attributes[name] = "\n".join(str(row) for row in values.ravel())
@@ -312,7 +313,13 @@ class Variables(Arrays):
         return super().table()
 
 
-NUMERIC = {"", "double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
+NUMERIC_CLASSES = {
+    "",
+    "double",
+    "single",
+    "logical",
+    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
+}
 
 
 @importer("matlab73", about="a MATLAB 7.3 file (.mat)", recognises=lambda head: head.startswith(b"MATLAB 7.3 MAT-file"))
@@ -355,7 +362,7 @@ def read_matlab73(path: Path) -> Table:
                 return
             elif kind == "char":
                 variables.add(name, np.array(["".join(map(chr, np.asarray(nodes.read(node, name)).T.ravel()))]))
-            elif kind in NUMERIC:
+            elif kind in NUMERIC_CLASSES:
                 variables.add(name, np.asarray(nodes.read(node, name)).T)
             else:
                 variables.warnings.append(f"the variable '{name}' of class '{kind}' is left out")

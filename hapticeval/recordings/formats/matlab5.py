@@ -23,24 +23,24 @@ from numpy.typing import NDArray
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.formats import Table, damaged_error, importer
-from hapticeval.recordings.formats.arrays import DEEPEST, MOST, Variables
+from hapticeval.recordings.formats.arrays import DEEPEST_GROUP, MOST_OBJECTS, Variables
 from hapticeval.recordings.memory import reserve
 
-HEADER = 128
+HEADER_BYTES = 128
 COMPRESSED, MATRIX = 15, 14
 CELL, STRUCTURE, OBJECT, TEXT, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
 """Classes of a matrix beside those of numbers."""
 
-NUMBERS = range(6, 16)
-COMPLEX = 0x0800
+NUMBER_CLASSES = range(6, 16)
+COMPLEX_FLAG = 0x0800
 
-TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+NUMBER_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """Kinds of elements of numbers; of whole ones MATLAB takes the shortest that holds them."""
 
 ENCODINGS = {1: "latin-1", 2: "utf-8", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
 """Kinds of elements of text; one of 16-bit numbers (4) holds UTF-16 as well."""
 
-PIECE = 1 << 20
+PIECE_BYTES = 1 << 20
 """Bytes that are unpacked at a time."""
 
 
@@ -64,8 +64,8 @@ class Element(NamedTuple):
 def read_matlab5(path: Path) -> Table:
     """Return every numeric array of two rows or more, as columns; numbers and texts as attributes."""
     data = path.read_bytes()
-    if len(data) < HEADER:
-        raise damaged_error(path, f"its header has {HEADER} bytes, and {len(data)} are there")
+    if len(data) < HEADER_BYTES:
+        raise damaged_error(path, f"its header has {HEADER_BYTES} bytes, and {len(data)} are there")
     # The header ends with the two letters MI as one 16-bit number: which comes first gives the byte order.
     order = "<" if data[126:128] == b"IM" else ">"
     (subsystem,) = struct.unpack(order + "Q", data[116:124])  # where data of objects lie, which are no variable
@@ -93,7 +93,7 @@ def read_matlab5(path: Path) -> Table:
 
 def _variables(path: Path, data: memoryview, order: str) -> Iterator[tuple[int, int, memoryview]]:
     """Yield where each variable starts, its kind and bytes. Raises `InputError` where the file ends within one."""
-    offset = HEADER
+    offset = HEADER_BYTES
     while offset < len(data):
         kind, size = struct.unpack(order + "II", bytes(data[offset : offset + 8]).ljust(8, b"\0"))
         if kind not in (COMPRESSED, MATRIX):
@@ -123,7 +123,7 @@ def _unpacked(path: Path, offset: int, packed: memoryview, order: str, unpacked_
             raise damaged_error(path, f"the variable at byte {offset} holds an element of kind {kind}, not {MATRIX}")
         reserve(unpacked_bytes + size, f"{path}, as far as it was counted,")
         matrix, filled, remaining = bytearray(size), 0, unpacking.unconsumed_tail
-        while filled < size and (piece := unpacking.decompress(remaining, min(PIECE, size - filled))):
+        while filled < size and (piece := unpacking.decompress(remaining, min(PIECE_BYTES, size - filled))):
             matrix[filled : filled + len(piece)] = piece
             filled, remaining = filled + len(piece), unpacking.unconsumed_tail
         unpacking.decompress(remaining, 8)  # what pads it, and the checksum
@@ -151,11 +151,11 @@ class _Matrix:
     def read(self, data: memoryview, name: str, depth: int) -> None:
         """Take a matrix of that name, which the outermost one states itself; an empty one holds nothing."""
         self.count += 1
-        if depth > DEEPEST + 1 or self.count > MOST:
-            what = f"structures {depth - 1} deep" if depth > DEEPEST + 1 else f"more than {MOST} parts"
+        if depth > DEEPEST_GROUP + 1 or self.count > MOST_OBJECTS:
+            what = f"structures {depth - 1} deep" if depth > DEEPEST_GROUP + 1 else f"more than {MOST_OBJECTS} parts"
             raise InputError(
                 f"{self.path} has {what}, in the variable at byte {self.offset}",
-                why=f"at most {DEEPEST} levels and {MOST} parts are read",
+                why=f"at most {DEEPEST_GROUP} levels and {MOST_OBJECTS} parts are read",
                 todo="save the signals as variables of their own",
             )
         if not data:
@@ -178,9 +178,9 @@ class _Matrix:
         if len(shape) < 2 or min(shape) < 0:
             raise OddError(f"'{name}' has the dimensions {shape}")
         content = data[stated.end :]
-        if kind in NUMBERS:
+        if kind in NUMBER_CLASSES:
             # A device's signals are real numbers.
-            if word & COMPLEX:
+            if word & COMPLEX_FLAG:
                 self.warnings.append(f"'{name}' holds complex numbers, which are left out")
             else:
                 element = self._next(content, 0, "its numbers")
@@ -238,7 +238,7 @@ class _Matrix:
 
     def _numbers(self, element: Element, what: str) -> NDArray[Any]:
         """Return the numbers of an element, (n,)."""
-        dtype = TYPES.get(element.kind)
+        dtype = NUMBER_TYPES.get(element.kind)
         if dtype is None or len(element.data) % int(dtype[1]):
             raise OddError(f"{what} are {len(element.data)} bytes of kind {element.kind}")
         return np.frombuffer(element.data, dtype=np.dtype(self.order + dtype))

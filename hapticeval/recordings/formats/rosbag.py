@@ -15,10 +15,10 @@ from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.formats import Table, importer
 from hapticeval.recordings.memory import FOLDER, reserve
 
-NUMBER = 40
+BYTES_A_NUMBER = 40
 """Bytes that a number takes while the messages are read."""
 
-LONGEST = 64
+LONGEST_ARRAY = 64
 """Arrays in a message with more numbers than this are pictures and clouds, no channels of a device."""
 
 
@@ -52,7 +52,7 @@ def read_rosbag(path: Path) -> Table:
                 topic = connection.topic
                 numbers: dict[str, int | float] = {f"{topic}.received": int(received)}
                 _flatten(topic, reader.deserialize(raw, connection.msgtype), numbers)
-                size += NUMBER * len(numbers)
+                size += BYTES_A_NUMBER * len(numbers)
                 reserve(size, f"{path}, as far as it was read,")
                 # A number that is missing in one message stops its column there, which is then left out as a whole.
                 expected = rows.setdefault(topic, 0)
@@ -95,7 +95,7 @@ def _flatten(name: str, value: Any, numbers: dict[str, int | float]) -> None:
     elif hasattr(value, "nanosec") and hasattr(value, "sec"):
         numbers[name] = int(value.sec) * 1_000_000_000 + int(value.nanosec)
     elif isinstance(value, np.ndarray | list | tuple):
-        for place, element in enumerate(value if len(value) <= LONGEST else ()):
+        for place, element in enumerate(value if len(value) <= LONGEST_ARRAY else ()):
             _flatten(f"{name}[{place}]", element, numbers)
     elif hasattr(value, "__dataclass_fields__"):
         for part in value.__dataclass_fields__:

@@ -34,21 +34,21 @@ from hapticeval.recordings.importing.units import UNITS
 from hapticeval.recordings.memory import reserve
 
 COMMENTS = ("#", "%")
-HEAD = 200
+HEADER_LINES = 200
 """Lines from which header and dialect are read."""
 
-LOOKED_AT = 1 << 20
+LOOKED_AT_BYTES = 1 << 20
 """Bytes of a text that are looked at together."""
 
-A_BYTE = 7
+MEMORY_A_BYTE = 7
 """Bytes of memory for each of a text whose rows become lists of numbers: a number of eight characters is one of 32
 bytes in a list of 8 an entry, beside its line twice."""
 
 SEPARATORS = ("\t", ";", ",", " ")
-MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
-NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
-UNIT = re.compile(r"(.*?)\s*[\[(]([^\])]*)[\])]\s*", re.DOTALL)
-SLASH = re.compile(r".*[^\s/]/([^\s/]+)")
+NO_NUMBER = {"", "nan", "na", "n/a", "null", "none", "-"}
+NUMBER_PATTERN = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+BRACKETED_UNIT = re.compile(r"(.*?)\s*[\[(]([^\])]*)[\])]\s*", re.DOTALL)
+SLASHED_UNIT = re.compile(r".*[^\s/]/([^\s/]+)")
 """A unit as in `F_x/N`."""
 
 
@@ -78,7 +78,7 @@ def whole_text(path: Path) -> tuple[bytes, tuple[str, ...]]:
     end = data.rfind(b"\n") + 1  # what follows the last line end is nothing, where that is the end of the file
     last = data[end:].decode()
     # Whole lines before it, without the first, which may be a header: they show how many decimals a line has.
-    before = data[max(data.find(b"\n") + 1, end - LOOKED_AT) : end].decode(errors="replace").split("\n")[:-1]
+    before = data[max(data.find(b"\n") + 1, end - LOOKED_AT_BYTES) : end].decode(errors="replace").split("\n")[:-1]
     complete = not last or is_whole(last, before)
     data = data if complete else data[:end]
     if not data or data.isspace():
@@ -94,19 +94,20 @@ def whole_text(path: Path) -> tuple[bytes, tuple[str, ...]]:
 
 def whole_lines(path: Path) -> tuple[list[str], tuple[str, ...]]:
     """Return the lines of `whole_text`, one by one. Raises `InputError` as it does."""
-    reserve(A_BYTE * path.stat().st_size, str(path))
+    reserve(MEMORY_A_BYTE * path.stat().st_size, str(path))
     data, cut = whole_text(path)
     return data.decode().removesuffix("\n").split("\n"), cut
 
 
 def _is_utf8(data: bytes) -> bool:
+    """Return whether all of the bytes are UTF-8, and not UTF-16 by its mark."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return False
     decoder = getincrementaldecoder("utf-8")()
     try:
         # Piece by piece, so that the decoded text is never in memory as a whole.
-        for begin in range(0, len(data), LOOKED_AT):
-            decoder.decode(data[begin : begin + LOOKED_AT])
+        for begin in range(0, len(data), LOOKED_AT_BYTES):
+            decoder.decode(data[begin : begin + LOOKED_AT_BYTES])
         decoder.decode(b"", final=True)
     except UnicodeDecodeError:
         return False
@@ -150,8 +151,8 @@ class _Dialect:
     def is_row(self, line: str) -> bool:
         """Return whether at least half of the cells that hold something are numbers: a column may be text."""
         cells = self.cells(line)
-        numbers = sum(NUMBER.fullmatch(cell) is not None for cell in cells)
-        return numbers > 0 and 2 * numbers >= sum(cell.lower() not in MISSING for cell in cells)
+        numbers = sum(NUMBER_PATTERN.fullmatch(cell) is not None for cell in cells)
+        return numbers > 0 and 2 * numbers >= sum(cell.lower() not in NO_NUMBER for cell in cells)
 
 
 def _dialect(lines: Sequence[str]) -> _Dialect:
@@ -171,18 +172,19 @@ def _dialect(lines: Sequence[str]) -> _Dialect:
     best = max(SEPARATORS, key=score)
     # A table of one column is taken apart by blanks, which are in none of its cells.
     best = best if score(best)[0] else " "
-    numbers = [cell for line in lines for cell in _Dialect(best).cells(line) if NUMBER.fullmatch(cell)]
+    numbers = [cell for line in lines for cell in _Dialect(best).cells(line) if NUMBER_PATTERN.fullmatch(cell)]
     # A decimal comma is one only where commas do not separate cells, and no number has a point.
     comma = best != "," and any("," in cell for cell in numbers) and not any("." in cell for cell in numbers)
     return _Dialect(best, comma)
 
 
 def _recognises(head: bytes) -> bool:
+    """Return whether the first lines of a text hold a row of numbers."""
     if not is_text(head):
         return False
     lines = decoded(head).splitlines()
     content = [lines[place] for place in _content(lines)]
-    return any(map(_dialect(content[:HEAD]).is_row, content))
+    return any(map(_dialect(content[:HEADER_LINES]).is_row, content))
 
 
 def _content(lines: Sequence[str]) -> list[int]:
@@ -190,10 +192,10 @@ def _content(lines: Sequence[str]) -> list[int]:
     return [place for place, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS)]
 
 
-SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
+TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
 
 
-@importer("csv", about="delimited text (.csv, .tsv, .txt)", suffixes=SUFFIXES, recognises=_recognises)
+@importer("csv", about="delimited text (.csv, .tsv, .txt)", suffixes=TEXT_SUFFIXES, recognises=_recognises)
 def read_delimited(path: Path) -> Table:
     """Return columns by their headers, or `c0`, `c1`, ...; a unit in brackets in a header is the column's unit.
 
@@ -201,7 +203,7 @@ def read_delimited(path: Path) -> Table:
     column without any number is left out. Raises `InputError`, naming the line, for a row with too many cells.
     """
     data, cut = whole_text(path)
-    lines = [line.decode().removesuffix("\n") for line in islice(io.BytesIO(data), 2 * HEAD)]
+    lines = [line.decode().removesuffix("\n") for line in islice(io.BytesIO(data), 2 * HEADER_LINES)]
     rows = _content(lines)
     # From the second half of the first lines: what stands above a table is no row of it.
     dialect = _dialect(_together([lines[place] for place in rows[len(rows) // 2 :]]))
@@ -219,7 +221,7 @@ def read_delimited(path: Path) -> Table:
         labels, named = frame[names[0]], frame[names[0]].dtype.kind not in "fiub"
         frame = (frame.iloc[:, 1:] if named else frame).T
         frame.columns = labels.astype(str).str.strip().tolist() if named else _plain(frame.shape[1])
-        units = {name: match[2] for name in frame.columns if (match := UNIT.fullmatch(name))}
+        units = {name: match[2] for name in frame.columns if (match := BRACKETED_UNIT.fullmatch(name))}
     columns: dict[str, Any] = {}
     lacking: dict[tuple[int, int, str], list[str]] = {}
     for name in frame.columns:
@@ -243,9 +245,9 @@ def read_delimited(path: Path) -> Table:
 
 
 def _together(lines: list[str]) -> list[str]:
-    """Return the first lines that have `LOOKED_AT` characters together, and one at the least."""
+    """Return the first lines that have `LOOKED_AT_BYTES` characters together, and one at the least."""
     ends = np.cumsum([len(line) for line in lines])
-    return lines[: max(1, int(np.searchsorted(ends, LOOKED_AT)))]
+    return lines[: max(1, int(np.searchsorted(ends, LOOKED_AT_BYTES)))]
 
 
 def _frame(path: Path, data: bytes, first: int, names: list[str], dialect: _Dialect) -> Any:
@@ -301,7 +303,7 @@ def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) ->
     first = next((place for place in rows if dialect.is_row(lines[place])), None)
     if first is None:
         raise InputError(
-            f"{path} has no row of numbers in its first {min(len(lines), 2 * HEAD)} lines",
+            f"{path} has no row of numbers in its first {min(len(lines), 2 * HEADER_LINES)} lines",
             why=f"the first line is {lines[0][:60]!r}",
             todo="check that it is the file you mean",
         )
@@ -315,8 +317,8 @@ def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) ->
     if not above:
         return _plain(width), {}, first
     names = [cell or f"c{k}" for k, cell in enumerate(above[0])]
-    units = {name: match[2].strip() for name in names if (match := UNIT.fullmatch(name)) and match[2].strip()}
-    units |= {name: match[1] for name in names if (match := SLASH.fullmatch(name)) and match[1] in UNITS}
+    units = {name: match[2].strip() for name in names if (match := BRACKETED_UNIT.fullmatch(name)) and match[2].strip()}
+    units |= {name: match[1] for name in names if (match := SLASHED_UNIT.fullmatch(name)) and match[1] in UNITS}
     # A second line of words under the names holds the units.
     if len(above) > 1:
         second = [cell.strip(" []()") for cell in above[1]]
@@ -417,8 +419,8 @@ def read_svc(path: Path) -> Table:
     return Table(columns, notes=SVC_NOTES, attributes={"promised_rows": promised}, warnings=cut + few)
 
 
-VECTOR = r"(-?\d+\.\d+|-?nan|-?inf) " * 2 + r"(-?\d+\.\d+|-?nan|-?inf)"
-HDU_ROW = re.compile(rf"(\d+)\t{VECTOR}\t\t{VECTOR}\t\t{VECTOR}\t\t(.*)")
+VECTOR_PATTERN = r"(-?\d+\.\d+|-?nan|-?inf) " * 2 + r"(-?\d+\.\d+|-?nan|-?inf)"
+HDU_ROW = re.compile(rf"(\d+)\t{VECTOR_PATTERN}\t\t{VECTOR_PATTERN}\t\t{VECTOR_PATTERN}\t\t(.*)")
 HDU_UNITS = {f"{name}.{axis}": unit for name, unit in (("force", "N"), ("position", "mm"), ("velocity", "mm/s"))
              for axis in "xyz"}  # fmt: skip
 

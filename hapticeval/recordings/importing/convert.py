@@ -24,7 +24,7 @@ from hapticeval.recordings.hdf5 import (
     write_recording,
 )
 from hapticeval.recordings.importing.mapping import FileMapping, Source, TimeBase, read_mapping
-from hapticeval.recordings.journal import MAGIC, MARK, recover
+from hapticeval.recordings.journal import BLOCK_MARK, MAGIC, recover
 from hapticeval.recordings.memory import first_bytes
 from hapticeval.recordings.recording import Clock, Recording, columns_of
 from hapticeval.types import Array, BoolArray, IntArray
@@ -56,6 +56,7 @@ def load(
 
 
 def _foreign(path: Path, mapping: Path | str | None, format: str | None) -> Recording:
+    """Return the recording that a mapping makes of a file of somebody else's. Raises `InputError` without a mapping."""
     if mapping is None:
         raise InputError(
             f"{path} is no recording of hapticeval's",
@@ -100,7 +101,7 @@ def is_ours(path: Path | str) -> bool:
 
 def _is_journal(head: bytes) -> bool:
     """Return whether a file begins as journals do, or its first block does: one wrong byte hides no journal."""
-    return head.startswith(MAGIC) or head[len(MAGIC) :].startswith(MARK)
+    return head.startswith(MAGIC) or head[len(MAGIC) :].startswith(BLOCK_MARK)
 
 
 def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
@@ -108,8 +109,10 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
 
     Rows without a number in a mapped column, and those of `[gaps]`, are kept and marked as not valid; `meta["import"]`
     counts them. Raises `UnknownNameError` for a column that is not there, with the closest, and `InputError` for
-    a table without a row, columns of different length or of different topics, a time that does not increase, and a
-    channel on another clock.
+
+    - a table without a row, or without a valid one;
+    - columns of different length or of different topics, and a channel on another clock;
+    - a time that does not increase.
     """
     document = mapping.document
     first = next(iter(mapping.channels.values())).columns[0]
@@ -163,7 +166,7 @@ def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[Int
     if time.column is None:
         assert time.rate is not None
         # ns a row; without a clock the rows are taken to be evenly spaced.
-        step = 1e9 / max(time.rate, RAREST)
+        step = 1e9 / max(time.rate, LEAST_RATE)
         _check_latest(rows * step)
         return np.rint(np.arange(rows) * step).astype(np.int64), np.ones(rows, dtype=bool)
     stamps, known = nanoseconds(table[time.column], factor)
@@ -200,7 +203,7 @@ def nanoseconds(values: NDArray[Any], factor: float) -> tuple[IntArray, BoolArra
 
 def _check_latest(latest: float) -> None:
     """Raise `InputError` for a time (ns) that no stamp holds."""
-    if latest > LAST:
+    if latest > LAST_NANOSECOND:
         raise InputError(
             f"a time is {1e-9 * latest:.3g} s",
             why="a clock counts nanoseconds in 64 bits, which hold 292 years",
@@ -274,10 +277,10 @@ def _described(table: Table, column: str) -> str:
     return f"'{column}' has {table.rows(column)} rows{topic}"
 
 
-LAST = 9.2e18
+LAST_NANOSECOND = 9.2e18
 """Nanoseconds that a stamp holds, with 0.2 % to spare."""
 
-RAREST = 1e-12
+LEAST_RATE = 1e-12
 """Hz below which a second row is later than any stamp."""
 
 LONGEST_NAME = 31

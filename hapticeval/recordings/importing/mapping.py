@@ -69,9 +69,9 @@ from hapticeval.recordings.importing.units import parse_quantity, parse_unit
 if TYPE_CHECKING:
     from hapticeval.recordings.formats import Table
 
-UNKNOWN = "?"
+NOT_STATED = "?"
 
-WIRED = {"raw": "raw joint positions as the hardware gave them", "command": "motor commands"}
+WIRED_CHANNELS = {"raw": "raw joint positions as the hardware gave them", "command": "motor commands"}
 """Channels that are known where there is a `[device]`, which gives the meaning of their numbers."""
 
 Sign = Literal[1, -1, "?"]
@@ -185,9 +185,10 @@ def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> 
 
 
 def _source(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Source:
+    """Return where a channel comes from, its factors and offsets in SI. Raises `InputError` where one is not known."""
     count = len(spec.columns)
     signs = spec.sign if isinstance(spec.sign, tuple) else (spec.sign,) * count
-    if UNKNOWN in signs:
+    if NOT_STATED in signs:
         raise InputError(
             "the sign is not known",
             why="a sign is never guessed: a force on the hand and a force of the hand differ by it alone",
@@ -217,6 +218,7 @@ def _factor(unit: str, target: str, *, scale: Quantity | None = None, divide: Qu
 
 
 def _signal(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Signal:
+    """Return what a mapped channel is: unit, meaning, frame, and its sign as mapped."""
     known = CHANNELS.get(channel)
     sign = "sign as mapped: " + str(list(spec.sign) if isinstance(spec.sign, tuple) else spec.sign)
     if known is not None:
@@ -227,10 +229,10 @@ def _signal(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Si
             )
         return known._replace(sign=sign)
     becomes, meaning, frame = spec.becomes, spec.meaning, spec.frame or "none"
-    if device is not None and channel in WIRED:  # counts or an angle of encoders, and of motors what they take
+    if device is not None and channel in WIRED_CHANNELS:  # counts or an angle of encoders, and of motors what they take
         encoders = "counts" if "counts_per_turn" in device else "rad"
         becomes = becomes or (encoders if channel == "raw" else spec.unit)
-        meaning, frame = meaning or WIRED[channel], spec.frame or "joint"
+        meaning, frame = meaning or WIRED_CHANNELS[channel], spec.frame or "joint"
     if becomes is None or meaning is None:
         raise InputError(
             f"'{channel}' is no channel that hapticeval knows",
@@ -242,15 +244,15 @@ def _signal(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Si
 
 # Proposals
 
-CLOCK = re.compile(r"t|zeit|sec|seconds|received|tick|tout|(\w*_)?(time|timestamp|stamp|clock)", re.IGNORECASE)
-PART = re.compile(r"(?P<stem>.*?)[._ \[]?(?P<part>[xyz]|\d+)\]?$", re.IGNORECASE)
-BRACKETS = re.compile(r"\s*[\[(][^\])]*[A-Za-z°][^\])]*[\])]\s*$")
+CLOCK_NAME = re.compile(r"t|zeit|sec|seconds|received|tick|tout|(\w*_)?(time|timestamp|stamp|clock)", re.IGNORECASE)
+COMPONENT_NAME = re.compile(r"(?P<stem>.*?)[._ \[]?(?P<part>[xyz]|\d+)\]?$", re.IGNORECASE)
+HEADER_UNIT = re.compile(r"\s*[\[(][^\])]*[A-Za-z°][^\])]*[\])]\s*$")
 """A unit that a header states after the name."""
 
-STATED = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
+LABEL_UNIT = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
 """A unit that a label ends with."""
 
-RULES: tuple[tuple[str, str], ...] = (
+CHANNEL_WORDS: tuple[tuple[str, str], ...] = (
     ("ihip", r"ihip|proxy|god.?object|virtual.?tool"),
     ("operator_force", r"operator.?force|hand.?force|f_?h\b"),
     ("joint_torque", r"torque|tau|effort"),
@@ -262,7 +264,7 @@ RULES: tuple[tuple[str, str], ...] = (
 )
 """Words in names and labels, and the channel that they may mean; the first that fits."""
 
-DIRECTED = {"force", "operator_force", "measured_force", "joint_torque"}
+DIRECTED_CHANNELS = {"force", "operator_force", "measured_force", "joint_torque"}
 """Channels whose sign depends on who pushes whom, which no name states."""
 
 
@@ -316,10 +318,10 @@ def clocks(table: Table) -> list[str]:
     clock_names = []
     for name, values in table.columns.items():
         # The last part of a path as `scope.time` or `/wrench.header.stamp`, without the unit in brackets.
-        leaf = re.split(r"[./]", BRACKETS.sub("", name))[-1].strip()
+        leaf = re.split(r"[./]", HEADER_UNIT.sub("", name))[-1].strip()
         steps = np.diff(np.asarray(values))
         # Nine in ten steps go forward: a clock that stands still or jumps now and then is still the clock.
-        if CLOCK.fullmatch(leaf) and steps.size and float(np.mean(steps > 0)) > 0.9:
+        if CLOCK_NAME.fullmatch(leaf) and steps.size and float(np.mean(steps > 0)) > 0.9:
             clock_names.append(name)
     # The more columns have as many rows, the more signals were taken by that clock.
     sizes = [np.size(values) for values in table.columns.values()]
@@ -327,6 +329,7 @@ def clocks(table: Table) -> list[str]:
 
 
 def _time(table: Table, clock_names: list[str]) -> list[str]:
+    """Return the lines of `[time]`: the clock that most columns share, and what a person has to add."""
     if not clock_names:
         return ["rate = 0  # Hz: the file has no column that looks like a clock; or give column and unit"]
     clock, *others = clock_names
@@ -334,9 +337,9 @@ def _time(table: Table, clock_names: list[str]) -> list[str]:
     others = [name for name in others if table.rows(name) == table.rows(clock)]
     if others:
         lines.append(f"# also increasing: {', '.join(others[:6])}")
-    unit = table.units.get(clock, UNKNOWN)
+    unit = table.units.get(clock, NOT_STATED)
     # OpenHaptics counts the scheduler's ticks, whose rate is not in the file.
-    if clock == "tick" and unit == UNKNOWN:
+    if clock == "tick" and unit == NOT_STATED:
         lines += ['unit = "ticks"', 'scale = "?"  # "0.001 s/tick" at 1000 Hz, if that was the scheduler\'s rate']
     else:
         lines.append(f"unit = {_quoted(unit)}")
@@ -356,13 +359,13 @@ def _channels(table: Table, rows: int, clock_names: list[str]) -> dict[str, tupl
         on_time_clock = table.rows(name) == rows and table.topics.get(name) == topic
         own = None if on_time_clock else clock_of.get(table.topics.get(name, ""))
         if name not in clock_names and (on_time_clock or own is not None):
-            plain = BRACKETS.sub("", name).removesuffix(f"/{table.units.get(name)}")
-            part = PART.fullmatch(plain)
+            plain = HEADER_UNIT.sub("", name).removesuffix(f"/{table.units.get(name)}")
+            part = COMPONENT_NAME.fullmatch(plain)
             # `pos.x`, `pos.y` and `pos.z` share the stem `pos`, and become one channel.
             groups.setdefault((part["stem"] if part else plain, own), []).append(name)
     channels: dict[str, tuple[list[str], str | None]] = {}
     for (stem, own), columns in sorted(groups.items(), key=lambda group: group[0][1] is not None):
-        # A file of ours has the channels' own names; any other is looked up by its words in `RULES`.
+        # A file of ours has the channels' own names; any other is looked up by its words in `CHANNEL_WORDS`.
         channel = stem.rpartition(".")[2]
         if channel not in CHANNELS:
             last = f"{re.split(r'[./]', stem)[-1]} {' '.join(table.notes.get(name, '') for name in columns)}"
@@ -371,7 +374,9 @@ def _channels(table: Table, rows: int, clock_names: list[str]) -> dict[str, tupl
             descriptions = (
                 (in_topic, last) if "joint" in in_topic else (last, in_topic)
             )  # a topic of joints has joint positions
-            channel = next((name for words in descriptions for name, rule in RULES if re.search(rule, words)), "")
+            channel = next(
+                (name for words in descriptions for name, rule in CHANNEL_WORDS if re.search(rule, words)), ""
+            )
         # More than three columns are no vector of the world, nor joints of a device that is known here.
         if channel and len(columns) <= 3:
             channels.setdefault(channel, (columns, own))
@@ -379,27 +384,28 @@ def _channels(table: Table, rows: int, clock_names: list[str]) -> dict[str, tupl
 
 
 def _channel(table: Table, channel: str, columns: list[str], *, ours: bool) -> list[str]:
+    """Return the lines of one `[channels.NAME]`, with a remark on each of its columns."""
     units = {_unit(table, name) for name in columns}
     sign = 'sign = "?"  # 1 or -1'
-    if ours or channel not in DIRECTED:
+    if ours or channel not in DIRECTED_CHANNELS:
         sign = "sign = 1" if ours else "sign = 1  # the axes of the file are taken for those of the model"
     return [
         f"[channels.{channel}]  # {CHANNELS[channel].meaning} ({CHANNELS[channel].unit})",
         *(f"#   {_quoted(name)}: {_remark(table, name)}" for name in columns),
         f"columns = {_quoted(columns)}",
-        f"unit = {_quoted(units.pop() if len(units) == 1 else UNKNOWN)}",
+        f"unit = {_quoted(units.pop() if len(units) == 1 else NOT_STATED)}",
         sign,
     ]
 
 
 def _unit(table: Table, name: str) -> str:
     """Return the unit that the file states, or that the label of a column ends with in brackets."""
-    stated = STATED.search(table.notes.get(name, ""))
-    unit = table.units.get(name) or (stated[1].strip() if stated else UNKNOWN)
+    stated = LABEL_UNIT.search(table.notes.get(name, ""))
+    unit = table.units.get(name) or (stated[1].strip() if stated else NOT_STATED)
     try:
         parse_unit(unit)
     except HapticevalError:
-        return table.units.get(name, UNKNOWN)
+        return table.units.get(name, NOT_STATED)
     return unit
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from hapticeval.errors import InputError, UnknownNameError
 
-TABLE: tuple[tuple[tuple[int, ...], Mapping[str, float]], ...] = (
+UNIT_TABLE: tuple[tuple[tuple[int, ...], Mapping[str, float]], ...] = (
     # Powers of m, kg, s, rad, counts and volts. An angle is a dimension here, so that degrees never pass for metres.
     ((0, 0, 0, 0, 0, 0), {"1": 1.0}),
     (
@@ -30,8 +30,8 @@ TABLE: tuple[tuple[tuple[int, ...], Mapping[str, float]], ...] = (
     ((0, 0, 0, 0, 0, 1), {"V": 1.0, "mV": 1e-3}),
 )
 
-WORD = re.compile(r"([^\d\s^][^\s^]*|1)(?:\^(-?\d+))?")
-LEADING = re.compile(r"([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s+(?=\S)")
+UNIT_WORD = re.compile(r"([^\d\s^][^\s^]*|1)(?:\^(-?\d+))?")
+LEADING_NUMBER = re.compile(r"([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s+(?=\S)")
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Unit:
         return self.factor / target.factor
 
 
-UNITS = {name: Unit(name, factor, powers) for powers, factors in TABLE for name, factor in factors.items()}
+UNITS = {name: Unit(name, factor, powers) for powers, factors in UNIT_TABLE for name, factor in factors.items()}
 """Every unit by its name; products (`N m`), quotients (`mm/s`) and powers (`s^2`) are made of these.
 
 pint was tried: degrees are pure numbers to it, so that they would pass for radians and ratios.
@@ -87,12 +87,12 @@ def parse_unit(text: str) -> Unit:
             todo='write the unit that the author of the file states, as in unit = "mm"; of a pure number, unit = "1"',
         )
     # "0.1 deg": a number with a blank behind it scales the unit.
-    leading = LEADING.match(text)
+    leading = LEADING_NUMBER.match(text)
     combined = Unit(text, float(leading[1]) if leading else 1.0, (0,) * 6)
     remainder = text[leading.end() :] if leading else text
     for place, part in enumerate(remainder.replace("·", " ").replace("*", " ").replace("²", "^2").split("/")):
         for word in part.replace("(", " ").replace(")", " ").split():
-            match = WORD.fullmatch(word)
+            match = UNIT_WORD.fullmatch(word)
             if match is None or match[1] not in UNITS:
                 raise UnknownNameError("unit", word, UNITS)
             # What follows the first slash is below it; "^2" is the word's own power.

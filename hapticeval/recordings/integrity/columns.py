@@ -23,15 +23,17 @@ from hapticeval.types import Array, BoolArray
 
 STUCK_ROWS = 10  # so many equal values in a row may be a frozen sensor, where the value jumps when it wakes
 CLIPPED_ROWS = 5  # so many equal values at the extreme of a column, reached at speed, are clipped
-NEIGHBOURING_STEPS = 8  # steps on either side of a jump, all of which it exceeds by SPIKE times
-SPIKE = 20.0  # a spike stands out of the noise by so many standard deviations of the second difference,
-ABOVE = 4.0  # and of what all rows but a hundredth bend by so many times: signals have quiet and busy stretches,
-FEW = 8  # at least so many rows not counted, as a spike bends three,
-QUANTA = 6.0  # and is so many quanta, or so many usual steps, high: an encoder at rest dithers by one
-AGREE = 0.25  # the rows beside a spike are on one line up to this share of it: otherwise the signal itself has moved
+NEIGHBOURING_STEPS = 8  # steps on either side of a jump, all of which it exceeds by SPIKE_DEVIATIONS times
+SPIKE_DEVIATIONS = 20.0  # a spike stands out of the noise by so many standard deviations of the second difference,
+BEND_TIMES = 4.0  # and of what all rows but a hundredth bend by so many times: signals have quiet and busy stretches,
+RARE_ROWS = 8  # at least so many rows not counted, as a spike bends three,
+SPIKE_QUANTA = 6.0  # and is so many quanta, or so many usual steps, high: an encoder at rest dithers by one
+NEIGHBOUR_AGREEMENT = (
+    0.25  # the rows beside a spike are on one line up to this share of it: otherwise the signal itself has moved
+)
 
-PLACES = np.array([-2.0, -1.0, 1.0, 2.0])
-TREND = PLACES / np.dot(PLACES, PLACES)
+NEIGHBOUR_OFFSETS = np.array([-2.0, -1.0, 1.0, 2.0])
+SLOPE_WEIGHTS = NEIGHBOUR_OFFSETS / np.dot(NEIGHBOUR_OFFSETS, NEIGHBOUR_OFFSETS)
 """Two rows on either side of a spike, and the weights that give their slope."""
 
 FORCE_UNITS = ("N", "N m")
@@ -91,12 +93,12 @@ def faults_of_values(recording: Recording) -> Iterator[Issue]:
             for kind, spans in kinds.items():
                 for first, end in spans:
                     by, at = part[first] - part[first - 1], part[first]
-                    message = MESSAGES[kind].format(by=by, at=at)
+                    message = MESSAGE_OF[kind].format(by=by, at=at)
                     note = Severity.NOTE if is_force and kind == "saturated" else None
                     yield make_issue(recording, kind, message, name, (begin + first, begin + end), severity=note)
 
 
-MESSAGES = {
+MESSAGE_OF = {
     "jump": "it jumps by {by:.4g} between two rows, and goes on from there",
     "stuck": "the value is frozen, then jumps",
     "saturated": "clipped at {at:.6g}",
@@ -147,11 +149,13 @@ def _jumps(values: Array, step: float) -> Iterator[int]:
     A hand has mass: its steps grow and shrink by its acceleration, from row to row, and never stand alone.
     """
     steps = np.abs(np.diff(values))
-    for row in np.flatnonzero(steps > QUANTA * max(step, _usual_step(steps))).tolist():
+    for row in np.flatnonzero(steps > SPIKE_QUANTA * max(step, _usual_step(steps))).tolist():
         neighbours = np.concatenate(
             [steps[max(0, row - NEIGHBOURING_STEPS) : row], steps[row + 1 : row + 1 + NEIGHBOURING_STEPS]]
         )
-        if NEIGHBOURING_STEPS <= row < steps.size - NEIGHBOURING_STEPS and steps[row] > SPIKE * float(neighbours.max()):
+        if NEIGHBOURING_STEPS <= row < steps.size - NEIGHBOURING_STEPS and steps[row] > SPIKE_DEVIATIONS * float(
+            neighbours.max()
+        ):
             yield row + 1
 
 
@@ -178,14 +182,14 @@ def _spikes(values: Array, step: float, is_force: bool) -> Iterator[int]:
         return
     # How far each row is off the middle of its neighbours: half the second difference.
     size = np.abs(values[1:-1] - 0.5 * (values[2:] + values[:-2]))
-    rare = min(size.size - 1, max(FEW, size.size // 100))
+    rare = min(size.size - 1, max(RARE_ROWS, size.size // 100))
     floor = max(
         # 1.4826 times the median deviation is the standard deviation of normal noise.
-        SPIKE * 1.4826 * float(np.median(size)),
+        SPIKE_DEVIATIONS * 1.4826 * float(np.median(size)),
         # What all rows but the rarest bend by.
-        ABOVE * float(np.partition(size, -(rare + 1))[-(rare + 1)]),
-        QUANTA * step,
-        QUANTA * _usual_step(np.abs(np.diff(values))),
+        BEND_TIMES * float(np.partition(size, -(rare + 1))[-(rare + 1)]),
+        SPIKE_QUANTA * step,
+        SPIKE_QUANTA * _usual_step(np.abs(np.diff(values))),
     )
     for row in (np.flatnonzero(size > floor) + 1).tolist():
         if row < 2 or row > values.size - 3:
@@ -194,20 +198,26 @@ def _spikes(values: Array, step: float, is_force: bool) -> Iterator[int]:
         if is_force and np.any(neighbours == 0.0):
             continue  # a collision: the tool was or is free
         # Least-squares line through the two rows on either side, without the row itself.
-        middle, slope = float(neighbours.mean()), float(np.dot(neighbours, TREND))
+        middle, slope = float(neighbours.mean()), float(np.dot(neighbours, SLOPE_WEIGHTS))
         off = abs(values[row] - middle)
-        if np.max(np.abs(neighbours - middle - slope * PLACES)) < AGREE * off and off > floor:
+        if np.max(np.abs(neighbours - middle - slope * NEIGHBOUR_OFFSETS)) < NEIGHBOUR_AGREEMENT * off and off > floor:
             yield row
 
 
-SAME = 1e-12  # share of a column's largest value by which a frozen reading may change, as when its frame is turned
-TIMES = 30.0  # a live sensor changes its reading so many times, in the mean, over the travel of a frozen one
-RECURS = 0.1  # a reading that comes back and stays for this share of the travel is a level of the sensor, or a limit
-MOVES = 50  # steps in which the hand must move before a column that never changes is reported
-EVEN = 0.2  # how far, as a share of it, a constant speed may be from that of its place: a wrong one is further off
-LEVELS = 1.5  # steps of a coarse converter within which a constant reading is its zero
+FROZEN_ROUNDING = (
+    1e-12  # share of a column's largest value by which a frozen reading may change, as when its frame is turned
+)
+FROZEN_TIMES = 30.0  # a live sensor changes its reading so many times, in the mean, over the travel of a frozen one
+RECURRING_SHARE = (
+    0.1  # a reading that comes back and stays for this share of the travel is a level of the sensor, or a limit
+)
+LEAST_MOVES = 50  # steps in which the hand must move before a column that never changes is reported
+EVEN_SPEED = (
+    0.2  # how far, as a share of it, a constant speed may be from that of its place: a wrong one is further off
+)
+ZERO_LEVELS = 1.5  # steps of a coarse converter within which a constant reading is its zero
 
-MEASURES: Mapping[str, str] = {"N": "force", "N m": "torque", "m/s": "speed", "rad/s": "speed"}
+MOVING_UNITS: Mapping[str, str] = {"N": "force", "N m": "torque", "m/s": "speed", "rad/s": "speed"}
 """Units of what must change while the hand moves: positions may stand still in one direction."""
 
 REFERENCES = ("hip", "measured_hip", "joint_position", "raw", "ihip")
@@ -231,11 +241,11 @@ def frozen(recording: Recording, known: Sequence[Issue]) -> Iterator[Issue]:
         numbers = numbers[np.isfinite(numbers)]
         if not other:
             continue
-        if numbers.size and float(np.ptp(numbers)) <= SAME * float(np.max(np.abs(numbers))):
+        if numbers.size and float(np.ptp(numbers)) <= FROZEN_ROUNDING * float(np.max(np.abs(numbers))):
             yield from _constant_column(recording, name, column, travel, other)
-        elif column.unit in MEASURES:
+        elif column.unit in MOVING_UNITS:
             reported = [(issue.first, issue.end) for issue in known if issue.channel == name]
-            place = columns[other].values if MEASURES[column.unit] == "speed" and other in columns else None
+            place = columns[other].values if MOVING_UNITS[column.unit] == "speed" and other in columns else None
             for first, end, moved, every in _frozen_runs(recording, column, travel, place):
                 message = (
                     f"it keeps {column.values[first]:.6g} over {end - first} rows, while {other} moves {moved:.3g} "
@@ -281,14 +291,14 @@ def _unit(recording: Recording, reference: str) -> str:
 def _constant_column(recording: Recording, name: str, column: Column, travel: Array, other: str) -> Iterator[Issue]:
     """Yield the finding on a column that never changes, where its reference does."""
     channel, unit, values = column
-    if np.count_nonzero(travel) < MOVES or recording.signals[channel].frame not in ("world", "joint"):
+    if np.count_nonzero(travel) < LEAST_MOVES or recording.signals[channel].frame not in ("world", "joint"):
         return
     # `distance` is in the unit of the reference, m or rad.
     value, distance = float(values[recording.measured][0]), float(np.sum(travel))
     what = f"it is {value:.6g} {unit} throughout, while {other} moves {distance:.3g} {_unit(recording, other)}"
-    if unit in MEASURES and value == 0.0 and not recording.channels[channel].any() and "velocity" not in channel:
+    if unit in MOVING_UNITS and value == 0.0 and not recording.channels[channel].any() and "velocity" not in channel:
         what += ": no contact, or a sensor that is not connected"
-    note = None if unit in MEASURES and value != 0.0 else Severity.NOTE
+    note = None if unit in MOVING_UNITS and value != 0.0 else Severity.NOTE
     yield make_issue(recording, "constant", what, name, severity=note, value=value, travel=distance)
 
 
@@ -301,7 +311,7 @@ def _frozen_runs(
     that goes on evenly, and is left alone.
     """
     values, measured, time = column.values, recording.measured, recording.time
-    rounding = SAME * float(np.max(np.abs(values[measured])))
+    rounding = FROZEN_ROUNDING * float(np.max(np.abs(values[measured])))
     both = measured[1:] & measured[:-1]
     same = both & (np.abs(np.diff(values)) <= rounding)
     # Travel up to each row, m or rad: that over a run is a difference of two of them.
@@ -316,21 +326,21 @@ def _frozen_runs(
     for index in np.flatnonzero(long_enough).tolist():
         first, end = constant_runs[index]
         value, distance = float(values[first]), float(travel_in_run[index])
-        # Frozen: the hand moved, the reading changes elsewhere, and it should have changed `TIMES` times meanwhile.
+        # Frozen: the hand moved, the reading changes elsewhere, and by now it should have changed `FROZEN_TIMES` times.
         resting = np.count_nonzero(travel[first : end - 1]) < STUCK_ROWS
-        if resting or changes < STUCK_ROWS or distance * changes < TIMES * travel_elsewhere:
+        if resting or changes < STUCK_ROWS or distance * changes < FROZEN_TIMES * travel_elsewhere:
             continue
         if _is_free_reading(recording, column, slice(first, end), value):
             continue
         if place is not None:
             # Over a place that goes on evenly a derived speed is constant by right.
             mean_speed = (place[end - 1] - place[first]) / (time[end - 1] - time[first])
-            if abs(mean_speed - value) <= EVEN * abs(value):
+            if abs(mean_speed - value) <= EVEN_SPEED * abs(value):
                 continue
-        # A value that comes back and stays elsewhere is a level of the sensor or a limit of the motor.
+        # A value that comes back, and stays there for long again, is a level of the sensor or a limit of the motor.
         alike = np.array([abs(values[a] - value) <= rounding for a, _ in constant_runs])
         alike[index] = False
-        if not np.any(travel_in_run[alike] >= RECURS * distance):
+        if not np.any(travel_in_run[alike] >= RECURRING_SHARE * distance):
             yield first, end, distance, travel_elsewhere / changes
 
 
@@ -343,47 +353,48 @@ def _is_free_reading(recording: Recording, column: Column, rows: slice, value: f
     if value == 0.0:
         return True
     # Small enough for the sensor's own zero: then it rests only where all components do.
-    if abs(value) > max(floor, LEVELS * (numeric_step(column.values[recording.measured]) or 0.0)):
+    if abs(value) > max(floor, ZERO_LEVELS * (numeric_step(column.values[recording.measured]) or 0.0)):
         return False
-    return bool(np.max(np.abs(recording.channels[column.channel][rows])) <= max(floor, abs(value)) * LEVELS)
+    return bool(np.max(np.abs(recording.channels[column.channel][rows])) <= max(floor, abs(value)) * ZERO_LEVELS)
 
 
-STEADY = 2.5  # quanta in a step that no encoder at rest makes: between two such steps the row cannot be the same
-AROUND = 3  # steps on either side of a repeated row that are looked at
-FEWEST, SHARE = 10, 0.005  # so many repeated rows, and this share of all, are a logger's habit and no chance
+MOVING_QUANTA = 2.5  # quanta in a step that no encoder at rest makes: between two such steps the row cannot be the same
+STEPS_AROUND = 3  # steps on either side of a repeated row that are looked at
+FEWEST_REPEATED = 10  # so many repeated rows,
+REPEATED_SHARE = 0.005  # and this share of all, are a logger's habit and no chance
 
 
 def repeated_rows(recording: Recording) -> Iterator[Issue]:
     """Yield a finding on rows that hold the row before over again, in all columns, in the middle of a motion.
 
-    At rest, and in motion slower than a quantum per row, that may be so. Between two steps of `STEADY` quanta in the
-    same direction it cannot: the logger wrote an old sample.
+    At rest, and in motion slower than a quantum per row, that may be so. Between two steps of `MOVING_QUANTA` quanta in
+    the same direction it cannot: the logger wrote an old sample.
     """
     measured = recording.measured
     both = measured[1:] & measured[:-1]
     columns = [column.values for column in columns_of(recording).values() if np.any(np.diff(column.values[measured]))]
-    if recording.meta.get("source") in SIMULATED or not columns or len(recording) < 4 * AROUND:
+    if recording.meta.get("source") in SIMULATED or not columns or len(recording) < 4 * STEPS_AROUND:
         return
     steps = np.column_stack([np.where(both, np.diff(values), 0.0) for values in columns])
     again = both & ~steps.any(axis=1)
     rows = np.flatnonzero(again)
-    rows = rows[(rows >= AROUND) & (rows < again.size - AROUND)]
-    if rows.size < FEWEST:
+    rows = rows[(rows >= STEPS_AROUND) & (rows < again.size - STEPS_AROUND)]
+    if rows.size < FEWEST_REPEATED:
         return
     # Indices (k, 6) of the steps beside each repeated row, itself left out.
-    around = rows[:, np.newaxis] + np.delete(np.arange(-AROUND, AROUND + 1), AROUND)
+    around = rows[:, np.newaxis] + np.delete(np.arange(-STEPS_AROUND, STEPS_AROUND + 1), STEPS_AROUND)
     impossible = np.zeros(rows.size, dtype=bool)
     for values, column_steps in zip(columns, steps.T, strict=True):
         # Without a lattice the smallest steps that occur stand for the quantum.
         step = numeric_step(values[measured]) or float(np.quantile(np.abs(column_steps[column_steps != 0.0]), 0.01))
         neighbours = column_steps[around]
-        large = np.abs(neighbours) > STEADY * step
+        large = np.abs(neighbours) > MOVING_QUANTA * step
         # The motion goes on in one direction, with steps too large for rest, before and after the repeated row.
         one_way = np.all(neighbours >= 0.0, axis=1) | np.all(neighbours <= 0.0, axis=1)
-        either = large[:, :AROUND].any(axis=1) & large[:, AROUND:].any(axis=1)
+        either = large[:, :STEPS_AROUND].any(axis=1) & large[:, STEPS_AROUND:].any(axis=1)
         impossible |= one_way & either & np.all(large | (neighbours == 0.0), axis=1)
     count = int(impossible.sum())
-    if count < FEWEST or count < SHARE * len(recording):
+    if count < FEWEST_REPEATED or count < REPEATED_SHARE * len(recording):
         return
     first = int(rows[np.argmax(impossible)]) + 1
     message = (

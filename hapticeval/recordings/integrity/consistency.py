@@ -20,16 +20,16 @@ from hapticeval.recordings.integrity.issue import Issue, make_issue
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
 from hapticeval.recordings.quantization import coarsest
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import LAG, continuing_steps
+from hapticeval.recordings.stretches import LAG_TICKS, continuing_steps
 from hapticeval.types import Array, IntArray
 
-QUANTA = 3.0
+RESIDUAL_QUANTA = 3.0
 """Residuals of so many quanta still come from encoders: one each for rounding, filtering and a tick of lag.
 
 A quantum is what the numbers of all channels involved resolve: see `coarsest`.
 """
 
-ROUNDING = 1e-9
+CHAIN_ROUNDING = 1e-9
 """Share of the signal's size that computing in double precision may cost over a chain of transformations."""
 
 KINEMATICS, TORQUE, SPRING, SURFACE = "forward kinematics", "torque", "spring", "surface"
@@ -183,7 +183,7 @@ def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: 
     declares of its own representation is allowed.
     """
     quantum = coarsest(recording.force[rows])
-    floor = max(QUANTA * quantum, declared_floor(recording) or 0.0)
+    floor = max(RESIDUAL_QUANTA * quantum, declared_floor(recording) or 0.0)
     rows = rows[np.linalg.norm(recording.force[rows], axis=1) > floor]
     if rows.size == 0:
         return ConsistencyTest(IMPLIED, why="the log has no force beyond its resolution")
@@ -200,24 +200,24 @@ def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: 
 
 def _blurred(recording: Recording) -> float:
     """Return what the renderer declares of its own representation, m, as a quantum."""
-    # Divided by QUANTA, which `_checked` multiplies with: the declared lengths are allowed once.
-    return (recording.standoff + recording.resolution) / QUANTA
+    # Divided by RESIDUAL_QUANTA, which `_checked` multiplies with: the declared lengths are allowed once.
+    return (recording.standoff + recording.resolution) / RESIDUAL_QUANTA
 
 
 def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTest:
     """Check that the force is where the model is, at `rows` (n,): how deep without one, or how far off with one, m.
 
-    There is a force while the HIP is inside and goes deeper, and none while it is outside, each through `LAG` ticks, by
-    which a renderer may be late. A surface that holds from both sides (a scene that is `bilateral`) pulls outside: only
-    the inside is judged then.
+    There is a force while the HIP is inside and goes deeper, and none while it is outside, each for `LAG_TICKS` rows,
+    by which a renderer may be late. A surface that holds from both sides (a scene that is `bilateral`) pulls outside:
+    only the inside is judged then.
     """
     place = recording.channels.get("measured_hip", recording.hip)  # the renderer acts on what the sensors gave it
     distance = np.full(len(recording), np.nan)
     distance[rows] = model.boundary.closest_point(place[rows]).distance
-    allowed = QUANTA * coarsest(place[rows]) + recording.standoff + recording.resolution
-    # Signed distances: negative inside. `bare` lacks a force inside, `away` has one outside, each through LAG ticks.
+    allowed = RESIDUAL_QUANTA * coarsest(place[rows]) + recording.standoff + recording.resolution
+    # Signed distances: negative inside. `bare` lacks a force inside, `away` has one outside, for LAG_TICKS rows.
     size = np.linalg.norm(recording.force, axis=1)
-    floor = max(QUANTA * coarsest(recording.force[rows]), declared_floor(recording) or 0.0)
+    floor = max(RESIDUAL_QUANTA * coarsest(recording.force[rows]), declared_floor(recording) or 0.0)
     nearest, farthest = _through(recording, distance, np.minimum), _through(recording, distance, np.maximum)
     # 1 where the HIP does not come out; damping may take the force away while it does.
     deeper = np.concatenate([[0.0], np.diff(distance) <= 0.0])
@@ -235,15 +235,17 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
             faults.append(make_issue(recording, CONTACT, message, "force", span, residual=largest, rows=int(at.size)))
     off = off[rows]
     largest_residual, median = float(off.max(initial=0.0)), float(np.median(off))
-    return ConsistencyTest(CONTACT, "m", int(rows.size), largest_residual, median, allowed / QUANTA, tuple(faults))
+    return ConsistencyTest(
+        CONTACT, "m", int(rows.size), largest_residual, median, allowed / RESIDUAL_QUANTA, tuple(faults)
+    )
 
 
 def _through(recording: Recording, values: Array, extreme: np.ufunc) -> Array:
-    """Return the extreme of each row and the `LAG` before it; NaN where one of these is missing, or behind a gap."""
+    """Return the extreme of each row and `LAG_TICKS` before it, (n,); NaN where one is missing, or behind a gap."""
     out = values.copy()
     # Row k is broken where nothing joins it to row k - 1.
     broken = np.concatenate([[True], ~continuing_steps(recording)])
-    for back in range(1, LAG + 1):
+    for back in range(1, LAG_TICKS + 1):
         before = np.concatenate([np.full(back, np.nan), values[:-back]])[: values.size]
         out = extreme(out, before)
         # Any break within the last `back` rows hides what was before it.
@@ -262,7 +264,7 @@ def _checked(
     *,
     size: float | None = None,
 ) -> ConsistencyTest:
-    """Judge a residual (n,) at `rows` (n,): one finding where some are beyond rounding and `QUANTA` steps.
+    """Judge a residual (n,) at `rows` (n,): one finding where some are beyond rounding and `RESIDUAL_QUANTA` steps.
 
     It names the stretch from the first to the last of them. `size` is that of the signal of which rounding is a share:
     the channel's unless it is given.
@@ -270,7 +272,7 @@ def _checked(
     if size is None:
         size = float(np.max(np.abs(recording.channels[channel][rows]), initial=0.0))
     # Beyond the quanta and the rounding of the numbers it is a contradiction, whatever its size.
-    bound = QUANTA * step + ROUNDING * size
+    bound = RESIDUAL_QUANTA * step + CHAIN_ROUNDING * size
     largest, median = float(residual.max()), float(np.median(residual))
     check = ConsistencyTest(name, unit, int(rows.size), largest, median, step)
     bad = rows[residual > bound]

@@ -6,7 +6,7 @@ contact
     impulse      J = integral of p dt                         N s
     stiffness    slope of p over x, from touch to peak        N/m, by least squares
     restitution  - (speed after) / (speed before)             by the slope of x over `SPEED_WINDOW`; none where a
-                                                              contact lasts longer than `HAND`
+                                                              contact lasts longer than `LONGEST_IMPACT`
 
 A contact begins with a tool that moves into the wall: a force that rises while the tool leaves is kept apart, because
 a wall cannot make it.
@@ -26,20 +26,25 @@ from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.types import Array
 
 SPEED_WINDOW = 3e-3  # s over which a speed is the slope of the position: short against an approach, long against a tick
-BEFORE = 10e-3  # s before the touch over which the sensor's own reading is taken
-SHARE = 0.1  # of the largest force: where a contact begins, if the recording does not state its `force_floor`
-TOUCH = 0.05  # of the peak: a contact lasts while the press is above it
-LOADING = (0.1, 0.9)  # shares of the peak between which the slope is taken: beyond, the sensor wanders or contact turns
-HAND = 0.1  # s; a longer contact is pushed by the hand, which reacts by then, and its speeds give no restitution
+BIAS_TIME = 10e-3  # s before the touch over which the sensor's own reading is taken
+CONTACT_SHARE = 0.1  # of the largest force: where a contact begins, if the recording does not state its `force_floor`
+TOUCH_SHARE = 0.05  # of the peak: a contact lasts while the press is above it
+# Shares of the peak between which the slope is taken: beyond, the sensor wanders or the contact turns.
+LOADING_SHARES = (0.1, 0.9)
+# s; a longer contact is pushed by the hand, which reacts by then, and its speeds give no restitution.
+LONGEST_IMPACT = 0.1
 CONFIDENCE = 0.95  # of the interval about the mean of the contacts, by Student's t
 LEAST_ROWS = 4  # a slope needs so many rows
 
 
 @dataclass(frozen=True)
 class Impact:
-    """One contact, rows [first, end): begin (s) and duration (s), peak press (N), depth below the touch (m), and the
-    measures above; `stiffness_error` and `restitution_error` are standard errors, from the scatter about the line and
-    from the quantum of the position."""
+    """One contact of a tool with a wall, rows [first, end), with the measures of the module.
+
+    `begin` and `duration` are in s, `peak` (press) in N, `depth` below the touch in m, `impulse` in N s, `stiffness` in
+    N/m, speeds in m/s. `stiffness_error` and `restitution_error` are standard errors: from the scatter about the line,
+    and from the quantum of the position.
+    """
 
     first: int
     end: int
@@ -109,7 +114,7 @@ def impacts(recording: Recording) -> Impacts:
     press, into = np.where(valid, -sign * force, 0.0), sign * place
     declared = declared_floor(recording)
     # N; below it the sensor may read anything in free motion.
-    floor = SHARE * float(press.max()) if declared is None else declared
+    floor = CONTACT_SHARE * float(press.max()) if declared is None else declared
     step, tick = numeric_step(into[valid]) or 0.0, float(np.median(np.diff(time)))
     window = max(2, round(SPEED_WINDOW / tick))
     contacts, unexplained, retreats = [], [], []
@@ -130,23 +135,23 @@ def impacts(recording: Recording) -> Impacts:
 def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: float) -> Impact:
     """Measure the contact over rows [first, end) above the floor, before which the tool moves into the wall."""
     tick = float(np.median(np.diff(time)))
-    window, before = max(2, round(SPEED_WINDOW / tick)), max(2, round(BEFORE / tick))
+    window, before = max(2, round(SPEED_WINDOW / tick)), max(2, round(BIAS_TIME / tick))
     largest = float(press[first:end].max())
     touch, bias = first, float(np.median(press[max(0, first - 2 * before) : max(1, first - before)]))
     for _ in range(3):  # what the sensor reads before the touch says where the touch is, and the other way round
         touch = first
-        while touch > 0 and press[touch - 1] > bias + TOUCH * (largest - bias):
+        while touch > 0 and press[touch - 1] > bias + TOUCH_SHARE * (largest - bias):
             touch -= 1
         bias = float(np.median(press[max(0, touch - 1 - before) : max(1, touch - 1)]))
     # From here on the peak is above what the sensor read just before the touch.
     largest -= bias
     release = end
-    while release < press.size and press[release] > bias + TOUCH * largest:
+    while release < press.size and press[release] > bias + TOUCH_SHARE * largest:
         release += 1
     load = press[touch:release] - bias
     peak = int(np.argmax(load))
     loading = load[: peak + 1]
-    rows = np.flatnonzero((loading >= LOADING[0] * largest) & (loading <= LOADING[1] * largest))
+    rows = np.flatnonzero((loading >= LOADING_SHARES[0] * largest) & (loading <= LOADING_SHARES[1] * largest))
     # N/m, between a tenth and nine tenths of the peak.
     stiffness, error = _slope(into[touch + rows], load[rows])
     duration = float(time[release - 1] - time[touch])
@@ -154,7 +159,7 @@ def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: 
     exit_speeds = [_speed(into, row, row + window, tick) for row in range(touch + peak, release)]
     speed_after = (
         min([exit_speed for exit_speed in exit_speeds if math.isfinite(exit_speed)], default=math.nan)
-        if duration <= HAND
+        if duration <= LONGEST_IMPACT
         else math.nan
     )
     # The fastest way in before the touch: later the wall has slowed the tool already.

@@ -11,8 +11,8 @@ Nothing here changes a sign, and nothing but physics is taken for granted: that 
     surface that holds from both sides may pull, too: a scene that is `bilateral` is left out.)
 3.  Of the wall of `contacts`, whose sensor may read as much in free motion as to hide its energy: a force can rise only
     while the tool moves in. Were the sign left to chance, each rise would come in either way with the same
-    probability; where as few of them come on the way in as has a probability below `LEVEL`, the sign is suspected.
-    Rises at which the tool moves by no more than its quantum do not count.
+    probability; where as few of them come on the way in as has a probability below `CHANCE_LEVEL`, the sign is
+    suspected. Rises at which the tool moves by no more than its quantum do not count.
 
 What a passive environment gives to the hand it was given before, or had stored. With F the force on the hand, which is
 at x, it has given by t1, since t0,
@@ -31,18 +31,11 @@ Two kinds of t0 and t1 bound the right side without knowing what is behind the p
                         and gives it first: that is taken for a wrong sign where the hand does not pull it out again.)
 
 W is the trapezoid: over a linear spring that is exact, so that what a sampled wall gives away by holding its force
-(half a step's worth) does not count as the environment's. A force may come up to `LAG` ticks late, as a proxy's does:
+(half a step's worth) does not count as the environment's. A force may come up to `LAG_TICKS` late, as a proxy's does:
 it is judged at every such lag, and all must agree.
 
-What is beyond these bounds has to be beyond what the numbers resolve, too:
-
-    position    a rounding of q / 2 makes (q / 2) (sum of |dF| + |F0| + |F1|), by summation by parts
-    force       a rounding of f / 2 makes (f / 2) times the path; white noise of deviation s makes `SURE` s sqrt(sum of
-                dx^2); and a declared `force_floor`, the reading that free motion may have, that times the path
-    rest        a speed below a share r of the largest leaves r^2 of the largest kinetic energy, which is no more than
-                all that W spans
-    the law     a tenth of all that crossed in either direction (`SHARE`): a loop late by tau gives pi / 2 sin(w tau) of
-                it away at a frequency w, which is less than that up to 10 Hz and a tau of 1 ms, or 2 Hz and 5 ms
+What is beyond these bounds has to be beyond what the numbers resolve, too: `_Port.open` has the terms of rounding,
+noise and delay, `_Port.kinetic` that of a rest which is not quite one.
 
 Now hold both signs against that. Where one of them makes the environment give energy, and the other does not, the
 environment is passive with the other. Where both do, it is active (a motor or another hand is in it); where neither
@@ -60,19 +53,19 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.integrity.contacts import impacts, wall_channel
-from hapticeval.recordings.integrity.issue import SIGN, Issue, make_issue
+from hapticeval.recordings.integrity.issue import SEE_SIGN, Issue, make_issue
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
 from hapticeval.recordings.quantization import coarsest, resolution
 from hapticeval.recordings.recording import Recording, runs_of
-from hapticeval.recordings.stretches import LAG, stretches
+from hapticeval.recordings.stretches import LAG_TICKS, stretches
 from hapticeval.types import Array, IntArray
 
-REST = 0.03  # of the largest speed: below it the hand is at rest, with a thousandth of its kinetic energy
-WINDOW = 10e-3  # s over which a speed is taken: short against a hand's turn, long against a tick
-SHARE = 0.1  # of all that crossed: less than that is the delay of a loop
-SURE = 5.0  # standard deviations of the noise
+REST_SPEED = 0.03  # of the largest speed: below it the hand is at rest, with a thousandth of its kinetic energy
+REST_WINDOW = 10e-3  # s over which a speed is taken: short against a hand's turn, long against a tick
+DELAY_SHARE = 0.1  # of all that crossed: less than that is the delay of a loop
+NOISE_DEVIATIONS = 5.0  # standard deviations of the noise
 FREE_ROWS = 20  # so many rows of no force at all are no passage through zero
-MOST = 300  # rests that are looked at, spread over the run
+MOST_RESTS = 300  # rests that are looked at, spread over the run
 
 
 @dataclass(frozen=True)
@@ -129,10 +122,10 @@ def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> t
     steps = coarsest(place), coarsest(force)
     rests, share = _resting(place, time, steps[0])
     free = [end - 1 for first, end in runs_of(~np.any(force != 0.0, axis=1)) if end - first >= FREE_ROWS]
-    free = free[:: max(1, -(-len(free) // MOST))]
+    free = free[:: max(1, -(-len(free) // MOST_RESTS))]
     balances = []
     # Shifted by each lag that a proxy may have: the force at row k + lag belongs to the place at row k.
-    for lag in range(min(LAG, len(time) - 2) + 1):
+    for lag in range(min(LAG_TICKS, len(time) - 2) + 1):
         end = len(time) - lag
         port = _Port(place[:end], force[lag:], steps, floor, share)
         from_free = [row - lag for row in free if row >= lag]
@@ -152,8 +145,8 @@ class _Port:
         work = 0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1)
         self.place, self.size = place, np.linalg.norm(force, axis=1)
         self.work, self.crossed = _summed(work), _summed(np.abs(work))
-        self.path, self.square = _summed(np.linalg.norm(moved, axis=1)), _summed(np.sum(moved**2, axis=1))
-        self.turned = _summed(np.linalg.norm(turned, axis=1))
+        self.path, self.steps_squared = _summed(np.linalg.norm(moved, axis=1)), _summed(np.sum(moved**2, axis=1))
+        self.force_path = _summed(np.linalg.norm(turned, axis=1))
         # J: a rest's speed, a share r of the largest, leaves r^2 of the kinetic energy, and W spans all of that.
         self.kinetic = share**2 * float(np.ptp(self.work))
         # Half a quantum in each of N directions.
@@ -163,16 +156,20 @@ class _Port:
         if len(force) >= 3:  # white noise by the second differences: six of its variances make one of theirs
             bend = np.abs(np.diff(force, n=2, axis=0))
             # The median of |z| / 0.6745 is the standard deviation of normal noise z.
-            self.noise = SURE * (float(np.max(np.median(bend, axis=0))) / 0.6745 / math.sqrt(6.0))
+            self.noise = NOISE_DEVIATIONS * (float(np.max(np.median(bend, axis=0))) / 0.6745 / math.sqrt(6.0))
 
     def open(self, first: IntArray | int, last: IntArray | slice) -> Array:
         """Return what of the work between rows `first` and `last`, (k,) each, rounding and noise leave open: J."""
         return np.asarray(
-            # The four terms of the module's table: position, force, noise and the law of a loop's delay, J each.
-            self.position * (self.turned[last] - self.turned[first] + self.size[first] + self.size[last])
+            # Position: a rounding of q / 2 makes (q / 2) (sum of |dF| + |F0| + |F1|), by summation by parts.
+            self.position * (self.force_path[last] - self.force_path[first] + self.size[first] + self.size[last])
+            # Force: a rounding of f / 2, and the reading that free motion may have, times the path.
             + self.reading * (self.path[last] - self.path[first])
-            + self.noise * np.sqrt(np.maximum(self.square[last] - self.square[first], 0.0))
-            + SHARE * (self.crossed[last] - self.crossed[first])
+            # White noise of deviation s makes `NOISE_DEVIATIONS` s sqrt(sum of dx^2).
+            + self.noise * np.sqrt(np.maximum(self.steps_squared[last] - self.steps_squared[first], 0.0))
+            # A loop late by tau gives pi / 2 sin(w tau) of all that crossed away at a frequency w, which is less than
+            # a tenth up to 10 Hz and a tau of 1 ms, or 2 Hz and 5 ms.
+            + DELAY_SHARE * (self.crossed[last] - self.crossed[first])
         )
 
     def largest(self, sign: float, rests: IntArray, free: list[int]) -> PassivityViolation | None:
@@ -186,6 +183,7 @@ class _Port:
         )
 
     def _rests(self, sign: float, rests: IntArray) -> Iterator[PassivityViolation]:
+        """Yield the largest gift between two rows at rest, in J: W - max |F| |x1 - x0| against what is open."""
         if rests.size < 2:
             return
         a, b = (rests[indices] for indices in np.triu_indices(rests.size, 1))
@@ -196,9 +194,12 @@ class _Port:
         yield PassivityViolation(float(energy[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both")
 
     def _free(self, sign: float, free: list[int]) -> Iterator[PassivityViolation]:
+        """Yield the largest gift from a row free of force on, in J: W against what is open."""
         # But for the noise what is open adds up, and its best row is one for all that begin before it: no gift is
         # further beyond than that, and those are looked at in turn until no other could be.
-        sums = sign * self.work - self.position * self.turned - self.reading * self.path - SHARE * self.crossed
+        sums = (
+            sign * self.work - self.position * self.force_path - self.reading * self.path - DELAY_SHARE * self.crossed
+        )
         # The best end for each begin: the running maximum from the right.
         ends = np.maximum.accumulate((sums - self.position * self.size)[::-1])[::-1]
         upper_bounds = {
@@ -224,7 +225,7 @@ class _Port:
 def _resting(place: Array, time: Array, step: float) -> tuple[IntArray, float]:
     """Return a row of each rest, and the share of the largest speed that a rest may have."""
     # Rows on either side over which a speed is taken.
-    half = max(1, round(0.5 * WINDOW / float(np.median(np.diff(time)))))
+    half = max(1, round(0.5 * REST_WINDOW / float(np.median(np.diff(time)))))
     middle = np.arange(half, len(time) - half)
     moved = np.linalg.norm(place[middle + half] - place[middle - half], axis=1)
     speed = moved / (time[middle + half] - time[middle - half])
@@ -232,11 +233,11 @@ def _resting(place: Array, time: Array, step: float) -> tuple[IntArray, float]:
     if len(time) < 4 * half or fastest == 0.0:
         return middle[:0], 0.0
     # Not below what two quanta within the window make of rest: an encoder dithers.
-    share = max(REST, 2.0 * step / (WINDOW * fastest))
+    share = max(REST_SPEED, 2.0 * step / (REST_WINDOW * fastest))
     # The slowest row of each rest.
     rows = np.array([first + np.argmin(speed[first:end]) for first, end in runs_of(speed <= share * fastest)], np.intp)
-    if rows.size > MOST:
-        rows = rows[np.linspace(0, rows.size - 1, MOST).astype(int)]
+    if rows.size > MOST_RESTS:
+        rows = rows[np.linspace(0, rows.size - 1, MOST_RESTS).astype(int)]
     return middle[rows], share
 
 
@@ -247,9 +248,11 @@ def _summed(steps: Array) -> Array:
 PORTS = (("force", "hip", 1.0), ("operator_force", "hip", -1.0), ("wall_force", "ihip", 1.0))
 """A force, the place where it acts, and whether it acts on what is there, or is that which acts."""
 
-EXTREME = 0.95  # of the sum of the sizes: how near the sum of F . (IHIP - HIP) is to it where a force points one way
-QUANTA = 3.0  # a tool nearer to the HIP than so many times what the numbers resolve is in no direction of it
-LEVEL = 0.05  # of the probability that chance alone makes a wall push what leaves it
+ONE_WAY_SHARE = (
+    0.95  # of the sum of the sizes: how near the sum of F . (IHIP - HIP) is to it where a force points one way
+)
+CLEAR_QUANTA = 3.0  # a tool nearer to the HIP than so many times what the numbers resolve is in no direction of it
+CHANCE_LEVEL = 0.05  # of the probability that chance alone makes a wall push what leaves it
 
 
 @dataclass(frozen=True)
@@ -311,7 +314,7 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> Jud
     )
     if best.sign > 0:
         return Sign(channel, 1, f"right: with the opposite sign {claim} {where}"), None
-    todo = f"{SIGN}. A motor, a magnet or another hand behind it may give energy, too"
+    todo = f"{SEE_SIGN}. A motor, a magnet or another hand behind it may give energy, too"
     detail, measures = (
         f" {where}; with the opposite sign it takes energy",
         {"energy": active.energy, "open": active.open},
@@ -325,7 +328,7 @@ def _suspected(
     words: str,
     detail: str,
     span: tuple[int, int] | None,
-    todo: str = SIGN,
+    todo: str = SEE_SIGN,
     **measures: Any,
 ) -> Judged:
     """Return a sign that seems wrong, in `words`, and the finding, with the `detail`."""
@@ -335,6 +338,7 @@ def _suspected(
 
 
 def _unclear(balances: list[PassivityTest]) -> str:
+    """Describe why energy decides nothing: no bound, both signs active, or neither beyond doubt."""
     if not balances:
         return "undecided: the hand is not at rest twice, and was never free of force for long"
     best = max(balances, key=lambda test: max(test.as_logged.energy, test.turned.energy))
@@ -354,21 +358,21 @@ def _pointing(recording: Recording) -> Judged | None:
     reach, force = recording.ihip - recording.hip, recording.force
     sizes = np.linalg.norm(reach, axis=1) * np.linalg.norm(force, axis=1)
     # A tool that is hardly off the HIP has no direction from it.
-    clear = np.linalg.norm(reach, axis=1) > QUANTA * resolution(recording).position
+    clear = np.linalg.norm(reach, axis=1) > CLEAR_QUANTA * resolution(recording).position
     rows = np.flatnonzero(recording.measured & clear & (sizes > 0.0))
     if rows.size == 0:
         return None
     along = np.sum(force * reach, axis=1)[rows]
     # Mean cosine between F and IHIP - HIP, weighted with their sizes: 1 pushes out, -1 pulls in.
     share = float(np.sum(along) / np.sum(sizes[rows]))
-    if share >= EXTREME:
+    if share >= ONE_WAY_SHARE:
         return Sign("force", 1, "right: in contact it points from the HIP to the IHIP"), None
-    if share > -EXTREME:
+    if share > -ONE_WAY_SHARE:
         return None
     words = (
         f"it points away from the IHIP, into what is touched, in {np.sum(along < 0.0)} of {along.size} rows of contact"
     )
-    span, todo = (int(rows[0]), int(rows[-1]) + 1), f"{SIGN}. It is to be the force on the hand"
+    span, todo = (int(rows[0]), int(rows[-1]) + 1), f"{SEE_SIGN}. It is to be the force on the hand"
     return _suspected(recording, "force", words, "", span, todo, share=share)
 
 
@@ -381,9 +385,9 @@ def _approach(recording: Recording, channel: str) -> Judged | None:
     except InputError:
         return None
     into, out = len(touches.contacts), len(touches.retreats)
-    if bdtr(out, into + out, 0.5) < LEVEL:  # so few heads or fewer in so many tosses of a coin
+    if bdtr(out, into + out, 0.5) < CHANCE_LEVEL:  # so few heads or fewer in so many tosses of a coin
         return Sign(channel, 1, f"right: {into} of {into + out} pushes begin as the tool moves in"), None
-    if not bdtr(into, into + out, 0.5) < LEVEL:
+    if not bdtr(into, into + out, 0.5) < CHANCE_LEVEL:
         return None
     words = f"{out} of {into + out} pushes begin as the tool moves away from what pushes it"
     places = ", at " + ", ".join(f"{time:.4g} s" for time in touches.retreats[:8])

@@ -51,36 +51,36 @@ class Issue:
         return f"{rows}, {begin:.6g} s" if begin == end else f"{rows}, {begin:.6g} to {end:.6g} s"
 
 
-DISORDER = 'convert with [time] disorder = "mask", which marks the row as no measurement; or mend the file'
-AGAIN = "copy or record the file again"
-COLUMN = "which column of the file belongs here"
-SIGN = "see its sign in the mapping, and what the sensor calls positive; no sign was changed"
+MASK_DISORDER = 'convert with [time] disorder = "mask", which marks the row as no measurement; or mend the file'
+COPY_AGAIN = "copy or record the file again"
+WHICH_COLUMN = "which column of the file belongs here"
+SEE_SIGN = "see its sign in the mapping, and what the sensor calls positive; no sign was changed"
 
 ADVICE: Mapping[str, str] = {
-    "duplicate": DISORDER,
-    "reversal": DISORDER,
+    "duplicate": MASK_DISORDER,
+    "reversal": MASK_DISORDER,
     "gap": "see whether the loop or the logger was late",
     "rate": "see whether every cycle was logged, and whether the unit of time is right",
     "missed": "see the logger",
     "ended": "",
     # What a damaged file or an interrupted copy lacks comes back with a whole one.
-    "lost": AGAIN,
-    "import": AGAIN,
-    "rows": AGAIN,
+    "lost": COPY_AGAIN,
+    "import": COPY_AGAIN,
+    "rows": COPY_AGAIN,
     "no number": "left out; see why the sensor gave none",
     "jump": "see whether a counter overflowed, or two logs were joined; replays begin anew there",
     "stuck": "leave those rows out; see the sensor and its cable",
     "saturated": "there the limit of sensor or motor was recorded, not the signal",
     "spike": "leave it out; see the cable and the logger",
-    "constant": f"see the sensor and its cable, and {COLUMN}",
+    "constant": f"see the sensor and its cable, and {WHICH_COLUMN}",
     "repeated rows": "the logger wrote old samples: see its rate and that of the device, and record again",
-    "copy": f"see {COLUMN}",
-    "shifted copy": f"see {COLUMN}",
+    "copy": f"see {WHICH_COLUMN}",
+    "shifted copy": f"see {WHICH_COLUMN}",
     "from another run": "see which run was meant: a hand never moves the same way twice",
     "velocity": "see its column, unit and sign",
     "force lag": "see whether both were logged in the same tick, and the delay of the loop",
     "unit": "see the unit in the mapping",
-    "force sign": SIGN,
+    "force sign": SEE_SIGN,
     "forward kinematics": "see zero offsets, directions and lengths of the device, and the frame of the HIP",
     "torque": "see the signs of motors and force; an inner loop that adds its own dynamics differs too",
     "spring": "see the stiffness, the sign of the force, and whether all three were logged in the same tick",
@@ -91,7 +91,7 @@ ADVICE: Mapping[str, str] = {
 }
 """What to do about each kind of finding, unless its detector knows better."""
 
-WORST = ("duplicate", "reversal", "no number")
+FAULT_KINDS = ("duplicate", "reversal", "no number")
 """Kinds that are faults. That a run ended is a note; all others are suspicious unless their detector knows better."""
 
 
@@ -108,7 +108,7 @@ def make_issue(
 ) -> Issue:
     """Make a finding of a kind of `ADVICE` at the rows [first, end) of `span`; `measures` are the numbers behind it."""
     # A detector that knows better overrides severity and advice.
-    usual = Severity.FAULT if kind in WORST else Severity.NOTE if kind == "ended" else Severity.SUSPICIOUS
+    usual = Severity.FAULT if kind in FAULT_KINDS else Severity.NOTE if kind == "ended" else Severity.SUSPICIOUS
     first, end = span or (None, None)
     # s, of the first and the last row of the span.
     time = None if span is None else (float(recording.time[span[0]]), float(recording.time[span[1] - 1]))

@@ -9,11 +9,11 @@ weights h_j, which sum to one,
 
 and h * p is the position itself, late by the filter's mean lag L = sum_j j h_j, with an error of the second order in
 the ratio of L to the time in which the motion changes. Both increments carry encoder noise of q / sqrt(6) at most,
-from the rounding at either end, whatever W is, while the motion in them grows with W. So for windows from `SHORTEST`
-rows on, in octaves, the integral of the velocity is regressed on the increment of the position, at the lag that fits
-best. A wrong sign or unit is the same factor in every window, and a shift the same lag; what a filter does to a
-shaking hand is gone in long windows, where strokes are the most of an increment. So the longest window in which the
-two are alike is judged; where there is none, the one that comes nearest.
+from the rounding at either end, whatever W is, while the motion in them grows with W. So for windows from
+`SHORTEST_WINDOW` rows on, in octaves, the integral of the velocity is regressed on the increment of the position, at
+the lag that fits best. A wrong sign or unit is the same factor in every window, and a shift the same lag; what a filter
+does to a shaking hand is gone in long windows, where strokes are the most of an increment. So the longest window in
+which the two are alike is judged; where there is none, the one that comes nearest.
 """
 
 from __future__ import annotations
@@ -28,18 +28,22 @@ from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.integrity.columns import unbroken
 from hapticeval.recordings.integrity.issue import Issue, Severity, make_issue
 from hapticeval.recordings.recording import Recording, columns_of
-from hapticeval.recordings.stretches import LAG, nominal_step
+from hapticeval.recordings.stretches import LAG_TICKS, nominal_step
 from hapticeval.types import Array, BoolArray
 
-LAGS = 20  # ticks over which a lag is looked for
-SHORTEST = 8  # rows of the shortest window
-LIKE = 0.8  # correlation below which a velocity is not the derivative of its position
-INDEPENDENT = 10  # so many windows that do not overlap are the fewest that a correlation is taken from
-ENOUGH = 20_000  # about so many windows are looked at, spread over the stretch
-ALIKE = 1.1  # lags that leave up to so many times as much unexplained as the best one explain a velocity as well
-SLOPE = 0.2  # how far the ratio of a velocity to the derivative may be from one; a wrong unit is further off by far
+LAGS_TRIED = 20  # ticks over which a lag is looked for
+SHORTEST_WINDOW = 8  # rows of the shortest window
+LEAST_CORRELATION = 0.8  # correlation below which a velocity is not the derivative of its position
+INDEPENDENT_WINDOWS = 10  # so many windows that do not overlap are the fewest that a correlation is taken from
+MOST_WINDOWS = 20_000  # about so many windows are looked at, spread over the stretch
+LAG_TOLERANCE = (
+    1.1  # lags that leave up to so many times as much unexplained as the best one explain a velocity as well
+)
+RATIO_TOLERANCE = (
+    0.2  # how far the ratio of a velocity to the derivative may be from one; a wrong unit is further off by far
+)
 
-NOISY = 3.0
+NOISE_TIMES = 3.0
 """Increments that vary by less than so many times their encoder noise, q / sqrt(6), show nothing. Of a position that is
 made of several encoders q is the usual step from row to row, where it steps at all: at rest that is their dither."""
 
@@ -80,7 +84,7 @@ def derivative_fit(position: Array, speed: Array, time: Array, sound: BoolArray)
     None where too little moves above the noise of the position.
     """
     first, end = max(unbroken(sound, time), key=lambda span: span[1] - span[0], default=(0, 0))
-    first += 2 * LAGS  # a filter that starts there knows nothing of what was before
+    first += 2 * LAGS_TRIED  # a filter that starts there knows nothing of what was before
     position, speed, time = position[first:end], speed[first:end], time[first:end]
     if position.size == 0:
         return None
@@ -89,14 +93,14 @@ def derivative_fit(position: Array, speed: Array, time: Array, sound: BoolArray)
     # The speed at a row is that of the step that led there.
     integral = np.concatenate([[0.0], np.cumsum(speed[1:] * np.diff(time))])
     best: Fit | None = None
-    window = SHORTEST
+    window = SHORTEST_WINDOW
     # Octaves of the window, up to where too few independent ones are left.
-    while position.size >= INDEPENDENT * window + LAGS:
+    while position.size >= INDEPENDENT_WINDOWS * window + LAGS_TRIED:
         moved, integrated = position[window:] - position[:-window], integral[window:] - integral[:-window]
-        if np.std(moved) > NOISY * noise:
+        if np.std(moved) > NOISE_TIMES * noise:
             fit = _regressed(moved, integrated, window)
             # A longer window replaces a shorter one as long as the two are alike; else the better one stays.
-            if best is None or fit.correlation >= LIKE or fit.correlation > best.correlation:
+            if best is None or fit.correlation >= LEAST_CORRELATION or fit.correlation > best.correlation:
                 best = fit
         window *= 2
     return best
@@ -107,25 +111,25 @@ def _regressed(moved: Array, integrated: Array, window: int) -> Fit:
 
     Windows overlap, so one in several is enough. What noise leaves unexplained hardly depends on the lag.
     """
-    stride = max(window // SHORTEST, moved.size // ENOUGH, 1)
+    stride = max(window // SHORTEST_WINDOW, moved.size // MOST_WINDOWS, 1)
     # The smallest lag comes first, so that argmax below finds it among those that explain as much.
-    lags = sorted(range(-LAGS, LAGS + 1), key=abs)
+    lags = sorted(range(-LAGS_TRIED, LAGS_TRIED + 1), key=abs)
     pairs = [[series[::stride] for series in lagged(moved, integrated, lag)] for lag in lags]
     likes = np.abs([correlation(x, y) for x, y in pairs])
-    place = int(np.argmax(1.0 - likes <= ALIKE * (1.0 - likes).min() + 1e-12))
+    place = int(np.argmax(1.0 - likes <= LAG_TOLERANCE * (1.0 - likes).min() + 1e-12))
     x, y = (series - series.mean() for series in pairs[place])
     # Least-squares slope through the means.
     ratio = float(np.dot(x, y) / np.dot(x, x)) if np.any(x) else float("inf")
     return Fit(ratio, float(likes[place]), lags[place], window)
 
 
-PAIRS = (("hip", "velocity"), ("joint_position", "joint_velocity"), ("ihip", "tool_velocity"))
+PLACES_AND_VELOCITIES = (("hip", "velocity"), ("joint_position", "joint_velocity"), ("ihip", "tool_velocity"))
 """Places and their velocities."""
 
 
 def velocities(recording: Recording) -> Iterator[Issue]:
     """Yield velocities whose ratio, correlation or lag to the derivative of their position is wrong."""
-    for place, speed in PAIRS:
+    for place, speed in PLACES_AND_VELOCITIES:
         positions, speeds = recording.channels.get(place), recording.channels.get(speed)
         if positions is None or speeds is None or positions.shape != speeds.shape:
             continue
@@ -138,17 +142,18 @@ def velocities(recording: Recording) -> Iterator[Issue]:
 
 
 def _misfit(fit: Fit, place: str) -> str:
-    if fit.correlation < LIKE:
+    """Describe what is wrong with a velocity: no derivative, a factor, or a lag; empty where nothing is."""
+    if fit.correlation < LEAST_CORRELATION:
         return f"it is no derivative of '{place}': correlation {fit.correlation:.2f} at best"
-    if abs(fit.ratio - 1.0) > SLOPE:
+    if abs(fit.ratio - 1.0) > RATIO_TOLERANCE:
         return f"it is {fit.ratio:.4g} times the derivative of '{place}': sign or unit?"
-    if abs(fit.lag) > LAGS // 2:
+    if abs(fit.lag) > LAGS_TRIED // 2:
         return f"it is {abs(fit.lag)} ticks {'behind' if fit.lag > 0 else 'ahead of'} the derivative of '{place}'"
     return ""
 
 
 COPY_ROWS = 50  # fewer moving rows than these can be equal by chance or by design
-WITHIN, ACROSS = 0.9, 0.5
+COPIED_SHARE, OTHER_RUN_SHARE = 0.9, 0.5
 """Shares of the moving rows that are equal to the bit: of two columns of one run, and of one column of two runs. By
 chance a converter of a hundred steps gives a hundredth of them."""
 
@@ -224,7 +229,7 @@ def copies(recording: Recording) -> Iterator[Issue]:
         if a != b and any({a, b} <= alike for alike in SAME_BY_MEANING):
             continue
         for how, sign in (("", 1.0), ("minus ", -1.0)):
-            match = matched(values, sign * others, WITHIN)
+            match = matched(values, sign * others, COPIED_SHARE)
             if match is None or (how and match.lag):
                 continue
             # The mapping names one column of the file for both: then the copy is meant.
@@ -248,13 +253,13 @@ def of_another_run(recording: Recording, other: Recording, run: str) -> Iterator
     theirs = columns_of(other)
     for name, column in columns_of(recording).items():
         if name in theirs and np.count_nonzero(np.diff(column.values)) >= COPY_ROWS:
-            match = matched(theirs[name].values, column.values, ACROSS)
+            match = matched(theirs[name].values, column.values, OTHER_RUN_SHARE)
             if match is not None:
                 message = f"it is that of {run}{',' * bool(match.lag)}{match.when}{match.share}, bit for bit"
                 yield make_issue(recording, "from another run", message, name)
 
 
-LINEAR = 0.95
+LAG_CORRELATION = 0.95
 """The steps of a force that is made of IHIP - HIP correlate with those by at least this, at the right lag."""
 
 
@@ -266,23 +271,23 @@ def force_lag(recording: Recording) -> Iterator[Issue]:
     keep = max(recording.sound_rows(), key=lambda rows: rows.stop - rows.start)
     force = np.diff(recording.force[keep], axis=0)  # steps show a lag more sharply than the signals
     reach = np.diff((recording.ihip - recording.hip)[keep], axis=0)
-    if len(force) < 4 * LAGS or not np.any(np.std(force, axis=0)) or not np.any(np.std(reach, axis=0)):
+    if len(force) < 4 * LAGS_TRIED or not np.any(np.std(force, axis=0)) or not np.any(np.std(reach, axis=0)):
         return
     best, at, unlagged = 0.0, 0, 0.0
-    for lag in range(-LAGS, LAGS + 1):
+    for lag in range(-LAGS_TRIED, LAGS_TRIED + 1):
         like = correlation(*(series.ravel() for series in lagged(reach, force, lag)))
         unlagged = like if lag == 0 else unlagged
         if like > best + 1e-12:
             best, at = like, lag
     # Reported only where the lag explains what no lag does not, and is longer than a proxy's own.
-    if best < LINEAR or best - unlagged < 1.0 - LINEAR or not LAG < abs(at) < LAGS:
+    if best < LAG_CORRELATION or best - unlagged < 1.0 - LAG_CORRELATION or not LAG_TICKS < abs(at) < LAGS_TRIED:
         return
     when = "after" if at > 0 else "before"
     message = f"the force comes {abs(at)} ticks {when} the IHIP - HIP that it is made of (correlation {best:.3f})"
     yield make_issue(recording, "force lag", message, "force", lag=at, correlation=best)
 
 
-LIMITS: Mapping[str, tuple[float, str]] = {
+UNIT_LIMITS: Mapping[str, tuple[float, str]] = {
     "m": (3.0, "a workspace of {0:.4g} m: are these millimetres?"),
     "rad": (4.0 * np.pi, "angles over {0:.4g} rad, more than two turns: are these degrees?"),
     "m/s": (50.0, "a speed of {0:.4g} m/s: are these mm/s?"),
@@ -292,7 +297,7 @@ LIMITS: Mapping[str, tuple[float, str]] = {
 }
 """By unit, the extent (of a position or an angle) or peak (of the others) that no desk-top haptic device has."""
 
-LEAST = 1e-5
+LEAST_EXTENT = 1e-5
 """Metres of extent below which a device has hardly moved, or its metres were meant to be something larger."""
 
 
@@ -304,29 +309,33 @@ def units(recording: Recording) -> Iterator[Issue]:
         todo = "see the wiring that it was recorded with: counts_per_turn, offsets and the other entries of [device]"
     for name, (channel, unit, values) in columns_of(recording).items():
         numbers = values[keep]
-        if numbers.size == 0 or unit not in LIMITS:
+        if numbers.size == 0 or unit not in UNIT_LIMITS:
             continue
         # Extent of a place or an angle, peak of anything else, in the channel's unit.
         size = float(np.ptp(numbers) if unit in ("m", "rad") else np.max(np.abs(numbers)))
-        limit, message = LIMITS[unit]
+        limit, message = UNIT_LIMITS[unit]
         if size > limit:
             yield make_issue(recording, "unit", message.format(size), name, todo=todo, size=size)
-        elif channel == "hip" and 0.0 < size < LEAST and np.max(np.ptp(recording.hip[keep], axis=0)) < LEAST:
+        elif (
+            channel == "hip"
+            and 0.0 < size < LEAST_EXTENT
+            and np.max(np.ptp(recording.hip[keep], axis=0)) < LEAST_EXTENT
+        ):
             message = f"the hand moves by {1e6 * size:.3g} um: is the unit larger than it was taken for?"
             yield make_issue(recording, "unit", message, name, todo=todo, size=size)
 
 
-RATE = (10.0, 1e5)
+RATE_RANGE = (10.0, 1e5)
 """Hz. Motion of a hand reaches some 5 Hz, which takes 10 rows a second to be seen at all; and 1e5 Hz is a hundred times
 the usual haptic loop, beyond what a bus to encoders and motors passes."""
 
-SPEED = (1e-5, 10.0)
+SPEED_RANGE = (1e-5, 10.0)
 """m/s, of a hand while it moves. One that tries to be still trembles by about 0.05 mm at 10 Hz, which is 2 mm/s: the
 lower limit leaves a factor of 200 for hands that are held or simulated. The fastest throws reach the upper one."""
 
-SMALLER = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-FACTORS = {size: (unit, "s") for unit, size in SMALLER.items()}
-FACTORS |= {1.0 / size: ("s", unit) for unit, size in SMALLER.items()}
+SMALLER_UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+FACTORS = {size: (unit, "s") for unit, size in SMALLER_UNITS.items()}
+FACTORS |= {1.0 / size: ("s", unit) for unit, size in SMALLER_UNITS.items()}
 """What the times would have to be multiplied by where numbers in the first unit were taken for the second."""
 
 
@@ -344,7 +353,9 @@ def time_unit(recording: Recording) -> Iterator[Issue]:
         """Return rate and speed with times multiplied, in words; empty where no device and hand have them."""
         moves = "" if speed is None else f", and a hand that moves at {1e3 * speed / factor:.3g} mm/s"
         # Times multiplied by `factor` divide rate and speed by it.
-        within = RATE[0] <= rate / factor <= RATE[1] and (speed is None or SPEED[0] <= speed / factor <= SPEED[1])
+        within = RATE_RANGE[0] <= rate / factor <= RATE_RANGE[1] and (
+            speed is None or SPEED_RANGE[0] <= speed / factor <= SPEED_RANGE[1]
+        )
         return f"{rate / factor:.4g} Hz{moves}" if within else ""
 
     if described(1.0):
@@ -370,6 +381,6 @@ def _speed(recording: Recording) -> float | None:
     # At rest a hand has no typical speed, and stamps that repeat give none.
     some = (moved > 0.0) & (steps > 0.0)
     extent = float(np.max(np.ptp(hip, axis=0), initial=0.0))
-    if not some.any() or not LEAST <= extent <= LIMITS["m"][0]:
+    if not some.any() or not LEAST_EXTENT <= extent <= UNIT_LIMITS["m"][0]:
         return None
     return float(np.median(moved[some] / steps[some]))

@@ -17,7 +17,7 @@ from hapticeval.recordings.integrity.contacts import Impact, Impacts
 from hapticeval.recordings.integrity.force_sign import Sign, force_signs
 from hapticeval.recordings.integrity.issue import Issue, Severity, plural
 from hapticeval.recordings.integrity.timing import Timing, examine_timing
-from hapticeval.recordings.provenance import LINE, before_the_wall, describe_losses, describe_warnings
+from hapticeval.recordings.provenance import LINE_MODEL, before_the_wall, describe_losses, describe_warnings
 from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Recording, columns_of, runs_of
 from hapticeval.recordings.stretches import Stretch, stretches
@@ -64,8 +64,13 @@ class Soundness:
 
 @dataclass(frozen=True)
 class Integrity:
-    """The report: what the clock and the columns are like, the findings, worst and earliest first, what is known of the
-    signs of the forces, and the inverse checks that were made, or asked for and not made."""
+    """What an examination of a recording found.
+
+    - `timing` and `columns`: what the clock and the columns are like;
+    - `faults`: the findings, worst and earliest first;
+    - `signs`: what is known of the signs of the forces;
+    - `checks`: the inverse checks that were made, or asked for and not made.
+    """
 
     rows: int
     valid_rows: int
@@ -90,8 +95,10 @@ def examine(
     stiffness: float | None = None,
     others: Mapping[str, Recording] | None = None,
 ) -> Integrity:
-    """Examine a recording. With a `device`, a `model` or a `stiffness` K_p (N/m, where K_d = 0) also the inverse checks
-    of thesis (2.28), (2.8) and (6.1); with `others`, runs by name, whether it shares a signal with one of them.
+    """Examine a recording: its clock, its columns, how they relate, and the signs of its forces.
+
+    With a `device`, a `model` or a `stiffness` K_p (N/m, where K_d = 0) also the inverse checks of thesis (2.28), (2.8)
+    and (6.1); with `others`, runs by name, whether it shares a signal with one of them.
     """
     ordered = recording.measured
     facts = {}
@@ -111,7 +118,7 @@ def examine(
     for name, other in (others or {}).items():
         faults += relations.of_another_run(recording, other, name)
     # A run in one dimension is held against the wall in the plane: see `before_the_wall`.
-    walled = model is not None and model.name == LINE and recording.dimension == 1
+    walled = model is not None and model.name == LINE_MODEL and recording.dimension == 1
     placed = before_the_wall(recording) if walled else recording
     checks = inverse_checks(placed, device=device, model=model, stiffness=stiffness)
     faults += [fault for check in checks for fault in check.faults]
@@ -144,7 +151,7 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     return Soundness(recording, sound, tuple((Stretch(*span), why) for span, why in sorted(left)))
 
 
-MOST = 5
+MOST_LISTED = 5
 """Findings of one kind and channel beyond so many are counted, not listed."""
 
 
@@ -172,6 +179,7 @@ def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
 
 
 def _faults(report: Integrity) -> list[str]:
+    """Return the findings as lines: the first few of a kind and channel, with advice, and how many more there are."""
     if not report.faults:
         open_ = sum(not check.made for check in report.checks)
         return ["nothing found" + f"; what {open_} of the inverse checks would find is open: see below" * (open_ > 0)]
@@ -182,14 +190,14 @@ def _faults(report: Integrity) -> list[str]:
         key = (fault.kind, fault.channel)
         # Of one kind and channel the first few say it all: the others are counted.
         counts[key] = counts.get(key, 0) + 1
-        if counts[key] > MOST:
+        if counts[key] > MOST_LISTED:
             continue
         lines.append(f"{fault.severity}: {' '.join(key).rstrip()} ({fault.place}): {fault.message}")
         if fault.todo and fault.severity is not Severity.NOTE and (*key, fault.todo) not in advised:
             # The same advice is given once for a kind and channel.
             advised.add((*key, fault.todo))
             lines.append(f"  what to do: {fault.todo}")
-    more = {key: count - MOST for key, count in counts.items() if count > MOST}
+    more = {key: count - MOST_LISTED for key, count in counts.items() if count > MOST_LISTED}
     return lines + [f"and {count} more, marked in the picture: {' '.join(key)}".rstrip() for key, count in more.items()]
 
 
@@ -208,9 +216,10 @@ def _checks(report: Integrity) -> list[str]:
 
 
 def _intervals(report: Integrity, soundness: Soundness) -> list[str]:
+    """Return which stretches are sound, and how many rows are left out for which reason."""
     spans = soundness.sound
-    listed = ", ".join(f"{span.times(soundness.recording)}{_lacking(report, span)}" for span in spans[:MOST])
-    more = f" and {len(spans) - MOST} more, shown in the picture" if len(spans) > MOST else ""
+    listed = ", ".join(f"{span.times(soundness.recording)}{_lacking(report, span)}" for span in spans[:MOST_LISTED])
+    more = f" and {len(spans) - MOST_LISTED} more, shown in the picture" if len(spans) > MOST_LISTED else ""
     reasons: dict[str, list[int]] = {}
     for span, why in soundness.left_out:
         reasons.setdefault(why, []).append(len(span))

@@ -13,13 +13,13 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import GAP_STEPS, continuing_steps
 from hapticeval.types import IntArray
 
-CATCH_UP = 3
+CATCH_UP_ROWS = 3
 """A late row is no gap where the clock is on its grid again after as many rows: nothing is missing then."""
 
-HALF = 0.5
+HALF_STEP = 0.5
 """Half a sampling time decides whether a row is missing or late."""
 
-SETTING = 0.01
+RATE_TOLERANCE = 0.01
 """A quartz is within 1e-4 of its rate, so one per cent is another setting than the declared one."""
 
 BRIDGED = f"no longer than {GAP_STEPS} steps, so checks, replays and comparisons go on across it as over one long step"
@@ -89,7 +89,7 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
     jitter = tuple(np.percentile(off, [50, 95, 99, 100]).tolist())
     timing = Timing(len(recording), median * 1e-9, 1.0 / mean, jitter, missing, 1e-9 * missing * cycle)
     declared_step = recording.meta.get("dt")
-    if isinstance(declared_step, int | float) and abs(mean - declared_step) > SETTING * declared_step:
+    if isinstance(declared_step, int | float) and abs(mean - declared_step) > RATE_TOLERANCE * declared_step:
         message = f"the loop was meant to take {1e3 * declared_step:.6g} ms, its rows are {1e3 * mean:.6g} ms apart"
         faults.append(make_issue(recording, "rate", message, "time", declared=float(declared_step), found=mean))
     return timing, [*faults, *_stated_issues(recording)]
@@ -102,22 +102,22 @@ def _gaps(stamps: IntArray, steps: IntArray, sequence: IntArray | None, median: 
     shorter than the step from row to row.
     """
     if sequence is None:
-        late = np.flatnonzero(steps > (1.0 + HALF) * median).tolist()
+        late = np.flatnonzero(steps > (1.0 + HALF_STEP) * median).tolist()
         gap_rows = [row for row in late if not _caught_up(stamps, row, median)]
         return median, {row: round(float(steps[row]) / median) - 1 for row in gap_rows}
     jumps = np.diff(sequence)
     # ns a cycle, where rows are several cycles apart.
     counted = jumps > 0
     cycle = float(np.median(steps[counted] / jumps[counted])) if counted.any() else median
-    skipped = np.flatnonzero((jumps > 1) & (steps > (1.0 + HALF) * cycle)).tolist()
+    skipped = np.flatnonzero((jumps > 1) & (steps > (1.0 + HALF_STEP) * cycle)).tolist()
     return cycle, {row: int(jumps[row]) - 1 for row in skipped}
 
 
 def _caught_up(stamps: IntArray, row: int, median: float) -> bool:
     """Return whether the rows after a long step make up for it: then it was late, and nothing is missing."""
     # Row `row + i` is back on the clock's grid where it is no more than i + 1/2 medians later.
-    after = np.arange(row + 2, min(row + 1 + CATCH_UP, stamps.size - 1) + 1)
-    return bool(np.any(stamps[after] - stamps[row] < (after - row + HALF) * median))
+    after = np.arange(row + 2, min(row + 1 + CATCH_UP_ROWS, stamps.size - 1) + 1)
+    return bool(np.any(stamps[after] - stamps[row] < (after - row + HALF_STEP) * median))
 
 
 def _stated_issues(recording: Recording) -> Iterator[Issue]:
