@@ -1,10 +1,12 @@
 """A robot at the other end of a socket, as a Simulink rig is, and the simulated twin in real time at such a socket.
 
-One datagram per cycle each way, little-endian: the robot sends `HCRD`, its cycle count (u64), its clock (i64, ns) and
-three raw positions (f64); the loop sends `HCWR`, the count that it answers (u64) and three commands (f64). A loop
-begins with a command packet of count zero and ends with one of count 2^64 - 1. A robot that stops by itself may say
-why: `HCST` and a text in UTF-8, again and again until the loop has ended, as a loop that was held up has no room for
-packets.
+One datagram per cycle each way, little-endian:
+
+- the robot sends `HCRD`, its cycle count (u64), its clock (i64, ns) and three raw positions (f64);
+- the loop sends `HCWR`, the count that it answers (u64) and three commands (f64);
+- a loop begins with a command packet of count zero and ends with one of count 2^64 - 1;
+- a robot that stops by itself may say why: `HCST` and a text in UTF-8, again and again until the loop has ended, as a
+  loop that was held up has no room for packets.
 """
 
 from __future__ import annotations

@@ -1,9 +1,12 @@
 """How a recording was made, as its metadata and events state it: model, scene, gains, losses, the wall of a 1-DOF run.
 
 A device with one degree of freedom presses along a line. In the plane that line is the y axis and the wall the half
-plane y < 0, with its outward normal along +y: a place x becomes (0, s (x - x0)) and a force f becomes (0, s f), with
-x0 the wall's place and s = 1 or -1 its outward direction on the recorded axis. Both stand in `meta["wall"]`; without
-it the wall is at 0 and free space on the positive side.
+plane y < 0, with its outward normal along +y:
+
+    a place x becomes (0, s (x - x0)), and a force f becomes (0, s f)
+
+with x0 the wall's place, m, and s = 1 or -1 its outward direction on the recorded axis. Both stand in `meta["wall"]`;
+without it the wall is at 0 and free space on the positive side.
 """
 
 from __future__ import annotations

@@ -8,12 +8,14 @@ A number is known to the largest of these:
     the unit in the last place, where every number has so few digits: a text's
 
 Positions are numbers of the size of the workspace, also where their difference is small. So a depth |IHIP - HIP| is as
-fine as these, and a force K (IHIP - HIP) is no finer than K times that, whatever the spacing at its own size. A
-joint's encoder reaches the HIP by the lever arm |dHIP| / |dq| that the run itself shows. With r_F and r_x (N and m, of
-one coordinate) and N dimensions:
+fine as these, and a force K (IHIP - HIP) is no finer than K times that, whatever the spacing at its own size.
+
+A joint's encoder reaches the HIP by the lever arm |dHIP| / |dq| that the run itself shows. With r_F and r_x (N and m,
+of one coordinate) and N dimensions:
 
     magnitude   sqrt(N) r_F                    direction   sqrt(N) r_F / |F|, and the spacing at a turn
-    depth       2 sqrt(N) r_x                  leaning     that, and what r_x turns the normal by: sqrt(N) kappa r_x
+    depth       2 sqrt(N) r_x                  leaning     that of direction, and what r_x turns the normal by:
+                                                           sqrt(N) kappa r_x
 """
 
 from __future__ import annotations

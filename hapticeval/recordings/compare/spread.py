@@ -1,12 +1,16 @@
 """Whether renderers differ by more than repeats of one renderer do (Figures 6.5 and 6.9).
 
 What a hand does differs from run to run, so a difference between two renderers says nothing unless it is held against
-the differences between repeats of one. The repeats are whole curves over the abscissa; the distance of two is the root
-mean square of their difference where both have an answer. What is independent are repeats, not samples: see
-`permutation` for the test. Over pairs of renderers and over the two directions, whose repeats may be different runs,
-its p is multiplied by their number. A column in which no two repeats, of either renderer, differ by more than their
-numbers resolve is the same to rounding, and not tested: see `resolution`. Where those of each renderer agree to
-rounding but not with the other's, the test needs nothing more: any other deal of the names mixes them.
+the differences between repeats of one.
+
+- Repeats are whole curves over the abscissa. They are what is independent, and not samples: `permutation` has the test.
+- The distance of two repeats is the root mean square of their difference where both have an answer.
+- Over pairs of renderers, and over the two directions, whose repeats may be different runs, p is multiplied by their
+  number.
+- A column in which no two repeats, of either renderer, differ by more than their numbers resolve is the same to
+  rounding, and not tested: see `resolution`.
+- Where those of each renderer agree to rounding but not with the other's, the test needs nothing more: any other deal
+  of the names mixes them.
 """
 
 from __future__ import annotations

@@ -12,10 +12,11 @@ A format of your own is a function that takes a path and gives a `Table`, marked
             units={"t": "ms"},
         )
 
-It gives what the file states and no more: a unit that the file does not state is left out, and the mapping gives it.
-Columns have a number in each row, nan where the file has none; of signals on several clocks each has its clock, and
-`topics` names which columns were taken together. On the command line it is named `--format mymodule:read_acme`, which
-no mapping may do; an installed package offers it by an entry point of the group `hapticeval.formats`.
+- It gives what the file states and no more: a unit that the file does not state is left out, and the mapping gives it.
+- Columns have a number in each row, nan where the file has none.
+- Of signals on several clocks each has its clock, and `topics` names which columns were taken together.
+- On the command line it is named `--format mymodule:read_acme`, which no mapping may do.
+- An installed package offers it by an entry point of the group `hapticeval.formats`.
 """
 
 from __future__ import annotations

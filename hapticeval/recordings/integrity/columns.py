@@ -1,10 +1,12 @@
 """What is wrong with one column: no number, stuck, saturated, spiking, jumping, or still while the hand moves.
 
 A value that does not change is no fault by itself, as nothing may have happened. So each column is held against the
-travel of the hand. A live sensor changes its reading every so many metres; one that keeps a value over a travel in
-which it otherwise changes many times is frozen. What keeps its value by nature is left alone: zero force in free
-motion, the reading that a coarse converter has there, a limit that is reached again and again, and a proxy, which may
-rest in a notch while the hand moves inside.
+travel of the hand: a live sensor changes its reading every so many metres, and one that keeps a value over a travel in
+which it otherwise changes many times is frozen. What keeps its value by nature is left alone:
+
+- zero force in free motion, and the reading that a coarse converter has there;
+- a limit that is reached again and again;
+- a proxy, which may rest in a notch while the hand moves inside.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
 """Whether the channels of a recording follow from each other: kinematics, torques, the spring, the surface.
 
-A recording of HIP and force alone shows whether the model was touched, whatever the renderer. Without damping the force
-is K_p (IHIP - HIP) of (6.1), so HIP + F / K_p is where the tool was: on the model in contact, for every renderer that
-keeps its tool on the surface. And whatever stiffness and damping are: F = K_p (IHIP - HIP) - K_d v pushes outwards as
-long as the HIP is inside and goes deeper, and there is no force where nothing is touched.
+A recording of HIP and force alone shows whether the model was touched, whatever the renderer:
+
+- Without damping the force is K_p (IHIP - HIP) of (6.1), so HIP + F / K_p is where the tool was: on the model in
+  contact, for every renderer that keeps its tool on the surface.
+- Whatever stiffness and damping are, F = K_p (IHIP - HIP) - K_d v pushes outwards as long as the HIP is inside and
+  goes deeper, and there is no force where nothing is touched.
 """
 
 from __future__ import annotations

@@ -1,19 +1,22 @@
 """What is wrong between columns: copies, a velocity that is no derivative, a force that lags, units and times.
 
 Whether a velocity is the derivative of its position is seen in increments, which filters leave alone. Differences from
-row to row are no fair measure. An encoder's quantum q makes them noisy by about q / dt, and the low-pass that every
+row to row are no fair measure: an encoder's quantum q makes them noisy by about q / dt, and the low-pass that every
 controller puts on them takes away what is fast. What a filtered velocity still owes is its integral. With the filter's
 weights h_j, which sum to one,
 
     v_k = sum_j h_j (p_{k-j} - p_{k-j-1}) / dt      so that      sum of v dt over W rows = increment of h * p over them
 
 and h * p is the position itself, late by the filter's mean lag L = sum_j j h_j, with an error of the second order in
-the ratio of L to the time in which the motion changes. Both increments carry encoder noise of q / sqrt(6) at most,
-from the rounding at either end, whatever W is, while the motion in them grows with W. So for windows from
-`SHORTEST_WINDOW` rows on, in octaves, the integral of the velocity is regressed on the increment of the position, at
-the lag that fits best. A wrong sign or unit is the same factor in every window, and a shift the same lag; what a filter
-does to a shaking hand is gone in long windows, where strokes are the most of an increment. So the longest window in
-which the two are alike is judged; where there is none, the one that comes nearest.
+the ratio of L to the time in which the motion changes.
+
+Both increments carry encoder noise of q / sqrt(6) at most, from the rounding at either end, whatever W is, while the
+motion in them grows with W. So for windows from `SHORTEST_WINDOW` rows on, in octaves, the integral of the velocity is
+regressed on the increment of the position, at the lag that fits best.
+
+A wrong sign or unit is the same factor in every window, and a shift the same lag. What a filter does to a shaking hand
+is gone in long windows, where strokes are the most of an increment. So the longest window in which the two are alike
+is judged; where there is none, the one that comes nearest.
 """
 
 from __future__ import annotations
