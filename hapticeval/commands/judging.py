@@ -354,7 +354,7 @@ def replay(
     from hapticeval.discovery import own_renderers
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.memory import limited
-    from hapticeval.replay.as_recorded import unsaid
+    from hapticeval.replay.as_recorded import unstated_renderer
     from hapticeval.replay.subject import subject
 
     directory = directory or Path(f"replay-{file_stem(file.stem)}")
@@ -369,7 +369,7 @@ def replay(
         recording = load(file, mapping=mapping, format=format_)
     replay_case = subject(
         file, recording, model=_model_table(model), suite_case=suite_case, scene=scene or (),
-        unsaid=unsaid(recording, renderers or ()) if as_recorded else None,
+        unsaid=unstated_renderer(recording, renderers or ()) if as_recorded else None,
     )  # fmt: skip
     # Named where the recording is suspicious.
     hint = f"see `hapticeval inspect {file}{'' if mapping is None else f' --mapping {mapping}'}`"
@@ -391,13 +391,13 @@ def _replay_path(
     replay_case: ReplayCase, renderers: list[str], directory: Path, seed: int, hint: str, *, verbose: bool
 ) -> int:
     from hapticeval.api import carry_out
-    from hapticeval.replay.job import differences, prepared, replay_plan
+    from hapticeval.replay.job import prepare_replay, replay_plan
     from hapticeval.workers import cores
 
     # One run for each renderer, beside the recorded one.
     planned = replay_plan(replay_case, renderers, seed=seed)
     # Once for all renderers: the path and its examination.
-    work = prepared(replay_case)
+    work = prepare_replay(replay_case)
 
     def judged(terminal: Terminal) -> Results:
         _warn_of_suspicious(work.path.suspicious, hint, terminal)

@@ -129,7 +129,7 @@ def _examine_recording(
     directory: Path,
 ) -> int:
     from hapticeval.recordings.integrity.contacts import impacts
-    from hapticeval.recordings.integrity.report import contacts, examine, sound_intervals, summary
+    from hapticeval.recordings.integrity.report import describe_contacts, describe_report, examine, sound_intervals
     from hapticeval.recordings.provenance import spring_of
     from hapticeval.reports.integrity_figure import write_integrity
 
@@ -146,10 +146,10 @@ def _examine_recording(
         report, checks=(*report.checks, *_impossible_tests(recording, damped if stiffness is None else ""))
     )
     soundness = sound_intervals(recording, report)
-    parts = [summary(report, soundness, title=file.name)]
+    parts = [describe_report(report, soundness, title=file.name)]
     # Impacts on the wall are listed one by one.
     if recording.dimension == 1 and {"wall_force", "force"} & recording.channels.keys():
-        parts.append(contacts(impacts(recording)))
+        parts.append(describe_contacts(impacts(recording)))
     written = write_integrity(directory, recording, report, soundness, title=file.name, stem=_picture_stem(file))
     say(paragraphs(*parts, wrote_lines(written)))
     return int(report.suspicious)
@@ -239,7 +239,7 @@ def convert(
     from hapticeval.files import refuse_existing
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.importing.convert import export
-    from hapticeval.recordings.integrity.report import converted
+    from hapticeval.recordings.integrity.report import describe_conversion
     from hapticeval.recordings.memory import limited
     from hapticeval.recordings.provenance import incomplete
 
@@ -248,7 +248,7 @@ def convert(
         recording = load(file, mapping=mapping, format=format_, salvaging=salvage)
     # What is suspicious is told, and converted all the same.
     export(output, recording)
-    say(f"{converted(recording)}\nwrote {output}")
+    say(f"{describe_conversion(recording)}\nwrote {output}")
     raise typer.Exit(int(incomplete(recording)))
 
 

@@ -53,7 +53,7 @@ def view(
     """
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.memory import limited
-    from hapticeval.replay.viewing import viewed
+    from hapticeval.replay.viewing import view_recording
     from hapticeval.reports.case_page import write_view
 
     directory = directory or Path(f"view-{file_stem(file.stem)}")
@@ -68,7 +68,7 @@ def view(
             todo="give another model with --model",
         )
     # Judged where model and stiffness are known, shown alone where they are not.
-    viewed_run = viewed(
+    viewed_run = view_recording(
         file, recording, suite_case=suite_case, scene=scene or (),
         model=None if named is None else {"kind": named.name, **named.parameters},
     )  # fmt: skip

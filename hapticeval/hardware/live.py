@@ -134,7 +134,7 @@ def run(
 
 
 class _Loop:
-    """What a cycle needs, and what it leaves to the next."""
+    """One cycle after the other of a live run: what each needs, and what it leaves to the next."""
 
     def __init__(self, wiring: Wiring, renderer: Renderer, scene: Scene, recorder: Recorder) -> None:
         self.wiring, self.renderer, self.scene, self.recorder = wiring, renderer, scene, recorder

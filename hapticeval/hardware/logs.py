@@ -28,12 +28,13 @@ def load(
 
 
 def at_the_hand(recording: Recording) -> Recording:
-    """Add the joints and the hand that follow from raw channels and device, where a recording lacks them.
+    """Add joint angles, HIP, velocity and force to a log of encoders and motors, where they are not in it.
 
-    Joint angles are `joint_position`, else what the wiring of `meta["device_parameters"]` makes of `raw`; torques
-    `joint_torque`, or of `command`. Where there is no `hip`, it is added by the forward kinematics (2.28), with its
-    `velocity` by `Rates`; where there is no `force`, the static one that the torques put at the hand, τ = Jᵀ F (2.8):
-    what moves or brakes the links themselves is not in it.
+    - Joint angles are `joint_position`, else what the wiring of `meta["device_parameters"]` makes of `raw`; torques are
+      `joint_torque`, or of `command`.
+    - Where there is no `hip`, it is added by the forward kinematics (2.28), with its `velocity` by `Rates`.
+    - Where there is no `force`, the static one that the torques put at the hand is added, τ = Jᵀ F (2.8): what moves or
+      brakes the links themselves is not in it.
 
     A recording that has a HIP, or no joints of a known device, is given back as it is. Rows with joints outside of the
     functional configuration space, where none of this holds, are kept and not valid; `meta["import"]` counts them.

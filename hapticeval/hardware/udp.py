@@ -167,7 +167,10 @@ def serve(twin: Twin, connection: socket.socket) -> None:
 
 
 def _last_word(connection: socket.socket, loop: tuple[str, int], packet: bytes) -> None:
-    """Send why it stopped until the loop has ended or gone: one that was held up has no room left for a packet."""
+    """Send the reason why the twin stopped until the loop has ended or gone.
+
+    A loop that was held up has no room left for a packet, so it is sent again and again.
+    """
     until = time.monotonic() + UNHEARD_SECONDS
     while time.monotonic() < until:
         with contextlib.suppress(BlockingIOError):

@@ -29,12 +29,14 @@ VELOCITY_CUTOFF = 100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Wiring:
-    """The wiring of the parallelogram (or any other `device`).
+    """What a robot's raw numbers mean: how encoder readings become joint angles, and torques motor commands.
 
-    `counts_per_turn` of the encoders, None where the raw positions are radians already (or metres, of a device that
-    slides); `offsets` (N,) is the raw reading at joint angle zero, 0 where none is given; `directions` (N,) of +1 or
-    -1 turn a raw step into a positive joint angle and a positive command into a positive torque; `torque_per_command`
-    is what one unit of command gives (N m), 1 where commands are torques.
+    - `counts_per_turn`: of the encoders, None where the raw positions are radians already (or metres, of a device that
+      slides).
+    - `offsets`: (N,), the raw reading at joint angle zero, 0 where none is given.
+    - `directions`: (N,), +1 or -1, turn a raw step into a positive joint angle and a positive command into a positive
+      torque.
+    - `torque_per_command`: what one unit of command gives (N m), 1 where commands are torques.
 
     Raises `InputError` for an entry that does not fit the device or is not finite.
     """

@@ -76,7 +76,7 @@ class Layout:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """A row."""
+        """The NumPy type of a row: cycle number, stamp (ns), and the numbers of each channel."""
         # Little-endian and without padding: 8 bytes a number, on any machine.
         fields: list[Any] = [("sequence", "<i8"), ("nanoseconds", "<i8")]
         fields += [(name, "<f8", (columns,)) if columns else (name, "<f8") for name, columns in self.channels.items()]

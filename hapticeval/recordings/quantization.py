@@ -140,13 +140,16 @@ ROUNDING_STEPS = 16.0
 
 
 class Resolution(NamedTuple):
-    """Below what differences of a coordinate say nothing: of positions, m, and of forces, N; `dimension` of them."""
+    """The smallest differences of one coordinate that the numbers of a recording show: of positions, m, and forces, N.
+
+    There are `dimension` coordinates.
+    """
 
     position: float
     force: float
     dimension: int
 
-    def of(self, column: str, size: Array, curvature: Array | float = 0.0) -> Array:
+    def of_column(self, column: str, size: Array, curvature: Array | float = 0.0) -> Array:
         """Return the resolution of `column`, one of `compare.align.COLUMNS`, at each place, (m,).
 
         `size` (m,) is the force there, N, and `curvature` that of the surface, 1/m. Infinite where there is no force,
@@ -167,7 +170,7 @@ class Resolution(NamedTuple):
 
 
 def resolution(recording: Recording) -> Resolution:
-    """What the numbers of a recording with HIP and force resolve."""
+    """Return what the numbers of a recording with HIP and force resolve."""
     keep = recording.measured
     places = [recording.channels[name][keep] for name in ("hip", "ihip") if name in recording.channels]
     # m: the coarsest of HIP, IHIP and what the joints' encoders are worth at the hand.

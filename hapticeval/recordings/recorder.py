@@ -420,12 +420,12 @@ class Recorder:
 
     @property
     def writer(self) -> int:
-        """The process that writes."""
+        """The id of the process that writes."""
         return self._process.pid
 
     @property
     def summary(self) -> Summary:
-        """How it stands, and, once closed, how it ended."""
+        """How the recorder stands, and, once closed, how it ended."""
         if self._summary is not None:
             return self._summary
         state, code = self._state, self._process.poll()

@@ -19,7 +19,7 @@ SINGLE = 2.0**-23
 
 
 def locked(values: Any, dtype: Any) -> Any:
-    """Return `values` as a read-only array: a copy, unless nobody holds a way to write to what they are."""
+    """Return `values` as a read-only array: a copy, unless nobody can write to them any more."""
     if isinstance(values, np.ndarray) and values.dtype == dtype and not values.flags.writeable:
         # A read-only view of an array that is still writable elsewhere could change under us, and is copied.
         base = values.base

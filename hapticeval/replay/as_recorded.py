@@ -57,11 +57,11 @@ class Deviation:
 
     @property
     def follows(self) -> bool:
-        """Whether rounding is all of it."""
+        """Whether the log is its computation, to rounding."""
         return self.first is None
 
     def describe(self) -> str:
-        """Describe it in one line."""
+        """Describe the deviation in one line."""
         scale, unit = (1e3, "mm") if self.channel == "ihip" else (1.0, "N")
         name = self.channel.replace("ihip", "IHIP")
         if self.largest == 0.0:
@@ -135,11 +135,11 @@ class AsRecorded:
 
     @property
     def follows(self) -> bool:
-        """Whether every channel does, to rounding, over the whole log."""
+        """Whether every channel follows from the renderer, to rounding, over the whole log."""
         return bool(self.channels) and all(channel.follows for channel in self.channels) and not self.ended
 
     def describe(self) -> str:
-        """Describe it, one line per channel."""
+        """Describe the comparison, one line per channel."""
         head = f"{self.file} as recorded: {self.renderer} computed again over {self.rows} samples"
         ends = (f"  the renderer gives no answer from {interval}" for interval in self.ended)
         return "\n".join([head, *(f"  {channel.describe()}" for channel in self.channels), *ends])
@@ -195,7 +195,7 @@ def as_recorded(subject: ReplayCase, renderers: Sequence[str] = ()) -> AsRecorde
     return AsRecorded(subject.file, names[0], len(log), deviations, ended, path.suspicious)
 
 
-def unsaid(recording: Recording, renderers: Sequence[str]) -> Mapping[str, str]:
+def unstated_renderer(recording: Recording, renderers: Sequence[str]) -> Mapping[str, str]:
     """Return what is not known of the renderer to compare with, and how to give it; empty where it is known."""
     return {} if renderers or _named(recording) else {"its renderer": "-r constraint"}
 

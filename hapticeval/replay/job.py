@@ -53,7 +53,7 @@ class ReplayTask:
             advisory = advisory if all(name in channels for name in REQUIRED) else job.case.checks
         judged = judge_recorded(
             lambda scene: self._recorded() if job.renderer == RECORDED else self._replayed(job.renderer, scene),
-            merged, job.renderer, job.suite, job.case,
+            merge_findings, job.renderer, job.suite, job.case,
         )  # fmt: skip
         # Informative only: shown in the report, without a say in the exit code.
         verdicts = tuple(
@@ -136,7 +136,7 @@ def replay_plan(subject: ReplayCase, renderers: Sequence[str], *, seed: int = 0)
     return Plan((suite,), (RECORDED, *names), jobs, (), seed)
 
 
-def prepared(subject: ReplayCase) -> ReplayTask:
+def prepare_replay(subject: ReplayCase) -> ReplayTask:
     """Return the work of a replay: what of the recording is sound is found once, for all renderers.
 
     Raises `InputError` where no two sound samples follow each other.
@@ -148,7 +148,7 @@ RANK = (Outcome.FAIL, Outcome.ERROR, Outcome.PASS, Outcome.INCONCLUSIVE, Outcome
 """What one stretch shows outranks what another leaves open: a failure anywhere is one, and so is a question settled."""
 
 
-def merged(findings: Sequence[Finding]) -> Finding:
+def merge_findings(findings: Sequence[Finding]) -> Finding:
     """Combine the findings of a check in each stretch: the worst outcome (`RANK`), then the smallest margin.
 
     Message and evidence state in how many stretches the check came to what.
@@ -176,7 +176,7 @@ def _margin(finding: Finding) -> float:
     return finding.margin / finding.bound if finding.bound > 0.0 else finding.margin
 
 
-def differences(document: results.ResultsDocument) -> str:
+def describe_differences(document: results.ResultsDocument) -> str:
     """Describe how far each renderer is from the recorded run, and which channels checks lacked."""
     rows = [
         [run.renderer, _apart(run.replay.difference.ihip, "mm", 1e3), _apart(run.replay.difference.force, "N", 1.0)]

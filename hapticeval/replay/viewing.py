@@ -14,7 +14,7 @@ from hapticeval.files import file_stem
 from hapticeval.recordings.provenance import LINE_MODEL, model_of, scene_of
 from hapticeval.recordings.recording import Recording
 from hapticeval.replay import RECORDED
-from hapticeval.replay.job import prepared
+from hapticeval.replay.job import prepare_replay
 from hapticeval.replay.subject import REPLAY_SUITE, subject
 from hapticeval.runner.outcome import run_entry
 from hapticeval.runner.planning import Job
@@ -32,7 +32,7 @@ class Viewed:
     unjudged: str = ""
 
 
-def viewed(
+def view_recording(
     file: Path,
     recording: Recording,
     *,
@@ -62,7 +62,7 @@ def viewed(
         file, recording, model=touched if suite_case is None else model, suite_case=suite_case, scene=scene
     )
     # The runner's own work, done here at once: the page shows what a replay's report would.
-    work, job = prepared(replay_case), Job(REPLAY_SUITE, replay_case.case, RECORDED)
+    work, job = prepare_replay(replay_case), Job(REPLAY_SUITE, replay_case.case, RECORDED)
     judged, _ = work(job, None, 0)
     entry = msgspec.structs.replace(run_entry(job, judged, None), title=_title(file), shows=None)
     # The recorded run is given, so that only an error can leave none.

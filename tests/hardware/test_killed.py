@@ -17,7 +17,7 @@ from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.journal import recover
 from hapticeval.replay.as_recorded import as_recorded
-from hapticeval.replay.job import prepared, replay_plan
+from hapticeval.replay.job import prepare_replay, replay_plan
 from hapticeval.replay.subject import subject
 
 pytestmark = pytest.mark.system
@@ -67,7 +67,7 @@ def verdicts(path, folder):
     """The checks of a replay, by column and check: outcome, metric and bound."""
     made = subject(path, read_recording(path))
     plan = replay_plan(made, ["minimum-distance+pp-pd", "constraint"])
-    work = prepared(made)
+    work = prepare_replay(made)
     found = {}
     folder.mkdir()
     for job in plan.jobs:

@@ -19,7 +19,7 @@ from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.as_recorded import as_recorded
-from hapticeval.replay.job import merged, prepared, replay_plan
+from hapticeval.replay.job import merge_findings, prepare_replay, replay_plan
 from hapticeval.replay.subject import subject
 from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.runner.execution import execute
@@ -130,7 +130,7 @@ def circle_run(time, *, radius=0.098, hip=None, meta=None, channels=("ihip", "fo
 def replayed(recording, tmp_path, renderers, **options):
     """Results and recordings by renderer of a replay, in this process."""
     made = subject(tmp_path / "log.h5", recording, **options)
-    work = prepared(made)
+    work = prepare_replay(made)
     out = {}
     for job in replay_plan(made, renderers).jobs:
         judged, file = work(job, tmp_path / "out", 0)
@@ -406,13 +406,13 @@ def finding(outcome, value=None):
 
 def test_stretches_are_weighed_together():
     lost, passed = finding(Outcome.INCONCLUSIVE), finding(Outcome.PASS, 0.2)
-    assert merged([lost, passed]).outcome is Outcome.PASS
-    worst = merged([finding(Outcome.FAIL, 2.0), passed, finding(Outcome.FAIL, 5.0)])
+    assert merge_findings([lost, passed]).outcome is Outcome.PASS
+    worst = merge_findings([finding(Outcome.FAIL, 2.0), passed, finding(Outcome.FAIL, 5.0)])
     assert worst.metric.value == 5.0
     assert worst.evidence["stretches"] == {"fail": 2, "pass": 1}
     assert "stretch 3 of 3" in worst.message
-    assert merged([passed]) is passed
-    assert merged([]).outcome is Outcome.INCONCLUSIVE
+    assert merge_findings([passed]) is passed
+    assert merge_findings([]).outcome is Outcome.INCONCLUSIVE
 
 
 def test_the_command_writes_results_and_a_page_that_says_open_loop(ran, tmp_path, monkeypatch, capsys):
@@ -503,7 +503,7 @@ def test_a_log_that_says_nothing_is_asked_for_everything_at_once(tmp_path, capsy
 def test_an_interrupt_keeps_what_had_finished(ran, tmp_path):
     made = opened(file_of(ran, "slide", "constraint"))
     names = ["constraint", "minimum-distance"]
-    stream = execute(replay_plan(made, names), tmp_path / "out", workers=1, work=prepared(made))
+    stream = execute(replay_plan(made, names), tmp_path / "out", workers=1, work=prepare_replay(made))
     assert isinstance(next(stream), RunStarted)
     assert next(stream).run.renderer == RECORDED
     signal.raise_signal(signal.SIGINT)

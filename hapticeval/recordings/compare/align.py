@@ -64,7 +64,7 @@ class Abscissa:
 
     @property
     def period(self) -> float | None:
-        """Once round, in that unit; None where the way is open."""
+        """Length of one turn, in that unit; None where the abscissa is open."""
         if self.by == "angle":
             return 2.0 * math.pi
         if self.by == "arc" and self.curve is not None and self.curve.closed:
@@ -72,7 +72,7 @@ class Abscissa:
         return None
 
     def along(self, recording: Recording, stretch: Stretch, label: str) -> tuple[Array, BoolArray]:
-        """Return over a stretch the abscissa, going on beyond a full turn, (n,), and where it leaps, (n - 1,).
+        """Return the abscissa over a stretch, (n,), which goes on beyond a full turn, and where it leaps, (n - 1,).
 
         The foot of a HIP that crosses the medial axis leaps: it is then farther along than the HIP moved and was not
         in between. Raises `InputError`, naming the time, where the HIP passes the centre too closely to have an angle.
@@ -127,7 +127,11 @@ def _wrapped(value: Array, period: float) -> Array:
 
 
 class Segment(NamedTuple):
-    """Rows (n,) of a run in their order, their abscissa (n,), and `apart` (n - 1,), between which nothing is known."""
+    """A piece of a run along the abscissa.
+
+    `rows` (n,) of the run in their order, `along` (n,) their abscissa, and `apart` (n - 1,): between which of them
+    nothing is known.
+    """
 
     rows: IntArray
     along: Array
@@ -135,7 +139,7 @@ class Segment(NamedTuple):
 
     @property
     def direction(self) -> int:
-        """1 or -1, of one that is monotone."""
+        """1 where the abscissa of a monotone segment rises, -1 where it falls."""
         return 1 if self.along[-1] > self.along[0] else -1
 
 
@@ -309,7 +313,7 @@ class Aligned:
     runs: tuple[Run, ...]
     passes: tuple[Pass, ...]
 
-    def of(self, renderer: str, direction: int) -> tuple[Pass, ...]:
+    def passes_of(self, renderer: str, direction: int) -> tuple[Pass, ...]:
         """Return the passes of a renderer in one direction."""
         return tuple(
             pass_ for pass_ in self.passes if self.runs[pass_.run].renderer == renderer and pass_.direction == direction
@@ -427,7 +431,7 @@ def _passes_of(
         share = np.clip((places - along[right - 1]) / (along[right] - along[right - 1]), 0.0, 1.0)
         columns, bent = _columns_at(recording, rows[right - 1], rows[right], share, mask, abscissa.curve)
         # outside there is no force, which has no direction: no repeat may answer for it
-        grains = {name: np.where(mask, fine.of(name, columns["magnitude"], bent), 0.0) for name in columns}
+        grains = {name: np.where(mask, fine.of_column(name, columns["magnitude"], bent), 0.0) for name in columns}
         times = recording.time[np.concatenate([rows[right[mask] - 1], rows[right[mask]]])]
         start, end = float(times.min()), float(times.max())
         yield Pass(number, heading.direction, before + lap - low, start, end, columns, grains, mask)

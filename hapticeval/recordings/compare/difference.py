@@ -12,7 +12,10 @@ from hapticeval.recordings.recording import Recording
 
 @dataclass(frozen=True)
 class Apart:
-    """Root mean square and maximum of a distance (m or N); time (s) and the reference's row of the maximum."""
+    """How far two runs are apart in one channel: root mean square and maximum of the distance (m or N).
+
+    `time` (s) and `row` of the reference are those of the maximum.
+    """
 
     rms: float
     max: float

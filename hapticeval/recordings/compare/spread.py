@@ -48,7 +48,7 @@ class Repeats(NamedTuple):
     basis: str
 
     def median(self, at_least: int = 1) -> tuple[Array, BoolArray]:
-        """Return the median where so many repeats have an answer, else 0, and where that is, (m,) each."""
+        """Return the median curve, where `at_least` so many repeats have an answer, else 0, and where that is: (m,)."""
         answered = self.masks.sum(axis=0) >= at_least
         out = np.zeros(answered.size)
         out[answered] = np.nanmedian(np.where(self.masks, self.values, np.nan)[:, answered], axis=0)
@@ -66,7 +66,7 @@ def groups(aligned: Aligned) -> Iterator[tuple[str, int, Mapping[str, Repeats]]]
         for column in COMPARED_COLUMNS:
             passes_of = {}
             for renderer in dict.fromkeys(run.renderer for run in aligned.runs):
-                passes = [pass_ for pass_ in aligned.of(renderer, direction) if column in pass_.columns]
+                passes = [pass_ for pass_ in aligned.passes_of(renderer, direction) if column in pass_.columns]
                 if passes:
                     passes_of[renderer] = passes
             if not passes_of:
@@ -88,9 +88,9 @@ def groups(aligned: Aligned) -> Iterator[tuple[str, int, Mapping[str, Repeats]]]
 
 
 def _branch(column: str, passes: Sequence[Pass]) -> tuple[Array, BoolArray]:
-    """Return the branch of an angle at each place, and where any pass is, (m,) each.
+    """Return the mean angle of all passes at each place, unwrapped along the way, and where any pass is: (m,) each.
 
-    That is the mean direction over all passes, unwrapped along the way.
+    Angles are known but for full turns: each pass's is then taken on the turn nearest to this one.
     """
     masks = np.array([pass_.mask for pass_ in passes])
     # Sum of unit vectors exp(i angle): its argument is the mean direction, whatever branch each pass is on.
@@ -175,13 +175,12 @@ def bands(aligned: Aligned) -> tuple[Band, ...]:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two renderers over what at least two `repeats` of each cover: how far apart they are, and whether that is more
-    than repeats of one renderer are.
+    """Two renderers in one direction and column: how far apart they are, and whether repeats of one are as far.
 
-    - `basis`: what the repeats are; `needed`: how many of each it takes at the least to detect a difference among all
-      that are compared (None: no number can).
-    - `difference`: root mean square of the difference of their medians; `spread`: that between repeats of one
-      renderer; both in the column's unit.
+    - `repeats`: how many of each there are; `basis`: what they are; `needed`: how many of each it takes at the least to
+      detect a difference among all that are compared (None: no number can).
+    - `difference`: root mean square of the difference of their medians, over what at least two repeats of each cover;
+      `spread`: that between repeats of one renderer; both in the column's unit.
     - `p`: of the permutation test over all columns, times the number of pairs and directions compared; `least`: the
       smallest that so many repeats can give.
     - `worst`: the place (in the abscissa's unit) of the largest difference of the medians, `largest`.
@@ -208,7 +207,7 @@ class Comparison:
 
     @property
     def times(self) -> float:
-        """The difference in spreads."""
+        """How many times the spread the difference is."""
         return self.difference / self.spread if self.spread > 0.0 else math.inf
 
     @property

@@ -74,7 +74,6 @@ def whole_text(path: Path) -> tuple[bytes, tuple[str, ...]]:
     data = data.removeprefix(b"\xef\xbb\xbf")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    # Everything below works on whole lines: `last` is what follows the last line end.
     end = data.rfind(b"\n") + 1  # what follows the last line end is nothing, where that is the end of the file
     last = data[end:].decode()
     # Whole lines before it, without the first, which may be a header: they show how many decimals a line has.

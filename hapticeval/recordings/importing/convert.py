@@ -248,7 +248,7 @@ def _resampled(name: str, source: Source, own: IntArray, values: Array, stamps: 
         )
     if not own.size or np.any(np.diff(own) <= 0):
         raise InputError(f"the clock '{source.time}' of '{name}' is empty, or does not increase")
-    # No value is held or drawn out beyond what was measured.
+    # No value is held or extrapolated beyond what was measured.
     inside = (stamps >= own[0]) & (stamps <= own[-1])
     if source.resample == "hold":
         resampled = values[np.clip(np.searchsorted(own, stamps, side="right") - 1, 0, own.size - 1)]

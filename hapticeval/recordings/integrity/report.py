@@ -155,7 +155,7 @@ MOST_LISTED = 5
 """Findings of one kind and channel beyond so many are counted, not listed."""
 
 
-def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
+def describe_report(report: Integrity, soundness: Soundness, *, title: str) -> str:
     """Describe the whole report: clock, columns, findings, and the intervals that checks may use."""
     timing = report.timing
     jitter = ", ".join(f"{1e6 * value:.4g}" for value in timing.jitter)
@@ -252,7 +252,7 @@ CONTACT_COLUMNS: Mapping[str, Callable[[Impact], str]] = {
 """The columns of the table of contacts."""
 
 
-def contacts(impacts: Impacts) -> str:
+def describe_contacts(impacts: Impacts) -> str:
     """Describe the contacts of a recording in one dimension, each with its standard errors, and their means with 95 per
     cent intervals: how far the contacts differ, which may be more than the error of any one of them."""
     lines = [f"contacts above {impacts.floor:.4g} N: {len(impacts.contacts)}"]
@@ -273,7 +273,7 @@ def contacts(impacts: Impacts) -> str:
     return "\n".join(lines)
 
 
-def converted(recording: Recording) -> str:
+def describe_conversion(recording: Recording) -> str:
     """Describe what a conversion made: rows, channels, and which rows are no measurement."""
     notes = recording.meta.get("import", {})
     missed = None if recording.clock is None else recording.clock.missed
