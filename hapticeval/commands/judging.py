@@ -391,7 +391,7 @@ def _replay_path(
     replay_case: ReplayCase, renderers: list[str], directory: Path, seed: int, hint: str, *, verbose: bool
 ) -> int:
     from hapticeval.api import carry_out
-    from hapticeval.replay.job import prepare_replay, replay_plan
+    from hapticeval.replay.job import describe_differences, prepare_replay, replay_plan
     from hapticeval.workers import cores
 
     # One run for each renderer, beside the recorded one.
@@ -403,7 +403,7 @@ def _replay_path(
         _warn_of_suspicious(work.path.suspicious, hint, terminal)
         return carry_out(planned, output=directory, workers=cores(), watch=terminal, work=work)
 
-    return judge_and_summarise(judged, opening_text=lambda results: differences(results.document), verbose=verbose)
+    return judge_and_summarise(judged, opening_text=lambda results: describe_differences(results.document), verbose=verbose)
 
 
 def _warn_of_suspicious(suspicious: Sequence[str], hint: str, terminal: Terminal) -> None:
