@@ -90,7 +90,7 @@ def _changes_svg(comparison: Sequence[Change]) -> str:
         axes = fig.add_axes((0.38, 0.55 / height, 0.6, 1.0 - 0.75 / height))
         for row, (change, ratio, low) in enumerate(timed):
             role, marker = roles[change.verdict]
-            # The interval as a line, the ratio as a mark on it; without an interval the mark alone.
+            # The ratio's interval as a line, the ratio as a mark on it.
             axes.plot((low or ratio, change.high or ratio), (row, row), color=colour_of(role), linewidth=1.2)
             axes.plot(ratio, row, linestyle="none", marker=marker, markersize=6, color=colour_of(role))
         axes.axvline(1.0, color=colour_of("ink"), linewidth=1.0)

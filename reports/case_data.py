@@ -112,8 +112,9 @@ def sample_tracks(
 ) -> list[Track]:
     """Return what is drawn of each recording: samples thinned as `thinned_rows` does, and those that verdicts name.
 
-    Runs along one hand path are given the same samples, so that it is held once. Where a surface holds the tools, it is
-    that of the model `held_on`: tracks have their motion across and along it.
+    Runs along one hand path share their samples, so that the path is packed once. `times` (s) are those of verdicts, by
+    renderer. Where a surface holds the tools it is that of the model `held_on`: tracks have the motion across and along
+    it.
     """
     motions = (
         {} if held_on is None else {name: surface_motion(recording, held_on) for name, recording in recordings.items()}
@@ -159,8 +160,9 @@ def drawn_rows(
 ) -> DrawnRows:
     """Return the rows to draw of runs along one hand path: `thinned_rows` where lines between them follow the path.
 
-    Of paths that so many samples cannot follow, as of a hundred laps, the beginning and the end are shown, as much as
+    Of paths that so many samples cannot follow, as of a hundred laps, the beginning and the end are drawn, as much as
     can be followed ten times as closely as `DEPARTURE_LIMIT`, and between them `ticks` with the rows beside them.
+    `extra_signals`, each (n,) for the n rows of the runs, such as a speed in m/s, have to be followed too.
     """
     rows = thinned_rows(runs, ticks, count, extra_signals)
     if _largest_departure(runs, rows) <= DEPARTURE_LIMIT:
@@ -207,9 +209,10 @@ def thinned_rows(
 ) -> IntArray:
     """Return few rows of runs along one hand path: straight lines between them miss the others by `LINE_TOLERANCE`.
 
-    For certain: the ends, `ticks` and those beside them, gaps, contacts, jumps, and extremes; what happens from one row
-    to the next is kept with the row before. Then those that are farthest from the lines, up to `count` of them. `more`
-    are other signals (n,) that the lines have to follow.
+    Some rows are kept for certain: ends, `ticks` and those beside them, gaps, contacts, jumps, and extremes; what
+    happens from one row to the next is kept with the row before. Up to `count` more are those farthest from the lines.
+    The lines follow HIP and IHIP (m), force (N) and the `extra_signals`, each (n,) for the n rows of the runs, in units
+    of their own, such as m/s.
     """
     n = len(runs[0])
     if n <= count:
@@ -450,7 +453,10 @@ def predicted_steps(steps_: IntArray, ticks: IntArray) -> IntArray:
 
 
 def varints(integers: IntArray) -> bytes:
-    """Return whole numbers (n,) as varints: seven bits a byte, the lowest first, with the sign as the lowest bit."""
+    """Return whole numbers (n,), whatever their unit, as varints: seven bits a byte, the lowest first.
+
+    The sign is the lowest bit of a number, so that small ones of either sign take one byte.
+    """
     # 0, -1, 1, -2, ... become 0, 1, 2, 3, ...: small numbers of either sign have few digits.
     zigzag = np.where(integers < 0, -2 * integers - 1, 2 * integers).astype(np.uint64)
     width = 1
@@ -474,7 +480,7 @@ def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
     head, _, numbers = zlib.decompress(base64.b85decode(text.replace(",", "<"))).partition(b"\n")
     document: dict[str, Any] = json.loads(head)
     encoded = np.frombuffer(numbers, dtype=np.uint8)
-    # A byte without the top bit ends its number; `owner` is the number that each byte belongs to.
+    # A byte without the top bit ends its number; then which number each byte belongs to.
     ends = np.flatnonzero(encoded < 128)
     number_of_byte = np.searchsorted(ends, np.arange(encoded.size))
     first_byte = np.append(0, ends[:-1] + 1)

@@ -357,7 +357,7 @@ def hard_cases(results: ResultsDocument) -> tuple[Sequence[str], Sequence[HardCa
     """
     verdicts_by_case: dict[tuple[str, str], dict[str, VerdictEntry]] = {}
     for verdict in results.verdicts:
-        # Only the check on precision gives digits.
+        # Decimal digits, where a check counted them.
         if isinstance(verdict.evidence.get("digits"), int | float):
             verdicts_by_case.setdefault((verdict.suite, verdict.case), {})[verdict.renderer] = verdict
     names = [name for name in results.renderers if any(name in row for row in verdicts_by_case.values())]

@@ -114,7 +114,7 @@ def render_index(
     # What the first page shows with a figure: failures, warnings, or else what is known to fail.
     worst = worst_verdicts(results, MOST_FAILURES)
     # Reversed, so that the first of several failures of a run wins: it has the figure.
-    first = {verdict.key: verdict for verdict in reversed(worst)}  # of several failures of a run, one has the figure
+    first = {verdict.key: verdict for verdict in reversed(worst)}
     failures = [
         (verdict, (drawings or {}).get(verdict.key, Drawing()) if first[verdict.key] is verdict else Drawing())
         for verdict in worst

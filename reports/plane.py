@@ -102,7 +102,7 @@ def widest_coordinates(hips: Array) -> tuple[int, int]:
 def name_axes(axes: Axes, coordinates: tuple[int, int], dimension: int) -> None:
     """Label a plane with its two coordinates, and with the direction from which a run in space is seen."""
     first, second = ("₁₂₃"[axis] for axis in coordinates)
-    # The coordinates' numbers add up to 3, so that the third is 3 less the two.
+    # The coordinates 0, 1 and 2 add up to 3, so that the third is 3 less the two.
     along = f", seen along y{'₁₂₃'[3 - sum(coordinates)]}" if dimension == 3 else ""
     axes.set(xlabel=f"y{first} (mm){along}", ylabel=f"y{second} (mm)")
     axes.yaxis.set_label_coords(-0.13, 0.5)
@@ -176,7 +176,7 @@ def filled_part(model: Model, view: Box) -> Geometry:
 
     xmin, ymin, xmax, ymax = view
     width, height = xmax - xmin, ymax - ymin
-    # An outline that crosses itself has no area for clipping.
+    # Clipping takes valid polygons only, and an outline may cross itself.
     area = shapely.make_valid(shapely.Polygon(_outline(model, view)))
     clipped = shapely.clip_by_rect(
         area, xmin - 0.1 * width, ymin - 0.1 * height, xmax + 0.1 * width, ymax + 0.1 * height
@@ -193,7 +193,7 @@ def _outline(model: Model, view: Box) -> Array:
         points = int(np.clip(boundary.girth * MM / (view[2] - view[0]) * 400.0, 400, 40_000))
         return MM * boundary.points(max(points, 8 * len(boundary.corners)))
     centre = np.array([view[0] + view[2], view[1] + view[3]]) / 2.0
-    # Open models in the plane are lines: one frame tells where the inside lies.
+    # An open model is drawn as the half-plane behind the tangent next to the view's centre.
     frame = boundary.closest_point(centre[np.newaxis] / MM)
     point, left = MM * frame.foot[0], -frame.normal[0]
     tangent = np.array([left[1], -left[0]])

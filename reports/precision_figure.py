@@ -62,7 +62,7 @@ def _draw_panel(axes: Axes, device: Mapping[str, Any], document: Mapping[str, An
                 markeredgewidth=1.4, label=f"what closed loops use: {name}, tolerance {default['tolerance']:.0e}",
             )  # fmt: skip
     target = document["target"]
-    # Below this line the integration is not what limits a closed loop.
+    # The relative error that closed loops promise.
     axes.axhline(target, color=TARGET_COLOUR, linewidth=1.0, zorder=1.5)
     axes.annotate(
         f"{target:g}: what closed loops promise", (0.99, target), xycoords=("axes fraction", "data"), ha="right",

@@ -329,5 +329,5 @@ def _recording_or_problem(directory: Path, run: RunEntry) -> Recording | str:
 def _problem_words(directory: Path, run: RunEntry, error: HapticevalError) -> str:
     """Return an error in one line, without the place of the result folder."""
     problem = " ".join(part for part in (f"{error.what}:", error.why) if part)
-    # The result folder may have moved since.
+    # The report reads the same wherever the folder lies.
     return problem if run.recording is None else problem.replace(f"{(directory / run.recording).parent}/", "")

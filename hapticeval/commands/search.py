@@ -184,7 +184,7 @@ def _search_renderers(
                 codes.append(_write_findings(hunt, outcome, directory, time.monotonic() - begun))
             return max(codes)
         for hunt in hunts:
-            # Between two renderers: the first one has ended by itself.
+            # Ctrl-C has ended the search: the renderers that are left are not begun.
             if interrupted():
                 codes.append(1)
                 break
