@@ -403,7 +403,9 @@ def _replay_path(
         _warn_of_suspicious(work.path.suspicious, hint, terminal)
         return carry_out(planned, output=directory, workers=cores(), watch=terminal, work=work)
 
-    return judge_and_summarise(judged, opening_text=lambda results: describe_differences(results.document), verbose=verbose)
+    return judge_and_summarise(
+        judged, opening_text=lambda results: describe_differences(results.document), verbose=verbose
+    )
 
 
 def _warn_of_suspicious(suspicious: Sequence[str], hint: str, terminal: Terminal) -> None:
