@@ -277,6 +277,7 @@ class Results:
         Rows that no renderer decided are left out."""
         import pandas as pd
 
+        # A row is empty where no renderer decided it.
         rows = {title: row for title, row in self.document.table.items() if row}
         return pd.DataFrame(
             [[row.get(name, "") for name in self.document.renderers] for row in rows.values()],

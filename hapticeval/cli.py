@@ -83,6 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _typer_command()(args=None if arguments is None else list(arguments), prog_name="hapticeval")
     except HapticevalError as error:
+        # Texts of files and foreign code may hold control characters: written out.
         print(printable(f"error: {error}"), file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:

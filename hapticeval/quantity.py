@@ -15,15 +15,15 @@ NUMBER = re.compile(r"\s*([0-9.eE+-]+)\s*(.*?)\s*")
 
 def parse_length(text: str, *, option: str) -> float:
     """Return the metres of `0.1mm`, `50 um` or `1e-4m`. Raises `InputError`, naming the option, for anything else."""
-    return _parsed(text, LENGTHS, option, "0.1mm")
+    return _parse_quantity(text, LENGTHS, option, "0.1mm")
 
 
 def parse_duration(text: str, *, option: str) -> float:
     """Return the seconds of `10us`, `1 ms` or `500ns`. Raises `InputError`, naming the option, for anything else."""
-    return _parsed(text, TIMES, option, "10us")
+    return _parse_quantity(text, TIMES, option, "10us")
 
 
-def _parsed(text: str, units: Mapping[str, float], option: str, example: str) -> float:
+def _parse_quantity(text: str, units: Mapping[str, float], option: str, example: str) -> float:
     # A text that is not of that form, or `1e` and the like, gives NaN, which the checks below refuse.
     match = NUMBER.fullmatch(text)
     try:
@@ -43,7 +43,7 @@ def _parsed(text: str, units: Mapping[str, float], option: str, example: str) ->
     raise InputError(f"{option} {text}", why=why, todo=todo)
 
 
-def number(value: float, digits: int = 4) -> str:
+def format_number(value: float, digits: int = 4) -> str:
     """Format a number, as in `0.83`, `1450`, `120,000`; with a power of ten from 1e6 on and below 1e-4 only."""
     text = f"{value:.{digits}g}"
     # The format "g" turns to powers of ten at once beyond the digits: 120,000 at four digits is 1.2e+05.
@@ -56,16 +56,16 @@ def number(value: float, digits: int = 4) -> str:
     return f"{mantissa}e{int(power)}"
 
 
-def quantity(value: float | None, unit: str) -> str:
+def format_quantity(value: float | None, unit: str) -> str:
     """Format a value in SI units, lengths in mm, shares without one, as in `0.83 mm`; "not finite" for null."""
     if value is None:
         return "not finite"
     if unit == "m":
         value, unit = 1e3 * value, "mm"
-    return f"{number(value)} {'' if unit == '1' else unit}".rstrip()
+    return f"{format_number(value)} {'' if unit == '1' else unit}".rstrip()
 
 
-def length(metres: float, *, micro: str = "µ") -> str:
+def format_length(metres: float, *, micro: str = "µ") -> str:
     """Format a length in the unit that suits its size, as in `0.12 mm`, `3.1 µm`, `0`."""
     if metres == 0.0:
         return "0"
@@ -75,26 +75,26 @@ def length(metres: float, *, micro: str = "µ") -> str:
         ("pm", 1e12),
     )
     value = metres * scale
-    return f"{number(value, 2) if value < 99.5 else number(round(value))} {unit}"
+    return f"{format_number(value, 2) if value < 99.5 else format_number(round(value))} {unit}"
 
 
-def duration(seconds: float, *, micro: str = "µ") -> str:
+def format_duration(seconds: float, *, micro: str = "µ") -> str:
     """Format a time in the unit that suits its size, as in `2.4 µs`."""
     unit, scale = next(
         # The first unit in which the number is about 1 or more: 0.995 s is 0.995 s, 0.994 s is 994 ms.
         ((u, s) for u, s in (("s", 1.0), ("ms", 1e3), (f"{micro}s", 1e6)) if seconds * s >= 0.995),
         ("ns", 1e9),
     )
-    return f"{number(seconds * scale, 3)} {unit}"
+    return f"{format_number(seconds * scale, 3)} {unit}"
 
 
-def size(count: int) -> str:
+def format_size(count: int) -> str:
     """Format a number of bytes, as in `1.2 MB`."""
     unit, scale = next(((u, s) for u, s in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)) if count >= s), ("B", 1.0))
-    return f"{number(count / scale, 3)} {unit}"
+    return f"{format_number(count / scale, 3)} {unit}"
 
 
-def aligned(rows: Sequence[Sequence[str]], *, left: int | None = None) -> list[str]:
+def align_columns(rows: Sequence[Sequence[str]], *, left: int | None = None) -> list[str]:
     """Return rows of cells as lines with aligned columns: the first `left` (None: all) to the left, the rest right."""
     # A column is as wide as its longest cell.
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

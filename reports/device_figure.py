@@ -20,7 +20,7 @@ from hapticeval.devices.parallelogram import (
 )
 from hapticeval.devices.workspace import lattice
 from hapticeval.errors import DomainError
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.reports.canvas import BOXED, INK, MM, PALETTE, figure, save_figure
 from hapticeval.types import Array
 
@@ -134,7 +134,7 @@ def _draw_top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
     _draw_links(axes, np.array([axis, hand]), markersize=4.5)
     _draw_ellipse(axes, hand, cartesian_inertia(device, joints)[:2, :2], strong=True)
     axes.set(aspect="equal", xlabel="y₁ (mm)", ylabel="y₂ (mm)")
-    axes.set_title(f"from above, with inertia at y₃ = {quantity(height, 'm')}")
+    axes.set_title(f"from above, with inertia at y₃ = {format_quantity(height, 'm')}")
     axes.legend(loc="lower left")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from hapticeval.files import file_stem
 from hapticeval.geometry.maps.flow import Flow
 from hapticeval.geometry.model import Model
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.reports.canvas import BOXED, INK, MM, PALETTE, figure, save_figure
 from hapticeval.study.projection_field.field import Field
 
@@ -107,20 +107,21 @@ def caption(summary: Mapping[str, Any]) -> str:
     singular, amplification = summary["singular"], summary["amplification"]
     parts, jump = [], ""
     if singular["length_m"] > 0.0:
-        parts.append(f"{quantity(singular['length_m'], 'm')} of lines")
+        parts.append(f"{format_quantity(singular['length_m'], 'm')} of lines")
         # The largest step of the IHIP across the discontinuity.
-        jump = f", jumps up to {quantity(singular['largest_jump_m'], 'm')}"
+        jump = f", jumps up to {format_quantity(singular['largest_jump_m'], 'm')}"
     if singular["points"]:
         count = len(singular["points"])
         parts.append(f"{count} single point{'' if count == 1 else 's'}")
-    share = f"{100 * singular['share_within']:.3g} % of the inside within {quantity(singular['within_m'], 'm')} of it"
+    within = format_quantity(singular["within_m"], "m")
+    share = f"{100 * singular['share_within']:.3g} % of the inside within {within} of it"
     lines = [f"Discontinuous: {' and '.join(parts)}{jump}; {share}" if parts else "No discontinuity found"]
     # |dIHIP| / |dHIP|: 1 copies the hand, more amplifies it.
     rates = " / ".join(f"{amplification[name]:.3g}" for name in ("median", "p95", "max"))
     lines.append(f"Amplification |dIHIP| / |dHIP|: {rates} (median / 95 % / largest on the lattice)")
     if summary.get("shallow_angle_deg"):
         angles = ", ".join(
-            f"{angle['median']:.3g} / {angle['p95']:.3g} at {quantity(angle['depth'], 'm')}"
+            f"{angle['median']:.3g} / {angle['p95']:.3g} at {format_quantity(angle['depth'], 'm')}"
             for angle in summary["shallow_angle_deg"]
         )
         lines.append(f"Error vector against the normal, degrees (median / 95 %): {angles}")

@@ -15,7 +15,7 @@ from functools import cached_property
 from types import MappingProxyType
 
 from hapticeval.phenomena.verdict import Level, Outcome
-from hapticeval.quantity import number
+from hapticeval.quantity import format_number
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
 
@@ -206,7 +206,7 @@ class Tile:
 
 def ratio_words(share: float) -> str:
     """Return a ratio in few signs: 1.3, 48, 840, 4200, 9.1e6."""
-    return "∞" if math.isinf(share) else number(share, 2)
+    return "∞" if math.isinf(share) else format_number(share, 2)
 
 
 def _bound_load(entry: VerdictEntry | RunEntry) -> float:

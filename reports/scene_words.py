@@ -7,7 +7,7 @@ import re
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.effects.effect import Stage
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.runner.results import RunEntry, SceneEntry
 
 GAINS = {"stiffness": "N/m", "damping": "N s/m", "mass": "kg", "restitution": ""}
@@ -26,10 +26,12 @@ def scene_words(run: RunEntry) -> str:
     """The scene of a run document in one line, every number with its unit."""
     scene = run.scene
     # A gain of zero is not part of the scene.
-    words = [f"{name} {quantity(getattr(scene, name), unit)}" for name, unit in GAINS.items() if getattr(scene, name)]
+    words = [
+        f"{name} {format_quantity(getattr(scene, name), unit)}" for name, unit in GAINS.items() if getattr(scene, name)
+    ]
     words += _effects(scene, of_surface=True)
     if scene.sampling_time:
-        words.append(quantity(1.0 / scene.sampling_time, "Hz"))
+        words.append(format_quantity(1.0 / scene.sampling_time, "Hz"))
     return ", ".join([*words, "bilateral" if scene.bilateral else "unilateral"])
 
 

@@ -9,7 +9,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from hapticeval.quantity import duration, length, number, quantity, size
+from hapticeval.quantity import format_duration, format_length, format_number, format_quantity, format_size
 from hapticeval.reports.grid import MEANING, SYMBOLS, State, state_of
 from hapticeval.reports.places import ASSETS, INDEX, ROOT, anchor, case_file
 from hapticeval.runner.results import RunEntry
@@ -39,13 +39,13 @@ def environment() -> Environment:
         # A zero-width space lets a browser break a long name there.
         "breakable": lambda name: name.replace("+", "+\u200b").replace("@", "\u200b@").replace("/", "/\u200b"),
         "json_text": _json_text,
-        "bytes": size,
-        "duration": duration,
-        "in_unit": length,
+        "bytes": format_size,
+        "duration": format_duration,
+        "in_unit": format_length,
         "millimetres": _millimetres,
-        "number": number,
+        "number": format_number,
         "plural": lambda count, noun: f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s",
-        "quantity": quantity,
+        "quantity": format_quantity,
         "evidence_text": _evidence_text,
         "small_length": _small_length,
         "svg": Markup,
@@ -117,7 +117,7 @@ def _evidence_text(value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         # A minus as wide as a plus.
-        return number(value).replace("-", "\u2212")
+        return format_number(value).replace("-", "\u2212")
     if isinstance(value, list):
         return ", ".join(map(_evidence_text, value))
     if isinstance(value, dict):
@@ -146,8 +146,8 @@ def _millimetres(metres: float | None) -> str:
 def _small_length(metres: float | None) -> str:
     """Return a length with the unit that suits it, from m down to pm: a tolerance may be far below a millimetre."""
     if metres is None or not 0.0 < metres < 1e-4:
-        return quantity(metres, "m")
+        return format_quantity(metres, "m")
     unit, scale = next(
         ((unit, scale) for unit, scale in (("µm", 1e6), ("nm", 1e9)) if metres * scale >= 1.0), ("pm", 1e12)
     )
-    return quantity(metres * scale, unit)
+    return format_quantity(metres * scale, unit)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from hapticeval.errors import InputError
-from hapticeval.quantity import duration, length, number, parse_duration, parse_length, size
+from hapticeval.quantity import format_duration, format_length, format_number, format_size, parse_duration, parse_length
 
 
 @pytest.mark.parametrize(("text", "value"), [("0.1mm", 1e-4), ("50 um", 5e-5), ("1e-4m", 1e-4), ("3µm", 3e-6)])
@@ -27,17 +27,22 @@ def test_what_is_no_length_is_refused_with_an_example(text):
 
 
 def test_the_unit_suits_the_size():
-    assert [length(each) for each in (0.0, 1.2e-4, 3.1e-6, 9.9e-5, 2e-13)] == [
+    assert [format_length(each) for each in (0.0, 1.2e-4, 3.1e-6, 9.9e-5, 2e-13)] == [
         "0",
         "0.12 mm",
         "3.1 µm",
         "99 µm",
         "0.2 pm",
     ]
-    assert [length(each) for each in (0.0994, 0.0996, 0.397)] == ["99 mm", "100 mm", "397 mm"]
-    assert [duration(each) for each in (2.0, 0.0024, 2.4e-6, 9e-8)] == ["2 s", "2.4 ms", "2.4 µs", "90 ns"]
-    assert length(3.1e-6, micro="u") == "3.1 um"
-    assert [size(each) for each in (12, 1_200, 1_234_567, 2_000_000_000)] == ["12 B", "1.2 kB", "1.23 MB", "2 GB"]
+    assert [format_length(each) for each in (0.0994, 0.0996, 0.397)] == ["99 mm", "100 mm", "397 mm"]
+    assert [format_duration(each) for each in (2.0, 0.0024, 2.4e-6, 9e-8)] == ["2 s", "2.4 ms", "2.4 µs", "90 ns"]
+    assert format_length(3.1e-6, micro="u") == "3.1 um"
+    assert [format_size(each) for each in (12, 1_200, 1_234_567, 2_000_000_000)] == [
+        "12 B",
+        "1.2 kB",
+        "1.23 MB",
+        "2 GB",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -46,5 +51,5 @@ def test_the_unit_suits_the_size():
      (1e6, 4, "1e6"), (1e-9, 4, "1e-9"), (0.000123, 2, "0.00012"), (0.0, 4, "0"), (math.inf, 3, "inf")],
 )  # fmt: skip
 def test_a_number_has_no_power_of_ten_where_people_write_it_out(value, digits, text):
-    assert number(value, digits) == text
-    assert float(number(value, digits).replace(",", "")) == float(f"{value:.{digits}g}")
+    assert format_number(value, digits) == text
+    assert float(format_number(value, digits).replace(",", "")) == float(f"{value:.{digits}g}")

@@ -138,7 +138,7 @@ def rates(
       hapticeval study rates -r mymodule:factory
     """
     from hapticeval.discovery import own_renderers
-    from hapticeval.quantity import aligned
+    from hapticeval.quantity import align_columns
     from hapticeval.reports.rates_figure import write_rates
     from hapticeval.study.rates import RATES, study_rates
 
@@ -154,4 +154,8 @@ def rates(
     limit = ["stable stiffness", "N/m"] + [
         "none" if row["stable"] is None else f"{row['stable']:.4g}" for row in document["limit"]["rows"]
     ]
-    say(paragraphs("\n".join(aligned([head, *table, limit], left=2)), wrote_lines(write_rates(directory, document))))
+    say(
+        paragraphs(
+            "\n".join(align_columns([head, *table, limit], left=2)), wrote_lines(write_rates(directory, document))
+        )
+    )

@@ -13,7 +13,7 @@ import typer
 from hapticeval.commands.arguments import argument
 from hapticeval.commands.summary import paint
 from hapticeval.commands.terminal import lines, paragraphs, plural, say
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.runner.diff import Diff, MarginMove, VerdictChange, compare_results
 from hapticeval.runner.results import FILE, read_results
 
@@ -114,7 +114,7 @@ def _outcome_words(change: VerdictChange) -> str:
 def _move_words(move: MarginMove) -> str:
     # `by` is the margin's change in bounds; a margin grows away from failing.
     direction = "nearer to failing" if move.by < 0.0 else "further from failing"
-    values = f"{quantity(move.before, move.unit)}, now {quantity(move.now, move.unit)}"
+    values = f"{format_quantity(move.before, move.unit)}, now {format_quantity(move.now, move.unit)}"
     return f"{move.metric} {values}: {abs(move.by):.3g} bounds {direction}"
 
 

@@ -82,12 +82,12 @@ def effects(
 
 
 def _cost_lines(document: EffectsDocument) -> Iterator[str]:
-    from hapticeval.quantity import aligned
+    from hapticeval.quantity import align_columns
 
     head = ["scene", "effects, by where they take part", "ticks", "without", "with", "more", "code without", "with"]
     rows = [_cost_row(scene, scene.cost) for scene in document.scenes if scene.cost is not None]
     yield f"{document.scenes[0].renderer}: a tick, ns, and machine code, bytes"
-    yield from aligned([head, *rows], left=2)
+    yield from align_columns([head, *rows], left=2)
 
 
 def _cost_row(scene: SceneEntry, cost: Cost) -> list[str]:
@@ -111,7 +111,7 @@ def _code_bytes(cost: Cost) -> str:
 
 
 def _ladder_lines(document: EffectsDocument) -> Iterator[str]:
-    from hapticeval.quantity import aligned
+    from hapticeval.quantity import align_columns
 
     # None where no compiled scene calls for effects of the surface.
     ladder = document.ladder
@@ -122,7 +122,7 @@ def _ladder_lines(document: EffectsDocument) -> Iterator[str]:
         for rung in ladder.rungs
     ]
     yield f"{ladder.suite}/{ladder.case} effect by effect: an answer, ns, composed, and of an engine that tests flags"
-    yield from aligned([["up to", "composed", "tested"], *rows], left=1)
+    yield from align_columns([["up to", "composed", "tested"], *rows], left=1)
 
 
 def _problem_lines(document: EffectsDocument) -> Iterator[str]:

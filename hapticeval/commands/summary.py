@@ -13,7 +13,7 @@ import typer
 
 from hapticeval.commands.terminal import lines, outcome_counts, paragraphs, plural, wrote_lines
 from hapticeval.phenomena.verdict import Level, Outcome
-from hapticeval.quantity import aligned
+from hapticeval.quantity import align_columns
 from hapticeval.runner.known import describe_outdated
 from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
 
@@ -152,11 +152,13 @@ def _answer_cell(answer: str, published: str | None) -> tuple[str, str | None]:
 def _aligned_cells(header: Sequence[str], rows: Sequence[Sequence[tuple[str, str | None]]], width: int) -> str:
     """Return cells with their colours in aligned columns; where these are too wide, a list for each row."""
     texts = [list(header), *([text for text, _ in row] for row in rows)]
-    aligned_lines = aligned(texts)
+    aligned_lines = align_columns(texts)
     if width and max(map(len, aligned_lines)) > width:
         lists = []
         for (title, _), *row in rows:
-            named = aligned([[f"  {name}", text] for name, (text, _) in zip(header[1:], row, strict=True) if text])
+            named = align_columns(
+                [[f"  {name}", text] for name, (text, _) in zip(header[1:], row, strict=True) if text]
+            )
             colours = [colour for text, colour in row if text]
             lists += [title, *map(paint, named, colours)]
         return lines(lists)

@@ -13,7 +13,7 @@ from hapticeval.devices.parallelogram import Parallelogram
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class ContactImpulse(Effect):
 
 def capped(cap: float) -> str:
     """Return the words with which messages add a cap (N) on the force; none for an infinite one."""
-    return "" if math.isinf(cap) else f" of at most {quantity(cap, 'N')}"
+    return "" if math.isinf(cap) else f" of at most {format_quantity(cap, 'N')}"
 
 
 def refuse_bilateral(effect: Effect, scene: Calling) -> None:

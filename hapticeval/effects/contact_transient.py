@@ -11,7 +11,7 @@ import numpy as np
 from hapticeval.effects.contact_impulse import capped, refuse_bilateral
 from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 
 
 class Material(NamedTuple):
@@ -108,5 +108,5 @@ class ContactTransient(Effect):
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe how it rings."""
         numbers = ((self.amplitude, "N s/m"), (self.decay, "1/s"), (self.frequency, "Hz"))
-        numbers_with_units = ", ".join(quantity(value, unit) for value, unit in numbers if value is not None)
+        numbers_with_units = ", ".join(format_quantity(value, unit) for value, unit in numbers if value is not None)
         return f"contact transients ({numbers_with_units}){capped(self.cap)}"

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from hapticeval.effects.effect import Effect, Part, Stage, number
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.types import Array
 
 STEADY = 1e-9
@@ -52,7 +52,7 @@ class Delay(Effect):
 
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe the delay in milliseconds."""
-        return f"torques {quantity(1e3 * self.time, 'ms')} late"
+        return f"torques {format_quantity(1e3 * self.time, 'ms')} late"
 
 
 def hold_back(params: Array, samples: Array, state: Array, tick: int, dt: float, torque: Array, before: Array) -> float:  # noqa: ARG001

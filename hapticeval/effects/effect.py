@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -183,7 +183,7 @@ class Effect:
         """Describe the effect in a few words, numbers with units; `turning`: the device has joints that turn."""
         return (self.words or self.kind).format(
             **{
-                field.name: quantity(getattr(self, field.name), unit_of(field.metadata["unit"], turning=turning))
+                field.name: format_quantity(getattr(self, field.name), unit_of(field.metadata["unit"], turning=turning))
                 for field in fields(self)
                 if field.metadata
             }

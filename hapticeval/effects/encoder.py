@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Effect, Part, Stage, number
 from hapticeval.errors import InputError
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Encoder(Effect):
         """Describe the step, and the counts per turn it is."""
         assert self.step is not None
         counts = f" ({2.0 * math.pi / self.step:,.0f} counts a turn)" if turning else ""
-        return f"encoders of {quantity(self.step, 'rad' if turning else 'm')} a count{counts}"
+        return f"encoders of {format_quantity(self.step, 'rad' if turning else 'm')} a count{counts}"
 
 
 def count(params: Array, samples: Array, state: Array, tick: int, dt: float, joints: Array, rates: Array) -> float:  # noqa: ARG001

@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Effect, Part, Stage, number
 from hapticeval.effects.velocity_filter import blend
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.types import Array
 
 
@@ -39,10 +39,12 @@ class ForceSensor(Effect):
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe what of it is not ideal."""
         imperfections = [
-            f"{word} {quantity(size, 'N')}" for word, size in (("quantum", self.step), ("noise", self.noise)) if size
+            f"{word} {format_quantity(size, 'N')}"
+            for word, size in (("quantum", self.step), ("noise", self.noise))
+            if size
         ]
         if math.isfinite(self.cutoff):
-            imperfections.append(f"low-passed at {quantity(self.cutoff, 'Hz')}")
+            imperfections.append(f"low-passed at {format_quantity(self.cutoff, 'Hz')}")
         return "force sensor" + (f" ({', '.join(imperfections)})" if imperfections else ", ideal")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from hapticeval.effects.effect import Ask, Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.files import file_below
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.types import Array
 
 FEWEST = 4
@@ -98,7 +98,8 @@ class Relief(Effect):
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe the relief with its size and wavelength."""
         amplitude = self.amplitude if self.amplitude is not None else 0.5 * float(np.ptp(self.profile))
-        return f"{self.kind} of {quantity(1e6 * amplitude, 'um')} every {quantity(1e3 * self.wavelength, 'mm')}"
+        wavelength = format_quantity(1e3 * self.wavelength, "mm")
+        return f"{self.kind} of {format_quantity(1e6 * amplitude, 'um')} every {wavelength}"
 
     def fits(self, scene: Calling) -> None:
         """Raise `InputError` for a direction in the plane, and for one in space that is none."""

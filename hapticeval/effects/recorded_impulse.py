@@ -14,7 +14,7 @@ from hapticeval.effects.contact_impulse import capped, refuse_bilateral
 from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError
 from hapticeval.files import file_below
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.types import Array
 
 EVEN = 1e-6
@@ -89,8 +89,8 @@ class RecordedImpulse(Effect):
 
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe the pulse by its length and impulse."""
-        duration, impulse = quantity(1e3 * len(self.pulse) * self.step, "ms"), math.fsum(self.pulse) * self.step
-        return f"recorded impulses ({duration}, {quantity(1e3 * impulse, 'mN s')}){capped(self.cap)}"
+        duration, impulse = format_quantity(1e3 * len(self.pulse) * self.step, "ms"), math.fsum(self.pulse) * self.step
+        return f"recorded impulses ({duration}, {format_quantity(1e3 * impulse, 'mN s')}){capped(self.cap)}"
 
 
 def read_pulse(file: Path) -> tuple[Array, float]:

@@ -14,7 +14,7 @@ from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
 from hapticeval.effects.texture import Texture, as_document, named, read_texture
 from hapticeval.errors import InputError
 from hapticeval.files import file_below
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 
 DIRECTIONS = ("along", "across", "normal")
 
@@ -87,7 +87,7 @@ class StochasticTexture(Effect):
 
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe the texture by its title."""
-        return f"texture '{self.model.title}' {self.direction} the way, shaking {quantity(self.mass, 'kg')}"
+        return f"texture '{self.model.title}' {self.direction} the way, shaking {format_quantity(self.mass, 'kg')}"
 
     def fits(self, scene: Calling) -> None:
         """Raise `InputError` where its direction is none of the model's, or the loop is slower than its samples."""

@@ -34,7 +34,7 @@ from hapticeval.phenomena.sampling import (
 )
 from hapticeval.phenomena.surface_motion import decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
-from hapticeval.quantity import number
+from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -91,7 +91,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         bound,
         evidence,
         passes="the error does not grow with the square of speed",
-        fails=f"{number(100 * value, 3)} per cent of the centripetal force comes from position error: "
+        fails=f"{format_number(100 * value, 3)} per cent of the centripetal force comes from position error: "
         f"{mm(abs(share) * largest)} at the top speed",
     )
 

@@ -10,7 +10,7 @@ from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, EARLY_SHARE, LATE_SHARE, QUIET_SAMPLES, RETURN_RATIO
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
-from hapticeval.quantity import number
+from hapticeval.quantity import format_number
 from hapticeval.scene import Scene
 
 
@@ -61,7 +61,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def _speed(value: float) -> str:
-    return f"{number(1e3 * value, 3)} mm/s"
+    return f"{format_number(1e3 * value, 3)} mm/s"
 
 
 CHECK = Check(

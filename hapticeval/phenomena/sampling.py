@@ -14,7 +14,7 @@ from hapticeval.phenomena.decisions import (
     PLACE_ROUNDING,
     SINGLE_ROUNDINGS,
 )
-from hapticeval.quantity import number
+from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import SINGLE, Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -241,5 +241,5 @@ def listed(point: Array) -> list[float]:
 
 def mm(*lengths: float) -> str:
     """Return a length (m), or a point, in millimetres to three digits, for a message: "1.5 mm", "(80, 12) mm"."""
-    numbers = ", ".join(number(1e3 * float(length), 3) for length in lengths)
+    numbers = ", ".join(format_number(1e3 * float(length), 3) for length in lengths)
     return f"{numbers} mm" if len(lengths) == 1 else f"({numbers}) mm"

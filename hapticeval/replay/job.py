@@ -13,7 +13,7 @@ from hapticeval.errors import InputError
 from hapticeval.phenomena.check import LACKING_CHANNEL, Runs, Sibling
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
-from hapticeval.quantity import aligned
+from hapticeval.quantity import align_columns
 from hapticeval.recordings.channels import REQUIRED
 from hapticeval.recordings.compare.difference import Apart, Difference, difference
 from hapticeval.recordings.recording import Recording
@@ -187,7 +187,7 @@ def describe_differences(document: results.ResultsDocument) -> str:
     for verdict in document.verdicts:
         if verdict.renderer == RECORDED and LACKING_CHANNEL in verdict.evidence:
             checks.setdefault(verdict.evidence[LACKING_CHANNEL], []).append(verdict.check)
-    lines = aligned([["against the recorded run", "IHIP", "force"], *rows]) if rows else []
+    lines = align_columns([["against the recorded run", "IHIP", "force"], *rows]) if rows else []
     lines += [
         f"the recording has no channel '{channel}': its own run is not judged by {', '.join(names)}"
         for channel, names in checks.items()

@@ -31,7 +31,7 @@ from hapticeval.documents import convert, read_toml
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, at
 from hapticeval.files import replacing
 from hapticeval.phenomena.verdict import UNSATISFIED, Outcome, fault_kind
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.runner.results import ResultsDocument, VerdictEntry
 from hapticeval.suite.installed import find_suites
 
@@ -101,8 +101,8 @@ class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         # The same failure where m' <= m + r |m| + b: r for rounding, the check's bound b for the sampling.
         if other.metric <= self.metric + REPEAT_SHARE * abs(self.metric) + bound:
             return ""
-        now = quantity(other.metric if math.isfinite(other.metric) else None, self.unit)
-        return f"worse than known: {now}, and known is {quantity(self.metric, self.unit)}"
+        now = format_quantity(other.metric if math.isfinite(other.metric) else None, self.unit)
+        return f"worse than known: {now}, and known is {format_quantity(self.metric, self.unit)}"
 
     @property
     def _sort(self) -> str:

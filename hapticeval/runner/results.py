@@ -23,7 +23,7 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, kind_of
 from hapticeval.files import digest_of, plain, read_json, without_non_finite, write_json
 from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
-from hapticeval.quantity import quantity
+from hapticeval.quantity import format_quantity
 from hapticeval.recordings.compare.difference import Difference
 
 if TYPE_CHECKING:
@@ -372,8 +372,8 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
         """
         metric, texts = self.metric, []
         if metric is not None and metric.value is not None:
-            texts = [f"{metric.name} = {quantity(metric.value, metric.unit)}"]
-            texts += [] if self.bound is None else [f"bound {quantity(self.bound, metric.unit)}"]
+            texts = [f"{metric.name} = {format_quantity(metric.value, metric.unit)}"]
+            texts += [] if self.bound is None else [f"bound {format_quantity(self.bound, metric.unit)}"]
         return ", ".join([*texts, *([self.beyond_known] if self.beyond_known else [])])
 
     @property

@@ -23,7 +23,7 @@ from msgspec import Struct
 from hapticeval.documents import convert, parse_json
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem, replacing
-from hapticeval.quantity import length, quantity
+from hapticeval.quantity import format_length, format_quantity
 from hapticeval.search.hunt import JUMP_CHECK, FailingCase
 from hapticeval.search.trial import RENDERER, Fault
 from hapticeval.stimulus.experiments import ExperimentTable
@@ -93,14 +93,16 @@ def line(counterexample: StoredCounterexample) -> str:
     what = f"{fault.check}: {fault.message};"
     # Of a jump its size says more than the check's message.
     if fault.check == JUMP_CHECK and fault.value is not None and fault.kind in ("mini", "major"):
-        what = f"{'mini ' * (fault.kind == 'mini')}pop-through of {length(fault.value)}"
+        what = f"{'mini ' * (fault.kind == 'mini')}pop-through of {format_length(fault.value)}"
     elif fault.check == RENDERER:
         what = f"{fault.message};"
     after_examples = f"after {counterexample.examples} example{'s' * (counterexample.examples != 1)}"
     if counterexample.trajectory is None:
         assert counterexample.experiment is not None
-        return f"{what} in an experiment of {quantity(counterexample.experiment.duration, 's')}, {after_examples}"
-    return f"{what} on a path of {length(counterexample.trajectory.length)}, {after_examples}"
+        return (
+            f"{what} in an experiment of {format_quantity(counterexample.experiment.duration, 's')}, {after_examples}"
+        )
+    return f"{what} on a path of {format_length(counterexample.trajectory.length)}, {after_examples}"
 
 
 def notes(counterexample: StoredCounterexample) -> list[str]:
@@ -108,7 +110,9 @@ def notes(counterexample: StoredCounterexample) -> list[str]:
     sentences = []
     if counterexample.jump is not None:
         low, high, jump = counterexample.jump
-        sentences.append(f"the IHIP jumps {length(jump)} between HIPs {length(math.dist(low, high))} apart")
+        sentences.append(
+            f"the IHIP jumps {format_length(jump)} between HIPs {format_length(math.dist(low, high))} apart"
+        )
     elif counterexample.fault.check == JUMP_CHECK and counterexample.complete:
         sentences.append(
             "between HIPs a nanometre apart no such jump is left, or none can be looked for: a steep place"

@@ -28,7 +28,7 @@ from hapticeval.errors import (
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.sampling import farthest_standoff, mm
-from hapticeval.quantity import duration
+from hapticeval.quantity import format_duration
 from hapticeval.recordings.recording import SINGLE, backward_difference
 from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of
 from hapticeval.runner.judging import make_renderer
@@ -430,7 +430,8 @@ def _check_speed(case: Case) -> StateAndText:
             case.renderer.step(hips[k % len(hips)], still, dt)
             spent.append(time.perf_counter() - begun)
     usual, p99 = (float(np.percentile(spent, share)) for share in (50, 99))
-    words = f"{duration(usual)} a step, 99 % in {duration(p99)}, through Python; a tick has {duration(dt)}"
+    step, slow_step, tick = format_duration(usual), format_duration(p99), format_duration(dt)
+    words = f"{step} a step, 99 % in {slow_step}, through Python; a tick has {tick}"
     return (State.OK, words) if usual < dt else (State.MISSING, f"{words}: too slow for a robot, not for verdicts")
 
 

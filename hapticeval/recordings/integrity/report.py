@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.geometry.model import Model
-from hapticeval.quantity import aligned
+from hapticeval.quantity import align_columns
 from hapticeval.recordings.integrity import columns, relations
 from hapticeval.recordings.integrity.consistency import ConsistencyTest, Kinematics, inverse_checks
 from hapticeval.recordings.integrity.contacts import Impact, Impacts
@@ -168,7 +168,7 @@ def describe_report(report: Integrity, soundness: Soundness, *, title: str) -> s
     ]
     if timing.missing:
         lines.append(f"       in gaps about {plural(timing.missing, 'row')} missing, {timing.missing_seconds:.4g} s")
-    lines += ["", *aligned([
+    lines += ["", *align_columns([
         ("column", "unit", "lowest", "highest", "quantum"),
         *((name, unit, f"{low:.6g}", f"{high:.6g}", "-" if step is None else f"{step:.6g}")
           for name, (unit, low, high, step) in report.columns.items()),
@@ -205,7 +205,7 @@ def _checks(report: Integrity) -> list[str]:
     """Describe which inverse checks were made, with their residuals, and which were not."""
     # A check without a `why` was made.
     checks_made = [check for check in report.checks if check.made]
-    lines = aligned([
+    lines = align_columns([
         ("inverse check", "what should hold", "largest residual", "in quanta", "rows", "found"),
         *((check.name, check.relation, f"{check.largest:.3g} {check.unit}",
            f"{check.largest / check.quantum:.3g}" if check.quantum > 0.0 else "-", f"{check.rows}",
@@ -262,7 +262,7 @@ def describe_contacts(impacts: Impacts) -> str:
     if not impacts.contacts:
         return lines[0]
     rows = [[text_of(contact) for text_of in CONTACT_COLUMNS.values()] for contact in impacts.contacts]
-    lines += aligned([list(CONTACT_COLUMNS), *rows])
+    lines += align_columns([list(CONTACT_COLUMNS), *rows])
     lines.append("peak, impulse and stiffness are above what the sensor read just before each touch")
     for measure, unit in (("impulse", " N s"), ("stiffness", " N/m"), ("restitution", "")):
         # Half the 95 % interval; NaN where one contact alone leaves no scatter to take it from.

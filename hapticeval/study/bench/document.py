@@ -73,6 +73,7 @@ class SettingEntry(_DocumentPart, frozen=True):
     front: list[Kind]
     problem: str | None
     kept: bool = False
+    # msgspec copies a list that is a default: instances do not share it.
     mesh_seconds: list[float] = []
 
     def times(self, kind: Kind) -> Times | None:

@@ -117,6 +117,7 @@ def own_on_meshes() -> list[str]:
     names = []
     for name in own_renderers():
         with suppress(RefusalError):
+            # A renderer that answers a stimulus whole has no step to be timed.
             if isinstance(make_renderer(resolve(name), coarsest), Renderer):
                 tabled = "lut" in (choices_of(resolve(name)).representations or ())
                 names += [name, f"{name}@lut"] if tabled else [name]
@@ -439,6 +440,7 @@ def _time_statistics(rounds: Sequence[IntArray], second: float) -> Times | None:
     """Return statistics of a step's time from samples in units of `second` seconds; None without samples."""
     if not rounds:
         return None
+    # All rounds together: a quantile of 99.9 per cent needs thousands of steps.
     every = second * np.concatenate(rounds)
     p99, p999 = (float(np.quantile(every, share)) for share in (0.99, 0.999))
     return Times(median=float(np.median(every)), p99=p99, p999=p999, max=float(np.max(every)), tick_share=p999 / TICK)

@@ -9,7 +9,7 @@ from hapticeval import quantity
 from hapticeval.study.bench.document import BenchResults, Change, SettingEntry
 from hapticeval.study.bench.judge import describe_unproven
 
-length, duration = partial(quantity.length, micro="u"), partial(quantity.duration, micro="u")
+length, duration = partial(quantity.format_length, micro="u"), partial(quantity.format_duration, micro="u")
 """On a terminal, units are spelt as options take them."""
 
 COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
@@ -23,9 +23,11 @@ COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
     "force 99%": lambda setting: f"{setting.claims['force']['p99']:.2g} N" if setting.claims else None,
     "step median": lambda setting: duration(setting.step.median) if setting.step else None,
     "99.9%": lambda setting: duration(setting.step.p999) if setting.step else None,
-    "of tick": lambda setting: f"{quantity.number(100 * setting.step.tick_share, 2)} %" if setting.step else None,
+    "of tick": lambda setting: (
+        f"{quantity.format_number(100 * setting.step.tick_share, 2)} %" if setting.step else None
+    ),
     "batch": lambda setting: duration(setting.batch.median) if setting.batch else None,
-    "memory": lambda setting: None if setting.memory_bytes is None else quantity.size(setting.memory_bytes),
+    "memory": lambda setting: None if setting.memory_bytes is None else quantity.format_size(setting.memory_bytes),
     # The shortest of several builds: the others waited for the machine.
     "mesh": lambda setting: duration(min(setting.mesh_seconds)) if setting.mesh_seconds else None,
     "build": lambda setting: duration(min(setting.build_seconds)) if setting.build_seconds else None,
@@ -62,7 +64,7 @@ def _tables(results: BenchResults) -> Iterator[str]:
             continue
         rows = [["-" if cell is None else cell for cell in row] for row in zip(*filled.values(), strict=True)]
         head = f"{model} (* on the Pareto front, one step at a time; ~ not proven)"
-        yield "\n".join([head, *quantity.aligned([list(filled), *rows], left=2)])
+        yield "\n".join([head, *quantity.align_columns([list(filled), *rows], left=2)])
 
 
 def _through_python(results: BenchResults) -> Iterator[str]:
@@ -102,6 +104,7 @@ def _answers(results: BenchResults) -> Iterator[str]:
         if answer.key is not None:
             entry = by_key[answer.key]
             claims, took = entry.claims, entry.times(answer.what)
+            # Errors are those that the reference proves; times those of single steps or of batches.
             if claims is not None and took is not None:
                 error, median, p99 = length(claims["ihip"]["p99"]), duration(took.median), duration(took.p99)
                 words = f"{answer.label} ({error} in {median}, 99 % of steps in {p99})"

@@ -59,6 +59,7 @@ def _chain(functions: Sequence[Callable[..., int]]) -> Callable[..., int]:
         refusal = before(data, hip, velocity, dt, ihip, force)
         if refusal != 0:
             return refusal
+        # The test at each tick whose cost is measured: a flag of this change, as a number.
         if data.flags[last] != 0.0:
             return change(data.numbers[last], data.closest, hip, velocity, dt, ihip, force)
         return 0
@@ -69,6 +70,7 @@ def _chain(functions: Sequence[Callable[..., int]]) -> Callable[..., int]:
 def _compile_inlining(function: Callable[..., int]) -> Callable[..., int]:
     """Compile a function that names other kernels as they are now: no cache would know it again."""
     compile_: Any = numba.njit
+    # No reference counts, as in `borrowing`: the two engines differ in the tests alone.
     kernel: Callable[..., int] = compile_(error_model="numpy", _nrt=False)(function)
     return kernel
 
