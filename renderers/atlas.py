@@ -6,13 +6,17 @@ Chart 1 has the azimuth about the third axis and the angle from it, chart 2 the 
 
 (7.54), (7.55) with atan2 for their arctan, which gives the range that the thesis states. So chart 2 is chart 1 of the
 turned vector (y_2, y_3, y_1), and ψ_2 of (7.66) has the sine and cosine of its first coordinate the other way round
-than printed. The virtual output σ = (|y| - r_c, t̂) of (7.58), (7.59) is made linear: σ̈ = v, that is
+than printed.
+
+The virtual output σ = (|y| - r_c, t̂) of (7.58), (7.59) is made linear: σ̈ = v, that is
 
     (∂σ/∂y) ÿ = v - (d/dt ∂σ/∂y) ẏ
 
 with the Jacobian (7.60), v⊥ of (7.14) and v∥ of (7.67), or (8.9) with the hand's force as sensed; the force is
-F_r = m ÿ - F_o. Both charts give the same force where both are defined, and so does `on_surface` without charts. In a
-unilateral contact the foot's acceleration that `on_surface` assigns is (7.67) with b_d + 2 m |y|˙/|y| for b_d.
+F_r = m ÿ - F_o.
+
+Both charts give the same force where both are defined, and so does `on_surface` without charts. In a unilateral contact
+the foot's acceleration that `on_surface` assigns is (7.67) with b_d + 2 m |y|˙/|y| for b_d.
 """
 
 from __future__ import annotations

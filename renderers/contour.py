@@ -3,8 +3,10 @@
 The zero contour of a bilinear interpolant, exactly: an arc of a hyperbola in each cell that it passes.
 
 A contour program joins the crossings of the cell sides, where the interpolant is linear, by straight edges. Between
-them the contour is a hyperbola with axis-parallel asymptotes. It rises or falls throughout, so that it is a graph over
-its own chord: the point at t is that on the normal of the chord at its share t.
+them the contour is a hyperbola with axis-parallel asymptotes.
+
+It rises or falls throughout, so that it is a graph over its own chord: the point at t is that on the normal of the
+chord at its share t.
 """
 
 from __future__ import annotations
@@ -31,9 +33,10 @@ CUTS = 8
 class Contour(NamedTuple):
     """The arcs, in anticlockwise order, and what is looked for in them.
 
-    `arcs` (n, 4): arc k runs from arcs[k, :2] to arcs[k + 1, :2] (m) in the cell at column arcs[k, 2] and row
-    arcs[k, 3] of the grid with nodes `values` (ny, nx), first node (x0, y0) and steps dx, dy, m. `vertices`
-    (CUTS n, 2) cut every arc into equal shares of its chord; `tree` is their polygon's.
+    - `arcs` (n, 4): arc k runs from arcs[k, :2] to arcs[k + 1, :2] (m), in the cell at column arcs[k, 2] and row
+      arcs[k, 3] of the grid.
+    - `values` (ny, nx): the signed distances (m) at the grid's nodes, from (x0, y0) on in steps dx and dy, m.
+    - `vertices` (CUTS n, 2): the ends of equal shares of every arc's chord, m; `tree` is their polygon's.
     """
 
     arcs: Array

@@ -46,10 +46,13 @@ class DiskMap(Protocol):
 class DiskProjection:
     """Maps the hand to the disk, moves it radially onto the circle, and maps that point back to the surface (5.17).
 
-    Only the boundary is mapped back, so that the IHIP lies on the exact curve: `standoff` is zero. The side of the
-    hand is the exact curve's too. Outside, the hand is free; with `bilateral` it goes to the nearest surface point
-    there, for the map covers the inside alone. Without memory. `resolution` (m) is the length of surface over which
-    the map itself is blurred. Lines of projection are curved: regulate with (5.21), `transversal`.
+    Only the boundary is mapped back, so that the IHIP lies on the exact curve: `standoff` is zero. The side of the hand
+    is the exact curve's too.
+
+    Outside, the hand is free; with `bilateral` it goes to the nearest surface point there, for the map covers the
+    inside alone. Without memory. `resolution` (m) is the length of surface over which the map itself is blurred.
+
+    Lines of projection are curved: regulate with (5.21), `transversal`.
     """
 
     potential: Sequence[float] = ()
@@ -161,9 +164,10 @@ def by_flow_map(
     """Return the projection through the flow map of a model's inside; the nearest point outside, where bilateral.
 
     The IHIP lies on the exact curve, linear in the curve's parameter between the starts of the transversal lines, whose
-    distance is the `resolution`. On the unbounded line the lines are vertical and lead to the nearest point: that is
-    used there. Raises `FlowSplitError`, `FlowCollapseError` and `FoldedGridError` for a model that the flow does not
-    map.
+    distance is the `resolution`.
+
+    On the unbounded line the lines are vertical and lead to the nearest point: that is used there. Raises
+    `FlowSplitError`, `FlowCollapseError` and `FoldedGridError` for a model that the flow does not map.
     """
     if not scene.model.curve.closed:
         return nearest(scene, representation)

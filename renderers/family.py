@@ -81,14 +81,18 @@ REPRESENTATIONS = ("curve", "polygon", "level-set", LUT)
 class ProjectiveFamily:
     """A factory of projective renderers, and, by `variant`, of those with another scheme or representation.
 
-    Calling it with a scene builds the renderer, with `project(scene, representation, **settings)` as its projection;
-    `project` is named as module:function of this package, which is imported with the first renderer.
-    `offered_knobs` are the knobs of each representation, and `settings` those that are set. On `lut`, which a family
-    without memory may list, that projection is read from a table. With `bends` the projection knows the curvature where
-    it projects to on the exact curve, for the schemes that need it, and with `potential` it has one for `gradient`. A
-    model of straight edges is its own polygon: there polygon and curve coincide. The line is unbounded and has no
-    finite polygon or grid: there every representation means the exact line. With `space` there is a form for models in
-    space too: a mesh is its own polygon.
+    Calling it with a scene builds the renderer, with `project(scene, representation, **settings)` as its projection.
+
+    - `project`: module:function of this package, which is imported with the first renderer.
+    - `representations`: those that it can work on, and `representation` the one that it does. On `lut`, which a family
+      without memory may list, the projection is read from a table.
+    - `regulation`: its scheme, and `refused` why it cannot work on the other representations.
+    - `bends`: whether the projection knows the curvature where it projects to on the exact curve, for schemes that need
+      it; `potential`: whether it has one for `gradient`; `space`: whether there is a form for models in space too.
+    - `offered_knobs`: the knobs of each representation, and `settings` those that are set.
+
+    A model of straight edges is its own polygon, and so is a mesh: there polygon and curve coincide. The line is
+    unbounded and has no finite polygon or grid: there every representation means the exact line.
     """
 
     summary: str

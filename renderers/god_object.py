@@ -1,10 +1,12 @@
 """The constraint projection (4.3): the tool slides on the surface after the hand, and never passes through it.
 
-Zilles and Salisbury's god-object, or proxy. In free space a straight motion of the hand that goes inside starts the
-contact where it does. In contact the tool slides downhill in distance, over as many pieces as one tick needs, rests in
-concave corners, and is released where the hand is outside the half-plane of the face that it is on, or, at a convex
-corner, of the next one: without that test a tool would walk round a 60 degree tip. A released tool flies straight to
-the hand, and what it runs into on the way is a new contact.
+Zilles and Salisbury's god-object, or proxy.
+
+- In free space a straight motion of the hand that goes inside starts the contact where it does.
+- In contact the tool slides downhill in distance, over as many pieces as one tick needs, and rests in concave corners.
+- It is released where the hand is outside the half-plane of the face that it is on, or, at a convex corner, of the next
+  one: without that test a tool would walk round a 60 degree tip.
+- A released tool flies straight to the hand, and what it runs into on the way is a new contact.
 """
 
 from __future__ import annotations

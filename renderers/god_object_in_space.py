@@ -1,8 +1,11 @@
 """The constraint projection (4.3) on a triangle mesh: the tool slides over faces, along edges and into corners.
 
-As in the plane (see `god_object`) it starts a contact where the hand's way first goes inside, rests where no way on
-the mesh leads closer to the hand, and is released where the way to the hand opens: on a face when the hand is outside
-of its plane, at a convex edge of one of the two planes, at a concave one of both.
+As in the plane (see `god_object`) the tool
+
+- starts a contact where the hand's motion first goes inside;
+- rests where no motion on the mesh leads closer to the hand;
+- is released where the hand is free: on a face when it is outside of its plane, at a convex edge of one of the two
+  planes, at a concave one of both.
 """
 
 from __future__ import annotations

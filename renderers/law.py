@@ -51,8 +51,10 @@ class LawRenderer:
     """Answers by `law`, with the same bits in `step`, in `run` and in a compiled loop.
 
     `surface` is the curve, or surface in space, that is really rendered, `resolution` (m) the length of it over which
-    the representation is blurred, and `standoff` (m) how far it may lie off the model. `rows` is `answer_rows` for this
-    law alone, with the law compiled into it: for one so short that calling it takes longer.
+    the representation is blurred, and `standoff` (m) how far it may lie off the model.
+
+    `rows` is `answer_rows` for this law alone, with the law compiled into it: for one so short that calling it takes
+    longer.
     """
 
     def __init__(
@@ -194,8 +196,10 @@ def regulate(
     """Write the regulation scheme's force (N,), N, on a hand in contact: the table in `regulation`. Returns 0.
 
     `hip` and `ihip` (N,), m, are the hand and the tool, `velocity` (N,), m/s, the hand's; the outward unit normal at
-    the IHIP stands in `state`. `known` is what a projection knows beside them: κ v_t^2 (m/s^2) for `pp-pd-c`, p (m) for
-    `gradient`. Sums and products have one order, so that all ways give the same bits.
+    the IHIP stands in `state`.
+
+    `known` is what a projection knows beside them: κ v_t^2 (m/s^2) for `pp-pd-c`, p (m) for `gradient`. Sums and
+    products have one order, so that all ways give the same bits.
     """
     count = hip.shape[0]
     scheme, stiffness, damping = params[SCHEME], params[STIFFNESS], params[DAMPING]

@@ -1,14 +1,17 @@
 """The projection along level curves that keep the surface's normals: parallel curves first, then smaller copies.
 
 See `potential`. Down to half of min(1 / kappa_max, h_min) it is minimum distance, with the same force; deeper, where
-minimum distance would pop through the medial axis, the level curves shrink to the centre of the kernel. At a convex
-corner parallel curves cross themselves at once: on a model that has one it is `homothetic`; and so it is on a circle
-and a sphere, whose parallel curves are smaller copies.
+minimum distance would pop through the medial axis, the level curves shrink to the centre of the kernel.
+
+At a convex corner parallel curves cross themselves at once: on a model that has one it is `homothetic`; and so it is on
+a circle and a sphere, whose parallel curves are smaller copies.
 
 The level t of a hand x is where x, enlarged by 1 / A(t) about the centre, lies b(t) deep: the depth falls with t and b
-does not, so that there is one. Newton's method along the curve finds it in a few evaluations from the nearest point;
-where it does not settle (it starts beyond the medial axis, or in the fan of a concave corner) the nearest points of the
-enlarged x are asked for, with the level kept between a lower and an upper bound.
+does not, so that there is one.
+
+Newton's method along the curve finds it in a few evaluations from the nearest point; where it does not settle (it
+starts beyond the medial axis, or in the fan of a concave corner) the nearest points of the enlarged x are asked for,
+with the level kept between a lower and an upper bound.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """A curve, polygon or line for the compiled loops of the projections: nearest point, first crossing, and the slide.
 
 The slide of the constraint projection (4.3) goes downhill in distance along a curve, until the error would increase.
-The distance of the hand p from the curve y(u) falls while g(u) = (p - y)·y' points onwards. A march towards the first
-zero of g must not step over one: a low barrier skipped would be a pop-through that the method does not have. Each
-step therefore ends at the first zero of g's upper quadratic bound
+The distance of the hand p from the curve y(u) falls while g(u) = (p - y)·y' points onwards.
+
+A march towards the first zero of g must not step over one: a low barrier skipped would be a pop-through that the method
+does not have. Each step therefore ends at the first zero of g's upper quadratic bound
 
     g(u) + g'(u) d + M d^2 / 2,      M = third_0 + third_1 |p - y|  >=  |g''|
 
@@ -120,10 +121,14 @@ def slide(
     """Slide the tool from (piece, u) downhill to the local minimum of the distance to a hand at (x, y), m (4.3).
 
     `pieces` (n, k) and `joints` (n, 4) are those of an `Outline`. Returns RESTS or LEAVES, and the (piece, u) where.
-    With `releases` (unilateral contact) it LEAVES where the HIP is above the tangent half-plane: of the piece it is
-    on, or, at a convex joint, of the piece it would go to. At a concave joint it rests on the corner, or goes on
-    where the next piece leads further downhill. A rest at a joint has u exactly at the end of its piece. From a
-    point of exactly largest distance both ways lead downhill: it goes anticlockwise.
+
+    With `releases` (unilateral contact) it LEAVES where the HIP is above the tangent half-plane: of the piece it is on,
+    or, at a convex joint, of the piece it would go to.
+
+    At a concave joint it rests on the corner, or goes on where the next piece leads further downhill. A rest at a joint
+    has u exactly at the end of its piece.
+
+    From a point of exactly largest distance both ways lead downhill: it goes anticlockwise.
     """
     count = pieces.shape[0]
     onwards = 0.0  # the direction of the march in u: 0 before it is known, then 1 or -1, never turned round
@@ -249,10 +254,13 @@ CHORDS = 4096
 class Outline(NamedTuple):
     """What is rendered, and the outline of chords in which collisions with it are looked for.
 
-    `pieces` as in `geometry.kernels`, and `joints` (n, 4) for each: the turn (rad) where it starts, its two
-    `third_bounds`, and its first chord. `samples` is the curve's table for its nearest point. The outline has
-    `vertices` (m, 2) and `tree`; each piece is cut into chords by equal steps of u, and no chord strays from the curve
-    by more than `stray` (m), which is zero for straight pieces. The unbounded line has no chords.
+    - `pieces` as in `geometry.kernels`.
+    - `joints` (n, 4) for each piece: the turn (rad) where it starts, its two `third_bounds`, and its first chord.
+    - `samples`: the curve's table for its nearest point.
+    - `vertices` (m, 2), m, and `tree`: the outline of chords, into which each piece is cut by equal steps of u.
+    - `stray` (m): no chord strays from the curve by more. Zero for straight pieces.
+
+    The unbounded line has no chords.
     """
 
     pieces: Array

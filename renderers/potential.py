@@ -6,15 +6,18 @@ give the level curves (Combescure's transforms; in space the same)
     y_t(s) = c + A(t) (y_0(s) - c) - B(t) n(s)
 
 The hand at y_t(s) has y_0(s) as IHIP and, with U = K t^2 / 2, the force F = K t / v n, where v = B' - A' h is the speed
-at which the level curves go inwards. It is -grad U, for n.dy_t/ds = 0 makes F.dx = -U'(t) dt. Here B = A b, with
+at which the level curves go inwards.
+
+It is -grad U, for n.dy_t/ds = 0 makes F.dx = -U'(t) dt. Here B = A b, with
 
     b(t) = t up to half of m, then with a derivative that falls to zero smoothly, from m on constant, 3/4 m
     A(t) = (H - t) / (H - b(t))
 
 so that t is the depth n.(IHIP - HIP) wherever h = H. Up to the depth m / 2 the level curves are parallel curves, v = 1,
-and F = K t is the nearest point's spring; deeper they are smaller copies of one another, and at t = H the point c. A
-and B have continuous second derivatives. With m < 1 / kappa_max and m <= h_min the curves lie one inside the other and
-cover the inside once (docs/continuous-and-passive.md). With m = 0 all are smaller copies of the surface.
+and F = K t is the nearest point's spring; deeper they are smaller copies of one another, and at t = H the point c.
+
+A and B have continuous second derivatives. With m < 1 / kappa_max and m <= h_min the curves lie one inside the other
+and cover the inside once (docs/continuous-and-passive.md). With m = 0 all are smaller copies of the surface.
 
 `numbers` are H and m (m), and the centre (N,), m.
 """

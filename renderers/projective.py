@@ -48,10 +48,11 @@ class ProxyState(NamedTuple):
 class Projection(Protocol):
     """HIP to IHIP (4.4): the first half of a projective renderer, from the hand to the virtual tool (thesis 4.1).
 
-    `surface` is the curve, or surface in space, that is really rendered; `resolution` (m) is the length of it over
-    which the projection is blurred, and `standoff` (m) how far it may lie off the model: both zero where it is exact.
-    `potential` holds the numbers of the one that is made with it, see the module of that name, and `support_range` the
-    least and the largest support distance (m) of the surface about its centre; both are empty without one.
+    - `surface`: the curve, or surface in space, that is really rendered.
+    - `resolution` (m): the length of it over which the projection is blurred, and `standoff` (m) how far it may lie off
+      the model: both zero where it is exact.
+    - `potential`: the numbers of the one that is made with it, see the module of that name, and `support_range` the
+      least and the largest support distance (m) of the surface about its centre; both are empty without one.
     """
 
     resolution: float
@@ -93,10 +94,11 @@ def declaration_of(projection: Projection, regulation: Regulation, scene: Scene)
 class CompiledProjection:
     """A projection as the kernel `law`, of signature `LAW`, that projects and lets `regulate` make the force.
 
-    `tables` are fields of its `LawData`; its `params` begin with the gains, and `own` follows. `begin` (data, hip)
-    prepares a state of `memory` more numbers at the start of a run, for a projection with memory. `rows` is as of
-    `LawRenderer`, and `potential` and `support_range` as of `Projection`. One that is `exact` goes to the nearest
-    point of the exact surface: what a scheme does with that has closed forms.
+    - `tables`: fields of its `LawData`, whose `params` begin with the gains; `own` follows.
+    - `begin` (data, hip): prepares a state of `memory` more numbers at the start of a run, for a projection with
+      memory.
+    - `rows`: as of `LawRenderer`; `potential` and `support_range`: as of `Projection`.
+    - `exact`: whether it goes to the nearest point of the exact surface: what a scheme does with that has closed forms.
     """
 
     def __init__(

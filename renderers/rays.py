@@ -2,7 +2,9 @@
 
 For any model that is star-shaped about the centre: see `kernel_centre`. With `gradient` the force is that of the
 potential K H^2 (1 - lambda)^2 / 2, lambda = |HIP - c| / |IHIP - c|, see `potential`: continuous but at the centre,
-normal, without memory, and conservative. Where the hand moves by d the IHIP moves by at most |y_0 - c| / (h lambda) d.
+normal, without memory, and conservative.
+
+Where the hand moves by d the IHIP moves by at most |y_0 - c| / (h lambda) d.
 """
 
 from __future__ import annotations

@@ -15,26 +15,34 @@ One kernel, `law.regulate`, serves a tick from Python, a whole trajectory and a 
 
 e_p = HIP - IHIP is the error (4.5), n the outward unit normal at the IHIP and ẏ the velocity of the HIP. ė_p is the
 error's difference backwards over one tick, and zero on the first tick of contact: before it there was no error to
-subtract. A jump of the IHIP is therefore felt as a kick by `pp-d`.
+subtract.
+
+A jump of the IHIP is therefore felt as a kick by `pp-d`.
 
 The schemes of Table 4.1 are kept to the letter. Contact is unilateral, but no damper is clipped: with damping, a hand
 that leaves fast enough is pulled back in its last ticks of contact. That is a property of the schemes, to be seen.
 
 The thesis prints (5.21) without the minus signs; as printed it is positive feedback, and it would not equal (4.14)
-where the projection is straight and normal, which the text says it does. It is even in n. A slanted projection may have
-its foot across a neck, and the hand above the tangent there, n·e_p > 0: the spring would pull it to a surface that can
-only push. It gives nothing there, but in a bilateral scene.
+where the projection is straight and normal, which the text says it does. It is even in n.
+
+A slanted projection may have its foot across a neck, and the hand above the tangent there, n·e_p > 0: the spring would
+pull it to a surface that can only push. It gives nothing there, but in a bilateral scene.
 
 Of the square root the thesis prints F_r = k_p e^(1/2) + k_d e^(1/2) ė^(1/2) and gives neither direction, nor a meaning
-for ė < 0, nor units or gains. Decided here: e is the length of e_p and ė its rate; the force points from HIP to IHIP;
-a hand on its way out is damped with the opposite sign, sgn(ė) abs(ė)^(1/2), so that the damper never drives; and
-k_p = K_p (e_0)^(1/2), k_d = K_d (ė_0 / e_0)^(1/2), so that the linear law's force comes out at the depth e_0 = 1 mm,
-its damping part at the rate ė_0 = 0.1 m/s there. Zero at zero depth.
+for ė < 0, nor units or gains.
+
+Decided here: e is the length of e_p and ė its rate; the force points from HIP to IHIP; a hand on its way out is damped
+with the opposite sign, sgn(ė) abs(ė)^(1/2), so that the damper never drives; and k_p = K_p (e_0)^(1/2), k_d =
+K_d (ė_0 / e_0)^(1/2), so that the linear law's force comes out at the depth e_0 = 1 mm, its damping part at the rate
+ė_0 = 0.1 m/s there. Zero at zero depth.
 
 `pp-pd-c` adds the force that bends the tool's way along the surface, -m κ v_t^2 n (3.8): the cheap alternative to set
-stabilisation that chapter 7 mentions. On the surface both are the same. Off it they are not: this leaves
-n̈ + (K_p n + K_d ṅ)/m = κ v_t^2 (1/(1 + n κ) - 1) and, as its force has no part along the surface,
-s̈ = -(2 κ ṅ ṡ + n κ' ṡ^2)/(1 + n κ), where set stabilisation makes all three zero. As all schemes here it may pull.
+stabilisation that chapter 7 mentions. On the surface both are the same.
+
+Off it they are not: this leaves n̈ + (K_p n + K_d ṅ)/m = κ v_t^2 (1/(1 + n κ) - 1) and, as its force has no part along
+the surface, s̈ = -(2 κ ṅ ṡ + n κ' ṡ^2)/(1 + n κ), where set stabilisation makes all three zero.
+
+As all schemes here it may pull.
 
 `gradient` is for projections that are made with a potential, and know with each IHIP by what length p its force is K_p
 times, so that K_p p n is its gradient: see `potential`. Near the surface p is H^2 / h^2 or once the depth, for

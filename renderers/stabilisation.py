@@ -48,11 +48,14 @@ class CurveStabilisation(Stabilisation):
     """Holds the hand on a smooth plane curve, or outside of it, as a frictionless constraint (7.11), (7.14), (7.22).
 
     The force is that on the hand, F_r = m ÿ_cmd less what the hand pushes where that is sensed: see `on_curve`. An
-    inner loop that is `linearised` (6.7) makes the torques of (7.11) of it. The IHIP is the nearest point. Where that
-    jumps (the medial axis) the force does too: one point does not show it, and only a centre of curvature is guarded.
+    inner loop that is `linearised` (6.7) makes the torques of (7.11) of it.
+
+    The IHIP is the nearest point. Where that jumps (the medial axis) the force does too: one point does not show it,
+    and only a centre of curvature is guarded.
 
     Curves of lines and arcs that join smoothly have a curvature that jumps there. Then so does the force, by m Δκ ṡ^2,
     as that of a rigid contact does; n̈ = v⊥ holds on both sides, and on the surface the speed is kept through it.
+
     Raises `RefusalError` for a curve with corners, and `InputError` as `check_gains` does.
     """
 
@@ -128,9 +131,10 @@ class SurfaceStabilisation(Stabilisation):
     """Holds the hand on a smooth surface, or outside of it, as a frictionless or viscous constraint (7.11), (7.14).
 
     The force is that on the hand, F_r = m ÿ less what the hand pushes where that is sensed: see `on_surface` and, with
-    `atlas`, `by_charts`. An inner loop that is `linearised` (6.7) makes the torques of (7.11) of it. The IHIP is
-    the nearest point. Where that jumps, in the medial disc of an ellipsoid, the force does too: one point does not show
-    it, and only where I + nW is no longer positive is guarded.
+    `atlas`, `by_charts`. An inner loop that is `linearised` (6.7) makes the torques of (7.11) of it.
+
+    The IHIP is the nearest point. Where that jumps, in the medial disc of an ellipsoid, the force does too: one point
+    does not show it, and only where I + nW is no longer positive is guarded.
 
     Raises `RefusalError` for a plane model and, with `atlas`, for anything but a sphere, and `InputError` for gains
     that are unstable at the sampling time.

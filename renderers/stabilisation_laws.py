@@ -10,21 +10,25 @@ On a surface in space, y = p + n ν, with the shape operator W at the foot p and
 
 where a is the covariant acceleration of the foot. So the force F_r = m ÿ - F_o, with v⊥ for n̈ and v∥ for s̈ or a,
 makes the motions across and along the surface linear and independent of each other, with no coordinates on the surface
-and so without the singularities of charts. F_o is the hand's force as sensed (8.6), zero without a sensor.
-v⊥ = -(K_p n + K_d ṅ) / m is (7.14) with its signs corrected.
+and so without the singularities of charts.
+
+F_o is the hand's force as sensed (8.6), zero without a sensor. v⊥ = -(K_p n + K_d ṅ) / m is (7.14) with its signs
+corrected.
 
 A bilateral constraint has v∥ = (F_o·t - b_d ṡ) / m, or a = (P_T F_o - b_d ṗ) / m, of (7.17), (7.18) with its sign
-corrected, and (8.9): without either the speed of the foot is kept, in space along a geodesic. Off the surface that
-takes a force along it, 2 m κ ṅ ṡ + m n κ' ṡ^2.
+corrected, and (8.9): without either the speed of the foot is kept, in space along a geodesic.
+
+Off the surface that takes a force along it, 2 m κ ṅ ṡ + m n κ' ṡ^2.
 
 A unilateral contact has the v∥ that takes none, but for the viscosity, since a surface without friction gives none:
 
     F_r = N ν - b_d w,    N = max(0, -K_p n - K_d ṅ - F_o·ν - C),    C = m κ (1 + n κ) ṡ^2, or m <W ṗ, w>
 
 On the surface both are (7.17), (7.18). The contact begins where the hand is inside, n <= 0, and ends outside where
-N = 0: not where n = 0, which a tool that slides over a concave surface crosses at every disturbance. In between it is a
-damped spring at rest at n = -C / K_p, and never pulls; without pressure there is no friction. Without a sensor, with
-S = -K_p n - C where that is positive, else 0,
+N = 0: not where n = 0, which a tool that slides over a concave surface crosses at every disturbance.
+
+In between it is a damped spring at rest at n = -C / K_p, and never pulls; without pressure there is no friction.
+Without a sensor, with S = -K_p n - C where that is positive, else 0,
 
     F_r·ẏ <= -d/dt (S^2 / 2 K_p) - b_d w^2 - (S / K_p) dC/dt
 
@@ -32,20 +36,29 @@ so that, where the surface is flat or convex, it gives no more than it took whil
 zero at n = 0. On a concave surface the spring is loaded there by C^2 / 2 K_p, what a touch can give at the most.
 
 No lag of the velocity lets the contact push the tool away from outside. It gives N = max(0, S - K_d ṅ) with
-S = -K_p n - F_o·ν - C what is left without the damper. It ends outside, n > 0, where N = 0; and where S <= 0 unless the
-tool has come nearer since the tick before, that is, where nothing but the damper pushes a tool that leaves. With the
-true ṅ the damper does not: -K_d ṅ < 0. With a velocity v that is filtered, v̇ = a (ṅ - v), it would for some 1/a
-longer, and gives energy. With it no such filter makes a contact give energy, however fast the tool comes. Let
-S = -K_p n, which is so without a sensor and at C = 0, n <= 0 while the contact lasts, and v_0 <= 0 at the touch. What
-it takes is
+S = -K_p n - F_o·ν - C what is left without the damper.
+
+It ends outside, n > 0, where N = 0; and where S <= 0 unless the tool has come nearer since the tick before, that is,
+where nothing but the damper pushes a tool that leaves.
+
+With the true ṅ the damper does not: -K_d ṅ < 0. With a velocity v that is filtered, v̇ = a (ṅ - v), it would for some
+1/a longer, and gives energy.
+
+With it no such filter makes a contact give energy, however fast the tool comes. Let S = -K_p n, which is so without a
+sensor and at C = 0, n <= 0 while the contact lasts, and v_0 <= 0 at the touch.
+
+What it takes is
 
     -∫ N ṅ dt = [K_p n^2 / 2 + K_d w^2 / 2a] + K_d ∫ w^2 dt + K_d [c n] + K_d a ∫ c n dt    while N > 0,
 
 with v = w + c and c = v_0 e^(-a t) what the filter brought along; the last two terms are not negative, as c <= 0 and
-n <= 0. Where N vanishes, K_d v = S >= 0: all of U = S^2 / 2 K_p + S^2 / 2 K_d a has been taken, since w >= v there. And
-until it presses again, -(K_p + K_d a) Δn + K_d a ∫ v dt = 0 with v >= 0: the tool is no deeper, and U no larger. So at
-n = 0 it has given nothing on balance. A touch with v_0 > 0, of a tool that was about to leave, may give what the spring
-takes in unfelt, at the most U with S = K_p K_d v_0 / (K_p + K_d a).
+n <= 0.
+
+Where N vanishes, K_d v = S >= 0: all of U = S^2 / 2 K_p + S^2 / 2 K_d a has been taken, since w >= v there. And until
+it presses again, -(K_p + K_d a) Δn + K_d a ∫ v dt = 0 with v >= 0: the tool is no deeper, and U no larger.
+
+So at n = 0 it has given nothing on balance. A touch with v_0 > 0, of a tool that was about to leave, may give what the
+spring takes in unfelt, at the most U with S = K_p K_d v_0 / (K_p + K_d a).
 """
 
 from __future__ import annotations

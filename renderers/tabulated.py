@@ -17,10 +17,13 @@ A cell is marked where one of four rules says so.
 4. Two of its normals are more than a right angle apart: then a mean of them may vanish, else none is shorter than
    2^(-N/2). In a cell that the surface may pass, where IHIP and normal also decide the contact, `TURN` is enough.
 
-What the rules cannot see: a discontinuity that enters a cell and leaves it by one and the same side without parting
-two nodes, or ends inside of it. The nodes are then on one sheet of the projection, and what is interpolated is that
-sheet: a point of the surface, where the jump is displaced by less than a cell. Jumps under `STRETCH` sides are
-interpolated too, as long as they stay within the other rules.
+What the rules cannot see: a discontinuity that enters a cell and leaves it by one and the same side without parting two
+nodes, or ends inside of it.
+
+The nodes are then on one sheet of the projection, and what is interpolated is that sheet: a point of the surface, where
+the jump is displaced by less than a cell.
+
+Jumps under `STRETCH` sides are interpolated too, as long as they stay within the other rules.
 """
 
 from __future__ import annotations

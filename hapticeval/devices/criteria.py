@@ -52,10 +52,11 @@ class Spread(NamedTuple):
 class Criteria:
     """A device at one pose, at rest.
 
-    `inertia` M̂ (kg) with its eigenvalues `masses` in ascending order and their `directions` (columns); `damping` B̂
-    (N s/m) with `resistances` and `resistance_directions` alike; `resolution` (N,), m, what a count of every encoder
-    moves each coordinate by; `manipulability` |det J|; `stiffest` (N/m) the K_max of (2.40) along each resistance
-    direction, at `SAMPLING_TIME`; `force` and `acceleration` are None where no torque limit was given.
+    - `inertia`: M̂ (kg), with its eigenvalues `masses` in ascending order and their `directions` (columns).
+    - `damping`: B̂ (N s/m), with `resistances` and `resistance_directions` alike.
+    - `resolution` (N,), m: what a count of every encoder moves each coordinate by; `manipulability`: |det J|.
+    - `stiffest` (N/m): the K_max of (2.40) along each resistance direction, at `SAMPLING_TIME`.
+    - `force` and `acceleration`: None where no torque limit was given.
     """
 
     joints: Array

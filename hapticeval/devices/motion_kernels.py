@@ -5,8 +5,10 @@ rest. Any method of `integration` integrates that.
 
 Friction makes the acceleration jump where a joint stops. Each stop and each breaking loose that shows at the end of a
 step is located to the step's last bits, and the step ends there: between such events the motion is smooth, and the
-method keeps its order. A joint that stops and goes on within one step, of a tick at the most, is not seen to. That a
-joint at rest breaks loose is decided joint by joint, which is exact where M is diagonal, as it is for all devices here.
+method keeps its order.
+
+A joint that stops and goes on within one step, of a tick at the most, is not noticed. That a joint at rest breaks loose
+is decided joint by joint, which is exact where M is diagonal, as it is for all devices here.
 
 What a scene does not call for is None in `Load`, and its kernels test their argument for that: numba leaves the rest of
 them out.
@@ -77,8 +79,9 @@ class Load(NamedTuple):
     """What acts on a device beside its motors, over ticks of `dt` seconds; what is None does not.
 
     `push` (ticks + 1, N), N, is the operator's prescribed force at the samples, straight in between, zero where nobody
-    pushes: without a type of its own for that, no loop is compiled twice. `friction` (N,) is the Coulomb friction that
-    opposes each joint that moves, and holds one at rest as long as it can.
+    pushes: without a type of its own for that, no loop is compiled twice.
+
+    `friction` (N,) is the Coulomb friction that opposes each joint that moves, and holds one at rest as long as it can.
     """
 
     dt: float

@@ -60,8 +60,10 @@ class BaseInertia(StrEnum):
     """How d₀ depends on x₃.
 
     `sin`: d₁ + d₂ sin² x₂ + d₃ sin² x₃ as in (2.27), the form that Table A.1's d₁ to d₃ were identified with, and
-    therefore the default. `cos`: d₃ cos² x₃ instead, as the geometry of thin links has it; with the same d₁ that makes
-    2.3 % more at home, so identify d₁ anew.
+    therefore the default.
+
+    `cos`: d₃ cos² x₃ instead, as the geometry of thin links has it; with the same d₁ that makes 2.3 % more at home, so
+    identify d₁ anew.
     """
 
     SIN = "sin"
@@ -324,9 +326,10 @@ class Parallelogram2(Parallelogram):
 class Parallelogram3(Parallelogram):
     """The robot with its base turning (2.26) to (2.33): joints (x₁, x₂, x₃), hand (y₁, y₂, y₃), y₃ upwards.
 
-    Its functional configuration space ends where the hand comes to the base's axis, r = ℓ₄ cos x₃ - ℓ₁ sin x₂ = 0. The
-    distance to that singularity is taken as r / √(ℓ₁² + ℓ₄²), rad: the slope of r by the joints is never steeper than
-    √(ℓ₁² + ℓ₄²), so that no shorter move of the joints reaches it.
+    Its functional configuration space ends where the hand comes to the base's axis, r = ℓ₄ cos x₃ - ℓ₁ sin x₂ = 0.
+
+    The distance to that singularity is taken as r / √(ℓ₁² + ℓ₄²), rad: the slope of r by the joints is never steeper
+    than √(ℓ₁² + ℓ₄²), so that no shorter move of the joints reaches it.
     """
 
     name = "parallelogram-3dof"

@@ -13,10 +13,11 @@ from hapticeval.effects.height_map import Relief
 class BumpMap(Relief):
     """Turn the force's part along the normal n to n' = (n - grad h) / |n - grad h|, as large as it is.
 
-    That is (4.16) with A = -grad h and the normal renormalised, on the answer of any renderer. The depth does not
-    change, so that the force is no gradient: round a loop between depths d1 and d2, a quarter of a wave long, it gives
-    or takes K (d2 - d1) (wavelength / 2 pi) atan a - K (d2^2 - d1^2) (1 - cos atan a) / 2 with a = 2 pi amplitude /
-    wavelength.
+    That is (4.16) with A = -grad h and the normal renormalised, on the answer of any renderer.
+
+    The depth does not change, so that the force is no gradient: round a loop between depths d1 and d2, a quarter of a
+    wave long, it gives or takes K (d2 - d1) (wavelength / 2 pi) atan a - K (d2^2 - d1^2) (1 - cos atan a) / 2 with a =
+    2 pi amplitude / wavelength.
     """
 
     kind: ClassVar[str] = "bump-map"

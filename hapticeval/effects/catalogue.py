@@ -22,10 +22,11 @@ from hapticeval.errors import InputError, UnknownNameError
 class Entry(NamedTuple):
     """What is known of an effect without importing it.
 
-    `place` is its class, as "module:Class" with the module from this package on. `meaning` completes "the scene asks
-    for KIND: ..." of an effect that renderers may declare to support, and is empty where no renderer has to do with it.
-    `short` are its short forms: a key of the scene's table, with a dot for one of a table in it, to the field, or to ""
-    for all fields.
+    - `place`: its class, as "module:Class" with the module from this package on.
+    - `meaning`: completes "the scene asks for KIND: ..." of an effect that renderers may declare to support; empty
+      where no renderer has to do with it.
+    - `short`: its short forms, a key of the scene's table, with a dot for one of a table in it, to the field, or to ""
+      for all fields.
     """
 
     place: str

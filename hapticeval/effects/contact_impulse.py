@@ -21,8 +21,10 @@ class ContactImpulse(Effect):
     """Add (1 + c_r) v m_n along the normal in the tick in which a contact begins, once a contact.
 
     v is the speed of the approach along the normal, c_r the scene's restitution, and m_n = 1 / (n' J M⁻¹ J' n) the mass
-    that the scene's device shows there, which is the tool's where the scene has none. A force above `cap` (N) is not
-    given: what it holds back goes into the ticks that follow, as long as the contact lasts.
+    that the scene's device shows there, which is the tool's where the scene has none.
+
+    A force above `cap` (N) is not given: what it holds back goes into the ticks that follow, as long as the contact
+    lasts.
     """
 
     cap: float = number("N", finite=False, default=math.inf)

@@ -35,9 +35,10 @@ class ContactTransient(Effect):
     """Add F = L v e^(-Bt) sin(2 pi f t) along the normal from the tick on in which a contact begins, once a contact.
 
     v is the speed of the approach along the normal. `amplitude` L (N s/m), `decay` B (1/s) and `frequency` f (Hz) are
-    given, or a `material` of `MATERIALS`. Each tick holds the mean of F over it, so that the impulse is F's own,
-    L v w / (B^2 + w^2). A force above `cap` (N) is not given: what it holds back goes into the ticks that follow. It
-    ends with the contact.
+    given, or a `material` of `MATERIALS`.
+
+    Each tick holds the mean of F over it, so that the impulse is F's own, L v w / (B^2 + w^2). A force above `cap` (N)
+    is not given: what it holds back goes into the ticks that follow. The ringing ends with the contact.
     """
 
     amplitude: float | None = number("N s/m", default=None)

@@ -4,8 +4,10 @@ An effect is a frozen dataclass. Its fields are its numbers; `number` declares e
 class attributes and methods of `Effect` are all that the rest of the package knows of it, and each has a default.
 
 An effect that takes part in a tick has a `stage` and a `part`: a plain function over arrays, which is compiled when a
-scene first calls for it, and what it works on. Those of the device take part in the closed loop. Those of the surface
-change each answer of a renderer that does not show them by itself, along a path and in closed loop alike.
+scene first calls for it, and what it works on.
+
+Those of the device take part in the closed loop. Those of the surface change each answer of a renderer that does not
+show them by itself, along a path and in closed loop alike.
 """
 
 from __future__ import annotations
@@ -53,8 +55,10 @@ class Part(NamedTuple):
     """What an effect adds to the closed loop, assembled for one run.
 
     `function(params, samples, state, tick, dt, first, second)` returns a float and writes in place; it is plain Python
-    over arrays that numba can compile, and calls nothing of the package but compiled functions. `params` (k,) are its
-    numbers, `samples` (ticks, N) what it is given at each tick, and `state` (2D) what it keeps, zero at the start.
+    over arrays that numba can compile, and calls nothing of the package but compiled functions.
+
+    `params` (k,) are its numbers, `samples` (ticks, N) what it is given at each tick, and `state` (2D) what it keeps,
+    zero at the start.
     """
 
     function: Callable[..., float] | None
@@ -162,7 +166,9 @@ class Effect:
         `function(numbers, closest, hip, velocity, dt, ihip, force)` is given the fields `params`, `samples` and `state`
         of the part as `numbers`, the scene's boundary as `closest`, see `hapticeval.compiled.CLOSEST`, and the answer
         to `hip` (N,), m, which it changes in place: `ihip` (N,), m, and `force` (N,), N. It returns 0, or the number of
-        one of `refusals`. `state` is what it is made with when a run begins.
+        one of `refusals`.
+
+        `state` is what it is made with when a run begins.
         """
         raise NotImplementedError(f"{type(self).__name__} has the stage {self.stage} and no change")
 

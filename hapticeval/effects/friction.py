@@ -1,16 +1,21 @@
 """Coulomb friction: the surface holds the tool, which slides as far as the friction cone makes it (4.17)-(4.20).
 
 Three points matter, all in m: the hand's HIP; the renderer's IHIP p, where the tool would be without friction; and the
-tool's own place s on the surface, which lags behind p. The friction adds K (s - p) to the renderer's force F_b, with
-the scene's stiffness K. With F_b = K (p - HIP) of (4.8) the sum is K (s - HIP), the thesis's spring from the tool to
-the hand. It fits any other renderer as well: the energy that the lag stores is K |s - HIP|^2 / 2 - K |p - HIP|^2 / 2,
-which is not negative where p is the nearest point.
+tool's own place s on the surface, which lags behind p.
+
+The friction adds K (s - p) to the renderer's force F_b, with the scene's stiffness K. With F_b = K (p - HIP) of (4.8)
+the sum is K (s - HIP), the thesis's spring from the tool to the hand.
+
+It fits any other renderer as well: the energy that the lag stores is K |s - HIP|^2 / 2 - K |p - HIP|^2 / 2, which is
+not negative where p is the nearest point.
 
 The normal force F_n and the tangential force F_t are the parts of F_b + K (s - p) across and along the surface at s, so
-that the cone stands on the tool's own place, on round surfaces too. On a flat surface that gives (4.17)-(4.19), which
-assume one. Of F_b only the load counts: its part along HIP - p or along the normal at p, whichever is larger. What a
-damper or another effect adds along the surface does not press the tool. At its first tick of contact the tool is put
-to p.
+that the cone stands on the tool's own place, on round surfaces too.
+
+On a flat surface that gives (4.17)-(4.19), which assume one. At its first tick of contact the tool is put to p.
+
+Of F_b only the load counts: its part along HIP - p or along the normal at p, whichever is larger. What a damper or
+another effect adds along the surface does not press the tool.
 
 - A tool that sticks stays at s while |F_t| <= mu_s |F_n| (4.18).
 - Otherwise it slides along the surface towards p until |F_t| = mu_k |F_n| (4.20). It follows the line to p,
@@ -19,10 +24,12 @@ to p.
 - A tool that slides goes on doing so while |F_t| > mu_k |F_n|, and sticks again at |F_t| <= `stick` mu_k |F_n|.
 
 The thesis gives no rule for the last. Its text, taken literally, tests the static cone at every tick: that is `stick` =
-1, where a tool that has come to rest on the kinetic cone sticks at once. It then moves in jumps of (mu_s - mu_k) d,
-with a sawtooth of v / ((mu_s - mu_k) d) in the force: 250 Hz at 50 mm/s for mu = 0.5 / 0.3 and d = 1 mm, and a mean
-force between both. With the default 0.6 a hand that goes on feels mu_k, and one that has turned back feels mu_s again
-before it slides.
+1, where a tool that has come to rest on the kinetic cone sticks at once.
+
+The tool then moves in jumps of (mu_s - mu_k) d, with a sawtooth of v / ((mu_s - mu_k) d) in the force: 250 Hz at 50
+mm/s for mu = 0.5 / 0.3 and d = 1 mm, and a mean force between both.
+
+With the default 0.6 a hand that goes on feels mu_k, and one that has turned back feels mu_s again before it slides.
 
 The tool never moves to where it is farther from the hand. So the hand gets at most K sum of |dHIP|^2 / 2 out of it,
 which is what a spring gives whose force is held for a tick.

@@ -35,10 +35,12 @@ class Relief(Effect):
     """Base of height and bump maps: heights h (m) above the surface that repeat every `wavelength` (m).
 
     They are a sine of `amplitude` (m), or a `profile` of heights (m) that are evenly spaced over one wavelength, joined
-    by a periodic cubic spline; in a suite also those of the column h of a `file` below its folder. On a plane curve h
-    is a function of the arc length; round a closed one the wavelength is rounded so that a whole number closes up. In
-    space h is a function of the foot's coordinate along `direction`, the x axis where none is given: plane waves that
-    the surface cuts through, so that they close up on any surface.
+    by a periodic cubic spline; in a suite also those of the column h of a `file` below its folder.
+
+    - On a plane curve h is a function of the arc length; round a closed one the wavelength is rounded so that a whole
+      number closes up.
+    - In space h is a function of the foot's coordinate along `direction`, the x axis where none is given: plane waves
+      that the surface cuts through, so that they close up on any surface.
     """
 
     wavelength: float = number("m")
@@ -179,8 +181,10 @@ class HeightMap(Relief):
     """Raise the surface by h, with the spring's potential U = K (d + h)^2 / 2 at depth d under the bare surface.
 
     F = -grad U = K (d + h) (n - (I - d W)^-1 grad h), with W the shape operator of the bare surface and grad h along
-    it: in the plane -K (d + h) h' / (1 - kappa d) along the curve. The tool is in contact where d + h > 0, and the IHIP
-    is at foot + h n. What the renderer adds to its spring, such as a damper, is kept where it has contact itself.
+    it: in the plane -K (d + h) h' / (1 - kappa d) along the curve.
+
+    The tool is in contact where d + h > 0, and the IHIP is at foot + h n. What the renderer adds to its spring, such as
+    a damper, is kept where it has contact itself.
     """
 
     kind: ClassVar[str] = "height-map"

@@ -4,9 +4,11 @@ A monic polynomial A(z) = 1 + a_1 z^-1 + ... + a_p z^-p has all zeros inside the
 
     S(z) = A(z) + z^-(p+1) A(1/z)    and    D(z) = A(z) - z^-(p+1) A(1/z)
 
-lie on it and take turns (Itakura 1975; Soong and Juang 1984). Their p angles between 0 and pi, in ascending order, are
-its line spectral frequencies: the first, third, ... are of S. Ascending angles are a convex set: between any of them
-lie none but ascending ones, so that a filter between stable ones is stable, which coefficients do not give.
+lie on it and take turns (Itakura 1975; Soong and Juang 1984).
+
+Their p angles between 0 and pi, in ascending order, are its line spectral frequencies: the first, third, ... are of S.
+Ascending angles are a convex set: between any of them lie none but ascending ones, so that a filter between stable ones
+is stable, which coefficients do not give.
 """
 
 from __future__ import annotations

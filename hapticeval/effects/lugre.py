@@ -8,17 +8,23 @@ mean deflection, a vector along the surface:
     F_t = -(sigma0 z + sigma1(v) z' + sigma2 v),   sigma1(v) = sigma1 exp(-(v / fade)^2).
 
 The paper's F_s and F_c are forces. Here they are mu_s F_n and mu_k F_n, as a hand presses as it likes; F_n is the
-renderer's force along its error. sigma0, sigma1 and sigma2 stay those of the paper, N/m and N s/m. A form with all
-three proportional to F_n, as in tyre models, would store sigma0 F_n z^2 / 2, which grows at a bent bristle when the
-hand presses harder: it gives energy. With a stiffness that does not depend on F_n the bristles store sigma0 z^2 / 2.
-Where the hand presses less than before they slip, to |z| <= mu_s F_n / sigma0, which takes energy out.
+renderer's force along its error. sigma0, sigma1 and sigma2 stay those of the paper, N/m and N s/m.
+
+A form with all three proportional to F_n, as in tyre models, would store sigma0 F_n z^2 / 2, which grows at a bent
+bristle when the hand presses harder: it gives energy.
+
+With a stiffness that does not depend on F_n the bristles store sigma0 z^2 / 2. Where the hand presses less than before
+they slip, to |z| <= mu_s F_n / sigma0, which takes energy out.
 
 **The step** is exact for a speed that is held over the tick: z(dt) = z_ss + (z - z_ss) exp(-sigma0 |v| dt / g), z_ss =
-g v / (sigma0 |v|). An explicit Euler step has the factor 1 - sigma0 |v| dt / g in its place, and diverges above the
-speed 2 g / (sigma0 dt): 20 mm/s at 1 kHz for sigma0 = 1e5 N/m and g = 1 N.
+g v / (sigma0 |v|).
+
+An explicit Euler step has the factor 1 - sigma0 |v| dt / g in its place, and diverges above the speed 2 g / (sigma0
+dt): 20 mm/s at 1 kHz for sigma0 = 1e5 N/m and g = 1 N.
 
 **Passivity.** With sigma0 z^2 / 2 stored and |z| <= mu_s F_n / sigma0, F_t.v <= -(stored)' - v^2 (sigma2 - sigma1(v)
 (mu_s F_n / g(v) - 1)). So it is passive if sigma1(v) (mu_s F_n / g(v) - 1) <= sigma2 at every speed: F_n cancels.
+
 Without `fade` that is sigma2 >= sigma1 (mu_s - mu_k) / mu_k, which parameters in textbooks do not keep. With a fade
 short against v_s the damping is gone before g has fallen (Olsson, Control systems with friction, Lund 1996, section
 3.5).

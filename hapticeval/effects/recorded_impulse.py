@@ -26,8 +26,9 @@ class RecordedImpulse(Effect):
     """Add a `pulse` of forces (N), a sample each `step` s, along the normal from the tick on in which a contact begins.
 
     Once a contact, whatever the speed of the approach. At the pulse's own sampling time it is replayed to the bit; at
-    another one each tick gives its mean over the tick, so that the impulse is kept. A force above `cap` (N) is not
-    given: what it holds back goes into the ticks that follow. It ends with the contact.
+    another one each tick gives its mean over the tick, so that the impulse is kept.
+
+    A force above `cap` (N) is not given: what it holds back goes into the ticks that follow. It ends with the contact.
 
     A suite's table may name a `file` below its folder instead: a table with the columns t (s) and f (N), or a recording
     in our format, of whose forces the share along their sum is taken.

@@ -40,10 +40,10 @@ ROUNDING = 1e-9
 class Shading(Effect):
     """Turn the force by as much as the interpolated normal is turned from the facet's own.
 
-    At a vertex the unit normal is halfway between those of the facets that meet there, in space their mean by the
-    angles that they have there, and on a facet it is unit(sum of a_i n_i), (4.15) renormalised, with a_i the shares of
-    its corners at the IHIP. An edge that turns by more than `crease` (degrees) is meant to be sharp: facets keep their
-    own normals there.
+    - At a vertex the unit normal is halfway between those of the facets that meet there, in space their mean by the
+      angles that they have there.
+    - On a facet it is unit(sum of a_i n_i), (4.15) renormalised, with a_i the shares of its corners at the IHIP.
+    - An edge that turns by more than `crease` (degrees) is meant to be sharp: facets keep their own normals there.
 
     The magnitude is the base's, whatever damps it: of a spring F = K d n, and a part across the spring, as a damper's
     along the surface, stays across it. It is not passive: n is the gradient of no potential.

@@ -26,8 +26,10 @@ def lean(faces: Array, vertices: Array, table: Array, k: int, ihip: Array, hip: 
 
     They are the rows `OWN` and `SHADED` of `frame` (ROWS, 3), whose row FOOT is the point; `ihip` and `hip` (3,), m,
     are the answer's. `faces` (t, c) and `vertices` (m, 3), m, are a mesh's tables, and `table` (t, COLUMNS) that of
-    `shading.mesh_corners`. On a smooth edge the tool rests on both faces, and the own normal is the direction from the
-    hand to it, as in a notch in the plane.
+    `shading.mesh_corners`.
+
+    On a smooth edge the tool rests on both faces, and the own normal is the direction from the hand to it, as in a
+    notch in the plane.
     """
     touched_edge, length_squared, normal = -1, 0.0, faces[k, NORMAL : NORMAL + 3]
     double_area = 0.0  # twice the triangle's area, m^2: n.((b - a) x (c - a))

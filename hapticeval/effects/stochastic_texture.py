@@ -28,15 +28,17 @@ SEEDS = 2**32
 class StochasticTexture(Effect):
     """Shake the hand by vibrations of a texture, m/s^2, times a `mass` (kg), while the renderer presses on it.
 
-    `texture` is the name of one of ours, or a whole one as a table, see `texture.Texture`; a suite may name a `file` of
-    one below its folder instead. Its filters are those of the hand's speed along the surface and the normal force, both
-    low-passed at 20 Hz, by line spectral frequencies that are interpolated at each sample, and are driven by noise that
-    the `seed` determines: after each reset the same. `direction` is "along" the way of the hand; "across" it in the
-    surface, as the published toolkit has it, which does no work on the stroke and needs space; or along the "normal",
-    where it never pulls. A sample is held until the next where the loop is faster than the texture.
+    - `texture`: the name of one of ours, or a whole one as a table, see `texture.Texture`; a suite may name a `file` of
+      one below its folder instead.
+    - `direction`: "along" the hand's motion; "across" it in the surface, as the published toolkit has it, which does no
+      work on the stroke and needs space; or along the "normal", where it never pulls.
+    - `seed`: of the noise, which is the same after each reset.
+    - `mass`: what makes forces of a published model's accelerations, which were measured on a tool. The toolkit's own
+      programs take 0.05 kg, the hand's handle with some of the hand, or 0.5 kg.
 
-    A published model gives accelerations as measured on a tool: `mass` is what makes forces of them. The toolkit's own
-    programs take 0.05 kg, the hand's handle with some of the hand, or 0.5 kg.
+    The filters are those of the hand's speed along the surface and the normal force, both low-passed at 20 Hz, by line
+    spectral frequencies that are interpolated at each sample. A sample is held until the next where the loop is faster
+    than the texture.
     """
 
     mass: float = number("kg", at=True)

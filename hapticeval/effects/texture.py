@@ -44,9 +44,10 @@ class Texture(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Filters at points of the (speed, force) plane, made for samples at `rate` (Hz).
 
     Between them, line spectral frequencies, variances and gains are interpolated over `triangles` of filters, counted
-    from 0; where none are given they are Delaunay's, of speeds and forces as shares of the largest. `friction` is the
-    coefficient that was measured with them, for who combines them with a friction. Raises `InputError` for what is not
-    finite, negative, unstable, or no triangulation.
+    from 0; where none are given they are Delaunay's, of speeds and forces as shares of the largest.
+
+    `friction` is the coefficient that was measured with them, for who combines them with a friction. Raises
+    `InputError` for what is not finite, negative, unstable, or no triangulation.
     """
 
     title: str

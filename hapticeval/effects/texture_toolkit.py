@@ -3,8 +3,10 @@
 An XML file holds one texture: a `modelSet` of `mu`; of `numMod` models, each a `model` with line spectral frequencies
 `ARlsf` and `MAlsf` (lists of `value`), `var`, `gain` where there is an `MAlsf`, `speedMod` (mm/s) and `forceMod` (N);
 and of `numTri` triangles `tri`, each three `value`s, which count models from 1 in the order of `speedList` and
-`forceList`. The rate for which the frequencies were computed is not in it. The toolkit's licence forbids to pass its
-files on: none is here, and what is made of one is the user's own.
+`forceList`.
+
+The rate for which the frequencies were computed is not in it. The toolkit's licence forbids to pass its files on: none
+is here, and what is made of one is the user's own.
 """
 
 from __future__ import annotations

@@ -36,9 +36,10 @@ def meet(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Arra
     """Return what a transient has to know of a tick: whether a contact begins in it, goes on, or there is none.
 
     That is FREE in the tick in which one begins, TOUCHES after that, and UNKNOWN without contact. Contact is a force,
-    or a tool apart from a hand that is inside: one that lags behind it in free space is not. `hip` and `ihip` (N,), m,
-    `velocity` (N,), m/s, and `force` (N,), N, are the answer's. When a contact begins direction, time and speed are
-    written to `state` (STATE, N), the speed zero where the hand does not approach.
+    or a tool apart from a hand that is inside: one that lags behind it in free space is not.
+
+    `hip` and `ihip` (N,), m, `velocity` (N,), m/s, and `force` (N,), N, are the answer's. When a contact begins
+    direction, time and speed are written to `state` (STATE, N), the speed zero where the hand does not approach.
     """
     touches, lags = False, False
     for i in range(hip.shape[0]):
@@ -148,10 +149,13 @@ def replay(
 ) -> int:
     """Replay a measured pulse from the tick on in which a contact begins: `RecordedImpulse`.
 
-    At the pulse's own sampling time it is given sample by sample, and at another one by its mean over each tick. The
-    signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N.
+    At the pulse's own sampling time it is given sample by sample, and at another one by its mean over each tick.
+
+    The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N.
     `numbers.params` (2,) are the cap (N) and the sampling time (s); `numbers.samples` (2, n) the pulse (N) with a zero
-    at its end, and its sums. Returns 0: it refuses nothing.
+    at its end, and its sums.
+
+    Returns 0: it refuses nothing.
     """
     state, pulse, step = numbers.state, numbers.samples, numbers.params[1]
     if meet(state, closest, hip, velocity, ihip, force) == UNKNOWN:

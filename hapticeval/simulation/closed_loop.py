@@ -48,17 +48,20 @@ def simulate_closed_loop(
     """Run `experiment` on the scene's robot, with the renderer sampled every `dt` seconds.
 
     A tick: the sensors are read, the renderer answers, the inner loop makes torques of its force, and the motors hold
-    them to the next tick, while the device moves as it would in continuous time. The scene's effects come in at their
-    `stage`: those of the sensors before the renderer, those of the motors after the inner loop.
+    them to the next tick, while the device moves as it would in continuous time.
+
+    The scene's effects come in at their `stage`: those of the sensors before the renderer, those of the motors after
+    the inner loop.
 
     The operator's prescribed force and the hand's path are taken at the ticks and run straight in between. The channel
     `force` is the renderer's, `operator_force` the mean over the tick that follows the sample, and `joint_torque` what
     the motors really give, or its mean where a delay changes it within the tick.
 
-    A renderer that offers a compiled law is run without Python, with the same numbers. A state in mid-run that renderer
-    or device is not defined at ends the run there, and so does a tick that drives the device farther than `RUNAWAY`:
-    `meta["ended"]` says at which `tick` and `time`, `what` and `why`, and of a loop that did so `ran_away`, and the
-    recording holds what was before that tick.
+    A renderer that offers a compiled law is run without Python, with the same numbers.
+
+    A state in mid-run that renderer or device is not defined at ends the run there, and so does a tick that drives the
+    device farther than `RUNAWAY`: `meta["ended"]` says at which `tick` and `time`, `what` and `why`, and of a loop that
+    did so `ran_away`, and the recording holds what was before that tick.
 
     Raises `DomainError` for a start outside of where they are defined, `RunawayError` for a loop that runs away in its
     first tick, `InputError` for a start in another dimension than the device's, and `RendererError`, naming tick and

@@ -1,8 +1,10 @@
 """The closed loop of Figure 6.17 as compiled code: sensing, inner loop, motors and motion, tick by tick.
 
 A tick is `sense`, the renderer's answer, `act`. `run` is all ticks, with the renderer's compiled law; a renderer in
-Python is asked between the other two, and the numbers are the same. What a scene does not call for is None in `Loop`.
-Each such field has a kernel of its own that tests its argument for None: numba then leaves the rest of it out.
+Python is asked between the other two, and the numbers are the same.
+
+What a scene does not call for is None in `Loop`. Each such field has a kernel of its own that tests its argument for
+None: numba then leaves the rest of it out.
 """
 
 from __future__ import annotations

@@ -159,8 +159,10 @@ def run_path(
     part of the answer.
 
     With one `dt` (s) for all rows a batch renderer is asked at once, and takes the velocity from the HIPs itself; with
-    a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). One that feels is given the
-    measured `pushes` (n, N), N, row by row, where there are any. Errors count ticks from `first` on.
+    a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N).
+
+    One that feels is given the measured `pushes` (n, N), N, row by row, where there are any. Errors count ticks from
+    `first` on.
     """
     abilities = abilities_of(renderer)
     if not abilities.observe_force:
@@ -184,9 +186,10 @@ def lead_in_path(renderer: object, hips: Array, scene: Scene | None) -> Array:
     """Return HIPs (m, N), m, that lead a hand from free space to the first of `hips` (n, N), m, if that is inside.
 
     Straight in from the nearest point of the surface, the renderer's own where it has one, at the pace of the path or
-    faster, and a rest at the end. A proxy that is reset inside of the solid would know no way out; so none is, and each
-    starts with its tool where the nearest projection puts it. None for a hand that starts outside, and on a bilateral
-    constraint.
+    faster, and a rest at the end.
+
+    A proxy that is reset inside of the solid would know no way out; so none is, and each starts with its tool where the
+    nearest projection puts it. None for a hand that starts outside, and on a bilateral constraint.
     """
     nothing = np.empty((0, hips.shape[1]))
     if scene is None or scene.bilateral:
@@ -383,8 +386,10 @@ def compare_batch(
     The stretches begin at samples in `contact` (n,), from the first to the last, each with a reset. Both ways may
     differ by the rounding of coordinates in single precision, and forces by what the gains, `stiffness` (N/m) and
     `damping` (N s/m), make of that; and by as much as a HIP moved by that rounding changes the answer of `step`, which
-    is all there is to say beside a jump. Does nothing for a renderer without `run`. Raises `RendererError`, naming
-    tick, HIP and difference, where they differ by more.
+    is all there is to say beside a jump.
+
+    Does nothing for a renderer without `run`. Raises `RendererError`, naming tick, HIP and difference, where they
+    differ by more.
     """
     touched = np.flatnonzero(contact)
     if not abilities_of(renderer).run or touched.size == 0:
@@ -523,9 +528,10 @@ class Closeup:
         """Return a close-up of the path from row `first` to row `last` > `first`, each step in `factor` equal ones.
 
         The hand first rests at row `first`, at the path's own rate, until `lag` + 1 answers are the same: what a
-        lagging proxy has to catch up with there belongs to the way before. Row 0 is the last of that rest, and row
-        k `factor` is where row `first` + k was. Then the hand rests for `lag` fine ticks. Raises `RendererError` as
-        `play` does.
+        lagging proxy has to catch up with there belongs to the way before.
+
+        Row 0 is the last of that rest, and row k `factor` is where row `first` + k was. Then the hand rests for `lag`
+        fine ticks. Raises `RendererError` as `play` does.
         """
         renderer = self._renderer_after(first)
         tick = self._tick(first)
