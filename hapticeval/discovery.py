@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from hapticeval.renderer import RendererFactory
 
 GROUP = "hapticeval.renderers"
+FIELD = "hapticeval.renderers.field"
+"""The group of renderers that are found by name as any, and run only where they are named: those of the field."""
 
 ADAPTERS = {"lib": "hapticeval.adapters.library:library", "cmd": "hapticeval.adapters.process:process"}
 """Names of renderers that are no Python: what stands before the colon, to what makes a factory of the rest."""
@@ -76,21 +78,23 @@ def parse(name: str) -> Name:
 
 
 def known_renderers() -> Mapping[str, EntryPoint]:
-    """Return every installed entry point of the group, by name, in alphabetical order."""
+    """Return every installed entry point of the groups, by name, in alphabetical order."""
     return _installed(tuple(sys.path))
 
 
 @lru_cache(maxsize=1)
 def _installed(folders: tuple[str, ...]) -> Mapping[str, EntryPoint]:  # noqa: ARG001 - where entry points lie
     # Keyed by sys.path: a test or a notebook that adds a folder sees its entry points too.
-    entries = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
+    entries = sorted([*entry_points(group=FIELD), *entry_points(group=GROUP)], key=lambda entry: entry.name)
     return MappingProxyType({entry.name: entry for entry in entries})
 
 
 def own_renderers() -> tuple[str, ...]:
     """Return the names that this distribution itself registers: what is run where no renderer is named."""
     return tuple(
-        name for name, entry in known_renderers().items() if entry.dist is not None and entry.dist.name == DISTRIBUTION
+        name
+        for name, entry in known_renderers().items()
+        if entry.group == GROUP and entry.dist is not None and entry.dist.name == DISTRIBUTION
     )
 
 

@@ -80,11 +80,7 @@ class LawRenderer:
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the law is not defined."""
-        hip, velocity = as_rows(hip), as_rows(velocity)
-        if not math.isfinite(hip @ hip):  # a search would have no end
-            raise InputError(
-                f"the HIP is {tuple(hip.tolist())}", why="no point is near to it", todo="see what gives the positions"
-            )
+        hip, velocity = checked_hand(hip), as_rows(velocity)
         ihip, force = np.empty_like(self._push), np.empty_like(self._push)
         refusal = self.law.function(self.law.data, hip, velocity, self._push, dt, ihip, force)
         if refusal:
@@ -116,6 +112,16 @@ class LawRenderer:
         twin.law = self.law._replace(data=data._replace(state=data.state.copy()))
         twin._push = self._push.copy()
         return twin
+
+
+def checked_hand(hip: Array) -> Array:
+    """Return a hand's position (N,), m, as kernels take it. Raises `InputError` for one that is not finite."""
+    hip = as_rows(hip)
+    if not math.isfinite(hip @ hip):  # a search would have no end
+        raise InputError(
+            f"the HIP is {tuple(hip.tolist())}", why="no point is near to it", todo="see what gives the positions"
+        )
+    return hip
 
 
 def as_rows(values: Array) -> Array:

@@ -1,0 +1,110 @@
+"""Edges in the plane and triangles in space as rows of one kind, for renderers that touch facets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hapticeval.compiled import inner, law_data
+from hapticeval.geometry.surface_kernels import Triple, dot, plus
+from hapticeval.renderer import CompiledStep, Declaration, Spring
+from hapticeval.renderers.law import LawRenderer, once
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.geometry.facets import Facets
+    from hapticeval.scene import Scene
+
+FINE = 1e-5
+"""Share of the model's size by which facets lie off a smooth surface at the most."""
+
+MIDDLE, REACH, NORMAL, SIZE = 9, 12, 13, 16
+"""In a facet's row, m: three corners (an edge repeats its second), the middle, how far corners lie from it, and the
+outward unit normal (3,). In the plane z = 0."""
+
+
+class OnFacets(LawRenderer):
+    """A spring on the facets of a scene's model, by the compiled `law`: its parameters begin with the stiffness."""
+
+    declares = Declaration(spring=Spring.ERROR)
+
+    def __init__(
+        self,
+        law: Callable[..., Any],
+        scene: Scene,
+        *,
+        own: ArrayLike = (),
+        state: int,
+        standoff: float = 0.0,
+        **tables: ArrayLike,
+    ) -> None:
+        facets, rows = facets_of(scene)
+        data = law_data(np.append(scene.stiffness, own), segments=rows, state=state, **tables)
+        super().__init__(CompiledStep(law, data, refusals={}), facets.boundary, standoff=standoff + facets.chord_error)
+        if facets.chord_error > 0.0:  # the facets of a smooth model are not its fault
+            self.pieces = facets.boundary
+            self.resolution = float(2.0 * rows[:, REACH].max())
+
+
+def facets_of(scene: Scene) -> tuple[Facets, Array]:
+    """Return the model's facets, and their rows (c, 16): see `MIDDLE`."""
+    model = scene.model
+    facets = once(model, ("facets", FINE), lambda: model.mesh(max_error=FINE * model.size))
+    return facets, once(model, ("facet rows", FINE), lambda: _rows(facets))
+
+
+def _rows(facets: Facets) -> Array:
+    found = facets.vertices[facets.cells]
+    corners, plane = np.zeros((len(found), 3, 3)), found.shape[1] == 2
+    corners[:, : found.shape[1], : found.shape[2]] = found
+    if plane:
+        corners[:, 2] = corners[:, 1]
+    middle = 0.5 * (corners[:, 0] + corners[:, 1]) if plane else corners.mean(axis=1)
+    reach = np.linalg.norm(corners - middle[:, np.newaxis], axis=2).max(axis=1)
+    along, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(along, [0.0, 0.0, 1.0] if plane else other)  # the inside is on the left of an edge
+    normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
+    return np.column_stack([corners.reshape(-1, 9), middle, reach, normal])
+
+
+@inner
+def _on_edge(facet: Array, first: int, second: int, p: Triple) -> tuple[float, Triple]:
+    """Return the squared distance (m^2) of p from an edge of a facet, and the way there from the closest point."""
+    a = (facet[first], facet[first + 1], facet[first + 2])
+    ab = (facet[second] - a[0], facet[second + 1] - a[1], facet[second + 2] - a[2])
+    ap = plus(p, -1.0, a)
+    way = plus(ap, -min(max(dot(ap, ab) / dot(ab, ab), 0.0), 1.0), ab)
+    return dot(way, way), way
+
+
+@inner
+def way_off(facet: Array, p: Triple) -> tuple[float, Triple]:
+    """Return the distance (m) of p from a facet, and the unit vector there from its closest point; on it the normal."""
+    a = (facet[0], facet[1], facet[2])
+    ab = (facet[3] - a[0], facet[4] - a[1], facet[5] - a[2])
+    ac = (facet[6] - a[0], facet[7] - a[1], facet[8] - a[2])
+    ap = plus(p, -1.0, a)
+    n = (ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0])
+    area2 = dot(n, n)
+    # shares of b and c in the foot on the plane, times area2; an edge has none
+    b = dot((ap[1] * ac[2] - ap[2] * ac[1], ap[2] * ac[0] - ap[0] * ac[2], ap[0] * ac[1] - ap[1] * ac[0]), n)
+    c = dot((ab[1] * ap[2] - ab[2] * ap[1], ab[2] * ap[0] - ab[0] * ap[2], ab[0] * ap[1] - ab[1] * ap[0]), n)
+    if area2 > 0.0 and b >= 0.0 and c >= 0.0 and b + c <= area2:
+        out = (facet[NORMAL], facet[NORMAL + 1], facet[NORMAL + 2])
+        height = dot(ap, out)
+        side = 1.0 if height >= 0.0 else -1.0
+        return abs(height), (side * out[0], side * out[1], side * out[2])
+    best2, way = _on_edge(facet, 0, 3, p)
+    if area2 > 0.0:
+        for first, second in ((3, 6), (6, 0)):
+            far2, other = _on_edge(facet, first, second, p)
+            if far2 < best2:
+                best2, way = far2, other
+    size = math.sqrt(best2)
+    if size == 0.0:
+        return 0.0, (facet[NORMAL], facet[NORMAL + 1], facet[NORMAL + 2])
+    return size, (way[0] / size, way[1] / size, way[2] / size)
