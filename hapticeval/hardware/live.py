@@ -93,7 +93,7 @@ def run(
     `ended` gives the reason. Raises `HapticevalError` where the hardware goes or gives nonsense, or stands outside of
     its workspace at the start, and `RendererError` with the tick when the renderer breaks.
     """
-    # All memory of the loop is there before the hardware is opened.
+    # Made before the hardware is opened, so that nothing is built while its cycles count.
     loop = _Loop(wiring, renderer, scene, recorder)
     ended = ""
     warm(wiring, renderer, scene)

@@ -55,7 +55,7 @@ class Twin:
         self.joints = np.array(device.joints(position), dtype=np.float64)
         self.rates = np.zeros(size)
         self._grip = None if hand is None else Grip(np.empty((2, size)), np.array([hand.stiffness, hand.damping]))
-        # Nothing but the grip moves the robot: the two external forces of the step are zero.
+        # The hand acts by its grip alone: the prescribed push, N, is zero.
         load = Load(dt, np.zeros((2, size)), self._grip, np.sum(friction, axis=0) if friction else None)
         self._motion, self._advance = motion_of(device, load, default_method()), advance
         self._motors, self._apply_effects = (

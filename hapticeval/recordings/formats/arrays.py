@@ -85,9 +85,6 @@ class Arrays:
         return Table(self.columns, self.units, self.notes, self.attributes, self.warnings, self.remarks)
 
 
-# HDF5
-
-
 class Nodes:
     """The groups and data sets of an HDF5 file, as far as they lie in the file itself.
 
@@ -200,9 +197,6 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
-# NumPy
-
-
 def _is_npz(head: bytes) -> bool:
     return head.startswith(b"PK\x03\x04") and b".npy" in head[:300]
 
@@ -239,9 +233,6 @@ def read_npz(path: Path) -> Table:
     units = {name: str(arrays.attributes.get(f"unit:{name}", "")) for name in arrays.columns}
     arrays.units = {name: unit for name, unit in units.items() if unit}
     return arrays.table()
-
-
-# MATLAB
 
 
 class Variables(Arrays):

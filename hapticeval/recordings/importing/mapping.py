@@ -242,8 +242,6 @@ def _signal(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Si
     return Signal(becomes, meaning, frame, sign)
 
 
-# Proposals
-
 CLOCK_NAME = re.compile(r"t|zeit|sec|seconds|received|tick|tout|(\w*_)?(time|timestamp|stamp|clock)", re.IGNORECASE)
 COMPONENT_NAME = re.compile(r"(?P<stem>.*?)[._ \[]?(?P<part>[xyz]|\d+)\]?$", re.IGNORECASE)
 HEADER_UNIT = re.compile(r"\s*[\[(][^\])]*[A-Za-z°][^\])]*[\])]\s*$")

@@ -137,7 +137,7 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     """
     report = examine(recording) if report is None else report
     keep = recording.measured.copy()
-    # Why each row is left out, in the order in which the reasons are looked at.
+    # Why rows are left out: marked as no measurement, named by a finding, or alone between others.
     left = [(span, "no measurement") for span in runs_of(~keep)]
     for fault in report.faults:
         if fault.kind in LEFT_OUT and fault.first is not None and keep[fault.first : fault.end].any():
@@ -203,7 +203,6 @@ def _faults(report: Integrity) -> list[str]:
 
 def _checks(report: Integrity) -> list[str]:
     """Describe which inverse checks were made, with their residuals, and which were not."""
-    # A check without a `why` was made.
     checks_made = [check for check in report.checks if check.made]
     lines = align_columns([
         ("inverse check", "what should hold", "largest residual", "in quanta", "rows", "found"),
