@@ -152,19 +152,22 @@ def without_ihip(recording: Recording) -> Finding:
 class Check:
     """A phenomenon as a check: call it with runs and a scene; `hapticeval explain` prints its data.
 
-    `judge` is called only where the check applies: not in a situation of `not_for` (situation: why it is not applicable
-    there), with each sibling of `needs` (sibling: the finding without it) and every one of `channels`. `reads_also` are
-    channels that it reads where they were recorded. `siblings` describes each sibling that it may use. With `effects`,
-    kinds of effects, it is asked in a scene that calls for one of them only: a check of how that effect is shown.
-    `not_with` are kinds that make another surface than it is about. `judge` returns a finding whose metric has the
-    check's `unit`, or one of its own.
+    `judge` returns a finding whose metric has the check's `unit`, or one of its own. It is called only where the check
+    applies:
+
+    - `channels`: each of them was recorded; `reads_also` are channels that it reads where they were.
+    - `needs`: each sibling can be had; the value is the finding without it. `siblings` describes all that it may use.
+    - `not_for`: the run is in none of these situations; the value says why it is not applicable there.
+    - `effects`: the scene calls for one of these kinds, where any are given: a check of how that effect is shown.
+    - `not_with`: the scene calls for none of these kinds, which make another surface than it is about.
 
     What it asks, allows and why stands on its page, see `hapticeval.phenomena.pages`. A check of another package brings
-    its own as `page`, in Markdown.
+    its own as `page`, in Markdown. Two marks say of which runs it is asked:
 
-    `needs_loop` marks a check of how hand and force act on each other: a hand led along a recorded path does not show
-    it, so that an undecided verdict stops no gate. `holds` marks what is asked of a closed loop that is set up for
-    it, as Problem 7.1 does of one on a bilateral constraint: of other runs it is not asked unless a case names it.
+    - `needs_loop`: it is about how hand and force act on each other. A hand led along a recorded path does not show it,
+      so that an undecided verdict stops no gate.
+    - `holds`: it is asked of a closed loop that is set up for it, as Problem 7.1 does of one on a bilateral constraint,
+      and of other runs only where a case names it.
     """
 
     id: str

@@ -117,9 +117,10 @@ def across_allowed(base: Recording, scene: Scene) -> float:
 def _find_force_in_free_space(base: Recording, scene: Scene) -> Finding | None:
     """Return a failure where a hand in free space feels a force; None where none does, or nobody can know.
 
-    It is asked of a renderer that gives a contact point elsewhere, or declares that it gives none. The IHIP is the HIP,
-    so that no solid is between them, and the HIP is outside, both for three ticks either way: past a corner the HIP may
-    be outside long before the contact ends, and the force may come late.
+    It is asked of a renderer that gives a contact point elsewhere, or declares that it gives none.
+
+    The IHIP is the HIP, so that no solid is between them, and the HIP is outside, both for three ticks either way: past
+    a corner the HIP may be outside long before the contact ends, and the force may come late.
     """
     if "force" not in base.channels or not (base.apart.any() or declares_force_only(base)):
         return None
@@ -189,8 +190,9 @@ def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array 
     """Return where a rigid tool that follows the hand is held, (N,), m; None where it gets to the hand.
 
     From `tool` (N,), outside or on the surface, it flies straight to `hand` (N,). A surface that bars its way holds it:
-    there it slides downhill in distance to the hand, until it rests at a local minimum or its way is open. It is placed
-    to `grain` (m): neither a notch nor a plate thinner than that is seen.
+    there it slides downhill in distance to the hand, until it rests at a local minimum or its way is open.
+
+    It is placed to `grain` (m): neither a notch nor a plate thinner than that is seen.
     """
     rests = False
     for _ in range(MOST_FLIGHTS):
@@ -210,8 +212,10 @@ def _distances_past_surface(
     """Return how far the HIP is past the surface that holds a rigid tool, in each tick without contact: (n,), m.
 
     It is 0 where the tool is free. The second result, (n,), is the tick since which it is held. The rigid tool starts
-    where the renderer's was: at its last IHIP in contact, or with the hand in free space. Farther than
-    `allowed` (n,), m, it counts as held only where neither a place nor a start within `reach` (n,), m, has an open way.
+    where the renderer's was: at its last IHIP in contact, or with the hand in free space.
+
+    Farther than `allowed` (n,), m, it counts as held only where neither a place nor a start within `reach` (n,), m, has
+    an open way.
     """
     hip, steps = base.hip, hip_steps(base)
     frame = boundary.closest_point(hip)

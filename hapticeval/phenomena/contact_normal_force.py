@@ -270,8 +270,9 @@ def _rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) 
     """Return the angle (n,), rad, that the rounding of numbers and the declared resolution leave in each force.
 
     Two positions in single precision, of the model's size, are subtracted to give a vector as long as the depth; a
-    force that is there without a depth was not built so, and has the rounding of its own components only. Each
-    component of a force that a log gives in steps of q is off by up to q / 2.
+    force that is there without a depth was not built so, and has the rounding of its own components only.
+
+    Each component of a force that a log gives in steps of q is off by up to q / 2.
     """
     depth = _least_depth(recording, pressed_rows)
     stretch = np.divide(scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
@@ -293,8 +294,9 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     """Return force less push along the normal, what the momentum allows, and the push, N; None if not at rest.
 
     Over a window of W seconds the mean of all forces is m (v_end - v_start) / W, so a tool whose speed stays below
-    v_max may show up to 2 m v_max / W. At rest means that this is a small part of the operator's push. None too where
-    motors hold back what the renderer asks for.
+    v_max may show up to 2 m v_max / W. At rest means that this is a small part of the operator's push.
+
+    None too where motors hold back what the renderer asks for.
     """
     if "operator_force" not in recording.channels or scene.bilateral:
         return None

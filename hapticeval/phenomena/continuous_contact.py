@@ -76,9 +76,10 @@ def amplification(recording: Recording, scene: Scene) -> float:
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Refine the HIP trajectory where the IHIP moves far, until each step is within the bound or is seen to stay.
 
-    A place of a path is looked at by itself; of what cannot be led there again the whole run is refined. Besides, the
-    IHIP has to lie on the surface and under the hand: a path through the solid, or elsewhere, is no contact point's,
-    however smooth.
+    A place of a path is looked at by itself; of what cannot be led there again the whole run is refined.
+
+    Besides, the IHIP has to lie on the surface and under the hand: a path through the solid, or elsewhere, is no
+    contact point's, however smooth.
     """
     # Where sensors are not exact, the hand's way is the one that the renderer was given.
     base, refine = as_sensed(runs.base), runs.refine
@@ -229,7 +230,9 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
     """Return a failure where a finer run lets go at the step to `tick`, or has no such step: it then shows nothing.
 
     A step is at most as long as the sum of the finer ones that it is made of, so the largest of k is a k-th of it at
-    the least. A run in which the hand takes another way, as in closed loop, may lack the step without a fault.
+    the least.
+
+    A run in which the hand takes another way, as in closed loop, may lack the step without a fault.
     """
     allowed = float(step_bounds(base, scene, LAG_TICKS, standoff(base, scene))[tick])
     # Tick k of the base is row k `factor` of the finer run; begun as much earlier as an answer may be late.
@@ -310,8 +313,10 @@ def _with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: 
     """Return `bounds` (n,), m, raised where a step is one that a tool takes which slides on the given pieces.
 
     Under a convex edge that turns by b, a hand at depth d makes a tool jump by d sin b, from the edge to where the next
-    piece is nearest. The renderer's step may end anywhere on the way from its last IHIP to where such a tool gets to,
-    for a hand up to three ticks old: off that way by as much as any step may be long, there and back.
+    piece is nearest.
+
+    The renderer's step may end anywhere on the way from its last IHIP to where such a tool gets to, for a hand up to
+    three ticks old: off that way by as much as any step may be long, there and back.
     """
     steps, raised = contact_steps(base, scene), bounds.copy()
     for tick in np.flatnonzero(steps > bounds):
@@ -343,8 +348,9 @@ def _shrinking_slope(jumps: list[float]) -> float:
 def _limit_of_jumps(jumps: list[float]) -> float:
     """Return what is left of `jumps` (m) at infinite refinement, within [0, finest].
 
-    Nothing, where jump = c r^k fits all to a tenth; else jump = limit + c r^k through the last three (Aitken). The
-    power law comes first, for where the samples fall beside a steep place shifts single jumps, and of three of them
+    Nothing, where jump = c r^k fits all to a tenth; else jump = limit + c r^k through the last three (Aitken).
+
+    The power law comes first, for where the samples fall beside a steep place shifts single jumps, and of three of them
     Aitken's limit makes a jump.
     """
     halvings = np.arange(len(jumps))

@@ -13,21 +13,22 @@ import numpy as np
 # sampling
 
 LAG_TICKS = 3
-"""A proxy may answer up to three ticks late without being wrong, as peers do. *Chosen* after them; doubled, a tool six
-ticks late passes, and each bound in HIP steps is twice as wide."""
+"""Ticks that a proxy may answer late without being wrong, as peers do. *Chosen* after them; doubled, a tool six ticks
+late passes, and each bound in HIP steps is twice as wide."""
 
 HOLD_TICKS = 1.5
-"""A held force lags by half a tick on average, and by one more where it is computed from the last sample. Derived;
-doubled, bounds in closed loop are twice as wide, and more of them tell nothing."""
+"""Ticks that a held force lags behind: half of one on average, and one more where it is computed from the last sample.
+Derived; doubled, bounds in closed loop are twice as wide, and more of them tell nothing."""
 
 TELLING_SHARE = 0.1
-"""A bound above a tenth of what is asked for tells nothing. *Chosen*: doubled, verdicts are given where the sampling
-may make a fifth of what is asked for."""
+"""Share of what is asked for above which a bound tells nothing. *Chosen*: doubled, verdicts are given where the
+sampling may make a fifth of what is asked for."""
 
 FORCE_DEPTH = 5e-6
-"""Depth, as a share of the model's size, whose spring force is the least that has a direction: *chosen*, 1 um of the
-usual 200 mm. There single precision (4 * 2^-23 of the size) turns a force by up to 6 degrees; at twice that by 3,
-and touches of up to 2 um are then none."""
+"""Depth, as a share of the model's size, whose spring force is the least that has a direction: 1 um of 200 mm.
+
+*Chosen*: there single precision (4 * 2^-23 of the size) turns a force by up to 6 degrees. Doubled, by 3, and touches of
+up to 2 um are then none."""
 
 FARTHEST_STANDOFF = 1.0 / 50.0
 """Share of the model's size beyond which a declared standoff is not believed: 4 mm of the usual 200 mm. *Chosen*:
@@ -39,22 +40,27 @@ doubled, an octagon counts as declared so."""
 
 SINGLE_ROUNDINGS = 4.0
 """Roundings of single precision, `SINGLE` of a value each, by which what is made of rounded numbers may be off: two
-points that are subtracted, and a product and a sum that follow. *Chosen*: doubled, twice as much is granted to rounding
-everywhere."""
+points that are subtracted, and a product and a sum that follow.
+
+*Chosen*: doubled, twice as much is granted to rounding everywhere."""
 
 PLACE_ROUNDING = 1e-9
 """Share of the model's size by which rounding of doubles may move a place that in exact numbers is the same: 0.2 nm of
-the usual 200 mm. *Chosen*, four million roundings: doubled, a tool 0.4 nm off the surface counts as on it."""
+the usual 200 mm.
+
+*Chosen*, four million roundings: doubled, a tool 0.4 nm off the surface counts as on it."""
 
 # lag
 
 LAG_STEPS = 4 * LAG_TICKS
-"""Lags that are tried first, a quarter of a tick apart: *chosen*. Twice as many find the same, in twice the time; a
-misfit falls towards its lag over a whole tick, since the hand's way is straight from row to row."""
+"""Lags that are tried first, a quarter of a tick apart.
+
+*Chosen*: a misfit falls towards its lag over a whole tick, since the hand's way is straight from row to row. Twice as
+many find the same, in twice the time."""
 
 LAG_HALVINGS = 40
-"""Times that the bracket of half a tick is narrowed by the golden section: to 2e-9 of a tick, a thousandth
-of what any bound can tell. *Chosen*; doubled, no lag changes by more than that."""
+"""Times that the bracket of half a tick is narrowed by the golden section: to 2e-9 of a tick, a thousandth of what any
+bound can tell. *Chosen*; doubled, no lag changes by more than that."""
 
 LAG_ROWS = 4096
 """Rows, spread over all, in which a lag is looked for: *chosen*, for time. With twice as many it is the same number."""
@@ -68,21 +74,24 @@ doubled, no verdict changes, and a message names the force a little later."""
 # centripetal_force
 
 SLOWER_SPEEDS = (0.5, 0.75)
-"""The experiment is run at these shares of its speed too, so that the error's growth with v^2 can be seen. *Chosen*: of
-an error that grows with v^2 they leave a quarter and 56 per cent. Doubled, the tool would be faster than the case
-says."""
+"""The experiment is run at these shares of its speed too, so that the error's growth with v^2 can be seen.
+
+*Chosen*: of an error that grows with v^2 they leave a quarter and 56 per cent. Doubled, the tool would be faster than
+the case says."""
 
 STANDARD_ERRORS = 2.0
 """Standard errors of a fit within which a share is not told from its bound. *Chosen*: chance goes farther once in
 twenty. Doubled, more runs are undecided, and chance goes farther once in sixteen thousand."""
 
 REGRESSION_SAMPLES = 8
-"""Fewer samples in contact are no regression of two to five numbers. *Chosen*: doubled, contacts of 8
-to 15 samples are undecided."""
+"""Samples in contact that a regression of two to five numbers needs at least. *Chosen*: doubled, contacts of 8 to 15
+samples are undecided."""
 
 LEAST_CENTRIPETAL = 1e-12
-"""Surface error, m, below which a missing centripetal force costs nothing: rounding of doubles alone. *Chosen*;
-doubled, a tool that slides at 0.03 mm/s over a curvature of 1 /m, held by 500 N/m a kg, is not asked any more."""
+"""Surface error, m, below which a missing centripetal force costs nothing: rounding of doubles alone.
+
+*Chosen*; doubled, a tool that slides at 0.03 mm/s over a curvature of 1 /m, held by 500 N/m a kg, is not asked any
+more."""
 
 EXPLAINING_PUSH = 1e-6
 """Share of the centripetal cost by which the push has to vary to be a column of the regression: less would spoil its
@@ -93,8 +102,8 @@ REGRESSION_RANK = 1e-10
 doubled, columns that are twice as far from being dependent leave the share unknown."""
 
 BLOCK_TICKS = 50.0
-"""Ticks whose residuals count as one independent sample, since those of one oscillation hang together. *Chosen*:
-50 ms at 1 kHz, in which the usual dynamics (22 1/s) fade to a third. Doubled, standard errors are larger by 1.4."""
+"""Ticks whose residuals count as one independent sample, since those of one oscillation hang together. *Chosen*: 50 ms
+at 1 kHz, in which the usual dynamics (22 1/s) fade to a third. Doubled, standard errors are larger by 1.4."""
 
 START_DECAY = 100.0
 """Factor to which the assigned dynamics fade before a contact counts as under way. *Chosen*: doubled, 15 per cent more
@@ -109,7 +118,7 @@ differ. *Chosen*, four hundred thousand roundings of a double: doubled, twice as
 # closed_form
 
 FORM_TOLERANCE = 1e-3
-"""A tolerance above a thousandth of the way travelled compares nothing. *Chosen*: doubled, a law whose motion is known
+"""Share of the way travelled above which a tolerance compares nothing. *Chosen*: doubled, a law whose motion is known
 to two thousandths is judged."""
 
 # comes_to_rest, constraint_stability
@@ -122,8 +131,10 @@ QUIET_SAMPLES = 8
 """Samples that a verdict takes at least. *Chosen*: doubled, runs of up to 15 samples are undecided."""
 
 RETURN_RATIO = math.sqrt(0.5)
-"""Between what stays, 1, and what falls as 1 / t, 1/2, while time doubles: the middle, as ratios are compared. Derived;
-doubled, a distance that grows by 41 per cent counts as coming home."""
+"""Ratio of the last window's largest value to that of the window before, up to which a motion dies out.
+
+Derived: while time doubles, what stays has 1 and what falls as 1 / t has 1/2; this is their geometric mean. Doubled, a
+distance that grows by 41 per cent counts as coming home."""
 
 # constraint_stability
 
@@ -133,7 +144,9 @@ only one that doubles is, and others are called marginal."""
 
 STANDS = 0.5
 """Share of the distance: a tool that varies by less stands off the surface, and one that is off by more to either side
-swings about it. *Chosen*, for words alone: doubled, a decaying tool is said to stand, and no swing is named."""
+swings about it.
+
+*Chosen*, for words alone: doubled, a decaying tool is said to stand, and no swing is named."""
 
 # constraint_stability, refinement
 
@@ -151,8 +164,10 @@ FINEST_GRAIN, COARSEST_GRAIN = 1e-6, 1e-4
 """Limits of that grain, as shares of the model's size. *Chosen*: doubled, 0.4 um and 40 um of the usual 200 mm."""
 
 MOST_FLIGHTS = 16
-"""Ways within one tick, each from where the slide before has ended; each brings the tool nearer to the hand. *Chosen*,
-against a search without an end: doubled, nothing changes where a tool is held by fewer faces than that in a tick."""
+"""Ways within one tick, each from where the slide before has ended; each brings the tool nearer to the hand.
+
+*Chosen*, against a search without an end: doubled, nothing changes where a tool is held by fewer faces than that in a
+tick."""
 
 # contact_normal_force
 
@@ -167,9 +182,10 @@ ANGLE_ROUNDING = 1e-6
 # continuous_contact
 
 CHORD_STEPS = 0.5
-"""HIP steps that a point on the straight way between two contact points lies off the surface at the most: half of the
-way, at an edge. A contact point that is late by a number of ticks between two is such a point. Derived; doubled, a
-tool may cut every edge by a HIP step."""
+"""HIP steps that a point on the straight way between two contact points lies off the surface at the most.
+
+Derived: half of the way, at an edge; a contact point that is late by no whole number of ticks is such a point. Doubled,
+a tool may cut every edge by a HIP step."""
 
 HALF_LAG_STEPS = 0.5 * LAG_TICKS
 """HIP steps of the recording that three ticks at twice its rate are: where a path is looked at, the largest step.
@@ -180,13 +196,14 @@ CONFIRMING_RATES = (2, 4)
 rate alone a jump may be that of the rate. Doubled, runs take twice as long."""
 
 REFINEMENTS = (1, 2, 4, 8, 16, 32)
-"""Of a run that has no places to look at. *Chosen*: the first three always, the rest while undecided. Doubled, runs
-take twice as long and fewer are undecided."""
+"""Sampling rates, times the recorded one, of a run that is refined as a whole. *Chosen*: the first three always, the
+rest while undecided. Doubled, runs take twice as long and fewer are undecided."""
 
 MINI_JUMP_EDGES = 1.5
 """A jump up to this many edges or cells of the renderer's representation is a mini pop-through: between neighbours.
-Derived: between neighbours a nearest point jumps by an edge at the most, and rounding of its ends adds half.
-Doubled, a jump over one edge is called mini; both fail."""
+
+Derived: between neighbours a nearest point jumps by an edge at the most, and rounding of its ends adds half. Doubled, a
+jump over one edge is called mini; both fail."""
 
 STILL_STEP_SHARE = 1e-3
 """HIP steps below this share of the largest one are no motion that could be amplified. *Chosen*, for the evidence
@@ -197,13 +214,14 @@ POWER_LAW_SCATTER = math.log2(1.1)
 law."""
 
 JUMP_SLOPE, SHRINKING_SLOPE = 0.15, 0.25
-"""Slopes of log2(jump) against log2(step): a jump has 0, a Hoelder map of order a has a, a Lipschitz map 1. *Chosen*
-between 0 and the 1/6 of the sharpest tip that is asked for, and above it. Doubled, conformal maps at tips would
-fail."""
+"""Slopes of log2(jump) against log2(step): a jump has 0, a Hoelder map of order a has a, a Lipschitz map 1.
+
+*Chosen* between 0 and the 1/6 of the sharpest tip that is asked for, and above it. Doubled, conformal maps at tips
+would fail."""
 
 COARSENINGS = (1, 2, 4)
-"""Every sample, every second, every fourth: what a fixed recording offers in place of finer ones. *Chosen*: a recording
-has no finer samples. Doubled, the places that are compared are twice as far apart."""
+"""Every sample, every second, every fourth: what a recording offers that cannot be refined. *Chosen*: a recording has
+no finer samples. Doubled, the places that are compared are twice as far apart."""
 
 CONFIRMED_SHARE = 0.5
 """Share of a jump that is there at other rates as well, unless it depends on the rate. *Chosen*, for words alone:
@@ -218,15 +236,18 @@ DESCENT_SHARE = 0.1
 off by a tenth of the bound at the most. Doubled, by a fifth."""
 
 DETOUR_BOUNDS = 2.0
-"""Bounds by which a step may be longer over the sliding tool's place than straight. Derived: a place that is off the
-way by a bound makes it longer by one there and one back. Doubled, steps may pass two bounds beside."""
+"""Bounds by which a step may be longer over the sliding tool's place than straight.
+
+Derived: a place that is off the way by a bound makes it longer by one there and one back. Doubled, steps may pass two
+bounds beside."""
 
 # corners
 
 HELD_FORCE_SHARE = 0.5
-"""Share of the usual force on the first face below which the force is not kept any more. *Chosen*: a spring that is
-kept has one, a rounded corner takes it to nothing. Doubled, every change of the force on a face would count as its
-loss."""
+"""Share of the usual force on the first face below which the force is not kept any more.
+
+*Chosen*: a spring that is kept has one, a rounded corner takes it to nothing. Doubled, every change of the force on a
+face would count as its loss."""
 
 # crossings
 
@@ -240,47 +261,54 @@ two thousandths of the tolerance are lost."""
 
 SAME_NORMAL = 1e-9
 """Cosine's distance from one, or difference of unit vectors, up to which normals are the same but for rounding.
+
 *Chosen*: 1e-9 of a cosine are 45 urad. Doubled, a face that is turned by up to 63 urad counts as the same."""
 
 BORDER_MISS, BORDER_ROUNDING = 1e-6, 1e-12
-"""Share of a step, and length (m), by which its way may miss the edge over which it leaves a face. *Chosen*, for the
-rounding of the foot in the face's plane. Doubled, ways count that pass twice as far beside the end of an edge."""
+"""Share of a step, and length (m), by which its way may miss the edge over which it leaves a face.
+
+*Chosen*, for the rounding of the foot in the face's plane. Doubled, ways count that pass twice as far beside the end of
+an edge."""
 
 # force_magnitude
 
 STIFFNESS_FACTOR = 2.0
-"""Off by this factor fails a must, where no stiffness is declared that varies. *Chosen*: doubled, a third of the
-stiffness would be a warning only."""
+"""Factor by which a stiffness that is off the scene's fails as a must, where none is declared that varies. *Chosen*:
+doubled, a third of the stiffness would be a warning only."""
 
 UNDECLARED_RANGE = ((1.0 + TELLING_SHARE) / STIFFNESS_FACTOR, STIFFNESS_FACTOR * (1.0 - TELLING_SHARE))
 """Shares of the scene's stiffness within which it is not off by `STIFFNESS_FACTOR`: a tenth is not told apart, so that
 one who is off by just that much fails. Derived; it doubles with that."""
 
 WIDE_RANGE = 16.0
-"""A declared stiffness whose largest is so many times its least leaves next to nothing of the size to be asked for, and
-a message says so; nor does it say what holding the force may give at the scene's own rate. *Chosen*: the square of what
-is a factor of four. Doubled, a range from 0.2 to 6 counts as one that says something."""
+"""Ratio of the largest to the least declared stiffness beyond which next to nothing of the force's size is asked.
+
+A message says so, and what holding the force may give at the scene's own rate is not known either.
+
+*Chosen*: the square of what is a factor of four. Doubled, a range from 0.2 to 6 counts as one that says something."""
 
 SPIKE_SHARE = 0.1
-"""Ticks that are off are spikes up to this share of all: more of them are what the renderer does as a rule. *Chosen*,
-for words alone: doubled, faults in a fifth of the ticks are called spikes."""
+"""Share of all ticks up to which those that are off are spikes: more of them are what a renderer does as a rule.
+*Chosen*, for words alone: doubled, faults in a fifth of the ticks are called spikes."""
 
 CAUSE_SHARE = 0.5
 """Share of the deviation's spread, or of its variance, from which its cause is named. *Chosen*, for words alone:
 doubled, no cause is named."""
 
 GROUP_SAMPLES = 8
-"""Fewer samples make no median worth comparing; and into so many groups depths, times and places are divided first.
-*Chosen*: doubled, shorter contacts have no cause named."""
+"""Samples that a median needs at least, and groups into which depths, times and places are divided first. *Chosen*:
+doubled, shorter contacts have no cause named."""
 
 FINE_GROUPS = 32
-"""Into so many groups they are divided where that explains nothing, and each has `GROUP_SAMPLES` samples. *Chosen*, for
-words alone: doubled, causes are named where there are 512 samples."""
+"""Groups into which they are divided where that explains nothing, each of `GROUP_SAMPLES` samples. *Chosen*, for words
+alone: doubled, causes are named where there are 512 samples."""
 
 # impulsive_collision
 
 WINDOW_TICKS = LAG_TICKS + 1
-"""A sampled renderer meets the contact at the sample after it, its answer acts until the next, and may be late.
+"""Ticks in which a collision's impulse has to come: a sampled renderer meets the contact at the sample after it, its
+answer acts until the next, and may be late.
+
 Derived; doubled, a cushion of seven ticks passes as a collision."""
 
 UNKNOWN_MOMENTUM = 0.5
@@ -302,8 +330,8 @@ LOOKS_BELOW_SINGLE = 2
 jump that is rounded over less is still found, in twice the looks."""
 
 FEW_PARTS, MANY_PARTS = 4, 64
-"""Sub-steps of a step: in the first two looks, for much may be steep but smooth; in the others, at the most. *Chosen*,
-for time: doubled, each look takes twice as long."""
+"""Sub-steps of a step in a closer look: in the first two, for much may be steep but smooth; in others at the most.
+*Chosen*, for time: doubled, each look takes twice as long."""
 
 ROWS_OF_A_LOOK = 1024
 """Fine steps of one look: what is suspect over a longer stretch is looked at in parts, the worst first. *Chosen*, for
@@ -314,12 +342,15 @@ TICKS_AROUND = LAG_TICKS + 1
 nothing changes for proxies that move in every third tick."""
 
 JUMP_SPREAD_SHARE = 0.9
-"""A spread of which finer steps than single precision resolves leave this share or more is a jump's. *Chosen*: a jump
-leaves all of it, a map of exponent 1/6 half in 64 sub-steps. Doubled, no spread would be a jump."""
+"""A spread of which finer steps than single precision resolves leave this share or more is a jump's.
+
+*Chosen*: a jump leaves all of it, a map of exponent 1/6 half in 64 sub-steps. Doubled, no spread would be a jump."""
 
 LEAST_EXPONENT = 0.15
-"""Exponent from which on a map counts as continuous: 1/6, less a tenth for where the samples fall. Derived from the tip
-of 60 degrees; doubled, a conformal map at a tip of less than 54 degrees is steep, which decides nothing."""
+"""Exponent from which on a map counts as continuous: 1/6, less a tenth for where the samples fall.
+
+Derived from the tip of 60 degrees; doubled, a conformal map at a tip of less than 54 degrees is steep, which decides
+nothing."""
 
 SMOOTH_EXPONENT = 0.5
 """Exponent above which the ways of a map look smooth at last: a Lipschitz map has 1, and no tip more than 1/2. Derived;
@@ -334,8 +365,8 @@ TICKS_BEFORE_JUMP, TICKS_AFTER_JUMP = 512, 64
 *Chosen*: proxies forget within it. Doubled, looks take twice as long."""
 
 FOLLOWING_TICKS = 8 * TICKS_AROUND
-"""Ticks on either side of a step over which it is looked whether the IHIP follows the hand. *Chosen*: most of
-these ticks decide it. Doubled, places farther along the way have a say in it."""
+"""Ticks on either side of a step over which it is looked whether the IHIP follows the hand. *Chosen*: most of these
+ticks decide it. Doubled, places farther along the way have a say in it."""
 
 LIMIT_SHARE = 0.5
 """Share of the finest spread that its limit has to have for a jump: *chosen*, since of less the extrapolation makes
@@ -345,13 +376,15 @@ most. Doubled, a limit below the finest spread would never be a jump."""
 
 SAME_ANSWER = 1e-12
 """Share of the model's size by which answers may differ beside what is declared and what rounding of the hand changes:
-some four thousand roundings of a double, those of an iteration that ends at rounding. *Chosen*; doubled, twice as
-much rounding is granted."""
+some four thousand roundings of a double, those of an iteration that ends at rounding.
+
+*Chosen*; doubled, twice as much rounding is granted."""
 
 SAME_SIMULATED_ANSWER = 1e-9
-"""The same for a renderer that answers a stimulus whole: its tool has a motion of its own, with events at instants that
-it has to find, and in a corner ever more of them, until rounding ends them. *Chosen*; doubled, twice as much is
-granted."""
+"""The same share for a renderer that answers a stimulus whole: its tool has a motion of its own, with events at
+instants that it has to find, and in a corner ever more of them, until rounding ends them.
+
+*Chosen*; doubled, twice as much is granted."""
 
 # nudges
 
@@ -406,8 +439,10 @@ FINER_RATES = (4, 8, 16)
 # refinement
 
 SETTLING_RATIO = 0.75
-"""Halving the tick halves a first-order effect and quarters a second-order one; what shrinks less is no such effect.
-Derived: in the middle between 1/2 and 1. Doubled, what grows with finer ticks is extrapolated."""
+"""Ratio to the difference before up to which the difference that halving the tick makes shows an effect of sampling.
+
+Derived: a first-order effect has 1/2, a second-order one 1/4; the middle between 1/2 and 1. Doubled, what grows with
+finer ticks is extrapolated."""
 
 # surface_dynamics, surface_motion
 
@@ -434,25 +469,32 @@ doubled, a tool that slides 0.3 mm on 200 mm is not judged."""
 # under_the_hand
 
 ASIDE_DEPTHS = 10.0
-"""Depths that an IHIP may stand aside of the HIP's nearest surface point: *chosen*. A projection whose lines meet the
-surface under 6 degrees still passes; doubled, under 3. Nearest points and god-objects have 0 as long as no medial axis
-is passed, and rays from a centre the tangent of their angle to the normal: 2.4 on an ellipse of 5 to 1, 5.6 in a niche.
-What stays behind shows where the hand leaves, for there the depth goes to 0."""
+"""Depths that an IHIP may stand aside of the HIP's nearest surface point.
+
+*Chosen*: a projection whose lines meet the surface under 6 degrees still passes; doubled, under 3. Nearest points and
+god-objects have 0 as long as no medial axis is passed.
+
+Rays from a centre have the tangent of their angle to the normal: 2.4 on an ellipse of 5 to 1, 5.6 in a niche. What
+stays behind shows where the hand leaves, for there the depth goes to 0."""
 
 STRETCHED_STEPS = 2.0
-"""HIP steps up to which a step of the nearest point is no jump: *chosen*; it has 1 / (1 - kappa d) of them. Beyond, the
-hand passes the medial axis, or comes close, and a god-object is right to stay where it was. Doubled, more is judged."""
+"""HIP steps up to which a step of the nearest point, which has 1 / (1 - kappa d) of them, is no jump.
+
+*Chosen*: beyond, the hand passes the medial axis, or comes close, and a god-object is right to stay where it was.
+Doubled, more is judged."""
 
 # effects: friction_break_away, friction_sticking
 
 STICKING_SHARE = 0.6
-"""Share of the kinetic cone within which no friction slides, however it goes from sliding to sticking. *Chosen*, the
-share at which a scene's tool sticks again unless it says another. Doubled, a tool that slides, rightly, on the kinetic
-cone counts as held, and creeps."""
+"""Share of the kinetic cone within which no friction slides, however it goes from sliding to sticking.
+
+*Chosen*, the share at which a scene's tool sticks again unless it says another. Doubled, a tool that slides, rightly,
+on the kinetic cone counts as held, and creeps."""
 
 CREEP_SPEED = 1e-7
-"""How fast a tool that sticks may creep, m/s: 1 um in 10 s, the resolution of a good encoder. *Chosen*: a friction that
-needs a speed to have a force creeps a thousand times as fast. Doubled, 2 um in 10 s pass."""
+"""How fast a tool that sticks may creep, m/s: 1 um in 10 s, the resolution of a good encoder.
+
+*Chosen*: a friction that needs a speed to have a force creeps a thousand times as fast. Doubled, 2 um in 10 s pass."""
 
 STICKING_TIME = 1.0
 """Seconds that a tool must be held for, to tell a creep from the bending of a soft contact. *Chosen*: doubled, tools
@@ -467,9 +509,10 @@ double. *Chosen*; doubled, twice as much is granted."""
 # effects: friction_energy
 
 STEEPER_THAN_SPRING = 1.001
-"""Stiffness, in the scene's, from which on a law is steeper across the surface than its spring. *Chosen*, a thousandth
-above what rounding makes of the spring itself. Doubled, a law of up to twice the stiffness is granted nothing for
-being held, and may fail for it."""
+"""Stiffness, in the scene's, from which on a law is steeper across the surface than its spring.
+
+*Chosen*, a thousandth above what rounding makes of the spring itself. Doubled, a law of up to twice the stiffness is
+granted nothing for being held, and may fail for it."""
 
 # effects: friction_sliding
 
@@ -487,9 +530,10 @@ LAP_WORK = 1e-3
 thousandths too much passes."""
 
 BRISTLE_PARTS = 8
-"""Parts of a tick over which the bristles' speed is taken to go straight from one sample to the next. *Chosen*: held in
-the middle of a part it is off by the square of its length. Doubled, the law is known four times as well, and what the
-sampling leaves open, which is its difference from whole ticks, stays."""
+"""Parts of a tick over which the bristles' speed is taken to go straight from one sample to the next.
+
+*Chosen*: held in the middle of a part it is off by the square of its length. Doubled, the law is known four times as
+well, and what the sampling leaves open, which is its difference from whole ticks, stays."""
 
 SLIP_WORK = 1e-9
 """Work, J, of a lap under which nothing slips: a micronewton over a millimetre. *Chosen*: doubled, laps in which the
@@ -504,19 +548,23 @@ TOLD_APART = 10.0
 # effects: relief, friction_force
 
 BETWEEN_TICKS = 0.5
-"""Share of the widest second difference by which a value between two ticks may be off the straight way between them:
-an eighth for a parabola, and where a contact begins between them a quarter of the change of slope, half of which at
-least is in one second difference. Derived; doubled, twice as much is granted for a lag between ticks."""
+"""Share of the widest second difference by which a value between two ticks may be off the straight way between them.
+
+Derived: an eighth for a parabola; where a contact begins between them a quarter of the change of slope, half of which
+at least is in one second difference. Doubled, twice as much is granted for a lag between ticks."""
 
 WHOLE_LAG = 1e-6
 """Ticks by which a lag may be found off a whole number: `least_misfit` is done at 2e-9, and rounding has its share.
+
 *Chosen* between: doubled, nothing changes but for a lag that is by one to two millionths no whole one."""
 
 # effects: shading
 
 OTHER_WEIGHTS = 2.0
-"""Vertex normals of other weights turn along a facet by all that its two edges turn, ours by half of that. Derived;
-doubled, a force that leaps by four times what ours turns in a tick passes."""
+"""Times what our shaded normals turn in a tick that a force may turn.
+
+Derived: vertex normals of other weights turn along a facet by all that its two edges turn, ours by half of that.
+Doubled, a force that leaps by four times what ours turns in a tick passes."""
 
 # effects: texture
 
@@ -537,8 +585,10 @@ SLOWEST_LOW_PASS = 10.0
 changes where filters ring for longer than that, as those of the suite do."""
 
 WELCH_WINDOW = 256
-"""Samples of a window of Welch's estimate; half of them are shared with the next. *Chosen*, 4 Hz at 1 kHz: doubled, the
-spectrum is known twice as finely, and of a stretch of 10 s to .85 dB rather than .63."""
+"""Samples of a window of Welch's estimate; half of them are shared with the next.
+
+*Chosen*, 4 Hz at 1 kHz: doubled, the spectrum is known twice as finely, and of a stretch of 10 s to .85 dB rather than
+.63."""
 
 CLEAR_DECIBELS = 1.0
 """Decibels that a check has to tell apart: a stretch so short that chance makes as much decides nothing. *Chosen*:
@@ -578,18 +628,22 @@ doubled, contacts of 21 to 42 decay times are not judged."""
 
 LATE_START = 1
 """Ticks after the one in which a contact begins, in which what it starts may begin: a renderer may find it in a tick
-and answer in the next, and the first sample of a sinusoid is zero. Derived; doubled, a start two ticks late passes."""
+and answer in the next, and the first sample of a sinusoid is zero.
+
+Derived; doubled, a start two ticks late passes."""
 
 # effects: vibration
 
 CONFIDENCE_WIDTHS = 2.5758293035489004
 """Standard deviations to either side that hold 99 per cent of a normal distribution: the true number lies within what a
-fit leaves open with that probability. *Chosen*: doubled, twice as much is open, and chance goes beyond it once in four
-million."""
+fit leaves open with that probability.
+
+*Chosen*: doubled, twice as much is open, and chance goes beyond it once in four million."""
 
 SENSOR_NOISE = 1e-3
 """Least noise of a force, as a share of its peak: what a sensor leaves. *Chosen*: doubled, twice as much is open of a
 vibration that is fitted exactly."""
 
 FIT_SAMPLES = 8
-"""Fewer samples are no fit of four numbers. *Chosen*, two for each: doubled, vibrations of 8 to 15 are undecided."""
+"""Samples that a fit of four numbers needs at least. *Chosen*, two for each: doubled, vibrations of 8 to 15 are
+undecided."""

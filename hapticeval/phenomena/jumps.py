@@ -48,8 +48,9 @@ class Scale:
     """A place at one sampling: `halvings` of the recorded step; the longest IHIP step there, m; and its `spread`, m.
 
     The spread is the largest distance between IHIPs around that step: it depends less on where the samples fall.
-    `hip_step`, m, is the longest of the HIP there. `follows_hand` where the IHIP moves with each step of the hand, and
-    not with the rounding of its coordinates only.
+    `hip_step`, m, is the longest of the HIP there.
+
+    `follows_hand` where the IHIP moves with each step of the hand, and not with the rounding of its coordinates only.
     """
 
     halvings: float

@@ -18,9 +18,11 @@ from hapticeval.types import Array, IntArray
 class Lag(NamedTuple):
     """How many ticks late the channels of a run are, one number each for all of it, 0 where none is seen.
 
-    The IHIP of a row answers the HIP of `ihip` ticks before. The force of a row pulls the HIP of `force_hip` ticks
-    before to the IHIP that was recorded `force_ihip` ticks before; negative where the IHIP was recorded later than the
-    force that is made of it. All lie within `LAG_TICKS`.
+    - `ihip`: the IHIP of a row answers the HIP of so many ticks before.
+    - `force_hip`, `force_ihip`: the force of a row pulls the HIP of so many ticks before to the IHIP that was recorded
+      so many ticks before. The second is negative where the IHIP was recorded later than the force that is made of it.
+
+    All lie within `LAG_TICKS`.
     """
 
     ihip: float

@@ -1,8 +1,10 @@
 """Metamorphic relations: the same contact stated otherwise gives the same answers, whatever the right answers are.
 
 They need no truth to compare with, and so apply to any renderer on any path: a mirror, another order of the model's
-vertices, each step of the hand taken in two of half the time, and a second renderer of the same kind beside. Of the
-same kind are `numerical-stability`, for a turn, a shift and a scale, and `reset-clears`, for a run after a reset.
+vertices, each step of the hand taken in two of half the time, and a second renderer of the same kind beside.
+
+Of the same kind are `numerical-stability`, for a turn, a shift and a scale, and `reset-clears`, for a run after a
+reset.
 """
 
 from __future__ import annotations

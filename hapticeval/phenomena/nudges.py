@@ -26,7 +26,9 @@ def answers_apart(runs: Runs, other: Recording, scene: Scene, *, forces: bool = 
     """Return how far the answers of another run are apart from those of the base, row by row: (n,), m.
 
     IHIPs, and forces as lengths: by the stiffness, or, of a renderer that answers a stimulus whole, by m / dt^2 where
-    that is more. Its forces are means over a tick with the impulses of all events in it, and move its tool by so much.
+    that is more.
+
+    Its forces are means over a tick with the impulses of all events in it, and move its tool by so much.
     """
     base = runs.base
     distance = np.linalg.norm(base.ihip - other.ihip, axis=1)

@@ -2,6 +2,7 @@
 
 A page begins with the question. `## Bound` gives the bound in a few lines, then its derivation as a list;
 `## What it does not see` names the other check to ask; `## When it fails` lists causes, the most common first.
+
 The formula, the level and the channels stand in the check itself, and the site draws the pictures.
 """
 

@@ -56,10 +56,10 @@ class Span:
 class Gain:
     """The work, J, that the hand has got over rows [first, last]: as the motors hold the force, and its shares.
 
-    `hold` is what holding the force for a tick adds, `lag` what else vanishes as the tick does, and `law` the limit:
-    what the force gives as a function of the hand's way. `correction` is the last one of the extrapolation to it, and
-    `open` bounds all that is not known of it; `crossed` is all that crossed in either direction, and `effort` the
-    force times the way.
+    - `hold`: what holding the force for a tick adds; `lag`: what else vanishes as the tick does.
+    - `law`: the limit of fast sampling, which the force gives as a function of the hand's way.
+    - `correction`: the last one of the extrapolation to it; `open` bounds all that is not known of it.
+    - `crossed`: all that crossed in either direction; `effort`: the force times the way.
     """
 
     what: str
@@ -78,8 +78,9 @@ class Gain:
         """Whether it is known if the hand has got anything.
 
         So it is where little of what crossed is open, and where refinement settles on what it has given: the error of a
-        trapezoid that has an impulse in it is not that large, but cannot be told from it. Along a surface a rigid
-        contact's force does no work, whatever is open of it.
+        trapezoid that has an impulse in it is not that large, but cannot be told from it.
+
+        Along a surface a rigid contact's force does no work, whatever is open of it.
         """
         settled = self.law + self.correction <= 0.0
         return settled or self.open <= max(TELLING_SHARE * self.crossed, RIGID_WORK_SHARE * self.effort)

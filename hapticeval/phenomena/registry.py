@@ -1,8 +1,10 @@
 """All checks by id: the phenomena in the order of thesis section 3.2, what Problem 7.1 asks for, and those of others.
 
 A package adds a check by an entry point of the group `hapticeval.checks`: its name is the check's id, its value a
-`Check`. Ours are listed here instead, for looking through the installed packages takes 20 ms of every process: that is
-done only for an id that is not ours, and to list all.
+`Check`.
+
+Ours are listed here instead, for looking through the installed packages takes 20 ms of every process: that is done only
+for an id that is not ours, and to list all.
 """
 
 from __future__ import annotations

@@ -2,7 +2,9 @@
 
 In free space the IHIP is the HIP. A path that is continuous where a contact begins and ends therefore has an IHIP whose
 distance from the HIP's nearest surface point vanishes with the depth, whatever the projection: to the nearest point, of
-a god-object or by a map. A tool that stays behind, or creeps away over the surface, is never off it and never jumps.
+a god-object or by a map.
+
+A tool that stays behind, or creeps away over the surface, is never off it and never jumps.
 """
 
 from __future__ import annotations
@@ -61,8 +63,9 @@ def _followed_rows(base: Recording, scene: Scene, feet: Array, distance: Array) 
 
     `feet` (n, N), m, are the model's points nearest to the HIPs, and `distance` (n,), m, is signed. A contact follows
     from where the hand comes in, or the run begins, up to where it is outside again or its nearest point jumps: there
-    are then two branches of what is nearest, and a god-object may be on either. The second result, (n,), m, is what a
-    shorter step of the nearest point may have hidden in that way.
+    are then two branches of what is nearest, and a god-object may be on either.
+
+    The second result, (n,), m, is what a shorter step of the nearest point may have hidden in that way.
     """
     contact = touching(base, scene) & ~lingering(base, scene)
     steps = np.concatenate([[0.0], hip_steps(base)])

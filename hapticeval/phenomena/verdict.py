@@ -39,8 +39,9 @@ class Metric:
 class Finding:
     """What a check found in one run: the verdict without the names of renderer, suite, case and check.
 
-    `bound` has the metric's unit, and a metric up to it passes. `evidence` says where and when: `time` (s),
-    `hip` and `ihip` (m) where they make sense, and what else the check measured, as plain JSON values.
+    `bound` has the metric's unit, and a metric up to it passes. `evidence` says where and when: `time` (s), `hip` and
+    `ihip` (m) where they make sense, and what else the check measured, as plain JSON values.
+
     `message` is one sentence for a person. `level` is the weight of this finding where it is not the check's own.
     """
 

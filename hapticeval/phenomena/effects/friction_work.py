@@ -128,9 +128,10 @@ def _stored_energy(base: Recording, load: Load, scene: Scene) -> Array:
 def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
     """Return -F_t of LuGre friction at each tick, (n, N), N, for a speed that is held over each of `parts` of a tick.
 
-    With one part that is the speed of the tick, else it goes straight from the last to that of the tick. The bristles'
-    deflection z (m) obeys z' = v - sigma0 |v| z / g(v), and F_t = -(sigma0 z + sigma1 z' + sigma2 v): Canudas de Wit et
-    al. 1995. `dt` is in s.
+    With one part that is the speed of the tick, else it goes straight from the last to that of the tick.
+
+    The bristles' deflection z (m) obeys z' = v - sigma0 |v| z / g(v), and F_t = -(sigma0 z + sigma1 z' + sigma2 v):
+    Canudas de Wit et al. 1995. `dt` is in s.
     """
     now, pressed = load.velocity, load.normal > 0.0
     press = np.where(pressed, load.normal, 1.0)

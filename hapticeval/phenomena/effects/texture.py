@@ -153,10 +153,11 @@ def welch_of(covariance: Array) -> Array:
 def spectrum_bound(count: int) -> float:
     """Return the 99.9 % quantile (dB) of the rms over bins by which Welch's estimate of `count` samples is off.
 
-    Of K windows that overlap by half, a bin's power has the variance v = (1 + 2 (1 - 1/K) / 36) / K as a share of its
-    mean squared, for Hann's window correlates by 1/6 with itself half a window later; its logarithm that of a gamma
-    distribution's, trigamma(1/v). Powers of neighbouring bins correlate by 4/9 and those beyond by 1/36, so that the
-    mean of 126 squares has the freedom of 126 / (1 + 2 (4/9)^2 + 2 (1/36)^2) = 90 of them.
+    - Of K windows that overlap by half, a bin's power has the variance v = (1 + 2 (1 - 1/K) / 36) / K, as a share of
+      its mean squared: Hann's window correlates by 1/6 with itself half a window later.
+    - Its logarithm has the variance of a gamma distribution's, trigamma(1/v).
+    - Powers of neighbouring bins correlate by 4/9 and those beyond by 1/36, so that the mean of 126 squares has the
+      freedom of 126 / (1 + 2 (4/9)^2 + 2 (1/36)^2) = 90 of them.
     """
     from scipy.special import polygamma
     from scipy.stats import chi2

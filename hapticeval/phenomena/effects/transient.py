@@ -30,9 +30,10 @@ DOUBLE = 2.0**-52
 class StruckContact(NamedTuple):
     """One contact: its ticks [begin, end), and the force (n,), N, added along the normal in these ticks.
 
-    `across` (N s) is the impulse that is added along the surface. `speed` (m/s) is that of the approach, `expected`
-    (N s) the impulse that the effect gives it in `needs` seconds, and `rounding` (n,), N, what number formats leave
-    open of the added force.
+    - `across` (N s): the impulse that is added along the surface.
+    - `speed` (m/s): that of the approach.
+    - `expected` (N s): the impulse that the effect gives it in `needs` seconds.
+    - `rounding` (n,), N: what number formats leave open of the added force.
     """
 
     begin: int
