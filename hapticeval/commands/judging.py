@@ -355,7 +355,7 @@ def replay(
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.memory import limited
     from hapticeval.replay.as_recorded import unstated_renderer
-    from hapticeval.replay.subject import subject
+    from hapticeval.replay.subject import make_replay_case
 
     directory = directory or Path(f"replay-{file_stem(file.stem)}")
     # New results remove the recordings of earlier ones.
@@ -367,7 +367,7 @@ def replay(
         )
     with limited(memory_limit):
         recording = load(file, mapping=mapping, format=format_)
-    replay_case = subject(
+    replay_case = make_replay_case(
         file, recording, model=_model_table(model), suite_case=suite_case, scene=scene or (),
         unsaid=unstated_renderer(recording, renderers or ()) if as_recorded else None,
     )  # fmt: skip

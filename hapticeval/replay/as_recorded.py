@@ -145,31 +145,31 @@ class AsRecorded:
         return "\n".join([head, *(f"  {channel.describe()}" for channel in self.channels), *ends])
 
 
-def as_recorded(subject: ReplayCase, renderers: Sequence[str] = ()) -> AsRecorded:
+def as_recorded(replay_case: ReplayCase, renderers: Sequence[str] = ()) -> AsRecorded:
     """Compute the recorded renderer again along the log's own HIP, and compare with the log's IHIP and force.
 
     The renderer is the recording's (`meta["renderer"]`) or the one of `renderers`. Raises `InputError` where neither
     or several are named, where the log has neither IHIP nor force, and for a renderer with tool physics of its own:
     its recorded HIP is its tool, not the hand that it was given.
     """
-    names = list(renderers) or _named(subject.recording)
+    names = list(renderers) or _named(replay_case.recording)
     if len(names) != 1:
         raise InputError(
-            f"{subject.file} does not say its renderer" if not names else "more than one renderer is named",
+            f"{replay_case.file} does not say its renderer" if not names else "more than one renderer is named",
             why="the log is compared with one renderer's answer",
             todo="name it: --as-recorded -r constraint",
         )
-    scene = subject.case.build_scene()
+    scene = replay_case.case.build_scene()
     renderer = make_renderer(
-        resolve(names[0]) if renderers else resolve_installed(names[0], source=subject.file), scene
+        resolve(names[0]) if renderers else resolve_installed(names[0], source=replay_case.file), scene
     )
     if not isinstance(renderer, Renderer):
         raise InputError(
-            f"'{names[0]}' cannot be computed again from {subject.file}",
+            f"'{names[0]}' cannot be computed again from {replay_case.file}",
             why="it has tool physics of its own: the recorded HIP is its tool, and what led it was not recorded",
             todo="run its case again, which is repeatable",
         )
-    path = hand_path(subject)
+    path = hand_path(replay_case)
     log, step = path.recording, path.recording.meta.get("dt")
     if log.meta.get("source") == LIVE_SOURCE and log.valid is None and step is not None:
         # Our own loop gives a renderer the same step each cycle and never resets it, also where cycles were missed.
@@ -189,10 +189,11 @@ def as_recorded(subject: ReplayCase, renderers: Sequence[str] = ()) -> AsRecorde
     )
     if not deviations:
         raise InputError(
-            f"{subject.file} has neither IHIP nor force", why="there is nothing to compare the renderer's answer with"
+            f"{replay_case.file} has neither IHIP nor force",
+            why="there is nothing to compare the renderer's answer with",
         )
     ended = tuple(part.ended for part in parts if part.ended)
-    return AsRecorded(subject.file, names[0], len(log), deviations, ended, path.suspicious)
+    return AsRecorded(replay_case.file, names[0], len(log), deviations, ended, path.suspicious)
 
 
 def unstated_renderer(recording: Recording, renderers: Sequence[str]) -> Mapping[str, str]:

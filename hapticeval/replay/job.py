@@ -33,7 +33,7 @@ from hapticeval.suite.suite import Suite
 class ReplayTask:
     """The runner's work: judge the recorded run, or replay its hand `path` through the job's renderer."""
 
-    subject: ReplayCase
+    replay_case: ReplayCase
     path: HandPath
 
     def __call__(self, job: Job, directory: Path | None, seed: int) -> JudgedJob:
@@ -105,7 +105,7 @@ class ReplayTask:
     ) -> results.Replay:
         path, rows = self.path, sum(map(len, parts))
         return results.Replay(
-            file=self.subject.file,
+            file=self.replay_case.file,
             note=note,
             clock=describe_clock(path.recording, path.stretches),
             stretches=len(parts),
@@ -118,8 +118,8 @@ class ReplayTask:
         )
 
 
-def replay_plan(subject: ReplayCase, renderers: Sequence[str], *, seed: int = 0) -> Plan:
-    """Plan the recorded run and each of `renderers` for the runner, with `prepared(subject)` as its work.
+def replay_plan(replay_case: ReplayCase, renderers: Sequence[str], *, seed: int = 0) -> Plan:
+    """Plan the recorded run and each of `renderers` for the runner, with `prepare_replay(replay_case)` as its work.
 
     Raises what `resolve` raises, and `InputError` for a renderer that would be taken for the recorded run.
     """
@@ -130,18 +130,18 @@ def replay_plan(subject: ReplayCase, renderers: Sequence[str], *, seed: int = 0)
     # Unknown names are an error now, not in the middle of a run.
     for name in names:
         resolve(name)
-    case = subject.case
+    case = replay_case.case
     suite = Suite(name=REPLAY_SUITE, title=case.title, citation="", cases=(case,), rows=())
     jobs = tuple(Job(REPLAY_SUITE, case, name) for name in (RECORDED, *names))
     return Plan((suite,), (RECORDED, *names), jobs, (), seed)
 
 
-def prepare_replay(subject: ReplayCase) -> ReplayTask:
+def prepare_replay(replay_case: ReplayCase) -> ReplayTask:
     """Return the work of a replay: what of the recording is sound is found once, for all renderers.
 
     Raises `InputError` where no two sound samples follow each other.
     """
-    return ReplayTask(subject, hand_path(subject))
+    return ReplayTask(replay_case, hand_path(replay_case))
 
 
 RANK = (Outcome.FAIL, Outcome.ERROR, Outcome.PASS, Outcome.INCONCLUSIVE, Outcome.NOT_APPLICABLE)

@@ -57,13 +57,13 @@ class HandPath:
         return backward_difference(self.hip[stretch.rows], self.recording.time[stretch.rows])
 
 
-def hand_path(subject: ReplayCase) -> HandPath:
+def hand_path(replay_case: ReplayCase) -> HandPath:
     """Find the hand path of a recording. Raises `InputError` where no two sound samples follow each other.
 
     A simulated recording is examined for gaps only, any other as `inspect` does it, with the model that it is replayed
     with, and the stiffness of a spring without damping.
     """
-    recording, scene = subject.recording, subject.case.build_scene()
+    recording, scene = replay_case.recording, replay_case.case.build_scene()
     recording.require("hip")
     if recording.meta.get("source") in SIMULATED:
         gapless = stretches(recording)
@@ -87,7 +87,7 @@ def hand_path(subject: ReplayCase) -> HandPath:
         path = HandPath(recording, hand_stretches, judged, tuple(left), tuple(_suspicious(report.faults)))
     if not path.stretches:
         raise InputError(
-            f"{subject.file} has no stretch of hand path to replay",
+            f"{replay_case.file} has no stretch of hand path to replay",
             why="no two sound samples follow each other",
             todo="look at it with `hapticeval inspect`",
         )

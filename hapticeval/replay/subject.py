@@ -41,7 +41,7 @@ class ReplayCase:
     case: Case
 
 
-def subject(
+def make_replay_case(
     file: Path,
     recording: Recording,
     *,

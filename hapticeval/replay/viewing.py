@@ -15,7 +15,7 @@ from hapticeval.recordings.provenance import LINE_MODEL, model_of, scene_of
 from hapticeval.recordings.recording import Recording
 from hapticeval.replay import RECORDED
 from hapticeval.replay.job import prepare_replay
-from hapticeval.replay.subject import REPLAY_SUITE, subject
+from hapticeval.replay.subject import REPLAY_SUITE, make_replay_case
 from hapticeval.runner.outcome import run_entry
 from hapticeval.runner.planning import Job
 from hapticeval.runner.results import RunEntry, SceneEntry, VerdictEntry
@@ -40,11 +40,12 @@ def view_recording(
     suite_case: str | None = None,
     scene: Sequence[str] = (),
 ) -> Viewed:
-    """Return the recorded run, judged as a replay judges it; see `subject` for what is given.
+    """Return the recorded run, judged as a replay judges it; see `make_replay_case` for what is given.
 
     Where neither that nor the recording names the model and the stiffness, it is shown and not judged. A recording in
-    one dimension that names no model is before a wall, `line`. Raises `InputError` as `subject` and `hand_path` do, and
-    for a recording without a HIP.
+    one dimension that names no model is before a wall, `line`.
+
+    Raises `InputError` as `make_replay_case` and `hand_path` do, and for a recording without a HIP.
     """
     recording.require("hip")
     # A run in one dimension needs no model: what it touches is a wall.
@@ -58,7 +59,7 @@ def view_recording(
     # Shown all the same: a page of a recording is of use without verdicts.
     if missing:
         return _unjudged(file, recording, touched, f"Not judged, for want of {' and '.join(missing)}.")
-    replay_case = subject(
+    replay_case = make_replay_case(
         file, recording, model=touched if suite_case is None else model, suite_case=suite_case, scene=scene
     )
     # The runner's own work, done here at once: the page shows what a replay's report would.

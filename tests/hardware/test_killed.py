@@ -18,7 +18,7 @@ from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.journal import recover
 from hapticeval.replay.as_recorded import as_recorded
 from hapticeval.replay.job import prepare_replay, replay_plan
-from hapticeval.replay.subject import subject
+from hapticeval.replay.subject import make_replay_case
 
 pytestmark = pytest.mark.system
 
@@ -65,7 +65,7 @@ def closed(journal):
 
 def verdicts(path, folder):
     """The checks of a replay, by column and check: outcome, metric and bound."""
-    made = subject(path, read_recording(path))
+    made = make_replay_case(path, read_recording(path))
     plan = replay_plan(made, ["minimum-distance+pp-pd", "constraint"])
     work = prepare_replay(made)
     found = {}
@@ -98,7 +98,7 @@ def test_the_twin_of_a_loop_that_is_killed_before_it_begins_ends():
 def test_a_killed_run_is_the_run_up_to_there(tmp_path):
     _, whole = recorded(tmp_path, twin_of(wired()), wired(), cycles=CYCLES, name="whole")
     write_recording(tmp_path / "whole.h5", whole)
-    follows = as_recorded(subject(tmp_path / "whole.h5", whole))
+    follows = as_recorded(make_replay_case(tmp_path / "whole.h5", whole))
     assert follows.follows
     assert [each.largest for each in follows.channels] == [0.0, 0.0]
     done = subprocess.run([sys.executable, "-c", DOOMED, str(tmp_path)], check=False, timeout=120.0)

@@ -20,7 +20,7 @@ from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.as_recorded import as_recorded
 from hapticeval.replay.job import merge_findings, prepare_replay, replay_plan
-from hapticeval.replay.subject import subject
+from hapticeval.replay.subject import make_replay_case
 from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.runner.execution import execute
 from hapticeval.runner.planning import plan
@@ -107,7 +107,7 @@ def file_of(folder, case, renderer):
 
 
 def opened(file, **options):
-    return subject(file, read_recording(file), **options)
+    return make_replay_case(file, read_recording(file), **options)
 
 
 BESIDE = 0.102
@@ -129,7 +129,7 @@ def circle_run(time, *, radius=0.098, hip=None, meta=None, channels=("ihip", "fo
 
 def replayed(recording, tmp_path, renderers, **options):
     """Results and recordings by renderer of a replay, in this process."""
-    made = subject(tmp_path / "log.h5", recording, **options)
+    made = make_replay_case(tmp_path / "log.h5", recording, **options)
     work = prepare_replay(made)
     out = {}
     for job in replay_plan(made, renderers).jobs:
@@ -241,7 +241,7 @@ def test_what_leads_out_of_a_renderers_domain_ends_the_stretch(tmp_path, countin
     judged, recording = replayed(outside, tmp_path, ["countingmodule:Bounded"])["countingmodule:Bounded"]
     assert judged.error is not None
     assert "beyond the edge" in str(judged.error)
-    found = as_recorded(subject(tmp_path / "log.h5", log), ["countingmodule:Bounded"])
+    found = as_recorded(make_replay_case(tmp_path / "log.h5", log), ["countingmodule:Bounded"])
     assert not found.follows
     assert "gives no answer from" in found.describe()
 
@@ -353,7 +353,7 @@ def test_how_a_log_departs_from_its_renderer_is_told(tmp_path, change, words, fo
     hip = (0.1 - depth)[:, None] * np.column_stack([np.cos(2 * time), np.sin(2 * time)])
     recording = circle_run(time, hip=hip)
     log = Recording(time, {**recording.channels, "force": change(recording.force)}, recording.meta)
-    found = as_recorded(subject(tmp_path / "log.h5", log))
+    found = as_recorded(make_replay_case(tmp_path / "log.h5", log))
     assert found.channels[0].largest == 0.0
     assert words in found.channels[1].describe()
     assert found.follows is follows
@@ -363,7 +363,7 @@ def test_a_text_log_follows_to_its_last_decimal(tmp_path):
     time = np.arange(200) * 1e-3
     recording = circle_run(time)
     rounded = {name: np.round(values, 5) for name, values in recording.channels.items()}
-    found = as_recorded(subject(tmp_path / "log.h5", Recording(time, rounded, recording.meta)))
+    found = as_recorded(make_replay_case(tmp_path / "log.h5", Recording(time, rounded, recording.meta)))
     assert found.follows, found.describe()
     assert found.channels[0].largest > 1e-6
     assert found.channels[0].tolerance < 1e-4
@@ -383,20 +383,20 @@ def test_a_text_log_follows_to_its_last_decimal(tmp_path):
 )
 def test_what_the_recording_does_not_say_must_be_given(tmp_path, meta, options, message):
     with pytest.raises(InputError) as caught:
-        subject(tmp_path / "log.h5", circle_run(np.arange(9) * 1e-3, meta=meta), **options)
+        make_replay_case(tmp_path / "log.h5", circle_run(np.arange(9) * 1e-3, meta=meta), **options)
     assert message in str(caught.value)
 
 
 def test_the_scene_is_the_given_one_over_the_recordings(tmp_path):
     recording = circle_run(np.arange(9) * 1e-3)
-    case = subject(tmp_path / "log.h5", recording, scene=["stiffness=400", "bilateral=true"]).case
+    case = make_replay_case(tmp_path / "log.h5", recording, scene=["stiffness=400", "bilateral=true"]).case
     assert case.scene["stiffness"] == 400.0
     assert case.build_scene().bilateral
-    other = subject(tmp_path / "log.h5", recording, suite_case="thesis/star-convex-corner").case
+    other = make_replay_case(tmp_path / "log.h5", recording, suite_case="thesis/star-convex-corner").case
     assert other.model["kind"] == "star"
     assert "broken-contact" in other.checks
     with pytest.raises(UnknownNameError, match="stiffness"):
-        subject(tmp_path / "log.h5", recording, scene=["stifness=1"])
+        make_replay_case(tmp_path / "log.h5", recording, scene=["stifness=1"])
 
 
 def finding(outcome, value=None):
