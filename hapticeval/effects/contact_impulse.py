@@ -46,10 +46,10 @@ class ContactImpulse(Effect):
 
     def change(self, scene: Calling) -> Part:
         """Assemble the blow: `params` are the cap, 1 + c_r and the device's."""
-        from hapticeval.effects.transient_kernels import STATE, strike
+        from hapticeval.effects.transient_kernels import STATE, give_impulse
 
         params = [self.cap, 1.0 + scene.restitution, *scene.robot.parameters]
-        return Part(strike, np.array(params), state=np.zeros((STATE, scene.model.dimension)))
+        return Part(give_impulse, np.array(params), state=np.zeros((STATE, scene.model.dimension)))
 
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe it with its cap."""

@@ -51,7 +51,7 @@ class Encoder(Effect):
 
     def part(self, ticks: int, size: int, dt: float) -> Part:  # noqa: ARG002 - as every effect
         """Assemble the rounding: `params` is the step."""
-        return Part(count, np.array([self.step]))
+        return Part(round_to_counts, np.array([self.step]))
 
     def describe(self, *, turning: bool) -> str:
         """Describe the step, and the counts per turn it is."""
@@ -60,7 +60,9 @@ class Encoder(Effect):
         return f"encoders of {format_quantity(self.step, 'rad' if turning else 'm')} a count{counts}"
 
 
-def count(params: Array, samples: Array, state: Array, tick: int, dt: float, joints: Array, rates: Array) -> float:  # noqa: ARG001
+def round_to_counts(
+    params: Array, samples: Array, state: Array, tick: int, dt: float, joints: Array, rates: Array  # noqa: ARG001
+) -> float:  # fmt: skip
     """Round `joints` (N,), rad or m, to whole counts of the encoder: multiples of its step, `params` (1,)."""
     for i in range(joints.shape[0]):
         joints[i] = params[0] * float(np.rint(joints[i] / params[0]))

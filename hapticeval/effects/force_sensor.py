@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from hapticeval.effects.effect import Effect, Part, Stage, number
-from hapticeval.effects.velocity_filter import blend
+from hapticeval.effects.velocity_filter import low_pass_share
 from hapticeval.quantity import format_quantity
 from hapticeval.types import Array
 
@@ -34,7 +34,7 @@ class ForceSensor(Effect):
     def part(self, ticks: int, size: int, dt: float) -> Part:
         """Assemble the sensor: `params` are step and blend, `samples` the noise, `state` (1, N) the filtered force."""
         noise = self.noise * np.random.default_rng(self.seed).standard_normal((ticks, size))
-        return Part(measure, np.array([self.step, blend(self.cutoff, dt)]), noise, np.zeros((1, size)))
+        return Part(measure_force, np.array([self.step, low_pass_share(self.cutoff, dt)]), noise, np.zeros((1, size)))
 
     def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
         """Describe what of it is not ideal."""
@@ -48,7 +48,9 @@ class ForceSensor(Effect):
         return "force sensor" + (f" ({', '.join(imperfections)})" if imperfections else ", ideal")
 
 
-def measure(params: Array, samples: Array, state: Array, tick: int, dt: float, force: Array, unused: Array) -> float:  # noqa: ARG001
+def measure_force(
+    params: Array, samples: Array, state: Array, tick: int, dt: float, force: Array, unused: Array  # noqa: ARG001
+) -> float:  # fmt: skip
     """Replace the hand's `force` (N,), N, by what a sensor gives of it: low-passed, with noise, and rounded.
 
     `params` (2,) are the quantum (N) and the low-pass's share of a new value; `samples` (ticks, N) the noise, N;

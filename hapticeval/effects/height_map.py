@@ -212,7 +212,9 @@ class HeightMap(Relief):
             hip = foot - depth * normal
             ihip, force = ask(foot + depth * normal, hip)
             spring = scene.stiffness * (foot - hip)
-            if max(apart(ihip, foot) / depth, apart(force, spring) / float(np.linalg.norm(spring))) > ALIKE:
+            off_foot = distance_between(ihip, foot) / depth
+            off_spring = distance_between(force, spring) / float(np.linalg.norm(spring))
+            if max(off_foot, off_spring) > ALIKE:
                 refusal = RefusalError(
                     "the scene calls for height-map",
                     why="that is the potential of a spring to the nearest point, and at "
@@ -230,6 +232,6 @@ class HeightMap(Relief):
         return self._part(scene, raise_surface)
 
 
-def apart(one: Array, other: Array) -> float:
+def distance_between(one: Array, other: Array) -> float:
     """Return the distance (m) of two points (N,), m, or of two forces (N,), N; nan of what is not finite."""
     return math.dist(one, other)

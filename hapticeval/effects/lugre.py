@@ -122,7 +122,7 @@ class LuGre(Effect):
         )
 
     def change(self, scene: Calling) -> Part:
-        """Assemble the bristles: `params` and `state` as `bend` takes them."""
+        """Assemble the bristles: `params` and `state` as `bend_bristles` takes them."""
         params = [
             self.stiffness,
             self.damping,
@@ -133,10 +133,10 @@ class LuGre(Effect):
             self.fade or np.inf,
             float(scene.bilateral),
         ]
-        return Part(bend, np.array(params), state=np.zeros((3, scene.model.dimension)))
+        return Part(bend_bristles, np.array(params), state=np.zeros((3, scene.model.dimension)))
 
 
-def bend(
+def bend_bristles(
     numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:  # fmt: skip
     """Bend the bristles by one tick and add their force to `force`: the module's model, by its exact step.

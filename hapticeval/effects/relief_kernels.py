@@ -22,7 +22,7 @@ FLAT = 1e-9
 
 
 @borrowing
-def relief(params: Array, cells: Array, frame: Array, slope: Array) -> float:
+def height_and_slope(params: Array, cells: Array, frame: Array, slope: Array) -> float:
     """Return the relief's height over a surface point, and write its gradient along the surface, which has no unit.
 
     `params` are as named above; `cells` (k, 4) are the cubics of a profile over one wavelength, m, empty for a sine;
@@ -63,7 +63,7 @@ def relief(params: Array, cells: Array, frame: Array, slope: Array) -> float:
 
 
 @borrowing
-def spread(frame: Array, depth: float, slope: Array) -> bool:
+def gradient_at_depth(frame: Array, depth: float, slope: Array) -> bool:
     """Turn a gradient on the surface into the one that a hand below it moves along: (I - depth W)^-1 times it.
 
     `slope` (N,) is replaced; `frame` (3 + N, N) holds the shape operator W (1/m) of the surface from row `SHAPE` on,
@@ -109,7 +109,7 @@ def raise_surface(
     params, count = numbers.params, hip.shape[0]
     frame, slope = numbers.state[: 3 + count], numbers.state[3 + count]
     depth = -closest.function(closest.data, hip, frame)
-    height = relief(params, numbers.samples, frame, slope)
+    height = height_and_slope(params, numbers.samples, frame, slope)
     bilateral, stiffness = params[BILATERAL] != 0.0, params[STIFFNESS]
     if not bilateral and depth + height <= 0.0:  # the hand is above the relief: free space
         for i in range(count):
@@ -121,7 +121,7 @@ def raise_surface(
     # between the bare surface and the relief the renderer has no contact, and its IHIP is the HIP
     if in_contact and math.sqrt(foot_error_squared) > NEAR * params[WAVE]:
         return 1
-    if not spread(frame, depth, slope):
+    if not gradient_at_depth(frame, depth, slope):
         return 2
     for i in range(count):
         # F = K (d + h) (n - (I - d W)^-1 grad h), of which K d n is the renderer's where it has contact
@@ -147,7 +147,7 @@ def turn_normal(
     count = hip.shape[0]
     frame, slope = numbers.state[: 3 + count], numbers.state[3 + count]
     closest.function(closest.data, ihip, frame)
-    relief(numbers.params, numbers.samples, frame, slope)
+    height_and_slope(numbers.params, numbers.samples, frame, slope)
     force_on_normal, slope_squared = 0.0, 0.0
     for i in range(count):
         force_on_normal += force[i] * frame[NORMAL, i]

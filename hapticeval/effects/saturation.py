@@ -24,10 +24,12 @@ class Saturation(Effect):
 
     def part(self, ticks: int, size: int, dt: float) -> Part:  # noqa: ARG002 - as every effect
         """Assemble the limit: `params`."""
-        return Part(clip, np.array([self.limit]))
+        return Part(clip_torque, np.array([self.limit]))
 
 
-def clip(params: Array, samples: Array, state: Array, tick: int, dt: float, torque: Array, before: Array) -> float:  # noqa: ARG001
+def clip_torque(
+    params: Array, samples: Array, state: Array, tick: int, dt: float, torque: Array, before: Array  # noqa: ARG001
+) -> float:  # fmt: skip
     """Clip each motor's `torque` (N,), N m (N for the point mass), to ± the limit, `params` (1,)."""
     for i in range(torque.shape[0]):
         torque[i] = min(max(torque[i], -params[0]), params[0])

@@ -21,7 +21,7 @@ ON_EDGE = 1e-10
 
 
 @borrowing
-def lean(faces: Array, vertices: Array, table: Array, k: int, ihip: Array, hip: Array, frame: Array) -> None:
+def write_normals(faces: Array, vertices: Array, table: Array, k: int, ihip: Array, hip: Array, frame: Array) -> None:
     """Write the normal that a force is turned from and the one that it is turned to, at a point of triangle k.
 
     They are the rows `OWN` and `SHADED` of `frame` (ROWS, 3), whose row FOOT is the point; `ihip` and `hip` (3,), m,
@@ -82,7 +82,7 @@ def shade_mesh(
     frame, data = numbers.state, closest.data
     closest.function(data, ihip, frame)
     # the code of the closest point keeps the triangle that it found in its state
-    lean(data.segments, data.vertices, numbers.samples, int(data.state[0]), ihip, hip, frame)
+    write_normals(data.segments, data.vertices, numbers.samples, int(data.state[0]), ihip, hip, frame)
     force_on_own, force_on_sum, cosine = 0.0, 0.0, 0.0
     for i in range(3):
         force_on_own += force[i] * frame[OWN, i]

@@ -103,10 +103,10 @@ class Texture(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     def between(self, speed: float, force: float) -> Filter:
         """Return the filter at a speed (m/s) and force (N), as the kernel interpolates it."""
-        from hapticeval.effects.texture_kernels import look_up
+        from hapticeval.effects.texture_kernels import filters_at
 
         rows = self.rows()
-        triangle, *shares = look_up(rows, len(self.filters), speed, force, 0)
+        triangle, *shares = filters_at(rows, len(self.filters), speed, force, 0)
         mixed = np.zeros(rows.shape[1])
         for corner, share in zip(rows[len(self.filters) + triangle, :3], shares, strict=True):
             mixed += share * rows[int(corner)]

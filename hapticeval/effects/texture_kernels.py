@@ -22,7 +22,7 @@ SHARES, HULL, SCALE = 3, 9, 12
 CLOCK, KEPT, SMOOTH, LAST, BEFORE = 2, 3, 4, 5, 6
 """Rows of `state` after the frame: phase (samples) and number of the next noise; triangle and vibration (m/s^2); speed
 and force as low-passed, negative before a contact; the direction of the vibration; and from the last on what was:
-vibrations in column 0, excitations in column 1, and behind them the scratch of `tail`."""
+vibrations in column 0, excitations in column 1, and behind them the scratch of `filter_past`."""
 
 HALF = 0xFFFF
 WORD = 0xFFFFFFFF
@@ -63,7 +63,7 @@ def normal_noise(number: int, seed: int) -> float:
 
 
 @borrowing
-def look_up(rows: Array, count: int, speed: float, force: float, guess: int) -> tuple[int, float, float, float]:
+def filters_at(rows: Array, count: int, speed: float, force: float, guess: int) -> tuple[int, float, float, float]:
     """Return which filters are mixed at a speed (m/s) and force (N): a triangle of them, and its corners' shares.
 
     `rows` (n, k) are the `count` filters and then the triangles of `Texture.rows`; the search begins at the
@@ -102,12 +102,12 @@ def look_up(rows: Array, count: int, speed: float, force: float, guess: int) -> 
 
 
 @borrowing
-def weighted(
+def mean_of_corners(
     rows: Array, count: int, location: tuple[int, float, float, float], column: int
 ) -> float:  # fmt: skip
     """Return the mean of a column of filters over a triangle's corners, by their shares, in the column's unit.
 
-    `rows` (n, k) and `location` are what `look_up` takes and gives; `count` is that of the filters. Units are the
+    `rows` (n, k) and `location` are what `filters_at` takes and gives; `count` is that of the filters. Units are the
     columns', such as m/s, N or rad.
     """
     row = count + location[0]
@@ -119,7 +119,7 @@ def weighted(
 
 
 @borrowing
-def tail(
+def filter_past(
     rows: Array, count: int, location: tuple[int, float, float, float], first: int, order: int, work: Array, column: int
 ) -> float:  # fmt: skip
     """Return what a filter takes from its past, a_1 x_1 + ... + a_p x_p, m/s^2, at the mean of three filters.
@@ -135,7 +135,7 @@ def tail(
         work[scratch_row, part] = 1.0
         degree = 0
         for k in range(part, order, 2):
-            middle_coefficient = -2.0 * math.cos(weighted(rows, count, location, first + k))
+            middle_coefficient = -2.0 * math.cos(mean_of_corners(rows, count, location, first + k))
             work[scratch_row + degree + 1, part], work[scratch_row + degree + 2, part] = 0.0, 0.0
             degree += 2
             # times 1 - 2 cos(w) z^-1 + z^-2, in place: from the highest power on
@@ -161,18 +161,22 @@ def tail(
 
 
 @borrowing
-def sample(params: Array, rows: Array, location: tuple[int, float, float, float], number: int, work: Array) -> float:
+def next_vibration(
+    params: Array, rows: Array, location: tuple[int, float, float, float], number: int, work: Array
+) -> float:
     """Return the next vibration, m/s^2, y = gain (w + b_1 w_1 + ...) - a_1 y_1 - ..., of white noise w.
 
-    `params` (7,) and `rows` (n, k) are the texture's, `location` that of `look_up`, and `number` counts the noise.
+    `params` (7,) and `rows` (n, k) are the texture's, `location` that of `filters_at`, and `number` counts the noise.
     `work` (n, N) holds the past y in column 0 and w in column 1, and is moved on by one.
     """
     poles, zeros, count = int(params[POLES]), int(params[ZEROS]), int(params[FILTERS])
-    excitation = math.sqrt(max(weighted(rows, count, location, VARIANCE), 0.0)) * normal_noise(
+    excitation = math.sqrt(max(mean_of_corners(rows, count, location, VARIANCE), 0.0)) * normal_noise(
         number, int(params[SEED])
     )
-    value = excitation + tail(rows, count, location, LINES + poles, zeros, work, 1)
-    value = weighted(rows, count, location, GAIN) * value - tail(rows, count, location, LINES, poles, work, 0)
+    value = excitation + filter_past(rows, count, location, LINES + poles, zeros, work, 1)
+    value = mean_of_corners(rows, count, location, GAIN) * value - filter_past(
+        rows, count, location, LINES, poles, work, 0
+    )
     for i in range(work.shape[0] - LONGEST_WORK - 1, 0, -1):
         work[i, 0], work[i, 1] = work[i - 1, 0], work[i - 1, 1]
     work[0, 0], work[0, 1] = value, excitation
@@ -226,9 +230,9 @@ def vibrate(
     while state[CLOCK, 0] >= 1.0 - ON_TIME:
         state[SMOOTH, 0] += smoothing * (speed - state[SMOOTH, 0])
         state[SMOOTH, 1] += smoothing * (normal_force - state[SMOOTH, 1])
-        location = look_up(rows, int(params[FILTERS]), state[SMOOTH, 0], state[SMOOTH, 1], int(state[KEPT, 0]))
+        location = filters_at(rows, int(params[FILTERS]), state[SMOOTH, 0], state[SMOOTH, 1], int(state[KEPT, 0]))
         state[KEPT, 0] = location[0]
-        state[KEPT, 1] = sample(params, rows, location, int(state[CLOCK, 1]), work)
+        state[KEPT, 1] = next_vibration(params, rows, location, int(state[CLOCK, 1]), work)
         state[CLOCK, 0] -= 1.0
         state[CLOCK, 1] += 1.0
     push = params[MASS] * state[KEPT, 1]

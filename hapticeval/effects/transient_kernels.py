@@ -32,7 +32,7 @@ SAME = 1e-9
 
 
 @borrowing
-def meet(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Array, force: Array) -> float:
+def contact_phase(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Array, force: Array) -> float:
     """Return what a transient has to know of a tick: whether a contact begins in it, goes on, or there is none.
 
     That is FREE in the tick in which one begins, TOUCHES after that, and UNKNOWN without contact. Contact is a force,
@@ -65,7 +65,7 @@ def meet(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Arra
 
 
 @borrowing
-def give(numbers: Numbers, requested: float, dt: float, force: Array) -> None:
+def add_capped_force(numbers: Numbers, requested: float, dt: float, force: Array) -> None:
     """Add a transient's force to the renderer's, along the direction, and keep for later what is above the cap.
 
     `requested` (N) is the transient's at this tick of `dt` s, and `force` (N,), N, is changed in place.
@@ -80,7 +80,7 @@ def give(numbers: Numbers, requested: float, dt: float, force: Array) -> None:
         force[i] += given_force * state[DIRECTION, i]
 
 
-def strike(
+def give_impulse(
     numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:
     """Take a collision's momentum out of the device in its first tick: the impulse (1 + c_r) m_n v along n of (4.21).
@@ -90,7 +90,7 @@ def strike(
     the device does not reach, and else 0.
     """
     state, params = numbers.state, numbers.params
-    phase = meet(state, closest, hip, velocity, ihip, force)
+    phase = contact_phase(state, closest, hip, velocity, ihip, force)
     if phase == UNKNOWN:
         return 0
     requested = 0.0
@@ -100,12 +100,12 @@ def strike(
         if not mass > 0.0:
             return 1
         requested = params[1] * mass * state[PULSE, 1] / dt  # all of it in one tick
-    give(numbers, requested, dt, force)
+    add_capped_force(numbers, requested, dt, force)
     return 0
 
 
 @borrowing
-def rung(decay: float, omega: float, time: float) -> float:
+def ringing_integral(decay: float, omega: float, time: float) -> float:
     """Return the integral of e^(-Bt) sin(wt), s, up to `time` (s), less that over all time; B and w in 1/s."""
     oscillation = decay * math.sin(omega * time) + omega * math.cos(omega * time)
     return -math.exp(-decay * time) * oscillation / (decay * decay + omega * omega)
@@ -118,21 +118,21 @@ def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: fl
     `numbers.params` (4,) are the cap (N), L (N s/m), B (1/s) and w (rad/s). Returns 0: it refuses nothing.
     """
     state, params = numbers.state, numbers.params
-    if meet(state, closest, hip, velocity, ihip, force) == UNKNOWN:
+    if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN:
         return 0
     time, decay, omega = state[CONTACT, 1], params[2], params[3]
     requested = 0.0
     if decay * time < SPENT and state[PULSE, 1] > 0.0:
         # the mean over the tick, so that the impulse is the integral's whatever the sampling time
-        area = rung(decay, omega, time + dt) - rung(decay, omega, time)
+        area = ringing_integral(decay, omega, time + dt) - ringing_integral(decay, omega, time)
         requested = params[1] * state[PULSE, 1] * area / dt
     state[CONTACT, 1] = time + dt
-    give(numbers, requested, dt, force)
+    add_capped_force(numbers, requested, dt, force)
     return 0
 
 
 @borrowing
-def given_until(pulse: Array, step: float, time: float) -> float:
+def impulse_until(pulse: Array, step: float, time: float) -> float:
     """Return the impulse (N s) that a pulse has given up to `time` (s) after it began.
 
     `pulse` (2, n) has its samples, N, each held for `step` s, and their sums before each.
@@ -158,7 +158,7 @@ def replay(
     Returns 0: it refuses nothing.
     """
     state, pulse, step = numbers.state, numbers.samples, numbers.params[1]
-    if meet(state, closest, hip, velocity, ihip, force) == UNKNOWN:
+    if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN:
         return 0
     time = state[CONTACT, 1]
     requested = 0.0
@@ -167,7 +167,7 @@ def replay(
         if abs(dt - step) <= SAME * step and abs(time - tick * step) <= SAME * (time + step):
             requested = pulse[0, min(tick, pulse.shape[1] - 1)]
         else:
-            requested = (given_until(pulse, step, time + dt) - given_until(pulse, step, time)) / dt
+            requested = (impulse_until(pulse, step, time + dt) - impulse_until(pulse, step, time)) / dt
     state[CONTACT, 1] = time + dt
-    give(numbers, requested, dt, force)
+    add_capped_force(numbers, requested, dt, force)
     return 0

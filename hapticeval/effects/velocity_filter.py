@@ -12,7 +12,7 @@ from hapticeval.effects.effect import Effect, Part, Stage, number
 from hapticeval.types import Array
 
 
-def blend(cutoff: float, dt: float) -> float:
+def low_pass_share(cutoff: float, dt: float) -> float:
     """Return the share of the new value that a low-pass of `cutoff` (Hz) takes in a tick of `dt` s; 1 for inf."""
     return -math.expm1(-2.0 * math.pi * cutoff * dt)
 
@@ -33,14 +33,16 @@ class VelocityFilter(Effect):
 
     def part(self, ticks: int, size: int, dt: float) -> Part:  # noqa: ARG002 - as every effect
         """Assemble the filter: `params` is its blend, `state` (2, N) the last positions and rates."""
-        return Part(difference, np.array([blend(self.cutoff, dt)]), state=np.zeros((2, size)))
+        return Part(filtered_difference, np.array([low_pass_share(self.cutoff, dt)]), state=np.zeros((2, size)))
 
     def active(self, damping: float) -> str | None:
         """Return why it gives energy away where a damper acts on the filtered velocity; None without damping."""
         return "a damper on a filtered velocity is late, and so gives energy away" if damping > 0.0 else None
 
 
-def difference(params: Array, samples: Array, state: Array, tick: int, dt: float, joints: Array, rates: Array) -> float:  # noqa: ARG001
+def filtered_difference(
+    params: Array, samples: Array, state: Array, tick: int, dt: float, joints: Array, rates: Array  # noqa: ARG001
+) -> float:  # fmt: skip
     """Replace joint `rates` (N,), rad/s or m/s, by the low-passed difference of joint positions (N,), rad or m.
 
     `params` (1,) is the low-pass's share of a new value; `state` (2, N) the positions and rates of the last sample.

@@ -16,7 +16,7 @@ import numpy as np
 from hapticeval.devices.catalogue import make_device, parameters_of
 from hapticeval.devices.device import Device, checked_joints
 from hapticeval.documents import read_toml
-from hapticeval.effects.velocity_filter import blend
+from hapticeval.effects.velocity_filter import low_pass_share
 from hapticeval.errors import DomainError, InputError, at
 from hapticeval.types import Array
 
@@ -151,7 +151,7 @@ class Rates:
         """Return velocities (N,), rad/s, at `joints` (N,), `elapsed` s after the ones before; zero the first time."""
         if self._before is not None:
             # v + share (dq / dt - v): the low-pass takes this share of the newest difference, more after a longer step.
-            share = blend(VELOCITY_CUTOFF, elapsed)
+            share = low_pass_share(VELOCITY_CUTOFF, elapsed)
             self._rates = self._rates + share * ((joints - self._before) / elapsed - self._rates)
         self._before = joints
         return self._rates

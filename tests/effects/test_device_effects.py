@@ -15,7 +15,7 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import read_effects
 from hapticeval.effects.delay import Delay
 from hapticeval.effects.force_sensor import ForceSensor
-from hapticeval.effects.velocity_filter import blend
+from hapticeval.effects.velocity_filter import low_pass_share
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import line
 from hapticeval.renderer import Response
@@ -202,7 +202,7 @@ def test_nothing_is_measured_where_sensors_are_exact():
 
 @pytest.mark.parametrize("cutoff", [1e-3, 50.0, math.inf])
 def test_a_low_pass_takes_a_share_of_the_new(cutoff):
-    assert blend(cutoff, DT) == pytest.approx(1.0 - math.exp(-2.0 * math.pi * cutoff * DT), rel=1e-9)
+    assert low_pass_share(cutoff, DT) == pytest.approx(1.0 - math.exp(-2.0 * math.pi * cutoff * DT), rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -183,11 +183,11 @@ def sampled(time: float, dt: float, decay: float, omega: float) -> float:
 
 def detuned(time: float, dt: float, decay: float, omega: float) -> float:
     """A tenth too high, and as much impulse."""
-    from hapticeval.effects.transient_kernels import rung
+    from hapticeval.effects.transient_kernels import ringing_integral
 
     high = 1.1 * omega
     share = omega / (decay**2 + omega**2) * (decay**2 + high**2) / high
-    return share * (rung(decay, high, time + dt) - rung(decay, high, time)) / dt
+    return share * (ringing_integral(decay, high, time + dt) - ringing_integral(decay, high, time)) / dt
 
 
 def late(tick: Tick) -> np.ndarray:

@@ -10,7 +10,7 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2, Parallelogram3
 from hapticeval.discovery import resolve
 from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.velocity_filter import VelocityFilter, blend
+from hapticeval.effects.velocity_filter import VelocityFilter, low_pass_share
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -108,7 +108,7 @@ def test_no_hand_gets_energy_out_of_a_lagging_damper(way, depths, ratio, cutoff,
     ticks = np.linspace(0.0, len(depths) + 1.0, round(duration / dt) + 1)
     n = 1e-3 * np.interp(ticks, np.arange(len(depths) + 2), [0.5, *depths, 0.5])
     hips = np.array(foot) + n[:, None] * np.eye(len(foot))[-1]
-    share, rate = blend(cutoff, dt), np.zeros_like(n)
+    share, rate = low_pass_share(cutoff, dt), np.zeros_like(n)
     for k in range(1, n.size):
         rate[k] = rate[k - 1] + share * ((n[k] - n[k - 1]) / dt - rate[k - 1])
     renderer = resolve(name)(scene)
