@@ -1,7 +1,10 @@
 """The sphere's two charts along a run, in the manner of thesis Figures 7.6 to 7.8.
 
-From the top: distance from the surface and its rate (7.6), the coordinates of each chart (7.7), and the torque of one
-joint by either chart (7.8). Where a chart is not the active one it is shaded; broken lines are the switches.
+From the top, with a chart shaded where it is not the active one, and broken lines at the switches:
+
+- distance from the surface and its rate (7.6)
+- the coordinates of each chart (7.7)
+- the torque of one joint by either chart (7.8)
 """
 
 from __future__ import annotations

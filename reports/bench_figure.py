@@ -137,6 +137,7 @@ def _precision_svg(models: Mapping[str, PlottedSettings], kind: Kind, names: Seq
 
 
 def _draw_panel(axes: Axes, plotted: PlottedSettings, kind: Kind, names: Sequence[str]) -> None:
+    """Draw the settings of one model: a curve for each renderer, the Pareto front, and lines of what is asked for."""
     axes.set(xscale="log", yscale="log", xlabel="time a step, median (µs)")
     axes.grid(True, which="major")
     labelled = [(setting, at) for setting, at in plotted if kind in setting.front]
@@ -194,6 +195,7 @@ def _is_foreign(name: str) -> bool:
 
 
 def _set_axis_limits(axes: Axes, plotted: PlottedSettings) -> None:
+    """Set both axes round the points, and shade where exact settings are drawn."""
     times, errors = zip(*(at for _, at in plotted), strict=True)
     # us: the 10 us line is always in view.
     low, high = min(*times, 8.0), max(*times, 12.0)

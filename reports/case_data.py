@@ -1,9 +1,13 @@
 """What a case page holds of its runs: a thousand samples of each at most, chosen so that extremes stay, packed small.
 
-A packed array is whole numbers times a scale, as zigzag varints: of the first row the number, of the second its
-difference, of the others how far they are from the straight line in time through the two before. The numbers of a whole
-case are deflated in one piece with the document that names them; the page's script unpacks them with the browser's own
-`DecompressionStream`.
+A packed array is whole numbers times a scale, as zigzag varints:
+
+- of the first row the number
+- of the second its difference from the first
+- of the others how far they are from the straight line in time through the two before
+
+The numbers of a whole case are deflated in one piece with the document that names them; the page's script unpacks them
+with the browser's own `DecompressionStream`.
 """
 
 from __future__ import annotations
@@ -58,9 +62,12 @@ LARGEST_DRAWN = 2047
 class Track:
     """One run, at the samples that are shown: `rows` (n,) of the recording, and its channels there.
 
-    `apart` is IHIP less HIP (n, N), m; `force` (n, N), N; `step` and `hip_step` (n,), m, how far IHIP and HIP move in
-    the tick before each sample, 0 where there is none before it. `starts` are the samples that begin after a gap. What
-    was not recorded is None.
+    What was not recorded is None.
+
+    - `apart`: IHIP less HIP (n, N), m
+    - `force` (n, N), N
+    - `step` and `hip_step` (n,), m: how far IHIP and HIP move in the tick before each sample, 0 without one before
+    - `starts`: the samples that begin after a gap
     """
 
     name: str
@@ -112,9 +119,10 @@ def sample_tracks(
 ) -> list[Track]:
     """Return what is drawn of each recording: samples thinned as `thinned_rows` does, and those that verdicts name.
 
-    Runs along one hand path share their samples, so that the path is packed once. `times` (s) are those of verdicts, by
-    renderer. Where a surface holds the tools it is that of the model `held_on`: tracks have the motion across and along
-    it.
+    `times` (s) are those of verdicts, by renderer. Runs along one hand path share their samples, so that the path is
+    packed once.
+
+    Where a surface holds the tools it is that of the model `held_on`: tracks have the motion across and along it.
     """
     motions = (
         {} if held_on is None else {name: surface_motion(recording, held_on) for name, recording in recordings.items()}
@@ -160,8 +168,11 @@ def drawn_rows(
 ) -> DrawnRows:
     """Return the rows to draw of runs along one hand path: `thinned_rows` where lines between them follow the path.
 
-    Of paths that so many samples cannot follow, as of a hundred laps, the beginning and the end are drawn, as much as
-    can be followed ten times as closely as `DEPARTURE_LIMIT`, and between them `ticks` with the rows beside them.
+    So many samples cannot follow some paths, as a hundred laps. Of these are drawn:
+
+    - the beginning and the end, as far as lines follow them ten times as closely as `DEPARTURE_LIMIT`
+    - between them `ticks`, with the rows beside them
+
     `extra_signals`, each (n,) for the n rows of the runs, such as a speed in m/s, have to be followed too.
     """
     rows = thinned_rows(runs, ticks, count, extra_signals)
@@ -209,10 +220,11 @@ def thinned_rows(
 ) -> IntArray:
     """Return few rows of runs along one hand path: straight lines between them miss the others by `LINE_TOLERANCE`.
 
-    Some rows are kept for certain: ends, `ticks` and those beside them, gaps, contacts, jumps, and extremes; what
-    happens from one row to the next is kept with the row before. Up to `count` more are those farthest from the lines.
-    The lines follow HIP and IHIP (m), force (N) and the `extra_signals`, each (n,) for the n rows of the runs, in units
-    of their own, such as m/s.
+    - For certain: ends, `ticks` and those beside them, gaps, contacts, jumps and extremes, with the row before each.
+    - Then up to `count` more, always the row that is farthest from the lines.
+
+    Lines follow HIP and IHIP (m), force (N) and the `extra_signals`, each (n,) for the n rows of the runs, in units of
+    their own, such as m/s.
     """
     n = len(runs[0])
     if n <= count:
@@ -348,6 +360,7 @@ def _extremes(signal: Array, intervals: int) -> IntArray:
 
 
 def _sample_track(name: str, recording: Recording, chosen: DrawnRows) -> Track:
+    """Take a recording's channels at the rows that are drawn."""
     rows = chosen.rows
     gaps: BoolArray = np.append(False, ~continuing_steps(recording)) if len(recording) > 1 else np.zeros(1, dtype=bool)
     # A cut is drawn like a gap of the recording.
@@ -443,8 +456,10 @@ def rounded(value: float) -> float:
 def predicted_steps(steps_: IntArray, ticks: IntArray) -> IntArray:
     """Return the step that goes straight on from the one before: the packer stores only what differs from it.
 
-    `steps_` (n, k) are the steps before, in units of their array's scale; `ticks` (n + 1, 1) how long each of them and
-    the next takes, in units of the clock's, s. The result (n, k) is rounded to whole numbers.
+    `steps_` (n, k) are the steps before, in units of their array's scale; `ticks` (n + 1, 1), in units of the clock's
+    scale, s, how long each of them and the next takes.
+
+    The result (n, k) is rounded to whole numbers.
     """
     before, after = ticks[:-1], ticks[1:]
     # step * after / before, rounded half up as JavaScript's Math.round does.

@@ -406,6 +406,7 @@ def _envelope_rows(time: Array, values: Array, starts: IntArray) -> IntArray:
 
 
 def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mapping[str, Look], *, alone: bool) -> None:
+    """Draw one panel over time: its first term of every run, all terms of a run that is alone."""
     # Zero is always in view.
     highs, lows = [0.0], [0.0]
     for track in tracks:

@@ -125,6 +125,7 @@ def _outline(model: Model, tracks: Sequence[Track]) -> Geometry:
 
 
 def _view_around_paths(model: Model, tracks: Sequence[Track]) -> Box:
+    """Return the box (mm) that is drawn of a model: round the paths, or the whole if it is not far larger."""
     points = MM * np.vstack([np.vstack([track.hip, track.ihip]) for track in tracks])
     low, high = points.min(axis=0), points.max(axis=0)
     # mm; at least 1.5 where nothing moves.

@@ -122,9 +122,11 @@ def write_case_page(
 ) -> Mapping[str, str]:
     """Write the page of a case (suite and name) below `folder` as `places.case_file`; return the styles that it needs.
 
-    `entries` are the runs of the case; `recordings` and `verdicts` are by renderer, and a text in place of a recording
-    is the reason why there is none. `order` lists all renderers of the report, so that each looks the same on every
-    page. It needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be written.
+    - `entries`: the runs of the case
+    - `recordings`, `verdicts`: by renderer; a text in place of a recording is the reason why there is none
+    - `order`: all renderers of the report, so that each looks the same on every page
+
+    It needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be written.
     """
     section = case_section(case, entries, recordings, verdicts=verdicts, order=order, check_pages=ROOT + CHECK_PAGES)
     _write_page(folder / case_file(*case), section.text, entries[0], neighbours or Neighbours(), ROOT)
@@ -155,6 +157,7 @@ def write_view(
 
 
 def _write_page(path: Path, section: str, first: RunEntry, neighbours: Neighbours, root: str) -> None:
+    """Write the page round a case's section; `root` leads from it to the report's folder."""
     text = environment().get_template("case_page.html.j2").render(
         section=section, neighbours=neighbours, first=first, files=(*ASSETS, FIGURE_SHEET), root=root
     )  # fmt: skip

@@ -153,6 +153,7 @@ def work_on_hand(recording: Recording) -> Array:
 
 
 def _draw_slip(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
+    """Draw the force along over that across, against how far the hand has slid: Coulomb friction is a constant."""
     travelled, along, across = sliding_motion(recording, model)
     # Friction is a ratio only where the surface is pressed.
     pressed = across > 0.0
@@ -218,6 +219,7 @@ def _draw_work(axes: Axes, recording: Recording, model: Model, effect: Effect) -
 
 
 def _draw_transient(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
+    """Draw the force and the depth round the beginning of a contact, against ms since then."""
     # The first contact whose beginning was recorded.
     contact_row = next((first for first, _ in contact_stretches(recording) if first > 0), 0)
     start = recording.time[contact_row]
@@ -266,6 +268,7 @@ def cost_svg(document: EffectsDocument) -> str:
 
 
 def _draw_cost(axes: Axes, ladder: Ladder) -> None:
+    """Draw the ns of an answer against the number of effects, composed and with flags that are tested."""
     counts = range(len(ladder.rungs))
     for times, role, marker, label in (
         # s an answer, with one effect more from rung to rung.

@@ -75,6 +75,7 @@ def _metric_cells(verdict: VerdictEntry) -> tuple[str, str, str]:
 
 
 def _closed_form_rows(results: ResultsDocument) -> Iterator[list[str]]:
+    """Yield a row for each moment at which a run is compared with a closed form, distances in mm."""
     for verdict in results.verdicts:
         for moment in verdict.evidence.get("moments", ()):
             values = (moment.get("measured_distance"), moment.get("closed_form_distance"))
@@ -89,6 +90,7 @@ def _answer_words(value: str | None, published: str | None) -> str:
 
 
 def _tile_words(tile: Tile | None) -> str:
+    """Return a cell in words: its gravest state, how many verdicts have it, and the worst margin."""
     if tile is None:
         return ""
     count = tile.counts[tile.state]
@@ -214,6 +216,7 @@ def write_figures(directory: Path, results: ResultsDocument, globs: Sequence[str
 
 
 def _write_run_figure(directory: Path, results: ResultsDocument, run: RunEntry) -> list[Path]:
+    """Draw a run and write the figure below figures/; return the paths written."""
     from hapticeval.reports.canvas import in_style, save_figure
     from hapticeval.reports.effects_figure import read_run
     from hapticeval.reports.run_figure import marks_of, run_figure

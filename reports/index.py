@@ -104,10 +104,11 @@ def render_index(
 ) -> str:
     """Return the page; `drawings` are the figures of the runs that `worst_verdicts` names.
 
-    It has a section on `bench` where there is one, on `effects` and their `costs`, on the `counterexamples` of a
-    search, and on a recording that was `replayed` into replay/. Without `single` it needs the style beside it, and
-    links to the pages of the cases; with it, to places in itself. Everything that comes from results is escaped; the
-    figures' SVG is put in as it is.
+    What is given has a section: `bench`, `effects` and their `costs`, `counterexamples` of a search, and a recording
+    that was `replayed` into replay/.
+
+    Without `single` the page needs the style beside it, and links to the pages of the cases; with it, to itself.
+    Everything that comes from results is escaped; the figures' SVG is put in as it is.
     """
     from hapticeval.closed_forms import CLOSED_FORMS
 

@@ -1,8 +1,10 @@
 """Verdicts as JUnit XML, which every CI service shows: a testsuite per (suite, renderer), a testcase per (case, check).
 
-A testcase fails exactly where the verdict is not as expected, as the exit code of a run does: a failure that is
-published passes and says so, an outcome that differs from the published one fails even if it is a pass. A warning, as a
-check of level should gives, passes and says so, and fails where the run was strict.
+A testcase fails exactly where the verdict is not as expected, as the exit code of a run does:
+
+- a failure that is published passes and says so
+- an outcome that differs from the published one fails even if it is a pass
+- a warning, as a check of level should gives, passes and says so, and fails where the run was strict
 """
 
 from __future__ import annotations
@@ -74,6 +76,7 @@ def _add_testcase(suite: ET.Element, entry: RunEntry | VerdictEntry, name: str) 
 
 
 def _add_verdict(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped: bool) -> None:
+    """Add to a testcase what a verdict means for a gate: an error, a failure, a skip, or a word."""
     outcome, published = verdict.outcome, verdict.published
     figures = verdict.measured
     text = verdict.message + (f" ({figures})" if figures else "") + (f"; the run {ended}" if ended else "")
@@ -97,6 +100,7 @@ def _add_verdict(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped
 
 
 def _add_result(case: ET.Element, kind: str, message: str, text: str = "") -> None:
+    """Add an outcome to a testcase, with its message and a longer text."""
     element = ET.SubElement(case, kind, message=_xml_text(message))
     # The schema has no type for what was skipped.
     if kind != "skipped":

@@ -203,6 +203,7 @@ def _outline(model: Model, view: Box) -> Array:
 
 
 def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float = 1.1) -> None:
+    """Draw a body's polygons filled, with their holes, and its lines thinner; set the view (mm)."""
     import shapely
     from matplotlib.collections import LineCollection
 
@@ -242,6 +243,7 @@ def samples_along_path(recording: Recording, count: int, *, keep: Collection[int
 
 
 def _draw_samples(axes: Axes, recording: Recording, chosen: IntArray, *, size: float = 3.0) -> None:
+    """Draw the chosen samples: HIPs hollow, IHIPs filled where they touch, and lines between them."""
     hip, ihip = MM * recording.hip[chosen], MM * recording.ihip[chosen]
     touching = recording.contact[chosen]
     # From each HIP to its IHIP, with NaN between the lines.
@@ -285,6 +287,7 @@ def _emptiest_corners(recording: Recording, chosen: IntArray, view: Box) -> list
 
 
 def _add_inset(axes: Axes, corner: Corner) -> Axes:
+    """Add a small picture at a corner of the axes."""
     inset = axes.inset_axes((*corner, INSET_SIDE, INSET_SIDE))
     inset.set(facecolor=colour_of("paper"), xticks=[], yticks=[])
     inset.spines[["top", "right"]].set_visible(True)

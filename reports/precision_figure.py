@@ -45,6 +45,7 @@ def write_precision(directory: Path, document: Mapping[str, Any]) -> list[Path]:
 
 
 def _draw_panel(axes: Axes, device: Mapping[str, Any], document: Mapping[str, Any]) -> None:
+    """Draw one device: each method's error against its computing time, and what closed loops use."""
     default = document["default"]
     axes.set(xscale="log", yscale="log", xlabel="computing time a simulated second (ms)")
     axes.grid(True, which="major")

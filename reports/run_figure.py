@@ -124,6 +124,7 @@ def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mar
 
 
 def _add_frame(fig: Figure, places: Sequence[Area]) -> Frame:
+    """Add the axes of the plane, of the force and of what is below it."""
     plane, force, below = map(fig.add_axes, places)
     # One time axis for both.
     below.sharex(force)
@@ -138,6 +139,7 @@ def _add_frame(fig: Figure, places: Sequence[Area]) -> Frame:
 
 
 def _draw(frame: Frame, recording: Recording, model: Model | None, marks: Sequence[Mark]) -> None:
+    """Draw a run into the axes, with a vertical line and a ring at each mark."""
     plane, force, below = frame
     # The sample nearest to each mark's time.
     ticks = {mark.number: int(np.argmin(np.abs(recording.time - mark.time))) for mark in marks}
@@ -162,6 +164,7 @@ def _draw(frame: Frame, recording: Recording, model: Model | None, marks: Sequen
 
 
 def _draw_force(axes: Axes, recording: Recording) -> None:
+    """Draw the force's size and its components, N."""
     magnitude = np.linalg.norm(recording.force, axis=1)
     draw_over_time(axes, recording, magnitude, "ink", label="|F|", linewidth=1.6)
     for column, role, style, name in zip(

@@ -56,6 +56,7 @@ def write_spread(
 
 
 def _draw_column(axes: Axes, aligned: Aligned, bands: Sequence[Band]) -> None:
+    """Draw one signal of all renderers: the median of the repeats, and a band from the lowest to the highest."""
     column = bands[0].column
     # From SI to what is shown, as rad to degrees.
     scale, unit = _shown_unit(COLUMNS[column][0])
@@ -70,8 +71,8 @@ def _draw_column(axes: Axes, aligned: Aligned, bands: Sequence[Band]) -> None:
         label = f"{band.renderer}{direction} ({int(band.count.max())} repeats)"
         low, high, median = (
             # Where no repeat has a value there is no band.
-            np.where(band.count > 0, scale * quantile, np.nan)
-            for quantile in (band.low, band.high, band.median)
+            np.where(band.count > 0, scale * curve, np.nan)
+            for curve in (band.low, band.high, band.median)
         )
         axes.fill_between(across * aligned.grid, low, high, color=colour, alpha=0.18, linewidth=0.0)
         style = "-" if band.direction > 0 else "--"
@@ -119,6 +120,7 @@ def summary(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
 def _markdown(
     aligned: Aligned, comparisons: Sequence[Comparison], head: Sequence[str], rows: Sequence[Sequence[str]]
 ) -> str:
+    """Return the statements on renderers, and below them a table."""
     statements = list(_statements(aligned, comparisons)) or [
         "Nothing is compared: that takes two renderers with repeats of each."
     ]
@@ -185,6 +187,7 @@ def _repeats_needed(comparison: Comparison) -> str:
 
 
 def _document(aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Comparison]) -> Any:
+    """Return everything that is drawn as plain data for JSON, without numbers that are not finite."""
     passes = [
         {
             "renderer": aligned.runs[aligned_pass.run].renderer,

@@ -43,8 +43,11 @@ def inline_svg(svg: str, *, prefix: str, title: str, colours: Mapping[str, str])
     """Return an `<svg>` element for an HTML page, from a whole SVG file of matplotlib.
 
     Lines lose corners that nobody sees, marks of one look become one element, and so do straight lines. Ids that
-    nothing refers to go; the others start with `prefix`. `colours` maps colours of the file to those of the page;
-    `title` is what a screen reader reads out. The page gives the font.
+    nothing refers to go.
+
+    - `prefix`: what the other ids start with
+    - `title`: what a screen reader reads out
+    - `colours`: colours of the file, and what they are on the page, which gives the font too
     """
     root = ET.fromstring(svg)
     body = _Body({name: node for node in root.iter() if (name := node.get("id"))}, prefix, colours)
@@ -196,6 +199,7 @@ class _Body:
         return element
 
     def _draw(self, element: _Element, d: str, clip: str) -> None:
+        """Give an element the strokes or the curve of a path's `d`; nothing where none of it is seen."""
         style = element.attributes.get("style", "")
         # Neither filled nor stroked: nothing is seen of it.
         if not d.strip() or ("fill:none" in style and "stroke:" not in style):

@@ -68,6 +68,7 @@ def summaries(results: ResultsDocument) -> list[Summary]:
 
 
 def _summary(results: ResultsDocument, suite: SuiteEntry | None, titles: Sequence[str]) -> Summary:
+    """Return one table: renderers that answered, and those of which only published answers exist."""
     answers = {title: results.table[title] for title in titles}
     published = {title: results.published_table.get(title, {}) for title in titles}
     # Only renderers that have an answer in this table.
@@ -149,6 +150,7 @@ LEFT_OUT = "{count} more sections are left out here, which results.json and the 
 
 
 def _report_blocks(results: ResultsDocument) -> Iterator[str]:
+    """Yield the report's blocks of markdown, the most important first."""
     yield f"# hapticeval: {_escape(headline(results))}"
     yield f"{ran_words(results)}: {counts_words(results) or 'none'}."
     yield f"{_escape(provenance(results))}; seed {results.seed}."
@@ -188,6 +190,7 @@ def _report_blocks(results: ResultsDocument) -> Iterator[str]:
 
 
 def _list_blocks(results: ResultsDocument) -> Iterator[str]:
+    """Yield lists of what broke, of verdicts that need a look, and of runs that ended early."""
     broken = results.breakdowns
     if broken:
         yield "## What broke"
@@ -230,6 +233,7 @@ def _legend_words(results: ResultsDocument) -> str:
 
 
 def _tile_words(tile: Tile) -> str:
+    """Return a cell in words: its gravest state, how many verdicts have it, and the worst margin."""
     count = tile.counts[tile.state]
     words = [f"{SYMBOLS[tile.state]} {tile.state.words}"]
     words += [f"{count} of {tile.total}"] * (tile.state is not State.PASS)

@@ -82,6 +82,7 @@ class Page:
         return self._write_section({run.renderer: DRAWING_DIED for run in self.runs if not run.error})
 
     def _write_section(self, recordings: Mapping[str, Recording | str]) -> Section:
+        """Make the case's section of a single page, or write its own page, from these recordings."""
         from hapticeval.reports.case_page import Section, case_section, write_case_page
 
         case_arguments = (self.case, self.runs, recordings)
@@ -139,12 +140,16 @@ def write_reports(
 ) -> list[Path]:
     """Write table.md, junit.xml, tables/ and report/ beside the results in `directory`; return the paths written.
 
-    report/index.html is the first page, and each case has a page of its own; with `single_file` report.html holds them
-    all instead. What a recording gave that was replayed into replay/ is shown, and so are `counterexamples`. `progress`
-    is called with how many of how many cases are drawn, which take nearly all of the time and are spread over `workers`
-    processes. `stopped` is asked again and again whether to give up, which then raises `KeyboardInterrupt` as Ctrl-C
-    does. A recording that is missing or damaged is reported in its figure's place. Raises `InputError` as
-    `read_results` does, and `HapticevalError` where a file cannot be written.
+    report/index.html is the first page, and each case has a page of its own.
+
+    - `single_file`: report.html holds all pages instead
+    - `progress`: called with how many of how many cases are drawn, which takes nearly all of the time
+    - `workers`: the processes over which the drawing is spread
+    - `stopped`: asked again and again whether to give up, which then raises `KeyboardInterrupt` as Ctrl-C does
+    - `counterexamples`: shown on the first page, as is what a recording gave that was replayed into replay/
+
+    A recording that is missing or damaged is reported in its figure's place. Raises `InputError` as `read_results`
+    does, and `HapticevalError` where a file cannot be written.
     """
     from hapticeval.reports.case_page import write_assets
 
@@ -206,6 +211,7 @@ def _single_page(bodies: Sequence[str], styles: Mapping[str, str]) -> Single:
 
 
 def _write(path: Path, text: str) -> None:
+    """Write a text file. Raises `HapticevalError` where that fails."""
     try:
         with replacing(path) as temporary:
             temporary.write_text(text, encoding="utf-8")
@@ -281,6 +287,7 @@ def _carry_out(
     workers: int,
     stopped: Callable[[], bool] | None,
 ) -> list[Section | Drawing]:
+    """Spread the orders over processes, and return what came of each in their order."""
     progress(0, len(orders))
     outcome_by_number: dict[int, Section | Drawing] = {}
     remaining = iter(enumerate(orders))
@@ -305,6 +312,7 @@ def draw(order: Page | Picture) -> Section | Drawing:
 
 
 def _outcome_of(answer: Answer[Section | Drawing], order: Page | Picture) -> Section | Drawing:
+    """Return what a process made of an order; what stands in its place where the process died."""
     # The process died: the page is written without its figures, here.
     if isinstance(answer.error, Ended):
         return order.fallback()

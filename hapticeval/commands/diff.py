@@ -91,6 +91,7 @@ def _significant_times(old: Path, new: Path) -> Sequence[Change]:
 
 
 def _counts_words(comparison: Diff, times: Sequence[Change]) -> str:
+    """Return the closing line: verdicts in both runs, changes by their standing, margins and times that moved."""
     standings = [verdict.standing for verdict in comparison.verdicts]
     counted = [f"{standings.count(name)} {name}" for name in dict.fromkeys(standings)]
     moved = f"{plural(len(comparison.margins), 'margin')} moved"
@@ -105,6 +106,7 @@ def _change_words(change: VerdictChange) -> str:
 
 
 def _outcome_words(change: VerdictChange) -> str:
+    """Return an outcome and what it is now, or the one outcome where only one run has the verdict."""
     # Only one of the runs has the verdict.
     if change.before is None or change.now is None:
         return str(change.now or change.before)
@@ -112,6 +114,7 @@ def _outcome_words(change: VerdictChange) -> str:
 
 
 def _move_words(move: MarginMove) -> str:
+    """Return a metric before and now with its unit, and by how many bounds its margin moved."""
     # `by` is the margin's change in bounds; a margin grows away from failing.
     direction = "nearer to failing" if move.by < 0.0 else "further from failing"
     values = f"{format_quantity(move.before, move.unit)}, now {format_quantity(move.now, move.unit)}"
@@ -124,6 +127,7 @@ def _time_words(change: Change) -> str:
 
 
 def _as_text(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
+    """Return the comparison for people: verdicts, margins and times a line each, then the counts."""
     colours = {"worse": "red", "gone": "yellow", "changed": "yellow", "better": "green"}
     margins = comparison.margins if verbose else comparison.margins[:MARGINS_SHOWN]
     more = len(comparison.margins) - len(margins)
@@ -165,6 +169,8 @@ def _as_github(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
 
 
 def _annotation(kind: str, title: str, message: str) -> str:
+    """Return a workflow command that GitHub shows as an annotation of the job."""
+
     def escaped(text: str) -> str:
         # The runner's own escapes of a workflow command.
         return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
@@ -174,6 +180,7 @@ def _annotation(kind: str, title: str, message: str) -> str:
 
 
 def _as_markdown(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
+    """Return the comparison as a comment for GitHub, with tables of verdicts and margins."""
     from hapticeval.reports.table import aligned_table
 
     def tables() -> Iterator[str]:

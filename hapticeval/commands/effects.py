@@ -82,6 +82,7 @@ def effects(
 
 
 def _cost_lines(document: EffectsDocument) -> Iterator[str]:
+    """Yield the table of scenes: ns a tick and bytes of code, with their effects and without."""
     from hapticeval.quantity import align_columns
 
     head = ["scene", "effects, by where they take part", "ticks", "without", "with", "more", "code without", "with"]
@@ -91,6 +92,7 @@ def _cost_lines(document: EffectsDocument) -> Iterator[str]:
 
 
 def _cost_row(scene: SceneEntry, cost: Cost) -> list[str]:
+    """Return a scene's row: its effects by stage, ticks, times and code."""
     # A scene without effects is its own reference.
     reference = scene.plain or cost
     more = f"{1e9 * (cost.tick - reference.tick):+.0f}" if scene.plain else "0"
@@ -111,6 +113,7 @@ def _code_bytes(cost: Cost) -> str:
 
 
 def _ladder_lines(document: EffectsDocument) -> Iterator[str]:
+    """Yield the time of an answer (ns) with one effect more from row to row; nothing where it was not measured."""
     from hapticeval.quantity import align_columns
 
     # None where no compiled scene calls for effects of the surface.

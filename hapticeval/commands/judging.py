@@ -263,8 +263,8 @@ def judge_and_summarise(
 def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts, **options: Any) -> list[Path] | None:
     """Write the reports of results, with the `options` of `Results.report`, and return all paths.
 
-    Not where the user has stopped the run at once, or stops the drawing: then it says how to have them later, and
-    returns None. A first interrupt that has ended the run early does not stop the drawing as well.
+    Where the user has stopped the run at once, or stops the drawing, it says how to have them later, and returns None.
+    A first interrupt that has ended the run early does not stop the drawing as well.
     """
     # An interrupt that has ended the run early was not meant for the reports.
     interrupts_of_run = int(terminal.interrupted)
@@ -381,6 +381,7 @@ def replay(
 
 
 def _model_table(name: str | None) -> Mapping[str, Any] | None:
+    """Return a model that was named on the command line as recordings and suites write it."""
     if name is None:
         return None
     model = model_named(name)
@@ -390,6 +391,7 @@ def _model_table(name: str | None) -> Mapping[str, Any] | None:
 def _replay_path(
     replay_case: ReplayCase, renderers: list[str], directory: Path, seed: int, hint: str, *, verbose: bool
 ) -> int:
+    """Judge renderers along the recorded path, print the summary, and return the exit code."""
     from hapticeval.api import carry_out
     from hapticeval.replay.job import describe_differences, prepare_replay, replay_plan
     from hapticeval.workers import cores
@@ -417,6 +419,7 @@ def _warn_of_suspicious(suspicious: Sequence[str], hint: str, terminal: Terminal
 
 
 def _recompute_recorded(replay_case: ReplayCase, renderers: list[str] | None, hint: str) -> int:
+    """Compare the log with its own renderer, computed again, and return the exit code."""
     from hapticeval.replay.as_recorded import as_recorded
 
     comparison = as_recorded(replay_case, renderers or ())

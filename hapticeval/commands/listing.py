@@ -108,6 +108,7 @@ def formats() -> Rows:
 
 
 def _catalogue_rows(catalogue: Mapping[str, Callable[..., object]]) -> Rows:
+    """Yield each entry's name and first sentence, and below it the parameters that it takes."""
     for name, factory in catalogue.items():
         yield name, _first_sentence(factory)
         parameters = [_parameter_text(parameter) for parameter in inspect.signature(factory).parameters.values()]
@@ -116,6 +117,7 @@ def _catalogue_rows(catalogue: Mapping[str, Callable[..., object]]) -> Rows:
 
 
 def _parameter_text(parameter: inspect.Parameter) -> str:
+    """Return a parameter as it is written on the command line, with its default if it has one."""
     # **parameters of a family: any number of entries.
     if parameter.kind is parameter.VAR_KEYWORD:
         return parameter.name

@@ -253,6 +253,7 @@ def _smallest_wiring(robot: str, *, slides: bool) -> str:
 
 
 def _toml_value(value: str) -> str:
+    """Return a value as TOML writes it: a number, or else a text in quotes."""
     try:
         return f"{float(value):g}"
     except ValueError:
@@ -314,6 +315,7 @@ def _hardware_opener(name: str, wiring: Wiring, scene: Scene) -> Iterator[Callab
 
 
 def _open_driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
+    """Make the driver, and see that it has what a device has; what it raises is reported as the driver's fault."""
     from hapticeval.hardware.device import HardwareDevice
 
     try:
@@ -334,6 +336,7 @@ def _open_driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
 
 
 def _recording_meta(scene: Scene, wiring: Wiring, renderer: str, *, hardware: str, who: str) -> dict[str, Any]:
+    """Return what the recording says of itself: renderer, scene, device, clock, time and versions."""
     from datetime import UTC, datetime
 
     from hapticeval.runner.results import environment

@@ -128,6 +128,7 @@ def _examine_recording(
     others: dict[str, Recording],
     directory: Path,
 ) -> int:
+    """Print what an examination shows, draw it, and return the exit code: 1 where something is suspicious."""
     from hapticeval.recordings.integrity.contacts import impacts
     from hapticeval.recordings.integrity.report import describe_contacts, describe_report, examine, sound_intervals
     from hapticeval.recordings.provenance import spring_of
@@ -183,6 +184,7 @@ def _recorded_robot(recording: Recording) -> Any:
 
 
 def _touched_model(recording: Recording, name: str | None) -> Any:
+    """Return the model that is named, else the one that the recording names; None where neither does."""
     from hapticeval.geometry.catalogue import make_model
     from hapticeval.recordings.provenance import LINE_MODEL, model_of
 
@@ -319,6 +321,7 @@ def compare(
 
 
 def _read_run(text: str, mapping: Path | None, format_: str | None) -> Run:
+    """Read `[RENDERER=]FILE` as a run. Raises `InputError` where neither says the renderer."""
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.compare.align import Run
     from hapticeval.recordings.importing.convert import is_ours

@@ -123,6 +123,7 @@ def _search_renderers(
     seeds: range,
     scheduler: str | None,
 ) -> int:
+    """Search for counterexamples to each renderer, print and keep them, and return the exit code."""
     from hapticeval.discovery import resolve
     from hapticeval.files import plain
     from hapticeval.phenomena.registry import CHECKS, OF_EFFECTS

@@ -143,6 +143,7 @@ def _summary_table(
 
 
 def _answer_cell(answer: str, published: str | None) -> tuple[str, str | None]:
+    """Return an answer of the summary table, with the published one where it differs, and its colour."""
     # "-" is no answer, and contradicts nothing.
     if published in (None, answer) or answer == "-":
         return answer, {"Yes": "green", "No": "yellow"}.get(answer)
@@ -172,6 +173,7 @@ def _aligned_cells(header: Sequence[str], rows: Sequence[Sequence[tuple[str, str
 
 
 def _breakdown_words(broken: Breakdown, *, verbose: bool) -> str:
+    """Return why a renderer broke, what to do, and in which cases first."""
     cases = broken.cases
     named_cases = cases if verbose else cases[:CASES_NAMED]
     more = f", and {plural(len(cases) - len(named_cases), 'other')}" * (len(named_cases) < len(cases))
@@ -182,6 +184,7 @@ def _breakdown_words(broken: Breakdown, *, verbose: bool) -> str:
 
 
 def _problem_lines(head: str, problem: Problem) -> str:
+    """Return a headline in red, and below it what happened, why, and what to do."""
     problem_lines = [paint(head, "red"), f"  {problem.what}"]
     problem_lines += [
         f"  {label}: {text}" for label, text in (("why", problem.why), ("what to do", problem.todo)) if text
@@ -229,6 +232,7 @@ def _not_applicable_reasons(results: ResultsDocument) -> Iterator[str]:
 
 
 def _totals_words(results: ResultsDocument, *, verbose: bool) -> str:
+    """Return how many verdicts ran, with which outcomes, and how long that took."""
     unexpected = sum(not verdict.as_expected for verdict in results.verdicts)
     warnings = sum(verdict.warns for verdict in results.verdicts)
     known = sum(verdict.standing == "known" for verdict in results.verdicts)

@@ -48,9 +48,12 @@ class _SuiteProgress:
 class Terminal:
     """Shows a run as it goes on: a bar on a terminal when the run is not quick, elsewhere a line a suite.
 
-    If it is `verbose`, elsewhere a line a job; else one for the first job in which a renderer breaks in some way.
-    Elsewhere what is at work has a line after a silence of `SILENCE_SECONDS`, too. A context manager, so that the bar
-    leaves the terminal as it found it whatever happens.
+    Elsewhere it also prints:
+
+    - a line a job if it is `verbose`, else one for the first job in which a renderer breaks in some way
+    - what is at work, after a silence of `SILENCE_SECONDS`
+
+    A context manager, so that the bar leaves the terminal as it found it whatever happens.
     """
 
     def __init__(self, stream: TextIO | None = None, *, verbose: bool = False) -> None:
@@ -127,6 +130,7 @@ class Terminal:
             self._close(event.run.suite)
 
     def _close(self, name: str) -> None:
+        """Print the line of a suite, of which no more runs come."""
         suite = self._suites.pop(name)
         runs = plural(suite.finished, "run")
         if suite.finished < suite.planned:
@@ -208,6 +212,7 @@ class Terminal:
 
 
 def _job_words(event: JobFinished) -> str:
+    """Return what came of one run: that it broke, was refused, or its verdicts."""
     if event.error is not None:
         return f"broke: {event.error.what}"
     if event.run.refusal is not None:
@@ -216,6 +221,7 @@ def _job_words(event: JobFinished) -> str:
 
 
 def _verdicts_words(verdicts: Sequence[VerdictEntry]) -> str:
+    """Return how many verdicts have each outcome, and how many need a second look."""
     surprises = sum(not verdict.as_expected for verdict in verdicts)
     known = sum(verdict.standing == "known" for verdict in verdicts)
     warnings = sum(verdict.warns for verdict in verdicts)
@@ -231,6 +237,7 @@ def _at_work_words(event: AtWork) -> str:
 
 
 def _interrupted_words(event: Interrupted) -> str:
+    """Return what happens to the runs that are at work after Ctrl-C."""
     runs = f"{plural(event.begun, 'run')} that had begun {'is' if event.begun == 1 else 'are'}"
     kept_words = "what is done is kept"
     if event.at_once:

@@ -43,6 +43,7 @@ def run_again(once: Callable[[], int], files: Callable[[], Iterable[Path]]) -> i
 
 
 def _exit_with(once: Callable[[], int]) -> None:
+    """Run once in this process, and end it with the exit code of the command."""
     try:
         code = once()
     except HapticevalError as error:
@@ -72,6 +73,7 @@ def files_behind(renderers: Iterable[str]) -> list[Path]:
 
 
 def _source_files(base: str) -> Iterator[Path]:
+    """Yield the files of a library or command, or the Python sources of a renderer's package."""
     kind, _, words = base.partition(":")
     if kind in ADAPTERS:  # a library, or a command with files among its words
         yield from (file for word in shlex.split(words) if (file := Path(word)).is_file())
