@@ -259,7 +259,6 @@ def force_lag(base: Recording, scene: Scene) -> float:
     """
     if lacks_ihip(base, scene) or "ihip" not in base.channels:
         return float(LAG_TICKS)
-    # A force that rests while the error changes is later by the ticks of its rest.
     resting = np.maximum(resting_ticks(base.force) - resting_ticks(base.hip - base.ihip), 0)[touching(base, scene)]
     return min(find_lag(base, scene).force + float(resting.mean() if resting.size else 0.0), float(LAG_TICKS))
 
@@ -279,11 +278,13 @@ def explained_work(base: Recording, scene: Scene, lag: float) -> Array:
     error, moved = base.hip - base.ihip, np.linalg.norm(np.diff(base.hip, axis=0), axis=1)
     touches = touching(base, scene)
     # As stiff as `force-magnitude` lets it be.
-    push, square = -np.sum(base.force * error, axis=1), scene.stiffness * np.sum(error**2, axis=1)
+    along_error, full_spring = -np.sum(base.force * error, axis=1), scene.stiffness * np.sum(error**2, axis=1)
     declared = declared_range(base)
-    softest, largest = declared or (1.0, UNDECLARED_RANGE[1])
+    softest, stiffest = declared or (1.0, UNDECLARED_RANGE[1])
     # K / K_p = -F . e / (K_p e^2), within what is declared
-    share = np.clip(np.divide(push, square, out=np.ones_like(push), where=square > 0.0), softest, largest)
+    share = np.clip(
+        np.divide(along_error, full_spring, out=np.ones_like(along_error), where=full_spring > 0.0), softest, stiffest
+    )
     other_force = base.force + (scene.stiffness * share)[:, np.newaxis] * error
     largest_other = largest_other_force(base, scene)
     size = np.linalg.norm(other_force, axis=1)
@@ -331,8 +332,7 @@ def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, round_trip
 
     gains = [largest(span, np.arange(span.first + 1, span.last + 1)) for span in contact_spans(~touching(base, scene))]
     for after in _later_laps(sampled, round_trips, len(base)):
-        # As of the law: what is created comes in every lap.
-        # A span of a lap has one end: where it closes.
+        # As of the law: what is created comes in every lap. A lap has one end only: where it closes.
         each_lap = [largest(span, np.array([span.last])) for span in after]
         gains.append(min(each_lap, key=lambda gain: gain.excess))
     return max(gains, key=lambda gain: gain.excess, default=None)

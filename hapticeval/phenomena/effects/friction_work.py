@@ -99,9 +99,7 @@ def _dissipated_work(base: Recording, load: Load, scene: Scene, moved: Array) ->
         across = np.sum(slip * after, axis=1)
         along = np.linalg.norm(slip - across[:, np.newaxis] * after, axis=1)
         normal = load.normal[1:]
-        # The law's force after the slip and what a law across the surface differs by from the scene's spring, times the
-        # slip, and what the spring falls by while the hand moves on.
-        # mu_k F_n |ds|, and F_n times what the foot moves across
+        # The law's force after the slip, times the slip: mu_k F_n |ds|, and F_n times what the foot moves across
         dissipated += normal * (friction.mu_k * along - across)
         # A law that is not the scene's spring: its difference does work on the slip, too.
         dissipated -= np.sum((scene.stiffness * (base.ihip - base.hip) - base.force)[1:] * slip, axis=1)
