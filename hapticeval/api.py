@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -15,7 +14,6 @@ from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
 from hapticeval.runner.execution import execute
@@ -34,6 +32,7 @@ from hapticeval.runner.results import (
 )
 from hapticeval.runner.resuming import finished_jobs
 from hapticeval.runner.sharding import Shard
+from hapticeval.runner.standing import Standing, counts_in_words
 from hapticeval.runner.work import Work, run_job
 from hapticeval.suite.case import Case
 from hapticeval.suite.installed import find_suites
@@ -358,10 +357,13 @@ class Results:
         """
         listed = read_known(Path(file)) if Path(file).exists() else Known(source=Path(file).name)
         # Marked anew by the list that is written: what has just been listed is known from here on.
-        listed = listed.renewed(self.document)
+        listed = listed.with_shipped().renewed(self.document)
         write_listed(Path(file), listed)
         # Outdated entries left the list; their marks go too.
-        current = [replace(verdict, known=None) if verdict.outdated else verdict for verdict in self.verdicts]
+        outdated = Standing.OUTDATED
+        current = [
+            replace(verdict, known=None) if verdict.standing is outdated else verdict for verdict in self.verdicts
+        ]
         document = replace(self.document, verdicts=list(map(listed.marked, current)))
         if self.folder is not None:
             write_results(self.folder, document)
@@ -369,10 +371,9 @@ class Results:
 
     def __repr__(self) -> str:
         document = self.document
-        counts = Counter(verdict.outcome for verdict in self.verdicts)
-        tally = ", ".join(f"{counts[outcome]} {outcome}" for outcome in Outcome if counts[outcome])
+        tally = counts_in_words(verdict.standing for verdict in self.verdicts)
         incomplete = "" if self.complete else f", incomplete: {document.reason}"
-        return f"<Results of {', '.join(document.renderers)}: {tally or 'no verdicts'}{incomplete}>"
+        return f"<Results of {', '.join(document.renderers)}: {tally}{incomplete}>"
 
     def _repr_html_(self) -> str:
         """Return the summary and the verdicts as HTML tables, for a notebook."""

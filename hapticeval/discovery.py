@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 GROUP = "hapticeval.renderers"
 FIELD = "hapticeval.renderers.field"
 """The group of renderers that are found by name as any, and run only where they are named: those of the field."""
+LISTS = "hapticeval.known"
+"""Entry points `package:file.toml`: the known failures of a package's renderers. Nothing of the package is run."""
 
 ADAPTERS = {"lib": "hapticeval.adapters.library:library", "cmd": "hapticeval.adapters.process:process"}
 """Names of renderers that are no Python: what stands before the colon, to what makes a factory of the rest."""
@@ -75,6 +78,16 @@ def parse(name: str) -> Name:
             todo="name an entry point or package.module:factory: constraint, constraint+pp, mine:make",
         )
     return Name(base, regulation if plus else None, representation if at else None)
+
+
+def shipped_lists() -> list[Path]:
+    """Return the files of known failures that installed packages have, in the order of their entry points' names."""
+    files = []
+    for entry in sorted(entry_points(group=LISTS), key=lambda entry: entry.name):
+        spec = find_spec(entry.module)
+        for folder in (spec.submodule_search_locations or ()) if spec else ():
+            files.append(Path(folder) / entry.attr)
+    return files
 
 
 def known_renderers() -> Mapping[str, EntryPoint]:

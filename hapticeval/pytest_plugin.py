@@ -259,22 +259,23 @@ def _judge_case(config: pytest.Config, renderer: AnyRenderer, suite: Suite, case
 def conclude(node: pytest.Item, results: Results, check: str, selection: Selection) -> VerdictEntry:
     """Raise, skip or expect a failure as the verdict of a check has it; return one that is as required.
 
-    Raises `KnownFailure` and `NotConforming`; what only warns, or fails as published, is expected to fail.
+    Raises `KnownFailure` and `NotConforming`; what only warns, or is inherent, is expected to fail.
     """
     __tracebackhide__ = True
     verdict = selection.known.marked(next(entry for entry in results.verdicts if entry.check == check))
     _note_known(node, selection.known_file, [verdict])
     # A verdict that passes though it is listed is told by the strict xfail mark, not here.
-    if verdict.stops(strict=selection.strict) and not (verdict.outdated and verdict.outcome == "pass"):
+    standing = verdict.standing
+    if verdict.stops(strict=selection.strict) and standing != "outdated":
         raise NotConforming(describe_verdict(node.config, results, verdict))
     # What does not stop: not applicable is skipped, known and warned-of failures are expected, and the rest passes.
     if verdict.outcome == "not-applicable":
         pytest.skip(verdict.message)
-    if verdict.standing == "known":
+    if standing == "known":
         raise KnownFailure(describe_verdict(node.config, results, verdict))
     if verdict.outcome != "pass":
-        standing = "as published" if verdict.published else f"level {verdict.level}"
-        pytest.xfail(f"{verdict.outcome}, {standing}: {verdict.message}")
+        why = f"inherent, for {verdict.inherent}" if standing == "inherent" else f"level {verdict.level}"
+        pytest.xfail(f"{verdict.outcome}, {why}: {verdict.message}")
     return verdict
 
 
@@ -284,7 +285,7 @@ def describe_verdict(config: pytest.Config, results: Results, verdict: VerdictEn
     lines += [f"  {text}" for text in (verdict.message, verdict.measured, _describe_place(verdict)) if text]
     if verdict.published and not verdict.known:
         lines.append(f"  published: {verdict.published}")
-    if verdict.outdated:
+    if verdict.standing == "outdated":
         lines.append(f"  known to fail, and does not any more: take it off the list ({verdict.known})")
     lines.append(f"  picture: {_draw_picture(config, results, verdict)}")
     lines.append(f"  explained by: hapticeval explain {verdict.check}")
@@ -426,7 +427,12 @@ def _note_known(node: pytest.Item, listed: Path | None, verdicts: Iterable[Verdi
     if listed is None:
         return
     notes = [
-        (str(listed), verdict.renderer, verdict.suite, *(describe_outdated(verdict) if verdict.outdated else ()))
+        (
+            str(listed),
+            verdict.renderer,
+            verdict.suite,
+            *(describe_outdated(verdict) if verdict.standing == "outdated" else ()),
+        )
         for verdict in verdicts
     ]
     # User properties travel from xdist's processes with the report; the stash does not.

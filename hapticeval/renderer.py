@@ -50,6 +50,10 @@ class Declaration:
       is to the bit.
     - `force_only`: it has no contact point, as a potential field. Its IHIP is always the HIP, and checks of the contact
       point are not applicable.
+    - `memoryless`: its IHIP depends on the HIP alone, as the nearest point does.
+    - `smooth_only`: it is made for surfaces without corners.
+
+    What a theorem denies to a renderer that declares such things does not stop a gate: see `phenomena.inherent`.
     """
 
     spring: Spring | None = None
@@ -59,6 +63,8 @@ class Declaration:
     ihip_scatter: float = 0.0
     force_scatter: float = 0.0
     force_only: bool = False
+    memoryless: bool = False
+    smooth_only: bool = False
 
     @property
     def sound(self) -> bool:
@@ -68,7 +74,7 @@ class Declaration:
             # Declarations come from foreign code: no type is trusted.
             self.spring in (None, *Spring)
             and self.closed_form in (None, *SCHEMES)
-            and isinstance(self.force_only, bool)
+            and all(isinstance(flag, bool) for flag in (self.force_only, self.memoryless, self.smooth_only))
             and all(_is_number(length) and 0.0 <= length < math.inf for length in lengths)
             and (self.stiffness_range is None or _is_range(self.stiffness_range))
         )
@@ -81,6 +87,9 @@ class Declaration:
             smallest, largest = map(float, self.stiffness_range)
             entries |= {"stiffness_least": smallest} | ({"stiffness_largest": largest} if largest < math.inf else {})
         entries |= {"contact_point": "none"} if self.force_only else {}
+        entries |= {} if self.closed_form is None else {"closed_form": self.closed_form}
+        entries |= {"memory": "none"} if self.memoryless else {}
+        entries |= {"surfaces": "smooth"} if self.smooth_only else {}
         scatters = {"ihip_scatter": float(self.ihip_scatter), "force_scatter": float(self.force_scatter)}
         return entries | {"force_resolution": float(self.force_resolution)} | scatters
 

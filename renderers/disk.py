@@ -55,6 +55,7 @@ class DiskProjection:
     Lines of projection are curved: regulate with (5.21), `transversal`.
     """
 
+    smooth_only = True
     potential: Sequence[float] = ()
     support_range: Sequence[float] = ()
 

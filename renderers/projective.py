@@ -88,7 +88,12 @@ def declaration_of(projection: Projection, regulation: Regulation, scene: Scene)
         shares = stiffness_range(projection.potential, *projection.support_range)
     elif regulation.number == SQUARE_ROOT:
         shares = min(1.0, (REFERENCE_DEPTH / scene.model.size) ** 0.5), math.inf
-    return Declaration(spring=regulation.spring, stiffness_range=shares)
+    return Declaration(
+        spring=regulation.spring,
+        stiffness_range=shares,
+        memoryless=getattr(projection, "begin", None) is None,  # what begins a run keeps something of it
+        smooth_only=getattr(projection, "smooth_only", False),
+    )
 
 
 class CompiledProjection:

@@ -29,7 +29,7 @@ from hapticeval.types import Array
 class Stabilisation(LawRenderer):
     """The step of a law of set stabilisation, with the hand's force as sensed."""
 
-    declares = Declaration(closed_form="set-stabilisation")
+    declares = Declaration(closed_form="set-stabilisation", memoryless=True)
 
     def __init__(self, scene: Scene, law: Callable[..., Any], surface: Boundary, **tables: ArrayLike) -> None:
         check_gains(scene)

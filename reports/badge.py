@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from pathlib import Path
 from xml.sax.saxutils import escape
 
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
-from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.runner.results import ResultsDocument
+from hapticeval.runner.standing import Standing
 
 LABEL = "hapticeval"
 COLOURS = {"brightgreen": "#1a7f37", "yellow": "#9a6700", "red": "#cf222e", "lightgrey": "#57606a"}
@@ -18,15 +19,12 @@ COLOURS = {"brightgreen": "#1a7f37", "yellow": "#9a6700", "red": "#cf222e", "lig
 
 def badge_words(results: ResultsDocument) -> tuple[str, str]:
     """Return the badge's text and colour: red where the gate stops, yellow where known failures do not stop it."""
-    judged = [
-        verdict
-        for verdict in results.verdicts
-        if verdict.level is not Level.INFO and verdict.outcome is not Outcome.NOT_APPLICABLE
-    ]
-    passed = sum(verdict.outcome is Outcome.PASS for verdict in judged)
-    known = sum(verdict.standing in ("known", "as known") for verdict in judged)
     # Information and checks that do not apply are no part of the share.
-    text = f"{passed}/{len(judged)} pass" + f", {known} known" * bool(known)
+    standings = Counter(verdict.standing for verdict in results.verdicts if verdict.standing.judged)
+    judged, passed = standings.total(), standings[Standing.PASS]
+    excused = (Standing.KNOWN, Standing.INHERENT)
+    noted = [f"{standings[standing]} {standing.words}" for standing in excused if standings[standing]]
+    text = ", ".join([f"{passed}/{judged} pass", *noted])
     if not results.complete:
         return f"incomplete: {text}", "lightgrey"
     if not judged:
@@ -34,7 +32,7 @@ def badge_words(results: ResultsDocument) -> tuple[str, str]:
     # Red is what fails a gate, whatever the share that passes.
     if any(map(results.stops, results.verdicts)):
         return text, "red"
-    return text, "brightgreen" if passed == len(judged) else "yellow"
+    return text, "brightgreen" if passed == judged else "yellow"
 
 
 def shields_json(results: ResultsDocument) -> str:

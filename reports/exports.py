@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from hapticeval.errors import HapticevalError, NothingSelectedError, printable
 from hapticeval.files import csv_cell, file_stem, replacing
-from hapticeval.reports.grid import Tile, hard_cases, phenomenon_grid, state_of
+from hapticeval.reports.grid import Tile, hard_cases, phenomenon_grid
 from hapticeval.reports.table import provenance, summaries
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
@@ -60,7 +60,7 @@ def sheets(results: ResultsDocument) -> Iterator[Sheet]:
         [*fields, "state", "published", "metric", "value", "unit", "bound", "margin", "message"],
         [
             [
-                *(str(getattr(verdict, name)) for name in fields), state_of(verdict), str(verdict.published or ""),
+                *(str(getattr(verdict, name)) for name in fields), verdict.standing, str(verdict.published or ""),
                 *_metric_cells(verdict), _number_text(verdict.bound), _number_text(verdict.margin), verdict.message,
             ]
             for verdict in results.verdicts

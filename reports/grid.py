@@ -1,92 +1,16 @@
-"""What verdicts amount to: the state of each, tiles of several, and the grids of renderers by phenomena, cases, digits.
-
-A state compares an outcome with what was expected: a failure that is published, or listed, is *known*, and one of a
-case that is only shown is *not judged*. Neither is a failure of the run.
-"""
+"""Verdicts side by side: tiles of several, and the grids of renderers by phenomena, cases and digits."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
-from types import MappingProxyType
 
-from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.quantity import format_number
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
-
-
-class State(StrEnum):
-    """What a verdict means for the reader, the gravest first."""
-
-    ERROR = "error"
-    FAIL = "fail"
-    DIFFERS = "differs"
-    UNDECIDED = "undecided"
-    WARNING = "warning"
-    KNOWN = "known"
-    PASS = "pass"
-    NOT_JUDGED = "not-judged"
-    NOT_APPLICABLE = "not-applicable"
-
-    @property
-    def words(self) -> str:
-        """The state as a reader sees it."""
-        return {State.NOT_JUDGED: "not judged", State.NOT_APPLICABLE: "n/a"}.get(self, str(self))
-
-    @property
-    def many(self) -> str:
-        """The state of several verdicts, in a sentence after their number."""
-        special = {
-            State.ERROR: "in error",
-            State.FAIL: "failed",
-            State.DIFFERS: "differed from what is published",
-            State.WARNING: "with a warning",
-            State.KNOWN: "failed as known",
-            State.PASS: "passed",
-            State.NOT_JUDGED: "shown and not judged",
-            State.NOT_APPLICABLE: "not applicable",
-        }
-        return special.get(self, str(self))
-
-    @property
-    def grave(self) -> bool:
-        """Return whether it is not as expected."""
-        return self in (State.ERROR, State.FAIL, State.DIFFERS, State.UNDECIDED)
-
-
-SYMBOLS: Mapping[State, str] = MappingProxyType(
-    {
-        State.ERROR: "!",
-        State.FAIL: "✗",
-        State.DIFFERS: "≠",
-        State.UNDECIDED: "?",
-        State.WARNING: "▲",
-        State.KNOWN: "◇",
-        State.PASS: "✓",
-        State.NOT_JUDGED: "○",
-        State.NOT_APPLICABLE: "–",  # noqa: RUF001 - a dash as wide as the other signs
-    }
-)
-"""A shape for each state, so that none is told by its colour alone."""
-
-MEANING: Mapping[State, str] = MappingProxyType(
-    {
-        State.ERROR: "the renderer broke",
-        State.FAIL: "fails, and nothing beforehand said so",
-        State.DIFFERS: "another outcome than the published one",
-        State.UNDECIDED: "a check that must decide could not",
-        State.WARNING: "stops a gate with --strict only: a check of level should fails or cannot decide, or what is "
-        "listed as known to fail does so no more",
-        State.KNOWN: "fails as published, or as a list of known failures has it",
-        State.PASS: "passes",
-        State.NOT_JUDGED: "shown only: what a case or a check of level info finds is no verdict on the renderer",
-        State.NOT_APPLICABLE: "not applicable: the question does not arise, or the renderer refuses the model",
-    }
-)
+from hapticeval.runner.standing import Standing
 
 OTHER, HELD, EFFECTS = "Other properties", "Held constraint", "Effects of the surface"
 SIX_PHENOMENA = (
@@ -98,34 +22,6 @@ SIX_PHENOMENA = (
     "Centripetal Force",
 )
 """The phenomena of thesis section 3.2, as checks name them."""
-
-
-def state_of(verdict: VerdictEntry) -> State:
-    """Return what a verdict means."""
-    outcome, published = verdict.outcome, verdict.published
-    # On the user's list of known failures: it warns where it does not fail any more.
-    if verdict.known is not None:
-        return State.WARNING if verdict.outdated else State.KNOWN
-    # A renderer that broke is an error whatever was published.
-    if not verdict.as_expected and published is not None and outcome is not Outcome.ERROR:
-        return State.DIFFERS
-    # As published: what fails, breaks or cannot decide is then known, and no surprise.
-    if published is not None and outcome is published:
-        return (
-            State.KNOWN
-            if outcome in (Outcome.FAIL, Outcome.INCONCLUSIVE, Outcome.ERROR)
-            else _state_of_outcome(outcome)
-        )
-    if outcome is Outcome.NOT_APPLICABLE or outcome is Outcome.ERROR:
-        return _state_of_outcome(outcome)
-    # After the above, so that a published outcome of level info still counts.
-    if verdict.level is Level.INFO:
-        return State.NOT_JUDGED
-    return State.WARNING if verdict.warns else _state_of_outcome(outcome)
-
-
-def _state_of_outcome(outcome: Outcome) -> State:
-    return State.UNDECIDED if outcome is Outcome.INCONCLUSIVE else State(str(outcome))
 
 
 def bound_share(verdict: VerdictEntry) -> float | None:
@@ -151,9 +47,9 @@ class Tile:
     broken: Sequence[RunEntry] = ()
 
     @cached_property
-    def counts(self) -> Counter[State]:
+    def counts(self) -> Counter[Standing]:
         """How many verdicts have each state; a run that broke counts as an error."""
-        return Counter([*map(state_of, self.verdicts), *(State.ERROR for _ in self.broken)])
+        return Counter([*(verdict.standing for verdict in self.verdicts), *(Standing.ERROR for _ in self.broken)])
 
     @property
     def total(self) -> int:
@@ -161,15 +57,15 @@ class Tile:
         return sum(self.counts.values())
 
     @cached_property
-    def state(self) -> State:
+    def state(self) -> Standing:
         """The gravest state."""
-        return min(self.counts, key=list(State).index)
+        return min(self.counts, key=list(Standing).index)
 
     @cached_property
     def worst(self) -> VerdictEntry | RunEntry:
         """The verdict of the gravest state that is farthest beyond its bound, or closest to it."""
         gravest = sorted(
-            (verdict for verdict in self.verdicts if state_of(verdict) is self.state), key=_bound_load, reverse=True
+            (verdict for verdict in self.verdicts if verdict.standing is self.state), key=_bound_load, reverse=True
         )
         return gravest[0] if gravest else self.broken[0]
 
@@ -178,13 +74,13 @@ class Tile:
         """From 1 to 3: how close to its bound the worst passes (half, nine tenths), or how far beyond it is (2, 10)."""
         load = _bound_load(self.worst) if isinstance(self.worst, VerdictEntry) else 0.0
         # Shares of the bound: how much a pass uses, how many times a failure is beyond.
-        limits = (0.5, 0.9) if self.state is State.PASS else (2.0, 10.0)
+        limits = (0.5, 0.9) if self.state is Standing.PASS else (2.0, 10.0)
         return 1 + sum(load >= limit for limit in limits)
 
     @property
     def margin(self) -> str:
         """The worst margin in per cent of its bound, or how many times its bound the metric is; "" without a bound."""
-        if not isinstance(self.worst, VerdictEntry) or self.state is State.NOT_APPLICABLE:
+        if not isinstance(self.worst, VerdictEntry) or self.state is Standing.NOT_APPLICABLE:
             return ""
         share = bound_share(self.worst)
         if share is None:
@@ -283,14 +179,6 @@ def case_grid(results: ResultsDocument, suite: str) -> Grid:
     return Grid(renderers, rows)
 
 
-def state_counts(results: ResultsDocument) -> list[tuple[State, int]]:
-    """Return how many verdicts have each state, of those that there are: what calls for attention, then what passes."""
-    counts = Counter(map(state_of, results.verdicts))
-    # False sorts first: grave states, then warnings, then passes, then the others by gravity.
-    order = sorted(State, key=lambda state: (not state.grave, state is not State.WARNING, state is not State.PASS))
-    return [(state, counts[state]) for state in order if counts[state]]
-
-
 def headline(results: ResultsDocument) -> str:
     """Return the verdict of the run, in one sentence."""
     if not results.complete:
@@ -299,13 +187,15 @@ def headline(results: ResultsDocument) -> str:
         return "Every renderer refused every case"
     broken = sum(run.error is not None for run in results.runs)
     # Incomplete runs have been dealt with: what is counted here did run.
-    unexpected = sum(not verdict.as_expected for verdict in results.verdicts)
-    verb = "is" if unexpected == 1 else "are"
-    parts = [f"{unexpected:,} of {_plural(results.ran, 'verdict')} {verb} not as expected"] * bool(unexpected)
+    unexpected = sum(verdict.standing.unexpected for verdict in results.verdicts)
+    inherent = sum(verdict.standing is Standing.INHERENT for verdict in results.verdicts)
+    are = "is" if unexpected == 1 else "are"
+    parts = [f"{unexpected:,} of {_plural(results.ran, 'verdict')} {are} not as expected"] * bool(unexpected)
     parts += [f"{_plural(broken, 'run')} broke"] * bool(broken)
     if not results.verdicts and not parts:
         return "No verdict was given"
-    return ", ".join(parts) or "Every verdict is as expected"
+    parts = parts or ["Every verdict is as expected"]
+    return ", ".join([*parts, *([f"{inherent:,} inherent"] * bool(inherent))])
 
 
 def is_sound(results: ResultsDocument) -> bool:
@@ -328,11 +218,10 @@ def worst_verdicts(results: ResultsDocument, count: int) -> list[VerdictEntry]:
     Of the verdicts of a check on a renderer, only the worst; of known ones, only the worst of a check. What broken runs
     took away is left out.
     """
-    unexpected = [
-        verdict for verdict in results.verdicts if state_of(verdict).grave or state_of(verdict) is State.WARNING
-    ]
+    unexpected = [verdict for verdict in results.verdicts if verdict.standing.stops_strict]
     grave = [verdict for verdict in unexpected if not results.lost(verdict)]
-    candidates = grave or [verdict for verdict in results.verdicts if state_of(verdict) is State.KNOWN]
+    excused = (Standing.KNOWN, Standing.INHERENT)
+    candidates = grave or [verdict for verdict in results.verdicts if verdict.standing in excused]
     worst_by_check: dict[tuple[str, ...], VerdictEntry] = {}
     # The first of each key is the worst, as the gravest come first.
     for verdict in gravest_first(candidates):
@@ -374,6 +263,6 @@ def _whole_digits(verdict: VerdictEntry | None) -> int | None:
 
 def gravest_first(verdicts: Iterable[VerdictEntry]) -> list[VerdictEntry]:
     """Return verdicts, the gravest first."""
-    order = list(State).index
-    # By state, then by how much of its bound is used, the most first.
-    return sorted(verdicts, key=lambda verdict: (order(state_of(verdict)), -_bound_load(verdict)))
+    order = list(Standing).index
+    # By standing, then by how much of its bound is used, the most first.
+    return sorted(verdicts, key=lambda verdict: (order(verdict.standing), -_bound_load(verdict)))

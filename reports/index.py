@@ -17,14 +17,11 @@ from hapticeval.reports.check_pages import link_to
 from hapticeval.reports.effects_figure import EffectPlot, cost_svg
 from hapticeval.reports.grid import (
     Grid,
-    State,
     case_grid,
     hard_cases,
     headline,
     is_sound,
     phenomenon_grid,
-    state_counts,
-    state_of,
     worst_verdicts,
 )
 from hapticeval.reports.places import anchor, case_file
@@ -32,6 +29,7 @@ from hapticeval.reports.svg import style_sheet, styles_as_classes
 from hapticeval.reports.table import provenance, ran_words, renderers_by_commit, summaries
 from hapticeval.reports.templates import environment
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, SuiteEntry, VerdictEntry
+from hapticeval.runner.standing import Standing, count_standings
 from hapticeval.study.bench.document import BenchResults
 from hapticeval.study.effects.document import EffectsDocument
 
@@ -58,12 +56,12 @@ class SuiteSection:
     title: str
     citation: str
     grid: Grid
-    counted: Sequence[tuple[State, int]]
+    counted: Sequence[tuple[Standing, int]]
 
     @property
     def grave(self) -> bool:
         """Return whether anything here is not as expected."""
-        return any(state.grave for state, _ in self.counted)
+        return any(state.unexpected for state, _ in self.counted)
 
 
 @dataclass(frozen=True)
@@ -159,7 +157,7 @@ def render_index(
         sound=is_sound(results),
         provenance=provenance(results),
         ran=ran_words(results),
-        counted=state_counts(results),
+        counted=count_standings(verdict.standing for verdict in results.verdicts),
         judged_renderers=[name for name in results.renderers if name not in recorded],
         recorded=bool(recorded),
         case_count=len({(run.suite, run.case) for run in results.runs}),
@@ -172,7 +170,7 @@ def render_index(
         breakdowns=results.breakdowns,
         ended=sum(run.ended is not None for run in results.runs),
         grid=phenomenon_grid(results),
-        worst_words=_worst_words({state_of(verdict) for verdict in worst}),
+        worst_words=_worst_words({verdict.standing for verdict in worst}),
         failures=[(verdict, Drawing(next(svgs), drawing.problem)) for verdict, drawing in failures],
         more=_unlisted_count(results, worst),
         hard_names=names,
@@ -181,8 +179,8 @@ def render_index(
         closed_forms=_closed_form_tables(results, {name for name, check in known.items() if check.needs_closed_form}),
         forms=CLOSED_FORMS,
         suites=_suite_sections(results),
-        grave_states=[state for state in State if state.grave],
-        failing_states=[State.KNOWN, State.WARNING, *(state for state in State if state.grave)],
+        grave_states=[state for state in Standing if state.unexpected],
+        failing_states=[Standing.KNOWN, Standing.INHERENT, *(state for state in Standing if state.stops_strict)],
         titles={(run.suite, run.case): run.title for run in results.runs},
         aside={(run.suite, run.case) for run in results.runs if not run.judged},
         case_link=case_link,
@@ -200,19 +198,17 @@ def render_index(
     )  # fmt: skip
 
 
-def _worst_words(states: set[State]) -> str:
+def _worst_words(states: set[Standing]) -> str:
     """Return the title of what is shown of the verdicts: all of them known failures, or warnings at worst, or more."""
-    if any(state.grave for state in states):
+    if any(state.unexpected for state in states):
         return "Not as expected"
-    return "Warnings" if State.WARNING in states else "Known failures"
+    return "Warnings" if any(state.stops_strict for state in states) else "Known failures"
 
 
 def _unlisted_count(results: ResultsDocument, listed: Sequence[VerdictEntry]) -> int:
     """How many verdicts are not as expected, or warn, beside those `shown` and those that broken runs took away."""
     candidates = [verdict for verdict in results.verdicts if not results.lost(verdict)]
-    return max(
-        0, sum(state_of(verdict).grave or state_of(verdict) is State.WARNING for verdict in candidates) - len(listed)
-    )
+    return max(0, sum(verdict.standing.stops_strict for verdict in candidates) - len(listed))
 
 
 def _counterexample_svg(counterexample: Counterexample, prefix: str) -> str:
@@ -229,7 +225,7 @@ def _suite_sections(results: ResultsDocument) -> list[SuiteSection]:
     for name in dict.fromkeys(run.suite for run in results.runs):
         suite = suite_by_name.get(name, SuiteEntry(name=name, title="", citation="", rows=[]))
         # States of the suite's verdicts, written beside its title.
-        counts = Counter(state_of(verdict) for verdict in results.verdicts if verdict.suite == name)
+        counts = Counter(verdict.standing for verdict in results.verdicts if verdict.suite == name)
         grid = case_grid(results, name)
         sections.append(
             SuiteSection(
@@ -237,7 +233,7 @@ def _suite_sections(results: ResultsDocument) -> list[SuiteSection]:
                 suite.title or name,
                 suite.citation,
                 grid,
-                [(state, counts[state]) for state in State if counts[state]],
+                [(state, counts[state]) for state in Standing if counts[state]],
             )
         )
     return sections

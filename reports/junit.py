@@ -16,6 +16,7 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.scene_words import ended_words
 from hapticeval.reports.table import ran_words
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
+from hapticeval.runner.standing import Standing
 
 NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -80,22 +81,24 @@ def _add_verdict(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped
     outcome, published = verdict.outcome, verdict.published
     figures = verdict.measured
     text = verdict.message + (f" ({figures})" if figures else "") + (f"; the run {ended}" if ended else "")
-    warning = "warning: " * verdict.warns
+    standing = verdict.standing
+    warning = "warning: " * (standing is Standing.WARNING)
     if outcome is Outcome.ERROR:
         _add_result(case, "error", text)
     # What fails the gate, strict or not, is a failure here too.
     elif stopped:
-        differs = f"{outcome}, published {published}: " if published else ""
-        # On the list of known failures and no failure any more.
-        if verdict.outdated:
+        differs = f"{outcome}, published {published}: " if standing is Standing.DIFFERS else ""
+        if standing is Standing.OUTDATED:
             differs = f"{outcome}, and on the list of known failures ({verdict.known}): "
-        _add_result(case, "failure", differs + text, "The outcome differs from the published one." if published else "")
+        more = "The outcome differs from the published one." if standing is Standing.DIFFERS else ""
+        _add_result(case, "failure", differs + text, more)
     elif outcome in (Outcome.INCONCLUSIVE, Outcome.NOT_APPLICABLE):
         _add_result(case, "skipped", f"{warning}{outcome}: {text}")
     elif outcome is Outcome.FAIL:
-        why = "fails, as known" if published else f"fails; level {verdict.level} stops no gate"
-        if verdict.known is not None:
-            why = f"fails, and is known: {verdict.known}"
+        why = {
+            Standing.KNOWN: f"fails, and is known: {verdict.known}",
+            Standing.INHERENT: f"fails, which is inherent: {verdict.inherent}",
+        }.get(standing, f"fails; level {verdict.level} stops no gate")
         ET.SubElement(case, "system-out").text = _xml_text(f"{warning}{why}: {text}")
 
 

@@ -7,21 +7,17 @@ from dataclasses import dataclass
 
 from hapticeval.errors import printable
 from hapticeval.reports.grid import (
-    MEANING,
-    SYMBOLS,
     Grid,
-    State,
     Tile,
     case_grid,
     gravest_first,
     hard_cases,
     headline,
     phenomenon_grid,
-    state_counts,
-    state_of,
 )
 from hapticeval.reports.scene_words import ended_words
 from hapticeval.runner.results import Breakdown, ResultsDocument, SuiteEntry
+from hapticeval.runner.standing import Standing, count_standings, counts_in_words
 
 LIMIT = 60_000
 """Bytes of table.md: a comment on GitHub holds 65,536 characters."""
@@ -127,7 +123,7 @@ def short_commit(commit: str) -> str:
 
 def counts_words(results: ResultsDocument) -> str:
     """Return how many verdicts have each state, in words."""
-    return ", ".join(f"{count:,} {state.many}" for state, count in state_counts(results))
+    return counts_in_words(verdict.standing for verdict in results.verdicts)
 
 
 def markdown(results: ResultsDocument) -> str:
@@ -186,7 +182,7 @@ def _report_blocks(results: ResultsDocument) -> Iterator[str]:
         by_case = case_grid(results, suite)
         if by_case.rows:
             yield f"## Every case of {_escape(suite)}"
-            yield _grid_table(by_case, tile=lambda tile: SYMBOLS[tile.state])
+            yield _grid_table(by_case, tile=lambda tile: tile.state.symbol)
 
 
 def _list_blocks(results: ResultsDocument) -> Iterator[str]:
@@ -199,9 +195,13 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
     grave = [
         breakdown
         for breakdown in gravest_first(results.verdicts)
-        if state_of(breakdown).grave and not results.lost(breakdown)
+        if breakdown.standing.unexpected and not results.lost(breakdown)
     ]
-    warned = [breakdown for breakdown in gravest_first(results.verdicts) if state_of(breakdown) is State.WARNING]
+    warned = [
+        verdict
+        for verdict in gravest_first(results.verdicts)
+        if verdict.standing in (Standing.WARNING, Standing.OUTDATED)
+    ]
     for title, verdicts in (("Not as expected, the worst first", grave), ("Warnings", warned)):
         if verdicts:
             lines = []
@@ -210,8 +210,7 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
                 figures = verdict.measured
                 place = f"{verdict.renderer} on {verdict.suite}/{verdict.case}/{verdict.check}"
                 lines.append(
-                    f"- {SYMBOLS[state_of(verdict)]} {place}: {verdict.outcome}{published}; "
-                    f"{figures or verdict.message}"
+                    f"- {verdict.standing.symbol} {place}: {verdict.outcome}{published}; {figures or verdict.message}"
                 )
             lines += [f"- and {len(verdicts) - MOST_LISTED} more"] * (len(verdicts) > MOST_LISTED)
             yield f"## {title}"
@@ -229,14 +228,15 @@ def _breakdown_words(broken: Breakdown) -> str:
 
 
 def _legend_words(results: ResultsDocument) -> str:
-    return "; ".join(f"{SYMBOLS[state]} {state.words}: {MEANING[state]}" for state, _ in state_counts(results)) + "."
+    counted = count_standings(verdict.standing for verdict in results.verdicts)
+    return "; ".join(f"{standing.symbol} {standing.words}: {standing.meaning}" for standing, _ in counted) + "."
 
 
 def _tile_words(tile: Tile) -> str:
     """Return a cell in words: its gravest state, how many verdicts have it, and the worst margin."""
     count = tile.counts[tile.state]
-    words = [f"{SYMBOLS[tile.state]} {tile.state.words}"]
-    words += [f"{count} of {tile.total}"] * (tile.state is not State.PASS)
+    words = [f"{tile.state.symbol} {tile.state.words}"]
+    words += [f"{count} of {tile.total}"] * (tile.state is not Standing.PASS)
     return ", ".join([*words, *([tile.margin] if tile.margin else [])])
 
 

@@ -10,9 +10,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from hapticeval.quantity import format_duration, format_length, format_number, format_quantity, format_size
-from hapticeval.reports.grid import MEANING, SYMBOLS, State, state_of
 from hapticeval.reports.places import ASSETS, INDEX, ROOT, anchor, case_file
 from hapticeval.runner.results import RunEntry
+from hapticeval.runner.standing import Standing
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -51,10 +51,7 @@ def environment() -> Environment:
         "svg": Markup,
     }
     jinja.globals |= {
-        "State": State,
-        "state": state_of,
-        "symbols": SYMBOLS,
-        "meaning": MEANING,
+        "Standing": Standing,
         "anchor": anchor,
         "case_file": case_file,
         "evidence_words": evidence_words,

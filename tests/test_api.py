@@ -58,7 +58,7 @@ def test_a_class_is_judged_in_memory_and_leaves_no_file(suite, tmp_path):
     assert alone.recording().meta["case"] == "flat-back"
     page = results._repr_html_()
     assert page.count("<table") == 2
-    assert "Results of Nearest: 3 pass" in page
+    assert "Results of Nearest: 2 passed, 1 shown and not judged" in page
     assert set(tmp_path.iterdir()) == before
     with pytest.raises(InputError, match="lie in no folder"):
         results.report()

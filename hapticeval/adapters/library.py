@@ -32,7 +32,7 @@ HEADER = Path(__file__).with_name("hapticeval.h")
 
 ABI = 1
 CONTACT, REFUSES_MODEL, REFUSES_HIP = 1, 1, 2
-BILATERAL, SPRING, FORCE_ONLY = 4, 16, 32
+BILATERAL, SPRING, FORCE_ONLY, MEMORYLESS, SMOOTH_ONLY = 4, 16, 32, 64, 128
 REQUIREMENT_FLAGS = {1: "plane", 2: "space", BILATERAL: "bilateral", 8: "viscosity"}
 """Flags of the header by which a library supports scenes with these requirements."""
 
@@ -169,8 +169,8 @@ def info_of(path: Path) -> Info:
             why="it is called with self NULL first, before a scene",
             todo="write flags and max_error then, and return 0",
         )
-    # FORCE_ONLY is the highest flag of this header: above it are those of a later one.
-    if info["flags"] >= 2 * FORCE_ONLY:
+    # SMOOTH_ONLY is the highest flag of this header: above it are those of a later one.
+    if info["flags"] >= 2 * SMOOTH_ONLY:
         raise InputError(
             f"the library {path} has the flags {info['flags']:#x}",
             why="this version of hapticeval does not know all of them",
@@ -301,6 +301,8 @@ def _declaration(info: Info, answer: InfoStruct) -> Declaration:
     promise = Declaration(
         spring=Spring.ERROR if info.flags & SPRING else None,
         force_only=bool(info.flags & FORCE_ONLY),
+        memoryless=bool(info.flags & MEMORYLESS),
+        smooth_only=bool(info.flags & SMOOTH_ONLY),
         stiffness_range=shares if any(shares) else None,
         force_resolution=float(answer.force_resolution),
     )

@@ -229,6 +229,8 @@ class Hello:
     max_error: float = 0.0
     spring: bool = False
     force_only: bool = False
+    memoryless: bool = False
+    smooth_only: bool = False
     run: bool = False
     name: str = ""
 
@@ -293,7 +295,7 @@ def _say_hello(child: Child) -> Hello:
         )
     lengths = _read_lengths(child, answer, "max_error")
     name = _excerpt(answer.get("name", ""))
-    flags = {flag: bool(answer.get(flag)) for flag in ("spring", "force_only", "run")}
+    flags = {flag: bool(answer.get(flag)) for flag in ("spring", "force_only", "memoryless", "smooth_only", "run")}
     return Hello(frozenset(supports), lengths["max_error"], name=name, **flags)
 
 
@@ -315,6 +317,8 @@ def _declaration(child: Child, hello: Hello, answer: Mapping[str, Any]) -> Decla
     promise = Declaration(
         spring=Spring.ERROR if hello.spring else None,
         force_only=hello.force_only,
+        memoryless=hello.memoryless,
+        smooth_only=hello.smooth_only,
         stiffness_range=shares if shares is None or not isinstance(shares, list) else tuple(shares),
         force_resolution=answer.get("force_resolution", 0.0),
     )

@@ -48,7 +48,7 @@ long_run_option = partial(option, rich_help_panel="Long runs")
 
 EXIT_CODES = """\b
 Exit codes:
-  0  every verdict is as required, as published where the suite publishes one,
+  0  every verdict is as required, inherent in what the renderer declares,
      or known with --known
   1  a check failed, could not decide or differs, or fewer verdicts than
      planned were reached, as after Ctrl-C; with --strict also where a check
@@ -75,7 +75,7 @@ Exit codes:
 
 MERGE_CODES = """\b
 Exit codes:
-  0  every verdict is as required, or as published where the suite publishes one
+  0  every verdict is as required, inherent in what its renderer declares, or known
   1  a check failed, could not decide or differs, or one of the runs is incomplete
   2  wrong usage, or what is in the folders is not one run: versions, seeds,
      overlaps, missing shards

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import typer
 
-from hapticeval.commands.terminal import lines, outcome_counts, paragraphs, plural, wrote_lines
-from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.commands.terminal import lines, paragraphs, plural, wrote_lines
+from hapticeval.phenomena.verdict import Outcome
 from hapticeval.quantity import align_columns
 from hapticeval.runner.known import describe_outdated
 from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
+from hapticeval.runner.standing import Standing, counts_in_words
 
 VERDICTS_SHOWN = 10
 """Unexpected verdicts that are shown without -v: the worst; more scroll off a screen, and the report has them all."""
@@ -23,9 +24,13 @@ VERDICTS_SHOWN = 10
 CASES_NAMED = 3
 """Cases that are named of those in which a renderer broke in one way, without -v."""
 
+EXCUSED = frozenset({Standing.KNOWN, Standing.INHERENT})
+"""Failures that stop nothing: shown with -v."""
+
 LEGEND = {
     "!": "!n are not as expected",
-    "~": "~n fail and are known, or as published",
+    "~": "~n fail and are known",
+    "*": "*n fail by what the renderer declares to be (inherent)",
     "?": "?n warn",
 }
 
@@ -56,9 +61,9 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
         "-v shows them, and so does a report"
         if more
         else "",
-        lines(_verdict_words(verdict) for verdict in unstopping if verdict.outdated),
-        lines(_verdict_words(verdict) for verdict in unstopping if verdict.warns) if verbose else "",
-        lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing == "known") if verbose else "",
+        lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing is Standing.OUTDATED),
+        lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing is Standing.WARNING),
+        lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing in EXCUSED) if verbose else "",
         lines(_not_applicable_reasons(results)) if verbose else "",
         _totals_words(results, verbose=verbose),
         wrote_lines(written),
@@ -95,23 +100,20 @@ def _pass_grid(results: ResultsDocument, width: int) -> str:
 
 def _grid_cell(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tuple[str, str | None]:
     """A cell of the grid and its colour; verdicts of level info are shown in the report and never judged."""
-    judged = [
-        verdict
-        for verdict in verdicts
-        if verdict.level is not Level.INFO and verdict.outcome is not Outcome.NOT_APPLICABLE
-    ]
-    # Of level info too, where an outcome is published and another came.
-    wrong = sum(results.stops(verdict) for verdict in verdicts)
-    if not judged and not wrong:
+    judged = [verdict for verdict in verdicts if verdict.standing.judged]
+    if not judged:
         return "-", None
-    # Known failures and warnings, of what does not stop the gate.
-    kinds = Counter(
-        verdict.standing for verdict in judged if not results.stops(verdict) and verdict.outcome is not Outcome.PASS
-    )
-    counts = {"!": wrong, "~": kinds["known"] + kinds["as known"], "?": kinds["warning"]}
-    text = f"{sum(verdict.outcome is Outcome.PASS for verdict in judged)}/{len(judged)}"
-    marks = "".join(f" {mark}{count}" for mark, count in counts.items() if count)
-    return text + marks, "red" if wrong else "yellow" if marks else "green"
+    wrong = sum(results.stops(verdict) for verdict in verdicts)
+    standings = Counter(verdict.standing for verdict in judged if not results.stops(verdict))
+    counts = {
+        "!": wrong,
+        "~": standings[Standing.KNOWN],
+        "*": standings[Standing.INHERENT],
+        "?": standings[Standing.WARNING],
+    }
+    text = f"{standings[Standing.PASS]}/{len(judged)}"
+    noted = "".join(f" {mark}{count}" for mark, count in counts.items() if count)
+    return text + noted, "red" if wrong else "yellow" if noted else "green"
 
 
 def _summary_tables(results: ResultsDocument, width: int) -> Iterator[str]:
@@ -207,16 +209,22 @@ def _verdict_words(verdict: VerdictEntry) -> str:
     """A verdict of which there is something to say, with its measure and its bound."""
     outcome, published = verdict.outcome, verdict.published
     place = f"{verdict.renderer} on {verdict.place}"
-    if verdict.outdated:
+    if verdict.standing is Standing.OUTDATED:
         head, todo = describe_outdated(verdict)
         return lines([paint(head, "yellow"), f"  {todo}"])
     head, colour = {
-        "differs": (f"differs: {place}: {outcome}, published {published}", "red"),
-        "known": (f"known: {outcome}: {place}", "yellow"),
-        "warning": (f"warning: {outcome}: {place}", "yellow"),
+        Standing.DIFFERS: (f"differs: {place}: {outcome}, published {published}", "red"),
+        Standing.KNOWN: (f"known: {outcome}: {place}", "yellow"),
+        Standing.INHERENT: (f"inherent: {outcome}: {place}", "yellow"),
+        Standing.WARNING: (f"warning: {outcome}: {place}", "yellow"),
     }.get(verdict.standing, (f"{outcome}: {place}", "red"))
-    reason = f"known because: {verdict.known}" if verdict.known else ""
-    return lines([paint(head, colour), *(f"  {text}" for text in (verdict.measured, verdict.message, reason) if text)])
+    notes = {
+        "known because": verdict.known,
+        "inherent because": verdict.inherent,
+        "fail here too": ", ".join(verdict.alike) if verdict.standing.unexpected else "",
+    }
+    told = [f"{label}: {text}" for label, text in notes.items() if text]
+    return lines([paint(head, colour), *(f"  {text}" for text in (verdict.measured, verdict.message, *told) if text)])
 
 
 def _not_applicable_reasons(results: ResultsDocument) -> Iterator[str]:
@@ -233,18 +241,14 @@ def _not_applicable_reasons(results: ResultsDocument) -> Iterator[str]:
 
 def _totals_words(results: ResultsDocument, *, verbose: bool) -> str:
     """Return how many verdicts ran, with which outcomes, and how long that took."""
-    unexpected = sum(not verdict.as_expected for verdict in results.verdicts)
-    warnings = sum(verdict.warns for verdict in results.verdicts)
-    known = sum(verdict.standing == "known" for verdict in results.verdicts)
-    remarks = f", {known} known" * bool(known)
-    if warnings:
-        remarks += f", {plural(warnings, 'warning')}" + (
-            " that count" if results.command.strict else "" if verbose else " (-v shows them)"
-        )
+    standings = [verdict.standing for verdict in results.verdicts]
+    unexpected = sum(standing.unexpected for standing in standings)
+    counting = " (warnings count)" * (results.command.strict and Standing.WARNING in standings)
+    hidden = "" if verbose or not EXCUSED & set(standings) else " (-v shows what is known or inherent)"
     ran = f"{results.ran} of {plural(results.planned, 'planned verdict')} ran"
     if not results.complete:
         ran += f" (incomplete: {results.reason})"
-    counts = f"{ran}: {outcome_counts(results.verdicts)}; {unexpected or 'none'} not as expected{remarks}"
+    counts = f"{ran}: {counts_in_words(standings)}; {unexpected or 'none'} not as expected{counting}{hidden}"
     return f"{counts}\n{_time_words(results.timing)}"
 
 

@@ -7,15 +7,14 @@ import shutil
 import sys
 import textwrap
 import time
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from hapticeval.errors import printable
-from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
+from hapticeval.runner.standing import counts_in_words
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -221,13 +220,8 @@ def _job_words(event: JobFinished) -> str:
 
 
 def _verdicts_words(verdicts: Sequence[VerdictEntry]) -> str:
-    """Return how many verdicts have each outcome, and how many need a second look."""
-    surprises = sum(not verdict.as_expected for verdict in verdicts)
-    known = sum(verdict.standing == "known" for verdict in verdicts)
-    warnings = sum(verdict.warns for verdict in verdicts)
-    notes = [f"{surprises} not as expected"] * bool(surprises) + [f"{known} known"] * bool(known)
-    notes += [plural(warnings, "warning")] * bool(warnings)
-    return outcome_counts(verdicts) + (f" ({', '.join(notes)})" if notes else "")
+    """Return how many verdicts have each standing, in words."""
+    return counts_in_words(verdict.standing for verdict in verdicts)
 
 
 def _at_work_words(event: AtWork) -> str:
@@ -250,12 +244,6 @@ def _interrupted_words(event: Interrupted) -> str:
 def plural(count: int, noun: str) -> str:
     """For instance `1 run`, `2 runs`."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
-def outcome_counts(verdicts: Iterable[VerdictEntry]) -> str:
-    """For instance `12 pass, 3 fail`, in the order of `Outcome`."""
-    counts = Counter(verdict.outcome for verdict in verdicts)
-    return ", ".join(f"{counts[outcome]} {outcome}" for outcome in Outcome if counts[outcome]) or "no verdicts"
 
 
 def lines(parts: Iterable[str]) -> str:

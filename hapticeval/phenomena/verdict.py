@@ -85,7 +85,11 @@ UNSATISFIED = (Outcome.FAIL, Outcome.INCONCLUSIVE)
 
 @dataclass(frozen=True)
 class Verdict:
-    """A finding with its identity, its weight, and the published outcome where the suite carries one."""
+    """A finding with its identity, its weight, and the published outcome where the suite carries one.
+
+    `inherent` is why a failure follows from what the renderer declares, see `hapticeval.phenomena.inherent`. `alike`
+    are other renderers that are in print to fail here as well.
+    """
 
     renderer: str
     suite: str
@@ -94,6 +98,8 @@ class Verdict:
     level: Level
     finding: Finding
     published: Outcome | None = None
+    inherent: str = ""
+    alike: tuple[str, ...] = ()
 
     @property
     def outcome(self) -> Outcome:
@@ -102,14 +108,13 @@ class Verdict:
 
     @property
     def as_expected(self) -> bool:
-        """Whether the outcome is the published one, or, where none is published, nothing that stops a gate.
+        """Whether the outcome is nothing that stops a gate, and does not differ from a published one.
 
         An error stops it, and at level `must` so do a failed check and one that could not decide: a renderer that never
-        touches the surface has not passed. Others are reported.
+        touches the surface has not passed. What is inherent does not. That a failure is in print does not excuse it.
         """
-        # A suite that publishes a failure expects it: a pass is then the surprise.
-        if self.published is not None:
-            return self.outcome == self.published
+        if self.published is not None and self.outcome is not self.published:
+            return False
         if self.outcome is Outcome.ERROR:
             return False
-        return not (self.outcome in UNSATISFIED and self.level is Level.MUST)
+        return not (self.outcome in UNSATISFIED and self.level is Level.MUST) or bool(self.inherent)

@@ -16,6 +16,7 @@ from hapticeval.errors import DomainError, HapticevalError, RefusalError, Runawa
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs, without_channel
+from hapticeval.phenomena.inherent import reason_inherent
 from hapticeval.phenomena.regions import region_of
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.sampling import touching
@@ -317,8 +318,9 @@ def judge_recorded(
     except HapticevalError as raised:
         error = raised
         findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
+    declared = {} if recorded is None else recorded.recording.meta
     return Judged(
-        _verdicts(findings, renderer, suite, case),
+        _verdicts(findings, renderer, suite, case, declared),
         None if recorded is None else recorded.recording,
         error,
         refusal,
@@ -333,26 +335,34 @@ def judge_recorded(
 def error_verdicts(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:
     """Return what came of a case whose process is gone: every verdict an error."""
     findings = [_error_finding(error)] * len(case.checks)
-    return Judged(_verdicts(findings, renderer, suite, case), None, error, None, 0.0, 0.0)
+    return Judged(_verdicts(findings, renderer, suite, case, {}), None, error, None, 0.0, 0.0)
 
 
 def _error_finding(error: HapticevalError) -> Finding:
     return Finding(Outcome.ERROR, "; ".join(part for part in (error.what, error.why) if part))
 
 
-def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case) -> tuple[Verdict, ...]:
-    return tuple(
-        Verdict(
-            renderer=renderer,
-            suite=suite,
-            case=case.name,
-            check=check,
-            level=(finding.level or CHECKS[check].level) if case.judged else Level.INFO,
-            finding=finding,
-            published=Outcome(case.published[renderer][check]) if check in case.published.get(renderer, {}) else None,
+def _verdicts(
+    findings: Sequence[Finding], renderer: str, suite: str, case: Case, declared: Mapping[str, Any]
+) -> tuple[Verdict, ...]:
+    verdicts = []
+    for check, finding in zip(case.checks, findings, strict=True):
+        published = {name: Outcome(outcomes[check]) for name, outcomes in case.published.items() if check in outcomes}
+        failing = [name for name, outcome in published.items() if outcome is Outcome.FAIL and name != renderer]
+        verdicts.append(
+            Verdict(
+                renderer=renderer,
+                suite=suite,
+                case=case.name,
+                check=check,
+                level=(finding.level or CHECKS[check].level) if case.judged else Level.INFO,
+                finding=finding,
+                published=published.get(renderer),
+                inherent=reason_inherent(check, finding, declared),
+                alike=tuple(failing) if finding.outcome is Outcome.FAIL else (),
+            )
         )
-        for check, finding in zip(case.checks, findings, strict=True)
-    )
+    return tuple(verdicts)
 
 
 def _finding(check: str, runs: Runs, scene: Scene) -> Finding:

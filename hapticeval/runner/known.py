@@ -20,13 +20,14 @@ import textwrap
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta, Struct, to_builtins
 from msgspec.structs import replace
 
-from hapticeval.discovery import known_renderers
+from hapticeval.discovery import known_renderers, shipped_lists
 from hapticeval.documents import convert, read_toml
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, at
 from hapticeval.files import replacing
@@ -158,10 +159,14 @@ Place = tuple[str, str]
 
 @dataclass(frozen=True)
 class Known:
-    """Known failures by renderer and place, an entry of one verdict each; `source` is the file that lists them."""
+    """Known failures by renderer and place, an entry of one verdict each; `source` is the file that lists them.
+
+    `shipped` are those that packages list of their own renderers, see `with_shipped`; the file has the last word.
+    """
 
     entries: Mapping[Place, KnownEntry] = field(default_factory=dict)
     source: str = ""
+    shipped: Mapping[Place, KnownEntry] = field(default_factory=dict)
 
     def check(self, suites: Iterable[Suite]) -> None:
         """Raise `UnknownNameError` for an entry about one of these suites that has no such case or check.
@@ -211,12 +216,13 @@ class Known:
         A known failure is as expected. One that fails in another way than the known one, or worse, is judged as any
         other.
         """
-        entry = self.entries.get((verdict.renderer, verdict.place))
+        place = (verdict.renderer, verdict.place)
+        entry = self.entries.get(place, self.shipped.get(place))
         if entry is None or verdict.outcome is Outcome.ERROR:
             return verdict
         # It passes now. Marked all the same, so that it can be told to come off the list.
         if verdict.outcome not in UNSATISFIED:
-            return replace(verdict, known=entry.reason)
+            return replace(verdict, known=entry.reason) if place in self.entries else verdict
         # Known to be inconclusive and fails now, or the other way round: judged as any other.
         if verdict.outcome.value != entry.outcome:
             return verdict
@@ -239,9 +245,10 @@ class Known:
             if verdict.outcome not in UNSATISFIED:
                 continue
             if verdict.known is not None:
-                # Known already: the reason stays, and the size may only go down.
-                listed = self.entries.get(place) or _entry(verdict, verdict.known)
-                entries[place] = listed.renewed(verdict)
+                # Known already: the reason stays, and the size may only go down. What a package lists is not copied.
+                if place in self.entries or place not in self.shipped:
+                    listed = self.entries.get(place) or _entry(verdict, verdict.known)
+                    entries[place] = listed.renewed(verdict)
             elif results.stops(verdict):
                 new_failures.setdefault((verdict.renderer, verdict.check, verdict.outcome), []).append(verdict)
         # New failures of one renderer, check and outcome share a reason, that of the worst.
@@ -249,7 +256,20 @@ class Known:
             worst = max(verdicts, key=lambda verdict: verdict.severity)
             reason = f"{UNEXPLAINED}: {_short(worst.message)} ({worst.suite}/{worst.case})"
             entries |= {(renderer, verdict.place): _entry(verdict, reason) for verdict in verdicts}
-        return Known(entries, self.source)
+        return Known(entries, self.source, self.shipped)
+
+    def with_shipped(self) -> Known:
+        """Return the list with what installed packages list of their own renderers behind it."""
+        return Known(self.entries, self.source, _shipped(tuple(shipped_lists())))
+
+
+@lru_cache(maxsize=1)
+def _shipped(files: tuple[Path, ...]) -> Mapping[Place, KnownEntry]:
+    """Return the entries of all files; of two for one verdict the first."""
+    entries: dict[Place, KnownEntry] = {}
+    for file in files:
+        entries = {**read_known(file).entries, **entries}
+    return entries
 
 
 NONE_KNOWN = Known()

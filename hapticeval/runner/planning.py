@@ -131,6 +131,7 @@ def plan(
             # Before any job begins, and once for all renderers.
             case.check_stimulus()
     own_jobs = jobs if shard is None else shard.of(jobs)
+    known = known.with_shipped()
     return Plan(loaded, names, own_jobs, tuple(select), seed, strict, known, shard, cases_and_renderers, exit_first)
 
 

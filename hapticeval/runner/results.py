@@ -25,6 +25,7 @@ from hapticeval.files import digest_of, plain, read_json, without_non_finite, wr
 from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
 from hapticeval.quantity import format_quantity
 from hapticeval.recordings.compare.difference import Difference
+from hapticeval.runner.standing import Standing
 
 if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
@@ -289,6 +290,8 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     - `bound`, `margin`: in the metric's unit; the margin, bound less metric, is negative for a failure.
     - `known`: the reason that a list of known failures gives for this one, see `hapticeval.runner.known`.
     - `beyond_known`: how it goes beyond the failure on that list.
+    - `inherent`: why a failure follows from what the renderer declares.
+    - `alike`: other renderers that are in print to fail here.
     """
 
     renderer: str
@@ -306,6 +309,8 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     as_expected: bool
     known: str | None = None
     beyond_known: str | None = None
+    inherent: str = ""
+    alike: list[str] = []
 
     @classmethod
     def of(cls, verdict: Verdict) -> VerdictEntry:
@@ -345,19 +350,14 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
             message=finding.message,
             published=verdict.published,
             as_expected=verdict.as_expected,
+            inherent=verdict.inherent,
+            alike=list(verdict.alike),
         )
 
     @property
     def key(self) -> RunKey:
         """Suite, case and renderer: the run that was judged."""
         return self.suite, self.case, self.renderer
-
-    @property
-    def warns(self) -> bool:
-        """Return whether it is a warning: of level `should`, and neither passed nor expected."""
-        # What is in print, or on a list of known failures, is no news.
-        unforeseen = self.published is None and self.known is None
-        return self.level is Level.SHOULD and self.outcome in UNSATISFIED and unforeseen
 
     @property
     def place(self) -> str:
@@ -388,34 +388,29 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
         return self.outcome is Outcome.ERROR, over
 
     @property
-    def outdated(self) -> bool:
-        """Return whether the list of known failures has this verdict, and it fails no more."""
-        return self.known is not None and self.outcome not in UNSATISFIED
+    def standing(self) -> Standing:
+        """What the verdict amounts to: its outcome compared with what was expected, see `Standing`."""
+        outcome = self.outcome
+        unsatisfied = outcome in UNSATISFIED
+        if self.known is not None:
+            return Standing.KNOWN if unsatisfied else Standing.OUTDATED
+        if outcome is Outcome.ERROR:
+            return Standing.ERROR
+        if self.published is not None and outcome is not self.published:
+            return Standing.DIFFERS
+        if outcome is Outcome.NOT_APPLICABLE:
+            return Standing.NOT_APPLICABLE
+        if not self.as_expected:
+            return Standing.FAIL if outcome is Outcome.FAIL else Standing.UNDECIDED
+        if self.level is Level.INFO:
+            return Standing.NOT_JUDGED
+        if self.inherent:
+            return Standing.INHERENT
+        return Standing.WARNING if unsatisfied else Standing.PASS
 
     def stops(self, *, strict: bool) -> bool:
-        """Return whether the verdict stops a gate: it is not as expected.
-
-        In a strict run so do a warning, and what is listed as a known failure and fails no more.
-        """
-        return not self.as_expected or (strict and (self.warns or self.outdated))
-
-    @property
-    def standing(self) -> str:
-        """Return in a word how the outcome compares with what was expected; "" where it needs no remark.
-
-        - "known": a failure on the list of known ones; "outdated": it is on the list and fails no more.
-        - "as known", "differs": as what is published, or not.
-        - "unexpected": an error, or a check of level `must` that failed or could not decide.
-        - "warning": one of level `should` that failed or could not decide.
-        """
-        if self.known is not None:
-            return "outdated" if self.outdated else "known"
-        # What is in print says more than the level: a failure may be what is expected.
-        if self.published is not None:
-            return "as known" if self.outcome == self.published else "differs"
-        if self.warns:
-            return "warning"
-        return "" if self.as_expected else "unexpected"
+        """Return whether the verdict stops a gate."""
+        return self.standing.stops_strict if strict else self.standing.unexpected
 
 
 class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dict=True):

@@ -37,7 +37,7 @@ def test_the_version_is_the_package_s(capsys):
 def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(here, capsys):
     assert main(["run", "slides.toml", "-r", "local_mine:Good"]) == 0
     shown = capsys.readouterr()
-    assert "4 of 4 planned verdicts ran: 4 pass; none not as expected" in shown.out
+    assert "4 of 4 planned verdicts ran: 3 passed, 1 shown and not judged; none not as expected" in shown.out
     assert "times real time" in shown.out
     assert "[3/3] slides: 3 runs: 4 pass" in shown.err
     results = read_results(here / "results")

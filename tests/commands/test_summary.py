@@ -22,15 +22,26 @@ def jump(metres, **more):
     return verdict(Outcome.FAIL, metric=Metric("jump", metres, "m"), bound=0.001, **more)
 
 
-def test_warnings_are_counted_and_shown_where_they_are_wanted_or_count():
+def test_warnings_are_shown_and_counted():
     should = verdict(Outcome.FAIL, level=Level.SHOULD)
-    quiet = summary(results_of(should), [])
-    assert "warning: fail" not in quiet
-    assert "none not as expected, 1 warning (-v shows them)\n" in quiet
-    assert "warning: fail: r on s/c/" in summary(results_of(should), [], verbose=True)
-    strict = summary(results_of(should, strict=True), [])
-    assert "warning: fail: r on s/c/" in strict
-    assert "1 warning that count" in strict
+    relaxed = summary(results_of(should), [])
+    assert "warning: fail: r on s/c/" in relaxed
+    assert "1 warn; none not as expected\n" in relaxed
+    assert "1 warn; none not as expected (warnings count)\n" in summary(results_of(should, strict=True), [])
+
+
+def test_what_is_inherent_is_counted_and_shown_with_its_reason_on_demand():
+    limited = results_of(jump(0.1, inherent="a spring's force begins at zero"))
+    assert "1 inherent; none not as expected (-v shows what is known or inherent)\n" in summary(limited, [])
+    shown = summary(limited, [], verbose=True)
+    assert "inherent: fail: r on s/c/memoryless\n" in shown
+    assert "  inherent because: a spring's force begins at zero\n" in shown
+
+
+def test_an_unexpected_failure_names_who_is_in_print_to_fail_alike():
+    assert "  fail here too: constraint, mapping\n" in summary(
+        results_of(jump(0.1, alike=("constraint", "mapping"))), []
+    )
 
 
 def test_the_whole_of_it():
@@ -58,7 +69,7 @@ def test_the_whole_of_it():
         "  jump = 12.35 mm, bound 1 mm",
         "  what was seen",
         "",
-        "4 of 5 planned verdicts ran (incomplete: interrupted by the user): 1 pass, 1 fail, 2 not-applicable; "
+        "4 of 5 planned verdicts ran (incomplete: interrupted by the user): 1 failed, 1 passed, 2 not applicable; "
         "1 not as expected",
         "simulated 6.0 s in 2.0 s: 3.0 times real time",
         "",
@@ -74,7 +85,7 @@ def test_the_grid_counts_what_is_judged():
         verdict(Outcome.PASS),
         verdict(Outcome.PASS, renderer="q"),
         verdict(Outcome.FAIL, renderer="q", level=Level.INFO),
-        jump(0.1, renderer="q", published=Outcome.FAIL),
+        jump(0.1, renderer="q", inherent="a theorem"),
         jump(0.1, renderer="q", known="a limit"),
         jump(0.1, renderer="q", level=Level.SHOULD),
         verdict(Outcome.ERROR, renderer="q"),
@@ -82,10 +93,11 @@ def test_the_grid_counts_what_is_judged():
         verdict(Outcome.PASS, suite="t", renderer="p"),
     )
     assert summary(done, []).splitlines()[:4] == [
-        "   r    q             p",
-        "s  1/1  1/5 !1 ~2 ?1",
-        "t  -                  1/1",
-        "passed/judged; !n are not as expected; ~n fail and are known, or as published; ?n warn",
+        "   r    q                p",
+        "s  1/1  1/5 !1 ~1 *1 ?1",
+        "t  -                     1/1",
+        "passed/judged; !n are not as expected; ~n fail and are known; "
+        "*n fail by what the renderer declares to be (inherent); ?n warn",
     ]
 
 
@@ -140,7 +152,7 @@ def test_what_is_known_is_counted_and_what_is_no_more_is_shown():
     done = results_of(jump(0.1, known="a limit of the method"), verdict(Outcome.PASS, case="d", known="a bug"))
     shown = summary(done, [])
     assert "known, and pass now: r on s/d/memoryless\n  take it off the list: a bug" in shown
-    assert "none not as expected, 1 known\n" in shown
+    assert "1 listed as known, and passed, 1 failed as known; none not as expected (-v shows" in shown
     assert "a limit of the method" not in shown
     assert "known because: a limit of the method" in summary(done, [], verbose=True)
 

@@ -65,7 +65,8 @@ def job(*verdicts, error=None):
         (results(verdict(Outcome.INCONCLUSIVE, level=Level.INFO), verdict(Outcome.NOT_APPLICABLE)), [], 0),
         (results(verdict(Outcome.INCONCLUSIVE)), [], 1),
         (results(verdict(Outcome.FAIL, level=Level.SHOULD)), [], 0),
-        (results(verdict(Outcome.FAIL, published=Outcome.FAIL)), [], 0),
+        (results(verdict(Outcome.FAIL, published=Outcome.FAIL)), [], 1),
+        (results(verdict(Outcome.FAIL, inherent="a theorem")), [], 0),
         (results(verdict(Outcome.FAIL)), [], 1),
         (results(verdict(Outcome.ERROR)), [], 1),
         (results(verdict(Outcome.PASS, published=Outcome.FAIL)), [], 1),
@@ -87,7 +88,7 @@ def test_exit_codes(done, errors, code):
         (Outcome.INCONCLUSIVE, None, 1),
         (Outcome.NOT_APPLICABLE, None, 0),
         (Outcome.PASS, None, 0),
-        (Outcome.FAIL, Outcome.FAIL, 0),
+        (Outcome.FAIL, Outcome.FAIL, 1),
     ],
 )
 def test_a_strict_run_lets_warnings_count(outcome, published, code):
@@ -154,7 +155,7 @@ def test_a_line_a_suite_where_there_is_no_terminal():
     assert lines(*RUN) == [
         "3 runs, 5 verdicts planned",
         BROKEN,
-        "[2/3] s: 2 runs: 1 pass, 1 fail, 1 error (2 not as expected)",
+        "[2/3] s: 2 runs: 1 in error, 1 failed, 1 passed",
     ]
 
 
@@ -199,8 +200,8 @@ def test_what_is_at_work_has_a_line_after_each_silence(monkeypatch):
 
 
 def test_a_suite_that_was_not_finished_has_its_line_at_the_end():
-    assert lines(RUN[0], RUN[1], RUN[-1])[1:] == ["[1/3] s: 1 of 2 runs: 1 pass, 1 fail (1 not as expected)"]
+    assert lines(RUN[0], RUN[1], RUN[-1])[1:] == ["[1/3] s: 1 of 2 runs: 1 failed, 1 passed"]
 
 
 def test_a_line_a_run_where_it_is_verbose():
-    assert lines(*RUN, verbose=True)[1:] == ["[1/3] r on s/c: 1 pass, 1 fail (1 not as expected)", BROKEN]
+    assert lines(*RUN, verbose=True)[1:] == ["[1/3] r on s/c: 1 failed, 1 passed", BROKEN]

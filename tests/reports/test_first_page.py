@@ -18,11 +18,11 @@ from hapticeval.recordings.compare.difference import Apart, Difference
 from hapticeval.replay import OPEN_LOOP
 from hapticeval.reports import markdown, render_index, write_reports
 from hapticeval.reports.canvas import THEME
-from hapticeval.reports.grid import SYMBOLS, State
 from hapticeval.reports.index import _worst_words
 from hapticeval.reports.places import anchor, case_file
 from hapticeval.reports.svg import style_sheet, styles_as_classes
 from hapticeval.runner.results import Replay, SuiteEntry, write_results
+from hapticeval.runner.standing import SYMBOLS, Standing
 from hapticeval.study.bench.document import (
     Answer,
     BenchResults,
@@ -98,7 +98,7 @@ def test_the_first_page_tells_what_ran_and_what_was_found(pages):
         "3 renderers in 2 cases, 13 verdicts",
         "1 in error",
         "2 failed",
-        "2 differed from what is published",
+        "2 differ from what is published",
         "2 failed as known",
         "3× real time",  # noqa: RUF001
         "published: No",
@@ -264,7 +264,7 @@ def two_suites(results):
     """A second suite of one renderer, with a case that is shown twice: as it is, and with an effect, not judged."""
     case = synthetic_run("slide", "plain", "line", recording=False, suite="second", title="Slide")
     effect = changed(case, case="slide-delay", title="Slide, with a delay", judged=False)
-    given = changed(results.verdicts[0], suite="second", case="slide")
+    given = changed(results.verdicts[0], suite="second", case="slide", known=None)
     aside = changed(given, case="slide-delay", level=Level.INFO, published=None)
     return synthetic_results(
         runs=[*results.runs, case, effect], verdicts=[*results.verdicts, given, aside], suites=SUITES
@@ -299,9 +299,9 @@ def test_published_answers_stand_beside_those_of_a_renderer_that_nobody_has_publ
 @pytest.mark.parametrize(
     ("states", "title"),
     [
-        ({State.KNOWN}, "Known failures"),
-        ({State.KNOWN, State.WARNING}, "Warnings"),
-        ({State.WARNING, State.FAIL}, "Not as expected"),
+        ({Standing.KNOWN}, "Known failures"),
+        ({Standing.KNOWN, Standing.WARNING}, "Warnings"),
+        ({Standing.WARNING, Standing.FAIL}, "Not as expected"),
     ],
 )
 def test_a_warning_alone_is_not_called_unexpected_where_the_headline_calls_all_expected(states, title):

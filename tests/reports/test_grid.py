@@ -15,9 +15,6 @@ from result_entries import changed
 
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.reports.grid import (
-    MEANING,
-    SYMBOLS,
-    State,
     Tile,
     bound_share,
     case_grid,
@@ -25,19 +22,27 @@ from hapticeval.reports.grid import (
     headline,
     is_sound,
     phenomenon_grid,
-    state_counts,
-    state_of,
     worst_verdicts,
 )
 from hapticeval.runner.results import Problem
+from hapticeval.runner.standing import Standing, count_standings
 
 
 def found(
-    outcome="pass", value=0.5, bound=1.0, *, published=None, level=Level.MUST, check="continuous-contact", **names
+    outcome="pass",
+    value=0.5,
+    bound=1.0,
+    *,
+    published=None,
+    level=Level.MUST,
+    check="continuous-contact",
+    known=None,
+    **names,
 ):
     finding = Finding(Outcome(outcome), "why", None if value is None else Metric("metric", value, "m"), bound)
     place = {"case": "lobe", "renderer": "plain", **names}
-    return verdict(place["case"], place["renderer"], check, finding, level, published and Outcome(published))
+    entry = verdict(place["case"], place["renderer"], check, finding, level, published and Outcome(published))
+    return entry if known is None else changed(entry, known=known, as_expected=True)
 
 
 @pytest.mark.parametrize(
@@ -47,15 +52,15 @@ def found(
         ("pass", "pass", "must", "pass"),
         ("pass", "fail", "must", "differs"),
         ("fail", None, "must", "fail"),
-        ("fail", "fail", "must", "known"),
+        ("fail", "fail", "must", "fail"),
         ("fail", "pass", "must", "differs"),
         ("fail", None, "should", "warning"),
         ("fail", None, "info", "not-judged"),
-        ("fail", "fail", "info", "known"),
+        ("fail", "fail", "info", "not-judged"),
         ("pass", None, "info", "not-judged"),
         ("inconclusive", None, "must", "undecided"),
         ("inconclusive", None, "should", "warning"),
-        ("inconclusive", "inconclusive", "must", "known"),
+        ("inconclusive", "inconclusive", "must", "undecided"),
         ("not-applicable", None, "must", "not-applicable"),
         ("error", None, "must", "error"),
         ("error", "fail", "must", "error"),
@@ -63,29 +68,29 @@ def found(
     ],
 )
 def test_a_state_compares_the_outcome_with_what_was_expected(outcome, published, level, expected):
-    assert state_of(found(outcome, published=published, level=Level(level))) == expected
+    assert found(outcome, published=published, level=Level(level)).standing == expected
 
 
 @given(outcome=st.sampled_from(Outcome), published=st.sampled_from([None, *Outcome]), level=st.sampled_from(Level))
 def test_a_state_is_grave_exactly_where_the_verdict_is_not_as_expected(outcome, published, level):
     each = found(outcome, published=published, level=level)
-    assert state_of(each).grave is not each.as_expected
+    assert each.standing.unexpected is not each.as_expected
 
 
 def test_a_tile_shows_its_gravest_state_and_there_the_worst():
     given = [
         found(value=0.2),
-        found("fail", 3.0, published="fail"),
-        found("fail", 8.0, published="fail"),
+        found("fail", 3.0, known="a limit"),
+        found("fail", 8.0, known="a limit"),
         found(value=0.9),
     ]
     tile = Tile(given)
-    assert (tile.state, tile.worst, tile.counts[State.KNOWN], tile.total) == (State.KNOWN, given[2], 2, 4)
+    assert (tile.state, tile.worst, tile.counts[Standing.KNOWN], tile.total) == (Standing.KNOWN, given[2], 2, 4)
     assert (tile.margin, tile.heat) == ("8×", 2)  # noqa: RUF001
     assert (Tile(given[:1]).margin, Tile(given[:1]).heat) == ("80 % left", 1)
     assert (Tile(given[3:]).margin, Tile(given[3:]).heat) == ("10 % left", 3)
     run = synthetic_run("lobe", "plain", "circle")
-    assert (Tile(given, [run]).state, Tile(given, [run]).worst) == (State.ERROR, run)
+    assert (Tile(given, [run]).state, Tile(given, [run]).worst) == (Standing.ERROR, run)
 
 
 @pytest.mark.parametrize(
@@ -113,15 +118,15 @@ def test_renderers_by_phenomena(results):
     total = sum(tile.total for _, tiles in grid.rows for tile in tiles if tile)
     assert total == len(results.verdicts), "every verdict is in one cell"
     plain, broken = grid.rows[0][1], grid.rows[1][1]
-    assert [tile and tile.state for tile in plain[:2]] == [State.KNOWN, State.DIFFERS]
-    assert broken[0].state is State.ERROR
+    assert [tile and tile.state for tile in plain[:2]] == [Standing.KNOWN, Standing.DIFFERS]
+    assert broken[0].state is Standing.ERROR
     assert broken[1] is None
 
 
 def test_cases_by_renderers_show_a_run_that_broke_before_any_check(results):
     grid = case_grid(results, "synthetic")
     tiles = {case: dict(zip(grid.columns, row, strict=True)) for case, row in grid.rows}
-    assert tiles["tip"]["plain"].state is State.ERROR
+    assert tiles["tip"]["plain"].state is Standing.ERROR
     assert tiles["tip"]["broken"] is None
     assert tiles["lobe"]["plain"].total == 6
 
@@ -130,8 +135,10 @@ def test_the_worst_come_first_and_once_for_each_check_of_a_renderer(results):
     given = worst_verdicts(results, 99)
     keys = [(each.check, each.renderer) for each in given]
     assert len(keys) == len(set(keys))
-    assert [state_of(each) for each in given] == sorted(map(state_of, given), key=list(State).index)
-    known = [each for each in results.verdicts if state_of(each) is State.KNOWN]
+    assert [each.standing for each in given] == sorted(
+        (verdict.standing for verdict in given), key=list(Standing).index
+    )
+    known = [each for each in results.verdicts if each.standing is Standing.KNOWN]
     again = [changed(each, case="again", metric=changed(each.metric, value=0.005)) for each in known]
     only = worst_verdicts(synthetic_results(verdicts=[*again, *known]), 99)
     assert [each.check for each in only] == ["continuous-contact"]
@@ -145,7 +152,9 @@ def test_the_headline_and_the_exit_code_agree(results):
     assert headline(synthetic_results(verdicts=fine, runs=runs)) == "Every verdict is as expected"
     assert is_sound(synthetic_results(verdicts=fine, runs=runs))
     assert not is_sound(synthetic_results(verdicts=fine, runs=runs, strict=True)), "a warning counts"
-    assert sum(count for _, count in state_counts(results)) == len(results.verdicts)
+    assert sum(count for _, count in count_standings(verdict.standing for verdict in results.verdicts)) == len(
+        results.verdicts
+    )
 
 
 def test_hard_cases_show_the_digits_that_are_kept():
@@ -217,8 +226,9 @@ def test_a_failure_is_far_in_lightness_from_what_needs_no_attention(theme, eyes)
 
 
 def test_no_two_states_share_a_sign_or_a_word():
-    assert all(len({each(one) for one in State}) == len(State) for each in (SYMBOLS.get, MEANING.get))
-    assert all(one.words != two.words and one.many != two.many for one, two in itertools.combinations(State, 2))
+    assert len({standing.symbol for standing in Standing}) == len(Standing)
+    assert len({standing.meaning for standing in Standing}) == len(Standing)
+    assert all(one.words != two.words and one.plural != two.plural for one, two in itertools.combinations(Standing, 2))
 
 
 def test_what_broke_is_shown_once_with_the_checks_that_it_took_away():

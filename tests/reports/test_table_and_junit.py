@@ -57,7 +57,7 @@ def test_markdown_begins_with_the_summary_and_cannot_be_broken_out_of(results):
     text = markdown(results)
     for expected in (
         "# hapticeval: 5 of 13 verdicts are not as expected, 2 runs broke",
-        "13 of 13 planned verdicts ran: 1 in error, 2 failed, 2 differed from what is published, 2 with a warning",
+        "13 of 13 planned verdicts ran: 1 in error, 2 failed, 2 differ from what is published, 2 warn",
         "hapticeval 0.1.0; seed 3.",
         "**Yes** (published: No)",
         "- ≠ plain on synthetic/lobe/contact-normal-force: pass, published fail; angle = 0.25 deg, bound 1 deg",
@@ -129,7 +129,9 @@ def test_a_failure_is_exactly_what_is_not_as_expected(results):
         "broken-contact": ["failure"],
         "impulsive-collision": ["skipped"],
     }
-    assert found["continuous-contact"][0].text.startswith("fails, as known: pop-through <here>")
+    assert found["continuous-contact"][0].text.startswith(
+        "fails, and is known: a limit of the method: pop-through <here>"
+    )
     assert found["broken-contact"][0].get("message") == "pop-through <here> (IHIP jump = 40 mm, bound 1 mm)"
     assert found["contact-normal-force"][0].get("message").startswith("pass, published fail: ")
     warned = "warning: inconclusive: too slow | to say"

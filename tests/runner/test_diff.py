@@ -26,7 +26,7 @@ FAIL, PASS, UNDECIDED = Outcome.FAIL, Outcome.PASS, Outcome.INCONCLUSIVE
         (verdict(FAIL), verdict(PASS), "better", False, False),
         (verdict(FAIL), verdict(UNDECIDED), "changed", False, True),
         (verdict(PASS, level=Level.SHOULD), verdict(FAIL, level=Level.SHOULD), "changed", False, True),
-        (verdict(FAIL, published=FAIL), verdict(PASS, published=FAIL), "worse", True, True),
+        (verdict(FAIL, published=FAIL), verdict(PASS, published=FAIL), "changed", False, True),
         (verdict(FAIL), changed(verdict(FAIL), known="a limit", as_expected=True), "better", False, False),
         (verdict(PASS), verdict(PASS), None, False, False),
         (verdict(FAIL), verdict(FAIL), None, False, False),

@@ -39,10 +39,10 @@ def gate(*verdicts, strict=False):
     ("outcome", "code", "strict_code", "standing"),
     [
         (Outcome.FAIL, 0, 0, "known"),
-        (Outcome.INCONCLUSIVE, 1, 1, "unexpected"),
+        (Outcome.INCONCLUSIVE, 1, 1, "undecided"),
         (Outcome.PASS, 0, 1, "outdated"),
         (Outcome.NOT_APPLICABLE, 0, 1, "outdated"),
-        (Outcome.ERROR, 1, 1, "unexpected"),
+        (Outcome.ERROR, 1, 1, "error"),
     ],
 )
 def test_what_a_known_failure_excuses(outcome, code, strict_code, standing):
@@ -70,13 +70,13 @@ SIZED = Known().renewed(results_of(verdict(value=2e-3, kind="mini", region="surf
 def test_a_known_failure_excuses_none_that_is_worse_of_another_kind_or_elsewhere(now, beyond):
     """Two measures of one fault differ by what the check grants to the sampling, its bound, at the most."""
     marked = SIZED.marked(verdict(**{"kind": "mini", "region": "surface"} | now))
-    assert (marked.standing, marked.as_expected) == (("unexpected", False) if beyond else ("known", True))
+    assert (marked.standing, marked.as_expected) == (("fail", False) if beyond else ("known", True))
     assert (marked.beyond_known or "").startswith(beyond)
     assert marked.measured.endswith(f"{beyond} ({SIZED.entries['r', PLACE].reason})" if beyond else "bound 1 mm")
 
 
 def test_a_failure_that_is_measured_by_another_metric_is_another():
-    assert SIZED.marked(verdict(kind="", region="surface", metric="distance off")).standing == "unexpected"
+    assert SIZED.marked(verdict(kind="", region="surface", metric="distance off")).standing == "fail"
     listed = Known().renewed(results_of(verdict(metric="distance off")))
     assert listed.marked(verdict(metric="distance off")).standing == "known"
 
@@ -133,7 +133,7 @@ def test_a_renewed_list_has_what_stops_the_gate_and_nothing_that_passes():
     assert {place.split("/")[1] for _, place in renewed.entries} == {"c", "e", "f", "g"}, "e has not run, h only warns"
     assert renewed.entries["r", PLACE] == changed(LISTED, verdicts=(KnownVerdict.of(verdict()),)), "with its size"
     assert renewed.entries["r", "s/f/memoryless"].reason == f"{UNEXPLAINED}: far (s/g)"
-    assert all(renewed.marked(each).standing in ("known", "") for each in seen)
+    assert all(renewed.marked(each).standing in ("known", "pass") for each in seen)
 
 
 @pytest.mark.parametrize(

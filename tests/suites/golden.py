@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
 from hapticeval.phenomena.verdict import Verdict
+from hapticeval.runner.known import Known
+from hapticeval.runner.results import VerdictEntry
 from hapticeval.suite.suite import Suite
 
 CLOSE = 1e-3
@@ -92,6 +94,13 @@ def _close(one: float | None, other: float | None, slack: float) -> bool:
     if one is None or other is None:
         return one is other
     return one == pytest.approx(other, rel=CLOSE, abs=slack)
+
+
+def unexpected(verdicts: Iterable[Verdict]) -> list[VerdictEntry]:
+    """What would stop the gate of a run, with what the renderers' package lists as known."""
+    known = Known().with_shipped()
+    entries = [known.marked(VerdictEntry.of(verdict)) for verdict in verdicts]
+    return [entry for entry in entries if entry.standing.unexpected]
 
 
 def publish(suite: Suite, renderers: Sequence[str], name: str, verdicts: Sequence[Verdict]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import golden
 import pytest
 
 from hapticeval.discovery import resolve
@@ -22,7 +23,7 @@ def test_each_case_is_judged_as_expected(case):
     for renderer in SUITE.renderers:
         answer = judged(case.name, renderer)
         assert answer.error is None
-        assert [verdict for verdict in answer.verdicts if not verdict.as_expected] == []
+        assert golden.unexpected(answer.verdicts) == []
     corner = {"broken-contact", "abrupt-switch"} & set(case.checks)
     decided = {verdict.outcome for verdict in judged(case.name, "constraint@curve").verdicts if verdict.check in corner}
     assert decided <= {Outcome.PASS, Outcome.FAIL}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fnmatch import fnmatch
 
+import golden
 import pytest
 from msgspec.structs import replace
 
@@ -43,7 +44,7 @@ def test_unilateral_surfaces_are_judged_as_expected(name, renderer):
 def expected_on(suite, name, renderer):
     judged = judge(resolve(renderer), renderer, suite.name, suite.case(name))
     assert judged.error is None
-    assert [verdict for verdict in judged.verdicts if not verdict.as_expected] == []
+    assert golden.unexpected(judged.verdicts) == []
     undecided = {Outcome.INCONCLUSIVE, Outcome.NOT_APPLICABLE}
     assert [verdict.check for verdict in judged.verdicts if verdict.outcome in undecided] == []
 

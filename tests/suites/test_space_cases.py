@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import golden
 import pytest
 
 from hapticeval.discovery import own_renderers, resolve
@@ -19,7 +20,7 @@ def test_a_case_in_space_is_judged_as_expected(suite, case):
     for name in suite.renderers or own_renderers():
         judged = judge(resolve(name), name, suite.name, case)
         assert judged.error is None
-        assert [verdict for verdict in judged.verdicts if not verdict.as_expected] == []
+        assert golden.unexpected(judged.verdicts) == []
         decided |= {name for verdict in judged.verdicts if verdict.outcome in (Outcome.PASS, Outcome.FAIL)}
     assert "minimum-distance" in decided
     assert len(decided) > 1

@@ -37,7 +37,7 @@ def verdicts(name: str) -> tuple[Verdict, ...]:
 @pytest.mark.parametrize("name", COLUMNS)
 def test_every_verdict_is_the_recorded_one_and_as_required_or_as_published(name):
     golden.compare(SUITE, own_renderers(), name, verdicts(name))
-    assert [verdict for verdict in verdicts(name) if not verdict.as_expected] == []
+    assert golden.unexpected(verdicts(name)) == []
     table = fill_table([ENTRY], verdicts(name))
     published = {row.title: row.published[name] for row in SUITE.rows if name in row.published}
     assert {title: table[title].get(name) for title in published} == published

@@ -1,0 +1,116 @@
+"""Failures that follow from what a renderer declares, by a theorem of the thesis: shown with their reason, not gating.
+
+A spring cannot turn momentum round at once, and a contact point that depends on the hand alone has to jump somewhere
+inside a closed surface. A renderer that declares to be such is not stopped for it; one that declares nothing is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from hapticeval.phenomena.regions import Region
+from hapticeval.phenomena.verdict import Finding, Outcome
+
+Declared = Mapping[str, Any]
+"""What a renderer declares, as the metadata of its recordings have it: see `Declaration.meta`."""
+
+FED_FORWARD = ("pp-pd-c", "set-stabilisation")
+"""Laws that give the force of the curvature, m kappa v^2, without an error of position."""
+
+
+class Limit(NamedTuple):
+    """What no renderer of a declared kind can do: `checks` that fail for it, to `whom` it applies, and why."""
+
+    checks: frozenset[str]
+    applies: Callable[[Declared, Finding], bool]
+    because: str
+
+
+def _is_spring(declared: Declared, _finding: Finding) -> bool:
+    return "spring" in declared or declared.get("closed_form") in FED_FORWARD
+
+
+def _pulls_along_the_error(declared: Declared, _finding: Finding) -> bool:
+    return declared.get("spring") == "error"
+
+
+def _spring_alone(declared: Declared, _finding: Finding) -> bool:
+    return "spring" in declared and declared.get("closed_form") not in FED_FORWARD
+
+
+def _projects_across_the_medial_axis(declared: Declared, finding: Finding) -> bool:
+    return declared.get("memory") == "none" and finding.evidence.get("region") == Region.MEDIAL.value
+
+
+def _rounds_corners(declared: Declared, finding: Finding) -> bool:
+    corners = (Region.CONVEX.value, Region.CONCAVE.value)
+    return declared.get("surfaces") == "smooth" and finding.evidence.get("region") in corners
+
+
+def _has_law(*schemes: str) -> Callable[[Declared, Finding], bool]:
+    return lambda declared, _finding: declared.get("closed_form") in schemes
+
+
+LIMITS = (
+    Limit(
+        frozenset({"impulsive-collision"}),
+        _is_spring,
+        "a spring's force begins at zero and grows with the depth, so it turns the momentum round in pi/2 sqrt(m / K) "
+        "and not at once: thesis 3.2.2, (4.6)",
+    ),
+    Limit(
+        frozenset({"abrupt-switch"}),
+        _pulls_along_the_error,
+        "in a concave corner the proxy rests and the hand goes on: a spring between them turns with the hand, over the "
+        "corner's turn times the depth, and not at once: thesis 3.2.2, (4.6)",
+    ),
+    Limit(
+        frozenset({"centripetal-force"}),
+        _spring_alone,
+        "a spring gives m kappa v^2 only at the depth m kappa v^2 / K: thesis 3.2.3, 6.3.3",
+    ),
+    Limit(
+        frozenset({"continuous-contact", "broken-contact", "contact-kept"}),
+        _projects_across_the_medial_axis,
+        "without memory the contact point depends on the hand alone, and the nearest one jumps across the medial axis: "
+        "thesis 3.2, 4.1.2",
+    ),
+    Limit(
+        frozenset({"continuous-contact", "broken-contact", "abrupt-switch"}),
+        _rounds_corners,
+        "a map that is made for smooth surfaces turns a corner over a length: thesis 5.2, 6.2",
+    ),
+    Limit(
+        frozenset({"constraint-stability"}),
+        _has_law("pp"),
+        "without a damper the law leaves an oscillation across the surface: thesis Table 6.1, (6.19)",
+    ),
+    Limit(
+        frozenset({"constraint-stability"}),
+        _has_law("pp-pd"),
+        "where nothing slows the tool it stays off by the error that gives the centripetal force: thesis (6.26)",
+    ),
+    Limit(
+        frozenset({"output-invariance", "tangential-dynamics"}),
+        _has_law("pp", "pp-v", "pp-d", "pp-pd"),
+        "a force along the position error lets the tool off a curved surface, which then changes its speed: "
+        "thesis Table 6.2",
+    ),
+    Limit(
+        frozenset({"decoupling"}),
+        _has_law("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c"),
+        "the law leaves out the term 2 kappa n' s' that couples across and along: thesis Table 6.2, (7.38)",
+    ),
+)
+
+
+def reason_inherent(check: str, finding: Finding, declared: Declared) -> str:
+    """Return why a failure follows from what the renderer declares, in a sentence; "" where it does not.
+
+    A loop that ran away does not: no theorem makes it.
+    """
+    if finding.outcome is not Outcome.FAIL or "ended" in finding.evidence:
+        return ""
+    limits = (limit for limit in LIMITS if check in limit.checks and limit.applies(declared, finding))
+    return next((limit.because for limit in limits), "")
