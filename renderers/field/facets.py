@@ -58,9 +58,9 @@ def facets_of(scene: Scene) -> tuple[Facets, Array]:
 
 
 def _rows(facets: Facets) -> Array:
-    found = facets.vertices[facets.cells]
-    corners, plane = np.zeros((len(found), 3, 3)), found.shape[1] == 2
-    corners[:, : found.shape[1], : found.shape[2]] = found
+    cell_corners = facets.vertices[facets.cells]
+    corners, plane = np.zeros((len(cell_corners), 3, 3)), cell_corners.shape[1] == 2
+    corners[:, : cell_corners.shape[1], : cell_corners.shape[2]] = cell_corners
     if plane:
         corners[:, 2] = corners[:, 1]
     middle = 0.5 * (corners[:, 0] + corners[:, 1]) if plane else corners.mean(axis=1)
@@ -73,12 +73,12 @@ def _rows(facets: Facets) -> Array:
 
 @inner
 def _on_edge(facet: Array, first: int, second: int, p: Triple) -> tuple[float, Triple]:
-    """Return the squared distance (m^2) of p from an edge of a facet, and the way there from the closest point."""
+    """Return the squared distance (m^2) of p from an edge of a facet, and the vector (m) from its closest point."""
     a = (facet[first], facet[first + 1], facet[first + 2])
     ab = (facet[second] - a[0], facet[second + 1] - a[1], facet[second + 2] - a[2])
     ap = plus(p, -1.0, a)
-    way = plus(ap, -min(max(dot(ap, ab) / dot(ab, ab), 0.0), 1.0), ab)
-    return dot(way, way), way
+    from_edge = plus(ap, -min(max(dot(ap, ab) / dot(ab, ab), 0.0), 1.0), ab)
+    return dot(from_edge, from_edge), from_edge
 
 
 @inner
@@ -89,22 +89,23 @@ def way_off(facet: Array, p: Triple) -> tuple[float, Triple]:
     ac = (facet[6] - a[0], facet[7] - a[1], facet[8] - a[2])
     ap = plus(p, -1.0, a)
     n = (ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0])
-    area2 = dot(n, n)
-    # shares of b and c in the foot on the plane, times area2; an edge has none
+    normal_squared = dot(n, n)  # twice the area, squared, m^4
+    # shares of b and c in the foot on the plane, times normal_squared; an edge has none
     b = dot((ap[1] * ac[2] - ap[2] * ac[1], ap[2] * ac[0] - ap[0] * ac[2], ap[0] * ac[1] - ap[1] * ac[0]), n)
     c = dot((ab[1] * ap[2] - ab[2] * ap[1], ab[2] * ap[0] - ab[0] * ap[2], ab[0] * ap[1] - ab[1] * ap[0]), n)
-    if area2 > 0.0 and b >= 0.0 and c >= 0.0 and b + c <= area2:
+    # the foot on the plane is inside of the triangle
+    if normal_squared > 0.0 and b >= 0.0 and c >= 0.0 and b + c <= normal_squared:
         out = (facet[NORMAL], facet[NORMAL + 1], facet[NORMAL + 2])
         height = dot(ap, out)
         side = 1.0 if height >= 0.0 else -1.0
         return abs(height), (side * out[0], side * out[1], side * out[2])
-    best2, way = _on_edge(facet, 0, 3, p)
-    if area2 > 0.0:
+    nearest_squared, from_edge = _on_edge(facet, 0, 3, p)
+    if normal_squared > 0.0:
         for first, second in ((3, 6), (6, 0)):
-            far2, other = _on_edge(facet, first, second, p)
-            if far2 < best2:
-                best2, way = far2, other
-    size = math.sqrt(best2)
-    if size == 0.0:
+            distance_squared, other = _on_edge(facet, first, second, p)
+            if distance_squared < nearest_squared:
+                nearest_squared, from_edge = distance_squared, other
+    distance = math.sqrt(nearest_squared)
+    if distance == 0.0:
         return 0.0, (facet[NORMAL], facet[NORMAL + 1], facet[NORMAL + 2])
-    return size, (way[0] / size, way[1] / size, way[2] / size)
+    return distance, (from_edge[0] / distance, from_edge[1] / distance, from_edge[2] / distance)

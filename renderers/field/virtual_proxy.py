@@ -99,25 +99,25 @@ def first_touch(facets: Array, radius: float, p: Triple, d: Triple) -> float:
     The distance f(t) from a facet, which is convex, is a convex function. Newton's steps from the left never pass its
     first root f(t) = r, and where f rises there is none: nothing is tunnelled through.
     """
-    length, best = math.sqrt(dot(d, d)), 1.0
+    length, first_share = math.sqrt(dot(d, d)), 1.0
     for k in range(facets.shape[0]):
         facet = facets[k]
         apart = (facet[MIDDLE] - p[0], facet[MIDDLE + 1] - p[1], facet[MIDDLE + 2] - p[2])
-        reach = facet[REACH] + radius * (1.0 + 2.0 * GAP) + best * length
+        reach = facet[REACH] + radius * (1.0 + 2.0 * GAP) + first_share * length
         if dot(apart, apart) > reach * reach:
             continue
         t = 0.0
         for _ in range(ROUNDS):
             distance, n = way_off(facet, plus(p, t, d))
             slope = dot(n, d)
-            if slope >= ALONG * length or t >= best:
+            if slope >= ALONG * length or t >= first_share:
                 break
-            left = distance - radius * (1.0 + GAP)
-            if left <= 0.01 * radius * GAP:
-                best = t
+            clearance = distance - radius * (1.0 + GAP)
+            if clearance <= 0.01 * radius * GAP:
+                first_share = t
                 break
-            t -= left / slope  # Newton: f(t) + f'(t) dt = r
-    return best
+            t -= clearance / slope  # Newton: f(t) + f'(t) dt = r
+    return first_share
 
 
 @compiled
@@ -127,7 +127,7 @@ def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
     A closest point on an edge counts where it is closest on the facet beyond the edge, too: across a flat edge nothing
     is felt.
     """
-    count, kept = 0, 0
+    count, kept_count = 0, 0
     for k in range(facets.shape[0]):
         facet = facets[k]
         apart = (facet[MIDDLE] - p[0], facet[MIDDLE + 1] - p[1], facet[MIDDLE + 2] - p[2])
@@ -140,26 +140,30 @@ def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
                 contacts[count, axis], contacts[count, POINT + axis] = n[axis], p[axis] - distance * n[axis]
             contacts[count, DISTANCE], contacts[count, FACET] = distance, k
             count += 1
+    # a contact whose closest point lies on a facet that is nearer is felt as that one alone
     for i in range(count):
-        least = True
+        is_closest = True
         c = (contacts[i, POINT], contacts[i, POINT + 1], contacts[i, POINT + 2])
         for j in range(count):
             if contacts[j, DISTANCE] < contacts[i, DISTANCE] - ROUNDING * radius:
                 off, _ = way_off(facets[int(contacts[j, FACET])], c)
-                least = least and off > SAME * radius
-        contacts[i, LEAST] = 1.0 if least else 0.0
+                is_closest = is_closest and off > SAME * radius
+        contacts[i, LEAST] = 1.0 if is_closest else 0.0
     for i in range(count):
         if contacts[i, LEAST] == 1.0:
-            contacts[kept] = contacts[i]
-            kept += 1
-    return kept
+            contacts[kept_count] = contacts[i]
+            kept_count += 1
+    return kept_count
 
 
 @compiled
 def follow(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick, of signature `LAW`."""
+    """One tick of the virtual proxy, of signature `LAW`: steps 1 to 5 of the module.
+
+    `hip` (N,), m, is the hand's; `ihip` (N,), m, and `force` (N,), N, are written. Returns 0: it never refuses.
+    """
     facets, radius, state = data.segments, data.params[RADIUS], data.state
     h = (hip[0], hip[1], hip[2] if hip.shape[0] == 3 else 0.0)
     p = (state[0], state[1], state[2])
