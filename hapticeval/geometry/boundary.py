@@ -236,6 +236,7 @@ class SurfaceInSpace:
         half_angle = reach * np.max([np.abs(np.linalg.eigvalsh(shape)).max(axis=1) for shape in shapes], axis=0)
 
         def angle_outside(directions: Array) -> Array:
+            """Return the angles (n,), rad, by which directions (n, 3) leave the cones."""
             across = np.linalg.norm(np.cross(frame.normal, directions), axis=1)
             # atan2 and not acos: exact for small angles too
             angle = np.arctan2(across, np.sum(frame.normal * directions, axis=1))

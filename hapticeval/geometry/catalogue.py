@@ -207,8 +207,10 @@ def mesh(
 ) -> Model:
     """A closed triangle mesh: from a `file` (STL, OBJ, PLY or OFF), or of `vertices` and `triangles`.
 
-    `unit` is that of the coordinates: m, mm, cm or in; a file needs it, and vertices are in metres without it. In a
-    suite the file counts from the suite's folder. Raises `InputError` as `read_mesh` and `Mesh` do.
+    - `vertices` (v, 3) are positions, and `triangles` (t, 3) rows of them, anticlockwise seen from outside.
+    - `unit` is that of the coordinates: m, mm, cm or in; a file needs it, and vertices are in metres without it.
+
+    In a suite the file counts from the suite's folder. Raises `InputError` as `read_mesh` and `Mesh` do.
     """
     from hapticeval.geometry.mesh_files import metres_per, read_mesh
 

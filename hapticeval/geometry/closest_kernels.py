@@ -28,6 +28,7 @@ def closest_in_python(boundary: Boundary) -> Callable[[object, Array, Array], fl
     """Return what a boundary answers from Python in the form of `CLOSEST`; the data is not used. No arc length."""
 
     def closest(_data: object, point: Array, frame: Array) -> float:
+        """Answer `CLOSEST` for a point (N,), m, into the rows of `frame` (k, N)."""
         closest_point = boundary.closest_point(point[np.newaxis])
         rows = np.vstack(
             [closest_point.foot, closest_point.normal, *closest_point.shape, np.full_like(closest_point.foot, np.nan)]

@@ -198,7 +198,7 @@ def arc_piece(centre: Sequence[float], radius: float, start: float, sweep: float
 
 
 def concatenate_segments(rows: Sequence[Array]) -> Array:
-    """Return pieces put one after the other: u runs on from each into the next."""
+    """Return pieces (n, PIECE_COLUMNS), m, put one after the other: u runs on from each into the next."""
     pieces = np.array(rows)
     ends = np.cumsum(pieces[:, U1])
     pieces[:, U1] = ends

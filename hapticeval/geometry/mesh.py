@@ -128,6 +128,7 @@ class Mesh(SurfaceInSpace):
         starts, normals = kernels.normals_in_reach(*self.tables, for_kernels(points), for_kernels(reach))
 
         def angle_outside(directions: Array) -> Array:
+            """Return the angles (n,), rad, by which directions (n, 3) leave the cones."""
             return kernels.angles_outside_cones(starts, normals, for_kernels(directions))
 
         return angle_outside

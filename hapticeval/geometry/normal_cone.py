@@ -108,6 +108,7 @@ class NormalCone:
 
         def angle_outside_of(directions: Array) -> Array:
             # the turn of each angle that is closest to the interval
+            """Return the angles (n,), rad, by which directions (n, 2) leave the intervals."""
             angle = middle + wrap_angle(_angles_of(directions) - middle)
             return np.maximum(0.0, np.maximum(low - angle, angle - high))
 
