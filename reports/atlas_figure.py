@@ -22,7 +22,10 @@ ROUNDING_SHARE = 1e-9
 """Torques this share of the largest apart are the same: rounding makes less."""
 
 CHART_CHANNELS = ("chart", "eta1", "eta2", "torque1", "torque2")
+"""What set stabilisation by an atlas records: the active chart, and coordinates and torques by either chart."""
+
 DASHED = (0, (4, 1.2))
+"""matplotlib's line style: the offset, and the lengths of line and gap in line widths."""
 
 
 def has_charts(recording: Recording) -> bool:

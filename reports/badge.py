@@ -13,6 +13,8 @@ from hapticeval.runner.results import ResultsDocument
 from hapticeval.runner.standing import Standing
 
 LABEL = "hapticeval"
+"""The badge's left field."""
+
 COLOURS = {"brightgreen": "#1a7f37", "yellow": "#9a6700", "red": "#cf222e", "lightgrey": "#57606a"}
 """Names of shields.io, and what the SVG has for them: white text on each has a contrast of at least 4.5 to 1."""
 

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MICROSECONDS = 1e6
+"""Microseconds in a second."""
+
 ROW_HEIGHT = 0.2
 """Height (in) of a row of a figure with a row per setting."""
 
@@ -19,6 +21,8 @@ PANELS_IN_ROW = 2
 """Models whose panels stand beside each other."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
+"""One marker for each representation of the model, in the order in which they come."""
+
 TARGET_ERROR = 0.1
 """Error (mm) that a line is drawn at."""
 
@@ -29,6 +33,7 @@ EXACT_ERROR = 1e-5
 """Error (mm) at which exact settings, and those closer to it than that, are drawn."""
 
 TITLES: Mapping[Kind, str] = {"step": "one step at a time, from Python", "batch": "a whole trajectory at once"}
+"""What is timed, in words."""
 
 
 PlottedSettings = list[tuple[SettingEntry, tuple[float, float]]]

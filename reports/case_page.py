@@ -49,6 +49,7 @@ VIEW_FILES = {INDEX, ASSET_FOLDER}
 """Names in a folder that an earlier view wrote: it may be written over."""
 
 LICENCES = ("LICENSE-uPlot.txt",)
+"""Licences of scripts that are not ours, written beside them."""
 
 
 @dataclass(frozen=True)

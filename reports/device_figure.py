@@ -28,7 +28,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LIMIT_COLOURS = {"shoulder": PALETTE["line"], "elbow": PALETTE["tool"], "stop": PALETTE["stop"]}
+"""Colours of the workspace's edges by the joint limit that makes them."""
+
 SINGULAR_STYLE: dict[str, Any] = {"color": PALETTE["jump"], "label": "base's axis: singular"}
+"""How the base's axis is drawn, on which the device is singular."""
+
 ELLIPSE_RADIUS = 18.0
 """Half-axis (mm) of the ellipse of 1 kg; it goes with the root of the mass, so that 2 and 0.15 kg are both seen."""
 POSE_SPACING, POSE_CLEARANCE = 0.5, 0.12

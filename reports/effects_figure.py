@@ -38,7 +38,10 @@ SECONDS_BEFORE, SECONDS_AFTER = 0.005, 0.12
 """Seconds before and after the start of a contact that are drawn of a transient."""
 
 WIDTH, HEIGHT = 4.2, 2.6
+"""Inches of a panel."""
+
 PANEL_AREA = (0.15, 0.18, 0.82, 0.76)
+"""Left, bottom, width and height of a panel's axes, as shares of the figure."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FOLDER = "tables"
+"""The folder of the tables, beside the results."""
+
 FIGURES = "figures"
+"""The folder of the figures, beside the results."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +137,7 @@ LATEX_ESCAPES = {
     "×": r"$\times$", "∞": r"$\infty$",  # noqa: RUF001
     **{sign: f"\\{sign}" for sign in "&%$#_{}"}, **{sign: rf"{sign}\allowbreak{{}}" for sign in "+@/"},
 }  # fmt: skip
+"""Signs that LaTeX would take for commands, or that a long name may be broken after."""
 
 
 def _latex_table(sheet: Sheet, frame: pd.DataFrame) -> str:

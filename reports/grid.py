@@ -13,6 +13,8 @@ from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 from hapticeval.runner.standing import Standing
 
 OTHER, HELD, EFFECTS = "Other properties", "Held constraint", "Effects of the surface"
+"""Columns of checks that are about none of the six phenomena."""
+
 SIX_PHENOMENA = (
     "Continuous Contact Point",
     "Contact Normal Force",

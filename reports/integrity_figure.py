@@ -20,8 +20,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LEFT_OUT_COLOUR = "#9a9a9a"
+"""Of rows that are no measurement, or not to be trusted."""
+
 LINE_COLOURS = ("#0072b2", "#d55e00", "#009e73")
+"""Of a channel's columns, in turns."""
+
 FINDING_COLOURS = {Severity.FAULT: "#cc3311", Severity.SUSPICIOUS: "#e69f00", Severity.NOTE: "#56b4e9"}
+"""Of findings, by how grave they are."""
+
 MOST_CHANNELS = 6
 """Channels that are drawn."""
 MOST_FINDINGS = 100

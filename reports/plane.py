@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from hapticeval.geometry.mesh import Mesh
 
 SAMPLES = 60
+"""About so many samples of a run are drawn, and the marked ones."""
+
 OVERVIEW_BELOW = 0.35
 """Share of the model in view below which a small picture of the whole is added."""
 LENS_BELOW = 0.025
@@ -29,6 +31,8 @@ LENS_BELOW = 0.025
 INSET_SIDE = 0.31
 """Side of a small picture, as a share of the axes."""
 SHADOW_POINTS = 4000
+"""Points of a round solid, of which the hull is drawn as its shadow."""
+
 SHARP_TURN = 0.1
 """Turn (rad) of the faces at an edge of a mesh that is drawn."""
 
@@ -272,6 +276,7 @@ def _draw_mark(axes: Axes, recording: Recording, tick: int, *, failed: bool) -> 
 
 
 Corner = tuple[float, float]
+"""The lower left corner of an inset, as shares of the axes."""
 
 
 def _emptiest_corners(recording: Recording, chosen: IntArray, view: Box) -> list[Corner]:

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 STEM = "integrators"
+"""The files' name."""
+
 LOOKS = {
     "euler": ("#999999", "o"),
     "semi-implicit-euler": ("#555555", "s"),
@@ -21,8 +23,13 @@ LOOKS = {
     "verner": ("#cc79a7", "<"),
     "dop853": ("#009e73", "P"),
 }
+"""Colour and marker by integration method."""
+
 TARGET_COLOUR = "#e69f00"
+"""Of the line of the error that closed loops promise."""
+
 MILLISECONDS = 1e3
+"""Milliseconds in a second."""
 
 
 def write_precision(directory: Path, document: Mapping[str, Any]) -> list[Path]:

@@ -9,6 +9,8 @@ from typing import Any
 from hapticeval.reports.canvas import CURVES, colour_of, figure, save_figure
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+"""One marker for each renderer, in turns."""
+
 SMALLEST_SHARE = 1e-7
 """Share of the largest value at which nothing, which no logarithm reaches, is drawn."""
 

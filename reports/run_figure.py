@@ -64,6 +64,7 @@ TITLE_CHARACTERS = 100
 """Characters of a line of the title."""
 
 DASHED, DOTTED = (0, (4, 1.2)), (0, (1.2, 1.2))
+"""matplotlib's line styles: the offset, and the lengths of line and gap in line widths."""
 
 
 @dataclass(frozen=True)

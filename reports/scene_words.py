@@ -11,15 +11,20 @@ from hapticeval.quantity import format_quantity
 from hapticeval.runner.results import RunEntry, SceneEntry
 
 GAINS = {"stiffness": "N/m", "damping": "N s/m", "mass": "kg", "restitution": ""}
+"""A scene's gains and their units."""
+
 INNER_LOOPS = {
     "static": "static inner loop, torques Jᵀ F (2.8)",
     "compensated": "inner loop with dynamic compensation (2.11)",
     "linearised": "inner loop by feedback linearisation (6.7)",
 }
+"""Inner loops in words, with the thesis's equation."""
+
 SURFACE_STAGES = (None, Stage.ANSWER)
 """Stages of the surface's effects."""
 
 CITED_FIGURES = re.compile(r"Figures? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*")
+"""One citation of figures, as in Figure 6.5, Figures 6.3 to 6.5, or Figures 6.22 and 7.3."""
 
 
 def scene_words(run: RunEntry) -> str:

@@ -19,16 +19,27 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = ("#0067b1", "#c4501b", "#2f7d32", "#7b3f99", "#8a6d00", "#00757a")
+"""One colour for each renderer, in turns."""
+
 SHOWN_UNITS = {"rad": (180.0 / math.pi, "degrees"), "m": (1e3, "mm"), "N": (1.0, "N")}
+"""SI unit -> how many of the unit that is shown make one of it, and the unit that is shown."""
+
 TITLES = {
     "direction": "direction of the force",
     "leaning": "force against the model's normal",
     "magnitude": "size of the force",
     "depth": "distance of IHIP and HIP",
 }
+"""Columns that are compared, in words."""
+
 ABSCISSA_WORDS = {"angle": "polar angle of the HIP", "arc": "arc length along the model"}
+"""What runs are aligned by, in words."""
+
 DIRECTION_WORDS = {1: "forward", -1: "backward"}
+"""The sense in which the abscissa grows along a pass, in words."""
+
 SETTINGS = {"axes.titlesize": 9.0, "axes.titlelocation": "left"}
+"""matplotlib's rcParams of this figure."""
 
 
 def write_spread(

@@ -34,9 +34,16 @@ LONG_PATH = 60
 NAMESPACE = "{http://www.w3.org/2000/svg}"
 LINK = "{http://www.w3.org/1999/xlink}href"
 LENGTHS = ("x", "y", "dx", "dy", "width", "height", "viewBox", "r", "cx", "cy")
+"""Attributes that hold lengths or places, in points."""
+
 LENGTHS_OF_STYLE = ("font-size", "stroke-width", "stroke-dasharray", "stroke-dashoffset")
+"""Properties of a style that hold lengths, in points."""
+
 SKIPPED_TAGS = ("metadata", "style", "title")
+"""Elements of which nothing is seen."""
+
 NUMBER = r"-?\d*\.?\d+(?:e-?\d+)?"
+"""A number as matplotlib writes it."""
 
 
 def inline_svg(svg: str, *, prefix: str, title: str, colours: Mapping[str, str]) -> str:

@@ -143,6 +143,7 @@ def markdown(results: ResultsDocument) -> str:
 
 
 LEFT_OUT = "{count} more sections are left out here, which results.json and the report have."
+"""The last line of a report that is longer than a comment may be."""
 
 
 def _report_blocks(results: ResultsDocument) -> Iterator[str]:

@@ -47,8 +47,10 @@ MOST_DRAWN = 200
 """Cases that are drawn at most: those with the worst failures, then the first. A page without figures takes little."""
 
 NOT_DRAWN = f"of many cases {MOST_DRAWN} are drawn, the worst first: `hapticeval report DIR --figures` draws others"
+"""Stands in the figure's place on the page of a case that is not drawn."""
 
 DRAWING_DIED = "the process that drew this figure has ended, for lack of memory perhaps"
+"""Stands in the figure's place where the process that drew it has ended."""
 
 
 @dataclass(frozen=True)

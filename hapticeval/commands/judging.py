@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from hapticeval.runner.interrupts import Interrupts
 
 DEFAULT_SUITE = "thesis"
+"""What is run if no suite is named."""
 
 TIMEOUT = 600.0
 """Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""

@@ -12,6 +12,7 @@ from hapticeval.suite.installed import find_suites, suite_groups, suites_named
 from hapticeval.suite.outline import Heading, outline
 
 Rows = Iterator[tuple[str, str]]
+"""Names, each with a text beside it."""
 
 
 def renderers() -> Rows:

@@ -22,11 +22,14 @@ if TYPE_CHECKING:
     from hapticeval.scene import Scene
 
 TWIN = "twin"
+"""The name of the simulated robot that takes the hardware's place."""
+
 DEFAULT_ROBOT = "parallelogram-2dof"
 DEFAULT_STIFFNESS = 300.0
 """N/m: below the bound (2.40) of the robot at 1 kHz all over the model."""
 
 RECORDING_SUFFIXES = (".h5", ".hdf5")
+"""Endings of a recording's file."""
 
 EXIT_CODES = """\b
 Exit codes:

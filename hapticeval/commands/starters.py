@@ -16,6 +16,7 @@ from types import MappingProxyType
 from hapticeval.errors import InputError, UnknownNameError
 
 WORKFLOW = Path(".github", "workflows", "hapticeval.yml")
+"""Where the workflow file lies in the new folder."""
 
 WORKFLOW_TEXT = """\
 name: hapticeval
@@ -41,6 +42,7 @@ jobs:
         if: always()
         with: {{ name: results, path: results }}
 """
+"""The workflow file of GitHub, with what builds and what judges the renderer left open."""
 
 
 @dataclass(frozen=True)

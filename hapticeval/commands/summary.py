@@ -33,6 +33,7 @@ LEGEND = {
     "*": "*n fail by what the renderer declares to be (inherent)",
     "?": "?n warn",
 }
+"""What the marks behind a cell's numbers mean."""
 
 
 def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool = False, width: int = 0) -> str:
