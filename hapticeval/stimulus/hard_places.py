@@ -142,7 +142,7 @@ def _focal(surface: Boundary) -> Array:
     return np.asarray(feet[bent] - normals[bent] / curvature[bent][:, np.newaxis])
 
 
-def _far(surface: Boundary) -> Array:
+def _far_away(surface: Boundary) -> Array:
     """Return a place inside, one ten model sizes away, and the first again (3, N), m."""
     lows, highs = np.array(surface.bounds).reshape(2, -1)
     # in, ten sizes out along the diagonal of the bounds, and in again
@@ -174,7 +174,7 @@ PLACES_OF_KIND: Mapping[str, Callable[[Boundary], Array]] = {
     "centre": _centre,
     "medial": _medial,
     "focal": _focal,
-    "far": _far,
+    "far": _far_away,
     "tiny-steps": _tiny_steps,
     "teleports": _teleports,
 }
