@@ -268,7 +268,7 @@ def _make_scene(
 ) -> Scene:
     """The scene, on a model that the robot can reach."""
     from hapticeval.commands.arguments import model_named
-    from hapticeval.devices.workspace import require
+    from hapticeval.devices.workspace import require_in_workspace
     from hapticeval.scene import Scene
 
     touched = model_named(model)
@@ -285,7 +285,7 @@ def _make_scene(
             todo=f"give {how}; or choose a model of {wiring.device.dimension} dimensions",
         )
     # Refuses a model that lies outside of the workspace.
-    require(wiring.device, touched)
+    require_in_workspace(wiring.device, touched)
     return Scene(model=touched, stiffness=stiffness, damping=damping, device=wiring.device, sampling_time=1.0 / rate)
 
 

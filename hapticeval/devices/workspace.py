@@ -52,8 +52,8 @@ def _distance(limit: Limit) -> float:
     return limit.distance
 
 
-def holds(device: Device, model: Model | ArrayLike) -> Fit:
-    """Return whether a model's boundary, or points (n, N) in m, lies in the functional workspace (Assumption 7.1).
+def fit_in_workspace(device: Device, model: Model | ArrayLike) -> Fit:
+    """Return whether a model's boundary, or points (n, N), m, lie in the functional workspace (Assumption 7.1).
 
     A boundary is sampled at `SAMPLES` points. Of an unbounded line only one point must lie in it. Raises `InputError`
     for a model or points of another dimension than the device's.
@@ -76,9 +76,9 @@ def holds(device: Device, model: Model | ArrayLike) -> Fit:
     return fits[index]._replace(row=index)
 
 
-def require(device: Device, model: Model | ArrayLike) -> None:
-    """Raise `DomainError` where `holds` does not, naming the model and the first point that cannot be reached."""
-    fit = holds(device, model)
+def require_in_workspace(device: Device, model: Model | ArrayLike) -> None:
+    """Raise `DomainError`, naming model and point, where a model or points (n, N), m, do not lie in the workspace."""
+    fit = fit_in_workspace(device, model)
     if not fit.holds:
         name = getattr(model, "name", "")
         what = f"model '{name}'" if name else "the set of points"

@@ -70,14 +70,14 @@ def _device(device_table: str | Mapping[str, Any], mass: float, model: Model) ->
 
 def check_workspace(scene: Scene, experiment: Experiment) -> None:
     """Raise `InputError`, naming the point, where the robot cannot reach all of the model, or the start."""
-    from hapticeval.devices.workspace import require
+    from hapticeval.devices.workspace import require_in_workspace
 
     device = scene.robot
     if isinstance(device, PointMass):
         return
     try:
         # Assumption 7.1: all of the model lies within the functional workspace, and so does the start.
-        require(device, scene.model)
+        require_in_workspace(device, scene.model)
         start = device.joints(experiment.position)
     except DomainError as error:
         raise InputError(error.what, why=error.why, todo=error.todo) from error

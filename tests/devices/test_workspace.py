@@ -9,7 +9,13 @@ from numpy.testing import assert_allclose
 from hapticeval.devices.device import checked_joints
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3, ParallelogramParameters
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.devices.workspace import holds, lattice, nearest_limit, nearest_singularity, require
+from hapticeval.devices.workspace import (
+    fit_in_workspace,
+    lattice,
+    nearest_limit,
+    nearest_singularity,
+    require_in_workspace,
+)
 from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
@@ -131,20 +137,20 @@ def test_a_lattice_is_all_of_its_box_that_is_clear():
 
 @pytest.mark.parametrize("kind", ["circle", "cassinian", "star", "ellipse", "dumbbell", "line"])
 def test_the_models_of_the_catalogue_lie_in_the_workspace(kind):
-    fit = holds(FLAT, make_model(kind))
+    fit = fit_in_workspace(FLAT, make_model(kind))
     assert fit.holds
     assert fit.margin > 0.2
-    require(FLAT, make_model(kind))
+    require_in_workspace(FLAT, make_model(kind))
 
 
 def test_a_circle_too_large_is_refused_with_the_first_point_out_of_reach():
-    fit = holds(FLAT, make_model("circle", size=0.5))
+    fit = fit_in_workspace(FLAT, make_model("circle", size=0.5))
     assert not fit.holds
     assert (fit.row, fit.margin) == (0, -math.inf)
     assert_allclose(fit.point, (0.25, 0.0), atol=1e-15)
     assert "links reach" in fit.why
     with pytest.raises(DomainError, match=r"model 'circle' does not lie in the functional workspace.*Assumption 7\.1"):
-        require(FLAT, make_model("circle", size=0.5))
+        require_in_workspace(FLAT, make_model("circle", size=0.5))
 
 
 def test_the_largest_circle_about_home():
@@ -153,34 +159,36 @@ def test_the_largest_circle_about_home():
     low, high = 0.1, 0.3
     for _ in range(12):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if holds(FLAT, make_model("circle", size=2.0 * middle)).holds else (low, middle)
+        low, high = (
+            (middle, high) if fit_in_workspace(FLAT, make_model("circle", size=2.0 * middle)).holds else (low, middle)
+        )
     assert low == pytest.approx(exact, abs=1e-4)
 
 
 def test_spheres():
-    assert holds(DEEP, sphere(0.05)).holds
-    fit = holds(DEEP, sphere(0.4))
+    assert fit_in_workspace(DEEP, sphere(0.05)).holds
+    fit = fit_in_workspace(DEEP, sphere(0.4))
     assert not fit.holds
     with pytest.raises(DomainError, match="model 'sphere' does not lie"):
-        require(DEEP, sphere(0.4))
+        require_in_workspace(DEEP, sphere(0.4))
 
 
 def test_points_are_tried_in_order():
-    fit = holds(FLAT, [(0.0, 0.0), (-0.05, 0.0), (5.0, 0.0), (6.0, 0.0)])
+    fit = fit_in_workspace(FLAT, [(0.0, 0.0), (-0.05, 0.0), (5.0, 0.0), (6.0, 0.0)])
     assert (fit.holds, fit.row, fit.point) == (False, 2, (5.0, 0.0))
-    fit = holds(FLAT, [(0.0, 0.0), (0.1, 0.0), (-0.05, 0.0)])
+    fit = fit_in_workspace(FLAT, [(0.0, 0.0), (0.1, 0.0), (-0.05, 0.0)])
     assert (fit.holds, fit.row) == (True, 1)
     assert fit.margin == FLAT.margin(FLAT.joints((0.1, 0.0)))
     with pytest.raises(DomainError, match="the set of points does not lie"):
-        require(FLAT, [(5.0, 0.0)])
-    assert holds(POINT, make_model("circle", size=100.0)).margin == math.inf
+        require_in_workspace(FLAT, [(5.0, 0.0)])
+    assert fit_in_workspace(POINT, make_model("circle", size=100.0)).margin == math.inf
 
 
 def test_of_an_unbounded_line_only_a_part_must_lie_inside():
     """A robot of 2 mm reaches little of it, and the point with the greatest margin is named."""
     small = Parallelogram2(ParallelogramParameters(l1=1e-3, l4=1e-3))
-    assert not holds(small, [(-0.1, 0.0), (0.1, 0.0)]).holds
-    fit = holds(small, make_model("line"))
+    assert not fit_in_workspace(small, [(-0.1, 0.0), (0.1, 0.0)]).holds
+    fit = fit_in_workspace(small, make_model("line"))
     assert fit.holds
     assert abs(fit.point[0]) < 2e-3
     assert fit.margin == small.margin(small.joints(fit.point))
@@ -188,11 +196,11 @@ def test_of_an_unbounded_line_only_a_part_must_lie_inside():
 
 def test_what_is_no_place_is_refused():
     with pytest.raises(InputError, match="3 dimensions"):
-        holds(FLAT, sphere(0.05))
+        fit_in_workspace(FLAT, sphere(0.05))
     with pytest.raises(InputError, match="points of the shape"):
-        holds(FLAT, [(0.0, 0.0, 0.0)])
+        fit_in_workspace(FLAT, [(0.0, 0.0, 0.0)])
     with pytest.raises(InputError, match="must be finite"):
-        holds(FLAT, [(0.0, math.nan)])
+        fit_in_workspace(FLAT, [(0.0, math.nan)])
 
 
 def test_joints_are_checked_for_any_device():
