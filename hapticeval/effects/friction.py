@@ -144,16 +144,18 @@ def slide(
 
     # 1. The load: the part of F_b along p - HIP or along the normal at p, whichever is larger. A damper's part along
     # the surface is left out. `press` (N) is that part's size, positive where it pushes the hand outwards.
-    error_outwards, press, press_on_normal, chord_squared = 0.0, 0.0, 0.0, 0.0
+    error_outwards, force_dot_error, press_on_normal, chord_squared = 0.0, 0.0, 0.0, 0.0
     for i in range(dimension):
         error_outwards += (ihip[i] - hip[i]) * target[1, i]
-        press += force[i] * (ihip[i] - hip[i])
+        force_dot_error += force[i] * (ihip[i] - hip[i])
         press_on_normal += force[i] * target[1, i]
         chord_squared += (target[0, i] - tool[0, i]) ** 2  # |p - s|^2, m^2
     # along p - HIP, turned outwards: from a hand outside of a bilateral surface p - HIP points inwards
-    press *= (1.0 if error_outwards > 0.0 else -1.0) / np.sqrt(error_squared) if error_squared > 0.0 else 0.0
-    by_normal = error_squared == 0.0 or abs(press_on_normal) > abs(press)
-    press = press_on_normal if by_normal else press
+    press_on_error = force_dot_error * (
+        (1.0 if error_outwards > 0.0 else -1.0) / np.sqrt(error_squared) if error_squared > 0.0 else 0.0
+    )
+    by_normal = error_squared == 0.0 or abs(press_on_normal) > abs(press_on_error)
+    press = press_on_normal if by_normal else press_on_error
     # a force that is nothing but load is taken to the bit, without the rounding of its projection
     all_load = abs(press) >= (1.0 - ALL_ALONG) * np.sqrt(force_squared)
     for i in range(dimension):
