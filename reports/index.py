@@ -61,7 +61,7 @@ class SuiteSection:
     @property
     def grave(self) -> bool:
         """Return whether anything here is not as expected."""
-        return any(state.unexpected for state, _ in self.counted)
+        return any(standing.unexpected for standing, _ in self.counted)
 
 
 @dataclass(frozen=True)
@@ -179,8 +179,8 @@ def render_index(
         closed_forms=_closed_form_tables(results, {name for name, check in known.items() if check.needs_closed_form}),
         forms=CLOSED_FORMS,
         suites=_suite_sections(results),
-        grave_states=[state for state in Standing if state.unexpected],
-        failing_states=[Standing.KNOWN, Standing.INHERENT, *(state for state in Standing if state.stops_strict)],
+        grave_states=[standing for standing in Standing if standing.unexpected],
+        failing_states=[Standing.KNOWN, Standing.INHERENT, *(standing for standing in Standing if standing.stops_strict)],
         titles={(run.suite, run.case): run.title for run in results.runs},
         aside={(run.suite, run.case) for run in results.runs if not run.judged},
         case_link=case_link,
@@ -198,15 +198,15 @@ def render_index(
     )  # fmt: skip
 
 
-def _worst_words(states: set[Standing]) -> str:
+def _worst_words(standings: set[Standing]) -> str:
     """Return the title of what is shown of the verdicts: all of them known failures, or warnings at worst, or more."""
-    if any(state.unexpected for state in states):
+    if any(standing.unexpected for standing in standings):
         return "Not as expected"
-    return "Warnings" if any(state.stops_strict for state in states) else "Known failures"
+    return "Warnings" if any(standing.stops_strict for standing in standings) else "Known failures"
 
 
 def _unlisted_count(results: ResultsDocument, listed: Sequence[VerdictEntry]) -> int:
-    """How many verdicts are not as expected, or warn, beside those `shown` and those that broken runs took away."""
+    """How many verdicts are not as expected, or warn, beside those `listed` and those that broken runs took away."""
     candidates = [verdict for verdict in results.verdicts if not results.lost(verdict)]
     return max(0, sum(verdict.standing.stops_strict for verdict in candidates) - len(listed))
 
@@ -233,7 +233,7 @@ def _suite_sections(results: ResultsDocument) -> list[SuiteSection]:
                 suite.title or name,
                 suite.citation,
                 grid,
-                [(state, counts[state]) for state in Standing if counts[state]],
+                [(standing, counts[standing]) for standing in Standing if counts[standing]],
             )
         )
     return sections

@@ -44,7 +44,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
     stops = [verdict for verdict in results.verdicts if results.stops(verdict) and not results.lost(verdict)]
     # Worst first: errors, then by how many bounds they are away.
     stops.sort(key=lambda verdict: verdict.severity, reverse=True)
-    # What does not stop the gate is shown only with -v, but for lists that are outdated.
+    # Of these, warnings and entries of an outdated list are shown always, what is known or inherent with -v.
     unstopping = [verdict for verdict in results.verdicts if not results.stops(verdict)]
     worst = stops if verbose else stops[:VERDICTS_SHOWN]
     more = len(stops) - len(worst)
@@ -224,8 +224,10 @@ def _verdict_words(verdict: VerdictEntry) -> str:
         "inherent because": verdict.inherent,
         "fail here too": ", ".join(verdict.alike) if verdict.standing.unexpected else "",
     }
-    told = [f"{label}: {text}" for label, text in notes.items() if text]
-    return lines([paint(head, colour), *(f"  {text}" for text in (verdict.measured, verdict.message, *told) if text)])
+    note_lines = [f"{label}: {text}" for label, text in notes.items() if text]
+    return lines(
+        [paint(head, colour), *(f"  {text}" for text in (verdict.measured, verdict.message, *note_lines) if text)]
+    )
 
 
 def _not_applicable_reasons(results: ResultsDocument) -> Iterator[str]:
