@@ -193,7 +193,7 @@ def _on_mesh(mesh: Mesh, crease: float, ihips: Array, hips: Array) -> Normals:
     normals = np.empty((2, *ihips.shape))
     for row, (ihip, hip) in enumerate(zip(ihips, hips, strict=True)):
         closest.function(closest.data, ihip, frame)
-        kernels.lean(faces, vertices, table, int(closest.data.state[0]), ihip, hip, frame)
+        kernels.write_normals(faces, vertices, table, int(closest.data.state[0]), ihip, hip, frame)
         normals[:, row] = frame[kernels.OWN], frame[kernels.SHADED]
     return Normals(*normals)
 

@@ -49,7 +49,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hapticeval.compiled import LawData, compiled
-from hapticeval.geometry.mesh_kernels import onto_cone
+from hapticeval.geometry.mesh_kernels import closest_in_cone
 from hapticeval.geometry.surface_kernels import Triple, dot, plus
 from hapticeval.renderers.field.facets import MIDDLE, REACH, OnFacets, way_off
 from hapticeval.types import Array
@@ -178,7 +178,7 @@ def follow(
         if length == 0.0:
             break
         # step 3: x - p = (h - p) + sum l_i n_i, and the sum is what of p - h lies in the cone of the normals
-        d = plus(wish, 1.0, onto_cone(contacts, 0, count, (-wish[0], -wish[1], -wish[2])))
+        d = plus(wish, 1.0, closest_in_cone(contacts, 0, count, (-wish[0], -wish[1], -wish[2])))
         size = math.sqrt(dot(d, d))
         if size <= ARRIVED * length:
             break
