@@ -1,7 +1,7 @@
-"""A pool of processes that call one function, one call at a time each, and that can be stopped at once.
+"""Processes that make calls of one function, one call at a time each, and that can be stopped at once.
 
-A process pool cannot do the last: it neither says which calls have really begun, nor survives the end of one of its
-processes.
+A pool of the standard library cannot do the last: it neither says which calls have really begun, nor survives the end
+of one of its processes.
 
 Here each process has a pipe of its own and shares no lock. One that dies, or is killed in the middle of an answer,
 takes nothing along but its call.

@@ -48,22 +48,24 @@ def gains_of(renderer: Renderer, place: Place, dt: float) -> Gains:
     """
     still, size = np.zeros_like(place.point), place.point.size
 
-    def force(before: Array, now: Array, velocity: Array) -> Array:
+    def force_after(before: Array, now: Array, velocity: Array) -> Array:
         """Return the force (N,), N, at `now` after `before` (N,), m, with `velocity` (N,), m/s."""
         # Two ticks: the first makes `before` the last HIP for a renderer that remembers it.
         renderer.reset(before)
         renderer.step(before, still, dt)
         return np.asarray(renderer.step(now, velocity, dt)[1], dtype=np.float64)
 
-    def inside(depth: float) -> Array:
+    def gains_at_depth(depth: float) -> Array:
         """Return the three gains (3, N, N) at a depth, m."""
         rest_point = place.point - depth * place.normal
         # F = -now y_k - before y_(k-1) - rate ẏ_k: one of the three is moved at a time.
-        now = jacobian_of(lambda move: force(rest_point, rest_point + move, still), size, PROBE)
-        before = jacobian_of(lambda move: force(rest_point + move, rest_point, still), size, PROBE)
-        return -np.array([now, before, jacobian_of(lambda move: force(rest_point, rest_point, move), size, PROBE / dt)])
+        now = jacobian_of(lambda move: force_after(rest_point, rest_point + move, still), size, PROBE)
+        before = jacobian_of(lambda move: force_after(rest_point + move, rest_point, still), size, PROBE)
+        return -np.array(
+            [now, before, jacobian_of(lambda move: force_after(rest_point, rest_point, move), size, PROBE / dt)]
+        )
 
-    a, b, c = (inside(depth * PROBE) for depth in (2.0, 4.0, 6.0))
+    a, b, c = (gains_at_depth(depth * PROBE) for depth in (2.0, 4.0, 6.0))
     # The parabola through the depths h, 2 h and 3 h, at zero: 3 f(h) - 3 f(2 h) + f(3 h).
     return Gains(*(3.0 * a - 3.0 * b + c))
 
