@@ -34,7 +34,7 @@ LINE = Scene(model=make_model("line"), mass=1.0)
 DT = 1e-3
 
 
-def made(file: Path, scene: Scene = LINE) -> LibraryRenderer:
+def make_library_renderer(file: Path, scene: Scene = LINE) -> LibraryRenderer:
     renderer = make_renderer(resolve(f"lib:{file}"), scene)
     assert isinstance(renderer, LibraryRenderer)
     return renderer
@@ -60,7 +60,7 @@ def test_step_run_and_the_compiled_step_give_the_same_bits(
     kind: str, example: str, request: pytest.FixtureRequest
 ) -> None:
     scene = Scene(model=make_model(kind, size=0.2), damping=3.0)
-    renderer = made(request.getfixturevalue(example), scene)
+    renderer = make_library_renderer(request.getfixturevalue(example), scene)
     hips = slide(scene.model.dimension)
     velocities = backward_difference(hips, DT * np.arange(len(hips)))
     renderer.reset(hips[0])
@@ -86,7 +86,7 @@ def test_step_run_and_the_compiled_step_give_the_same_bits(
 
 
 def test_a_closed_loop_is_the_same_with_and_without_the_compiled_step(build: Build) -> None:
-    renderer = made(build())
+    renderer = make_library_renderer(build())
     push = pushed(0.2)
     loop = simulate_closed_loop(renderer, push, LINE, DT)
 
@@ -106,7 +106,7 @@ def test_what_a_scene_is_reaches_the_library(build: Build) -> None:
         " || scene->sampling_time != 1e-3 || scene->n_vertices != scene->n_cells || scene->cells[1] != 1) return -7"
     )
     scene = Scene(model=make_model("circle"), mass=1.0, bilateral=True)
-    renderer = made(build(CREATE=told, FLAGS="(HR_PLANE | HR_BILATERAL | HR_SPRING)"), scene)
+    renderer = make_library_renderer(build(CREATE=told, FLAGS="(HR_PLANE | HR_BILATERAL | HR_SPRING)"), scene)
     facets = scene.model.mesh(max_error=1e-4 * scene.model.size)
     assert renderer.standoff == facets.chord_error  # type: ignore[attr-defined]
     assert renderer.surface is facets.boundary  # type: ignore[attr-defined]
@@ -117,8 +117,8 @@ def test_what_a_scene_is_reaches_the_library(build: Build) -> None:
 
 def test_lengths_are_asked_for_with_the_scene_and_add_to_the_chord_error(build: Build) -> None:
     info = "if (self) { info->standoff = 1e-4; info->resolution = 2e-3; } else info->max_error = 5e-5"
-    assert made(build(INFO=info)).standoff == 1e-4  # type: ignore[attr-defined]
-    renderer = made(build(INFO=info), Scene(model=make_model("circle")))
+    assert make_library_renderer(build(INFO=info)).standoff == 1e-4  # type: ignore[attr-defined]
+    renderer = make_library_renderer(build(INFO=info), Scene(model=make_model("circle")))
     assert 1e-4 < renderer.standoff <= 1.5e-4  # type: ignore[attr-defined]
     assert renderer.resolution >= 2e-3  # type: ignore[attr-defined]
 
@@ -126,7 +126,7 @@ def test_lengths_are_asked_for_with_the_scene_and_add_to_the_chord_error(build: 
 def test_a_reset_gives_the_tool_a_free_point(build: Build) -> None:
     near = "tool[1] > 1e-4 && tool[1] < 1e-3 && fabs(tool[0] - hip[0]) < 1e-9"
     check = f"if (hip[1] < 1e-4 ? !({near}) : tool[0] != hip[0] || tool[1] != hip[1]) return -3"
-    renderer = made(build(RESET=check, INFO="if (self) info->standoff = 1e-4"))
+    renderer = make_library_renderer(build(RESET=check, INFO="if (self) info->standoff = 1e-4"))
     for height in (-0.02, 0.0, 1e-6, 0.02):
         renderer.reset(np.array([0.01, height]))
 
@@ -134,7 +134,7 @@ def test_a_reset_gives_the_tool_a_free_point(build: Build) -> None:
 def test_what_it_does_not_write_is_not_finite(build: Build) -> None:
     path = HandPath(np.array([0.0, 0.01]), np.array([[0.0, 0.001], [0.0, -0.001]]))
     with pytest.raises(RendererError, match="not finite"):
-        play(made(build(STEP="if (hip[1] < 0) return HR_CONTACT")), path, DT, scene=LINE)
+        play(make_library_renderer(build(STEP="if (hip[1] < 0) return HR_CONTACT")), path, DT, scene=LINE)
 
 
 @pytest.mark.parametrize("returned", [-3, 7])
@@ -142,10 +142,10 @@ def test_a_step_that_broke_names_tick_and_number(build: Build, returned: int) ->
     library = build(STEP=f"if (m->ticks > 5) return {returned}")
     path = HandPath(np.array([0.0, 0.01]), np.array([[0.0, 0.001], [0.0, -0.001]]))
     with pytest.raises(RendererError, match=rf"hr_step\(\) returned {returned} at tick 5"):
-        play(Stepping(made(library)), path, DT, scene=LINE)
+        play(Stepping(make_library_renderer(library)), path, DT, scene=LINE)
     push = pushed(0.1)
     with pytest.raises(RendererError, match=f"returned {-abs(returned)} at tick 5"):
-        simulate_closed_loop(made(library), push, LINE, DT)
+        simulate_closed_loop(make_library_renderer(library), push, LINE, DT)
 
 
 class Stepping:
@@ -154,7 +154,7 @@ class Stepping:
 
 
 def test_a_step_that_refuses_ends_a_loop_and_leaves_what_was(build: Build) -> None:
-    renderer = made(build(STEP="if (hip[1] < -0.0005) return HR_REFUSES_HIP"))
+    renderer = make_library_renderer(build(STEP="if (hip[1] < -0.0005) return HR_REFUSES_HIP"))
     push = pushed(0.5)
     recording = simulate_closed_loop(renderer, push, LINE, DT)
     assert "refuses the HIP" in recording.meta["ended"]["what"]
@@ -164,7 +164,7 @@ def test_a_step_that_refuses_ends_a_loop_and_leaves_what_was(build: Build) -> No
 
 def test_a_library_is_destroyed_with_its_renderer(build: Build, tmp_path: Path) -> None:
     file = tmp_path / "destroyed"
-    renderer = made(build(DESTROY=f'fclose(fopen("{file}", "w"))'))
+    renderer = make_library_renderer(build(DESTROY=f'fclose(fopen("{file}", "w"))'))
     assert not file.exists()
     del renderer
     assert file.exists()
@@ -186,18 +186,18 @@ int32_t hr_run(void *self, uint32_t n, const double *hips, const double *v, doub
     honest = hapticeval.run(f"lib:{tmp_path}/librun0.so", select="plane-impact", workers=0)
     assert [run.error for run in honest.document.runs if run.error] == []
     hips = np.column_stack([np.zeros(9), np.linspace(0.002, -0.002, 9)])
-    single = np.array([made(tmp_path / "librun0.so").step(hip, 0.0 * hip, DT).force for hip in hips])
-    np.testing.assert_array_equal(made(tmp_path / "librun0.so").run(hips, DT)[1], single)
-    assert made(tmp_path / "librun1.so").run(hips, DT)[1][2, 1] == single[2, 1] + 1.0
+    single = np.array([make_library_renderer(tmp_path / "librun0.so").step(hip, 0.0 * hip, DT).force for hip in hips])
+    np.testing.assert_array_equal(make_library_renderer(tmp_path / "librun0.so").run(hips, DT)[1], single)
+    assert make_library_renderer(tmp_path / "librun1.so").run(hips, DT)[1][2, 1] == single[2, 1] + 1.0
 
 
 def test_a_library_declares_how_its_stiffness_varies_and_how_coarse_its_force_is(build: Build) -> None:
     info = (
         "if (self) { info->stiffness_least = 0.4; info->stiffness_largest = INFINITY; info->force_resolution = .05; }"
     )
-    declared = abilities_of(made(build(INFO=info))).declares
+    declared = abilities_of(make_library_renderer(build(INFO=info))).declares
     assert declared == Declaration(stiffness_range=(0.4, np.inf), force_resolution=0.05)
-    assert abilities_of(made(build())).declares is None
+    assert abilities_of(make_library_renderer(build())).declares is None
 
 
 @pytest.mark.parametrize(
@@ -219,12 +219,12 @@ def test_a_library_declares_how_its_stiffness_varies_and_how_coarse_its_force_is
 )
 def test_what_is_wrong_with_a_library_is_named(build: Build, code: dict[str, str], error: type, words: str) -> None:
     with pytest.raises(error, match=words):
-        made(build(**code))
+        make_library_renderer(build(**code))
 
 
 def test_a_refusal_has_the_library_s_reason(build: Build) -> None:
     with pytest.raises(RefusalError) as refused:
-        made(build(CREATE='snprintf(why, n, "no %s today", "lines"); return 1'))
+        make_library_renderer(build(CREATE='snprintf(why, n, "no %s today", "lines"); return 1'))
     assert refused.value.why == "no lines today"
 
 

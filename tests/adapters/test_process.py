@@ -63,7 +63,7 @@ def command(tmp_path: Path) -> Callable[..., str]:
     return written
 
 
-def made(name: str, scene: Scene = LINE) -> ProcessRenderer:
+def make_process_renderer(name: str, scene: Scene = LINE) -> ProcessRenderer:
     renderer = make_renderer(resolve(name), scene)
     assert isinstance(renderer, ProcessRenderer)
     return renderer
@@ -81,7 +81,7 @@ def example(request: pytest.FixtureRequest) -> str:
 
 
 def test_the_reference_client_answers_as_the_nearest_point(example: str) -> None:
-    renderer = made(example, CIRCLE)
+    renderer = make_process_renderer(example, CIRCLE)
     facets = CIRCLE.model.mesh(max_error=1e-4 * CIRCLE.model.size)
     hips = np.array([[0.11, 0.0], [0.09, 0.01], [0.05, 0.06], [0.0, -0.098], [0.0, -0.12]])
     renderer.reset(hips[0])
@@ -113,7 +113,7 @@ def test_it_is_judged_by_its_name(example: str) -> None:
 
 
 def test_a_renderer_ends_its_process(command: Callable[..., str]) -> None:
-    renderer = made(command())
+    renderer = make_process_renderer(command())
     pid = renderer._child._process.pid
     del renderer
     with pytest.raises(ProcessLookupError):
@@ -141,7 +141,7 @@ def test_an_answer_that_makes_no_sense_ends_it(
     command: Callable[..., str], step: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(adapter, "PATIENCE", 0.3 if "sleep(60)" in step and "close" not in step else 20.0)
-    renderer = made(command(step=step))
+    renderer = make_process_renderer(command(step=step))
     renderer.reset(np.zeros(2))
     begun = time.monotonic()
     for _ in range(2):  # and so ever after
@@ -153,7 +153,7 @@ def test_an_answer_that_makes_no_sense_ends_it(
 
 @pytest.mark.parametrize("number", ["float('nan')", "None"])
 def test_an_answer_that_is_not_finite_is_handed_on(command: Callable[..., str], number: str) -> None:
-    renderer = made(command(step=f"say(id=id, ihip=[{number}, 0], force=[0, 0])"))
+    renderer = make_process_renderer(command(step=f"say(id=id, ihip=[{number}, 0], force=[0, 0])"))
     assert np.isnan(renderer.step(np.zeros(2), np.zeros(2), DT).ihip[0])
 
 
@@ -178,10 +178,10 @@ def test_a_greeting_before_hello_is_left_out(command: Callable[..., str]) -> Non
 
 def test_it_may_refuse_the_model_and_the_hip(command: Callable[..., str]) -> None:
     with pytest.raises(RefusalError) as refused:
-        made(command(scene="say(id=id, refuse='too thin')"))
+        make_process_renderer(command(scene="say(id=id, refuse='too thin')"))
     assert refused.value.why == "too thin"
     with pytest.raises(DomainError, match=r"refuses the HIP \(0, 0\)"):
-        made(command(step="say(id=id, refuse='too far')")).step(np.zeros(2), np.zeros(2), DT)
+        make_process_renderer(command(step="say(id=id, refuse='too far')")).step(np.zeros(2), np.zeros(2), DT)
 
 
 def test_what_is_no_command_is_named() -> None:
@@ -200,7 +200,7 @@ def test_a_long_message_to_a_child_that_does_not_read_ends(
         hello="say(id=id, version=1, run=True)",
         scene="say(id=id); sys.stdin.readline(); print(json.dumps({'id': 3}), flush=True); time.sleep(60)",
     )
-    renderer = made(name)
+    renderer = make_process_renderer(name)
     assert renderer.run is not None
     with pytest.raises(RendererError, match="no answer to 'run'"):
         renderer.run(np.zeros((20_000, 2)), DT)
@@ -209,12 +209,12 @@ def test_a_long_message_to_a_child_that_does_not_read_ends(
 def test_a_process_declares_how_its_stiffness_varies_and_how_coarse_its_force_is(command: Callable[..., str]) -> None:
     said = "say(id=id, stiffness_range=[0.4, None], force_resolution=0.05)"
     assert (
-        abilities_of(made(command(scene=said))).meta.items()
+        abilities_of(make_process_renderer(command(scene=said))).meta.items()
         >= {"stiffness_least": 0.4, "force_resolution": 0.05}.items()
     )
     for wrong in ("stiffness_range=[0.4]", "stiffness_range=[2, 3]", "stiffness_range='wide'", "force_resolution=-1"):
         with pytest.raises(RendererError, match="stiffness_range = "):
-            made(command(scene=f"say(id=id, {wrong})"))
+            make_process_renderer(command(scene=f"say(id=id, {wrong})"))
 
 
 def test_what_it_reports_of_its_contact_is_recorded(command: Callable[..., str]) -> None:

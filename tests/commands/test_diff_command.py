@@ -32,13 +32,13 @@ def runs(tmp_path, monkeypatch):
     return tmp_path
 
 
-def shown(capsys, *arguments):
+def run_diff(capsys, *arguments):
     code = main(["diff", *arguments])
     return code, capsys.readouterr().out
 
 
 def test_for_people(runs, capsys):
-    code, text = shown(capsys, "old", "new/results.json")
+    code, text = run_diff(capsys, "old", "new/results.json")
     assert code == 1
     assert text.splitlines() == [
         "worse: mine:R on s/a/memoryless: pass, now fail",
@@ -52,11 +52,14 @@ def test_for_people(runs, capsys):
 
 
 def test_nothing_that_changed_is_a_line(runs, capsys):
-    assert shown(capsys, "old", "same", "--strict") == (0, "2 verdicts in both runs: none changed; 0 margins moved\n")
+    assert run_diff(capsys, "old", "same", "--strict") == (
+        0,
+        "2 verdicts in both runs: none changed; 0 margins moved\n",
+    )
 
 
 def test_as_annotations_of_github(runs, capsys):
-    code, text = shown(capsys, "old", "new", "--format", "github")
+    code, text = run_diff(capsys, "old", "new", "--format", "github")
     assert code == 1
     assert text.splitlines() == [
         "::error title=mine%3AR on s/a/memoryless::worse: pass, now fail: 50 %25 | <seen>",
@@ -65,14 +68,14 @@ def test_as_annotations_of_github(runs, capsys):
 
 
 def test_as_markdown_that_no_message_can_break(runs, capsys):
-    _, text = shown(capsys, "old", "new", "--format", "markdown")
+    _, text = run_diff(capsys, "old", "new", "--format", "markdown")
     assert text.startswith("**hapticeval**: 2 verdicts in both runs: 1 worse; 2 margins moved\n")
     assert "| worse | mine:R" in text
     assert "50 % \\| &lt;seen>" in text
 
 
 def test_as_json(runs, capsys):
-    document = json.loads(shown(capsys, "old", "new", "--format", "json")[1])
+    document = json.loads(run_diff(capsys, "old", "new", "--format", "json")[1])
     assert document["compared"] == 2
     assert [(each["standing"], each["now"]) for each in document["verdicts"]] == [("worse", "fail")]
     assert [round(each["by"], 9) for each in document["margins"]] == [-3.9, -0.1]
@@ -84,7 +87,7 @@ def test_as_json(runs, capsys):
     [(["old", "known"], 0), (["old", "known", "--strict"], 1), (["new", "old"], 0), (["new", "old", "--strict"], 0)],
 )
 def test_exit_codes(runs, capsys, arguments, code):
-    assert shown(capsys, *arguments)[0] == code
+    assert run_diff(capsys, *arguments)[0] == code
 
 
 def bench(folder, factor):
@@ -105,18 +108,18 @@ def bench(folder, factor):
 
 def test_times_of_benches_that_moved_significantly(runs, capsys):
     bench(runs / "old", 1.0)
-    assert "time" not in shown(capsys, "old", "same")[1], "only one of the folders holds a bench"
+    assert "time" not in run_diff(capsys, "old", "same")[1], "only one of the folders holds a bench"
     bench(runs / "same", 1.5)
-    code, text = shown(capsys, "old", "same")
+    code, text = run_diff(capsys, "old", "same")
     assert code == 0
     assert "time: setting 0 on star: step 1.5 times what it was, worse" in text
     assert text.endswith("none changed; 0 margins moved, 1 time moved significantly\n")
-    assert shown(capsys, "old", "same", "--strict")[0] == 1
-    assert "::warning title=time::setting 0 on star" in shown(capsys, "old", "same", "--format", "github")[1]
-    assert "- setting 0 on star: step 1.5 times" in shown(capsys, "old", "same", "--format", "markdown")[1]
-    document = json.loads(shown(capsys, "old", "same", "--format", "json")[1])
+    assert run_diff(capsys, "old", "same", "--strict")[0] == 1
+    assert "::warning title=time::setting 0 on star" in run_diff(capsys, "old", "same", "--format", "github")[1]
+    assert "- setting 0 on star: step 1.5 times" in run_diff(capsys, "old", "same", "--format", "markdown")[1]
+    document = json.loads(run_diff(capsys, "old", "same", "--format", "json")[1])
     assert [(each["what"], each["verdict"]) for each in document["times"]] == [("step", "worse")]
-    assert shown(capsys, "same", "old", "--strict")[0] == 0, "better"
+    assert run_diff(capsys, "same", "old", "--strict")[0] == 0, "better"
 
 
 @pytest.mark.parametrize("arguments", [["old", "absent"], ["absent", "new"], ["old", "new", "--format", "xml"]])

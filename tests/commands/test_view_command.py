@@ -33,7 +33,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def shown(capsys):
+def written_page(capsys):
     path = Path(capsys.readouterr().out.strip().splitlines()[-1].removeprefix("wrote "))
     return path.read_text(encoding="utf-8")
 
@@ -41,7 +41,7 @@ def shown(capsys):
 def test_a_recording_of_one_dimension_is_drawn_and_judged(here, capsys):
     write_recording(here / "wall.h5", pressing(1))
     assert main(["view", "wall.h5"]) == 0
-    text = shown(capsys)
+    text = written_page(capsys)
     assert "place (mm)" in text
     assert 'id="recorded/contact-normal-force"' in text
     assert "Model: line" in text
@@ -50,7 +50,7 @@ def test_a_recording_of_one_dimension_is_drawn_and_judged(here, capsys):
 def test_a_recording_in_the_plane_is_judged_before_the_model_that_is_given(here, capsys):
     write_recording(here / "run.h5", pressing(2))
     assert main(["view", "run.h5", "--model", "line", "-o", "page"]) == 0
-    text = shown(capsys)
+    text = written_page(capsys)
     assert (here / "page" / "assets" / "case.js").is_file()
     assert 'id="recorded/continuous-contact"' in text
 
@@ -81,6 +81,6 @@ def test_a_model_of_another_dimension_is_refused(here, capsys):
 def test_foreign_files_are_shown_through_a_mapping(here, capsys, file, mapping, judged):
     more = ["--scene", "stiffness=2000"] if judged else []
     assert main(["view", str(DATA / file), "--mapping", str(ROOT / "examples" / mapping), *more, "-o", "page"]) == 0
-    text = shown(capsys)
+    text = written_page(capsys)
     assert ("<li id=" in text) == judged
     assert "case-data" in text

@@ -40,7 +40,7 @@ def scene_of(kind, *effects, **more):
     return Scene(model=make_model(kind), effects=effects, **more)
 
 
-def way(dimension):
+def path_into_model(dimension):
     """Into the model from the right, and on along it."""
     t = np.linspace(0.0, 1.0, 60)
     hips = np.zeros((60, dimension))
@@ -62,7 +62,7 @@ def steps(renderer, hips, dt=1e-3):
 def test_an_answer_is_the_base_s_and_the_change_s(kind, name):
     """`run`, `step` and what is not compiled give the same bits; a second run begins anew."""
     scene = scene_of(kind, Suction(0.2))
-    hips = way(scene.model.dimension)
+    hips = path_into_model(scene.model.dimension)
     plain = resolve(name)(scene)
     wrapped = make_renderer(resolve(name), scene)
     ihips, forces = plain.run(hips, 1e-3)
@@ -105,7 +105,7 @@ def test_a_boundary_in_python_gives_the_same_to_rounding():
             return getattr(self._boundary, name)
 
     scene = scene_of("circle", Suction(0.2))
-    hips = way(2)
+    hips = path_into_model(2)
     answers = Python(resolve("minimum-distance")(scene))
     bare = replace(scene.model, boundary=Python2(scene.model.boundary))
     renderer = make_renderer(lambda _: answers, replace(scene, model=bare))
@@ -132,7 +132,7 @@ def test_an_effect_refuses_by_name():
     scene = scene_of("circle", Suction(0.2, deepest=0.02))
     renderer = make_renderer(resolve("minimum-distance"), scene)
     with pytest.raises(DomainError, match=r"no suction so deep inside: \(0\.07"):
-        renderer.run(way(2), 1e-3)
+        renderer.run(path_into_model(2), 1e-3)
 
 
 @pytest.mark.parametrize("kind", ["circle", "star", "cassinian", "line", "ellipse", "sphere", "torus", "ellipsoid"])

@@ -53,7 +53,7 @@ each = pytest.mark.parametrize("shape", SHAPES)
 
 
 @cache
-def made(shape: str) -> Mesh:
+def mesh_of(shape: str) -> Mesh:
     return SHAPES[shape]()
 
 
@@ -78,7 +78,7 @@ def scattered(mesh: Mesh, count: int, seed: int = 5) -> np.ndarray:
 
 @each
 def test_distances_are_those_of_libigl(shape):
-    mesh = made(shape)
+    mesh = mesh_of(shape)
     points = scattered(mesh, 10_000)
     found = mesh.closest_point(points)
     centre = mesh.vertices[0]
@@ -96,7 +96,7 @@ def test_distances_are_those_of_libigl(shape):
 
 @each
 def test_sides_are_those_of_the_winding_number(shape):
-    mesh = made(shape)
+    mesh = mesh_of(shape)
     points = scattered(mesh, 10_000)
     found = mesh.closest_point(points)
     centre = mesh.vertices[0]
@@ -108,7 +108,7 @@ def test_sides_are_those_of_the_winding_number(shape):
 
 @pytest.mark.parametrize("shape", ["bumpy", "plate", "wedge of 1 degree"])
 def test_the_distance_is_the_least_over_all_triangles_in_wide_arithmetic(shape):
-    mesh = made(shape)
+    mesh = mesh_of(shape)
     points = scattered(mesh, 60)
     found = mesh.closest_point(points)
     for point, distance in zip(points, np.abs(found.distance), strict=True):
@@ -134,7 +134,7 @@ def _distance(mesh: Mesh, point: np.ndarray) -> float:
 
 @each
 def test_the_answer_does_not_depend_on_where_the_search_begins(shape):
-    mesh = made(shape)
+    mesh = mesh_of(shape)
     points = scattered(mesh, 200)
     function, data = closest_of(mesh)
     law, frame = first_class(function, CLOSEST), np.empty((6, 3))
@@ -150,7 +150,7 @@ def test_the_answer_does_not_depend_on_where_the_search_begins(shape):
 
 @each
 def test_no_segment_leaks_through_vertices_and_edges(shape):
-    mesh = made(shape)
+    mesh = mesh_of(shape)
     random = np.random.default_rng(6)
     count = 3000
     on = scattered(mesh, 2 * count)[: count // 4]
@@ -185,7 +185,7 @@ def test_a_plate_of_any_thickness_is_met_where_a_segment_aims_between_its_vertic
 
 @pytest.mark.parametrize("shape", ["bumpy", "l-block", "star", "wedge of 1 degree"])
 def test_crossings_are_those_that_small_steps_find(shape):
-    mesh = made(shape)
+    mesh = mesh_of(shape)
     low, high = np.reshape(mesh.bounds, (2, 3))
     random = np.random.default_rng(8)
     starts, ends = random.uniform(low - 0.02, high + 0.02, (2, 300, 3))

@@ -37,7 +37,7 @@ def implicit(surface, points):
     return np.sqrt((x / a) ** 2 + (y / b) ** 2 + (z / c) ** 2) - 1.0
 
 
-def some(surface, seed=1):
+def points_and_tangents(surface, seed=1):
     """Points of the surface, and a random tangent vector at each."""
     points = surface.points(60)
     normal = surface.closest_point(points).normal
@@ -85,7 +85,7 @@ def test_the_normal_is_the_gradient_of_the_distance(surface):
 
 @every
 def test_the_shape_operator_turns_the_normal_and_its_derivative_turns_it(surface):
-    points, v = some(surface)
+    points, v = points_and_tangents(surface)
     _, normal, _, shape = surface.closest_point(points)
     h, size = 1e-5 * min(surface.reals), np.abs(shape).max()
     before, after = surface.closest_point(points - h * v), surface.closest_point(points + h * v)
@@ -97,7 +97,7 @@ def test_the_shape_operator_turns_the_normal_and_its_derivative_turns_it(surface
     np.testing.assert_allclose(found, tangential @ change @ tangential, atol=1e-6 * size**2)
     np.testing.assert_allclose(found, np.swapaxes(found, 1, 2), atol=1e-13 * size**2)
     np.testing.assert_allclose(shape_derivative(surface, points, v + 3.0 * normal), found, atol=1e-13 * size**2)
-    _, w = some(surface, seed=5)  # Codazzi: alike in both directions
+    _, w = points_and_tangents(surface, seed=5)  # Codazzi: alike in both directions
     other = np.einsum("nij,nj->ni", shape_derivative(surface, points, w), v)
     np.testing.assert_allclose(np.einsum("nij,nj->ni", found, w), other, atol=1e-12 * size**2)
 

@@ -31,7 +31,7 @@ def along(*points, duration=0.5):
     return Path(far * (duration / far[-1]), points)
 
 
-def found(make, model, path, **more):
+def finding_of(make, model, path, **more):
     scene = Scene(model=model, **more)
     return CHECKS["contact-kept"](Runs(play(make(scene), path, DT, scene=scene)), scene)
 
@@ -53,14 +53,14 @@ BUILT_IN = [(base, name) for base, names in BASES.items() for name in names]
 
 @pytest.mark.parametrize(("base", "place"), BUILT_IN)
 def test_a_renderer_that_keeps_its_contact_passes(base, place):
-    finding = found(resolve(base), *PLACES[place])
+    finding = finding_of(resolve(base), *PLACES[place])
     assert finding.outcome is Outcome.PASS, finding.message
 
 
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("fault", sorted(set(LETTING_GO) - {"trails"}))
 def test_a_renderer_that_lets_go_fails(fault, place):
-    finding = found(spoiled(fault), *PLACES[place])
+    finding = finding_of(spoiled(fault), *PLACES[place])
     assert finding.outcome is Outcome.FAIL
     assert finding.evidence["kind"] == LETTING_GO[fault][0]
     assert finding.metric.value > finding.bound
@@ -69,14 +69,14 @@ def test_a_renderer_that_lets_go_fails(fault, place):
 @pytest.mark.parametrize("place", ["polygon", "line", "sphere"])
 @pytest.mark.parametrize("change", sorted(set(honest.HONEST) - {"late-1", "late-2"}))
 def test_an_honest_renderer_is_not_blamed(change, place):
-    finding = found(honest.factory(change, resolve("minimum-distance")), *PLACES[place])
+    finding = finding_of(honest.factory(change, resolve("minimum-distance")), *PLACES[place])
     assert finding.outcome is (Outcome.INCONCLUSIVE if change == "force-only" else Outcome.PASS), finding.message
 
 
 def test_the_finding_names_where_how_deep_and_how_long():
     """On a plane the numbers are known: in at 10 mm depth, let go at 0.299 s for the remaining time inside."""
     path = along([0.0, 0.01], [0.0, -0.01], [0.0, 0.01], duration=0.8)
-    finding = found(spoiled("drops"), line(), path)
+    finding = finding_of(spoiled("drops"), line(), path)
     evidence = finding.evidence
     assert evidence["kind"] == "let go"
     assert evidence["time"] == pytest.approx(0.299, abs=1e-9)
@@ -93,7 +93,7 @@ def test_the_finding_names_where_how_deep_and_how_long():
 
 
 def test_a_tick_without_contact_is_found_each_time():
-    finding = found(spoiled("flickers"), *PLACES["line"])
+    finding = finding_of(spoiled("flickers"), *PLACES["line"])
     inside = np.sum(PLACES["line"][0].boundary.signed_distance(PLACES["line"][1].sampled(DT)[1]) < -1e-3)
     assert finding.evidence["lost_ticks"] == finding.evidence["times_lost"]
     assert finding.evidence["lost_ticks"] >= int(inside) // 100
@@ -107,20 +107,20 @@ DISC = ellipsoid(a=0.1, b=0.1, c=4e-5)
 def test_a_plate_thinner_than_a_step_of_the_hand_is_not_passed(model, up):
     up = np.array(up)
     path = along(0.02 * up, -0.02 * up, duration=0.2)  # 0.2 mm a tick
-    finding = found(resolve("minimum-distance"), model, path)
+    finding = finding_of(resolve("minimum-distance"), model, path)
     assert finding.outcome is Outcome.FAIL
     assert finding.evidence["kind"] == "tunnelled"
     assert finding.evidence["deepest_m"] < 5e-5
     assert finding.metric.value == pytest.approx(0.02, rel=0.02)
     if model.dimension == 2:
-        assert found(resolve("constraint"), model, path).outcome is Outcome.PASS
+        assert finding_of(resolve("constraint"), model, path).outcome is Outcome.PASS
 
 
 def test_a_hand_that_goes_round_a_plate_is_free():
     """In three ticks past its edge, once close by and once so that the chord of one step cuts the edge."""
     for gap in (2e-4, -5e-5):
         path = along([0.05, 0.02], [0.1 + gap, 0.001], [0.1 + gap, -0.001], [0.05, -0.02], duration=0.3)
-        finding = found(resolve("minimum-distance"), THIN, path)
+        finding = finding_of(resolve("minimum-distance"), THIN, path)
         assert finding.outcome in (Outcome.PASS, Outcome.INCONCLUSIVE), (gap, finding.message)
 
 
@@ -130,11 +130,11 @@ def test_contact_may_end_at_a_sharp_tip_far_from_the_hand():
     corner = scene.model.boundary.corners[0]
     start = corner.position - 0.03 * corner.tangent_pre - 0.01 * corner.normal_pre
     path = along(start, start + 0.05 * corner.tangent_pre, duration=1.0)
-    assert found(resolve("constraint"), star(), path).outcome is Outcome.PASS
+    assert finding_of(resolve("constraint"), star(), path).outcome is Outcome.PASS
 
     # Lets go 6 mm before the tip, where the hand is outside already, on the other side of the wedge.
     early = free_where(lambda tick: bool((tick.hip - corner.position) @ corner.tangent_pre > -0.0055))
-    finding = found(spoiled(early, "constraint"), star(), path)
+    finding = finding_of(spoiled(early, "constraint"), star(), path)
     assert finding.outcome is Outcome.FAIL
     assert finding.evidence["kind"] == "tunnelled"
     assert finding.metric.value == pytest.approx(0.01, rel=1e-3)
@@ -180,7 +180,7 @@ class TestTrailing:
 
 
 def test_a_hand_that_stays_outside_shows_nothing():
-    finding = found(resolve("minimum-distance"), circle(), along([0.2, -0.1], [0.2, 0.1]))
+    finding = finding_of(resolve("minimum-distance"), circle(), along([0.2, -0.1], [0.2, 0.1]))
     assert finding.outcome is Outcome.INCONCLUSIVE
 
 
@@ -190,7 +190,7 @@ def test_a_claimed_standoff_is_no_licence():
         made.standoff = 1.0
         return made
 
-    finding = found(claims, circle(), along([0.0, 0.11], [0.0, 0.09], [0.01, 0.09]))
+    finding = finding_of(claims, circle(), along([0.0, 0.11], [0.0, 0.09], [0.01, 0.09]))
     assert finding.outcome is Outcome.FAIL
 
 

@@ -44,7 +44,7 @@ class Unswept(FingerProxy):
 
 
 @cache
-def found(case: str, check: str, make: type[FingerProxy] = FingerProxy) -> Finding:
+def finding_of(case: str, check: str, make: type[FingerProxy] = FingerProxy) -> Finding:
     suite, _, name = case.partition("/")
     judged = judge(make, "finger", suite, replace(load_suite(suite).case(name), checks=(check,)))
     assert judged.error is None
@@ -70,11 +70,11 @@ def found(case: str, check: str, make: type[FingerProxy] = FingerProxy) -> Findi
     ],
 )
 def test_it_gets_the_verdicts_of_physics(case, check, outcome):
-    assert found(case, check).outcome is outcome
+    assert finding_of(case, check).outcome is outcome
 
 
 def test_deep_under_facets_it_is_blamed_for_a_jump():
-    finding = found("solids/icosphere-chord", "continuous-contact")
+    finding = finding_of("solids/icosphere-chord", "continuous-contact")
     assert "pop-through" in finding.message
     assert finding.metric.value > 5.0 * MARGIN
 
@@ -82,26 +82,28 @@ def test_deep_under_facets_it_is_blamed_for_a_jump():
 def test_from_facet_to_facet_it_is_not_called_more_than_its_declared_resolution():
     """Its tool goes to the next facet, 14 mm wide: a mini pop-through. Where nothing is declared, it is a major one."""
     for make, severity in ((Coarse, "mini"), (FingerProxy, "major")):
-        finding = found("solids/icosphere-1280", "continuous-contact", make)
+        finding = finding_of("solids/icosphere-1280", "continuous-contact", make)
         assert finding.outcome is Outcome.FAIL
         assert finding.evidence["severity"] == severity
         assert ("mini" in finding.message) is (severity == "mini")
 
 
 def test_on_a_concave_edge_it_turns_over_the_arc():
-    finding = found("solids/l-block-notch", "abrupt-switch")
+    finding = finding_of("solids/l-block-notch", "abrupt-switch")
     assert finding.evidence["switch_takes_s"] > 0.09
     assert finding.metric.value == pytest.approx(0.5 * np.pi * 0.9, abs=0.05)
 
 
 def test_its_margin_is_a_standoff_where_it_is_declared_and_a_fault_where_it_is_not():
-    declared, silent = (found("solids/cube-edge", "continuous-contact", make) for make in (FingerProxy, Undeclared))
+    declared, silent = (
+        finding_of("solids/cube-edge", "continuous-contact", make) for make in (FingerProxy, Undeclared)
+    )
     assert declared.outcome is Outcome.PASS
     assert "declared standoff of 0.1 mm" in declared.message
     assert silent.outcome is Outcome.FAIL
 
 
 def test_one_that_does_not_sweep_the_hand_s_way_tunnels():
-    finding = found("solids/plate", "contact-kept", Unswept)
+    finding = finding_of("solids/plate", "contact-kept", Unswept)
     assert finding.outcome is Outcome.FAIL
     assert finding.evidence["kind"] == "tunnelled"

@@ -32,7 +32,7 @@ ARC = Path(np.linspace(0.0, 0.42, ANGLES.size), 0.09 * np.column_stack([np.cos(A
 STAR = Scene(model=star())
 
 
-def found(renderer, scene: Scene, path: Path) -> Finding:
+def finding_of(renderer, scene: Scene, path: Path) -> Finding:
     base = play(renderer, path, DT, scene=scene)
     look = Closeup.of(renderer, base, scene)
     runs = Runs(base, refine=lambda k: play(renderer, path, DT / k, scene=scene), look=look)
@@ -73,7 +73,7 @@ MANY = [pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 200)]
 @pytest.mark.parametrize("seed", [*FEW, *MANY])
 def test_a_conformal_map_is_continuous_past_any_corner(seed):
     """Hoelder of order 1/3 at each tip of 60 degrees, whose bisector the hand crosses."""
-    assert found(conformal(STAR), STAR, past_a_corner(seed)).outcome is Outcome.PASS
+    assert finding_of(conformal(STAR), STAR, past_a_corner(seed)).outcome is Outcome.PASS
 
 
 @pytest.mark.parametrize("seed", [*FEW, *MANY])
@@ -88,16 +88,16 @@ def test_no_jump_of_half_a_millimetre_is_missed_beside_a_corner(seed):
     way = np.abs(s - s[0])
     rule = partial(Switches, size, float(rng.uniform(0.1, 0.9) * way.max()), float(s[0]), curve.length)
     jumper = Moved(STAR, rng.choice([rule, lambda: Late(2, rule())]), conformal)
-    finding = found(jumper, STAR, path)
+    finding = finding_of(jumper, STAR, path)
     assert finding.outcome is Outcome.FAIL, finding.message
     assert finding.metric.value >= 0.4e-3
 
 
 @pytest.mark.parametrize("rule", HONEST)
 def test_a_memory_is_no_jump(rule):
-    assert found(jumping.factory(rule)(ROUND), ROUND, ARC).outcome is Outcome.PASS
+    assert finding_of(jumping.factory(rule)(ROUND), ROUND, ARC).outcome is Outcome.PASS
     for seed in (1, 2):
-        finding = found(jumping.factory(rule, inner=conformal)(STAR), STAR, past_a_corner(seed))
+        finding = finding_of(jumping.factory(rule, inner=conformal)(STAR), STAR, past_a_corner(seed))
         assert finding.outcome is Outcome.PASS, finding.message
 
 
@@ -106,7 +106,7 @@ def test_a_memory_is_no_jump(rule):
     [*((Moved, rule) for rule in BROKEN), (single, "switches"), (Uncopied, "sticks"), (Handle, "switches-late")],
 )
 def test_a_jump_is_found_whatever_holds_its_memory(kind, rule):
-    finding = found(jumping.factory(rule, kind)(ROUND), ROUND, ARC)
+    finding = finding_of(jumping.factory(rule, kind)(ROUND), ROUND, ARC)
     assert finding.outcome is Outcome.FAIL
     assert ("depends on the sampling rate" in finding.message) == ("pop" in rule)
     assert finding.metric.value == pytest.approx(0.01 if "pop" in rule else 0.5e-3, abs=1.2e-4)
@@ -117,13 +117,13 @@ def test_a_jump_is_found_whatever_holds_its_memory(kind, rule):
     [(Moved, 1 / 2), (single, 1 / 6), (single, 1 / 3), (Uncopied, 1 / 3), (Handle, 1 / 3)],
 )
 def test_a_hoelder_map_from_one_sixth_on_is_continuous(kind, exponent):
-    finding = found(kind(ROUND, partial(Bends, exponent)), ROUND, ARC)
+    finding = finding_of(kind(ROUND, partial(Bends, exponent)), ROUND, ARC)
     assert finding.outcome is Outcome.PASS, finding.message
 
 
 @pytest.mark.parametrize("exponent", [0.05, 0.13])
 def test_below_it_is_steep_and_not_broken(exponent):
-    finding = found(Moved(ROUND, partial(Bends, exponent)), ROUND, ARC)
+    finding = finding_of(Moved(ROUND, partial(Bends, exponent)), ROUND, ARC)
     assert finding.outcome is Outcome.INCONCLUSIVE
     assert finding.message.startswith("steep")
     assert finding.evidence["slope"] == pytest.approx(exponent, abs=0.02)
@@ -132,14 +132,14 @@ def test_below_it_is_steep_and_not_broken(exponent):
 @pytest.mark.parametrize("over", [0.1, 0.5])
 def test_a_jump_rounded_over_less_than_coordinates_resolve_stays(over):
     """As a share of 5e-8 m, to which single precision holds the path's coordinates."""
-    finding = found(Moved(ROUND, partial(Rises, 5e-8 * over)), ROUND, ARC)
+    finding = finding_of(Moved(ROUND, partial(Rises, 5e-8 * over)), ROUND, ARC)
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value == pytest.approx(0.01, rel=0.1)
 
 
 @pytest.mark.parametrize("over", [3.0, 10.0, 30.0, 1000.0])
 def test_a_rise_over_more_than_coordinates_resolve_is_continuous(over):
-    finding = found(Moved(ROUND, partial(Rises, 5e-8 * over)), ROUND, ARC)
+    finding = finding_of(Moved(ROUND, partial(Rises, 5e-8 * over)), ROUND, ARC)
     assert finding.outcome is Outcome.PASS, finding.message
 
 
@@ -149,7 +149,7 @@ def test_a_conformal_map_is_continuous_a_micrometre_beside_its_centre(kind):
     scene = Scene(model=make_model(kind, size=0.1))
     along, across = np.array([[np.cos(0.3), np.sin(0.3)], [-np.sin(0.3), np.cos(0.3)]])
     path = Path([0.0, 0.4], 1e-6 * across + np.outer([-0.08, 0.08], along))
-    finding = found(conformal(scene), scene, path)
+    finding = finding_of(conformal(scene), scene, path)
     assert finding.outcome is Outcome.PASS, finding.message
     assert "steep" in finding.message
 
@@ -162,14 +162,14 @@ def test_a_jump_in_the_middle_of_a_steep_place_is_found():
             moved = super().__call__(s, tick, dt)
             return moved + 0.5e-3 * (s > self.begun + self.at)
 
-    finding = found(Moved(ROUND, partial(Both, 0.5)), ROUND, ARC)
+    finding = finding_of(Moved(ROUND, partial(Both, 0.5)), ROUND, ARC)
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value == pytest.approx(0.5e-3, rel=0.1)
 
 
 def test_a_jump_at_the_origin_is_looked_at_no_closer_than_elsewhere():
     """The centre of a circle, where every direction is as near."""
-    finding = found(Spring(ROUND), ROUND, Path([0.0, 0.02], [[0.0, 0.001], [0.0, 0.0]]))
+    finding = finding_of(Spring(ROUND), ROUND, Path([0.0, 0.02], [[0.0, 0.001], [0.0, 0.0]]))
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value > 0.1
 
@@ -196,7 +196,7 @@ def test_a_place_costs_a_small_multiple_of_the_path(depth, share):
     scene = case.build_scene()
     trajectory = replace(case.trajectory, depth=depth, duration=2.0)
     renderer = Counted(scene)
-    finding = found(renderer, scene, trajectory.path(scene.model.boundary, FilePath()))
+    finding = finding_of(renderer, scene, trajectory.path(scene.model.boundary, FilePath()))
     assert finding.outcome is (Outcome.FAIL if depth > 0.03 else Outcome.PASS)
     assert renderer.count[0] <= share * 2001 + (0 if share == 1.1 else 4000)
 

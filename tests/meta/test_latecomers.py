@@ -22,7 +22,7 @@ from hapticeval.runner.judging import judge
 from hapticeval.suite.reading import load_suite
 
 
-def found(place, check, make) -> Finding:
+def finding_of(place, check, make) -> Finding:
     suite, _, name = place.rpartition("/")
     judged_case = load_suite(suite).case(name) if suite else CASES[name]
     judged = judge(make, "late", suite or "any", replace(judged_case, checks=(check,)))
@@ -69,7 +69,7 @@ class Pushing(Changed):
 
 @pytest.mark.parametrize("mutant", [ChangingLatency, LateByTurns, Pushing])
 def test_a_tangential_force_is_not_hidden_by_a_latency_that_changes_or_that_no_position_shows(mutant):
-    finding = found("slide", "contact-normal-force", lambda scene: mutant(scene, Spring(scene)))
+    finding = finding_of("slide", "contact-normal-force", lambda scene: mutant(scene, Spring(scene)))
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value > 4.0
     assert " N) off every true normal" in finding.message
@@ -81,14 +81,14 @@ DIRECTION = ["slide", "unilateral-surfaces/sphere-pressed", "unilateral-surfaces
 @pytest.mark.parametrize("place", DIRECTION)
 @pytest.mark.parametrize("lag", [0.5, 1.0, 2.3])
 def test_a_tool_late_by_one_number_of_ticks_pulls_along_the_normal(place, lag):
-    finding = found(place, "contact-normal-force", late(LateTool, ihip=lag))
+    finding = finding_of(place, "contact-normal-force", late(LateTool, ihip=lag))
     assert finding.outcome is Outcome.PASS, finding.message
 
 
 @settings(max_examples=8)
 @given(ihip=st.floats(0.0, 3.0), force=st.floats(0.0, 3.0))
 def test_channels_that_are_late_by_themselves_do_not_change_the_direction(ihip, force):
-    finding = found("slide", "contact-normal-force", late(ihip=ihip, force=force))
+    finding = finding_of("slide", "contact-normal-force", late(ihip=ihip, force=force))
     assert finding.outcome is Outcome.PASS, finding.message
 
 
@@ -103,11 +103,11 @@ class FromTheFace(FingerProxy):
 
 @pytest.mark.parametrize("make", [FingerProxy, FromTheFace])
 def test_three_faces_hold_a_tool_that_is_nearer_to_one(make):
-    finding = found("solids/corner-press", "contact-normal-force", make)
+    finding = finding_of("solids/corner-press", "contact-normal-force", make)
     assert finding.outcome is Outcome.PASS, finding.message
 
 
-class Beside(Spring):
+class OffTheSurface(Spring):
     """Its contact point lies up to a micrometre beside, as it declares."""
 
     resolution = 1e-6
@@ -121,8 +121,8 @@ class Beside(Spring):
 
 
 def test_a_declared_resolution_tilts_a_spring_near_the_floor_and_an_undeclared_one_may_not():
-    silent = type("Silent", (Beside,), {"resolution": 0.0})
-    declared, undeclared = (found("press", "contact-normal-force", make) for make in (Beside, silent))
+    silent = type("Silent", (OffTheSurface,), {"resolution": 0.0})
+    declared, undeclared = (finding_of("press", "contact-normal-force", make) for make in (OffTheSurface, silent))
     assert (declared.outcome, undeclared.outcome) == (Outcome.PASS, Outcome.FAIL)
 
 
@@ -150,7 +150,7 @@ def test_a_force_that_pulls_inwards_is_said_to_pull():
             ihip, force = super().step(hip, velocity, dt)
             return Response(ihip, -force)
 
-    finding = found("slide", "contact-normal-force", lambda scene: Pulling(scene, Spring(scene)))
+    finding = finding_of("slide", "contact-normal-force", lambda scene: Pulling(scene, Spring(scene)))
     assert "pulls inwards" in finding.message
 
 
@@ -195,7 +195,7 @@ def test_after_a_release_a_channel_has_three_ticks_to_end_the_contact_too(check,
 @pytest.mark.parametrize("ticks", [1.0, 3.0])
 def test_a_force_may_be_late_past_a_sharp_corner_where_the_hand_was_outside_for_long(ticks):
     """10 mm under a face of the star's tip the hand leaves through the other face long before the corner."""
-    finding = found("thesis/star-convex-corner", "contact-kept", held_late(force=ticks))
+    finding = finding_of("thesis/star-convex-corner", "contact-kept", held_late(force=ticks))
     assert finding.outcome is Outcome.PASS, finding.message
 
 
@@ -224,7 +224,7 @@ lags = st.one_of(st.just(0.0), st.just(1.0), st.floats(0.0, 3.0))
 def test_a_declared_spring_may_be_late_by_one_number_of_ticks_a_channel(ihip, force, tool):
     for make in (late(ihip=ihip, force=ihip), late(force=force), late(ihip=ihip), late(LateTool, ihip=tool)):
         for place in ("slide", "press"):
-            finding = found(place, "force-magnitude", declared(make))
+            finding = finding_of(place, "force-magnitude", declared(make))
             assert finding.outcome is Outcome.PASS, finding.message
 
 
@@ -268,5 +268,5 @@ def test_three_ticks_of_force_in_free_space_are_not_called_a_renderer_without_ih
 
 def test_a_run_that_ends_in_contact_does_not_know_what_a_late_ihip_would_have_been():
     for ticks in (0.5, 1.0, 3.0):
-        finding = found("solids/cube-cut-off", "force-magnitude", declared(late(ihip=ticks)))
+        finding = finding_of("solids/cube-cut-off", "force-magnitude", declared(late(ihip=ticks)))
         assert finding.outcome is Outcome.PASS, finding.message

@@ -27,7 +27,7 @@ from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import load_suite
 
 
-def found(make, check: str, judged_in) -> Finding:
+def finding_of(make, check: str, judged_in) -> Finding:
     judged = judge(make, "misplaced", "s", replace(judged_in, checks=(check,)))
     assert judged.error is None
     return judged.verdicts[0].finding
@@ -52,7 +52,7 @@ FAST_AND_SLOW = Path(
 
 
 def test_a_single_hop_is_found_though_a_closer_look_begins_behind_it():
-    finding = found(single_hop, "continuous-contact", SHALLOW)
+    finding = finding_of(single_hop, "continuous-contact", SHALLOW)
     assert finding.outcome is Outcome.FAIL, finding.message
     assert finding.metric.value == pytest.approx(0.115e-3, rel=0.2)
 
@@ -71,7 +71,7 @@ def test_what_a_slow_hand_shows_is_not_measured_by_its_fastest_step(make, words)
 
 @pytest.mark.parametrize("make", [HOPS, pytest.param(SINKS, marks=pytest.mark.slow)], ids=["hops", "sinks"])
 def test_nor_is_it_on_the_paths_that_are_drawn(make):
-    finding = found(make, "continuous-contact", load_suite("generated").case("line-hand"))
+    finding = finding_of(make, "continuous-contact", load_suite("generated").case("line-hand"))
     assert finding.outcome is Outcome.FAIL, finding.message
 
 
@@ -90,7 +90,7 @@ def test_a_hop_within_the_granted_lag_is_none():
 @pytest.mark.parametrize("name", ASTRAY)
 def test_a_contact_point_that_is_not_under_the_hand_is_no_end_of_its_path(name):
     """Along the surface, without a jump, and on it."""
-    finding = found(ASTRAY[name], "continuous-contact", CASES["slide"])
+    finding = finding_of(ASTRAY[name], "continuous-contact", CASES["slide"])
     assert finding.outcome is Outcome.FAIL, finding.message
     assert "not under the hand" in finding.message
 

@@ -18,7 +18,7 @@ SUITE = load_suite("unilateral-surfaces")
 
 
 @cache
-def found(make: type[GodObject], case: str) -> Finding:
+def finding_of(make: type[GodObject], case: str) -> Finding:
     judged = judge(make, "god-object", SUITE.name, replace(SUITE.case(case), checks=("continuous-contact",)))
     assert judged.error is None
     return judged.verdicts[0].finding
@@ -26,16 +26,16 @@ def found(make: type[GodObject], case: str) -> Finding:
 
 @pytest.mark.parametrize("case", ["torus-slide", "sphere-deep", "ellipsoid-deep", "torus-deep"])
 def test_a_god_object_on_the_given_triangles_is_left_alone(case):
-    finding = found(GodObject, case)
+    finding = finding_of(GodObject, case)
     assert finding.outcome is Outcome.PASS, finding.message
 
 
 def test_one_that_is_a_tick_late_is_left_alone():
-    assert found(Unhurried, "sphere-deep").outcome is Outcome.PASS
+    assert finding_of(Unhurried, "sphere-deep").outcome is Outcome.PASS
 
 
 def test_a_hop_of_its_own_is_stopped():
-    assert found(Hopping, "sphere-deep").outcome is Outcome.FAIL
+    assert finding_of(Hopping, "sphere-deep").outcome is Outcome.FAIL
 
 
 def test_on_pieces_that_it_chose_itself_it_is_blamed():
@@ -49,8 +49,8 @@ def test_on_pieces_that_it_chose_itself_it_is_blamed():
     scene = SUITE.case("sphere-deep").build_scene()
     assert abilities_of(Chosen(scene)).pieces is None
     assert abilities_of(GodObject(scene)).pieces is not None
-    assert found(Chosen, "sphere-deep").outcome is Outcome.FAIL
+    assert finding_of(Chosen, "sphere-deep").outcome is Outcome.FAIL
 
 
 def test_a_pop_through_is_no_step_of_the_pieces():
-    assert found(Nearest, "torus-deep").outcome is Outcome.FAIL
+    assert finding_of(Nearest, "torus-deep").outcome is Outcome.FAIL

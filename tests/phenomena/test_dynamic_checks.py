@@ -98,13 +98,13 @@ FORMS = {
 
 
 @cache
-def made(scheme: str, start: str) -> Runs:
+def runs_of_closed_form(scheme: str, start: str) -> Runs:
     scene, position, velocity = STARTS[start]
     return runs(scheme, scene, position, velocity, 1.0, name=FORMS[scene.model.name][scheme])
 
 
 def judged(check: str, scheme: str, start: str):
-    return found(check, made(scheme, start), STARTS[start][0])
+    return found(check, runs_of_closed_form(scheme, start), STARTS[start][0])
 
 
 P, F, U = PASS, FAIL, UNDECIDED
@@ -178,7 +178,7 @@ def test_a_law_with_other_gains_than_the_form_s_is_told_from_it():
 
 
 def test_without_a_named_form_or_finer_runs_nothing_is_compared():
-    base = made("pp", "on-circle")
+    base = runs_of_closed_form("pp", "on-circle")
     assert outcome("closed-form", Runs(base.base, refine=base.refine), CIRCLE) is NO
     assert outcome("closed-form", Runs(base.base, law="6.24"), CIRCLE) is UNDECIDED
 
@@ -186,7 +186,7 @@ def test_without_a_named_form_or_finer_runs_nothing_is_compared():
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("check", ["output-invariance", "tangential-dynamics"])
 def test_one_recording_alone_is_judged_by_what_a_held_force_leaves(scheme, check):
-    finding = found(check, Runs(made(scheme, "on-circle").base), CIRCLE)
+    finding = found(check, Runs(runs_of_closed_form(scheme, "on-circle").base), CIRCLE)
     assert finding.outcome in (judged(check, scheme, "on-circle").outcome, UNDECIDED)
     assert finding.outcome is not UNDECIDED or scheme == "pp-v", "whose speed changes by a tenth in two ticks"
     assert finding.evidence["settled_by_refinement"] is False
@@ -214,7 +214,7 @@ def test_a_run_that_is_too_short_for_the_assigned_dynamics_decides_nothing():
 
 
 def test_a_run_that_ended_is_not_stable_and_says_why():
-    base = made("set-stabilisation", "off-circle").base
+    base = runs_of_closed_form("set-stabilisation", "off-circle").base
     ended = {"tick": 20, "time": 0.02, "what": "joint 2 at its stop", "why": "x2 = 1 rad"}
     finding = found("constraint-stability", changed(base, {"ended": ended}, rows=slice(20)), CIRCLE)
     assert finding.outcome is FAIL
@@ -246,7 +246,7 @@ DYNAMIC = ("constraint-stability", "output-invariance", "decoupling", "tangentia
 
 
 def test_a_led_hand_and_a_one_sided_surface_are_not_what_these_checks_are_about():
-    base = made("pp", "on-circle").base
+    base = runs_of_closed_form("pp", "on-circle").base
     led = changed(base, {"source": "playback"})
     assert {outcome(c, Runs(led, law="6.24"), CIRCLE) for c in DYNAMIC} == {NO}
     one_sided = replace(CIRCLE, bilateral=False)
@@ -413,7 +413,7 @@ def test_when_a_recording_starts_makes_no_difference(start):
 
 def test_a_run_that_ended_is_compared_with_as_much_of_the_finer_ones():
     """They end at ticks of their own: what all of them have is extrapolated all the same."""
-    whole = made("set-stabilisation", "on-circle")
+    whole = runs_of_closed_form("set-stabilisation", "on-circle")
 
     def cut(recording, count, ended):
         return changed(recording, {"ended": ended} if ended else {}, rows=slice(count))

@@ -89,7 +89,7 @@ def folder(tmp_path_factory):
 
 
 @cache
-def whole(folder, name):
+def undamaged_bytes(folder, name):
     if isinstance(WRITERS[name], bytes):
         return WRITERS[name]
     WRITERS[name](folder / name)
@@ -114,7 +114,7 @@ damages = st.one_of(
 def damaged(folder, data, kind, place, *rest):
     at = int(place * len(data))
     if kind == "splice":
-        return data[:at] + whole(folder, rest[0])[at:]
+        return data[:at] + undamaged_bytes(folder, rest[0])[at:]
     if kind == "write":
         return data[:at] + rest[1] + data[at + rest[0] :]
     return data[: at + rest[0]] + data[at:] if kind == "double" else data[:at]
@@ -142,7 +142,7 @@ def survives(folder, name, data):
 @given(hurt=st.lists(damages, max_size=4))
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_damaged_file_is_read_or_refused(folder, name, hurt):
-    data = whole(folder, name)
+    data = undamaged_bytes(folder, name)
     for damage in hurt:
         data = damaged(folder, data, *damage)
     survives(folder, name, data)

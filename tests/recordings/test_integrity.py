@@ -24,7 +24,7 @@ SEEDS = (0, 11, 42)
 
 
 @lru_cache(maxsize=256)
-def made(seed, quantised):
+def simulated_channels(seed, quantised):
     """Stamps (ns) and channels of a hand that slides around a disc, pressing: every channel follows from the joints."""
     random = np.random.default_rng(seed)
     stamps = 5_000_000_000 + np.arange(ROWS) * 1_000_000
@@ -51,8 +51,8 @@ def made(seed, quantised):
 
 
 def parts(seed=0, keep=None, *, quantised=True, noise=0.0):
-    """A copy of what `made` makes, of the channels to `keep`; with the `noise` of a force sensor."""
-    stamps, channels = made(seed, quantised)
+    """A copy of what `simulated_channels` makes, of the channels to `keep`; with the `noise` of a force sensor."""
+    stamps, channels = simulated_channels(seed, quantised)
     channels = {name: values.copy() for name, values in channels.items() if keep is None or name in keep}
     if noise:
         channels["force"] += np.random.default_rng(seed).normal(scale=noise, size=(ROWS, 2))
@@ -74,7 +74,7 @@ def planted(change, *keep, seed=0, noise=0.0, **meta):
     return examine(recording(stamps, channels, **meta))
 
 
-def found(report):
+def fault_rows(report):
     return [(fault.kind, fault.channel, fault.first, fault.end) for fault in report.faults]
 
 
@@ -190,7 +190,7 @@ def at(name, rows, change):
 @pytest.mark.parametrize("name", ["hip.x", "ihip.y"])
 def test_a_spike_is_found_in_its_row(seed, size, name):
     report = planted(at(name, slice(310, 311), lambda _, x: x + size), "hip", "ihip", seed=seed)
-    assert ("spike", name, 310, 311) in found(report)
+    assert ("spike", name, 310, 311) in fault_rows(report)
     assert kinds(report) <= {"spike", "unit"}
 
 
@@ -204,7 +204,7 @@ def test_a_frozen_sensor_is_found_over_its_rows(seed, row, rows, column):
     joints[row : row + rows, column] = joints[row - 1, column]
     report = examine(recording(stamps, channels))
     if gone > 4.5 * max(speed.max(), ENCODER_STEP):  # else it hardly moved: a hand at rest looks the same
-        ((channel, first, end),) = [rest for kind, *rest in found(report) if kind == "stuck"]
+        ((channel, first, end),) = [rest for kind, *rest in fault_rows(report) if kind == "stuck"]
         assert channel == f"joint_position.{column}"
         assert first <= row
         assert end == row + rows
@@ -247,7 +247,7 @@ def test_a_counter_that_overflows_is_a_jump_and_parts_the_run(seed, sign):
     channels["joint_position"][222:, 1] += sign * 65_536 * ENCODER_STEP
     run = recording(stamps, channels)
     report = examine(run)
-    assert found(report) == [("jump", "joint_position.1", 222, 223)]
+    assert fault_rows(report) == [("jump", "joint_position.1", 222, 223)]
     assert spans(sound_intervals(run, report)) == [(0, 222), (223, ROWS)]
     assert not planted(lambda c: c["ihip"][300:].__iadd__(0.02), "hip", "ihip", seed=seed).suspicious
 
@@ -279,7 +279,7 @@ def test_a_column_that_is_another_one_shifted_is_found(lag, seed):
     assert matched(np.random.default_rng(seed).normal(size=ROWS), a, 0.1) is None
     stamps, channels = parts(keep=["hip"])
     report = examine(recording(stamps, channels | {"force": np.column_stack([a, b])}))
-    assert [each[:2] for each in found(report)] == [("shifted copy" if lag else "copy", "force.y")]
+    assert [each[:2] for each in fault_rows(report)] == [("shifted copy" if lag else "copy", "force.y")]
 
 
 @pytest.mark.parametrize("lag", [0, 7])

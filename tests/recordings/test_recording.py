@@ -18,7 +18,7 @@ def channels(**more):
     return {**{name: np.zeros((4, 2)) for name in ("hip", "ihip", "force")}, **more}
 
 
-def made(time=ROWS, *, clock=None, valid=None, signals=None, events=(), meta=None, **more):
+def make_recording(time=ROWS, *, clock=None, valid=None, signals=None, events=(), meta=None, **more):
     """A recording with some of its channels changed; of a clock (stamps, and more of it) where one is given."""
     given = {"valid": valid, "signals": signals or {}, "events": tuple(events)}
     if clock is not None:
@@ -73,7 +73,7 @@ GAP = np.column_stack([[0.0, np.nan, 1.0, 2.0]] * 2)
 )  # fmt: skip
 def test_what_does_not_fit_is_refused_by_row_and_channel(changes, words):
     with pytest.raises(InputError) as caught:
-        made(**changes)
+        make_recording(**changes)
     assert words in str(caught.value)
 
 
@@ -81,7 +81,7 @@ def test_arrays_are_read_only_and_copies_where_someone_may_write():
     open_below, mine = np.zeros((4, 2)), np.zeros((4, 2))
     view = open_below[:]
     view.flags.writeable = mine.flags.writeable = False
-    recording = made(hip=open_below, ihip=view, force=mine)
+    recording = make_recording(hip=open_below, ihip=view, force=mine)
     open_below[0] = 1.0
     assert recording.hip[0, 0] == recording.ihip[0, 0] == 0.0
     assert recording.force is mine
@@ -90,7 +90,7 @@ def test_arrays_are_read_only_and_copies_where_someone_may_write():
     with pytest.raises(ValueError, match="read-only"):
         CLOCK.nanoseconds[0] = 1
     gains = {"stiffness": 1000.0, "steps": [1, 2]}
-    recording = made(meta={"gains": gains, "when": "2025-01-31T14:05:00+01:00", "mine": 1})
+    recording = make_recording(meta={"gains": gains, "when": "2025-01-31T14:05:00+01:00", "mine": 1})
     gains["steps"].append(3)
     assert recording.meta["gains"] == {"stiffness": 1000.0, "steps": [1, 2]}
 
@@ -123,8 +123,8 @@ def test_time_is_that_of_the_clock_and_nothing_re_times_it():
     assert recording.clock.missed == 2
     with pytest.raises(InputError, match="time and its clock differ"):
         Recording(ROWS, channels(), clock=CLOCK)
-    assert made(clock=(np.array([5, 7, 9, 12]) * 10**9, 0)).time.tolist() == [5.0, 7.0, 9.0, 12.0]
-    assert made(np.array([0.0, 1e-9, 0.5, 1.0])).nanoseconds.tolist() == [0, 1, 500_000_000, 10**9]
+    assert make_recording(clock=(np.array([5, 7, 9, 12]) * 10**9, 0)).time.tolist() == [5.0, 7.0, 9.0, 12.0]
+    assert make_recording(np.array([0.0, 1e-9, 0.5, 1.0])).nanoseconds.tolist() == [0, 1, 500_000_000, 10**9]
 
 
 def test_rows_that_are_no_measurement_are_kept_as_they_came_and_never_judged():
@@ -158,7 +158,7 @@ def test_joints_scalars_and_one_degree_of_freedom_survive_the_way_between_proces
 
 def test_parts_share_the_time_base_and_split_the_events():
     events = [Event(-0.5, "start"), Event(1.0, "touch", "wall"), Event(2.0, "leave"), Event(9.0, "closed")]
-    recording = made(events=events)
+    recording = make_recording(events=events)
     parts = [recording.part(slice(0, 2)), recording.part(slice(2, 4))]
     assert [[event.kind for event in part.events] for part in parts] == [["start", "touch"], ["leave", "closed"]]
     assert parts[1].time.tolist() == [2.0, 3.0]

@@ -27,7 +27,7 @@ MASS = 0.1
 ROBOT = Parallelogram2()
 
 
-def held(model, **more):
+def bilateral_scene(model, **more):
     """A bilateral constraint with the thesis's gains for a unit mass."""
     return Scene(model=model, stiffness=GAIN_P * MASS, damping=GAIN_D * MASS, mass=MASS, bilateral=True, **more)
 
@@ -69,14 +69,14 @@ def test_the_inner_loop_is_6_17():
 
 
 def test_the_torque_on_the_line_is_7_29():
-    renderer, derived = set_stabilisation(held(line())), on_the_line()
+    renderer, derived = set_stabilisation(bilateral_scene(line())), on_the_line()
     for state in states(1, 60, near(line(), 2, 60, 0.1)):
         agree(torque(renderer, state), np.ravel(derived(*state)))
 
 
 def test_7_29_as_printed_once_its_v_is_ordered():
     """The thesis's own expression, with the transversal input first."""
-    renderer = set_stabilisation(held(line()))
+    renderer = set_stabilisation(bilateral_scene(line()))
     l1, l4, b2, b3, d2, d3 = TABLE.l1, TABLE.l4, TABLE.b2, TABLE.b3, TABLE.d2, TABLE.d3
     for state in states(3, 60, near(line(), 4, 60, 0.1)):
         x1, x2, x3, x4 = state
@@ -91,7 +91,7 @@ def test_7_29_as_printed_once_its_v_is_ordered():
 
 
 def test_the_torque_on_the_circle():
-    renderer, derived = set_stabilisation(held(circle())), on_the_circle(0.1)
+    renderer, derived = set_stabilisation(bilateral_scene(circle())), on_the_circle(0.1)
     for state in states(5, 60, near(circle(), 6, 60, 0.03)):
         agree(torque(renderer, state), np.ravel(derived(*state)))
     golden = torque(renderer, np.array([0.3, 0.2, 1.0, -0.5]))
@@ -100,14 +100,14 @@ def test_the_torque_on_the_circle():
 
 def test_the_torque_on_the_cassinian():
     model = cassinian()
-    renderer, derived = set_stabilisation(held(model)), on_the_cassinian()
+    renderer, derived = set_stabilisation(bilateral_scene(model)), on_the_cassinian()
     for state in states(7, 60, near(model, 8, 60, 0.01)):
         (u,) = model.curve.nearest([ROBOT.position(state[:2])])
         agree(torque(renderer, state), np.array(derived(*state, u)))
 
 
 def test_the_force_on_a_point_mass_is_7_36():
-    renderer = set_stabilisation(held(circle()))
+    renderer = set_stabilisation(bilateral_scene(circle()))
     rng = np.random.default_rng(9)
     for x1, x2, x3, x4 in np.column_stack([near(circle(), 10, 60, 0.05), rng.normal(size=(60, 2))]):
         r2 = x1 * x1 + x2 * x2
@@ -154,7 +154,7 @@ def test_depth_and_speed_are_independent_along_the_whole_curve(name):
     stretch = 1.0 + n * float(curve.curvature(u))
     start = [*(curve.position(u) + n * curve.normal(u)), *(speed * stretch * curve.tangent(u) - 0.1 * curve.normal(u))]
     times = np.linspace(0.0, 0.6, 61)
-    path = moved(set_stabilisation(held(SMOOTH[name])), np.array(start), times, MASS)
+    path = moved(set_stabilisation(bilateral_scene(SMOOTH[name])), np.array(start), times, MASS)
     np.testing.assert_allclose(curve.signed_distance(path[:, :2]), decay(n, times, -0.1), atol=1e-12)
     s = along(curve, path[:, :2])
     np.testing.assert_allclose(s - s[0], speed * times, atol=1e-12)
@@ -166,7 +166,7 @@ def test_viscosity_slows_the_foot_as_7_18_does():
     curve = model.curve
     start = np.array([*curve.position(0.4), *(speed * curve.tangent(0.4))])
     times = np.linspace(0.0, 0.5, 26)
-    path = moved(set_stabilisation(held(model, effects=(Viscosity(b),))), start, times, MASS)
+    path = moved(set_stabilisation(bilateral_scene(model, effects=(Viscosity(b),))), start, times, MASS)
     s = along(curve, path[:, :2])
     np.testing.assert_allclose(s - s[0], speed * MASS / b * (1.0 - np.exp(-b / MASS * times)), atol=1e-11)
     np.testing.assert_allclose(curve.signed_distance(path[:, :2]), 0.0, atol=1e-12)
@@ -180,7 +180,7 @@ def test_with_a_force_sensor_the_push_moves_the_foot_and_not_the_depth(name, see
     model = SMOOTH[name]
     rng = np.random.default_rng(seed)
     hip, velocity, push = near(model, seed, 1, 0.01)[0], rng.normal(size=2), 3.0 * rng.normal(size=2)
-    renderer = set_stabilisation(held(model))
+    renderer = set_stabilisation(bilateral_scene(model))
     renderer.reset(hip)
     without = renderer.step(hip, velocity, 1e-3).force
     renderer.observe_force(push)
@@ -194,7 +194,7 @@ def test_with_a_force_sensor_the_push_moves_the_foot_and_not_the_depth(name, see
 def test_pushed_along_a_circle_with_a_sensor_it_moves_as_the_tool_does():
     push = np.array([0.3, -0.8])
     times = np.linspace(0, 0.4, 9)
-    path = moved(set_stabilisation(held(circle())), np.array([0.105, 0.0, 0.0, 0.0]), times, MASS, push)
+    path = moved(set_stabilisation(bilateral_scene(circle())), np.array([0.105, 0.0, 0.0, 0.0]), times, MASS, push)
     n = circle().curve.signed_distance(path[:, :2])
     np.testing.assert_allclose(n, decay(0.005, times), atol=1e-12)
     # the foot's energy is what the push did on it: F_o is constant, and a foot on the circle moves as a tool would
@@ -206,7 +206,7 @@ def test_pushed_along_a_circle_with_a_sensor_it_moves_as_the_tool_does():
 
 def test_at_a_centre_of_curvature_the_step_refuses():
     for model, place in ((circle(), (0.0, 0.0)), (cassinian(), (0.07387961250362586, 0.0))):
-        renderer = set_stabilisation(held(model))
+        renderer = set_stabilisation(bilateral_scene(model))
         hip = np.array(place)
         renderer.reset(hip)
         with pytest.raises(DomainError, match="centre of curvature") as caught:
@@ -216,7 +216,7 @@ def test_at_a_centre_of_curvature_the_step_refuses():
 
 def test_the_force_jumps_at_the_joints_of_a_dumbbell_as_a_rigid_contact_does():
     model = dumbbell()
-    renderer, curve = set_stabilisation(held(model)), model.curve
+    renderer, curve = set_stabilisation(bilateral_scene(model)), model.curve
     speed = 0.7
     for u in curve.pieces[1:, 1]:
         sides = []

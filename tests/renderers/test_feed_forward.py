@@ -18,7 +18,7 @@ MASS, K, D = 0.1, 500.0, 44.7
 follows = minimum_distance.variant(regulation="pp-pd-c")
 
 
-def held(model):
+def bilateral_scene(model):
     return Scene(model=model, stiffness=K * MASS, damping=D * MASS, mass=MASS, bilateral=True)
 
 
@@ -40,7 +40,7 @@ def test_other_projections_and_representations_have_no_curvature(family, represe
 
 def circling(family, model, n, speed, duration=2.0):
     """Distance from a circle, after a start at n beside it, across nothing and along it at `speed`."""
-    renderer = family(held(model))
+    renderer = family(bilateral_scene(model))
 
     def rate(_, state):
         return np.concatenate([state[2:], renderer.step(state[:2], state[2:], 1e-3).force / MASS])
@@ -76,7 +76,7 @@ def test_what_it_lacks_off_the_surface(model, seed):
 
     def coordinates(family):
         """n̈ and s̈ that a force gives, as `curve_law` has them."""
-        renderer = family(held(model))
+        renderer = family(bilateral_scene(model))
         renderer.reset(hip)
         acceleration = renderer.step(hip, velocity, 1e-3).force / MASS
         turning = 2.0 * kappa * across * foot + n * curvature_rate(for_kernels(curve.pieces[0]), u) * foot**2
@@ -97,7 +97,7 @@ def test_what_it_lacks_off_the_surface(model, seed):
 
 def test_on_a_line_it_is_pp_pd():
     rng = np.random.default_rng(1)
-    pair = [family(held(line())) for family in (follows, minimum_distance.variant(regulation="pp-pd"))]
+    pair = [family(bilateral_scene(line())) for family in (follows, minimum_distance.variant(regulation="pp-pd"))]
     for hip, velocity in rng.normal(size=(20, 2, 2)):
         forces = [renderer.step(hip, velocity, 1e-3).force for renderer in pair]
         np.testing.assert_array_equal(*forces)
@@ -106,7 +106,7 @@ def test_on_a_line_it_is_pp_pd():
 @pytest.mark.parametrize("model", [sphere(), torus()], ids=lambda model: model.name)
 def test_in_space_the_term_is_that_of_the_shape_operator(model):
     rng = np.random.default_rng(2)
-    pair = [family(held(model)) for family in (follows, minimum_distance.variant(regulation="pp-pd"))]
+    pair = [family(bilateral_scene(model)) for family in (follows, minimum_distance.variant(regulation="pp-pd"))]
     for hip, velocity in zip(0.08 * rng.normal(size=(30, 3)), rng.normal(size=(30, 3)), strict=True):
         frame = model.boundary.closest_point(hip[None])
         with_term, without = (renderer.step(hip, velocity, 1e-3).force for renderer in pair)

@@ -154,7 +154,7 @@ def test_a_rigid_tool_cannot_be_computed_again_from_where_it_was(ran):
         as_recorded(opened(file_of(ran, "push", "ideal")))
 
 
-def asked(counting, what):
+def arguments_of(counting, what):
     """What the counting renderer was asked first, along the path forwards."""
     return [entry[1:] for entry in counting if entry[0] == what]
 
@@ -168,10 +168,10 @@ def test_a_renderer_is_asked_at_the_recorded_samples_steps_velocities_and_pushes
     judged, answer = replayed(log, tmp_path, ["countingmodule:Feeling"])["countingmodule:Feeling"]
     np.testing.assert_array_equal(answer.time, time)
     np.testing.assert_array_equal(answer.hip, log.hip)
-    steps = asked(counting, "step")[:200]
+    steps = arguments_of(counting, "step")[:200]
     np.testing.assert_array_equal([step for step, _ in steps][1:], np.diff(time))
     np.testing.assert_array_equal([seen for _, seen in steps], velocity)
-    np.testing.assert_array_equal([felt for (felt,) in asked(counting, "observe_force")[:200]], push)
+    np.testing.assert_array_equal([felt for (felt,) in arguments_of(counting, "observe_force")[:200]], push)
     assert judged.replay.clock.startswith("irregular, 7 to 8 ms")
 
 
@@ -182,11 +182,11 @@ def test_every_gap_starts_the_renderer_anew_and_one_missed_cycle_is_none(tmp_pat
     valid[90:100] = False
     log = circle_run(time, radius=BESIDE, valid=valid)
     judged, answer = replayed(log, tmp_path, ["countingmodule:Counting"], model=None)["countingmodule:Counting"]
-    assert asked(counting, "reset")[:3] == [(tuple(log.hip[row]),) for row in (0, 100, 200)]
+    assert arguments_of(counting, "reset")[:3] == [(tuple(log.hip[row]),) for row in (0, 100, 200)]
     assert (judged.replay.stretches, judged.replay.rows, judged.replay.rows_left_out) == (3, 290, 10)
     np.testing.assert_array_equal(answer.time, time[valid])
     assert len(answer.meta["stretches"]) == 3
-    assert asked(counting, "step")[50][0] == time[50] - time[49] > 1.5e-3
+    assert arguments_of(counting, "step")[50][0] == time[50] - time[49] > 1.5e-3
 
 
 def test_a_stretch_that_begins_inside_is_led_in_from_the_surface(tmp_path, counting):

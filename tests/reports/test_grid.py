@@ -28,7 +28,7 @@ from hapticeval.runner.results import Problem
 from hapticeval.runner.standing import Standing, count_standings
 
 
-def found(
+def make_verdict(
     outcome="pass",
     value=0.5,
     bound=1.0,
@@ -68,21 +68,21 @@ def found(
     ],
 )
 def test_a_state_compares_the_outcome_with_what_was_expected(outcome, published, level, expected):
-    assert found(outcome, published=published, level=Level(level)).standing == expected
+    assert make_verdict(outcome, published=published, level=Level(level)).standing == expected
 
 
 @given(outcome=st.sampled_from(Outcome), published=st.sampled_from([None, *Outcome]), level=st.sampled_from(Level))
 def test_a_state_is_grave_exactly_where_the_verdict_is_not_as_expected(outcome, published, level):
-    each = found(outcome, published=published, level=level)
+    each = make_verdict(outcome, published=published, level=level)
     assert each.standing.unexpected is not each.as_expected
 
 
 def test_a_tile_shows_its_gravest_state_and_there_the_worst():
     given = [
-        found(value=0.2),
-        found("fail", 3.0, known="a limit"),
-        found("fail", 8.0, known="a limit"),
-        found(value=0.9),
+        make_verdict(value=0.2),
+        make_verdict("fail", 3.0, known="a limit"),
+        make_verdict("fail", 8.0, known="a limit"),
+        make_verdict(value=0.9),
     ]
     tile = Tile(given)
     assert (tile.state, tile.worst, tile.counts[Standing.KNOWN], tile.total) == (Standing.KNOWN, given[2], 2, 4)
@@ -98,8 +98,8 @@ def test_a_tile_shows_its_gravest_state_and_there_the_worst():
     [(0.5, 1.0, 0.5), (-2.0, 1.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, np.inf), (1.0, -1.0, None), (np.inf, 1.0, np.inf)],
 )
 def test_the_share_of_a_bound(value, bound, share):
-    assert bound_share(found(value=value, bound=bound)) == share
-    assert bound_share(found(value=None)) is None
+    assert bound_share(make_verdict(value=value, bound=bound)) == share
+    assert bound_share(make_verdict(value=None)) is None
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_the_share_of_a_bound(value, bound, share):
     [(1.26, "1.3×"), (48.2, "48×"), (4321.0, "4300×"), (9e6, "9e6×"), (np.inf, "∞×"), (0.999, "0 % left")],  # noqa: RUF001
 )
 def test_a_margin_reads_well(value, words):
-    assert Tile([found(value=value)]).margin == words
+    assert Tile([make_verdict(value=value)]).margin == words
 
 
 def test_renderers_by_phenomena(results):
@@ -160,10 +160,10 @@ def test_the_headline_and_the_exit_code_agree(results):
 def test_hard_cases_show_the_digits_that_are_kept():
     digits = {"plain": 15.6, "mine": 3.2}
     given = [
-        changed(found(check="numerical-stability", renderer=name), evidence={"digits": count})
+        changed(make_verdict(check="numerical-stability", renderer=name), evidence={"digits": count})
         for name, count in digits.items()
     ]
-    results = synthetic_results(verdicts=[*given, found()], runs=[synthetic_run("lobe", "plain", "circle")])
+    results = synthetic_results(verdicts=[*given, make_verdict()], runs=[synthetic_run("lobe", "plain", "circle")])
     names, rows = hard_cases(results)
     assert names == ["plain", "mine"]
     assert [[count for count, _ in row.cells] for row in rows] == [[15, 3]]
@@ -191,7 +191,7 @@ def colours():
     return [dict(re.findall(r"--([\w-]+): (#\w{6})", block)) for block in blocks]
 
 
-def seen(colour, eyes):
+def linear_light_seen(colour, eyes):
     """Linear light of a colour as these eyes see it."""
     value = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
     linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
@@ -200,7 +200,7 @@ def seen(colour, eyes):
 
 def contrast(one, two, eyes):
     """The ratio of WCAG 2.1."""
-    low, high = sorted(float(WHITE @ seen(each, eyes)) for each in (one, two))
+    low, high = sorted(float(WHITE @ linear_light_seen(each, eyes)) for each in (one, two))
     return (high + 0.05) / (low + 0.05)
 
 

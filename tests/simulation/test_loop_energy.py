@@ -230,7 +230,7 @@ def loops():
         yield pytest.param(name, model, device, loop, effects, hand, bilateral, id=label, marks=marks)
 
 
-class Asked:
+class WithoutLaw:
     """A renderer without its compiled law: the loop asks it tick by tick."""
 
     def __init__(self, renderer):
@@ -265,7 +265,7 @@ def test_energy_is_accounted_for_with_every_renderer(name, model, device, loop, 
     recording = simulate_closed_loop(renderer, trial, scene, DT)
     assert "ended" not in recording.meta
     if abilities_of(renderer).law is not None:
-        asked = simulate_closed_loop(Asked(renderer), trial, scene, DT)
+        asked = simulate_closed_loop(WithoutLaw(renderer), trial, scene, DT)
         for channel in asked.channels:
             np.testing.assert_array_equal(recording.channels[channel], asked.channels[channel])
     felt = np.any(recording.force != 0.0, axis=1)

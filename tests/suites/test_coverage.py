@@ -37,7 +37,7 @@ def counted() -> Counter[tuple[str, str, str]]:
     return cases
 
 
-def asked(check: str, hand: str) -> bool:
+def can_be_asked(check: str, hand: str) -> bool:
     """Whether a check can be asked of such a hand at all, by its own data."""
     data = OWN[check]
     if hand == "led":
@@ -53,7 +53,7 @@ def table() -> str:
         "|---|" + "---:|" * len(CELLS),
     ]
     for check in OWN:
-        cells = [str(cases[check, *cell] or ("" if asked(check, cell[1]) else "·")) for cell in CELLS]
+        cells = [str(cases[check, *cell] or ("" if can_be_asked(check, cell[1]) else "·")) for cell in CELLS]
         lines.append(f"| `{check}` | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

@@ -26,7 +26,7 @@ SHADING = ("shading-direction", "shading-magnitude", "shading-work")
 STRUCK = ("transient-onset", "transient-impulse", "transient-vibration")
 
 
-def found(case, renderer="minimum-distance"):
+def findings_by_check(case, renderer="minimum-distance"):
     """Findings by check of a case of `struck_and_shaded`."""
     make = resolve(renderer) if isinstance(renderer, str) else renderer
     judged = judge(make, "it", "made", CASES[case])
@@ -47,7 +47,7 @@ def judged(effects, points, duration, *, model="line", **more):
 
 def test_the_work_of_a_loop_is_told_and_is_the_closed_form_s():
     """From the middle to x = 30 mm of half a facet of 38.27 mm, where the normal is turned by psi."""
-    finding = found("facet-loop")["shading-work"]
+    finding = findings_by_check("facet-loop")["shading-work"]
     theta, half, end, shallow, deep = math.pi / 8, 0.1 * math.sin(math.pi / 8), 0.03, 0.5e-3, 1.5e-3
     slope = end / half * math.tan(theta)
     along = 1000.0 * (deep - shallow) * half * (math.sqrt(1.0 + slope**2) - 1.0) / math.tan(theta)
@@ -59,7 +59,7 @@ def test_the_work_of_a_loop_is_told_and_is_the_closed_form_s():
 
 
 def test_the_slide_shows_how_far_an_unshaded_force_would_turn():
-    finding = found("facet-slide")["shading-direction"]
+    finding = findings_by_check("facet-slide")["shading-direction"]
     assert finding.evidence["turns_without_rad"] == pytest.approx(math.pi / 4, rel=1e-9)
     assert finding.metric.value < 0.1
 
@@ -68,7 +68,7 @@ def test_the_slide_shows_how_far_an_unshaded_force_would_turn():
 @pytest.mark.parametrize("case", CASES)
 def test_an_honest_renderer_is_not_blamed(case, change):
     """With the effect put on its answers; one that keeps its tool to itself has no place on a facet."""
-    outcomes = {finding.outcome for finding in found(case, honest.factory(change, honest.Spring)).values()}
+    outcomes = {finding.outcome for finding in findings_by_check(case, honest.factory(change, honest.Spring)).values()}
     hidden = change == "force-only" and case.startswith("facet")
     assert outcomes == {Outcome.INCONCLUSIVE if hidden else Outcome.PASS}
 
@@ -76,7 +76,7 @@ def test_an_honest_renderer_is_not_blamed(case, change):
 @pytest.mark.parametrize("renderer", ["minimum-distance+pp-pd", "minimum-distance+square-root"])
 @pytest.mark.parametrize("case", CASES)
 def test_any_law_is_held_against_itself(case, renderer):
-    outcomes = {finding.outcome for finding in found(case, renderer).values()}
+    outcomes = {finding.outcome for finding in findings_by_check(case, renderer).values()}
     assert outcomes <= {Outcome.PASS, Outcome.NOT_APPLICABLE}
 
 
