@@ -402,6 +402,6 @@ def test_a_speed_that_jumps_from_tick_to_tick_does_not_switch_filters():
 def test_shares_of_a_triangle_are_shares(speed, force):
     rows = named("woven").rows()
     for guess in (0, 5):
-        _, *shares = kernels.look_up(rows, 16, speed, force, guess)
+        _, *shares = kernels.filters_at(rows, 16, speed, force, guess)
         assert sum(shares) == pytest.approx(1.0)
         assert min(shares) >= -1e-9
