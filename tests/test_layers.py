@@ -182,6 +182,7 @@ def test_every_folder_of_the_package_is_installed() -> None:
         "hapticeval.check_pages",
         "hapticeval.examples",
         "hapticeval.renderers",
+        "hapticeval.renderers.field",
         "hapticeval.reports",
         "hapticeval.suites",
     }

@@ -19,3 +19,29 @@ virtual_proxy = Tunable(
     },
 )
 """The virtual proxy."""
+
+local_plane = Tunable(
+    summary="a plane under the hand, renewed at 60 Hz, Adachi 1995; with recovery of the force, Mark 1996",
+    make="local_plane:LocalPlane",
+    settings={"rate": 60.0, "recovery_time": 8e-3},
+    regulations=("plain", "recovery"),
+    regulation="plain",
+    representations=("30hz", "60hz", "100hz"),
+    representation="60hz",
+    presets={"30hz": {"rate": 30.0}, "60hz": {"rate": 60.0}, "100hz": {"rate": 100.0}},
+    knobs={
+        "rate": Knob(
+            values=(15.0, 30.0, 60.0, 100.0, 250.0, 500.0, 1000.0),
+            quick=(30.0, 100.0, 1000.0),
+            unit="Hz",
+            meaning="planes a second",
+        ),
+        "recovery_time": Knob(
+            values=(32e-3, 16e-3, 8e-3, 4e-3),
+            quick=(16e-3,),
+            unit="s",
+            meaning="time in which a new plane comes to its place but for 1/e, with recovery",
+        ),
+    },
+)
+"""The local plane."""
