@@ -45,3 +45,18 @@ local_plane = Tunable(
     },
 )
 """The local plane."""
+
+coupled = Tunable(
+    summary="virtual coupling to a simulated tool with penalty contact, Colgate, Stanley and Brown 1995",
+    make="coupled:Coupled",
+    settings={"ratio": 10.0},
+    knobs={
+        "ratio": Knob(
+            values=(2.0, 5.0, 10.0, 20.0, 50.0),
+            quick=(5.0, 50.0),
+            unit="",
+            meaning="stiffness of the contact in those of the coupling",
+        )
+    },
+)
+"""The virtual coupling to a simulated tool."""
