@@ -60,3 +60,11 @@ coupled = Tunable(
     },
 )
 """The virtual coupling to a simulated tool."""
+
+neighbourhood = Tunable(
+    summary="nearest point among the faces around the last one, Ho, Basdogan and Srinivasan 1999",
+    make="neighbourhood:Neighbourhood",
+    settings={},
+    knobs={},
+)
+"""The neighbourhood watch."""
