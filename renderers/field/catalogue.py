@@ -68,3 +68,22 @@ neighbourhood = Tunable(
     knobs={},
 )
 """The neighbourhood watch."""
+
+implicit = Tunable(
+    summary="a contact point led over tangent planes of S = 0, Salisbury and Tarr 1997; forces of distance fields",
+    make="implicit:implicit",
+    settings={"grid": 100.0},
+    regulations=("tracked", "normal", "gradient"),
+    regulation="tracked",
+    representations=("exact", "grid"),
+    representation="exact",
+    knobs={
+        "grid": Knob(
+            values=(25.0, 50.0, 100.0, 200.0, 400.0),
+            quick=(50.0, 200.0),
+            unit="",
+            meaning="nodes of the sampled distance along the model's longest side, on the grid",
+        )
+    },
+)
+"""The implicit surface."""
