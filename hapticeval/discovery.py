@@ -6,7 +6,8 @@
 - `+SCHEME` chooses a regulation scheme. Its own name may hold a plus: only the first one separates.
 - `@REPRESENTATION` chooses how the model is stored.
 
-The last two are for a factory that has a choice of them.
+The last two are for a factory that has a choice of them. Behind the scheme, or in its place, may stand `+MODIFIER`, an
+entry point of the group `hapticeval.modifiers`, which changes what any renderer answers: `constraint+pp-v+pc@curve`.
 
     lib:PATH        a shared library with the C ABI of `hapticeval header`
     cmd:COMMAND     a process that speaks JSON lines
@@ -38,6 +39,9 @@ FIELD = "hapticeval.renderers.field"
 """The group of renderers that are found by name as any, and run only where they are named: those of the field."""
 LISTS = "hapticeval.known"
 """Entry points `package:file.toml`: the known failures of a package's renderers. Nothing of the package is run."""
+
+MODIFIERS = "hapticeval.modifiers"
+"""The group of what makes of a renderer's factory that of the same renderer changed."""
 
 ADAPTERS = {"lib": "hapticeval.adapters.library:library", "cmd": "hapticeval.adapters.process:process"}
 """Names of renderers that are no Python: what stands before the colon, to what makes a factory of the rest."""
@@ -92,13 +96,19 @@ def shipped_lists() -> list[Path]:
 
 def known_renderers() -> Mapping[str, EntryPoint]:
     """Return every installed entry point of the groups, by name, in alphabetical order."""
-    return _installed(tuple(sys.path))
+    return _installed(tuple(sys.path), groups=(FIELD, GROUP))
 
 
-@lru_cache(maxsize=1)
-def _installed(folders: tuple[str, ...]) -> Mapping[str, EntryPoint]:  # noqa: ARG001 - where entry points lie
+def known_modifiers() -> Mapping[str, EntryPoint]:
+    """Return every installed entry point of `MODIFIERS`, by name, in alphabetical order."""
+    return _installed(tuple(sys.path), groups=(MODIFIERS,))
+
+
+@lru_cache(maxsize=2)
+def _installed(folders: tuple[str, ...], *, groups: tuple[str, ...]) -> Mapping[str, EntryPoint]:  # noqa: ARG001
     # Keyed by sys.path: a test or a notebook that adds a folder sees its entry points too.
-    entries = sorted([*entry_points(group=FIELD), *entry_points(group=GROUP)], key=lambda entry: entry.name)
+    found = [entry for group in groups for entry in entry_points(group=group)]
+    entries = sorted(found, key=lambda entry: entry.name)
     return MappingProxyType({entry.name: entry for entry in entries})
 
 
@@ -120,6 +130,12 @@ def resolve(name: str) -> RendererFactory:
     for a suffix on a factory that has no variants.
     """
     parts = parse(name)
+    scheme, _, modifier = ("+" + (parts.regulation or "")).rpartition("+")
+    if modifier in known_modifiers():
+        module, _, attribute = known_modifiers()[modifier].value.partition(":")
+        modify = _import_factory(modifier, module.strip(), attribute.strip(), "modifier")
+        inner = f"{parts.base}{scheme}{'' if parts.representation is None else f'@{parts.representation}'}"
+        return cast("RendererFactory", modify(resolve(inner)))
     factory = cast("RendererFactory", load(parts.base))
     # Most names have no suffix, and need not import what reads them.
     if parts.regulation is None and parts.representation is None:

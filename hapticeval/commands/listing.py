@@ -16,8 +16,8 @@ Rows = Iterator[tuple[str, str]]
 
 
 def renderers() -> Rows:
-    """Every renderer that is installed, and the suffixes that it takes; a broken one says why."""
-    from hapticeval.discovery import known_renderers, resolve
+    """Every renderer that is installed, and the suffixes that it takes; a broken one says why. Then what any takes."""
+    from hapticeval.discovery import known_modifiers, known_renderers, resolve
     from hapticeval.renderer import choices_of
 
     for name in known_renderers():
@@ -35,6 +35,8 @@ def renderers() -> Rows:
         ]
         if choices:
             yield "", f"takes {' '.join(choices)}"
+    for name, entry in known_modifiers().items():
+        yield f"+{name}", f"behind any of these: {_first_sentence(entry.load())}"
 
 
 def suites() -> Rows:

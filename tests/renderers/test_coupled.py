@@ -66,7 +66,7 @@ def test_the_surface_never_pulls_the_tool(speed, ratio):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_what_energy_the_hand_gets_is_the_ticks_and_goes_with_it(seed):
-    """Springs, dampers and a mass are passive; a tick of 1 ms gives up to 6 mJ here, one of 0.2 ms less than a fifth."""
+    """Springs, dampers and a mass are passive; a tick of 1 ms gives up to 6 mJ, one of 0.2 ms less than a fifth."""
     rng = np.random.default_rng(seed)
     phases, rates = rng.uniform(0.0, 6.28, 4), rng.uniform(0.5, 6.0, 4)
     most = []

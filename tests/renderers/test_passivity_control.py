@@ -1,0 +1,98 @@
+"""The passivity controller of Hannaford and Ryu: around whatever it is put, the hand gets no more than it has given."""
+
+import numpy as np
+import pytest
+from hand_paths import SMOOTH, ticked, walks
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hapticeval.discovery import known_modifiers, resolve
+from hapticeval.errors import RefusalError, UnknownNameError
+from hapticeval.geometry.catalogue import circle, line
+from hapticeval.renderer import Declaration, Response, abilities_of, choices_of, configured
+from hapticeval.renderers.field.passivity_control import passivity_controlled
+from hapticeval.scene import Scene
+
+
+class Whatever:
+    """Answers each HIP with the next of given forces."""
+
+    standoff = 1e-4
+    declares = Declaration(spring="error", force_resolution=1e-3)
+
+    def __init__(self, forces):
+        self.forces = forces
+
+    def reset(self, hip):
+        self.rest = iter(self.forces)
+
+    def step(self, hip, velocity, dt):
+        return Response(hip, next(self.rest))
+
+
+@given(hips=walks(), seed=st.integers(0, 2**32 - 1), dimension=st.sampled_from([2, 3]))
+def test_the_energy_is_never_negative_and_no_force_grows(hips, seed, dimension):
+    hips = np.column_stack([hips, hips[:, 0] * hips[:, 1]])[:, :dimension]
+    forces = 10.0 * np.random.default_rng(seed).normal(size=hips.shape)
+    controlled = passivity_controlled(lambda scene: Whatever(forces))(Scene(model=circle()))
+    _, changed = ticked(controlled, hips)
+    given_in = -np.cumsum(np.sum(changed[1:] * np.diff(hips, axis=0), axis=1))
+    assert given_in.min(initial=0.0) >= -1e-9 * np.abs(forces).max()
+    assert np.all(np.linalg.norm(changed, axis=1) <= np.linalg.norm(forces, axis=1) + 1e-9)
+
+
+@given(hips=walks(), seed=st.integers(0, 2**32 - 1))
+def test_only_what_is_along_the_motion_is_changed(hips, seed):
+    forces = np.random.default_rng(seed).normal(size=hips.shape)
+    controlled = passivity_controlled(lambda scene: Whatever(forces))(Scene(model=circle()))
+    _, changed = ticked(controlled, hips)
+    moves, taken = np.diff(hips, axis=0), (changed - forces)[1:]
+    np.testing.assert_allclose(moves[:, 0] * taken[:, 1] - moves[:, 1] * taken[:, 0], 0.0, atol=1e-9)
+    assert np.all(np.sum(moves * taken, axis=1) <= 1e-9)
+    np.testing.assert_array_equal(changed[0], forces[0])
+
+
+def test_it_is_the_inner_renderer_where_that_is_passive():
+    hips = np.column_stack([np.zeros(400), 0.01 * np.cos(np.linspace(0.0, 20.0, 400))])
+    for name in ("minimum-distance", "constraint@curve", "virtual-proxy"):
+        plain, controlled = (
+            ticked(resolve(each)(Scene(model=line())), hips)
+            for each in (name, f"{name}+pc".replace("@curve+pc", "+pc@curve"))
+        )
+        np.testing.assert_array_equal(plain[0], controlled[0])
+        np.testing.assert_array_equal(plain[1], controlled[1])
+
+
+@settings(max_examples=10)
+@given(hips=walks())
+def test_the_ihip_stays_and_a_reset_forgets(hips):
+    inner, controlled = (resolve(name)(Scene(model=SMOOTH["cassinian"])) for name in ("conformal", "conformal+pc"))
+    first = ticked(controlled, hips)
+    np.testing.assert_array_equal(first[0], ticked(inner, hips)[0])
+    np.testing.assert_array_equal(first[1], ticked(controlled, hips)[1])
+
+
+def test_a_name_puts_it_around_any_renderer_and_what_that_says_stays():
+    assert set(known_modifiers()) == {"pc"}
+    controlled = resolve("constraint+pp-v+pc@curve")(Scene(model=circle()))
+    plain = resolve("constraint+pp-v@curve")(Scene(model=circle()))
+    assert controlled.inner.regulation.name == "pp-v"
+    assert abilities_of(controlled).surface is controlled.inner.surface
+    assert abilities_of(controlled).resolution == abilities_of(plain).resolution
+    assert choices_of(resolve("coupled+pc")).supports == choices_of(resolve("coupled")).supports
+    assert "passivity controller" in choices_of(resolve("mapping+pc")).summary
+    small = configured(resolve("virtual-proxy+pc"), {"radius": 1e-4}, name="virtual-proxy+pc")(Scene(model=circle()))
+    assert 1e-4 <= small.standoff < 1.1e-4
+
+
+def test_a_promise_of_a_spring_is_taken_back_and_the_others_stay():
+    controlled = passivity_controlled(lambda scene: Whatever([]))(Scene(model=circle()))
+    assert controlled.declares == Declaration(force_resolution=1e-3)
+    assert controlled.standoff == 1e-4
+
+
+def test_a_tool_with_physics_of_its_own_and_an_unknown_modifier_are_refused():
+    with pytest.raises(RefusalError, match="physics of its own"):
+        resolve("ideal+pc")(Scene(model=circle()))
+    with pytest.raises(UnknownNameError):
+        resolve("constraint+pp+cp")
