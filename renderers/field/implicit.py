@@ -164,7 +164,7 @@ class Field:
     def __init__(self, scene: Scene, surface: Implicit, cell: float, energy: bool) -> None:
         self.surface_function, self.stiffness, self.resolution, self.standoff = surface, scene.stiffness, cell, cell
         self.energy = energy
-        self.declares = Declaration(spring=None if energy else Spring.ERROR)
+        self.declares = Declaration(spring=None if energy else Spring.ERROR, memoryless=True)
 
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: there is nothing to remember."""

@@ -72,6 +72,24 @@ def test_the_ihip_stays_and_a_reset_forgets(hips):
     np.testing.assert_array_equal(first[1], ticked(controlled, hips)[1])
 
 
+def test_a_map_gives_energy_until_what_the_way_in_has_stored_is_spent_and_then_drags():
+    """The conformal map gives 15.1 mJ a lap. The observer lets it, as long as it holds what the way in has put there."""
+    start, centre, radius, ticks, laps = np.array([0.11, 0.02]), np.array([0.08, 0.012]), 0.004, 500, 6
+    edge = centre + radius * (start - centre) / np.linalg.norm(start - centre)
+    angle = np.arctan2(*(edge - centre)[::-1]) + 2.0 * np.pi * np.arange(1, laps * ticks + 1) / ticks
+    circle_round = centre + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    hips = np.vstack([start + np.linspace(0.0, 1.0, 250)[:, np.newaxis] * (edge - start), circle_round])
+    gained = {}
+    for name in ("conformal", "conformal+pc"):
+        _, forces = ticked(resolve(name)(Scene(model=SMOOTH["cassinian"])), hips)
+        work = np.cumsum(np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(hips, axis=0), axis=1))
+        gained[name] = np.diff(work[248::ticks])
+    np.testing.assert_allclose(gained["conformal"], 15.11e-3, atol=0.02e-3)
+    np.testing.assert_allclose(
+        gained["conformal+pc"], [15.11e-3, 15.11e-3, 15.11e-3, 8.58e-3, 0.14e-3, 0.14e-3], atol=0.02e-3
+    )
+
+
 def test_a_name_puts_it_around_any_renderer_and_what_that_says_stays():
     assert set(known_modifiers()) == {"pc"}
     controlled = resolve("constraint+pp-v+pc@curve")(Scene(model=circle()))
