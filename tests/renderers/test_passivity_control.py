@@ -73,7 +73,7 @@ def test_the_ihip_stays_and_a_reset_forgets(hips):
 
 
 def test_a_map_gives_energy_until_what_the_way_in_has_stored_is_spent_and_then_drags():
-    """The conformal map gives 15.1 mJ a lap. The observer lets it, as long as it holds what the way in has put there."""
+    """The conformal map gives 15.1 mJ a lap, and the observer lets it until what the way in has put there is spent."""
     start, centre, radius, ticks, laps = np.array([0.11, 0.02]), np.array([0.08, 0.012]), 0.004, 500, 6
     edge = centre + radius * (start - centre) / np.linalg.norm(start - centre)
     angle = np.arctan2(*(edge - centre)[::-1]) + 2.0 * np.pi * np.arange(1, laps * ticks + 1) / ticks
