@@ -70,9 +70,9 @@ lint: .venv/dev.stamp
 	$(BIN)/pip install --quiet --no-deps --target build/typecheck .
 	cd build/typecheck && ../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache -p hapticeval
 
-# Compiled kernels are cached beside their source, and a cache does not see that a kernel it calls has changed.
+# Compiled kernels are cached in the user's cache folder, and a cache does not see that a kernel it calls has changed.
 .venv/kernels.stamp: $(shell grep -rl --include=*.py compiled hapticeval renderers) | .venv/bin/pip
-	@find hapticeval renderers -name '*.nb[ic]' -delete
+	@$(BIN)/python -m hapticeval cache --clear >&2
 	@touch $@
 
 # The install is editable: changes to the code need no new one. A change of pyproject.toml does.

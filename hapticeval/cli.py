@@ -6,7 +6,7 @@ import io
 import signal
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Annotated
 
@@ -17,6 +17,7 @@ from hapticeval.commands import (
     authors,
     badge,
     bench,
+    cache,
     diff,
     draw,
     effects,
@@ -99,7 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-@cache
+@lru_cache(maxsize=1)
 def _typer_command() -> Callable[..., object]:
     """Return the command that typer builds of `app`, once a process: building takes as long as a small command."""
     return typer.main.get_command(app)
@@ -162,6 +163,7 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
         "Beside these": (
             (judging.merge, judging.MERGE_CODES, "Make one run of several, as of its shards."),
             (badge.badge, badge.EXIT_CODES, "Draw a badge of what a run found."),
+            (cache.cache, cache.EXIT_CODES, "Show or remove the compiled kernels."),
         ),
     }
 )

@@ -6,6 +6,8 @@ Compiling all kernels takes longer than most runs. So each is compiled once: for
 
 from __future__ import annotations
 
+import hashlib
+import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, lru_cache
@@ -21,6 +23,7 @@ from numba.core.typing.typeof import typeof_impl
 from numba.experimental.function_type import _get_wrapper_address
 from numba.extending import intrinsic
 from numpy.typing import ArrayLike, NDArray
+from platformdirs import user_cache_path
 
 from hapticeval.pulse import compiling
 
@@ -219,8 +222,29 @@ def inner(function: Callable[P, R]) -> Callable[P, R]:
     return _compile_once_on_disk(function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
+def kernel_folder() -> Path:
+    """Return where the compiled kernels of this installation are kept.
+
+    That is a folder of its own in the user's cache folder, or in the one that NUMBA_CACHE_DIR names.
+    """
+    whole = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("hapticeval") / "kernels")
+    return whole / hashlib.sha256(str(Path(__file__).parent).encode()).hexdigest()[:12]
+
+
+@contextmanager
+def _cached_in(folder: Path) -> Iterator[None]:
+    """While it lasts, numba places what it caches below a folder: kernels of other packages stay where theirs are."""
+    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
 def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[P, R]:
-    kernel: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
+    with _cached_in(kernel_folder()):  # numba settles where it caches a kernel when it decorates it
+        kernel: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT is set
         return function
     compile_ = kernel.compile

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -283,11 +282,11 @@ def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts,
     return None
 
 
-def kernels_are_new(package: Path = Path(__file__).parents[1]) -> bool:
-    """Whether none is compiled yet; no, where they would be kept elsewhere than in the package."""
-    # numba falls back on a cache of the user where it cannot write beside the source.
-    elsewhere = "NUMBA_CACHE_DIR" in os.environ or not os.access(package, os.W_OK)
-    return not elsewhere and next(package.rglob("*.nbi"), None) is None
+def kernels_are_new() -> bool:
+    """Return whether none is compiled yet."""
+    from hapticeval.compiled import kernel_folder
+
+    return next(kernel_folder().rglob("*.nbi"), None) is None
 
 
 def report(

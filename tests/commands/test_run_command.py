@@ -13,6 +13,7 @@ import pytest
 from hapticeval import __version__
 from hapticeval.cli import main
 from hapticeval.commands import judging
+from hapticeval.compiled import kernel_folder
 from hapticeval.phenomena.pages import page_file, read_page
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.runner.folder import prepared_folder
@@ -206,7 +207,7 @@ def test_the_cases_of_a_suite_are_listed_without_compiling(here, capsys, monkeyp
 
 FIRST_PAGE = [
     "run", "list", "explain", "report", "diff", "search", "bench", "new", "doctor", "header", "record", "inspect",
-    "replay", "view", "convert", "compare", "merge", "badge", "study",
+    "replay", "view", "convert", "compare", "merge", "badge", "cache", "study",
 ]  # fmt: skip
 STUDIES = ["rates", "effects", "texture", "field", "flow", "device", "limits", "integrators"]
 COMMANDS = [*([name] for name in FIRST_PAGE if name != "study"), *(["study", name] for name in STUDIES)]
@@ -259,11 +260,17 @@ def test_a_reader_that_has_gone_away_is_no_error(arguments):
 
 
 def test_the_first_run_says_that_it_compiles(here, capsys, monkeypatch):
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    (here / "geometry" / "__pycache__").mkdir(parents=True)
-    assert judging.kernels_are_new(here)
-    (here / "geometry" / "__pycache__" / "kernels.bend.nbi").touch()
-    assert not judging.kernels_are_new(here)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(here))
+    assert judging.kernels_are_new()
+    kernel_folder().mkdir(parents=True)
+    (kernel_folder() / "kernels.bend.nbi").touch()
+    assert not judging.kernels_are_new()
+    assert main(["cache"]) == 0
+    assert "1 files" in capsys.readouterr().out
+    assert main(["cache", "--clear"]) == 0
+    assert not kernel_folder().exists()
+    assert main(["cache", "--clear"]) == 0
+    capsys.readouterr()
     monkeypatch.setattr(judging, "kernels_are_new", lambda: True)
     assert run("-r", "local_mine:Good", "-k", "flat") == 0
     assert capsys.readouterr().err.startswith("compiling kernels as they are first used, once")
