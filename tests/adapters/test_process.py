@@ -57,7 +57,7 @@ def command(tmp_path: Path) -> Callable[..., str]:
     def written(hello: str = "", scene: str = "", step: str = "pass") -> str:
         file = tmp_path / "mine.py"
         file.write_text(MINE.format(hello=hello, scene=scene, step=step))
-        adapter._met.cache_clear()
+        adapter._hello_of.cache_clear()
         return f"cmd:{shlex.join([sys.executable, str(file)])}"
 
     return written
