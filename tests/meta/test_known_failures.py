@@ -60,14 +60,14 @@ def listed():
 def test_a_teleport_is_not_excused_by_a_mini_pop_that_is_known(listed):
     far = listed.marked(verdict(spoiled(teleports, facets)))
     assert far.metric.value == pytest.approx(0.03, rel=0.05)
-    assert far.standing == "unexpected"
+    assert far.standing == "fail"
     assert far.beyond_known.startswith("another failure than the known one: 'major', and known is 'mini'")
     assert results_of(far).stops(far)
 
 
 def test_a_mini_pop_three_times_as_far_is_worse(listed):
     far = listed.marked(verdict(lambda scene: Deeper(scene, facets(scene))))
-    assert far.standing == "unexpected"
+    assert far.standing == "fail"
     assert far.beyond_known.startswith("worse than known: 0.8")
 
 
