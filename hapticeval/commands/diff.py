@@ -12,7 +12,7 @@ import typer
 
 from hapticeval.commands.arguments import argument
 from hapticeval.commands.summary import paint
-from hapticeval.commands.terminal import lines, paragraphs, plural, say
+from hapticeval.commands.terminal import annotation, lines, paragraphs, plural, say
 from hapticeval.quantity import format_quantity
 from hapticeval.runner.diff import Diff, MarginMove, VerdictChange, compare_results
 from hapticeval.runner.results import FILE, read_results
@@ -149,34 +149,23 @@ def _as_github(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
     # What is better is a notice.
     kinds = {"worse": "error", "gone": "warning", "changed": "warning"}
     annotations = [
-        _annotation(kinds.get(c.standing, "notice"), f"{c.renderer} on {c.place}", f"{_change_words(c)}: {c.message}")
+        annotation(kinds.get(c.standing, "notice"), f"{c.renderer} on {c.place}", f"{_change_words(c)}: {c.message}")
         for c in comparison.verdicts
     ]
     if verbose:
         annotations += [
-            _annotation("notice", f"{move.renderer} on {move.place}", _move_words(move)) for move in comparison.margins
+            annotation("notice", f"{move.renderer} on {move.place}", _move_words(move)) for move in comparison.margins
         ]
     annotations += [
-        _annotation("warning" if change.verdict == "worse" else "notice", "time", _time_words(change))
+        annotation("warning" if change.verdict == "worse" else "notice", "time", _time_words(change))
         for change in times
     ]
     return lines(
         [
             *annotations,
-            _annotation("error" if comparison.incomplete else "notice", "hapticeval", _counts_words(comparison, times)),
+            annotation("error" if comparison.incomplete else "notice", "hapticeval", _counts_words(comparison, times)),
         ]
     )
-
-
-def _annotation(kind: str, title: str, message: str) -> str:
-    """Return a workflow command that GitHub shows as an annotation of the job."""
-
-    def escaped(text: str) -> str:
-        # The runner's own escapes of a workflow command.
-        return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-
-    # In a property also : and , are signs of the command.
-    return f"::{kind} title={escaped(title).replace(':', '%3A').replace(',', '%2C')}::{escaped(message)}"
 
 
 def _as_markdown(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import typer
 
-from hapticeval.commands.terminal import lines, paragraphs, plural, wrote_lines
+from hapticeval.commands.terminal import annotation, lines, paragraphs, plural, wrote_lines
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.quantity import align_columns
 from hapticeval.runner.known import describe_outdated
@@ -68,6 +68,20 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
         lines(_not_applicable_reasons(results)) if verbose else "",
         _totals_words(results, verbose=verbose),
         wrote_lines(written),
+    )
+
+
+def annotations(results: ResultsDocument) -> str:
+    """Return workflow commands by which GitHub shows beside a job what stops its gate, the worst first."""
+    stops = [verdict for verdict in results.verdicts if results.stops(verdict)]
+    stops.sort(key=lambda verdict: verdict.severity, reverse=True)
+    return lines(
+        annotation(
+            "error",
+            f"{verdict.renderer} on {verdict.place}",
+            "; ".join(part for part in (f"{verdict.outcome}: {verdict.message}", verdict.measured) if part),
+        )
+        for verdict in stops[:VERDICTS_SHOWN]
     )
 
 

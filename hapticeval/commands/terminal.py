@@ -246,6 +246,17 @@ def plural(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def annotation(kind: str, title: str, message: str) -> str:
+    """Return a workflow command that GitHub shows as an annotation of the job."""
+
+    def escaped(text: str) -> str:
+        # The runner's own escapes of a workflow command.
+        return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+    # In a property also : and , are signs of the command.
+    return f"::{kind} title={escaped(title).replace(':', '%3A').replace(',', '%2C')}::{escaped(message)}"
+
+
 def lines(parts: Iterable[str]) -> str:
     """Join parts, each on a line of its own."""
     return "\n".join(parts)
