@@ -62,6 +62,7 @@ RUNNING = {
 RESULTS = {
     "runner.events",
     "runner.results",
+    "runner.standing",
     "runner.table",
     "study.bench.document",
     "study.effects.document",
