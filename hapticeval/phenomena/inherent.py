@@ -20,7 +20,7 @@ FED_FORWARD = ("pp-pd-c", "set-stabilisation")
 
 
 class Limit(NamedTuple):
-    """What no renderer of a declared kind can do: `checks` that fail for it, to `whom` it applies, and why."""
+    """What no renderer of a declared kind can do: the `checks` that fail for it, whether it `applies`, and why."""
 
     checks: frozenset[str]
     applies: Callable[[Declared, Finding], bool]
