@@ -50,10 +50,11 @@ class DistanceGrid:
         first = np.minimum(inside.astype(np.int64), self._last - 1)
         around = self.values[tuple(slice(start, start + 2) for start in first.tolist())]
         value, slopes = _between(around.tolist(), (inside - first).tolist())
+        # off the grid the nearest value, and as far beyond it as the point is
         off = place - inside
-        beyond = math.sqrt(off @ off)
-        if beyond > 0.0:
-            return value + self.cell * beyond, off / beyond
+        off_distance = math.sqrt(off @ off)
+        if off_distance > 0.0:
+            return value + self.cell * off_distance, off / off_distance
         return value, np.array(slopes) / self.cell
 
 

@@ -99,20 +99,20 @@ def neighbours(cells: IntArray) -> Array:
 
 @compiled
 def nearest_face(facets: Array, p: Triple) -> int:
-    """Return the face (its row) that is nearest to p."""
-    best, least = 0, math.inf
+    """Return the face (its row of `facets` (c, 16), m) that is nearest to p (m)."""
+    best, smallest = 0, math.inf
     for k in range(facets.shape[0]):
         distance, _ = way_off(facets[k], p)
-        if distance < least:
-            best, least = k, distance
+        if distance < smallest:
+            best, smallest = k, distance
     return best
 
 
 @compiled
 def entered(facets: Array, touch: float, start: Triple, end: Triple) -> int:
     """Return the face through which the way from start to end first goes inwards, -1 if through none: step 1."""
-    way = plus(end, -1.0, start)
-    reach = math.sqrt(dot(way, way)) + touch
+    motion = plus(end, -1.0, start)
+    reach = math.sqrt(dot(motion, motion)) + touch
     best, first = -1, math.inf
     for k in range(facets.shape[0]):
         facet = facets[k]
@@ -121,11 +121,11 @@ def entered(facets: Array, touch: float, start: Triple, end: Triple) -> int:
             continue
         n = (facet[NORMAL], facet[NORMAL + 1], facet[NORMAL + 2])
         above = -dot(n, (facet[0] - start[0], facet[1] - start[1], facet[2] - start[2]))
-        falls = -dot(n, way)
+        falls = -dot(n, motion)
         if above < -touch or falls <= 0.0 or above - falls >= 0.0:
             continue
-        t = max(above, 0.0) / falls  # n . (start + t way - corner) = 0
-        off, _ = way_off(facet, plus(start, t, way))
+        t = max(above, 0.0) / falls  # n . (start + t motion - corner) = 0
+        off, _ = way_off(facet, plus(start, t, motion))
         if off <= touch and t < first:
             best, first = k, t
     return best
@@ -134,15 +134,15 @@ def entered(facets: Array, touch: float, start: Triple, end: Triple) -> int:
 @compiled
 def watched(facets: Array, around: Array, face: int, h: Triple) -> int:
     """Return the face that h's nearest point is on, from `face` over neighbours that come nearer: steps 2 and 3."""
-    least, _ = way_off(facets[face], h)
+    smallest, _ = way_off(facets[face], h)
     while True:
         best = face
         for k in around[face]:
             if k < 0.0:
                 break
             distance, _ = way_off(facets[int(k)], h)
-            if distance < least:
-                best, least = int(k), distance
+            if distance < smallest:
+                best, smallest = int(k), distance
         if best == face:
             return face
         face = best
@@ -152,7 +152,10 @@ def watched(facets: Array, around: Array, face: int, h: Triple) -> int:
 def follow(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick, of signature `LAW`."""
+    """One tick of the neighbourhood's renderer, of signature `LAW`: the steps of the module.
+
+    `hip` (N,), m, is the hand's; `ihip` (N,), m, and `force` (N,), N, are written. Returns 0: it never refuses.
+    """
     facets, state, touch = data.segments, data.state, data.params[TOUCH]
     h = (hip[0], hip[1], hip[2] if hip.shape[0] == 3 else 0.0)
     if state[TOUCHES] == 0.0:
@@ -160,23 +163,23 @@ def follow(
         if face >= 0:
             state[TOUCHES], state[FACE] = 1.0, face
     state[HAND], state[HAND + 1], state[HAND + 2] = h
-    distance, way = 0.0, (0.0, 0.0, 0.0)
+    distance, direction = 0.0, (0.0, 0.0, 0.0)
     if state[TOUCHES] == 1.0:
         face = watched(facets, data.lookup, int(state[FACE]), h)
-        distance, way = way_off(facets[face], h)
+        distance, direction = way_off(facets[face], h)
         outside = 0.0
         for k in data.lookup[face]:  # step 5: of the faces that s is on, the one whose plane h is farthest from
             if k < 0.0:
                 break
             other = facets[int(k)]
-            off, _ = way_off(other, plus(h, -distance, way))
-            height = distance * dot(way, (other[NORMAL], other[NORMAL + 1], other[NORMAL + 2]))
+            off, _ = way_off(other, plus(h, -distance, direction))
+            height = distance * dot(direction, (other[NORMAL], other[NORMAL + 1], other[NORMAL + 2]))
             if off <= touch and abs(height) > abs(outside):
                 outside = height
         state[FACE] = face
         if outside > 0.0:
             state[TOUCHES], distance = 0.0, 0.0
     for i in range(hip.shape[0]):
-        ihip[i] = hip[i] - distance * way[i]
+        ihip[i] = hip[i] - distance * direction[i]
         force[i] = data.params[STIFFNESS] * (ihip[i] - hip[i])  # step 4
     return 0
