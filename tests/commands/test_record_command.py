@@ -156,7 +156,7 @@ counts_per_turn = {ENCODER_COUNTS}
 def here(tmp_path, monkeypatch):
     """A folder with drivers and a wiring; nothing is taken to be gone because the machine is busy."""
     monkeypatch.chdir(tmp_path)
-    for module, name in ((device, "PATIENCE"), (udp, "SILENCE"), (udp, "UNHEARD")):
+    for module, name in ((device, "CYCLE_PATIENCE"), (udp, "SILENCE_SECONDS"), (udp, "UNHEARD_SECONDS")):
         monkeypatch.setattr(module, name, 60.0)
     (tmp_path / "mycard.py").write_text(DRIVERS)
     (tmp_path / "rig.toml").write_text(RIG)

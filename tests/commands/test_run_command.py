@@ -40,7 +40,7 @@ def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(here, capsys
     shown = capsys.readouterr()
     assert "4 of 4 planned verdicts ran: 3 passed, 1 shown and not judged; none not as expected" in shown.out
     assert "times real time" in shown.out
-    assert "[3/3] slides: 3 runs: 4 pass" in shown.err
+    assert "[3/3] slides: 3 runs: 3 passed, 1 shown and not judged" in shown.err
     results = read_results(here / "results")
     assert (results.ran, results.planned, results.complete) == (4, 4, True)
     written = [Path(line.removeprefix("wrote ")) for line in shown.out.splitlines() if line.startswith("wrote ")]
