@@ -11,11 +11,10 @@ extern "C" {
 #define HR_ABI 1u
 enum { HR_OK = 0, HR_FREE = 0, HR_CONTACT = 1, HR_REFUSES_MODEL = 1, HR_REFUSES_HIP = 2 };
 /* Flags: what a scene asks for, and what a renderer can do. One with neither HR_PLANE nor HR_SPACE is given both. */
-enum { HR_PLANE = 1, HR_SPACE = 2, HR_BILATERAL = 4, HR_VISCOSITY = 8, HR_SPRING = 16,
-       HR_FORCE_ONLY = 32, HR_MEMORYLESS = 64, HR_SMOOTH_ONLY = 128 };
+enum { HR_PLANE = 1, HR_SPACE = 2, HR_BILATERAL = 4, HR_VISCOSITY = 8, HR_SPRING = 16, HR_FORCE_ONLY = 32,
+       HR_MEMORYLESS = 64, HR_SMOOTH_ONLY = 128 };
 /* HR_BILATERAL: the surface holds the tool from both sides. HR_SPRING: force = stiffness * (ihip - hip) + damping.
- * HR_FORCE_ONLY: there is no contact point, and ihip is always hip. HR_MEMORYLESS: ihip depends on hip alone.
- * HR_SMOOTH_ONLY: made for surfaces without corners. What these deny by a theorem stops no gate. */
+ * HR_FORCE_ONLY: ihip is always hip. HR_MEMORYLESS: ihip depends on hip alone. HR_SMOOTH_ONLY: not for corners. */
 
 typedef struct {
   uint32_t size, dimension, flags;  /* 2: edges in the plane, 3: triangles in space */

@@ -36,7 +36,7 @@ def search(
         option(
             "--check",
             metavar="ID",
-            help="Only this check; may be repeated. Without it, all but those on goals and on effects.",
+            help="Only this check; may be repeated. Without it all that decide, but those on goals and on effects.",
         ),
     ] = None,
     models: Annotated[
@@ -127,6 +127,7 @@ def _search_renderers(
     from hapticeval.discovery import resolve
     from hapticeval.files import plain
     from hapticeval.phenomena.registry import CHECKS, OF_EFFECTS
+    from hapticeval.phenomena.verdict import Level
     from hapticeval.runner.interrupts import Interrupts
     from hapticeval.search.counterexample import read_all
     from hapticeval.search.drawing import judgeable
@@ -149,7 +150,8 @@ def _search_renderers(
                 why="it asks for an effect, and no scene that is drawn calls for one",
                 todo="judge it in a suite: hapticeval run effects",
             )
-    check_ids = tuple(checks or judgeable())
+    # What is only shown is no fault, and no counterexample unless it is asked for: a god-object may have a memory.
+    check_ids = tuple(checks or (name for name in judgeable() if CHECKS[name].level is not Level.INFO))
     if models and dimension is not None:
         raise InputError("--dimension and --model", why="a model has a dimension", todo="give one of the two")
     model_tables = [plain(model_named(text).table, "model") for text in models or ()]
