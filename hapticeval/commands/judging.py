@@ -26,7 +26,7 @@ from hapticeval.commands.arguments import (
     option,
     renderers_option,
 )
-from hapticeval.commands.summary import annotations, summary, terminal_width
+from hapticeval.commands.summary import github_annotations, summary, terminal_width
 from hapticeval.commands.terminal import Terminal, columns, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
@@ -259,7 +259,7 @@ def judge_and_summarise(
         written = [*(reports or [results.file]), *([other_file] if other_file else [])]
         say(paragraphs(opening, summary(results.document, written, verbose=verbose, width=terminal_width())))
         if os.environ.get("GITHUB_ACTIONS") == "true":
-            say(annotations(results.document))
+            say(github_annotations(results.document))
     return max(results.exit_code, int(reports is None))
 
 

@@ -71,7 +71,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
     )
 
 
-def annotations(results: ResultsDocument) -> str:
+def github_annotations(results: ResultsDocument) -> str:
     """Return workflow commands by which GitHub shows beside a job what stops its gate, the worst first."""
     stops = [verdict for verdict in results.verdicts if results.stops(verdict)]
     stops.sort(key=lambda verdict: verdict.severity, reverse=True)

@@ -6,7 +6,7 @@ import pytest
 from result_entries import changed, results_of, run_entry
 
 from hapticeval.commands import summary as module
-from hapticeval.commands.summary import VERDICTS_SHOWN, annotations, summary
+from hapticeval.commands.summary import VERDICTS_SHOWN, github_annotations, summary
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.reports.table import markdown
 from hapticeval.runner.results import Problem, VerdictEntry
@@ -176,7 +176,7 @@ def test_colours_are_for_terminals(monkeypatch, tty, environment, coloured):
 
 def test_what_stops_a_gate_is_an_annotation_of_a_job_the_worst_first():
     done = results_of(jump(0.002), jump(0.1, case="d"), verdict(Outcome.PASS, case="e"), jump(0.1, case="f", known="x"))
-    assert annotations(done).splitlines() == [
+    assert github_annotations(done).splitlines() == [
         "::error title=r on s/d/memoryless::fail: what was seen; jump = 100 mm, bound 1 mm",
         "::error title=r on s/c/memoryless::fail: what was seen; jump = 2 mm, bound 1 mm",
     ]
