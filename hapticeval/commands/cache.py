@@ -39,6 +39,7 @@ def cache(
         say(f"{folder}: {len(files)} files, {size}")
         return
     try:
+        # A folder that is not there yet is as empty as one that was removed.
         shutil.rmtree(folder, ignore_errors=not folder.exists())
     except OSError as error:
         raise HapticevalError(f"cannot remove {folder}", why=error.strerror or str(error)) from error

@@ -73,6 +73,7 @@ def diff(
         Format.JSON: _as_json,
     }[format_]
     say(written(comparison, times, verbose))
+    # Slower times count for the exit code with --strict only.
     slower = any(change.verdict == "worse" for change in times)
     raise typer.Exit(int(comparison.stops(strict=strict) or (strict and slower)))
 

@@ -252,6 +252,7 @@ def judge_and_summarise(
     with Interrupts(to_the_end=True) as interrupts, Terminal(verbose=verbose) as terminal:
         if kernels_are_new():
             terminal.line("compiling kernels as they are first used, once: this run takes longer than later ones")
+        # Progress goes to stderr while it runs; stdout has the summary alone, at the end.
         results = judge(terminal)
         # None where they were interrupted: then the exit code is 1 at least.
         reports = _write_reports(results, terminal, interrupts) if report else [results.file]
