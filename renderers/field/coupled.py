@@ -7,7 +7,7 @@ and damper, phi the signed distance of the tool and n the surface's normal at it
 
 1. m v' = K (h - x) + B (h' - v) + F_c
 2. F_c = max(0, -k phi - b v . n) n where phi < 0, and zero elsewhere: it never pulls.
-3. A tick is semi-implicit: forces of springs at x, of dampers at the new v, then x <- x + dt v.
+3. A tick is semi-implicit: springs as they were at its start, dampers at the new v, then x <- x + dt v.
 4. F = K (x - h) + B (v - h') on the hand, and the IHIP is x.
 
 K is the scene's stiffness and m its mass. B and b damp both springs critically: B = 2 (K m)^(1/2), b = 2 (k m)^(1/2).
@@ -28,6 +28,23 @@ Predicted from the equations, before any run:
 - force magnitude: fails by a factor, K k / (K + k) at rest is within it: 0.91 K; the damper's part in motion is not.
 - memoryless: fails. A tool has a place and a velocity.
 - passivity: passes. All parts are springs, dampers and a mass.
+
+Measured on the suites `thesis` and `solids`, with k = 10 K:
+
+- continuous contact: fails 42 of 42; on the shallow slide the tool lies 0.073 mm inside, at 15 mm 1.37 mm: the depth /
+  11 as predicted.
+- contact kept: wrong, 48 of 49 pass, because a force in free space counts as contact; so the tool that went through
+  the plate, 13 mm behind it at the end, passes too.
+- contact normal force: 3 of 39 pass. Where a path starts at its full speed the hand feels the tool's inertia, up to
+  180 degrees off.
+- broken contact, abrupt switch: fail, nine of nine and five of five; the star's tip is passed by 1.6 mm.
+- impulsive collision: fails, 55 per cent of the impulse are missing after four ticks, less than of the other springs,
+  93, since the contact's is ten times as stiff.
+- centripetal force: wrong, the circle that only pushes asks it, and it fails: hand and tool weigh twice the scene's
+  mass, and it leaves the circle. The held one is refused.
+- force magnitude: fails 39 of 39, though at rest it is 0.91 K: the damper answers the start of a path with 20 times K.
+- memoryless: fails four of four. Passivity: passes six of six, as predicted. A first version took the hand's place at
+  the end of the tick and the tool's at its beginning, and gave 6 mJ at 1 ms.
 """
 
 from __future__ import annotations
@@ -59,19 +76,27 @@ class Coupled:
         )
 
     def reset(self, hip: Array) -> None:
-        """Start a run with the tool at rest at the hand `hip` (N,), m, or where that is inside, on the surface."""
+        """Start a run with the tool at the hand `hip` (N,), m, or where that is inside, on the surface.
+
+        It moves with the hand then: the first step, at the same time, says how fast.
+        """
         hip = checked_hand(hip)
         near = self.boundary.closest_point(hip[np.newaxis])
         self._tool = near.foot[0] if near.distance[0] < 0.0 else hip
-        self._velocity = np.zeros_like(self._tool)
+        self._velocity: Array | None = None
+        self._hand = hip.copy()
         self.contact = False
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m, its `velocity` (N,), m/s, and `dt`, s; IHIP (N,), m, and force (N,), N."""
         hip = checked_hand(hip)
+        if self._velocity is None:  # no time has passed since the reset
+            self._velocity = np.array(velocity, dtype=np.float64)
+            return Response(self._tool, self.stiffness * (self._tool - hip))
         near = self.boundary.closest_point(self._tool[np.newaxis])
         phi, normal = float(near.distance[0]), near.normal[0]
-        pull = self.stiffness * (hip - self._tool) + self.damping * velocity
+        pull = self.stiffness * (self._hand - self._tool) + self.damping * velocity
+        self._hand = hip.copy()
         # step 3, (m + dt B) v+ = m v + dt (K (h - x) + B h'), without contact
         inertia = self.mass + dt * self.damping
         moved = (self.mass * self._velocity + dt * pull) / inertia

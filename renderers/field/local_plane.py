@@ -31,6 +31,22 @@ Predicted from the equations, before any run:
   space.
 - passivity: fails where the planes are late: each is held, so that the work around a closed lap has the lag 1 / (2
   f_s).
+
+Measured on the suites `thesis` and `solids`, at 30, 60 and 100 Hz, and then with recovery:
+
+- continuous contact: 5, 9 and 11 of 42 pass. In the sweep 15 mm under a lobe the step is 0.73, 0.37 and 0.22 mm, in
+  proportion to 1 / f_s as predicted; over edges it is 6 to 7 mm at any rate. Recovery passes no case more, and at 100
+  Hz two fewer, 9: what it shifts lies off the surface.
+- contact normal force: 17, 17 and 19 of 39; on the shallow slide 1.1, 0.47 and 0.21 degrees. With recovery the same.
+- broken contact: none of nine, 1.4 to 17 mm from the edge: the planes are those of the nearest point.
+- abrupt switch: wrong about luck, the star's notch passes at each rate: one plane's n turns at once. Four of five
+  fail, on solids with 0.75 to 2.1 depths.
+- impulsive collision: fails. Centripetal force: fails, and at 30 Hz with recovery is undecided.
+- force magnitude: passes in all 39, F is K times the error whatever the plane.
+- contact kept: mostly wrong, 48 of 49 pass. The plate is missed at 60 and 100 Hz, by 19 mm, and met at 30 Hz, where
+  the old plane still stands when the hand is through; there the corner of three faces lets go, by 3.9 mm.
+- passivity: wrong. A late normal points back, along the way that the hand has come, and brakes: all pass but the loop
+  under the star's tip at 100 Hz, 0.025 mJ.
 """
 
 from __future__ import annotations

@@ -57,27 +57,36 @@ def test_the_surface_never_pulls_the_tool(speed, ratio):
     ihips, _ = led(line(), hips, ratio)
     # what is left of m v' when the coupling is taken off: the contact's force on the tool
     moved, hand = np.diff(ihips, axis=0) / 1e-3, np.diff(hips, axis=0)[1:] / 1e-3
-    coupling = K * (hips[2:] - ihips[1:-1]) + B * (hand - moved[1:])
+    coupling = K * (hips[1:-1] - ihips[1:-1]) + B * (hand - moved[1:])
     contact = M * np.diff(moved, axis=0) / 1e-3 - coupling
     assert contact[:, 1].min() >= -1e-9
     np.testing.assert_allclose(contact[:, 0], 0.0, atol=1e-9)
     np.testing.assert_allclose(contact[ihips[1:-1, 1] > 0.0], 0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_what_energy_the_hand_gets_is_the_ticks_and_goes_with_it(seed):
-    """Springs, dampers and a mass are passive; a tick of 1 ms gives up to 6 mJ, one of 0.2 ms less than a fifth."""
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_the_hand_gets_no_more_than_it_has_put_in(seed):
     rng = np.random.default_rng(seed)
-    phases, rates = rng.uniform(0.0, 6.28, 4), rng.uniform(0.5, 6.0, 4)
-    most = []
-    for dt in (1e-3, 2e-4):
-        t = dt * np.arange(int(2.0 / dt))
-        path = np.column_stack([np.sin(rates[0] * t + phases[0]), 2.0 * np.sin(rates[1] * t + phases[1])])
-        start = np.array([0.115, 0.0])  # in free space, where nothing is stored
-        hips = start + (np.minimum(t / 0.5, 1.0) ** 2)[:, np.newaxis] * ([0.1, 0.0] + 0.01 * path - start)
-        _, forces = led(circle(), hips, dt=dt)
-        most.append(np.cumsum(np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(hips, axis=0), axis=1)).max())
-    assert most[1] <= max(0.2 * most[0], 0.0)
+    phases, rates = rng.uniform(0.0, 6.28, 2), rng.uniform(0.5, 6.0, 2)
+    t = 1e-3 * np.arange(2000)
+    path = np.column_stack([np.sin(rates[0] * t + phases[0]), 2.0 * np.sin(rates[1] * t + phases[1])])
+    start = np.array([0.115, 0.0])  # in free space, where nothing is stored
+    hips = start + (np.minimum(t / 0.5, 1.0) ** 2)[:, np.newaxis] * ([0.1, 0.0] + 0.01 * path - start)
+    _, forces = led(circle(), hips)
+    work = np.cumsum(np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(hips, axis=0), axis=1))
+    assert work.max() <= 1e-6
+
+
+def test_with_the_hand_at_one_speed_in_free_space_nothing_is_felt():
+    renderer = coupled(Scene(model=line()))
+    start, velocity = np.array([0.0, 0.05]), np.array([0.1, -0.3])
+    renderer.reset(start)
+    for tick in range(100):
+        hip = start + 1e-3 * tick * velocity
+        ihip, force = renderer.step(hip, velocity, 1e-3)
+        np.testing.assert_allclose(ihip, hip, atol=1e-15)
+        np.testing.assert_allclose(force, 0.0, atol=1e-12)
 
 
 def test_it_tunnels_through_a_plate_by_the_nearest_face():
