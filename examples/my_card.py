@@ -13,7 +13,7 @@ import time
 import daq
 import numpy as np
 
-from hapticeval.hardware.device import Reading
+from hapticeval import Reading
 
 
 class MyCard:

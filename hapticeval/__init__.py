@@ -21,13 +21,16 @@ if TYPE_CHECKING:
         UnknownNameError,
     )
     from hapticeval.geometry.catalogue import make_model
+    from hapticeval.hardware.device import Reading
     from hapticeval.phenomena.check import Check, Runs
-    from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
+    from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict, compared, undecided
     from hapticeval.recordings.hdf5 import read_recording
     from hapticeval.recordings.recording import Recording
     from hapticeval.renderer import Batch, Declaration, Renderer, RendererFactory, Response, Spring, TrajectoryRenderer
+    from hapticeval.runner.results import results_schema
     from hapticeval.scene import Scene
     from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
+    from hapticeval.strategies import hand_paths
     from hapticeval.suite.reading import load_suite
     from hapticeval.types import Array, BoolArray, IntArray
 
@@ -49,6 +52,7 @@ _LAZY = {
     "NothingSelectedError": "hapticeval.errors",
     "Outcome": "hapticeval.phenomena.verdict",
     "Path": "hapticeval.stimulus.stimulus",
+    "Reading": "hapticeval.hardware.device",
     "Recording": "hapticeval.recordings.recording",
     "RefusalError": "hapticeval.errors",
     "Renderer": "hapticeval.renderer",
@@ -63,13 +67,17 @@ _LAZY = {
     "TrajectoryRenderer": "hapticeval.renderer",
     "UnknownNameError": "hapticeval.errors",
     "Verdict": "hapticeval.phenomena.verdict",
+    "compared": "hapticeval.phenomena.verdict",
+    "hand_paths": "hapticeval.strategies",
     "judge": "hapticeval.api",
     "known_renderers": "hapticeval.discovery",
     "load_suite": "hapticeval.suite.reading",
     "make_model": "hapticeval.geometry.catalogue",
     "read_recording": "hapticeval.recordings.hdf5",
     "resolve": "hapticeval.discovery",
+    "results_schema": "hapticeval.runner.results",
     "run": "hapticeval.api",
+    "undecided": "hapticeval.phenomena.verdict",
 }
 
 __all__ = [
@@ -88,6 +96,7 @@ __all__ = [
     "NothingSelectedError",
     "Outcome",
     "Path",
+    "Reading",
     "Recording",
     "RefusalError",
     "Renderer",
@@ -103,13 +112,17 @@ __all__ = [
     "UnknownNameError",
     "Verdict",
     "__version__",
+    "compared",
+    "hand_paths",
     "judge",
     "known_renderers",
     "load_suite",
     "make_model",
     "read_recording",
     "resolve",
+    "results_schema",
     "run",
+    "undecided",
 ]
 
 

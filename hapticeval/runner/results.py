@@ -1,6 +1,6 @@
 """The results document: what ran, what was found, and whether that is all of it; the one input of every report.
 
-The types below are its only definition: `schema` is generated from them, reading checks a file against them, and
+The types below are its only definition: `results_schema` is made from them, reading checks a file against them, and
 writing gives what reading takes.
 """
 
@@ -503,7 +503,7 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
         return verdict.stops(strict=self.command.strict)
 
 
-def schema() -> dict[str, Any]:
+def results_schema() -> dict[str, Any]:
     """Return the JSON schema of results.json."""
     return msgspec.json.schema(ResultsDocument)
 

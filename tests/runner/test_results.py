@@ -31,7 +31,7 @@ from hapticeval.runner.results import (
     VerdictEntry,
     environment,
     read_results,
-    schema,
+    results_schema,
     write_results,
 )
 
@@ -82,7 +82,7 @@ def test_reads_back_what_was_written(tmp_path, whole):
 
 def test_the_schema_is_that_of_what_is_written(tmp_path, whole):
     jsonschema = pytest.importorskip("jsonschema")
-    validator = jsonschema.Draft202012Validator(schema())
+    validator = jsonschema.Draft202012Validator(results_schema())
     document = json.loads(write_results(tmp_path, whole).read_text())
     validator.validate(document)
     document["runs"][0]["model"] = {}
