@@ -112,7 +112,7 @@ class Panel:
 
 
 def case_panels(tracks: Sequence[Track], *, held_on_surface: bool) -> list[Panel]:
-    """Return the panels of a case: force, and steps or depth; of a tool that is `held` on the surface its distance."""
+    """Return the panels of a case: force, and steps or depth; of a tool that is `held_on_surface` its distance."""
     panels = []
     # A run in one dimension, which lies on the second axis: its place says what the plane cannot.
     if all(track.hip.shape[1] == 2 and not track.hip[:, 0].any() for track in tracks):
@@ -330,7 +330,7 @@ def _with_gaps(values: Array, starts: Sequence[int] | Any) -> Array:
 def view_of(tracks: Sequence[Track], model: Model | None, projection: Array, aspect: float) -> Box:
     """Return what the figure shows, mm: the paths that do not run away, and the whole solid if it is not far larger.
 
-    `onto` (N, 2) maps points, m, onto the figure.
+    `projection` (N, 2) maps points, m, onto the figure, and `aspect` is the figure's height over its width.
     """
     # m, from the origin.
     extent = [float(np.max(np.abs(track.hip))) for track in tracks]

@@ -14,7 +14,7 @@ that the cone stands on the tool's own place, on round surfaces too.
 
 On a flat surface that gives (4.17)-(4.19), which assume one. At its first tick of contact the tool is put to p.
 
-Of F_b only the load counts: its part along HIP - p or along the normal at p, whichever is larger. What a damper or
+Of F_b only the load counts: its part along p - HIP or along the normal at p, whichever is larger. What a damper or
 another effect adds along the surface does not press the tool.
 
 - A tool that sticks stays at s while |F_t| <= mu_s |F_n| (4.18).
@@ -67,7 +67,7 @@ ALL_ALONG = 1e-9
 """Share of a force that its part along a line may lack where the force counts as along that line, to 45 urad."""
 
 ON_CONE = 1e-13
-"""Share of the cone's force within which the tool is on it: a thousand roundings of a coordinate, at 1 mm of lag."""
+"""Share of the cone's force within which the tool is on it: at 1 mm of lag some ten roundings of a coordinate of 50 mm."""
 
 
 @dataclass(frozen=True)

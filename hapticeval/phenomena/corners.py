@@ -10,7 +10,12 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
-from hapticeval.phenomena.decisions import FACE_TURN_SHARE, HELD_FORCE_SHARE, LAG_TICKS
+from hapticeval.phenomena.decisions import (
+    FACE_TURN_SHARE,
+    HELD_FORCE_SHARE,
+    LAG_TICKS,
+    SAME_DEPTH_SHARE,
+)
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     evidence_at,
@@ -65,7 +70,7 @@ def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, push
     holding = ((first_face | rests) & crossing.tool)[first:crossed]
     # A spring's force goes with the depth, and a rigid contact's with what the hand does: only at one depth is it held.
     depth = float(np.median(under[first:crossed]))
-    if depth > rounding(scene) and np.ptp(under[first:crossed]) <= 0.5 * HELD_FORCE_SHARE * depth:
+    if depth > rounding(scene) and np.ptp(under[first:crossed]) <= SAME_DEPTH_SHARE * depth:
         holding = holding & (strength[first:crossed] >= HELD_FORCE_SHARE * usual)
     early_ticks = first + np.flatnonzero(~holding)
     # `along` is negative before the corner: the distance from it at which n_pre is lost.

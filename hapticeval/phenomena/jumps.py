@@ -1,4 +1,13 @@
-"""Jumps of the IHIP: where a recording has any, and which of them stay when their place is looked at in finer steps."""
+"""Jumps of the IHIP: where a recording has any, and which of them stay when their place is looked at in finer steps.
+
+1. `_suspect_stretches` finds the ticks at which the IHIP moves farther than its bound.
+2. Each stretch is run again in 4, 4 and then up to 64 parts of a tick. `_leads_the_same_way` makes sure that the finer
+   run follows the coarse one, before it is trusted.
+3. `_judge_scales` reads off how the IHIP's spread falls with the HIP's step h: where it does not fall the jump STAYS;
+   where it falls as h^a with a small a the place is STEEP; else it is continuous.
+4. A renderer may compute in single precision. Below what that resolves of the coordinates its rounding looks like a
+   jump, and a true jump may look smeared: there the whole sequence of scales decides.
+"""
 
 from __future__ import annotations
 
@@ -62,9 +71,9 @@ class Scale:
 
 @dataclass(frozen=True)
 class JumpPlace:
-    """A place where finer steps do not take the IHIP's steps below the bound: what they leave, m, of which `kind`.
+    """A place where finer steps do not take the IHIP's steps below the bound: the step left, m, and its `kind`.
 
-    `slope` is the exponent: log2 of the spread a halving of the HIP step. `tick` is the recording's.
+    `slope` is the exponent a of spread ~ h^a over the HIP step h: 1 is Lipschitz, 0 a jump. `tick` is the recording's.
     """
 
     kind: Remains
@@ -115,9 +124,7 @@ def step_bounds(recording: Recording, scene: Scene, ticks: float, standoff: floa
 def worst_step(recording: Recording, scene: Scene, bounds: Array) -> tuple[float, int]:
     """Return the step in contact that is farthest above its bound of `bounds` (n,), m, and the tick at its end.
 
-    That is the longest step where none is above.
-
-    0 where no two samples in a row are in contact.
+    Where no step is above, the longest one; 0 m at tick 0 where no two samples in a row are in contact.
     """
     steps = contact_steps(recording, scene)
     # How far above its bound; where there is no step in contact there is nothing to be above.
@@ -149,7 +156,7 @@ def lets_go(recording: Recording, rows: slice, depth: float, scene: Scene) -> in
 def aitken(coarse: float, middle: float, fine: float) -> float:
     """Return the limit of a sequence limit + c r^k, within [0, fine]; `fine` where it does not approach any.
 
-    By Aitken's delta-squared process, of three values whose scale halves each time.
+    By Aitken's delta-squared process, of three values whose scale shrinks by one factor each time.
     """
     # limit = (x0 x2 - x1^2) / (x0 + x2 - 2 x1)
     curvature = coarse + fine - 2.0 * middle
@@ -192,14 +199,15 @@ def _look_into_stretches(
 ) -> JumpPlace | None:
     """Return what finer steps leave of the steps of `look` that are above `bounds` (n,), m; None where nothing is.
 
-    It calls itself for each stretch of such steps, with the scales that it has seen `before`. Coordinates are `rounded`
-    to so much, m. `tick_of` gives the base's tick of a row. In finer steps the bound of a place stays the recording's.
+    It calls itself for each stretch of such steps, with the scales that it has seen `before`. `rounded` (m) is what
+    single precision resolves of the coordinates. `tick_of` gives the base's tick of a row. In finer steps the bound of
+    a place stays the recording's.
     """
     recording = look.recording
     depth = len(before)
     steps = contact_steps(recording, scene)
     steep = None
-    # A jump may be rounded over less than that: beyond it, a place is judged by all of its scales.
+    # Below single precision even a true jump may look smeared: from here on all scales of a place decide.
     below_single = depth > 0 and before[-1].hip_step < 2.0 * rounded
     for first, last in _suspect_stretches(steps, bounds, ROWS_OF_A_LOOK // (FEW_PARTS if depth < 2 else MANY_PARTS)):
         worst = first + int(np.argmax((steps - bounds)[first : last + 1]))
@@ -233,7 +241,7 @@ def _look_into_stretches(
             else:
                 place = JumpPlace(Remains.UNRESOLVED, tick_of(worst), scales[-1].jump, math.nan, scales)
         if below_single or (place is not None and place.kind is not Remains.STEEP):
-            return place  # what is steep about a place has no scales of its own beyond
+            return place  # below single precision one stretch is enough; above it one that is steep may yet be outdone
         # Kept, and given only where no later stretch stays.
         steep = steep or place
     if below_single:

@@ -35,7 +35,7 @@ from hapticeval.types import Array
 
 @dataclass(frozen=True)
 class Judged:
-    """What came of one renderer in one case; `recording` is None where the renderer broke at once.
+    """What came of one renderer in one case; `recording` is None where the renderer broke in the run that is judged.
 
     `closed_form` names the closed form of the renderer's law in this scene, if it has one. Of a run that ended early,
     since device or law left its domain or the loop ran away, `ended` has tick and time (s), what and why.

@@ -6,7 +6,7 @@ from hapticeval.compiled import Change, Closest, Composed, borrowing
 from hapticeval.types import Array
 
 REFUSALS_PER_EFFECT = 1000
-"""Refusals of the k-th effect, from 1, are numbered from APART k on."""
+"""Refusals of the k-th effect, from 1, are numbered from REFUSALS_PER_EFFECT k on."""
 
 
 @borrowing

@@ -34,7 +34,8 @@ JOINTS, RATES, MEASURED_JOINTS, MEASURED_RATES, PREVIOUS_TORQUE, PLACE, PLACE_RA
 position and velocity at the end of a part of a tick, the integral of the position; joints at the start."""
 
 DONE, OUTSIDE, RAN_AWAY, NOT_FINITE, REFUSED = range(5)
-"""How a run ends; REFUSED and above is REFUSED - 1 plus the law's own number, and one below 0 is the law's own."""
+"""How a run ends. From REFUSED on the law refused, with the number status - REFUSED + 1; below 0 it is the number with
+which the law broke."""
 
 
 class Attached(NamedTuple):
@@ -89,7 +90,7 @@ def apply_effects(hook: Hook | None, tick: int, dt: float, first: Array, second:
     latest = 0.0
     if hook is None:
         return latest
-    for k in range(len(hook)):  # all of one type, functions being values: a tuple that can be indexed
+    for k in range(len(hook)):  # all entries have one type, for their functions are values: numba may index the tuple
         effect = hook[k]
         latest = max(latest, effect.function(effect.params, effect.samples, effect.state, tick, dt, first, second))
     return latest
@@ -131,7 +132,7 @@ def measure_state(sensors: Hook | None, loop: Loop, tick: int) -> None:
     if sensors is None:
         return
     apply_effects(sensors, tick, motion.load.dt, seen_joints, seen_rates)
-    # a controller computes HIP and velocity, J and J̇ q̇ of the joints that it sees
+    # HIP and velocity, J and J̇ q̇ anew, of the joints as they are measured
     motion.plant.kinematics(
         motion.plant.parameters, seen_joints, seen_rates, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick],
         motion.scratch.squares[JACOBIAN], motion.scratch.rows[DRIFT],
