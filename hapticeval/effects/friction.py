@@ -67,7 +67,7 @@ ALL_ALONG = 1e-9
 """Share of a force that its part along a line may lack where the force counts as along that line, to 45 urad."""
 
 ON_CONE = 1e-13
-"""Share of the cone's force within which the tool is on it: at 1 mm of lag some ten roundings of a coordinate of 50 mm."""
+"""Share of the cone's force within which the tool is on it: at 1 mm of lag, ten roundings of a coordinate of 50 mm."""
 
 
 @dataclass(frozen=True)

@@ -259,7 +259,8 @@ FACE_TURN_SHARE = 0.05
 SAME_DEPTH_SHARE = 0.25
 """Share of the depth by which it may vary where a force counts as given at one depth: half of `HELD_FORCE_SHARE`.
 
-Derived from it: a spring's force varies with the depth, and so by no more than half of what would count as its loss."""
+Derived from it: a spring's force varies with the depth, and so by no more than half of what would count as its loss.
+Doubled, a hand that rises to half its depth could by itself look like a lost force."""
 
 FACE_SAMPLES_SHARE = 1e-3
 """Share of the position tolerance by which a face may be off in a line of fewer points. *Chosen*, for time: doubled,
