@@ -107,8 +107,8 @@ def known_modifiers() -> Mapping[str, EntryPoint]:
 @lru_cache(maxsize=2)
 def _installed(folders: tuple[str, ...], *, groups: tuple[str, ...]) -> Mapping[str, EntryPoint]:  # noqa: ARG001
     # Keyed by sys.path: a test or a notebook that adds a folder sees its entry points too.
-    found = [entry for group in groups for entry in entry_points(group=group)]
-    entries = sorted(found, key=lambda entry: entry.name)
+    registered = [entry for group in groups for entry in entry_points(group=group)]
+    entries = sorted(registered, key=lambda entry: entry.name)
     return MappingProxyType({entry.name: entry for entry in entries})
 
 

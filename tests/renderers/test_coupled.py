@@ -52,8 +52,8 @@ def test_in_free_space_the_tool_follows_as_its_equation_says():
 @settings(max_examples=20)
 @given(speed=st.floats(0.01, 0.3), ratio=st.sampled_from([2.0, 10.0, 50.0]))
 def test_the_surface_never_pulls_the_tool(speed, ratio):
-    way = np.concatenate([np.linspace(0.01, -0.005, 300), np.linspace(-0.005, 0.05, int(0.055 / speed / 1e-3))])
-    hips = np.column_stack([np.zeros_like(way), way])
+    heights = np.concatenate([np.linspace(0.01, -0.005, 300), np.linspace(-0.005, 0.05, int(0.055 / speed / 1e-3))])
+    hips = np.column_stack([np.zeros_like(heights), heights])
     ihips, _ = led(line(), hips, ratio)
     # what is left of m v' when the coupling is taken off: the contact's force on the tool
     moved, hand = np.diff(ihips, axis=0) / 1e-3, np.diff(hips, axis=0)[1:] / 1e-3

@@ -77,10 +77,10 @@ def test_the_true_gradient_is_conservative_and_the_unit_normal_is_not_where_the_
 def test_a_tracked_point_in_a_ball_is_the_nearest(model, hips):
     hips = np.column_stack([hips, 0.3 * hips[:, 0]])[:, : model.dimension]
     inside = 0.06 * hips / np.maximum(np.linalg.norm(hips, axis=1), 0.06)[:, np.newaxis]
-    way = np.linspace(0.13 * inside[0] / np.linalg.norm(inside[0]), inside[0], 50)
-    last, first = way[-1], inside[0]
+    approach = np.linspace(0.13 * inside[0] / np.linalg.norm(inside[0]), inside[0], 50)
+    last, first = approach[-1], inside[0]
     turn = np.linspace(0.0, 1.0, 100)[:, np.newaxis]
-    path = np.vstack([way, last + turn * (0.9 * first - last)])
+    path = np.vstack([approach, last + turn * (0.9 * first - last)])
     ihips, _ = led(model, path)
     touch = np.linalg.norm(path, axis=1) < model.size / 2.0
     near = model.boundary.closest_point(path[touch]).foot

@@ -56,7 +56,7 @@ def test_a_hand_that_crosses_a_plate_in_a_tick_is_met():
 
 
 def test_it_walks_round_an_edge_past_its_bisector():
-    hips = [[0.0, 0.04, 0.06], *([0.0, 0.04 + each, 0.045] for each in np.linspace(0.0, 0.0095, 96))]
+    hips = [[0.0, 0.04, 0.06], *([0.0, 0.04 + along, 0.045] for along in np.linspace(0.0, 0.0095, 96))]
     _, forces = led(cube(), hips)
     on_side = np.abs(forces[1:, 1]) > 1e-9
     hand = np.array(hips)[1:, 1]

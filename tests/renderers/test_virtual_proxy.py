@@ -32,8 +32,8 @@ def test_the_ball_is_never_nearer_than_its_radius_and_the_force_is_a_spring_to_i
     distances = model.curve.signed_distance(ihips)
     assert distances.min() >= radius * (1.0 - 1e-9)
     np.testing.assert_allclose(forces, 1000.0 * (ihips - hips), atol=1e-12)
-    held = touching(hips, ihips, forces)
-    np.testing.assert_allclose(distances[held], radius, atol=1e-5 * radius)
+    touched = touching(hips, ihips, forces)
+    np.testing.assert_allclose(distances[touched], radius, atol=1e-5 * radius)
 
 
 @settings(max_examples=60)
@@ -42,7 +42,7 @@ def test_it_gets_no_farther_from_the_hand_than_it_was(vertices, hips):
     """Each stretch of the way leads nearer to the hand: within a tick the ball cannot lose by moving."""
     hips = np.vstack([[0.2, 0.0], hips])
     ihips, _ = led(from_vertices(vertices), hips)
-    before, after = (np.linalg.norm(hips[1:] - each, axis=1) for each in (ihips[:-1], ihips[1:]))
+    before, after = (np.linalg.norm(hips[1:] - place, axis=1) for place in (ihips[:-1], ihips[1:]))
     assert np.all(after <= before + 1e-9)
 
 
@@ -94,7 +94,7 @@ def test_an_edge_between_two_triangles_of_one_face_is_not_felt():
 
 def test_it_lets_go_of_an_edge_when_the_hand_is_a_radius_past_it():
     past = np.array([0.0, 0.5, 0.98, 1.02]) * R
-    hips = [[0.04, 0.06, 0.01], [0.04, 0.045, 0.01], *([0.05 + each, 0.045, 0.01] for each in past)]
+    hips = [[0.04, 0.06, 0.01], [0.04, 0.045, 0.01], *([0.05 + beyond, 0.045, 0.01] for beyond in past)]
     ihips, forces = led(cube(), hips)
     assert np.all(forces[:-1][1:] @ np.array([1.0, 1.0, 0.0]) > 0.0)
     np.testing.assert_array_equal(ihips[-1], hips[-1])
