@@ -4,9 +4,10 @@
     make mutants SAMPLE=60 SEED=1                       so many of them, drawn by a seed
     .venv/bin/python tests/mutate.py --sample 20 hapticeval/phenomena/corners.py
 
-First all tests run once, to see which files of them reach which line, and how long each takes. Of each mutant those
-that reach its line run then, the shortest first, until one fails: the mutant is killed. What survives is a test that is
-missing, or a mutant that computes the same: these stand in `survivors.toml` with the reason why, and are not counted.
+First all tests run once, the recorded verdicts of whole suites among them, to see which of them reach which line, and
+how long each takes. Of each mutant those that reach its line run then, the shortest first, until one fails: the mutant
+is killed. What survives is a test that is missing, or a mutant that computes the same: these stand in `survivors.toml`
+with the reason why, and are not counted.
 
 No file is changed: each mutant is tried in a process of its own, which imports the changed module in place of the file.
 Exit code 1 where a mutant survives that is not on the list.
@@ -38,6 +39,8 @@ ROOT = Path(__file__).parents[1]
 TARGETS = ("hapticeval/phenomena", "hapticeval/runner/judging.py", "hapticeval/suite", "hapticeval/recordings")
 TESTS = ("tests/phenomena", "tests/meta", "tests/suite", "tests/recordings", "tests/suites", "tests/runner")
 SURVIVORS = Path(__file__).with_name("survivors.toml")
+MARKED = "not slow and not browser and not docs"
+"""Of the tests that `make test` leaves out, those of whole suites are taken too: they hold metrics and bounds."""
 PATIENCE = 3.0, 60.0
 """A mutant is ended, and counts as killed, after so many times what its tests take, and so many seconds more."""
 
@@ -86,7 +89,8 @@ def _counts(side: ast.expr) -> bool:
     """Return whether a side of a comparison is a whole number, by its looks: measured ones are never just equal."""
     words = ast.unparse(side)
     whole = isinstance(side, ast.Constant) and isinstance(side.value, int)
-    return whole or words.startswith("len(") or words.endswith((".size", "tick", "ticks", "count"))
+    counts = words.startswith("len(") or words.endswith((".size", "tick", "ticks", "count"))
+    return whole or (counts and not words.endswith("model.size"))  # a model's size is a length
 
 
 def changes(node: ast.AST) -> Iterator[Callable[[], None]]:
@@ -150,7 +154,7 @@ def mutant_of(file: Path, number: int) -> Mutant:
 
 
 class Reach:
-    """A pytest plugin that notes which lines of the targets the tests of each file reach, and their seconds."""
+    """A pytest plugin that notes which lines of the targets each test reaches, and its seconds."""
 
     def __init__(self, files: set[str]) -> None:
         self.files = files
@@ -166,7 +170,7 @@ class Reach:
         return self.trace
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
-        self.test, self.began = nodeid.split("::")[0], time.perf_counter()
+        self.test, self.began = nodeid, time.perf_counter()
         sys.settrace(self.trace)
 
     def pytest_runtest_logfinish(self) -> None:
@@ -207,6 +211,7 @@ def run_tests(arguments: list[str], plugin: object | None = None, *, quiet: bool
             os.dup2(nowhere.fileno(), 1)
             os.dup2(nowhere.fileno(), 2)
         options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:faulthandler", "--assert=plain"]
+        options += ["-m", MARKED]
         return int(pytest.main([*options, *arguments], plugins=[plugin] if plugin else []))
 
 

@@ -41,8 +41,13 @@ def test_each_operator_comparison_and_number_is_changed_and_nothing_else(tmp_pat
 
 def test_equality_is_asked_of_counts_alone(tmp_path):
     file = tmp_path / "module.py"
-    file.write_text("near = distance <= bound")
-    assert mutate.count_in(file) == 1
+    for source, count in (
+        ("near = distance <= bound", 1),
+        ("near = distance <= scene.model.size", 1),
+        ("n <= a.size", 2),
+    ):
+        file.write_text(source)
+        assert mutate.count_in(file) == count
 
 
 def test_a_mutant_is_imported_in_place_of_its_module():
