@@ -11,6 +11,9 @@ from made import FAIL, PASS, UNDECIDED, changed, found, outcome, recorded
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.continuous_contact import amplification
+from hapticeval.phenomena.jumps import Remains, jump_at_rate, look_closer
+from hapticeval.phenomena.lag import delayed
+from hapticeval.phenomena.sampling import lingering
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import Closeup, play
 from hapticeval.stimulus.stimulus import Path
@@ -252,3 +255,93 @@ def test_a_declared_standoff_makes_no_contact_point_of_the_hand():
     assert outcome(CHECK, shallow, SCENE) is UNDECIDED
     level = changed(shallow, hip=hip * [1.0, 0.0] - [0.0, 2e-3], ihip=hip * [1.0, 0.0] - [0.0, 2e-3])
     assert outcome(CHECK, level, SCENE) is PASS, "a rigid contact 2 mm off"
+
+
+# What is looked at again, and what is no contact any more
+
+
+@pytest.mark.parametrize(
+    ("tick", "rows"), [(0, (0, 64)), (512, (0, 576)), (513, (1, 577)), (935, (423, 999)), (999, (487, 999))]
+)
+def test_half_a_second_before_a_jump_and_64_ticks_after_are_led_along_at_another_rate(tick, rows):
+    asked = []
+
+    class Look:
+        recording = changed(led(lambda x: x)(1), rows=slice(0, 1000))
+
+        def closer(self, first, last, factor, *, lag):
+            asked.append((first, last, factor, lag))
+            return self
+
+    assert jump_at_rate(4, Look(), SCENE, tick) == pytest.approx(2e-5)
+    assert asked == [(*rows, 4, 3)]
+
+
+@pytest.mark.parametrize(
+    ("contact", "force", "lingers"),
+    [((5, 10), (5, 13), (10, 13)), ((5, 10), (5, 14), None), ((5, 10), (12, 14), None), ((0, 0), (0, 3), None)],
+)
+def test_a_force_of_three_ticks_right_after_a_contact_lingers_and_no_other(contact, force, lingers):
+    """The IHIP is off the hand in rows of `contact`; in rows of `force` there is one, outside of the model."""
+    rows = np.arange(20)
+
+    def within(ends):
+        return (rows >= ends[0]) & (rows < ends[1])
+
+    hip = np.column_stack([np.zeros(20), np.full(20, 1e-3)])
+    made = recorded(hip, hip + within(contact)[:, None] * [0.0, 1e-4], within(force)[:, None] * [0.0, 5.0])
+    assert np.array_equal(lingering(made, SCENE), within(lingers or (0, 0)))
+
+
+@pytest.mark.parametrize("last", [12, 19])
+def test_for_how_long_the_contact_was_lost_is_told_to_the_end_of_the_recording(last):
+    """At 1 kHz, and the last row as long as any: ticks 10 to `last` are lost 1 mm inside."""
+    rows = np.arange(20)
+    hip = np.column_stack([np.zeros(20), np.full(20, -1e-3)])
+    lost = (rows >= 10) & (rows <= last)
+    made = recorded(hip, np.where(lost[:, None], hip, hip * [1.0, 0.0]))
+    finding = found("contact-kept", made, SCENE)
+    assert finding.outcome is FAIL
+    assert finding.evidence["lost_s"] == pytest.approx(1e-3 * (last - 9))
+    assert finding.evidence["lost_ticks"] == last - 9
+
+
+class Look:
+    """A path that finer steps lead along straight, except from tick to tick of `kept`: there the tool is elsewhere."""
+
+    def __init__(self, recording, kept=(0, 0)):
+        self.recording, self.kept = recording, kept
+
+    def closer(self, first, last, factor, *, lag):
+        rows = np.append(first + np.arange((last - first) * factor + 1) / factor, np.full(lag, float(last)))
+        astray = self.kept[0] <= first and last <= self.kept[1]
+        ihip = delayed(self.recording.ihip, rows) + np.array([1.0 if astray else 0.0, 0.0])
+        return Look(recorded(delayed(self.recording.hip, rows), ihip, dt=1e-3 / factor))
+
+
+def stepping(steps):
+    """The hand goes 10 um a tick, 1 mm deep, and the tool `steps` (n,), m, on the surface."""
+    hip = np.column_stack([1e-5 * np.arange(steps.size), np.full(steps.size, -1e-3)])
+    return recorded(hip, np.column_stack([np.cumsum(steps), np.zeros(steps.size)]))
+
+
+def test_each_part_of_a_long_stretch_has_its_own_worst_step():
+    """512 steps are too long, the one of tick 400 most; finer steps explain those near it, and of tick 150 none does.
+
+    Tick 272 is the first of the part round tick 400, and has a longer step than tick 150.
+    """
+    steps = np.full(700, 1e-5)
+    steps[100:612] = 1e-4
+    steps[[150, 272, 400]] = 1.5e-4, 2e-4, 3e-4
+    look = Look(stepping(steps), kept=(0, 271))
+    place = look_closer(look, SCENE, bounds=np.full(700, 8e-5), standoff=0.0)
+    assert (place.kind, place.tick) == (Remains.UNRESOLVED, 150)
+    assert place.remaining == pytest.approx(1.5e-4)
+
+
+def test_a_jump_in_the_last_tick_is_placed_there():
+    """The step before is longer, and within its bound."""
+    steps, bounds = np.full(100, 1e-5), np.full(100, 8e-5)
+    steps[-2:], bounds[-2] = (3e-4, 1e-4), 1e-3
+    place = look_closer(Look(stepping(steps), kept=(0, 99)), SCENE, bounds=bounds, standoff=0.0)
+    assert (place.kind, place.tick) == (Remains.UNRESOLVED, 99)

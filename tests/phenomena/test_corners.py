@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.geometry.catalogue import circle, from_vertices, star
+from hapticeval.phenomena.crossings import find_crossings
 from hapticeval.scene import Scene
 
 SCENE = Scene(model=star())
@@ -275,3 +276,37 @@ def test_the_worst_of_several_crossings_counts():
 
     assert outcome("broken-contact", square(there_and_again, force=up), BOX) is PASS
     assert outcome("broken-contact", square(there_and_again, force=second_lost), BOX) is FAIL
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 7])
+def test_how_many_ticks_a_force_of_whatever_direction_remains_past_the_corner_is_counted(ticks):
+    base = over_the_tip()
+    past = int(np.argmax(TO_TIP > 0.0))
+    force = np.array(base.force)
+    force[past : past + ticks] = 5.0 * TIP.normal_post
+    finding = found("broken-contact", changed(base, force=force), SCENE)
+    assert finding.evidence["ticks_to_zero_after_corner"] == ticks
+    assert finding.evidence["remains_after_corner_m"] == pytest.approx(TO_TIP[past + ticks - 1] if ticks else 0.0)
+    assert finding.outcome is (FAIL if ticks > 4 else PASS)
+
+
+@pytest.mark.parametrize("leans", [slice(0, 5), slice(-5, None)])
+def test_a_force_that_leans_as_it_comes_or_goes_is_no_part_of_the_switch(leans):
+    for spread in (0.0, 0.5):
+        base = round_the_notch(spread=spread)
+        force = np.array(base.force)
+        force[leans] = 2.0 * NOTCH.tangent_pre
+        leaning, upright = (found("abrupt-switch", each, SCENE) for each in (changed(base, force=force), base))
+        assert leaning.outcome is upright.outcome
+        assert leaning.metric.value == pytest.approx(upright.metric.value, abs=1e-9)
+
+
+@pytest.mark.parametrize(("ticks", "crossings"), [(2, 1), (1, 1), (0, 0)])
+def test_one_tick_under_the_first_face_shows_whence_the_hand_comes_and_none_does_not(ticks, crossings):
+    """The recording begins so many ticks before the zone of the corner between the two faces."""
+    notch = round_the_notch()
+    zone = int(np.argmax((notch.hip - NOTCH.position) @ NOTCH.tangent_pre > -1e-9))
+    begun = changed(notch, rows=slice(zone - ticks, None))
+    assert len(find_crossings(begun, SCENE, convex=False)) == crossings
+    back_again = recorded(np.vstack([begun.hip, notch.hip[::-1]]), np.vstack([begun.ihip, notch.ihip[::-1]]))
+    assert len(find_crossings(back_again, SCENE, convex=False)) == crossings + 1

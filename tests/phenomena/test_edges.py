@@ -133,3 +133,27 @@ def test_the_rigid_tool_that_shows_the_edges_is_where_the_constraint_projection_
     ihips, _ = constraint(scene).run(hips, 1e-3)
     np.testing.assert_array_equal(tools, ihips)
     assert np.array_equal(features == IN_FREE_SPACE, (ihips == hips).all(axis=1))
+
+
+@pytest.mark.parametrize("turn", [np.roll(np.eye(3), shift, axis=0) for shift in range(3)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_every_face_of_a_solid_is_one_from_which_an_edge_is_passed(turn, sign):
+    base = over_the_top((1.0, 0.2))
+    turned = recorded(sign * base.hip @ turn, sign * base.ihip @ turn)
+    (crossing,) = find_crossings(turned, CUBE, convex=True)
+    np.testing.assert_array_equal(crossing.normal_pre, sign * UP @ turn)
+    assert outcome("broken-contact", turned, CUBE) is PASS
+
+
+@pytest.mark.parametrize("roll", range(4))
+@pytest.mark.parametrize("backwards", [False, True])
+def test_every_face_may_be_the_first_or_the_second_at_a_concave_edge(roll, backwards):
+    """Whichever number a face has: the facets of the mesh are numbered anew."""
+    mesh = NOTCHED.model.boundary
+    base = round_the_notch()
+    rows = slice(None, None, -1 if backwards else 1)
+    facets = (mesh.facets + roll) % (mesh.facets.max() + 1)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mesh, "facets", facets)
+        (crossing,) = find_crossings(recorded(base.hip[rows], base.ihip[rows]), NOTCHED, convex=False)
+    assert crossing.turn == pytest.approx(0.5 * np.pi)

@@ -406,3 +406,21 @@ def test_loops_of_the_suite_lie_inside_their_models_and_begin_outside(kind):
     hip = case.build_stimulus(case.build_scene(), None).sampled(1e-3)[1]
     assert boundary.signed_distance(hip[[0, -1]]).min() > 5e-3
     assert boundary.signed_distance(hip[260:-260]).max() < -4e-3
+
+
+@pytest.mark.parametrize("rows", [slice(30, 31), slice(30, 100), slice(0, 1), slice(0, 100)])
+@pytest.mark.parametrize(("off", "named"), [((1e-6, 0.0), "IHIP"), ((0.0, 1e-6), "force"), ((1e-6, 1e-6), "force")])
+def test_from_which_tick_on_a_reset_leaves_something_is_told(rows, off, named):
+    first = twice(0.0, 0.0).base
+    ihip, force = np.array(first.ihip), np.array(first.force)
+    ihip[rows, 0] += off[0]
+    force[rows, 1] += off[1]
+    finding = found("reset-clears", Runs(first, again=lambda: changed(first, ihip=ihip, force=force)), PLANE)
+    assert finding.outcome is FAIL
+    assert finding.evidence["first_tick"] == rows.start
+    assert finding.metric.name.startswith(named)
+
+
+def test_a_second_run_that_ends_earlier_differs_from_where_it_ends():
+    finding = found("reset-clears", twice(0.0, 0.0, shorter=10), PLANE)
+    assert (finding.outcome, finding.evidence["first_tick"]) == (FAIL, 90)

@@ -12,6 +12,7 @@ from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import circle, from_vertices, line
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
@@ -292,6 +293,7 @@ def test_without_the_hands_answer_nothing_is_said_of_momentum(check):
         assert words in finding.message
     pushed = changed(slide, operator_force=-slide.force)
     assert "was not recorded" not in found(check, pushed, PLANE).message
+    assert CHECKS[check].needs_loop, "and on a replay that stops no gate"
 
 
 def slide(shift):

@@ -125,3 +125,13 @@ def test_a_tool_that_moves_in_every_third_tick_rests_for_two():
     values = np.repeat([[0.0], [1.0], [2.0]], 3, axis=0)
     assert resting_ticks(values).tolist() == [0, 1, 2, 0, 1, 2, 0, 1, 2]
     assert resting_ticks(np.zeros((6, 2))).tolist() == [0, 1, 2, 3, 3, 3]
+
+
+@pytest.mark.parametrize("lag", [0.25, 1.0, 1.75, 3.0])
+def test_a_tool_deeper_than_a_hand_that_goes_straight_out_is_late_and_one_above_it_may_be_deep(lag):
+    """In contact a depth is no misfit of an IHIP above the hand, and all of one below it is."""
+    rows = np.arange(200)
+    out = np.column_stack([np.zeros(200), -2e-2 + 2e-7 * rows**2])
+    push = np.tile([0.0, 5.0], (200, 1))
+    for hip, seen in ((out, lag), (out[::-1], 0.0)):
+        assert find_lag(recorded(hip, delayed(hip, rows, lag), push), PLANE).ihip == pytest.approx(seen, abs=0.02)

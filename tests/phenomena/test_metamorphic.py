@@ -6,9 +6,11 @@ import honest
 import numpy as np
 import pytest
 from broken import RELATIONS, spoiled
+from made import found, recorded
 
 from hapticeval.discovery import resolve
 from hapticeval.documents import convert
+from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.metamorphic import CHECKS
 from hapticeval.phenomena.verdict import Outcome
@@ -103,3 +105,36 @@ def test_a_renderer_that_takes_one_model_alone_is_asked_beside_one_on_the_same()
             super().__init__(scene)
 
     assert findings(Only, {"kind": "star"})["two-at-once"].outcome is Outcome.PASS
+
+
+def pressed(ihip=0.0, **more):
+    """A press of 2 mm on a plane, its IHIPs off by `ihip` (m)."""
+    rest = np.zeros((20, 2))
+    return recorded(rest - [0.0, 2e-3], rest + np.array([ihip, 0.0]), np.tile([0.0, 2.0], (20, 1)), **more)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e4])
+@pytest.mark.parametrize("resolution", [0.0, 1e-4])
+@pytest.mark.parametrize(("share", "expected"), [(0.99, Outcome.PASS), (1.01, Outcome.FAIL)])
+def test_a_restated_scene_is_granted_rounding_of_the_hand_its_damper_and_what_is_declared(
+    damping, resolution, share, expected
+):
+    """Four roundings of 2 mm, 2 K_d / (K dt / 2) of them by the damper, and a trillionth of the model."""
+    scene = Scene(model=line(), stiffness=1000.0, damping=damping)
+    hand = 4.0 * 2.0**-52 * 2e-3
+    allowed = hand * (1.0 + 2.0 * damping / (1000.0 * 5e-4)) + resolution + 1e-12 * scene.model.size
+    base, other = (pressed(off, meta={"resolution": resolution}) for off in (0.0, share * allowed))
+    runs = Runs(base, reordered=lambda: other, subdivided=lambda: base)
+    assert found("vertex-order", runs, scene).outcome is expected
+
+
+@pytest.mark.parametrize("damping", [0.0, 100.0])
+@pytest.mark.parametrize(("share", "expected"), [(0.99, Outcome.PASS), (1.01, Outcome.FAIL)])
+def test_beside_another_renderer_single_precision_of_the_answer_is_granted(damping, share, expected):
+    """Four roundings of the model and of the hand, twice that over a tick by the damper, and four of the force."""
+    scene = Scene(model=line(), stiffness=1000.0, damping=damping)
+    single = 4.0 * 2.0**-23
+    step = single * (scene.model.size + 2e-3)
+    allowed = (1.0 + 2.0 * damping / (1000.0 * 1e-3)) * step + single * 2.0 / 1000.0 + 1e-12 * scene.model.size
+    runs = Runs(pressed(), in_turns=lambda: pressed(share * allowed), subdivided=pressed)
+    assert found("two-at-once", runs, scene).outcome is expected

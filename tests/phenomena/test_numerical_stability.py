@@ -7,12 +7,14 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
+from made import found, recorded
 from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
 from hapticeval.documents import convert
 from hapticeval.errors import DomainError, InputError
-from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.catalogue import line, make_model
+from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Response
 from hapticeval.runner.judging import judge
@@ -239,3 +241,23 @@ def test_no_foot_is_farther_than_the_nearest_by_more_than_rounding(name):
 def test_models_that_rounding_leaves_nothing_of_are_refused(vertices):
     with pytest.raises(InputError):
         make_model("polygon", vertices=vertices)
+
+
+def test_of_two_motions_that_which_is_further_off_is_named_and_forces_are_none_under_a_scale():
+    """The force is off by 5 N when turned (5 mm of the spring), and by 50 N on other scales; IHIPs there by 1 mm."""
+    scene = Scene(model=line(), stiffness=1000.0)
+    rest = np.zeros((20, 2))
+
+    def run(ihip, force):
+        return recorded(rest - [0.0, 2e-3], rest + np.array([ihip, 0.0]), np.tile([0.0, 2.0 + force], (20, 1)))
+
+    def named(turned, scaled):
+        def moved(motion, nudge):
+            return run(*((0.0, 0.0) if any(nudge) else turned if motion.scale == 1.0 else scaled))
+
+        runs = Runs(run(0.0, 0.0), moved=moved, subdivided=lambda: run(0.0, 0.0))
+        finding = found(CHECK, runs, scene)
+        return finding.evidence["motion"], finding.metric.value * scene.model.size
+
+    assert named((0.0, 5.0), (1e-3, 50.0)) == ("turned and shifted", pytest.approx(5e-3))
+    assert named((0.0, 0.5), (1e-3, 50.0)) == ("seven times as large", pytest.approx(1e-3))

@@ -184,3 +184,17 @@ def test_each_check_explains_itself():
         assert CHECKS[name].level is Level.MUST
         assert CHECKS[name].effects
     assert StochasticTexture(mass=0.1, texture="ribbed").active(0.0)
+
+
+def test_a_surface_without_any_texture_is_off_by_a_finite_thousand_decibels():
+    effect = {"kind": "stochastic-texture", "texture": as_document(resonance(120.0)), "mass": 0.05}
+
+    def smooth(scene):
+        renderer = resolve("minimum-distance")(scene)
+        renderer.supports = frozenset({"stochastic-texture"})
+        return renderer
+
+    finding = judged(TEXTURES[:1], STROKE, effect, make=smooth)["texture-spectrum"].finding
+    assert finding.outcome is Outcome.FAIL
+    assert finding.metric.value == pytest.approx(1000.0, abs=1e-9)
+    assert finding.evidence["mean_error_dB"] == pytest.approx(-1000.0, abs=1e-9)
