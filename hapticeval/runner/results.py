@@ -291,7 +291,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     - `known`: the reason that a list of known failures gives for this one, see `hapticeval.runner.known`.
     - `beyond_known`: how it goes beyond the failure on that list.
     - `inherent`: why a failure follows from what the renderer declares.
-    - `alike`: other renderers that are in print to fail here.
+    - `alike`: other renderers that the suite has failing here.
     """
 
     renderer: str
