@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.quantity import parse_paper_length
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
 from hapticeval.runner.execution import execute
@@ -300,18 +301,70 @@ class Results:
 
         return read_recording(self.folder / run.recording)
 
-    def plot(self, case: str | None = None, renderer: str | None = None) -> Figure:
+    def plot(
+        self,
+        case: str | None = None,
+        renderer: str | None = None,
+        *,
+        renderers: Sequence[str] | None = None,
+        check: str | None = None,
+        width: str | None = None,
+        height: str | None = None,
+        font_size: float | None = None,
+    ) -> Figure:
         """Return the report's figure of a run: the paths on the model, the force and the steps against time.
 
-        Numbered marks are the times that its verdicts name. Raises as `recording` does.
+        Numbered marks are the times that its verdicts name. With any of the further options it is a figure for a paper,
+        as `hapticeval figure` draws it: the `renderers` (all that have run, if none are named) over each other, a mark
+        where the verdict of `check` points, of real `width` and `height` ("88mm", "3.5in"), with text of `font_size`
+        points. Raises as `recording` and `parse_paper_length` do, and `UnknownNameError` for a check that did not run.
         """
         from hapticeval.reports.run_figure import marks_of, run_figure
 
+        if any(choice is not None for choice in (renderers, check, width, height, font_size)):
+            named = [renderer] if renderer is not None else []
+            return self._paper_figure(case, [*named, *(renderers or ())], check, width, height, font_size)
         run = self._run(case, renderer)
         marks = tuple(marks_of(self.document.verdicts_of.get(run.key, [])).values())
         title = f"{run.renderer} on {run.suite}/{run.case}"
         recording = self.recording(f"{run.suite}/{run.case}", run.renderer)
         return run_figure(recording, run.build_model(recording), marks=marks, title=title)
+
+    def _paper_figure(
+        self,
+        case: str | None,
+        renderers: Sequence[str],
+        check: str | None,
+        width: str | None,
+        height: str | None,
+        font_size: float | None,
+    ) -> Figure:
+        """Return the figure for a paper, see `plot`."""
+        from hapticeval.reports.paper_figure import FONT_SIZE, WIDTH, PaperRun, paper_figure
+
+        if renderers:
+            entries = [self._run(case, name) for name in dict.fromkeys(renderers)]
+        else:
+            # Those that have something to show.
+            entries = [run for run in self._runs(case) if run.recording or run.key in self.recordings]
+        if not entries or len({(run.suite, run.case) for run in entries}) > 1:
+            raise InputError(
+                f"{len(entries)} runs with a recording to draw", why="a figure is of one case", todo="name suite/case"
+            )
+        runs: list[PaperRun] = []
+        for run in entries:
+            verdicts = {verdict.check: verdict for verdict in self.document.verdicts_of.get(run.key, [])}
+            if check is not None and check not in verdicts:
+                raise UnknownNameError(f"check of {run.suite}/{run.case}", check, verdicts)
+            recording = self.recording(f"{run.suite}/{run.case}", run.renderer)
+            runs.append(PaperRun(run.renderer, recording, verdicts[check] if check is not None else None))
+        return paper_figure(
+            runs,
+            entries[0].build_model(runs[0].recording),
+            width=WIDTH if width is None else parse_paper_length(width, option="width"),
+            height=None if height is None else parse_paper_length(height, option="height"),
+            font_size=FONT_SIZE if font_size is None else font_size,
+        )
 
     @property
     def file(self) -> Path:
@@ -384,10 +437,14 @@ class Results:
         tables = [frame.to_html(na_rep="", index=frame is table) for frame in (table, verdicts) if not frame.empty]
         return "\n".join([f"<p>{escape(repr(self)[1:-1])}</p>", *tables])
 
-    def _run(self, case: str | None, renderer: str | None) -> RunEntry:
+    def _runs(self, case: str | None) -> list[RunEntry]:
         runs = [run for run in self.document.runs if case in (None, run.case, f"{run.suite}/{run.case}")]
         if not runs:
             raise UnknownNameError("case", str(case), {run.case for run in self.document.runs})
+        return runs
+
+    def _run(self, case: str | None, renderer: str | None) -> RunEntry:
+        runs = self._runs(case)
         # None for what the caller leaves open: enough where one run alone fits.
         matching_runs = [run for run in runs if renderer in (None, run.renderer)]
         if not matching_runs:

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from hapticeval.errors import InputError
 
 LENGTHS: Mapping[str, float] = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
+PAPER_LENGTHS: Mapping[str, float] = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72.0}
 TIMES: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 NUMBER = re.compile(r"\s*([0-9.eE+-]+)\s*(.*?)\s*")
 
@@ -16,6 +17,11 @@ NUMBER = re.compile(r"\s*([0-9.eE+-]+)\s*(.*?)\s*")
 def parse_length(text: str, *, option: str) -> float:
     """Return the metres of `0.1mm`, `50 um` or `1e-4m`. Raises `InputError`, naming the option, for anything else."""
     return _parse_quantity(text, LENGTHS, option, "0.1mm")
+
+
+def parse_paper_length(text: str, *, option: str) -> float:
+    """Return the metres of `88mm`, `3.5in` or `12cm` on paper. Raises `InputError`, naming the option, otherwise."""
+    return _parse_quantity(text, PAPER_LENGTHS, option, "88mm")
 
 
 def parse_duration(text: str, *, option: str) -> float:

@@ -234,6 +234,7 @@ def plane_svg(
             _draw_directions(axes, view)
         else:
             name_axes(axes, (0, 1), 2)
+            axes.yaxis.set_label_coords(-0.13, 0.5)
         return page_svg(fig, prefix=prefix, title=title)
 
 

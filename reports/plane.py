@@ -33,6 +33,9 @@ INSET_SIDE = 0.31
 SHADOW_POINTS = 4000
 """Points of a round solid, of which the hull is drawn as its shadow."""
 
+DETAIL = 1500.0
+"""Width of the view over what is left out of an outline: finer than a pixel of a figure as wide as a page."""
+
 SHARP_TURN = 0.1
 """Turn (rad) of the faces at an edge of a mesh that is drawn."""
 
@@ -46,6 +49,7 @@ def draw_plane(
     """Draw into `axes`; `ticks` maps the numbers of marks to samples, `failed` are the numbers that failed."""
     coordinates = widest_coordinates(recording.hip)
     name_axes(axes, coordinates, recording.hip.shape[1])
+    axes.yaxis.set_label_coords(-0.13, 0.5)
     columns = list(coordinates)
     # From here on the run is one in the plane: its shadow.
     channels = {name: getattr(recording, name)[:, columns] for name in ("hip", "ihip", "force")}
@@ -109,7 +113,6 @@ def name_axes(axes: Axes, coordinates: tuple[int, int], dimension: int) -> None:
     # The coordinates 0, 1 and 2 add up to 3, so that the third is 3 less the two.
     along = f", seen along y{'₁₂₃'[3 - sum(coordinates)]}" if dimension == 3 else ""
     axes.set(xlabel=f"y{first} (mm){along}", ylabel=f"y{second} (mm)")
-    axes.yaxis.set_label_coords(-0.13, 0.5)
 
 
 def labels(numbers: Sequence[int], places: Sequence[Array], near: float) -> list[tuple[Array, str]]:
@@ -143,8 +146,8 @@ def box_round(centre: Array, size: Array, aspect: float) -> Box:
     return float(xmin), float(ymin), float(xmax), float(ymax)
 
 
-def model_shadow(model: Model, coordinates: tuple[int, int], view: Box) -> Geometry:
-    """Return what to draw of a model, mm: what it fills in the plane, or its shadow on the coordinates `shown`.
+def model_shadow(model: Model, coordinates: tuple[int, int], view: Box, *, detail: float = DETAIL) -> Geometry:
+    """Return what to draw of a model, mm: what it fills in the plane, or its shadow on the two coordinates.
 
     That of a mesh is the union of its triangles, with its sharp edges that face the eye; other models in space are
     round enough for the hull of their points.
@@ -152,7 +155,7 @@ def model_shadow(model: Model, coordinates: tuple[int, int], view: Box) -> Geome
     import shapely
 
     if model.dimension == 2:
-        return filled_part(model, view)
+        return filled_part(model, view, detail=detail)
     from hapticeval.geometry.mesh import Mesh
 
     if isinstance(model.boundary, Mesh):
@@ -174,27 +177,26 @@ def _mesh_shadow(mesh: Mesh, coordinates: tuple[int, int]) -> Geometry:
     return shapely.GeometryCollection([*shapely.get_parts(shadow), edges])
 
 
-def filled_part(model: Model, view: Box) -> Geometry:
-    """Return what the model fills of `view` and a bit around it, mm, as fine as can be seen."""
+def filled_part(model: Model, view: Box, *, detail: float = DETAIL) -> Geometry:
+    """Return what the model fills of `view` and a bit around it, mm, to the width of the view over `detail`."""
     import shapely
 
     xmin, ymin, xmax, ymax = view
     width, height = xmax - xmin, ymax - ymin
     # Clipping takes valid polygons only, and an outline may cross itself.
-    area = shapely.make_valid(shapely.Polygon(_outline(model, view)))
+    area = shapely.make_valid(shapely.Polygon(_outline(model, view, detail)))
     clipped = shapely.clip_by_rect(
         area, xmin - 0.1 * width, ymin - 0.1 * height, xmax + 0.1 * width, ymax + 0.1 * height
     )
-    # Finer than a pixel of a figure as wide as a page.
-    return shapely.simplify(clipped, width / 1500.0)
+    return shapely.simplify(clipped, width / detail)
 
 
-def _outline(model: Model, view: Box) -> Array:
+def _outline(model: Model, view: Box, detail: float) -> Array:
     """The closed outline, or of an open one a ring that is large enough to fill the view on its inside."""
     boundary = model.boundary
     if boundary.closed:
-        # 400 points on a length as wide as the view.
-        points = int(np.clip(boundary.girth * MM / (view[2] - view[0]) * 400.0, 400, 40_000))
+        # With the usual detail 400 points on a length as wide as the view.
+        points = int(np.clip(boundary.girth * MM / (view[2] - view[0]) * detail / 3.75, 400, 40_000))
         return MM * boundary.points(max(points, 8 * len(boundary.corners)))
     centre = np.array([view[0] + view[2], view[1] + view[3]]) / 2.0
     # An open model is drawn as the half-plane behind the tangent next to the view's centre.
@@ -227,9 +229,11 @@ def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float
     axes.set(xlim=view[::2], ylim=view[1::2])
 
 
-def draw_body(axes: Axes, model: Model, view: Box, coordinates: tuple[int, int] = (0, 1)) -> None:
-    """Draw what the model fills of `view`, mm, in the coordinates `shown`."""
-    _draw_body(axes, model_shadow(model, coordinates, view), view)
+def draw_body(
+    axes: Axes, model: Model, view: Box, coordinates: tuple[int, int] = (0, 1), *, detail: float = DETAIL
+) -> None:
+    """Draw what the model fills of `view`, mm, in the two coordinates; see `filled_part` for `detail`."""
+    _draw_body(axes, model_shadow(model, coordinates, view, detail=detail), view)
 
 
 def samples_along_path(recording: Recording, count: int, *, keep: Collection[int] = ()) -> IntArray:

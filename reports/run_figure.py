@@ -173,7 +173,7 @@ def _draw_force(axes: Axes, recording: Recording) -> None:
     ):
         draw_over_time(axes, recording, column, role, label=f"F{name}", linestyle=style)
     axes.set_ylabel("response force (N)")
-    _include_zero(axes, recording.force, magnitude)
+    include_zero(axes, recording.force, magnitude)
     _legend(axes)
 
 
@@ -185,13 +185,13 @@ def _draw_below(axes: Axes, recording: Recording) -> None:
         draw_over_time(axes, recording, ihip, "ihip", label="IHIP")
         draw_over_time(axes, recording, hip, "hip", label="HIP", linestyle=DASHED)
         axes.set_ylabel("step a tick\n(mm)")
-        _include_zero(axes, ihip, hip)
+        include_zero(axes, ihip, hip)
         _legend(axes)
         return
     depth = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)
     draw_over_time(axes, recording, depth, "ihip")
     axes.set_ylabel("|IHIP − HIP|\n(mm)")  # noqa: RUF001
-    _include_zero(axes, depth)
+    include_zero(axes, depth)
 
 
 def _step_lengths(recording: Recording, points: Array) -> Array:
@@ -204,7 +204,7 @@ def _legend(axes: Axes) -> None:
     legend_above(axes, handlelength=2.0, columnspacing=1.2, handletextpad=0.5)
 
 
-def _include_zero(axes: Axes, *columns: Array) -> None:
+def include_zero(axes: Axes, *columns: Array) -> None:
     """Zero is always in sight, and rounding errors are never blown up to the height of the axis."""
     # The last zero serves the case of no columns.
     low = min(0.0, *(float(np.nanmin(column)) for column in columns), 0.0)

@@ -1,0 +1,249 @@
+"""One figure of several renderers on one case, at its real size and in fonts that journals take.
+
+Above the plane: the model, the HIP's path and the IHIP's path of each renderer. Below it the force's size against time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from hapticeval.errors import InputError
+from hapticeval.geometry.model import Model
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.recordings.recording import Recording
+from hapticeval.reports.canvas import MM, colour_of, draw_over_time, in_style
+from hapticeval.reports.plane import aspect_of, box_round, draw_body, name_axes, samples_along_path
+from hapticeval.reports.run_figure import include_zero
+from hapticeval.runner.results import VerdictEntry
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+INCH = 0.0254
+"""Metres in an inch, in which matplotlib measures paper."""
+
+SMALLEST, LARGEST = 0.03, 1.2
+"""Metres of a side of a figure: axes and labels need the least, a poster the most."""
+
+TALLEST = 0.12
+"""Metres of height that the axes of a figure have at most where no height is asked for."""
+
+DETAIL = 20_000.0
+"""Width of the view over what is left out of the model's outline: not to be seen in print."""
+
+WIDTH, FONT_SIZE = 0.088, 8.0
+"""Width (m), of a column of most journals, and points of all text of a figure, where none are asked for."""
+
+ROLES = ("ihip", "hip", "one", "two", "three", "mark")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+"""Colour and marker of each renderer; that one list is longer keeps pairs apart where the other begins anew."""
+
+DASHES = (0, (3.0, 1.5))
+"""Line style of the HIP's path: the offset, and the lengths of line and gap in line widths."""
+
+MARKS_OF_CURVE = 9
+"""About so many markers stand on a curve, those of different renderers at different places."""
+
+
+@dataclass(frozen=True)
+class PaperRun:
+    """What a renderer did on the case, and, if a check's verdict is to be shown, that."""
+
+    renderer: str
+    recording: Recording
+    verdict: VerdictEntry | None = None
+
+    @property
+    def label(self) -> str:
+        """The name in the legend, with the outcome where there is a verdict."""
+        return self.renderer if self.verdict is None else f"{self.renderer} ({self.verdict.outcome})"
+
+    @property
+    def tick(self) -> int | None:
+        """The sample that the verdict's evidence names by time or HIP; None where it names none."""
+        evidence: Mapping[str, Any] = {} if self.verdict is None else self.verdict.evidence
+        time, hip = evidence.get("time"), evidence.get("hip")
+        if isinstance(time, int | float):
+            return int(np.argmin(np.abs(self.recording.time - time)))
+        if isinstance(hip, Sequence) and len(hip) == self.recording.dimension:
+            return int(np.argmin(np.linalg.norm(self.recording.hip - np.array(hip), axis=1)))
+        return None
+
+
+class PaperFigure(Figure):
+    """A figure that is saved at its real size and in TrueType fonts (Type 42), whatever matplotlib's settings are."""
+
+    def savefig(self, fname: Any, **options: Any) -> None:
+        """Save it as matplotlib does; an image has 300 dots an inch if nothing else is said."""
+        with in_style({"pdf.fonttype": 42, "ps.fonttype": 42, "savefig.bbox": None}):
+            super().savefig(fname, **{"dpi": 300, **options})
+
+
+def paper_figure(
+    runs: Sequence[PaperRun],
+    model: Model | None,
+    *,
+    width: float = WIDTH,
+    height: float | None = None,
+    font_size: float = FONT_SIZE,
+) -> PaperFigure:
+    """Draw the runs of one case over each other; `width` and `height` are m on paper, `font_size` points.
+
+    Runs in space are drawn in their `clearest_coordinates`. A ring and a line in time stand where the verdict of a run
+    points. Raises `InputError` for a size that no figure can have.
+    """
+    room = min(width, max(TALLEST, 0.6 * width)) if height is None else height
+    for name, size in (("width", width), ("height", room)):
+        if not SMALLEST <= size <= LARGEST:
+            limits = f"{MM * SMALLEST:g} to {MM * LARGEST:g} mm"
+            raise InputError(f"a figure of {MM * size:.4g} mm {name}", why=f"a side is {limits} long")
+    if not 3.0 <= font_size <= 40.0:
+        raise InputError(f"a font of {font_size:g} points", why="it is 3 to 40 points high")
+    sizes = ("font.size", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
+    with in_style(dict.fromkeys(sizes, font_size)):
+        margins = ConstrainedLayoutEngine(w_pad=0.02, h_pad=0.02)
+        fig = PaperFigure(figsize=(width / INCH, room / INCH), facecolor="white", layout=margins)
+        plane, force = fig.subplots(2, 1, height_ratios=(2.6, 1.0))
+        _draw_forces(force, runs)
+        coordinates = clearest_coordinates([run.recording for run in runs])
+        low, high = _draw_paths(plane, runs, coordinates)
+        legend_height = _add_legend(fig, runs)
+        if height is None:
+            fig.set_figheight(room / INCH + legend_height)
+        fig.align_ylabels()
+        # How wide the numbers at the axes are depends on what is in view, and that on the room which they leave.
+        for _ in range(2):
+            fig.draw_without_rendering()
+            view = box_round(0.5 * (low + high), 1.15 * (high - low), aspect_of(plane))
+            plane.set(xlim=view[::2], ylim=view[1::2])
+        fig.set_layout_engine("none")
+        if model is not None:
+            draw_body(plane, model, view, coordinates, detail=DETAIL)
+        return fig
+
+
+def _curve_style(number: int, count: int) -> dict[str, Any]:
+    """Return how the curves of a renderer look: earlier ones are wider, so that all are seen where they coincide."""
+    return {
+        "marker": MARKERS[number % len(MARKERS)],
+        "markersize": 3.6,
+        "markeredgewidth": 0.4,
+        "markeredgecolor": "white",
+        "linewidth": 1.0 + 0.9 * (count - 1 - number) / max(count - 1, 1),
+        "zorder": 3.0 + 0.1 * number,
+    }
+
+
+def _role(number: int) -> str:
+    return ROLES[number % len(ROLES)]
+
+
+def clearest_coordinates(recordings: Sequence[Recording]) -> tuple[int, int]:
+    """Return the two coordinates in whose plane HIPs and IHIPs spread over the largest area, so never edge-on.
+
+    They spread there at least 1/sqrt(3) as far across the path as in the principal plane: the area of a parallelogram
+    in space, squared, is the sum of those of its three shadows, squared.
+    """
+    points = np.vstack([part for recording in recordings for part in (recording.hip, recording.ihip)])
+    centred = points - points.mean(axis=0)
+    # By area, in m^2 times the number of points: the product of the two singular values.
+    spreads = {
+        pair: float(np.prod(np.linalg.svd(centred[:, list(pair)], compute_uv=False)))
+        for pair in combinations(range(points.shape[1]), 2)
+    }
+    return max(spreads, key=lambda pair: spreads[pair])
+
+
+def _draw_paths(axes: Axes, runs: Sequence[PaperRun], coordinates: tuple[int, int]) -> tuple[Array, Array]:
+    """Draw the paths of HIP and IHIPs, a ring round the IHIP that a verdict points at, and the line to its HIP.
+
+    Return the least and the greatest coordinates of all, (2,) each, mm.
+    """
+    name_axes(axes, coordinates, runs[0].recording.dimension)
+    same = _have_one_path(runs)
+    points = []
+    for number, run in enumerate(runs):
+        hip, ihip = (MM * part[:, list(coordinates)] for part in (run.recording.hip, run.recording.ihip))
+        points += [hip, ihip]
+        if not same or run is max(runs, key=lambda run: len(run.recording)):
+            colour = colour_of("ink" if same else _role(number))
+            axes.plot(*hip.T, color=colour, linewidth=0.9, linestyle=DASHES, zorder=2.5)
+        # NaN where nothing touches: the IHIP is the HIP there.
+        touching = np.where(run.recording.contact[:, np.newaxis], ihip, np.nan)
+        even = samples_along_path(run.recording, MARKS_OF_CURVE * len(runs))[number :: len(runs)]
+        style = _curve_style(number, len(runs))
+        axes.plot(*touching.T, color=colour_of(_role(number)), markevery=even.tolist(), **style)
+        if run.tick is not None:
+            axes.plot(*np.stack([hip[run.tick], ihip[run.tick]]).T, color=colour_of("ink"), linewidth=0.6, zorder=4.5)
+            axes.plot(*ihip[run.tick], **_ring(_role(number)))
+    return np.nanmin(np.vstack(points), axis=0), np.nanmax(np.vstack(points), axis=0)
+
+
+def _have_one_path(runs: Sequence[PaperRun]) -> bool:
+    """Return whether all were led along the same HIPs, some not to the end; in a closed loop each has its own."""
+    longest = max((run.recording.hip for run in runs), key=len)
+    return all(np.array_equal(run.recording.hip, longest[: len(run.recording)]) for run in runs)
+
+
+def _ring(role: str) -> dict[str, Any]:
+    """Return the style of the ring where a verdict points: the renderer's colour."""
+    look: dict[str, Any] = {"marker": "o", "markersize": 9.0, "markerfacecolor": "none", "linestyle": "none"}
+    return {**look, "markeredgewidth": 1.3, "color": colour_of(role), "zorder": 5}
+
+
+def _draw_forces(axes: Axes, runs: Sequence[PaperRun]) -> None:
+    """Draw the size of each force (N) against time (s), with a line at the time that a verdict points at."""
+    sizes: list[Array] = []
+    for number, run in enumerate(runs):
+        sizes.append(np.linalg.norm(run.recording.force, axis=1))
+        every = max(len(run.recording) // MARKS_OF_CURVE, 1)
+        # Markers of different renderers stand side by side.
+        markevery = (every * number // len(runs), every)
+        draw_over_time(
+            axes, run.recording, sizes[-1], _role(number), markevery=markevery, **_curve_style(number, len(runs))
+        )
+        if run.tick is not None:
+            axes.axvline(
+                float(run.recording.time[run.tick]), color=colour_of(_role(number)), linewidth=0.9, zorder=1.5,
+                linestyle=(0, (2.0, 1.2)),
+            )  # fmt: skip
+    start = min(float(run.recording.time[0]) for run in runs)
+    end = max(float(run.recording.time[-1]) for run in runs)
+    # A recording of one sample still needs an axis of some width.
+    axes.set(xlabel="time (s)", ylabel="force (N)", xlim=(start, end if end > start else start + 1e-3))
+    axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+    include_zero(axes, *sizes)
+
+
+def _add_legend(fig: Figure, runs: Sequence[PaperRun]) -> float:
+    """Put names of all that is drawn above the axes, in as many columns as fit; return the height in inches."""
+    from matplotlib.lines import Line2D
+
+    colour, words = (colour_of("ink"), "HIP") if _have_one_path(runs) else (colour_of("quiet"), "HIP of each")
+    handles = [Line2D([], [], color=colour, linewidth=0.9, linestyle=DASHES, label=words)]
+    for number, run in enumerate(runs):
+        style = _curve_style(number, len(runs))
+        handles.append(Line2D([], [], color=colour_of(_role(number)), label=f"IHIP, {run.label}", **style))
+    marked = [run.verdict for run in runs if run.verdict is not None and run.tick is not None]
+    if marked:
+        fails = all(verdict.outcome is Outcome.FAIL for verdict in marked)
+        words = f"where {marked[0].check} fails" if fails else f"worst place of {marked[0].check}"
+        handles.append(Line2D([], [], label=words, **_ring("ink")))
+    for columns in range(len(handles), 0, -1):
+        legend = fig.legend(
+            handles=handles, loc="outside upper left", ncols=columns, borderaxespad=0.2, handlelength=2.2,
+            columnspacing=1.2, handletextpad=0.5, borderpad=0.1, labelspacing=0.3,
+        )  # fmt: skip
+        box = legend.get_window_extent()
+        if columns == 1 or box.width < 0.98 * fig.bbox.width:
+            break
+        legend.remove()
+    return float(box.height / fig.dpi)
