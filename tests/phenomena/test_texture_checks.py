@@ -198,3 +198,38 @@ def test_a_surface_without_any_texture_is_off_by_a_finite_thousand_decibels():
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value == pytest.approx(1000.0, abs=1e-9)
     assert finding.evidence["mean_error_dB"] == pytest.approx(-1000.0, abs=1e-9)
+
+
+def worn(scene):
+    """A renderer of the scene's texture that shows none of it from x = 0.5 m on."""
+    plain, textured = resolve("minimum-distance")(scene), with_effects(resolve("minimum-distance")(scene), scene)
+
+    class Worn:
+        supports = frozenset({"stochastic-texture"})
+
+        def reset(self, hip):
+            plain.reset(hip)
+            textured.reset(hip)
+
+        def step(self, hip, velocity, dt):
+            answers = [renderer.step(hip, velocity, dt) for renderer in (textured, plain)]
+            return answers[int(hip[0] > 0.5)]
+
+    return Worn()
+
+
+def test_a_texture_that_ends_on_the_way_is_a_finite_thousand_decibels_down_there():
+    found = judged(["texture-stationary"], STROKE, RIBBED, make=worn)["texture-stationary"]
+    assert found.outcome is Outcome.FAIL
+    assert found.finding.evidence["parts_dB"][-1] == -1000.0
+    assert found.finding.evidence["parts_dB"][0] > 0.0
+
+
+def test_a_texture_that_is_missing_at_one_of_two_forces_is_a_thousand_decibels_down_there():
+    """Less the mean of both stretches 500 dB each, but for what the texture itself has."""
+    points = [[0.0, -5e-4], [0.5, -5e-4], [0.501, -4e-3], [1.0, -4e-3]]
+    way = {"kind": "points", "points": points, "duration": 10.0}
+    found = judged(["texture-amplitude"], way, RIBBED, make=worn)["texture-amplitude"]
+    assert found.outcome is Outcome.FAIL
+    offs = [stretch["off_dB"] for stretch in found.finding.evidence["stretches"]]
+    assert sorted(offs) == pytest.approx([-500.0, 500.0], abs=5.0)
