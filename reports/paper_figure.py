@@ -49,6 +49,9 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DASHES = (0, (3.0, 1.5))
 """Line style of the HIP's path: the offset, and the lengths of line and gap in line widths."""
 
+RING = 9.0
+"""Points across the ring where a verdict points."""
+
 MARKS_OF_CURVE = 9
 """About so many markers stand on a curve, those of different renderers at different places."""
 
@@ -183,7 +186,8 @@ def _draw_paths(axes: Axes, runs: Sequence[PaperRun], coordinates: tuple[int, in
         axes.plot(*touching.T, color=colour_of(_role(number)), markevery=even.tolist(), **style)
         if run.tick is not None:
             axes.plot(*np.stack([hip[run.tick], ihip[run.tick]]).T, color=colour_of("ink"), linewidth=0.6, zorder=4.5)
-            axes.plot(*ihip[run.tick], **_ring(_role(number)))
+            # Rings at one place lie within each other.
+            axes.plot(*ihip[run.tick], **_ring(_role(number), size=RING + 2.0 * (len(runs) - 1 - number)))
     return np.nanmin(np.vstack(points), axis=0), np.nanmax(np.vstack(points), axis=0)
 
 
@@ -193,9 +197,9 @@ def _have_one_path(runs: Sequence[PaperRun]) -> bool:
     return all(np.array_equal(run.recording.hip, longest[: len(run.recording)]) for run in runs)
 
 
-def _ring(role: str) -> dict[str, Any]:
+def _ring(role: str, *, size: float = RING) -> dict[str, Any]:
     """Return the style of the ring where a verdict points: the renderer's colour."""
-    look: dict[str, Any] = {"marker": "o", "markersize": 9.0, "markerfacecolor": "none", "linestyle": "none"}
+    look: dict[str, Any] = {"marker": "o", "markersize": size, "markerfacecolor": "none", "linestyle": "none"}
     return {**look, "markeredgewidth": 1.3, "color": colour_of(role), "zorder": 5}
 
 
@@ -211,9 +215,10 @@ def _draw_forces(axes: Axes, runs: Sequence[PaperRun]) -> None:
             axes, run.recording, sizes[-1], _role(number), markevery=markevery, **_curve_style(number, len(runs))
         )
         if run.tick is not None:
+            # The dashes of one fall into the gaps of the others, should all lie at one time.
             axes.axvline(
                 float(run.recording.time[run.tick]), color=colour_of(_role(number)), linewidth=0.9, zorder=1.5,
-                linestyle=(0, (2.0, 1.2)),
+                linestyle=(3.0 * number, (3.0, max(3.0 * (len(runs) - 1), 2.0))),
             )  # fmt: skip
     start = min(float(run.recording.time[0]) for run in runs)
     end = max(float(run.recording.time[-1]) for run in runs)
@@ -227,7 +232,7 @@ def _add_legend(fig: Figure, runs: Sequence[PaperRun]) -> float:
     """Put names of all that is drawn above the axes, in as many columns as fit; return the height in inches."""
     from matplotlib.lines import Line2D
 
-    colour, words = (colour_of("ink"), "HIP") if _have_one_path(runs) else (colour_of("quiet"), "HIP of each")
+    colour, words = (colour_of("ink"), "HIP") if _have_one_path(runs) else (colour_of("quiet"), "HIP of each renderer")
     handles = [Line2D([], [], color=colour, linewidth=0.9, linestyle=DASHES, label=words)]
     for number, run in enumerate(runs):
         style = _curve_style(number, len(runs))

@@ -15,6 +15,7 @@ from hapticeval.files import file_stem
 EXIT_CODES = """\b
 Exit codes:
   0  drawn, whatever the verdicts are
+  1  interrupted: nothing is drawn
   2  wrong usage, or there is nothing to draw: a renderer refuses the case
   3  a renderer broke: nothing is drawn
 """
@@ -75,7 +76,8 @@ def figure(
         select = f"{suite.name}/{case_name}/{check or checks[0]}"
         with Terminal() as terminal:
             results = api.run(renderers or (), suites=suite, select=select, watch=terminal)
-        case = f"{suite.name}/{case_name}"
+    # Results name a suite by its file's stem.
+    case = f"{Path(suite_name).stem}/{case_name}" if suite_name else case_name
     for run in results.document.runs:
         if source is None and run.error is not None:
             error = HapticevalError(
@@ -83,6 +85,8 @@ def figure(
             )
             error.exit_code = run.error.exit_code
             raise error
+    if source is None and not results.complete:
+        raise KeyboardInterrupt
     drawn = results.plot(case, renderers=renderers or (), check=check, width=width, height=height, font_size=font_size)
     written = save_figure(drawn, output.parent, output.stem, kinds=(output.suffix[1:],), dpi=300)
     refused = [run.renderer for run in results.document.runs if source is None and run.refusal]

@@ -28,6 +28,7 @@ def test_a_figure_of_two_renderers_in_every_format_and_of_an_earlier_run(here, c
     assert (here / "fig.png").read_bytes().startswith(b"\x89PNG")
     assert not (here / "results").exists()
     main(["run", "slides.toml", "--no-report", *TWO])
+    assert main(["figure", "slides.toml/flat", "--from", "results", "-o", "again.svg"]) == 0
     assert main(["figure", "flat", "--from", "results", "--width", "3.5in"]) == 0
     assert b"/MediaBox [ 0 0 252 " in (here / "figure-flat.pdf").read_bytes()
 

@@ -10,7 +10,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.paper_figure import PaperRun, clearest_coordinates, paper_figure
+from hapticeval.reports.paper_figure import RING, PaperRun, clearest_coordinates, paper_figure
 
 
 def two_runs(**evidence):
@@ -59,7 +59,7 @@ def test_the_legend_names_what_is_drawn_and_the_mark_stands_where_the_verdict_po
     fig = paper_figure(two_runs(time=time), make_model("cassinian"))
     assert texts(fig) == ["HIP", "IHIP, one (fail)", "IHIP, two (pass)", "worst place of continuous-contact"]
     plane, force = fig.axes
-    rings = [line for line in plane.lines if line.get_markersize() == 9.0]
+    rings = [line for line in plane.lines if line.get_markersize() >= RING]
     np.testing.assert_allclose([ring.get_xydata()[0] for ring in rings], 1e3 * lobe_recording().ihip[[tick, tick]])
     assert [line.get_xdata()[0] for line in force.lines if line.get_xdata()[0] == line.get_xdata()[-1]] == [time, time]
     assert texts(paper_figure(two_runs(), None)) == texts(fig)[:3], "no place is named, no mark is explained"
