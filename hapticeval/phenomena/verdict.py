@@ -88,7 +88,7 @@ class Verdict:
     """A finding with its identity, its weight, and the published outcome where the suite carries one.
 
     `inherent` is why a failure follows from what the renderer declares, see `hapticeval.phenomena.inherent`. `alike`
-    are other renderers that are that the suite has failing here as well.
+    are other renderers that the suite has failing here as well.
     """
 
     renderer: str

@@ -38,7 +38,7 @@ def test_what_is_inherent_is_counted_and_shown_with_its_reason_on_demand():
     assert "  inherent because: a spring's force begins at zero\n" in shown
 
 
-def test_an_unexpected_failure_names_who_is_in_print_to_fail_alike():
+def test_an_unexpected_failure_names_who_fails_alike():
     assert "  fail here too: constraint, mapping\n" in summary(
         results_of(jump(0.1, alike=("constraint", "mapping"))), []
     )
