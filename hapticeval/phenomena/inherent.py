@@ -43,6 +43,14 @@ def _projects_across_the_medial_axis(declared: Declared, finding: Finding) -> bo
     return declared.get("memory") == "none" and finding.evidence.get("region") == Region.MEDIAL.value
 
 
+def _jumps_as_the_nearest_point(declared: Declared, finding: Finding) -> bool:
+    """Return whether the IHIP jumps no farther than the model's nearest point does there, but for the check's bound."""
+    jump, nearest = finding.metric, finding.evidence.get("nearest_jump_m")
+    if jump is None or finding.bound is None or not isinstance(nearest, float):
+        return False
+    return _projects_across_the_medial_axis(declared, finding) and jump.value <= nearest + finding.bound
+
+
 def _rounds_corners(declared: Declared, finding: Finding) -> bool:
     corners = (Region.CONVEX.value, Region.CONCAVE.value)
     return declared.get("surfaces") == "smooth" and finding.evidence.get("region") in corners
@@ -71,7 +79,13 @@ LIMITS = (
         "a spring gives m kappa v^2 only at the depth m kappa v^2 / K: thesis 3.2.3, 6.3.3",
     ),
     Limit(
-        frozenset({"continuous-contact", "broken-contact", "contact-kept"}),
+        frozenset({"continuous-contact"}),
+        _jumps_as_the_nearest_point,
+        "without memory the contact point depends on the hand alone, and the nearest one jumps across the medial "
+        "axis by as much: thesis 3.2, 4.1.2",
+    ),
+    Limit(
+        frozenset({"broken-contact", "contact-kept"}),
         _projects_across_the_medial_axis,
         "without memory the contact point depends on the hand alone, and the nearest one jumps across the medial axis: "
         "thesis 3.2, 4.1.2",

@@ -17,7 +17,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.inherent import reason_inherent
-from hapticeval.phenomena.regions import region_of
+from hapticeval.phenomena.regions import Region, nearest_jump, region_of
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.sampling import touching
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict, undecided
@@ -403,7 +403,11 @@ def _with_region(finding: Finding, base: Recording, scene: Scene) -> Finding:
     tick = finding.evidence.get("tick")
     if finding.outcome is not Outcome.FAIL or not isinstance(tick, int) or tick >= len(base):
         return finding
-    return replace(finding, evidence={**finding.evidence, "region": region_of(base, scene, tick).value})
+    region = region_of(base, scene, tick)
+    place: dict[str, Any] = {"region": region.value}
+    if region is Region.MEDIAL:
+        place["nearest_jump_m"] = nearest_jump(base, scene, tick)
+    return replace(finding, evidence={**finding.evidence, **place})
 
 
 def _end_of(ended: Mapping[str, Any]) -> str:

@@ -1,0 +1,109 @@
+"""What a declaration excuses, and what it does not: a failure is inherent only where a theorem makes it."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from honest import Spring as Nearest
+
+from hapticeval import Declaration, Response, Scene, Spring
+from hapticeval.phenomena.inherent import LIMITS, reason_inherent
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.runner.judging import judge
+from hapticeval.runner.results import VerdictEntry
+from hapticeval.runner.standing import Standing
+from hapticeval.suite.reading import load_suite
+
+CASES = {case.name: case for case in load_suite("thesis").cases}
+
+
+class Declared(Nearest):
+    """The nearest point and a spring, which says so."""
+
+    declares = Declaration(spring=Spring.ERROR, memoryless=True)
+
+
+class ThreeTimesAsFar(Declared):
+    """The same, but across the medial axis its contact point goes on to a third face."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip, velocity, dt)
+        if np.linalg.norm(ihip - hip) > 0.0 and ihip[0] < 0.0:
+            away = self.boundary.closest_point(np.array([[ihip[0], -ihip[1] - 0.1]])).foot[0]
+            return Response(away, self.stiffness * (away - hip))
+        return Response(ihip, force)
+
+
+@cache
+def standings(factory: type, case: str) -> dict[str, Standing]:
+    judged = judge(factory, "mine:R", "thesis", CASES[case])
+    assert judged.error is None
+    return {verdict.check: VerdictEntry.of(verdict).standing for verdict in judged.verdicts}
+
+
+@pytest.mark.parametrize(
+    ("case", "check"),
+    [
+        ("star-convex-corner", "continuous-contact"),
+        ("star-convex-corner", "broken-contact"),
+        ("star-concave-corner", "abrupt-switch"),
+        ("plane-impact", "impulsive-collision"),
+        ("circle-slide", "centripetal-force"),
+    ],
+)
+def test_one_algorithm_is_judged_by_what_it_declares(case: str, check: str) -> None:
+    """Without a declaration each of these stops a gate; with it none does, and all others of the case pass alike."""
+    plain, declared = standings(Nearest, case), standings(Declared, case)
+    assert plain[check] is Standing.FAIL
+    assert declared[check] is Standing.INHERENT
+    assert Standing.FAIL not in declared.values()
+
+
+def test_a_jump_that_is_farther_than_the_nearest_points_is_no_theorems() -> None:
+    assert standings(ThreeTimesAsFar, "star-convex-corner")["continuous-contact"] is Standing.FAIL
+
+
+def finding(outcome: Outcome = Outcome.FAIL, value: float = 1.0, **evidence: object) -> Finding:
+    return Finding(outcome, "seen", Metric("jump", value, "m"), 0.01, evidence)
+
+
+@pytest.mark.parametrize(("value", "is_inherent"), [(0.99, True), (1.0, True), (1.0101, False)])
+def test_the_nearest_points_jump_and_the_checks_bound_are_the_limit(value: float, is_inherent: bool) -> None:
+    jump = finding(value=value, region="medial axis", nearest_jump_m=0.99 + 0.01)
+    assert bool(reason_inherent("continuous-contact", jump, {"memory": "none"})) is is_inherent
+
+
+@pytest.mark.parametrize("region", ["surface", "free space", "convex corner", "concave corner"])
+def test_a_jump_elsewhere_is_a_failure(region: str) -> None:
+    assert not reason_inherent("continuous-contact", finding(region=region, nearest_jump_m=9.0), {"memory": "none"})
+
+
+@pytest.mark.parametrize("outcome", [outcome for outcome in Outcome if outcome is not Outcome.FAIL])
+def test_only_failures_are_inherent(outcome: Outcome) -> None:
+    assert not reason_inherent("impulsive-collision", finding(outcome), {"spring": "error"})
+
+
+def test_a_loop_that_ran_away_is_a_failure() -> None:
+    assert not reason_inherent("impulsive-collision", finding(ended={"ran_away": True}), {"spring": "error"})
+
+
+def test_who_declares_nothing_has_nothing_inherent() -> None:
+    jump = finding(region="medial axis", nearest_jump_m=9.0)
+    assert not any(reason_inherent(check, jump, {}) for check in CHECKS)
+
+
+def test_each_limit_names_checks_that_there_are_and_its_source() -> None:
+    for limit in LIMITS:
+        assert limit.checks <= CHECKS.keys()
+        assert "thesis" in limit.because
+
+
+def test_a_declaration_is_kept_with_the_recording() -> None:
+    scene = Scene(model=CASES["plane-impact"].build_scene().model)
+    assert Declared(scene).declares.meta["memory"] == "none"
+    assert Declaration(smooth_only=True).meta["surfaces"] == "smooth"
+    assert Declaration(closed_form="pp").meta["closed_form"] == "pp"
+    assert not Declaration(memoryless="yes").sound  # type: ignore[arg-type]
