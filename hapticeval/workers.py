@@ -303,6 +303,8 @@ class Workers(Generic[T]):
     def _begin(self, call: int, arguments: tuple[Any, ...], killed: int) -> None:
         while True:
             worker = self._idle.pop() if self._idle else self._new()
+            # What the call before left there is not of this one. Before it is sent: the worker may answer at once.
+            worker.pending_step[0] = 0
             try:
                 worker.pipe.send(arguments)
             except OSError:  # it ended while it had nothing to do
@@ -311,8 +313,6 @@ class Workers(Generic[T]):
             except Exception:  # the arguments cannot travel, and nothing of them was sent
                 self._idle.append(worker)
                 raise
-            # What the call before left there is not of this one.
-            worker.pending_step[0] = 0
             self._begun[call] = _Call(worker, arguments, killed, time.monotonic(), _processor_wait(worker))
             return
 
