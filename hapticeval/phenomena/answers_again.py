@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
@@ -44,7 +46,7 @@ def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
     metric = Metric(MEMORYLESS.metric, float(answer_distances[worst]), "m")
     bound = position_tolerance(base, scene)
     share = float(np.mean(answer_distances > bound))
-    return compared(
+    finding = compared(
         metric,
         bound,
         {
@@ -57,6 +59,9 @@ def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
         fails=f"the same HIP gives IHIPs {mm(metric.value)} apart, by the way it was reached "
         f"({100 * share:.3g} per cent of the HIPs)",
     )
+    # Who declares to be without memory is held to it.
+    declared = base.meta.get("memory") == "none"
+    return replace(finding, level=Level.MUST) if declared and finding.outcome is Outcome.FAIL else finding
 
 
 def _closest_answers(

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from hapticeval.phenomena.decisions import TELLING_SHARE
 from hapticeval.phenomena.regions import Region
-from hapticeval.phenomena.verdict import Finding, Outcome
+from hapticeval.phenomena.verdict import Finding, Outcome, fault_kind
 
 Declared = Mapping[str, Any]
 """What a renderer declares, as the metadata of its recordings have it: see `Declaration.meta`."""
@@ -31,22 +32,41 @@ def _is_spring(declared: Declared, _finding: Finding) -> bool:
     return "spring" in declared or declared.get("closed_form") in FED_FORWARD
 
 
+def _strikes_as_a_spring(declared: Declared, finding: Finding) -> bool:
+    """Return whether a spring takes the momentum: less at first than is asked for, never more, in the end all of it."""
+    given, wanted = (finding.evidence.get(name) for name in ("impulse_in_window_Ns", "impulse_wanted_Ns"))
+    if not isinstance(given, float) or not isinstance(wanted, float):
+        return False
+    return _is_spring(declared, finding) and 0.0 <= given <= wanted and "stopped_after_ms" in finding.evidence
+
+
 def _pulls_along_the_error(declared: Declared, _finding: Finding) -> bool:
     return declared.get("spring") == "error"
 
 
-def _spring_alone(declared: Declared, _finding: Finding) -> bool:
-    return "spring" in declared and declared.get("closed_form") not in FED_FORWARD
+def _sinks_as_a_spring(declared: Declared, finding: Finding) -> bool:
+    """Return whether the error is a spring's, m kappa v^2 / K with the least K declared, up to `TELLING_SHARE`."""
+    if finding.metric is None or "spring" not in declared or declared.get("closed_form") in FED_FORWARD:
+        return False
+    return finding.metric.value <= 1.0 / declared.get("stiffness_least", 1.0) + TELLING_SHARE
 
 
 def _projects_across_the_medial_axis(declared: Declared, finding: Finding) -> bool:
     return declared.get("memory") == "none" and finding.evidence.get("region") == Region.MEDIAL.value
 
 
+def _tunnels_across_the_medial_axis(declared: Declared, finding: Finding) -> bool:
+    # A contact that is let go is no theorem's: the nearest point exists wherever the hand is inside.
+    return _projects_across_the_medial_axis(declared, finding) and fault_kind(finding.evidence) == "tunnelled"
+
+
 def _jumps_as_the_nearest_point(declared: Declared, finding: Finding) -> bool:
     """Return whether the IHIP jumps no farther than the model's nearest point does there, but for the check's bound."""
     jump, nearest = finding.metric, finding.evidence.get("nearest_jump_m")
     if jump is None or finding.bound is None or not isinstance(nearest, float):
+        return False
+    # No theorem moves the point off the surface.
+    if "off_surface_m" in finding.evidence:
         return False
     return _projects_across_the_medial_axis(declared, finding) and jump.value <= nearest + finding.bound
 
@@ -63,7 +83,7 @@ def _has_law(*schemes: str) -> Callable[[Declared, Finding], bool]:
 LIMITS = (
     Limit(
         frozenset({"impulsive-collision"}),
-        _is_spring,
+        _strikes_as_a_spring,
         "a spring's force begins at zero and grows with the depth, so it turns the momentum round in pi/2 sqrt(m / K) "
         "and not at once: thesis 3.2.2, (4.6)",
     ),
@@ -75,7 +95,7 @@ LIMITS = (
     ),
     Limit(
         frozenset({"centripetal-force"}),
-        _spring_alone,
+        _sinks_as_a_spring,
         "a spring gives m kappa v^2 only at the depth m kappa v^2 / K: thesis 3.2.3, 6.3.3",
     ),
     Limit(
@@ -85,13 +105,18 @@ LIMITS = (
         "axis by as much: thesis 3.2, 4.1.2",
     ),
     Limit(
-        frozenset({"broken-contact", "contact-kept"}),
+        frozenset({"contact-kept"}),
+        _tunnels_across_the_medial_axis,
+        "without memory a hand that has crossed the middle of a plate belongs to its other side: thesis 3.2, 4.1.2",
+    ),
+    Limit(
+        frozenset({"broken-contact"}),
         _projects_across_the_medial_axis,
         "without memory the contact point depends on the hand alone, and the nearest one jumps across the medial axis: "
         "thesis 3.2, 4.1.2",
     ),
     Limit(
-        frozenset({"continuous-contact", "broken-contact", "abrupt-switch"}),
+        frozenset({"broken-contact", "abrupt-switch"}),
         _rounds_corners,
         "a map that is made for smooth surfaces turns a corner over a length: thesis 5.2, 6.2",
     ),

@@ -26,6 +26,17 @@ class Declared(Nearest):
     declares = Declaration(spring=Spring.ERROR, memoryless=True)
 
 
+class Remembers(Declared):
+    """It declares no memory, and drags its contact point 3 mm behind where it came from."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip, velocity, dt)
+        if np.linalg.norm(ihip - hip) > 0.0 and np.linalg.norm(velocity) > 0.0:
+            behind = ihip - 3e-3 * velocity / np.linalg.norm(velocity)
+            ihip = self.boundary.closest_point(behind[np.newaxis]).foot[0]
+        return Response(ihip, force)
+
+
 class ThreeTimesAsFar(Declared):
     """The same, but across the medial axis its contact point goes on to a third face."""
 
@@ -66,8 +77,46 @@ def test_a_jump_that_is_farther_than_the_nearest_points_is_no_theorems() -> None
     assert standings(ThreeTimesAsFar, "star-convex-corner")["continuous-contact"] is Standing.FAIL
 
 
+def test_who_declares_to_be_without_memory_is_held_to_it() -> None:
+    assert standings(Remembers, "cassinian-deep-slide")["memoryless"] is Standing.FAIL
+
+
 def finding(outcome: Outcome = Outcome.FAIL, value: float = 1.0, **evidence: object) -> Finding:
     return Finding(outcome, "seen", Metric("jump", value, "m"), 0.01, evidence)
+
+
+STRUCK = {"impulse_in_window_Ns": 0.002, "impulse_wanted_Ns": 0.03, "stopped_after_ms": 16.0}
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_inherent"),
+    [
+        ({}, True),
+        ({"impulse_in_window_Ns": 0.031}, False),
+        ({"impulse_in_window_Ns": -0.001}, False),
+        ({"stopped_after_ms": None}, False),
+    ],
+)
+def test_a_spring_takes_the_momentum_later_and_never_otherwise(changes: dict[str, float], is_inherent: bool) -> None:
+    evidence = {name: value for name, value in (STRUCK | changes).items() if value is not None}
+    assert bool(reason_inherent("impulsive-collision", finding(**evidence), {"spring": "error"})) is is_inherent
+
+
+@pytest.mark.parametrize(("error", "least", "is_inherent"), [(1.09, 1.0, True), (1.11, 1.0, False), (2.05, 0.5, True)])
+def test_a_spring_sinks_by_its_own_error_and_no_more(error: float, least: float, is_inherent: bool) -> None:
+    declared = {"spring": "error", "stiffness_least": least}
+    assert bool(reason_inherent("centripetal-force", finding(value=error), declared)) is is_inherent
+
+
+@pytest.mark.parametrize("kind", ["let go", "tunnelled"])
+def test_a_contact_that_is_let_go_is_no_theorems(kind: str) -> None:
+    lost = finding(region="medial axis", kind=kind)
+    assert bool(reason_inherent("contact-kept", lost, {"memory": "none"})) is (kind == "tunnelled")
+
+
+def test_a_point_off_the_surface_is_no_theorems() -> None:
+    jump = finding(region="medial axis", nearest_jump_m=9.0, off_surface_m=0.015)
+    assert not reason_inherent("continuous-contact", jump, {"memory": "none"})
 
 
 @pytest.mark.parametrize(("value", "is_inherent"), [(0.99, True), (1.0, True), (1.0101, False)])
@@ -83,11 +132,11 @@ def test_a_jump_elsewhere_is_a_failure(region: str) -> None:
 
 @pytest.mark.parametrize("outcome", [outcome for outcome in Outcome if outcome is not Outcome.FAIL])
 def test_only_failures_are_inherent(outcome: Outcome) -> None:
-    assert not reason_inherent("impulsive-collision", finding(outcome), {"spring": "error"})
+    assert not reason_inherent("impulsive-collision", finding(outcome, **STRUCK), {"spring": "error"})
 
 
 def test_a_loop_that_ran_away_is_a_failure() -> None:
-    assert not reason_inherent("impulsive-collision", finding(ended={"ran_away": True}), {"spring": "error"})
+    assert not reason_inherent("impulsive-collision", finding(ended={"ran_away": True}, **STRUCK), {"spring": "error"})
 
 
 def test_who_declares_nothing_has_nothing_inherent() -> None:
