@@ -48,7 +48,9 @@ def _sinks_as_a_spring(declared: Declared, finding: Finding) -> bool:
     """Return whether the error is a spring's, m kappa v^2 / K with the least K declared, up to `TELLING_SHARE`."""
     if finding.metric is None or "spring" not in declared or declared.get("closed_form") in FED_FORWARD:
         return False
-    return finding.metric.value <= 1.0 / declared.get("stiffness_least", 1.0) + TELLING_SHARE
+    # Where the stiffness varies, the error is the softest spring's.
+    softest = float(declared.get("stiffness_least", 1.0))
+    return finding.metric.value <= 1.0 / softest + TELLING_SHARE
 
 
 def _projects_across_the_medial_axis(declared: Declared, finding: Finding) -> bool:
