@@ -227,8 +227,8 @@ def kernel_folder() -> Path:
 
     That is a folder of its own in the user's cache folder, or in the one that NUMBA_CACHE_DIR names.
     """
-    whole = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("hapticeval") / "kernels")
-    return whole / hashlib.sha256(str(Path(__file__).parent).encode()).hexdigest()[:12]
+    all_installations = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("hapticeval") / "kernels")
+    return all_installations / hashlib.sha256(str(Path(__file__).parent).encode()).hexdigest()[:12]
 
 
 @contextmanager

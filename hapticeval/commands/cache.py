@@ -40,7 +40,8 @@ def cache(
         return
     try:
         # A folder that is not there yet is as empty as one that was removed.
-        shutil.rmtree(folder, ignore_errors=not folder.exists())
+        if folder.exists():
+            shutil.rmtree(folder)
     except OSError as error:
         raise HapticevalError(f"cannot remove {folder}", why=error.strerror or str(error)) from error
     say(f"removed {len(files)} files, {size}, of {folder}")

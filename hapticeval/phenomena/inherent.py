@@ -28,16 +28,16 @@ class Limit(NamedTuple):
     because: str
 
 
-def _is_spring(declared: Declared, _finding: Finding) -> bool:
-    return "spring" in declared or declared.get("closed_form") in FED_FORWARD
-
-
 def _strikes_as_a_spring(declared: Declared, finding: Finding) -> bool:
     """Return whether a spring takes the momentum: less at first than is asked for, never more, in the end all of it."""
-    given, wanted = (finding.evidence.get(name) for name in ("impulse_in_window_Ns", "impulse_wanted_Ns"))
-    if not isinstance(given, float) or not isinstance(wanted, float):
+    # Laws that feed the curvature's force forward press by a spring, too.
+    if "spring" not in declared and declared.get("closed_form") not in FED_FORWARD:
         return False
-    return _is_spring(declared, finding) and 0.0 <= given <= wanted and "stopped_after_ms" in finding.evidence
+    impulse, rigid_impulse = (finding.evidence.get(name) for name in ("impulse_in_window_Ns", "impulse_wanted_Ns"))
+    if not isinstance(impulse, float) or not isinstance(rigid_impulse, float):
+        return False
+    # Evidence has the time of the stop only where the tool was stopped.
+    return 0.0 <= impulse <= rigid_impulse and "stopped_after_ms" in finding.evidence
 
 
 def _pulls_along_the_error(declared: Declared, _finding: Finding) -> bool:

@@ -39,7 +39,7 @@ def region_of(recording: Recording, scene: Scene, tick: int) -> Region:
         if np.linalg.norm(frame.foot[-1] - corner.position) <= near:
             return Region.CONVEX if corner.convex else Region.CONCAVE
     # The model's own nearest point jumps: what a renderer does here is about two branches of it.
-    return Region.MEDIAL if nearest_jump(recording, scene, tick) > near else Region.SURFACE
+    return Region.MEDIAL if np.linalg.norm(frame.foot[-1] - frame.foot[0]) > near else Region.SURFACE
 
 
 def nearest_jump(recording: Recording, scene: Scene, tick: int) -> float:
