@@ -18,7 +18,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.canvas import MM, colour_of, draw_over_time, in_style
+from hapticeval.reports.canvas import CURVES, MM, colour_of, draw_over_time, in_style
 from hapticeval.reports.plane import aspect_of, box_round, draw_body, name_axes, samples_along_path
 from hapticeval.reports.run_figure import include_zero
 from hapticeval.runner.results import VerdictEntry
@@ -42,9 +42,11 @@ DETAIL = 20_000.0
 WIDTH, FONT_SIZE = 0.088, 8.0
 """Width (m), of a column of most journals, and points of all text of a figure, where none are asked for."""
 
-ROLES = ("ihip", "hip", "one", "two", "three", "mark")
+ROLES = tuple(role for role in CURVES if role != "ink")
+"""Roles of the renderers' curves: ink is the HIP's."""
+
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-"""Colour and marker of each renderer; that one list is longer keeps pairs apart where the other begins anew."""
+"""Marker of each renderer; that there is one more than colours keeps pairs apart where the colours begin anew."""
 
 DASHES = (0, (3.0, 1.5))
 """Line style of the HIP's path: the offset, and the lengths of line and gap in line widths."""
