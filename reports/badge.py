@@ -24,8 +24,8 @@ def badge_words(results: ResultsDocument) -> tuple[str, str]:
     # Information and checks that do not apply are no part of the share.
     standings = Counter(verdict.standing for verdict in results.verdicts if verdict.standing.judged)
     judged, passed = standings.total(), standings[Standing.PASS]
-    excused = (Standing.KNOWN, Standing.INHERENT)
-    noted = [f"{standings[standing]} {standing.words}" for standing in excused if standings[standing]]
+    excused = [standing for standing in Standing if standing.excused and standings[standing]]
+    noted = [f"{standings[standing]} {standing.words}" for standing in excused]
     text = ", ".join([f"{passed}/{judged} pass", *noted])
     if not results.complete:
         return f"incomplete: {text}", "lightgrey"

@@ -222,8 +222,7 @@ def worst_verdicts(results: ResultsDocument, count: int) -> list[VerdictEntry]:
     """
     unexpected = [verdict for verdict in results.verdicts if verdict.standing.stops_strict]
     grave = [verdict for verdict in unexpected if not results.lost(verdict)]
-    excused = (Standing.KNOWN, Standing.INHERENT)
-    candidates = grave or [verdict for verdict in results.verdicts if verdict.standing in excused]
+    candidates = grave or [verdict for verdict in results.verdicts if verdict.standing.excused]
     worst_by_check: dict[tuple[str, ...], VerdictEntry] = {}
     # The first of each key is the worst, as the gravest come first.
     for verdict in gravest_first(candidates):

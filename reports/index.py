@@ -180,9 +180,7 @@ def render_index(
         forms=CLOSED_FORMS,
         suites=_suite_sections(results),
         grave_states=[standing for standing in Standing if standing.unexpected],
-        failing_states=[
-            Standing.KNOWN, Standing.INHERENT, *(standing for standing in Standing if standing.stops_strict),
-        ],
+        failing_states=[standing for standing in Standing if standing.stops_strict or standing.excused],
         titles={(run.suite, run.case): run.title for run in results.runs},
         aside={(run.suite, run.case) for run in results.runs if not run.judged},
         case_link=case_link,

@@ -24,9 +24,6 @@ VERDICTS_SHOWN = 10
 CASES_NAMED = 3
 """Cases that are named of those in which a renderer broke in one way, without -v."""
 
-EXCUSED = frozenset({Standing.KNOWN, Standing.INHERENT})
-"""Failures that stop nothing: shown with -v."""
-
 LEGEND = {
     "!": "!n are not as expected",
     "~": "~n fail and are known",
@@ -41,9 +38,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
 
     Where a `width` is given, tables that are wider are shown as lists.
     """
-    stops = [verdict for verdict in results.verdicts if results.stops(verdict) and not results.lost(verdict)]
-    # Worst first: errors, then by how many bounds they are away.
-    stops.sort(key=lambda verdict: verdict.severity, reverse=True)
+    stops = [verdict for verdict in _stopping_verdicts(results) if not results.lost(verdict)]
     # Of these, warnings and entries of an outdated list are shown always, what is known or inherent with -v.
     unstopping = [verdict for verdict in results.verdicts if not results.stops(verdict)]
     worst = stops if verbose else stops[:VERDICTS_SHOWN]
@@ -64,24 +59,28 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
         else "",
         lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing is Standing.OUTDATED),
         lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing is Standing.WARNING),
-        lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing in EXCUSED) if verbose else "",
+        lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing.excused) if verbose else "",
         lines(_not_applicable_reasons(results)) if verbose else "",
         _totals_words(results, verbose=verbose),
         wrote_lines(written),
     )
 
 
+def _stopping_verdicts(results: ResultsDocument) -> list[VerdictEntry]:
+    """Return what stops the gate, the worst first: errors, then by how many bounds they are away."""
+    stops = [verdict for verdict in results.verdicts if results.stops(verdict)]
+    return sorted(stops, key=lambda verdict: verdict.severity, reverse=True)
+
+
 def github_annotations(results: ResultsDocument) -> str:
     """Return workflow commands by which GitHub shows beside a job what stops its gate, the worst first."""
-    stops = [verdict for verdict in results.verdicts if results.stops(verdict)]
-    stops.sort(key=lambda verdict: verdict.severity, reverse=True)
     return lines(
         annotation(
             "error",
             f"{verdict.renderer} on {verdict.place}",
             "; ".join(part for part in (f"{verdict.outcome}: {verdict.message}", verdict.measured) if part),
         )
-        for verdict in stops[:VERDICTS_SHOWN]
+        for verdict in _stopping_verdicts(results)[:VERDICTS_SHOWN]
     )
 
 
@@ -261,7 +260,11 @@ def _totals_words(results: ResultsDocument, *, verbose: bool) -> str:
     standings = [verdict.standing for verdict in results.verdicts]
     unexpected = sum(standing.unexpected for standing in standings)
     counting = " (warnings count)" * (results.command.strict and Standing.WARNING in standings)
-    hidden = "" if verbose or not EXCUSED & set(standings) else " (-v shows what is known or inherent)"
+    hidden = (
+        ""
+        if verbose or not any(standing.excused for standing in standings)
+        else " (-v shows what is known or inherent)"
+    )
     ran = f"{results.ran} of {plural(results.planned, 'planned verdict')} ran"
     if not results.complete:
         ran += f" (incomplete: {results.reason})"

@@ -54,6 +54,11 @@ class Standing(StrEnum):
         return self.unexpected or self in (Standing.WARNING, Standing.OUTDATED)
 
     @property
+    def excused(self) -> bool:
+        """Whether it is a failure that stops no gate, for a reason that is given."""
+        return self in (Standing.KNOWN, Standing.INHERENT)
+
+    @property
     def judged(self) -> bool:
         """Whether it is a verdict on the renderer: the question arose, and its answer counts."""
         return self not in (Standing.NOT_JUDGED, Standing.NOT_APPLICABLE)
