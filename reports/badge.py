@@ -12,11 +12,14 @@ from hapticeval.files import replacing
 from hapticeval.runner.results import ResultsDocument
 from hapticeval.runner.standing import Standing
 
-LABEL = "hapticeval"
-"""The badge's left field."""
-
 COLOURS = {"brightgreen": "#1a7f37", "yellow": "#9a6700", "red": "#cf222e", "lightgrey": "#57606a"}
 """Names of shields.io, and what the SVG has for them: white text on each has a contrast of at least 4.5 to 1."""
+
+
+def badge_label(results: ResultsDocument) -> str:
+    """Return the badge's left field: the suite with its version where there is one alone."""
+    labels = [suite.label for suite in results.suites]
+    return f"hapticeval {labels[0]}" if len(labels) == 1 else "hapticeval"
 
 
 def badge_words(results: ResultsDocument) -> tuple[str, str]:
@@ -40,15 +43,19 @@ def badge_words(results: ResultsDocument) -> tuple[str, str]:
 def shields_json(results: ResultsDocument) -> str:
     """Return the JSON that shields.io/endpoint reads."""
     text, colour = badge_words(results)
-    return json.dumps({"schemaVersion": 1, "label": LABEL, "message": text, "color": colour}, indent=1) + "\n"
+    return (
+        json.dumps({"schemaVersion": 1, "label": badge_label(results), "message": text, "color": colour}, indent=1)
+        + "\n"
+    )
 
 
 def badge_svg(results: ResultsDocument) -> str:
     """Return the badge as SVG. Text is fitted to widths reckoned at 6.6 px a character, whatever font there is."""
+    label = badge_label(results)
     text, colour = badge_words(results)
     # Widths in px of the two fields, each with 6 px on either side of its text.
-    left, right = (round(6.6 * len(part)) + 12 for part in (LABEL, text))
-    title = escape(f"{LABEL}: {text}")
+    left, right = (round(6.6 * len(part)) + 12 for part in (label, text))
+    title = escape(f"{label}: {text}")
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + right}" height="20" role="img" aria-label="{title}">',
         f"<title>{title}</title>",
@@ -58,7 +65,7 @@ def badge_svg(results: ResultsDocument) -> str:
         '<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11" text-anchor="middle">',
         *(
             f'<text x="{place}" y="14" textLength="{width - 12}" lengthAdjust="spacingAndGlyphs">{escape(part)}</text>'
-            for place, width, part in ((left / 2, left, LABEL), (left + right / 2, right, text))
+            for place, width, part in ((left / 2, left, escape(label)), (left + right / 2, right, text))
         ),
         "</g></svg>",
     ]

@@ -32,7 +32,7 @@ def junit(results: ResultsDocument) -> str:
         key = (entry.suite, entry.renderer)
         if key not in suites:
             suites[key] = ET.SubElement(root, "testsuite", name=_xml_text(": ".join(key)), time="0")
-            _add_provenance(suites[key], results, entry.renderer)
+            _add_provenance(suites[key], results, entry)
         return suites[key]
 
     for run in results.runs:
@@ -57,13 +57,14 @@ def junit(results: ResultsDocument) -> str:
     return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _add_provenance(suite: ET.Element, results: ResultsDocument, renderer: str) -> None:
-    """Date, version and commit, which a reader of the file alone wants to know."""
+def _add_provenance(suite: ET.Element, results: ResultsDocument, entry: RunEntry | VerdictEntry) -> None:
+    """Date, versions and commit, which a reader of the file alone wants to know."""
     if results.date:
         suite.set("timestamp", results.date)
     property_values = {
         "hapticeval": results.environment.versions.get("hapticeval"),
-        "commit": results.commits.get(renderer),
+        "suite": results.suite_label(entry.suite),
+        "commit": results.commits.get(entry.renderer),
     }
     properties = ET.SubElement(suite, "properties")
     for name, value in property_values.items():

@@ -133,6 +133,7 @@ def _as_text(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
     margins = comparison.margins if verbose else comparison.margins[:MARGINS_SHOWN]
     more = len(comparison.margins) - len(margins)
     return paragraphs(
+        lines(f"suite: {suite}" for suite in comparison.suites),
         lines(
             f"{paint(change.standing, colours.get(change.standing))}: {change.renderer} on {change.place}: "
             f"{_outcome_words(change)}\n  {change.message}"
@@ -149,7 +150,8 @@ def _as_github(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
     """Workflow commands: GitHub shows each beside the job."""
     # What is better is a notice.
     kinds = {"worse": "error", "gone": "warning", "changed": "warning"}
-    annotations = [
+    annotations = [annotation("warning", "suite", suite) for suite in comparison.suites]
+    annotations += [
         annotation(kinds.get(c.standing, "notice"), f"{c.renderer} on {c.place}", f"{_change_words(c)}: {c.message}")
         for c in comparison.verdicts
     ]
@@ -175,6 +177,8 @@ def _as_markdown(comparison: Diff, times: Sequence[Change], verbose: bool) -> st
 
     def tables() -> Iterator[str]:
         yield f"**hapticeval**: {_counts_words(comparison, times)}"
+        if comparison.suites:
+            yield lines(f"- {suite}" for suite in comparison.suites)
         if comparison.verdicts:
             rows = [[c.standing, c.renderer, c.place, _outcome_words(c), c.message] for c in comparison.verdicts]
             yield aligned_table(["", "renderer", "verdict", "outcome", "what was seen"], rows)

@@ -43,7 +43,7 @@ def suites() -> Rows:
     """The built-in suites, and the groups of them that one name runs."""
     for name, file in find_suites().items():
         suite = outline(file)
-        yield name, f"{suite.title} ({len(suite.cases)} cases; {suite.citation})"
+        yield f"{name} {suite.version}", f"{suite.title} ({len(suite.cases)} cases; {suite.citation})"
     for name, members in suite_groups().items():
         yield name, f"all of {', '.join(members)}"
 

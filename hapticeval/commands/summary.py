@@ -103,7 +103,10 @@ def _pass_grid(results: ResultsDocument, width: int) -> str:
         cells.setdefault(verdict.suite, {}).setdefault(verdict.renderer, []).append(verdict)
     renderers = list(dict.fromkeys(verdict.renderer for verdict in results.verdicts))
     rows = [
-        [(suite, None), *(_grid_cell(row[name], results) if name in row else ("", None) for name in renderers)]
+        [
+            (results.suite_label(suite), None),
+            *(_grid_cell(row[name], results) if name in row else ("", None) for name in renderers),
+        ]
         for suite, row in cells.items()
     ]
     if not rows:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from msgspec import Struct
@@ -48,10 +48,11 @@ class MarginMove(Struct, frozen=True, kw_only=True):
 class Diff(Struct, frozen=True, kw_only=True):
     """What differs between two runs: `verdicts` with the worse ones first, `margins` with the largest moves first.
 
-    `compared` counts the verdicts that both have.
+    `compared` counts the verdicts that both have. `suites` says which suites are not the same in both runs.
     """
 
     compared: int
+    suites: list[str]
     verdicts: list[VerdictChange]
     margins: list[MarginMove]
     incomplete: str | None
@@ -89,10 +90,29 @@ def compare_results(before: ResultsDocument, now: ResultsDocument) -> Diff:
     order: Mapping[str, int] = {name: rank for rank, name in enumerate(("worse", "changed", "gone", "better", "new"))}
     return Diff(
         compared=len(old.keys() & new.keys()),
+        suites=list(_changed_suites(before, now)),
         verdicts=sorted(changes, key=lambda change: order[change.standing]),
         margins=sorted(moves, key=lambda move: -abs(move.by)),
         incomplete=None if now.complete else now.reason,
     )
+
+
+def _changed_suites(before: ResultsDocument, now: ResultsDocument) -> Iterator[str]:
+    """Yield, for each suite that asks something else than before, its two versions and the cases that changed."""
+    earlier = {suite.name: suite for suite in before.suites}
+    for suite in now.suites:
+        other = earlier.get(suite.name, suite)
+        changed = [
+            case
+            for case, digest in suite.case_digests.items()
+            # a case that only one of the runs has shows as new or gone verdicts
+            if digest != other.case_digests.get(case, digest)
+        ]
+        cases = f"; cases that ask something else: {', '.join(changed)}" if changed else ""
+        if other.version != suite.version:
+            yield f"{other.label} before, {suite.label} now: verdicts may differ for the suite's sake{cases}"
+        elif changed:
+            yield f"{suite.label} was changed{cases}"
 
 
 def _by_name(results: ResultsDocument) -> dict[tuple[str, str], VerdictEntry]:

@@ -6,10 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from hashlib import sha256
 from pathlib import Path
-
-import msgspec
 
 from hapticeval.runner.commits import commits
 from hapticeval.runner.events import JobFinished
@@ -26,7 +23,7 @@ from hapticeval.runner.results import (
     write_results,
 )
 from hapticeval.runner.table import cells_of, fill_table
-from hapticeval.suite.files import files_of
+from hapticeval.suite.files import digest_of_case, digest_of_suite
 from hapticeval.suite.suite import Suite
 
 SAVE_EVERY = 1.0
@@ -138,17 +135,7 @@ def suite_entry(suite: Suite, cases: Sequence[str] = (), renderers: Sequence[str
         cases=list(cases),
         renderers=list(renderers),
         cells=cells_of(suite),
-        digest=_digest(suite),
+        version=suite.version,
+        digest=digest_of_suite(suite),
+        case_digests={case.name: digest_of_case(case) for case in suite.cases if case.name in cases},
     )
-
-
-def _digest(suite: Suite) -> str:
-    """Return a digest of all that a suite asks, its files included, wherever its folder is."""
-    # Without folders, wherever they stand: a suite that was moved asks the same.
-    entries = [msgspec.structs.replace(case, folder=Path()) for case in suite.cases]
-    text = msgspec.json.encode([suite.rows, entries], enc_hook=str).decode()
-    for folder in {str(case.folder.resolve()) for case in suite.cases}:
-        text = text.replace(folder, "")
-    # Files count by their content.
-    files = {digest for case in suite.cases for digest in files_of(case).values()}
-    return sha256("\n".join([text, *sorted(files)]).encode()).hexdigest()[:16]

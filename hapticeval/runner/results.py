@@ -50,7 +50,8 @@ class SuiteEntry(Entry, frozen=True, kw_only=True):
     """A suite that ran, and the titles of the rows of the table that its cases fill.
 
     `cases` and `renderers` are what was planned of it, in that order; `cells` holds for each row the `case/check` that
-    decide it. Suites of one `digest` ask the same, word by word.
+    decide it. Suites of one `digest` say the same, word by word; cases of one digest in `case_digests` ask the same.
+    Within one `version` a renderer that stays the same keeps its verdicts; "" for a suite without one.
     """
 
     name: str
@@ -60,7 +61,14 @@ class SuiteEntry(Entry, frozen=True, kw_only=True):
     cases: list[str] = []
     renderers: list[str] = []
     cells: dict[str, list[str]] = {}
+    version: str = ""
     digest: str = ""
+    case_digests: dict[str, str] = {}
+
+    @property
+    def label(self) -> str:
+        """The suite's name with its version, as it is cited: thesis 1.0."""
+        return f"{self.name} {self.version}".rstrip()
 
 
 class Command(Entry, frozen=True, kw_only=True):
@@ -451,6 +459,10 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
             )
         if self.ran != len(self.verdicts):
             raise ValueError(f"{self.ran} verdicts ran, and it holds {len(self.verdicts)}: one was lost, or added")
+
+    def suite_label(self, name: str) -> str:
+        """Return the name of a suite with its version, as it is cited: thesis 1.0."""
+        return next((suite.label for suite in self.suites if suite.name == name), name)
 
     def entries(self) -> Iterator[RunEntry | VerdictEntry]:
         """Yield all runs, then all verdicts."""

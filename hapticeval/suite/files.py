@@ -1,9 +1,10 @@
-"""The files that a case names: another machine that runs it must have them as well."""
+"""What a case and a suite ask, as digests, and the files that they name: another machine must have them as well."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import msgspec
 
 from hapticeval.files import digest_of
 from hapticeval.suite.case import Case
+from hapticeval.suite.suite import Row, Suite
 
 
 def files_of(case: Case) -> dict[str, str]:
@@ -18,6 +20,27 @@ def files_of(case: Case) -> dict[str, str]:
     # Any text of a case may name a file; what names none has no digest.
     named = {str((case.folder / text).resolve()) for text in _texts(msgspec.to_builtins(case, enc_hook=str)) if text}
     return {path: digest for path in sorted(named) if (digest := _digest_of(path)) is not None}
+
+
+def digest_of_suite(suite: Suite) -> str:
+    """Return a digest of all that a suite says, word by word, its files included, wherever its folder is."""
+    return _digest(suite.cases, suite.rows)
+
+
+def digest_of_case(case: Case) -> str:
+    """Return a digest of what a case asks of a renderer, its files included: all but what is said about it."""
+    return _digest([msgspec.structs.replace(case, title="", shows="", citation="", published={})])
+
+
+def _digest(cases: Sequence[Case], rows: Sequence[Row] = ()) -> str:
+    """Return a digest of cases and rows without the cases' folders; the files that they name count by their content."""
+    # What was moved to another folder asks the same.
+    entries = [msgspec.structs.replace(case, folder=Path()) for case in cases]
+    text = msgspec.json.encode([rows, entries], enc_hook=str).decode()
+    for folder in {str(case.folder.resolve()) for case in cases}:
+        text = text.replace(folder, "")
+    files = {digest for case in cases for digest in files_of(case).values()}
+    return sha256("\n".join([text, *sorted(files)]).encode()).hexdigest()[:16]
 
 
 def _texts(value: Any) -> Iterator[str]:

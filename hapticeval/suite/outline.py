@@ -25,19 +25,20 @@ class Heading(NamedTuple):
 
 
 class Outline(NamedTuple):
-    """A suite: its title, its citation, and its cases, each with whether it is judged."""
+    """A suite: its title, version and citation, and its cases, each with whether it is judged."""
 
     title: str
+    version: str
     citation: str
     cases: tuple[tuple[Heading, bool], ...]
 
 
 def outline(file: Path) -> Outline:
-    """Return title, citation and cases of a sound suite file; `load_suite` reads any other, and says what is wrong."""
+    """Return what lists show of a sound suite file; `load_suite` reads any other, and says what is wrong."""
     document = read_toml(file)
     variants = document.get("variant", {})
     cases = tuple(case for table in document["case"] for case in _cases(table, variants))
-    return Outline(document["title"], document.get("citation", ""), cases)
+    return Outline(document["title"], document.get("version", ""), document.get("citation", ""), cases)
 
 
 def _cases(table: dict[str, Any], variants: dict[str, Any]) -> Iterator[tuple[Heading, bool]]:

@@ -55,6 +55,7 @@ class SuiteFile(Entry, frozen=True, kw_only=True):
 
     title: str
     case: Annotated[list[CaseTable], Meta(min_length=1)]
+    version: Annotated[str, Meta(pattern=r"^[0-9]+\.[0-9]+$")] = ""
     citation: str = ""
     renderers: Names = ()
     variant: dict[str, Variant] = {}
@@ -97,6 +98,7 @@ def load_suite(name_or_path: str) -> Suite:
         cases=cases,
         rows=suite_file.row,
         renderers=suite_file.renderers,
+        version=suite_file.version,
     )
 
 

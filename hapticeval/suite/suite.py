@@ -29,7 +29,10 @@ class Row(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True, kw_only=True)
 class Suite:
-    """The cases of a suite file, and the rows of the table that they fill; `renderers` run where none are named."""
+    """The cases of a suite file, and the rows of the table that they fill; `renderers` run where none are named.
+
+    Within one `version` a renderer that stays the same keeps its verdicts, see `suites/POLICY.md`; "" for none.
+    """
 
     name: str
     title: str
@@ -37,6 +40,7 @@ class Suite:
     cases: tuple[Case, ...]
     rows: tuple[Row, ...]
     renderers: tuple[str, ...] = ()
+    version: str = ""
 
     def case(self, name: str) -> Case:
         """Return the case of that name. Raises `UnknownNameError`, with the closest, where there is none."""

@@ -7,7 +7,7 @@ from result_entries import changed, results_of
 
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.runner.diff import compare_results
-from hapticeval.runner.results import VerdictEntry
+from hapticeval.runner.results import SuiteEntry, VerdictEntry
 
 
 def verdict(outcome=Outcome.PASS, *, case="c", level=Level.MUST, value=1e-4, bound=1e-3, published=None):
@@ -93,3 +93,43 @@ def test_the_other_way_round_worse_is_better_and_new_is_gone(first, second):
     assert of(there, "changed") == of(back, "changed")
     assert {place.split("/")[1] for place in of(there, "gone")} == first.keys() - second.keys()
     assert compare_results(runs[0], runs[0]).verdicts == []
+
+
+def suite_entry(version, **case_digests):
+    return SuiteEntry(
+        name="solids",
+        title="t",
+        citation="",
+        rows=[],
+        version=version,
+        digest=str(case_digests),
+        case_digests=case_digests,
+    )
+
+
+@pytest.mark.parametrize(
+    ("now", "words"),
+    [
+        (suite_entry("1.0", cube="a", nut="b"), []),
+        (suite_entry("1.0", cube="a"), []),
+        (
+            suite_entry("2.0", cube="c", nut="b"),
+            [
+                "solids 1.0 before, solids 2.0 now: verdicts may differ for the suite's sake; "
+                "cases that ask something else: cube"
+            ],
+        ),
+        (suite_entry("1.1", cube="a"), ["solids 1.0 before, solids 1.1 now: verdicts may differ for the suite's sake"]),
+        (suite_entry("1.0", cube="c"), ["solids 1.0 was changed; cases that ask something else: cube"]),
+        (
+            suite_entry("", cube="c"),
+            [
+                "solids 1.0 before, solids now: verdicts may differ for the suite's sake; "
+                "cases that ask something else: cube"
+            ],
+        ),
+    ],
+)
+def test_suites_that_ask_something_else_are_named(now, words):
+    before, after = (changed(results_of(verdict()), suites=[suite]) for suite in (suite_entry("1.0", cube="a"), now))
+    assert compare_results(before, after).suites == words
