@@ -20,8 +20,8 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: run test system fuzz mutants counterexamples bench study browser docs lint clean
 
-# What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page. A busy machine
-# misses cycles of the robot; the recording says which. What goes wrong with these two says so, and stops nothing.
+# What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page. What goes
+# wrong with these two says so, and stops nothing.
 run: .venv/run.stamp .venv/kernels.stamp
 	@$(BIN)/hapticeval bench --quick -o results || true
 	@rm -rf results/robot.h5 results/replay

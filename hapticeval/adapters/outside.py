@@ -16,12 +16,6 @@ from hapticeval.recordings.recording import backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-CHORD_ERROR_SHARE = {2: 1e-4, 3: 1e-3}
-"""How far edges, and triangles, may lie from a smooth model where no other error is asked for, as a share of its size.
-
-A circle has some 160 edges then, and a sphere 5,120 triangles: few enough for a renderer without a search tree.
-"""
-
 CLEARANCE_SHARE = 1e-4
 """How far outside of the surface a tool starts at least, as a share of the model's size."""
 
@@ -44,8 +38,7 @@ class Outside:
     @cached_property
     def facets(self) -> Facets:
         """The model as edges or triangles. Raises as `Model.mesh` does."""
-        model = self.scene.model
-        return model.mesh(max_error=self.max_error or CHORD_ERROR_SHARE[model.dimension] * model.size)
+        return self.scene.model.mesh(max_error=self.max_error or None)
 
     @property
     def numbers(self) -> dict[str, float]:

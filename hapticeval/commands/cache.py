@@ -35,8 +35,9 @@ def cache(
     folder = kernel_folder()
     files = [file for file in folder.rglob("*") if file.is_file()]
     size = format_size(sum(file.stat().st_size for file in files))
+    content = f"{len(files)} file{'s' * (len(files) != 1)}, {size}"
     if not clear:
-        say(f"{folder}: {len(files)} files, {size}")
+        say(f"{folder}: {content}")
         return
     try:
         # A folder that is not there yet is as empty as one that was removed.
@@ -44,4 +45,4 @@ def cache(
             shutil.rmtree(folder)
     except OSError as error:
         raise HapticevalError(f"cannot remove {folder}", why=error.strerror or str(error)) from error
-    say(f"removed {len(files)} files, {size}, of {folder}")
+    say(f"removed {content}, of {folder}")

@@ -47,7 +47,7 @@ def record(
         typer.Option(
             "--device",
             metavar="NAME",
-            help="twin, the simulated robot in real time; udp://HOST:PORT; or package.module:factory of a driver.",
+            help="twin, the simulated robot; udp://HOST:PORT; or package.module:factory of a driver.",
         ),
     ] = TWIN,
     renderer: Annotated[
@@ -74,17 +74,26 @@ def record(
     ] = "circle",
     rate: Annotated[float, typer.Option(metavar="HZ", help="Cycles a second.", min=1.0)] = 1000.0,
     who: Annotated[str, typer.Option(metavar="NAME", help="The operator, for the recording.")] = "",
+    real_time: Annotated[
+        bool,
+        typer.Option(
+            "--real-time",
+            help="Run the twin by the clock, over a socket, as a robot does: a busy machine misses cycles then.",
+        ),
+    ] = False,
 ) -> None:
     """Run a renderer on a robot and record it.
 
     While it runs, rows go to FILE.journal beside the recording, which survives a crash: `hapticeval convert` reads it.
     Ctrl-C ends the run and keeps it; a second one leaves it in the journal. The twin has the robot's encoders, motors,
-    friction and a delay, and a hand that slides on the model. Any other device needs a --wiring, which says what its
-    raw numbers mean.
+    friction and a delay, and a hand that slides on the model. It runs in simulated time, so that the same command gives
+    the same recording. Any other device sets the pace itself, and needs a --wiring, which says what its raw numbers
+    mean.
 
     \b
     Examples:
       hapticeval record --device twin -o run.h5
+      hapticeval record --device twin --real-time --seconds 60 -o run.h5
       hapticeval record --device udp://192.168.0.10:5005 --wiring rig.toml -r constraint -o run.h5
       hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
@@ -121,14 +130,18 @@ def record(
     if warning:
         typer.echo(printable(f"warning: {warning}"), err=True)
     cycles = max(1, round(seconds * rate))
-    meta = {**_recording_meta(scene, wired, renderer, hardware=hardware, who=who), **abilities_of(chosen_renderer).meta}
+    simulated = hardware == TWIN and not real_time
+    meta = {
+        **_recording_meta(scene, wired, renderer, hardware=hardware, who=who, simulated=simulated),
+        **abilities_of(chosen_renderer).meta,
+    }
     failure: HapticevalError | None = None
     live: LiveRun | None = None
     recorder: Recorder | None = None
     try:
         with (
             # In this order: the twin's process starts first, so that it holds nothing of the recorder's.
-            _hardware_opener(hardware, wired, scene) as connect,
+            _hardware_opener(hardware, wired, scene, simulated=simulated) as connect,
             Recorder(journal, channels(wired.device.dimension), signals=signals(wired), meta=meta) as recorder,
             Terminal() as terminal,
         ):
@@ -136,6 +149,9 @@ def record(
 
             def tell(done: int) -> None:
                 nonlocal reported_cycles
+                if simulated:
+                    # No clock holds the loop back: it must not run ahead of the writer.
+                    recorder.wait_for_room()
                 # Once a second: printing takes time from the loop's side.
                 if done >= reported_cycles + rate:
                     reported_cycles = done
@@ -290,18 +306,23 @@ def _make_scene(
 
 
 @contextlib.contextmanager
-def _hardware_opener(name: str, wiring: Wiring, scene: Scene) -> Iterator[Callable[[], HardwareDevice]]:
-    """What opens the hardware of that name: the twin behind a loopback socket, a robot behind a socket, or a driver.
+def _hardware_opener(
+    name: str, wiring: Wiring, scene: Scene, *, simulated: bool
+) -> Iterator[Callable[[], HardwareDevice]]:
+    """What opens the hardware of that name: the twin, by itself where `simulated`, else behind a loopback socket; a
+    robot behind a socket; or a driver.
 
     The twin's process starts here, before the recorder's, so that it holds nothing of that.
     """
-    from hapticeval.hardware.udp import UdpDevice
+    from hapticeval.hardware.twin import demonstration
+
+    if simulated:
+        yield lambda: demonstration(wiring, scene)
+        return
+    from hapticeval.hardware.udp import UdpDevice, running
 
     joints = wiring.device.dimension
     if name == TWIN:
-        from hapticeval.hardware.twin import demonstration
-        from hapticeval.hardware.udp import running
-
         with running(demonstration(wiring, scene)) as address:
             yield lambda: UdpDevice(address, joints)
     elif name.startswith("udp://"):
@@ -338,7 +359,9 @@ def _open_driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
     return driver
 
 
-def _recording_meta(scene: Scene, wiring: Wiring, renderer: str, *, hardware: str, who: str) -> dict[str, Any]:
+def _recording_meta(
+    scene: Scene, wiring: Wiring, renderer: str, *, hardware: str, who: str, simulated: bool
+) -> dict[str, Any]:
     """Return what the recording says of itself: renderer, scene, device, clock, time and versions."""
     from datetime import UTC, datetime
 
@@ -356,7 +379,7 @@ def _recording_meta(scene: Scene, wiring: Wiring, renderer: str, *, hardware: st
         "device": device.pop("kind"),
         "device_parameters": {"hardware": hardware, **device},
         "dt": scene.sampling_time,
-        "clock": "monotonic clock of the robot's side",
+        "clock": "simulated time" if simulated else "monotonic clock of the robot's side",
         "when": datetime.now(UTC).isoformat(timespec="seconds"),
         "software": environment()["versions"],
     }

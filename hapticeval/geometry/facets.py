@@ -23,6 +23,12 @@ if TYPE_CHECKING:
 MOST_CELLS = {2: 100_000, 3: 20 * 4**8}
 """Edges, and triangles, that are made at the most: the errors of a model of 0.2 m are then 5e-11 m and 5e-7 m."""
 
+CHORD_ERROR_SHARE = {2: 1e-4, 3: 1e-3}
+"""How far edges, and triangles, may lie from a smooth model where no other error is asked for, as a share of its size.
+
+A circle has some 160 edges then, and a sphere 5,120 triangles: few enough for a renderer without a search tree.
+"""
+
 HALF_PLANE_EXTENT = 100.0
 """A half-plane is cut off this far (m) from its origin, to either side and below: no hand gets there."""
 

@@ -138,17 +138,19 @@ class Model:
         polygon: Polygon = self._prepared[key]
         return polygon
 
-    def mesh(self, *, max_error: float) -> Facets:
+    def mesh(self, *, max_error: float | None = None) -> Facets:
         """Return the model as edges (in the plane) or triangles (in space) that lie off it by `max_error` (m) at most.
 
-        See `Facets`: `vertices` (v, N), `cells` (c, N) and the `chord_error` (m) itself. Corners of the model are kept,
-        and what is made of edges or triangles is returned as it is. Raises as `facets_of` does.
+        Without one that is a share of the model's size: 1e-4 for edges, 1e-3 for triangles. See `Facets`: `vertices`
+        (v, N), `cells` (c, N) and the `chord_error` (m) itself. Corners of the model are kept, and what is made of
+        edges or triangles is returned as it is. Raises as `facets_of` does.
         """
-        key = ("mesh", max_error)
-        if key not in self._prepared:
-            from hapticeval.geometry.facets import facets_of
+        from hapticeval.geometry.facets import CHORD_ERROR_SHARE, facets_of
 
-            self._prepared[key] = facets_of(self, max_error)
+        error = CHORD_ERROR_SHARE[self.dimension] * self.size if max_error is None else max_error
+        key = ("mesh", error)
+        if key not in self._prepared:
+            self._prepared[key] = facets_of(self, error)
         facets: Facets = self._prepared[key]
         return facets
 

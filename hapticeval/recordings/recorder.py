@@ -396,6 +396,12 @@ class Recorder:
             stacklevel=3,
         )
 
+    def wait_for_room(self) -> None:
+        """Wait until a row finds room, or the writer has died: for a loop that no clock holds back."""
+        while self._head - self._state[TAIL] >= self._capacity and not self.failed:
+            self._look()
+            time.sleep(LOOK_SECONDS)
+
     def missed(self, cycles: int) -> None:
         """Count cycles that the loop left out since the last row."""
         if cycles < 0:

@@ -179,15 +179,17 @@ def driven(driver, *arguments, seconds="0.1"):
     return record("--device", driver, "--wiring", "wired.toml", *arguments, seconds=seconds)
 
 
-def test_the_twin_is_recorded(here, capsys):
-    code = record("--device", "twin", "--who", "Ann", seconds="0.3")
+@pytest.mark.parametrize("pace", [[], ["--real-time"]])
+def test_the_twin_is_recorded(here, capsys, pace):
+    code = record("--device", "twin", "--who", "Ann", *pace, seconds="0.3")
     said = capsys.readouterr().out
-    assert code in (0, 1)
+    assert code in ((0, 1) if pace else (0,))
     assert "wrote run.h5" in said
     run = read_recording(here / "run.h5")
     missed = run.clock.missed
     assert (code == 1) == bool(missed or "cycles missed" in said)
     assert len(run) + missed >= 290
+    assert pace or (len(run), missed) == (300, 0)
     assert np.any(run.force != 0.0)
     assert {"hip", "velocity", "ihip", "force", "joint_position", "joint_torque", "raw"} == set(run.channels)
     assert (run.meta["who"], run.meta["device"], run.meta["device_parameters"]["hardware"]) == (
@@ -195,6 +197,20 @@ def test_the_twin_is_recorded(here, capsys):
     )  # fmt: skip
     assert (run.meta["resolution"], run.meta["standoff"]) == (0.0, 0.0)
     assert sorted(names(here)) == ["mycard.py", "rig.toml", "run.h5", "wired.toml"]
+
+
+def test_in_simulated_time_the_same_command_gives_the_same_recording(here):
+    """Whatever the machine does beside it: the renderer takes three cycles' time a step."""
+    recordings = []
+    for _ in range(2):
+        assert record("-r", "mycard:slow") == 0
+        recordings.append(read_recording(here / "run.h5"))
+        (here / "run.h5").unlink()
+    one, other = recordings
+    np.testing.assert_allclose(one.time, 1e-3 * np.arange(100), rtol=0.0, atol=1e-12)
+    np.testing.assert_array_equal(one.time, other.time)
+    for name, values in one.channels.items():
+        np.testing.assert_array_equal(values, other.channels[name], err_msg=name)
 
 
 def test_what_it_writes_is_sound_and_follows(here, capsys):
@@ -348,7 +364,7 @@ def test_why_cycles_were_missed(median, longest, words):
 
 def test_a_slow_renderer_is_seen_from_its_steps(here, capsys):
     """It takes at least 3 ms a step, and the twin goes on each millisecond."""
-    assert record("--device", "twin", "-r", "mycard:slow", seconds="0.3") == 1
+    assert record("--device", "twin", "--real-time", "-r", "mycard:slow", seconds="0.3") == 1
     said = capsys.readouterr().out
     assert "cycles missed" in said
     assert "what to do: a --rate below 1000, or a faster renderer" in said

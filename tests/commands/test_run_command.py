@@ -266,7 +266,7 @@ def test_the_first_run_says_that_it_compiles(here, capsys, monkeypatch):
     (kernel_folder() / "kernels.bend.nbi").touch()
     assert not judging.kernels_are_new()
     assert main(["cache"]) == 0
-    assert "1 files" in capsys.readouterr().out
+    assert ": 1 file, 0 B" in capsys.readouterr().out
     assert main(["cache", "--clear"]) == 0
     assert not kernel_folder().exists()
     assert main(["cache", "--clear"]) == 0

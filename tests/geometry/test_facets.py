@@ -47,6 +47,11 @@ def test_the_facets_lie_off_the_model_by_no_more_than_they_state(name: str, max_
     assert model.mesh(max_error=max_error) is facets
 
 
+@pytest.mark.parametrize(("model", "share"), [(circle(), 1e-4), (sphere(), 1e-3)])
+def test_without_an_error_the_facets_are_fine_by_the_size(model, share):
+    assert 0.0 < model.mesh().chord_error <= share * model.size
+
+
 @pytest.mark.parametrize("name", ["circle", "cassinian", "torus"])
 def test_no_more_facets_are_made_than_the_error_asks_for(name: str) -> None:
     coarse, fine = (SMOOTH[name].mesh(max_error=error) for error in (4e-3, 4e-5))

@@ -123,7 +123,8 @@ def test_a_killed_run_is_the_run_up_to_there(tmp_path):
 def test_the_command_killed_in_the_middle(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     journal = tmp_path / "run.journal"
-    command = [sys.executable, "-m", "hapticeval", "record", "--device", "twin", "--seconds", "600", "-o", "run.h5"]
+    pace = ["--device", "twin", "--real-time", "--seconds", "600"]
+    command = [sys.executable, "-m", "hapticeval", "record", *pace, "-o", "run.h5"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         until(lambda: journal.exists() and journal.stat().st_size > 60_000, process)
         process.kill()

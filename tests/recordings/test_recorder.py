@@ -109,6 +109,27 @@ def test_a_stopped_writer_never_stops_the_loop_and_every_row_lost_is_counted(tmp
     assert event.text == "150 rows were lost: the writer was too late"
 
 
+def test_a_loop_without_a_clock_waits_for_room(tmp_path):
+    """Memory for 64 rows, and 1,000 of them as fast as they come: none is lost where the loop waits."""
+    with Recorder(tmp_path / "run.journal", CHANNELS, rows=64) as recorder:
+        for k in range(1000):
+            recorder.wait_for_room()
+            feed(recorder, 1, first=k)
+        summary = recorder.close()
+    assert (summary.rows, summary.lost) == (1000, 0)
+
+
+@pytest.mark.filterwarnings("ignore::hapticeval.recordings.recorder.LossWarning")
+def test_a_loop_without_a_clock_does_not_wait_for_a_dead_writer(tmp_path):
+    with Recorder(tmp_path / "run.journal", CHANNELS, rows=64) as recorder:
+        os.kill(recorder.writer, signal.SIGKILL)
+        os.waitid(os.P_PID, recorder.writer, os.WEXITED | os.WNOWAIT)
+        for k in range(200):
+            recorder.wait_for_room()
+            feed(recorder, 1, first=k)
+    assert recorder.failed
+
+
 def test_a_writer_that_dies_is_reported_once_and_its_work_done_at_the_end(tmp_path):
     recorder = Recorder(tmp_path / "run.journal", CHANNELS, rows=2000)
     feed(recorder, 30)
