@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from hapticeval.rigid_contact.contact import IdealContact
+    from hapticeval.rigid_contact.contact import Ground, IdealContact
     from hapticeval.scene import Scene
 
 
@@ -17,7 +17,27 @@ class _Ideal:
     def __call__(self, scene: Scene) -> IdealContact:
         from hapticeval.rigid_contact.contact import IdealContact
 
-        return IdealContact(scene)
+        return IdealContact(scene, _ground_of(scene))
+
+
+def _ground_of(scene: Scene) -> Ground:
+    """Return a scene's boundary as the ideal contact takes it: a branch a kind of boundary, each in a file of its own.
+
+    Raises `RefusalError` for a boundary of another kind.
+    """
+    from hapticeval.errors import RefusalError
+    from hapticeval.geometry.curve import Curve
+
+    boundary = scene.model.boundary
+    if isinstance(boundary, Curve):
+        from hapticeval.rigid_contact.plane_contact import PlaneGround
+
+        return PlaneGround(scene)
+    raise RefusalError(
+        f"model '{scene.model.name}' is a {type(boundary).__name__}",
+        why="the ideal contact has no search for where the tool slides, leaves and hits on it",
+        todo="compare on the model's cross-section, where the corners are those of the extruded solid",
+    )
 
 
 ideal = _Ideal()

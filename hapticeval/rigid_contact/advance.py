@@ -22,20 +22,33 @@ import numpy as np
 from hapticeval.compiled import compiled
 from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED
 from hapticeval.rigid_contact.collision import BoundaryCells, first_entry
-from hapticeval.rigid_contact.motion import (
+from hapticeval.rigid_contact.force import (
+    ALIGNED_SHARE,
     BEGAN,
     BILATERAL,
+    CONTACT_HOP,
+    CORNER,
+    FLIGHT,
+    IMPACT,
+    LEAVE,
+    MASS,
+    MOST_CORNER_HITS,
+    REST,
+    RESTITUTION,
+    SLIDE,
+    STOP,
+    Stretches,
+    guess_between,
+    longest_flight_step,
+)
+from hapticeval.rigid_contact.motion import (
     G0X,
     G0Y,
     G1X,
     G1Y,
-    MASS,
-    RESTITUTION,
-    SPRING,
     Slide,
     contact_force,
     fly_for,
-    guess_between,
     longest_slide_step,
     operator_force,
     slide_for,
@@ -52,29 +65,12 @@ MODE, PIECE, U, DU, W, X, Y, VX, VY, JOINT = range(10)
 - JOINT: in REST the joint whose corner holds the tool.
 """
 STATE_SIZE = 10
-FLIGHT, SLIDE, REST = 0.0, 1.0, 2.0
-IMPACT, LEAVE, CORNER, STOP = range(4)
-EVENT_KINDS = ("impact", "leave", "corner", "rest")
-
-CONTACT_HOP = 1e-12
-"""Longest hop (m) that is taken as contact: well above the rounding of positions, and the impulse that it leaves
-out, below m sqrt(8 a CONTACT_HOP), is 1e-6 of that of a metre's fall."""
-
-ALIGNED_SHARE = 1e-12
-"""Share of the speed below which a velocity across a face is rounding."""
 
 STEP_ROUNDING = 1e-15
 """Share of its coordinates below which the way of a step is rounding: the force on a tool that the hand holds in place
 changes its sign by rounding too, and no turn is looked for there."""
 
-MOST_CORNER_HITS = 100_000
-"""Most hits of one visit to a corner: in a sharp notch they all come at once, and each takes a small share of the
-speed. A tool that loses some at each is then at rest."""
-
 TURN, END, LIFT = range(3)
-
-FLIGHT_STEP = 2e-3
-"""Longest step of a flight (s): within it the height over a cell has one extremum at the most."""
 
 
 class Run(NamedTuple):
@@ -94,18 +90,6 @@ class Run(NamedTuple):
     tally: IntArray
     free: Array
     terrain: BoundaryCells
-
-
-class Stretches(NamedTuple):
-    """Stretches of time in which the operator's force is linear: where they `began` and how long each `lasts` (s,), s.
-
-    `forces` (s, 4) is g0 and g1 of a stretch; `samples` (s,) the sample interval that it belongs to.
-    """
-
-    began: Array
-    lasts: Array
-    forces: Array
-    samples: IntArray
 
 
 @compiled
@@ -453,10 +437,7 @@ def _pass_joint(run: Run, direction: int, tau: float) -> None:
 def _advance_flight(run: Run, tau: float, time_left: float) -> float:
     """Carry a flying tool by one step of at most `time_left` seconds, and return how long it took."""
     state, load = run.state, run.load
-    h = min(time_left, FLIGHT_STEP)
-    # a fifth of a radian of the spring's oscillation
-    if load[SPRING] > 0.0:
-        h = min(h, 0.2 * math.sqrt(load[MASS] / load[SPRING]))
+    h = longest_flight_step(load, time_left)
     x, y, vx, vy = state[X], state[Y], state[VX], state[VY]
     entry_time, piece, u = first_entry(run.terrain, (x, y, vx, vy, tau), h, load, run.free)
     hit = entry_time <= h

@@ -18,7 +18,8 @@ from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn
 from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, UNBOUNDED, evaluate, evaluate_many
-from hapticeval.rigid_contact.motion import fly_for, guess_between
+from hapticeval.rigid_contact.force import SKIN_DEPTH, guess_between
+from hapticeval.rigid_contact.motion import fly_for
 from hapticeval.types import Array
 
 Flight: TypeAlias = tuple[float, float, float, float, float]
@@ -44,13 +45,6 @@ PIECE, UA, UB, OX, OY, EX, EY, SPAN, SLOPE_A, SLOPE_B, REACH_A, REACH_B, XMIN, X
 - a box (m) that holds it.
 """
 CELL_COLUMNS = 16
-
-SKIN_DEPTH = 1e-13
-"""Depth (m) from which a tool in flight counts as inside: above the rounding of positions up to 100 m.
-
-So a tool that has just left the surface, or bounced, does not collide with it again. The collision itself is located
-where the depth is zero.
-"""
 
 
 class BoundaryCells(NamedTuple):

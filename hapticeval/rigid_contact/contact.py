@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from hapticeval.errors import InputError, RefusalError
-from hapticeval.geometry.kernels import U0, U1, piece_index
 from hapticeval.recordings.recording import Recording
-from hapticeval.rigid_contact.advance import (
+from hapticeval.rigid_contact.force import (
+    BILATERAL,
+    DAMPER,
     EVENT_KINDS,
-    FLIGHT,
-    MODE,
-    PIECE,
-    SLIDE,
-    STATE_SIZE,
-    VX,
-    VY,
+    MASS,
+    PUSH,
+    RESTITUTION,
+    SPRING,
     Stretches,
-    U,
-    X,
-    Y,
-    carry_tool,
 )
-from hapticeval.rigid_contact.collision import BoundaryCells, prepare_boundary
-from hapticeval.rigid_contact.motion import BILATERAL, DAMPER, LOAD_SIZE, MASS, RESTITUTION, SPRING
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus, sample_times
 from hapticeval.types import Array, IntArray
@@ -38,37 +29,54 @@ ON_BOUNDARY = 1e-9
 MOST_EVENTS = 4_000_000
 
 
+class Ground(Protocol):
+    """A model's boundary prepared for the tool: a plane curve, a triangle mesh, or a smooth surface.
+
+    It is made of a scene, once, and raises `RefusalError` there for what it cannot do, by name and place. A state is an
+    array of its own layout, for its own `carry` alone. N is the model's dimension.
+    """
+
+    def in_flight(self, point: Array, velocity: Array) -> Array:
+        """Return the state of a tool that flies from a point (N,), m, outside, with a velocity (N,), m/s."""
+
+    def on_boundary(self, point: Array, velocity: Array) -> Array:
+        """Return the state of a tool at the boundary's nearest point of a point (N,), m, with a velocity (N,), m/s.
+
+        The velocity need not be along the boundary: what the boundary does to it, the first step of `carry` does.
+        """
+
+    def carry(
+        self, start: Array, stretches: Stretches, gains: Array, rows: int, limit: int
+    ) -> tuple[Array, Array, int]:
+        """Carry the tool from a state through all stretches. `gains` (6 + 2 N,) is a `load`, its constants filled in.
+
+        - The first are samples (rows, 4 N): position (m) and velocity (m/s) at each sample, before an impact at that
+          very time, then the contact's and the operator's impulse (N s) until the next.
+        - The second are events (k, 2 + 2 N): time (s), number in `EVENT_KINDS`, position (m) and impulse (N s).
+        - The last is the number of events. Those above `limit` are not kept; they end the run.
+        """
+
+
 class IdealContact:
     """A point tool of `scene.mass` on the rigid, frictionless model: the ground truth of all verdicts.
 
     - It flies by m y'' = F_o.
-    - It slides by thesis (3.1) with the contact force N = -F_o.nu - m kappa v^2 along the outward normal ((3.3),
-      (3.8)), and leaves where N reaches zero or at a convex corner.
+    - It slides by thesis (3.1) with the contact force N = -F_o.nu - m v.S v along the outward normal ((3.3), (3.8)), S
+      the shape operator (kappa in the plane), and leaves where N reaches zero, or at a convex edge or corner.
     - It collides by (3.5), and rests in a concave corner while the force points into its zone.
 
     A bilateral scene holds the tool on the boundary: it never leaves, N has any sign, and at a corner the velocity
     across the next face is lost.
 
-    The tool is all that moves, whatever robot the scene names. Raises `RefusalError` for a model in space.
+    The tool is all that moves, whatever robot the scene names; `ground` is the scene's boundary.
     """
 
-    supports = frozenset({"bilateral", "force-sensor", "plane"})
+    supports = frozenset({"bilateral", "force-sensor", "plane", "space"})
     """Not viscosity: (3.1) slides without friction. The hand's force moves the tool, so that no sensor is needed."""
 
-    def __init__(self, scene: Scene) -> None:
-        if scene.model.dimension == 3:
-            raise RefusalError(
-                f"model '{scene.model.name}' is in space",
-                why="the ideal contact finds where the tool slides, leaves and hits in closed form along a plane "
-                "curve, and has no such search over the faces and edges of a solid",
-                todo="compare on the model's cross-section, where the corners are those of the extruded solid",
-            )
+    def __init__(self, scene: Scene, ground: Ground) -> None:
         self.scene = scene
-
-    @cached_property
-    def _terrain(self) -> BoundaryCells:
-        """The boundary as the tool's loops take it, made once."""
-        return prepare_boundary(self.scene.model.curve)
+        self._ground = ground
 
     def simulate(self, stimulus: Stimulus, dt: float) -> Recording:
         """Return the tool's motion, sampled every `dt` seconds.
@@ -87,22 +95,23 @@ class IdealContact:
         - `force` (of the contact on the tool) and `operator_force` as means until the next sample, impulses included,
           so that (force + operator_force) dt adds up to the change of momentum.
 
-        `meta["events"]` lists impacts, departures, corners and rests: `time`, `kind`, `position` [x, y], `impulse` [x,
-        y] in N s.
+        `meta["events"]` lists impacts, departures, corners and rests: `time`, `kind`, `position` (N numbers, m),
+        `impulse` (N numbers, N s).
 
-        Raises `InputError` for a stimulus that is not plane, a sampling time that is not positive, and an experiment
-        that starts inside a unilateral model.
+        Raises `InputError` for a stimulus of another dimension than the model's, a sampling time that is not positive,
+        and an experiment that starts inside a unilateral model.
         """
+        dimension = self.scene.model.dimension
         if not (math.isfinite(dt) and dt > 0.0):
             raise InputError(f"a sampling time of {dt!r} s", todo="give a positive one")
-        if stimulus.dimension != 2:
+        if stimulus.dimension != dimension:
             raise InputError(
                 f"the stimulus has {stimulus.dimension} dimensions",
-                why="the ideal contact moves on a plane curve",
-                todo="project it onto the model's cross-section",
+                why=f"the model '{self.scene.model.name}' has {dimension}",
+                todo="project a path in space onto a plane model; give one in the plane a third coordinate",
             )
         led = isinstance(stimulus, Path)
-        gains = np.zeros(LOAD_SIZE)
+        gains = np.zeros(PUSH + 2 * dimension)
         gains[MASS], gains[RESTITUTION] = self.scene.mass, self.scene.restitution
         gains[BILATERAL] = float(self.scene.bilateral)
         if isinstance(stimulus, Path):
@@ -139,13 +148,15 @@ class IdealContact:
         out, events = self._follow_stretches(
             start, Stretches(began, lasts, np.hstack([value, slope]), samples), gains, time.size
         )
+        # position and velocity at each sample, both impulses until the next
+        place, velocity, contact_impulse, operator_impulse = np.split(out, 4, axis=1)
         channels = {
-            "hip": out[:, 0:2],
-            "ihip": out[:, 0:2],
-            "velocity": out[:, 2:4],
+            "hip": place,
+            "ihip": place,
+            "velocity": velocity,
             # mean over the sample: impulse by its length
-            "force": out[:, 4:6] / dt,
-            "operator_force": out[:, 6:8] / dt,
+            "force": contact_impulse / dt,
+            "operator_force": operator_impulse / dt,
         }
         meta: dict[str, Any] = {
             "source": "playback" if led else "experiment",
@@ -160,10 +171,10 @@ class IdealContact:
     def _follow_stretches(
         self, start: Array, stretches: Stretches, gains: Array, rows: int
     ) -> tuple[Array, list[dict[str, Any]]]:
-        """Return the samples (rows, 8) of the run and its events, with a log as long as it takes."""
+        """Return the samples (rows, 4 N) of the run and its events, with a log as long as it takes."""
         limit = 256
         while True:
-            out, log, count = carry_tool(start, self._terrain, stretches, gains, rows, limit)
+            out, log, count = self._ground.carry(start, stretches, gains, rows, limit)
             if count <= limit:
                 break
             if limit >= MOST_EVENTS:
@@ -175,13 +186,18 @@ class IdealContact:
             # run again with a longer log
             limit *= 8
         return out, [
-            {"time": time, "kind": EVENT_KINDS[int(kind)], "position": place, "impulse": impulse}
-            for time, kind, *place, impulse in ((*row[:4], row[4:]) for row in log[:count].tolist())
+            {
+                "time": row[0],
+                "kind": EVENT_KINDS[int(row[1])],
+                "position": row[2 : 2 + self.scene.model.dimension],
+                "impulse": row[2 + self.scene.model.dimension :],
+            }
+            for row in log[:count].tolist()
         ]
 
     def _start_of_experiment(self, experiment: Experiment) -> Array:
-        """Return the state (10,) in which an experiment starts. Raises `InputError` for one inside the model."""
-        distance = float(self.scene.model.curve.signed_distance(experiment.position[np.newaxis])[0])
+        """Return the state in which an experiment starts. Raises `InputError` for one inside the model."""
+        distance = self._signed_distance(experiment.position)
         if distance < -ON_BOUNDARY and not self.scene.bilateral:
             raise InputError(
                 f"the experiment starts {-distance:.6g} m inside the model '{self.scene.model.name}'",
@@ -189,32 +205,22 @@ class IdealContact:
                 todo="start outside or on the boundary",
             )
         if self.scene.bilateral or distance <= ON_BOUNDARY:
-            return self._on_boundary(experiment.position, experiment.velocity)
-        return _in_flight(experiment.position, experiment.velocity)
+            return self._ground.on_boundary(experiment.position, experiment.velocity)
+        return self._ground.in_flight(experiment.position, experiment.velocity)
 
     def _start_of_path(self, point: Array, velocity: Array) -> Array:
-        """Return the state (10,) at a path's first point (2,), m: in flight, or at rest on the boundary."""
-        distance = float(self.scene.model.curve.signed_distance(point[np.newaxis])[0])
-        if self.scene.bilateral or distance <= 0.0:
-            return self._on_boundary(point, np.zeros(2))
-        return _in_flight(point, velocity)
+        """Return the state at a path's first point (N,), m: in flight, or at rest on the boundary."""
+        if self.scene.bilateral or self._signed_distance(point) <= 0.0:
+            return self._ground.on_boundary(point, np.zeros_like(point))
+        return self._ground.in_flight(point, velocity)
 
-    def _on_boundary(self, point: Array, velocity: Array) -> Array:
-        """Return the state (10,) at the nearest point of the boundary, whose velocity the first touch may change."""
-        curve, pieces = self.scene.model.curve, self._terrain.pieces
-        u = float(curve.nearest(point[np.newaxis])[0])
-        index = piece_index(pieces, u)
-        state = _in_flight(curve.position(u), velocity)
-        for joint in (pieces[index, U0], pieces[index, U1]):
-            # beside a joint it starts at the joint, so that corners are seen
-            if abs(u - joint) <= ON_BOUNDARY:
-                u = float(joint)
-        state[MODE], state[PIECE], state[U] = SLIDE, index, u
-        return state
+    def _signed_distance(self, point: Array) -> float:
+        """Return the signed distance (m) of a point (N,), m, from the boundary."""
+        return float(self.scene.model.boundary.signed_distance(point[np.newaxis])[0])
 
 
 def _prescribed_forces(experiment: Experiment) -> tuple[Array, Array, Array]:
-    """Return knots (k,), s, and from each on the prescribed force (N) and its rate (N/s), both (k, 2).
+    """Return knots (k,), s, and from each on the prescribed force (N) and its rate (N/s), both (k, N).
 
     It is what the operator prescribes, and what of the hand's force comes from its path alone, k y_d + b y_d'.
     """
@@ -231,16 +237,8 @@ def _prescribed_forces(experiment: Experiment) -> tuple[Array, Array, Array]:
 
 
 def _slopes(knots: Array, values: Array) -> Array:
-    """Return the rates (k, 2) at which `values` (k, 2) change from each of `knots` (k,) on; zero from the last."""
-    return np.vstack([np.diff(values, axis=0) / np.diff(knots)[:, np.newaxis], np.zeros((1, 2))])
-
-
-def _in_flight(point: Array, velocity: Array) -> Array:
-    """Return the state (10,) of a tool that flies from a point (2,), m, with a velocity (2,), m/s."""
-    state = np.zeros(STATE_SIZE)
-    state[MODE] = FLIGHT
-    state[X : Y + 1], state[VX : VY + 1] = point, velocity
-    return state
+    """Return the rates (k, N) at which `values` (k, N) change from each of `knots` (k,) on; zero from the last."""
+    return np.vstack([np.diff(values, axis=0) / np.diff(knots)[:, np.newaxis], np.zeros((1, values.shape[1]))])
 
 
 def _cut_into_stretches(time: Array, knots: Array, dt: float) -> tuple[Array, Array, IntArray]:

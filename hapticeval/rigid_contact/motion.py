@@ -1,16 +1,6 @@
-"""How the tool moves between events: free flight in closed form, and sliding on the boundary.
+"""How the tool moves between events in the plane: free flight, and sliding on the boundary.
 
-The operator's force on the tool is, within one stretch of time,
-
-    F_o = g0 + g1 tau - k y - d y',      tau from the start of the stretch,
-
-and k and d are
-
-- zero in an experiment without a hand;
-- those of the hand's own spring in one with a hand;
-- a critically damped spring's, d = 2 sqrt(k m), when the hand is led along a path.
-
-A stretch's numbers are an array `load`, see the names of its places.
+What the operator does to it, and how it flies along an axis, stands in `force`.
 """
 
 from __future__ import annotations
@@ -22,25 +12,22 @@ import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.kernels import evaluate
+from hapticeval.rigid_contact.force import (
+    DAMPER,
+    LONGEST_STEP,
+    MASS,
+    PUSH,
+    SPRING,
+    fly_along_axis,
+    oscillation_of,
+)
 from hapticeval.types import Array
 
-G0X, G0Y, G1X, G1Y, SPRING, DAMPER, MASS, RESTITUTION, BILATERAL, BEGAN = range(10)
-"""Places in a `load` (10,).
-
-g0 (N) and g1 (N/s) by axis, the spring's k (N/m), the damper's d (N s/m), the tool's mass (kg), the coefficient of
-restitution, 1 if the boundary holds the tool from both sides, and when the stretch began (s).
-"""
-LOAD_SIZE = 10
+G0X, G0Y, G1X, G1Y = range(PUSH, PUSH + 4)
+"""Places in a plane `load` (10,): g0 (N) and g1 (N/s) by axis."""
 
 Slide: TypeAlias = tuple[float, float, float]
 """A slide under way: u where it began, how much u has grown since, and w = ds/dt (m/s)."""
-
-LONGEST_STEP = 0.1
-"""Longest step of the sliding motion, in units of its own pace.
-
-That is the spring's 1 / omega, or the time in which the boundary changes its direction by one radian. The order of the
-method (six) then leaves errors of some 1e-12 m and 1e-10 m/s on a 0.2 m model.
-"""
 
 
 @compiled
@@ -142,42 +129,6 @@ def longest_slide_step(pace: float, w: float, along: float, load: Array, longest
 
 
 @compiled
-def guess_between(low: float, high: float, a: float, b: float, i: int) -> float:
-    """Return where to look next for the change of sign of a number that is a at `low` and b at `high`.
-
-    By the chord, and by halves at every fourth `i`. The result is not between the two if no number lies there.
-    """
-    middle = low + 0.5 * (high - low)
-    if i % 4 != 3 and a != b:
-        # regula falsi; every fourth guess halves the bracket, so that it shrinks in any case
-        by_chord = high - b * (high - low) / (b - a)
-        if low < by_chord < high:
-            return by_chord
-    return middle
-
-
-@compiled
-def damped_oscillation(omega: float, half: float, h: float) -> tuple[float, float]:
-    """Return e^(-at) cos(bt) and e^(-at) sin(bt) / b at t = h (s): the two solutions of a damped oscillator.
-
-    a is `half` and b^2 = omega^2 - a^2, of either sign or zero.
-    """
-    square = omega * omega - half * half
-    # critically damped, to rounding: sin(bt) / b becomes t
-    if abs(square) <= 1e-12 * omega * omega:
-        decay = math.exp(-half * h)
-        return decay, h * decay
-    # underdamped
-    if square > 0.0:
-        b, decay = math.sqrt(square), math.exp(-half * h)
-        return decay * math.cos(b * h), decay * math.sin(b * h) / b
-    # overdamped: two exponentials in place of cosh and sinh, which would overflow
-    b = math.sqrt(-square)
-    slow, fast = math.exp((b - half) * h), math.exp((-b - half) * h)
-    return 0.5 * (slow + fast), 0.5 * (slow - fast) / b
-
-
-@compiled
 def fly_for(
     x: float, y: float, vx: float, vy: float, tau: float, h: float, load: Array
 ) -> tuple[float, float, float, float]:
@@ -185,33 +136,7 @@ def fly_for(
 
     The flight begins `tau` (s) into the stretch of `load` (10,).
     """
-    mass, spring = load[MASS], load[SPRING]
-    gx, gy = load[G0X] + load[G1X] * tau, load[G0Y] + load[G1Y] * tau
-    # a force linear in time: a cubic in time
-    if spring == 0.0:
-        ax, ay = gx / mass, gy / mass
-        jx, jy = load[G1X] / mass, load[G1Y] / mass
-        return (
-            x + h * (vx + h * (ax / 2.0 + h * jx / 6.0)),
-            y + h * (vy + h * (ay / 2.0 + h * jy / 6.0)),
-            vx + h * (ax + h * jx / 2.0),
-            vy + h * (ay + h * jy / 2.0),
-        )
-    omega = math.sqrt(spring / mass)
-    # the point at which spring and push balance moves at this velocity: g1 / k
-    drift_x, drift_y = load[G1X] / spring, load[G1Y] / spring
-    # where it is at tau, less what the damper lags behind
-    base_x = (gx - load[DAMPER] * drift_x) / spring
-    base_y = (gy - load[DAMPER] * drift_y) / spring
-    # the oscillation about that point: p'' + 2 half p' + omega^2 p = 0
-    half = load[DAMPER] / (2.0 * mass)
-    even, odd = damped_oscillation(omega, half, h)
-    px, py = x - base_x, y - base_y
-    wx, wy = vx - drift_x, vy - drift_y
-    square = omega * omega
-    return (
-        base_x + drift_x * h + px * even + (wx + half * px) * odd,
-        base_y + drift_y * h + py * even + (wy + half * py) * odd,
-        drift_x + wx * even - (half * wx + square * px) * odd,
-        drift_y + wy * even - (half * wy + square * py) * odd,
-    )
+    even, odd = oscillation_of(load, h)
+    x, vx = fly_along_axis(x, vx, load[G0X] + load[G1X] * tau, load[G1X], h, load, even, odd)
+    y, vy = fly_along_axis(y, vy, load[G0Y] + load[G1Y] * tau, load[G1Y], h, load, even, odd)
+    return x, y, vx, vy

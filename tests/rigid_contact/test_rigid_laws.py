@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.kernels import evaluate_many
 from hapticeval.rigid_contact import ideal
-from hapticeval.rigid_contact.motion import DAMPER, G0X, G0Y, LOAD_SIZE, MASS, SPRING, slide_for
+from hapticeval.rigid_contact.force import DAMPER, MASS, PUSH, SPRING
+from hapticeval.rigid_contact.motion import G0X, G0Y, slide_for
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path
 
@@ -161,7 +162,7 @@ def test_playback_stays_physical_wherever_the_hand_goes(model, corners, duration
 def test_sliding_converges_with_order_six(spring):
     """The method's own order, on the curve with the strongest bends: errors fall by 2^6 when the step halves."""
     pieces = cassinian().curve.pieces
-    load = np.zeros(LOAD_SIZE)
+    load = np.zeros(PUSH + 4)
     load[[G0X, G0Y, MASS, SPRING]] = -1.0, 0.5, MASS_KG, spring
     load[DAMPER] = 2.0 * math.sqrt(spring * MASS_KG)
 
