@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -63,6 +66,49 @@ Curves are in the colour-blind-safe palette of Okabe and Ito; no two roles share
 
 CURVES = ("ihip", "hip", "one", "two", "ink", "three", "mark")
 """Roles of what is drawn beside each other, in the order in which they are taken: those that look alike come late."""
+
+DASHES = ((), (6, 2), (2, 2), (6, 2, 2, 2))
+"""Lengths of lines and gaps, in points."""
+
+MARKERS: Mapping[str, str] = MappingProxyType(
+    {
+        "o": "M13 6a4 4 0 1 0 8 0a4 4 0 1 0-8 0z",
+        "s": "M13 2h8v8h-8z",
+        "D": "M17 1l5 5-5 5-5-5z",
+        "^": "M17 1l5 9h-10z",
+        "v": "M17 11l5-9h-10z",
+        "P": "M15.5 1h3v3.5h3.5v3h-3.5v3.5h-3v-3.5h-3.5v-3h3.5z",
+        "X": "M13 1l4 3.5 4-3.5 1.5 2-3 3 3 3-1.5 2-4-3.5-4 3.5-1.5-2 3-3-3-3z",
+    }
+)
+"""matplotlib's markers, and the path of each in the middle of a swatch of 34 by 12 px."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a renderer is drawn on all pages: the role of its colour, its dashes and its marker."""
+
+    role: str
+    dash: tuple[int, ...]
+    marker: str
+
+    @property
+    def shape(self) -> str:
+        """The path of its marker in a swatch of 34 by 12 px."""
+        return MARKERS[self.marker]
+
+
+def looks_of(names: Iterable[str]) -> dict[str, Look]:
+    """Return the look of each renderer of a report, in their order: no two alike of 28.
+
+    7 colours and markers, with one of 4 dashes: neighbours differ in all three.
+    """
+    shapes = tuple(MARKERS)
+    return {
+        name: Look(CURVES[k % len(CURVES)], DASHES[k % len(DASHES)], shapes[k % len(shapes)])
+        for k, name in enumerate(dict.fromkeys(names))
+    }
+
 
 STYLE: Mapping[str, Any] = {
     "svg.fonttype": "none",
@@ -138,7 +184,7 @@ def clear_axes(axes: Axes) -> None:
 
 
 def page_svg(fig: Figure, *, prefix: str, title: str) -> str:
-    """Return the figure as an SVG element for a page, see `svg.inline_svg`; the same figure gives the same text."""
+    """Return the figure as an SVG element for a page, see `svg_element`; the same figure gives the same text."""
     buffer = io.StringIO()
     # Without date and creator, so that the same figure gives the same bytes.
     fig.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
@@ -146,12 +192,23 @@ def page_svg(fig: Figure, *, prefix: str, title: str) -> str:
 
 
 def svg_element(svg: str, *, prefix: str, title: str) -> str:
-    """Return the text of an SVG file of matplotlib as an element for a page, as `page_svg` does for a figure."""
-    from hapticeval.reports.svg import inline_svg
+    """Return the text of an SVG file of matplotlib as an element for a page, whose colours and font it takes.
 
+    - `prefix`: what its ids start with, so that no two figures of a page share one
+    - `title`: what a screen reader reads out
+    """
+    box = re.search(r'viewBox="([^"]*)"', svg)
+    assert box is not None, "matplotlib writes a viewBox"
+    # What stands between the tags of the root, without metadata and the one style that the page's sheet has.
+    body = svg[svg.index(">", svg.index("<svg")) + 1 : svg.rindex("</svg>")]
+    body = re.sub(r"<metadata>.*?</metadata>|<defs>\s*<style.*?</defs>", "", body, flags=re.DOTALL)
+    body = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{prefix}-", body).replace("xlink:href", "href")
+    body = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1", body)
     # Each role has a colour of its own, so that a colour in the file tells its role.
-    colours = {colour: f"var(--fig-{role})" for role, colour in THEME.items()}
-    return inline_svg(svg, prefix=prefix, title=title, colours=colours)
+    for role, colour in THEME.items():
+        body = body.replace(colour, f"var(--fig-{role})")
+    head = f'<svg viewBox="{box[1]}" class="figure" role="img" aria-label="{escape(title, quote=True)}">'
+    return f"{head}{body}</svg>"
 
 
 def save_figure(

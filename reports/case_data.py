@@ -1,25 +1,16 @@
-"""What a case page holds of its runs: a thousand samples of each at most, chosen so that extremes stay, packed small.
+"""What a case page holds of its runs: a thousand samples of each at most, chosen so that extremes stay, and the model.
 
-A packed array is whole numbers times a scale, as zigzag varints:
-
-- of the first row the number
-- of the second its difference from the first
-- of the others how far they are from the straight line in time through the two before
-
-The numbers of a whole case are deflated in one piece with the document that names them; the page's script unpacks them
-with the browser's own `DecompressionStream`.
+`case_document` is what the page's script reads: JSON, in which arrays are base64 of little-endian floats.
 """
 
 from __future__ import annotations
 
 import base64
-import json
-import zlib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from heapq import heapify, heappop, heappush
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,7 +19,12 @@ from hapticeval.phenomena.sampling import LED
 from hapticeval.recordings.provenance import before_the_wall
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import continuing_steps
+from hapticeval.reports.canvas import MM
+from hapticeval.reports.plane import Box, filled_part
 from hapticeval.types import Array, BoolArray, IntArray
+
+if TYPE_CHECKING:
+    from shapely import Geometry
 
 SAMPLES = 1000
 """At most about so many samples of a run are kept beside those that are kept for certain."""
@@ -48,14 +44,14 @@ MOST_EVENTS = 200
 JUMP_RATIO = 4.0
 """An IHIP step this many times as long as the HIP's, and as the IHIP steps on both sides of it, is kept: a jump."""
 
-LARGEST_INT16 = 32767
-"""The largest whole number of 16 bits: the finest that an array is packed in."""
+FACET_SHARE = 1.0 / 400.0
+"""Share of a solid's size that its triangles may lie off it: half a pixel of a picture of it."""
 
-LARGEST_APART = 4095
-"""The largest whole number that IHIP less HIP is packed in, of either sign."""
+EYE_AXES = np.array([[0.866, 0.5, 0.0], [-0.25, 0.433, 0.866], [0.433, -0.75, 0.5]])
+"""From where a solid is seen first: rows are what lies to the right, up, and towards the eye, 30 degrees above."""
 
-LARGEST_DRAWN = 2047
-"""The largest whole number of what is drawn against time only, in plots of 200 px."""
+VIEW_RATIO = 3.0
+"""An open model, or one far larger than the paths, is drawn this many times as far as they go."""
 
 
 @dataclass(frozen=True)
@@ -403,174 +399,90 @@ def surface_motion(recording: Recording, model: Model) -> tuple[Array, Array]:
     return frame.distance, np.linalg.norm(foot, axis=1)
 
 
-@dataclass
-class Packer:
-    """Collects arrays: `add` returns the number of each, `text` all of them as the page's script reads them."""
-
-    shapes: list[list[Any]] = field(default_factory=list)
-    parts: list[bytes] = field(default_factory=list)
-    clocks: dict[int, IntArray] = field(default_factory=dict)
-
-    def add(self, values: Array, *, scale: float | None = None, clock: int | None = None) -> int:
-        """Pack an array (n,) or (n, k), in its own SI unit such as m or N, and return its number.
-
-        It is written in steps of `scale`, or of 1/32767 of its largest value.
-
-        `clock` is the number of the array of its times: what is smooth in time takes less room with it.
-        """
-        # One row a sample, whatever the number of columns.
-        table = values.reshape(len(values), -1)
-        if scale is None:
-            scale = float(np.max(np.abs(table), initial=0.0)) / LARGEST_INT16 or 1.0
-        scale = rounded(scale)
-        integers = np.rint(table / scale).astype(np.int64)
-        number = len(self.shapes)
-        self.clocks[number] = integers[:, 0]
-        # Row 0: the number; row 1 and after: its difference to the row before.
-        residuals = np.diff(integers, axis=0, prepend=0)
-        if clock is not None:
-            # From row 2 on: the error of going on in a straight line in time.
-            residuals[2:] -= predicted_steps(residuals[1:-1], np.diff(self.clocks[clock])[:, None])
-        self.shapes.append([*table.shape, scale, *([] if clock is None else [clock])])
-        # Column by column, as neighbours in a column are alike.
-        self.parts.append(varints(residuals.T.ravel()))
-        return number
-
-    def text(self, document: Mapping[str, Any]) -> str:
-        """Return a document and the arrays, for which it has `arrays`: rows, columns, scale and clock of each.
-
-        It is JSON, a line feed, and the numbers of all arrays, column by column: deflated, in base 85 with , for <.
-        """
-        head = json.dumps({**document, "arrays": self.shapes}, separators=(",", ":"), allow_nan=False)
-        # The head holds no line feed, so that the first one ends it.
-        packed = zlib.compress(b"\n".join([head.encode(), b"".join(self.parts)]), 9)
-        # Base 85 has no quote; its < would end the script element of the page.
-        return base64.b85encode(packed).decode("ascii").replace("<", ",")
+def floats(values: Array, *, double: bool = False) -> str:
+    """Return numbers, row by row, as base64 of little-endian floats of 32 bits, or of 64 where `double`."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f8" if double else "<f4").tobytes()).decode("ascii")
 
 
-def rounded(value: float) -> float:
-    """Return a number rounded to three digits, which the page writes in few characters."""
-    return float(f"{value:.2e}")
+def tracks_document(tracks: Sequence[Track]) -> dict[str, Any]:
+    """Return `paths`, a hand's clock and path that several runs may share, and `runs`, which name theirs by number.
 
-
-def predicted_steps(steps_: IntArray, ticks: IntArray) -> IntArray:
-    """Return the step that goes straight on from the one before: the packer stores only what differs from it.
-
-    `steps_` (n, k) are the steps before, in units of their array's scale; `ticks` (n + 1, 1), in units of the clock's
-    scale, s, how long each of them and the next takes.
-
-    The result (n, k) is rounded to whole numbers.
+    Times are doubles, so that a sample a tick long is met after hours, too.
     """
-    before, after = ticks[:-1], ticks[1:]
-    # step * after / before, rounded half up as JavaScript's Math.round does.
-    predicted: IntArray = np.floor(steps_.astype(np.float64) * after / np.maximum(before, 1) + 0.5).astype(np.int64)
-    return predicted
-
-
-def varints(integers: IntArray) -> bytes:
-    """Return whole numbers (n,), whatever their unit, as varints: seven bits a byte, the lowest first.
-
-    The sign is the lowest bit of a number, so that small ones of either sign take one byte.
-    """
-    # 0, -1, 1, -2, ... become 0, 1, 2, 3, ...: small numbers of either sign have few digits.
-    zigzag = np.where(integers < 0, -2 * integers - 1, 2 * integers).astype(np.uint64)
-    width = 1
-    # Seven bits a byte: ten bytes hold any 64 bits.
-    while width < 10 and bool(np.any(zigzag >> np.uint64(7 * width))):
-        width += 1
-    # Digits of base 128, the lowest first (numbers, width).
-    digits = (zigzag[:, np.newaxis] >> (7 * np.arange(width, dtype=np.uint64))) & np.uint64(127)
-    # A number ends with its highest digit that is not 0; 0 itself takes one byte.
-    bytes_needed = np.maximum(1, width - np.argmax(digits[:, ::-1] != 0, axis=1))
-    bytes_needed[zigzag == 0] = 1
-    place = np.arange(width)
-    # The top bit says that another byte of the same number follows.
-    digits[place[np.newaxis] < bytes_needed[:, np.newaxis] - 1] |= np.uint64(128)
-    packed: bytes = digits[place[np.newaxis] < bytes_needed[:, np.newaxis]].astype(np.uint8).tobytes()
-    return packed
-
-
-def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
-    """Return the document of `Packer.text` and its arrays, each (n, k): what the page's script makes of it."""
-    head, _, numbers = zlib.decompress(base64.b85decode(text.replace(",", "<"))).partition(b"\n")
-    document: dict[str, Any] = json.loads(head)
-    encoded = np.frombuffer(numbers, dtype=np.uint8)
-    # A byte without the top bit ends its number; then which number each byte belongs to.
-    ends = np.flatnonzero(encoded < 128)
-    number_of_byte = np.searchsorted(ends, np.arange(encoded.size))
-    first_byte = np.append(0, ends[:-1] + 1)
-    # Bits by which each byte is shifted: 7 for each byte before it in its number.
-    shift = (7 * (np.arange(encoded.size) - first_byte[number_of_byte])).astype(np.uint64)
-    coded = np.zeros(ends.size, dtype=np.uint64)
-    np.add.at(coded, number_of_byte, (encoded & 127).astype(np.uint64) << shift)
-    # Undo the zigzag: the lowest bit is the sign.
-    integers = (coded >> np.uint64(1)).astype(np.int64) ^ -(coded & np.uint64(1)).astype(np.int64)
-    tables: list[IntArray] = []
-    offset = 0
-    for rows, columns, _, *clock in document["arrays"]:
-        block = integers[offset : offset + rows * columns].reshape(columns, rows).T.copy()
-        if clock:
-            ticks = np.diff(tables[clock[0]], axis=0)
-            # Each step is predicted from the one before it, which has to be complete.
-            for k in range(2, rows):
-                block[k] += predicted_steps(block[k - 1 : k], ticks[k - 2 : k])[0]
-        tables.append(np.cumsum(block, axis=0))
-        offset += rows * columns
-    return document, [table * shape[2] for table, shape in zip(tables, document["arrays"], strict=True)]
-
-
-def tick_scale(time: Array) -> float:
-    """Return the power of ten, s, in steps of which times (n,), s, are packed: under 1/100 of a tick, in 31 bits."""
-    # s: the largest time that has to be written as a whole number.
-    span = float(time[-1] - time[0]) + abs(float(time[0]))
-    shortest = float(np.min(np.diff(time), initial=span or 1.0))
-    # Fine enough for a hundredth of the shortest tick, coarse enough for 31 bits; the latter wins.
-    fine = 10.0 ** np.floor(np.log10(max(shortest, 1e-12) / 100.0))
-    coarse = 10.0 ** np.ceil(np.log10(max(span, 1e-12) / 2.0**31))
-    return float(max(fine, coarse))
-
-
-def position_resolution(tracks: Sequence[Track]) -> float:
-    """Return in steps of what length, m, places are packed: 1/32767 of the largest, or 1/100 of the depth if less."""
-    largest = max(float(np.max(np.abs(track.hip), initial=0.0)) for track in tracks) or 1.0
-    depths = [np.linalg.norm(track.apart, axis=1).max(initial=0.0) for track in tracks if track.apart is not None]
-    deepest = float(max(depths, default=0.0)) or largest
-    return float(max(min(largest / LARGEST_INT16, deepest / 100.0), largest * 2.0**-30))
-
-
-def pack_runs(tracks: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
-    """Pack tracks, each array once, and return for each the numbers of its arrays by name."""
-    number_by_content: dict[bytes, int] = {}
-    resolution = position_resolution(tracks)
-
-    def add(values: Array | None, **options: Any) -> int | None:
-        if values is None:
-            return None
-        # Arrays of equal content, as the hand path of a playback, are packed once.
-        key = values.tobytes()
-        if key not in number_by_content:
-            number_by_content[key] = packer.add(values, **options)
-        return number_by_content[key]
-
-    def drawn(values: Array | None, clock: int | None, largest: int = LARGEST_DRAWN) -> int | None:
-        return (
-            None if values is None else add(values, scale=float(np.max(np.abs(values))) / largest or 1.0, clock=clock)
-        )
-
-    packed = []
+    paths: dict[bytes, dict[str, Any]] = {}
+    runs = []
     for track in tracks:
-        # Times first: every other array of the run is predicted along them.
-        clock = add(track.time, scale=tick_scale(track.time))
-        run = {
-            "time": clock,
-            "hip": add(track.hip, scale=resolution, clock=clock),
-            "apart": drawn(track.apart, clock, LARGEST_APART),
-            "force": drawn(track.force, clock),
-            "step": drawn(track.step, clock) if track.led else None,
-            "hip_step": drawn(track.hip_step, clock) if track.led or track.apart is None else None,
-            "off": add(track.off, clock=clock),
-            "along": drawn(track.along, clock),
+        path = {
+            "time": floats(track.time, double=True),
+            "hip": floats(track.hip),
+            "hip_step": floats(track.hip_step),
+            "starts": track.starts.tolist(),
         }
-        packed.append({"name": track.name, **{name: number for name, number in run.items() if number is not None},
-                     "dt": float(f"{track.dt:.9g}"), "starts": track.starts.tolist()})  # fmt: skip
-    return packed
+        key = track.time.tobytes() + track.hip.tobytes()
+        paths.setdefault(key, path)
+        channels = {
+            "apart": track.apart, "force": track.force, "step": track.step, "off": track.off, "along": track.along
+        }  # fmt: skip
+        runs.append(
+            {
+                "name": track.name,
+                "path": list(paths).index(key),
+                "dt": track.dt,
+                **{name: floats(values) for name, values in channels.items() if values is not None},
+            }
+        )
+    return {"paths": list(paths.values()), "runs": runs}
+
+
+def model_document(model: Model | None, tracks: Sequence[Track]) -> dict[str, Any] | None:
+    """Return the outline of a model in the plane as `rings` (m), or its `vertices` (m) and `triangles`."""
+    if model is None:
+        return None
+    if model.dimension == 3:
+        vertices, triangles = solid_triangles(model)
+        return {"closed": True, "vertices": floats(vertices), "triangles": triangles.ravel().tolist(),
+                "turn": EYE_AXES.tolist()}  # fmt: skip
+    import shapely
+
+    # Holes are rings of their own; the script fills by the even-odd rule.
+    parts = shapely.get_parts(_outline(model, tracks))
+    rings = [ring for part in parts if part.geom_type == "Polygon" for ring in (part.exterior, *part.interiors)]
+    return {"closed": model.boundary.closed, "rings": [floats(shapely.get_coordinates(ring) / MM) for ring in rings]}
+
+
+def solid_triangles(model: Model) -> tuple[Array, IntArray]:
+    """Return vertices (v, 3), m, and triangles (t, 3) of a solid, anticlockwise seen from outside."""
+    facets = model.mesh(max_error=FACET_SHARE * model.size)
+    return facets.vertices, facets.cells
+
+
+def _outline(model: Model, tracks: Sequence[Track]) -> Geometry:
+    """Return what the model fills round the paths, mm: a closed outline as fine as the penetration depth asks for."""
+    view = _view_around_paths(model, tracks)
+    filled = filled_part(model, view)
+    # Open, or far larger than the paths: only what the view holds of it.
+    if not model.boundary.closed or view[2] - view[0] < MM * model.size:
+        return filled
+    import shapely
+
+    depths = [np.linalg.norm(track.apart, axis=1).max(initial=0.0) for track in tracks if track.apart is not None]
+    # mm: a thirtieth of the deepest penetration, but no finer than 1/200000 and no coarser than 1/2000 of the size.
+    within = float(np.clip(MM * max(depths, default=0.0) / 30.0, MM * model.size / 2e5, MM * model.size / 2000.0))
+    ring = shapely.make_valid(shapely.Polygon(MM * model.boundary.points(max(6000, 8 * len(model.boundary.corners)))))
+    return shapely.simplify(ring, within)
+
+
+def _view_around_paths(model: Model, tracks: Sequence[Track]) -> Box:
+    """Return the box (mm) that is drawn of a model: round the paths, or the whole if it is not far larger."""
+    points = MM * np.vstack([np.vstack([track.hip, track.ihip]) for track in tracks])
+    low, high = points.min(axis=0), points.max(axis=0)
+    # mm; at least 1.5 where nothing moves.
+    half = 0.5 * VIEW_RATIO * max(float(np.ptp(points, axis=0).max()), 1.0)
+    middle = 0.5 * (low + high)
+    low, high = middle - half, middle + half
+    if model.boundary.closed:
+        bounds = MM * np.array(model.boundary.bounds)
+        # A model that is not far larger is shown whole.
+        if np.all(np.abs(bounds - np.tile(middle, 2)) < 3.0 * half):
+            low, high = np.minimum(low, bounds[:2]), np.maximum(high, bounds[2:])
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])

@@ -5,38 +5,20 @@ One shows the model with the hand's path and where each renderer put the tool; t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, cycle, pairwise
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hapticeval.geometry.model import Model
-from hapticeval.reports.canvas import CURVES, MM, colour_of, figure, page_svg
-from hapticeval.reports.case_data import Track
-from hapticeval.reports.case_model import EYE_AXES, triangles_of
+from hapticeval.reports.canvas import DASHES, MM, Look, colour_of, figure, page_svg
+from hapticeval.reports.case_data import EYE_AXES, Track, solid_triangles
 from hapticeval.reports.plane import Box, aspect_of, box_round, draw_body, labels, name_axes
 from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-DASHES = ((), (6, 2), (2, 2), (6, 2, 2, 2))
-"""Lengths of lines and gaps, in points."""
-MARKERS: Mapping[str, str] = MappingProxyType(
-    {
-        "o": "circle(4px at 17px 6px)",
-        "s": "M13 2h8v8h-8z",
-        "D": "M17 1l5 5-5 5-5-5z",
-        "^": "M17 1l5 9h-10z",
-        "v": "M17 11l5-9h-10z",
-        "P": "M15.5 1h3v3.5h3.5v3h-3.5v3.5h-3v-3.5h-3.5v-3h3.5z",
-        "X": "M13 1l4 3.5 4-3.5 1.5 2-3 3 3 3-1.5 2-4-3.5-4 3.5-1.5-2 3-3-3-3z",
-    }
-)
-"""matplotlib's markers, and what each looks like in the middle of a swatch, 34 by 12 px: a path, or a shape of CSS."""
 
 RUNAWAY_RATIO = 3.0
 """A run that goes this many times as far as the median run leaves the picture, which would show nothing else."""
@@ -52,41 +34,6 @@ SHARP_TURN = 0.5
 
 PATH_MARKERS = 12
 """A path bears about so many markers."""
-
-
-@dataclass(frozen=True)
-class Look:
-    """How a renderer is drawn: the role of its colour, its dashes and its marker, no two alike of 28 renderers."""
-
-    role: str
-    dash: tuple[int, ...]
-    marker: str
-
-    @property
-    def classes(self) -> tuple[str, str]:
-        """The classes of its swatch: of colour and marker, and of the dashes."""
-        return f"k{CURVES.index(self.role)}", f"l{DASHES.index(self.dash)}"
-
-
-def look_of(index: int) -> Look:
-    """Return the look of the renderer at a place in the order of the columns."""
-    # 7 colours and markers with 4 dashes: 28 renderers before a look comes again.
-    marker = tuple(MARKERS)[index % len(MARKERS)]
-    return Look(CURVES[index % len(CURVES)], DASHES[index % len(DASHES)], marker)
-
-
-def swatches(looks: Iterable[Look]) -> dict[str, str]:
-    """Return the styles by class of the swatches of looks: a line, and in its middle the marker."""
-    styles = {}
-    for look in looks:
-        mark, line = look.classes
-        shape = MARKERS[look.marker]
-        styles[mark] = f"color:var(--fig-{look.role});--mark:" + (shape if "(" in shape else f'path("{shape}")')
-        # Where line and gap take turns along the swatch of 34 px, in px.
-        ends = [0, *accumulate(look.dash or (34,))]
-        parts = (f"{colour} {a}px {b}px" for (a, b), colour in zip(pairwise(ends), cycle(("currentColor", "#0000"))))
-        styles[line] = f"--line:repeating-linear-gradient(90deg,{','.join(parts)})"
-    return styles
 
 
 @dataclass(frozen=True)
@@ -187,7 +134,7 @@ def plane_svg(
     # (N, 2), mm/m: in space the projection along the direction to the eye.
     projection = MM * (EYE_AXES[:2].T if space else np.eye(2))
     with figure(5.0, 4.6, page=True) as fig:
-        axes = fig.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.115, 0.1, 0.875, 0.89))
+        axes = fig.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.14, 0.1, 0.85, 0.89))
         view = view_of(tracks, model, projection, aspect_of(axes))
         if model is not None and space:
             _draw_solid(axes, model)
@@ -234,7 +181,7 @@ def plane_svg(
             _draw_directions(axes, view)
         else:
             name_axes(axes, (0, 1), 2)
-            axes.yaxis.set_label_coords(-0.13, 0.5)
+            axes.yaxis.set_label_coords(-0.12, 0.5)
         return page_svg(fig, prefix=prefix, title=title)
 
 
@@ -279,7 +226,7 @@ def _draw_solid(axes: Axes, model: Model) -> None:
     """Draw what a solid covers, and the edges at which it turns away from the eye or is sharp."""
     import shapely
 
-    vertices, rows = triangles_of(model.boundary)
+    vertices, rows = solid_triangles(model)
     corners = MM * vertices @ EYE_AXES[:2].T
     a, b, c = vertices[rows.T]
     # Normals of the triangles, outwards since corners are anticlockwise; 1e-300 saves degenerate ones.
@@ -340,7 +287,7 @@ def view_of(tracks: Sequence[Track], model: Model | None, projection: Array, asp
     ]
     points = np.vstack([np.vstack([track.hip, track.ihip]) for track in in_sight]) @ projection
     if model is not None and (model.dimension == 3 or model.boundary.closed):
-        solid = (triangles_of(model.boundary)[0] if model.dimension == 3 else model.boundary.points(200)) @ projection
+        solid = (solid_triangles(model)[0] if model.dimension == 3 else model.boundary.points(200)) @ projection
         # The whole solid is in view where the paths still fill two fifths of it.
         if np.all(np.ptp(solid, axis=0) < 2.5 * np.ptp(points, axis=0).max()):
             points = np.vstack([points, solid])

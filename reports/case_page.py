@@ -5,6 +5,7 @@ Without script the page shows figures and verdicts; the script in `assets/` move
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -21,29 +22,18 @@ from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
-from hapticeval.reports.case_data import (
-    Packer,
-    Track,
-    drawable_recording,
-    pack_runs,
-    position_resolution,
-    sample_tracks,
-)
-from hapticeval.reports.case_figure import Look, Panel, Place, case_panels, look_of, panels_svg, plane_svg, swatches
-from hapticeval.reports.case_model import pack_model
+from hapticeval.reports.canvas import Look, looks_of
+from hapticeval.reports.case_data import Track, drawable_recording, model_document, sample_tracks, tracks_document
+from hapticeval.reports.case_figure import Panel, Place, case_panels, panels_svg, plane_svg
 from hapticeval.reports.places import ASSETS as ASSET_FOLDER
 from hapticeval.reports.places import CHECK_PAGES, INDEX, ROOT, anchor, case_file
 from hapticeval.reports.plane import refusal_svg
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
-from hapticeval.reports.svg import style_sheet, styles_as_classes
 from hapticeval.reports.templates import environment
 from hapticeval.runner.results import RunEntry, VerdictEntry
 
 ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.js")
-"""Style sheets and scripts of a case page, in the order in which it needs them; `FIGURE_SHEET` beside them."""
-
-FIGURE_SHEET = "figures.css"
-"""The style sheet of what all figures look like."""
+"""Style sheets and scripts of a case page, in the order in which it needs them."""
 
 VIEW_FILES = {INDEX, ASSET_FOLDER}
 """Names in a folder that an earlier view wrote: it may be written over."""
@@ -63,13 +53,6 @@ class Neighbours:
 
 EVIDENCE_ELSEWHERE = ("time", "tick", "moments")
 """Evidence that does not stand in a check's table: it is shown beside the verdict, or among the closed forms."""
-
-
-class Section(NamedTuple):
-    """What a page shows of a case, an HTML element, and the styles by class that its figures need."""
-
-    text: str
-    styles: Mapping[str, str]
 
 
 class Cell(NamedTuple):
@@ -120,8 +103,8 @@ def write_case_page(
     verdicts: Mapping[str, Sequence[VerdictEntry]],
     order: Sequence[str] = (),
     neighbours: Neighbours | None = None,
-) -> Mapping[str, str]:
-    """Write the page of a case (suite and name) below `folder` as `places.case_file`; return the styles that it needs.
+) -> None:
+    """Write the page of a case (suite and name) below `folder` as `places.case_file`.
 
     - `entries`: the runs of the case
     - `recordings`, `verdicts`: by renderer; a text in place of a recording is the reason why there is none
@@ -130,8 +113,7 @@ def write_case_page(
     It needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be written.
     """
     section = case_section(case, entries, recordings, verdicts=verdicts, order=order, check_pages=ROOT + CHECK_PAGES)
-    _write_page(folder / case_file(*case), section.text, entries[0], neighbours or Neighbours(), ROOT)
-    return section.styles
+    _write_page(folder / case_file(*case), section, entries[0], neighbours or Neighbours(), ROOT)
 
 
 def write_view(
@@ -152,15 +134,15 @@ def write_view(
         )
     case, path = (entry.suite, entry.case), folder / INDEX
     section = case_section(case, [entry], {entry.renderer: recording}, verdicts={entry.renderer: verdicts}, note=note)
-    write_assets(folder, section.styles)
-    _write_page(path, section.text, entry, Neighbours(), "")
+    write_assets(folder)
+    _write_page(path, section, entry, Neighbours(), "")
     return path
 
 
 def _write_page(path: Path, section: str, first: RunEntry, neighbours: Neighbours, root: str) -> None:
     """Write the page round a case's section; `root` leads from it to the report's folder."""
     text = environment().get_template("case_page.html.j2").render(
-        section=section, neighbours=neighbours, first=first, files=(*ASSETS, FIGURE_SHEET), root=root
+        section=section, neighbours=neighbours, first=first, files=ASSETS, root=root
     )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -170,14 +152,13 @@ def _write_page(path: Path, section: str, first: RunEntry, neighbours: Neighbour
         raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
 
 
-def write_assets(folder: Path, styles: Mapping[str, str]) -> None:
-    """Write scripts, their licences and the sheets, with the `styles` of figures, into `folder`/assets, once."""
-    contents = {name: asset(name) for name in (*ASSETS, *LICENCES)} | {FIGURE_SHEET: style_sheet(styles).encode()}
+def write_assets(folder: Path) -> None:
+    """Write scripts, their licences and the sheets into `folder`/assets, once."""
     try:
         (folder / ASSET_FOLDER).mkdir(parents=True, exist_ok=True)
-        for name, content in contents.items():
+        for name in (*ASSETS, *LICENCES):
             with replacing(folder / ASSET_FOLDER / name) as temporary:
-                temporary.write_bytes(content)
+                temporary.write_bytes(asset(name))
     except OSError as error:
         raise HapticevalError(f"cannot write {folder / 'assets'}", why=error.strerror or str(error)) from error
 
@@ -199,8 +180,10 @@ def case_section(
     enclosing_names: Sequence[str] = (),
     note: str = "",
     check_pages: str = "",
-) -> Section:
-    """Return what a page shows of a case; on a page of several, `prefix` and the `enclosing_names` tell ids apart.
+) -> str:
+    """Return what a page shows of a case, an HTML element.
+
+    On a page of several cases, `prefix` and the `enclosing_names` tell ids apart.
 
     A `note` stands beside the scene. Checks link to where `check_pages` tells of them, if it is given.
     Everything that comes from results is escaped.
@@ -209,8 +192,7 @@ def case_section(
 
     names = [entry.renderer for entry in entries]
     # A renderer's look is its place in the whole report, not on this page.
-    columns = list(dict.fromkeys([*order, *names]))
-    looks = {name: look_of(columns.index(name)) for name in names}
+    looks = looks_of([*order, *names])
     # Verdicts of a run that broke say nothing: the page names them with the error.
     judged = [verdict for entry in entries if not entry.error for verdict in verdicts.get(entry.renderer, ())]
     drawable = {
@@ -259,10 +241,7 @@ def case_section(
             title, key = f"{name} in {label}: the charts", f"charts of {name}"
             figures[key] = atlas_svg(recording, model, prefix=f"{prefix}a{len(charts)}", title=title)
             charts.append((name, key, charts_words(recording)))
-    # Styles that several elements share are written once, in a sheet of the report.
-    elements, styles = styles_as_classes(list(figures.values()))
-    figures = dict(zip(figures, elements, strict=True))
-    text = environment().get_template("case_section.html.j2").render(
+    return environment().get_template("case_section.html.j2").render(
         suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems, model=model,
         checks=_check_sections(judged), questions=questions, check_pages=check_pages,
         figures=figures, data=data, charts=charts,
@@ -273,7 +252,6 @@ def case_section(
         tracks={track.name for track in tracks},
         parts=_drawn_parts(tracks),
     )  # fmt: skip
-    return Section(text, {**styles, **swatches(looks.values())})
 
 
 def _has_measured_hips(recording: Recording) -> bool:
@@ -353,25 +331,18 @@ def _script_data(
     names: Sequence[str],
     crosses: Mapping[str, Sequence[float]],
 ) -> str:
-    """Return what the page's script reads, packed: runs, panels and model, and the arrays that they name by number."""
-    packer = Packer()
-    runs = pack_runs(tracks, packer)
+    """Return what the page's script reads, as JSON: paths and runs, panels and model."""
     # Keys are what assets/case.js reads.
+    drawn = tracks_document(tracks)
+    for run in drawn["runs"]:
+        look = looks[run["name"]]
+        run |= {"number": names.index(run["name"]), "role": look.role, "dash": look.dash, "marker": look.marker}
     document = {
+        **drawn,
         "dimension": int(tracks[0].hip.shape[1]),
-        "runs": [
-            {
-                **run,
-                "number": names.index(track.name),
-                "role": looks[track.name].role,
-                "dash": looks[track.name].dash,
-                "marker": looks[track.name].marker,
-            }
-            for run, track in zip(runs, tracks, strict=True)
-        ],
         "panels": [{"label": panel.label, "terms": panel.terms, "range": panel.powers} for panel in panels],
-        "model": pack_model(model, tracks, packer),
-        "fine": position_resolution(tracks),
+        "model": model_document(model, tracks),
         "crosses": crosses,
     }
-    return packer.text(document)
+    # As JSON writes it in a script element, which "<" could end.
+    return json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

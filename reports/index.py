@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -25,7 +25,6 @@ from hapticeval.reports.grid import (
     worst_verdicts,
 )
 from hapticeval.reports.places import anchor, case_file
-from hapticeval.reports.svg import style_sheet, styles_as_classes
 from hapticeval.reports.table import provenance, ran_words, renderers_by_commit, summaries
 from hapticeval.reports.templates import environment
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, SuiteEntry, VerdictEntry
@@ -123,11 +122,6 @@ def render_index(
         _counterexample_svg(counterexample, f"x{number}") for number, counterexample in enumerate(counterexamples)
     ]
     costs_svg = "" if costs is None else cost_svg(costs)
-    # All SVG of the page at once, so that its elements share their style classes.
-    drawn = [*(drawing.svg for _, drawing in failures), *(svg for _, svg in plots), *(effect.svg for effect in effects)]
-    elements, styles = styles_as_classes([*drawn, *pictures, costs_svg])
-    # The same order as in `drawn`: each place below takes the next element.
-    svgs = iter(elements)
     # Checks of a package that is not installed here have no page to link to.
     known = judged_checks(results)
     recorded = {run.renderer for run in results.runs if run.is_recorded}
@@ -151,7 +145,6 @@ def render_index(
 
     return environment().get_template("index.html.j2").render(
         single=single,
-        styles=style_sheet(styles),
         results=results,
         headline=headline(results),
         sound=is_sound(results),
@@ -171,7 +164,7 @@ def render_index(
         ended=sum(run.ended is not None for run in results.runs),
         grid=phenomenon_grid(results),
         worst_words=_worst_words({verdict.standing for verdict in worst}),
-        failures=[(verdict, Drawing(next(svgs), drawing.problem)) for verdict, drawing in failures],
+        failures=failures,
         more=_unlisted_count(results, worst),
         hard_names=names,
         hard=hard,
@@ -189,12 +182,12 @@ def render_index(
         about=None if single else link_to,
         command={name: getattr(results.command, name) for name in results.command.__struct_fields__},
         bench=bench,
-        bench_plots=[(title, next(svgs)) for title, _ in plots],
+        bench_plots=plots,
         bench_titles=TITLES,
-        effects=[replace(effect, svg=next(svgs)) for effect in effects],
-        counterexamples=[(counterexample, next(svgs)) for counterexample in counterexamples],
+        effects=effects,
+        counterexamples=list(zip(counterexamples, pictures, strict=True)),
         costs=costs,
-        cost_svg=next(svgs),
+        cost_svg=costs_svg,
     )  # fmt: skip
 
 

@@ -22,7 +22,6 @@ from hapticeval.reports.index import MOST_FAILURES, Counterexample, Drawing, Sin
 from hapticeval.reports.junit import junit
 from hapticeval.reports.places import CHECK_PAGES, FOLDER, INDEX, ROOT, case_file
 from hapticeval.reports.run_figure import figure_svg, marks_of
-from hapticeval.reports.svg import style_sheet
 from hapticeval.reports.table import markdown
 from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
 from hapticeval.study.bench.document import FILE as BENCH
@@ -32,7 +31,7 @@ from hapticeval.study.effects.document import read_costs
 from hapticeval.workers import Answer, Ended, Workers
 
 if TYPE_CHECKING:
-    from hapticeval.reports.case_page import Neighbours, Section
+    from hapticeval.reports.case_page import Neighbours
 
 REPLAY = "replay"
 """The folder below a result folder that holds a replay, of which the first page has the outcome."""
@@ -71,7 +70,7 @@ class Page:
         """Suite and case."""
         return self.runs[0].suite, self.runs[0].case
 
-    def make(self) -> Section:
+    def make(self) -> str:
         """Read the recordings and write the page; without figures if it is not to be `drawn`."""
         if not self.drawn:
             return self._write_section({run.renderer: NOT_DRAWN for run in self.runs if not run.error})
@@ -79,13 +78,13 @@ class Page:
             {run.renderer: _recording_or_problem(self.directory, run) for run in self.runs if not run.error}
         )
 
-    def fallback(self) -> Section:
+    def fallback(self) -> str:
         """Write the page without figures, where the process that drew them has ended."""
         return self._write_section({run.renderer: DRAWING_DIED for run in self.runs if not run.error})
 
-    def _write_section(self, recordings: Mapping[str, Recording | str]) -> Section:
-        """Make the case's section of a single page, or write its own page, from these recordings."""
-        from hapticeval.reports.case_page import Section, case_section, write_case_page
+    def _write_section(self, recordings: Mapping[str, Recording | str]) -> str:
+        """Return the case's section of a single page, or write its own page, from these recordings."""
+        from hapticeval.reports.case_page import case_section, write_case_page
 
         case_arguments = (self.case, self.runs, recordings)
         # On one page for all, ids tell cases apart by prefix and suite and case.
@@ -93,10 +92,10 @@ class Page:
             return case_section(
                 *case_arguments, verdicts=self.verdicts, order=self.order, prefix=self.prefix, enclosing_names=self.case
             )
-        styles = write_case_page(
+        write_case_page(
             self.pages, *case_arguments, verdicts=self.verdicts, order=self.order, neighbours=self.neighbours
         )
-        return Section("", styles)
+        return ""
 
 
 @dataclass(frozen=True)
@@ -172,9 +171,7 @@ def write_reports(
             if isinstance(order, Picture) and isinstance(drawing, Drawing)
         }
         sections = [outcome for outcome in outcomes if not isinstance(outcome, Drawing)]
-        # One sheet for the figures of all pages.
-        styles = {name: style for section in sections for name, style in section.styles.items()}
-        single = _single_page([section.text for section in sections], styles) if single_file else None
+        single = _single_page(sections) if single_file else None
         text = render_index(
             results,
             drawings,
@@ -189,7 +186,7 @@ def write_reports(
         if single_file:
             written[SINGLE_FILE] = text
         else:
-            write_assets(pages, styles)
+            write_assets(pages)
             _write(pages / INDEX, text)
             _write(pages / CHECK_PAGES, render_check_pages(judged_checks(results).values(), INDEX))
     # After the folder, so that a run that is stopped leaves the earlier files alone.
@@ -200,13 +197,13 @@ def write_reports(
     return [*(directory / name for name in written), *index, tables]
 
 
-def _single_page(bodies: Sequence[str], styles: Mapping[str, str]) -> Single:
+def _single_page(bodies: Sequence[str]) -> Single:
     """Return what a page holds beside the results that needs nothing else: styles, scripts and the cases."""
     from hapticeval.reports.case_page import ASSETS, asset
 
     texts = {name: asset(name).decode() for name in ASSETS}
     return Single(
-        [*(text for name, text in texts.items() if name.endswith(".css")), style_sheet(styles)],
+        [text for name, text in texts.items() if name.endswith(".css")],
         [text for name, text in texts.items() if name.endswith(".js")],
         bodies,
     )
@@ -288,10 +285,10 @@ def _carry_out(
     progress: Callable[[int, int], None],
     workers: int,
     stopped: Callable[[], bool] | None,
-) -> list[Section | Drawing]:
+) -> list[str | Drawing]:
     """Spread the orders over processes, and return what came of each in their order."""
     progress(0, len(orders))
-    outcome_by_number: dict[int, Section | Drawing] = {}
+    outcome_by_number: dict[int, str | Drawing] = {}
     remaining = iter(enumerate(orders))
     with Workers(draw, workers) as crew:
         while True:
@@ -308,12 +305,12 @@ def _carry_out(
                 progress(len(outcome_by_number), len(orders))
 
 
-def draw(order: Page | Picture) -> Section | Drawing:
+def draw(order: Page | Picture) -> str | Drawing:
     """Carry out an order."""
     return order.make()
 
 
-def _outcome_of(answer: Answer[Section | Drawing], order: Page | Picture) -> Section | Drawing:
+def _outcome_of(answer: Answer[str | Drawing], order: Page | Picture) -> str | Drawing:
     """Return what a process made of an order; what stands in its place where the process died."""
     # The process died: the page is written without its figures, here.
     if isinstance(answer.error, Ended):

@@ -1,42 +1,14 @@
 "use strict";
-// The moving part of a case page: unpacks the runs, and moves HIP and IHIP over model and plots with one slider.
+// The moving part of a case page: reads the runs, and moves HIP and IHIP over model and plots with one slider.
 // Everything that it shows is in the page as figures too; without script those stay.
 (() => {
-  const DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz!#$%&()*+-;,=>?@^_`{|}~";
   const MM = 1e3, MARKERS = 14, CHUNK = 8, RAYS = 60, FINE = 0.06, LENS = 0.36;
-  const plots = [];  // all uPlot instances, to be made anew where colours change
 
   // --- data -------------------------------------------------------------------------------------------------------
-  /** The document of `case_data.Packer`, and its arrays: for each its columns, Float64Array. */
-  async function unpack(packed) {
-    const digits = new Map([...DIGITS].map((each, k) => [each, k])), text = packed.trim(), bytes = new Uint8Array(Math.ceil(text.length / 5) * 4), view = new DataView(bytes.buffer);
-    for (let k = 0; k < text.length; k += 5) {  // five digits of base 85 are four bytes; the last ones are filled up
-      let value = 0;
-      for (let j = k; j < k + 5; j++) value = value * 85 + (j < text.length ? digits.get(text[j]) : 84);
-      view.setUint32((k / 5) * 4, value);
-    }
-    const count = bytes.length - (5 - (text.length % 5)) % 5;
-    const stream = new Blob([bytes.subarray(0, count)]).stream().pipeThrough(new DecompressionStream("deflate"));
-    const data = new Uint8Array(await new Response(stream).arrayBuffer());
-    let at = data.indexOf(10) + 1;
-    const document_ = JSON.parse(new TextDecoder().decode(data.subarray(0, at)));
-    const next = () => {  // a varint; beyond 2^31, which bits of JavaScript do not reach
-      let value = 0, unit = 1, byte;
-      do { byte = data[at++]; value += (byte & 127) * unit; unit *= 128; } while (byte > 127);
-      return value % 2 ? -(value + 1) / 2 : value / 2;
-    };
-    const clocks = [];
-    const arrays = document_.arrays.map(([rows, columns, scale, clock]) => Array.from({ length: columns }, (_, column) => {
-      const whole = new Float64Array(rows), ticks = clocks[clock];
-      for (let k = 0, step = 0; k < rows; k++) {
-        const ahead = ticks && k > 1 ? Math.floor((step * (ticks[k] - ticks[k - 1])) / Math.max(ticks[k - 1] - ticks[k - 2], 1) + 0.5) : 0;
-        step = next() + ahead;
-        whole[k] = (k ? whole[k - 1] : 0) + step;
-      }
-      if (!column) clocks.push(whole);
-      return whole.map((value) => value * scale);
-    }));
-    return [document_, arrays];
+  /** The numbers of `case_data.floats`, by columns. */
+  function columns(text, count, Kind = Float32Array) {
+    const flat = new Kind(Uint8Array.from(atob(text), (character) => character.charCodeAt(0)).buffer);
+    return Array.from({ length: count }, (_, c) => Float64Array.from({ length: flat.length / count }, (_, k) => flat[k * count + c]));
   }
 
   const size = (columns, k) => Math.hypot(...columns.map((each) => each[k]));
@@ -69,19 +41,26 @@
     return Array.from({ length: count }, (_, k) => at(run, first + (span * (k + shift)) / count));
   };
 
-  function makeRun(spec, arrays, fine) {
-    const of = (number) => (number === null || number === undefined ? null : arrays[number]);
-    const hip = of(spec.hip), apart = of(spec.apart);
-    const ihip = apart ? hip.map((column, c) => column.map((value, k) => value + apart[c][k])) : null;
-    const n = hip[0].length, touches = new Uint8Array(n);
-    for (let k = 0; k < n; k++) touches[k] = apart && apart.some((column) => column[k] !== 0) ? 1 : 0;
+  const makePath = ({ time, hip, hip_step, starts }, dimension) => ({
+    time: columns(time, 1, Float64Array)[0], hip: columns(hip, dimension), hip_step: columns(hip_step, 1), starts: new Set(starts),
+  });
+
+  /** A run of the document with its channels by columns; `path` is that of its hand, which others may share. */
+  function makeRun(spec, paths, dimension) {
+    const of = (text, count = 1) => (text === undefined ? null : columns(text, count)), path = paths[spec.path];
+    const apart = of(spec.apart, dimension), force = of(spec.force, dimension);
+    const ihip = apart && path.hip.map((column, c) => column.map((value, k) => value + apart[c][k]));
+    const touches = path.time.map((_, k) => (apart && apart.some((column) => column[k] !== 0) ? 1 : 0));
     return {
-      ...spec, time: of(spec.time)[0], hipNumber: spec.hip, hip, apart, ihip, force: of(spec.force), step: of(spec.step),
-      fine: spec.apart === undefined ? 0 : MM * fine(spec.apart), light: spec.force === undefined ? 0 : fine(spec.force), hip_step: of(spec.hip_step), off: of(spec.off), along: of(spec.along), starts: new Set(spec.starts), touches, shown: true,
+      ...spec, ...path, path, apart, ihip, force, step: of(spec.step), off: of(spec.off), along: of(spec.along), touches, shown: true,
+      depthDecimals: decimals(MM * largest(apart)), forceDecimals: decimals(largest(force)),
     };
   }
+  const largest = (channel) => (channel ? channel[0].reduce((most, _, k) => Math.max(most, size(channel, k)), 0) : 0);
+  /** Decimals of numbers up to one, of which four digits count. */
+  const decimals = (most) => Math.min(Math.max(3 - Math.floor(Math.log10(most || 1)), 0), 12);
 
-  /** What a panel draws of a run, as Python's `case_figure.term`. */
+  /** What a panel draws of a run, as Python's `case_figure.panel_values`. */
   function term(run, name) {
     const [channel, column] = name.replaceAll("|", "").split(".");
     const columns = run[channel], scale = channel === "force" || channel === "along" ? 1 : MM;
@@ -125,20 +104,17 @@
     return made;
   };
 
-  /** A number with as many decimals as the steps have in which it is held. */
-  const inSteps = (value, step) => value.toFixed(Math.min(Math.max(Math.ceil(-Math.log10(step)), 0), 12));
-
   // --- the model and what moves on it -------------------------------------------------------------------------------
   class Scene {
-    constructor(view, box, document_, arrays) {
+    constructor(view, box, document_) {
       this.view = view;
       this.space = document_.dimension === 3;
       this.canvas = element("canvas", { class: "live-canvas", role: "img", "aria-label": box.querySelector("svg")?.getAttribute("aria-label") ?? "model" });
       this.base = document.createElement("canvas");
       this.lens = true;
       const model = document_.model;
-      this.rings = model?.rings?.map((number) => arrays[number]) ?? [];
-      if (model?.vertices !== undefined) this.mesh = this.meshOf(arrays[model.vertices], arrays[model.triangles]);
+      this.rings = model?.rings?.map((ring) => columns(ring, 2)) ?? [];
+      if (model?.vertices) this.mesh = this.meshOf(columns(model.vertices, 3), model.triangles);
       this.turn = model?.turn ?? [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
       this.home = JSON.stringify(this.turn);
       const button = (text, label, act) => element("button", { type: "button", "aria-label": /\w/.test(text) ? null : label, title: label, onclick: () => { act(); this.draw(); } }, text);
@@ -152,9 +128,9 @@
     }
 
     meshOf(vertices, triangles) {
-      const count = triangles[0].length, normals = [], middles = [];
+      const count = triangles.length / 3, normals = [], middles = [];
       for (let k = 0; k < count; k++) {
-        const [a, b, c] = triangles.map((column) => vertices.map((each) => each[Math.round(column[k])]));
+        const [a, b, c] = [0, 1, 2].map((corner) => vertices.map((column) => column[triangles[3 * k + corner]]));
         const u = b.map((x, i) => x - a[i]), v = c.map((x, i) => x - a[i]);
         const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
         const length = Math.hypot(...n) || 1;
@@ -318,7 +294,7 @@
         if (part.length === 3) {
           const shade = Math.round(dark ? 38 + 46 * part[2] : 190 + 52 * part[2]);
           g.fillStyle = `rgba(${shade},${shade + 3},${shade + 8},.62)`;
-          for (const column of triangles) g.lineTo(...points[Math.round(column[part[1]])]);
+          for (let corner = 0; corner < 3; corner++) g.lineTo(...points[triangles[3 * part[1] + corner]]);
           g.closePath();
           g.fill();
           g.strokeStyle = dark ? "rgba(150,158,170,.16)" : "rgba(110,118,130,.16)";
@@ -341,7 +317,7 @@
     /** Every path that is drawn: run, columns, role of its colour, dashes, width. The hand's once, where runs share it. */
     curves() {
       const drawn = [], hands = new Map(), runs = this.view.visible();
-      for (const run of runs) hands.set(run.hipNumber, [...(hands.get(run.hipNumber) ?? []), run]);
+      for (const run of runs) hands.set(run.path, [...(hands.get(run.path) ?? []), run]);
       for (const [, group] of hands) {
         const alone = group.length === 1 && this.view.runs.length > 1 && hands.size > 1;
         drawn.push([group[0], group[0].hip, alone ? group[0].role : "quiet", [], 0.9]);
@@ -552,7 +528,6 @@
       for (const mark of this.view.marks) if (mark.run.shown) made.over.append(Object.assign(element("div", { class: "mark-line", style: `border-color:${colour(mark.run.role)}` }), { time: mark.time }));
       made.over.addEventListener("click", (event) => this.view.go(made.posToVal(event.offsetX, "x")));
       made.hooks.setScale = [...(made.hooks.setScale ?? []), () => requestAnimationFrame(() => this.move())];
-      if (!plots.includes(this)) plots.push(this);
       return made;
     }
 
@@ -589,12 +564,13 @@
 
   // --- the page -----------------------------------------------------------------------------------------------------
   class View {
-    constructor(section, document_, arrays, key) {
+    constructor(section, document_, key) {
       this.section = section;
       this.key = key;
-      this.runs = document_.runs.map((spec) => makeRun(spec, arrays, (number) => document_.arrays[number][2]));
+      const paths = document_.paths.map((path) => makePath(path, document_.dimension));
+      this.runs = document_.runs.map((spec) => makeRun(spec, paths, document_.dimension));
       this.closed = document_.model?.closed ?? false;
-      this.fine = document_.fine;
+      this.fine = 2 ** -23 * Math.max(...paths.map((path) => largest(path.hip)));  // m: the step of a float
       this.crosses = document_.crosses;
       const far = this.runs.map((run) => run.hip.reduce((most, column) => column.reduce((m, value) => Math.max(m, Math.abs(value)), most), 0));
       const median = [...far].sort((a, b) => a - b)[far.length >> 1];
@@ -610,11 +586,11 @@
       const stage = section.querySelector(".stage"), views = stage.querySelector(".views");
       this.transport(stage, views);
       section.classList.add("live");
-      this.scene = new Scene(this, views.querySelector(".plane"), document_, arrays);
+      this.scene = new Scene(this, views.querySelector(".plane"), document_);
       this.plots = new Plots(this, views.querySelector(".plots"), document_.panels);
       for (const box of section.querySelectorAll(".runs-shown input")) box.addEventListener("change", () => this.choose(box));
       for (const verdict of this.verdicts) {
-        const time = verdict.querySelector("i:not([class])"), link = element("a", { class: "jump", href: `#${verdict.id}` }, time.textContent);
+        const time = verdict.querySelector("i"), link = element("a", { class: "jump", href: `#${verdict.id}` }, time.textContent);
         link.addEventListener("click", (event) => { event.preventDefault(); history.replaceState(null, "", link.hash); this.jump(verdict); });
         time.replaceWith(link);
       }
@@ -676,7 +652,7 @@
       const head = element("tr", {}, ...["renderer", "|IHIP − HIP| (mm)", "force (N)", "HIP (mm)", "IHIP (mm)"].map((text) => element("th", { scope: "col" }, text)));
       this.rows = this.visible().map((run) => {
         const cells = Array.from({ length: 4 }, () => element("td"));
-        const swatch = this.section.querySelector(`.runs-shown input[data-run="${run.number}"]`)?.parentElement.querySelector("i")?.cloneNode(true);
+        const swatch = this.section.querySelector(`.runs-shown input[data-run="${run.number}"]`)?.parentElement.querySelector("svg")?.cloneNode(true);
         return [run, cells, element("tr", {}, element("th", { scope: "row" }, swatch ?? "", ` ${run.name}`), ...cells)];
       });
       this.values.replaceChildren(element("thead", {}, head), element("tbody", {}, ...this.rows.map((each) => each[2])));
@@ -685,9 +661,9 @@
 
     fill() {
       const point = (columns) => (columns ? columns.map((column) => (MM * column[0]).toFixed(3).replace("-", "−")).join(", ") : "–");
-      for (const [{ now, fine, light }, cells] of this.rows ?? []) {
-        cells[0].textContent = now.apart ? inSteps(MM * size(now.apart, 0), fine) : "–";
-        cells[1].textContent = now.force ? inSteps(size(now.force, 0), light) : "–";
+      for (const [{ now, depthDecimals, forceDecimals }, cells] of this.rows ?? []) {
+        cells[0].textContent = now.apart ? (MM * size(now.apart, 0)).toFixed(depthDecimals) : "–";
+        cells[1].textContent = now.force ? size(now.force, 0).toFixed(forceDecimals) : "–";
         cells[2].textContent = point(!now.hole && now.hip);
         cells[3].textContent = point(!now.hole && now.ihip);
       }
@@ -724,40 +700,35 @@
 
   const views = new Map();
 
-  async function begin(section, index) {
-    if (views.has(section)) return views.get(section);
+  function begin(section) {
     const script = section.querySelector("script.case-data");
-    if (!script) return null;
-    const promise = (async () => {
-      return new View(section, ...(await unpack(script.textContent)), `case${index}`);
-    })();
-    views.set(section, promise);
-    return promise;
+    if (!views.has(section) && script) views.set(section, new View(section, JSON.parse(script.textContent), section.id));
+    return views.get(section);
   }
 
-  async function follow() {
+  function follow() {
     const name = location.hash.slice(1);
     const target = name && (document.getElementById(name) ?? document.getElementById(decodeURIComponent(name)));
     const section = target && target.closest(".one-case");
     if (!section || target === section) return;
-    const view = await begin(section, [...document.querySelectorAll(".one-case")].indexOf(section));
+    const view = begin(section);
     const verdict = target.closest(".check li[data-time]");
     if (view && verdict) view.jump(verdict);
   }
 
-  async function start() {
-    if (!window.uPlot || !window.DecompressionStream) return;
+  function start() {
+    if (!window.uPlot) return;
     const sections = [...document.querySelectorAll(".one-case")];
-    if (sections.length === 1) await begin(sections[0], 0);
+    if (sections.length === 1) begin(sections[0]);
     else {
-      const watch = new IntersectionObserver((entries) => { for (const each of entries) if (each.isIntersecting) { watch.unobserve(each.target); begin(each.target, sections.indexOf(each.target)); } }, { rootMargin: "300px" });
+      const watch = new IntersectionObserver((entries) => { for (const each of entries) if (each.isIntersecting) { watch.unobserve(each.target); begin(each.target); } }, { rootMargin: "300px" });
       sections.forEach((each) => watch.observe(each));
     }
-    await follow();
+    follow();
     document.documentElement.dataset.ready = String(Math.round(performance.now()));
   }
 
   addEventListener("hashchange", follow);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", async () => { colours.clear(); for (const each of views.values()) { const view = await each; view.scene.draw(); view.plots.make(); } });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colours.clear(); for (const view of views.values()) { view.scene.draw(); view.plots.make(); } });
   if (document.readyState === "loading") addEventListener("DOMContentLoaded", start); else start();
 })();

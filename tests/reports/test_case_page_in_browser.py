@@ -48,8 +48,9 @@ def pages(tmp_path_factory):
     runs = [synthetic_run("lobe", name, "cassinian") for name in ("plain", "other")]
     space = [synthetic_run("ball", "plain", "sphere")]
     lobe, ball = ("synthetic", "lobe"), ("synthetic", "ball")
-    styles = write_case_page(folder, lobe, runs, {"plain": plane, "other": other}, verdicts=given)
-    write_assets(folder, {**styles, **write_case_page(folder, ball, space, {"plain": round_a_sphere()}, verdicts={})})
+    write_case_page(folder, lobe, runs, {"plain": plane, "other": other}, verdicts=given)
+    write_case_page(folder, ball, space, {"plain": round_a_sphere()}, verdicts={})
+    write_assets(folder)
     return {"plane": folder / case_file(*lobe), "space": folder / case_file(*ball)}
 
 

@@ -16,7 +16,6 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import THEME
 from hapticeval.reports.plane import filled_part, labels, samples_along_path
 from hapticeval.reports.run_figure import Mark, _page_figure, figure_svg, marks_of
-from hapticeval.reports.svg import inline_svg
 
 
 def words(svg):
@@ -54,7 +53,7 @@ def test_ids_of_two_figures_do_not_collide_and_every_reference_is_met():
     assert ids[0]
     assert not ids[0] & ids[1]
     for svg, known in zip((one, two), ids, strict=True):
-        assert set(re.findall(r'[("]#([^")]+)[)"]', svg)) == known
+        assert set(re.findall(r'[("]#([^")]+)[)"]', svg)) <= known
         assert svg.count(' id="') == len(known)
 
 
@@ -103,6 +102,11 @@ def test_a_recording_in_space_shows_three_force_components_and_its_shadow():
     assert {"F₃", "y₂ (mm), seen along y₁"} <= set(words(figure_svg(recording, None)))
 
 
+def strokes(svg, role):
+    """The paths that are stroked in the colour of a role."""
+    return re.findall(rf'<path d="([^"]*)"[^>]*stroke: var\(--fig-{role}\)', svg)
+
+
 def test_a_long_recording_stays_small_and_loses_no_peak_of_a_single_tick():
     time = np.arange(60_000) * 1e-3
     noise = np.random.default_rng(1).normal(size=(time.size, 2))
@@ -112,9 +116,8 @@ def test_a_long_recording_stays_small_and_loses_no_peak_of_a_single_tick():
     svg = figure_svg(Recording(time, {"hip": hip, "ihip": 1.1 * hip, "force": force}), make_model("circle"))
     assert len(svg.encode()) < 160_000
     panel = figure_svg(Recording(time, {"hip": hip, "ihip": hip, "force": force}), None)
-    curve = max(re.findall(r'<path d="m([^"]*)"[^>]*stroke:var\(--fig-two\)', panel), key=len)
-    heights = np.cumsum([float(each) for each in re.findall(r"-?\d+", curve)][1::2])
-    assert heights.max() - heights.min() > 135.0, "fifths of a point from zero down to the spike, of 320 in the panel"
+    heights = [float(number) for number in re.findall(r"-?[\d.]+", max(strokes(panel, "two"), key=len))][1::2]
+    assert max(heights) - min(heights) > 27.0, "points from zero down to the spike, of 64 in the panel"
 
 
 def test_no_line_leads_over_a_gap():
@@ -124,10 +127,10 @@ def test_no_line_leads_over_a_gap():
         figure_svg(Recording(clock, {"hip": hip, "ihip": hip, "force": hip}, {"source": "replay"}), None)
         for clock in (time, np.arange(1800) * 1e-3)
     )
-    strokes = [
-        re.findall(r'<path d="(m[^"]*)"[^>]*stroke:var\(--fig-(?:one|two|hip)\)', svg) for svg in (with_gap, without)
+    moves = [
+        [path.count("M") for role in ("one", "two", "hip") for path in strokes(svg, role) if path.count("L") > 6]
+        for svg in (with_gap, without)
     ]
-    moves = [[each.count("m") for each in found if len(each.split()) > 6] for found in strokes]
     assert set(moves[0]) == {2}
     assert set(moves[1]) == {1}
 
@@ -148,36 +151,3 @@ def test_marks_are_numbered_and_share_labels_where_they_meet():
     assert marks == {"a": Mark(1, 1.0, True), "c": Mark(2, 1.0, False)}
     places = [np.array([0.0]), np.array([5.0]), np.array([0.1])]
     assert [text for _, text in labels([1, 2, 3], places, 0.5)] == ["1,3", "2"]
-
-
-def test_laps_over_each_other_are_drawn_once():
-    def drawn(laps):
-        angle = np.linspace(0.0, 2.0 * np.pi, 25)[:-1]
-        corners = np.tile(np.column_stack([100 + 80 * np.cos(angle), 100 + 80 * np.sin(angle)]), (laps, 1))
-        corners = np.vstack([corners, corners[:1], [[300.0, 100.0]]])
-        d = "M " + " L ".join(f"{x:.3f} {y:.3f}" for x, y in corners)
-        path = f'<path d="{d}" style="fill:none;stroke:#000"/>'
-        svg = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 400 200">{path}</svg>'
-        return re.search(' d="([^"]*)"', inline_svg(svg, prefix="p", title="laps", colours={}))[1]
-
-    assert drawn(100).replace("m0 0 ", " ") == drawn(1)
-
-
-def test_letters_that_a_file_draws_keep_their_size_and_place():
-    letters = '<defs><path id="L" d="M 0 0 L 640 0 L 640 640 z" transform="scale(0.015625)"/></defs>'
-    uses = '<use xlink:href="#L"/><use xlink:href="#L" transform="translate(60 0)"/>'
-    text = f'<g transform="translate(50 20) scale(0.1 -0.1)">{letters}{uses}</g>'
-    links = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
-    made = inline_svg(f'<svg {links} viewBox="0 0 400 200">{text}</svg>', prefix="p", title="letters", colours={})
-    assert '<path d="m0 0 3200 0 0 3200z" id="p-0" transform="scale(0.015625)"/>' in made
-    assert '<use href="#p-0"/><use href="#p-0" transform="translate(300 0)"/>' in made
-    assert "marker" not in made
-
-
-def test_a_hollow_mark_that_stands_alone_is_drawn_as_wide_as_it_was():
-    mark = '<defs><path id="m" d="M 0 3 L 3 0 L 0 -3 z" style="stroke:#000"/></defs>'
-    use = '<use xlink:href="#m" x="100" y="50" style="fill-opacity:0;stroke:#000"/>'
-    links = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
-    made = inline_svg(f'<svg {links} viewBox="0 0 400 200">{mark}{use}</svg>', prefix="p", title="a mark", colours={})
-    assert re.search(r'<svg [^>]*viewBox="0 0 2000 1000"[^>]*stroke-width="5"', made), "1 where nothing else is given"
-    assert 'd="m500 250 0 0"' in made, "a browser draws no mark on a path without a line"

@@ -20,7 +20,6 @@ from hapticeval.reports import markdown, render_index, write_reports
 from hapticeval.reports.canvas import THEME
 from hapticeval.reports.index import _worst_words
 from hapticeval.reports.places import anchor, case_file
-from hapticeval.reports.svg import style_sheet, styles_as_classes
 from hapticeval.runner.results import Replay, SuiteEntry, write_results
 from hapticeval.runner.standing import SYMBOLS, Standing
 from hapticeval.study.bench.document import (
@@ -306,20 +305,6 @@ def test_published_answers_stand_beside_those_of_a_renderer_that_nobody_has_publ
 )
 def test_a_warning_alone_is_not_called_unexpected_where_the_headline_calls_all_expected(states, title):
     assert _worst_words(states) == title
-
-
-def test_styles_become_classes_of_the_page():
-    given = [
-        '<svg class="figure" aria-label="a &quot;b&quot;"><path d="M 0 0" style="fill:none"/>',
-        '<g style="fill:none"><text style="x:1"> style="y" </text></g>',
-    ]
-    (first, second), styles = styles_as_classes(given)
-    [none, one] = styles
-    assert styles == {none: "fill:none", one: "x:1"}
-    assert first == f'<svg class="figure" aria-label="a &quot;b&quot;"><path d="M 0 0" class={none} />'
-    assert second == f'<g class={none}><text class={one}> style="y" </text></g>'
-    assert styles_as_classes(given[1:])[1] == styles, "the same style has the same name on every page"
-    assert sorted(style_sheet(styles).split()) == sorted([f".{none}{{fill:none}}", f".{one}{{x:1}}"])
 
 
 # Closed forms: the evidence of the verdicts, digit for digit.
