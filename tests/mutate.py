@@ -2,7 +2,7 @@
 
     make mutants                                        all of phenomena, judging, suites and recordings: hours
     make mutants SAMPLE=60 SEED=1                       so many of them, drawn by a seed
-    .venv/bin/python tests/mutate.py --sample 20 hapticeval/phenomena/corners.py
+    .venv/bin/python tests/mutate.py --sample 20 hapticeval/phenomena/checks/broken_contact.py
 
 First all tests run once, the recorded verdicts of whole suites among them, to see which of them reach which line, and
 how long each takes. Of each mutant those that reach its line run then, the shortest first, until one fails: the mutant

@@ -12,7 +12,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.motion import Motion
 from hapticeval.phenomena.crossings import has_corners
-from hapticeval.phenomena.sampling import LED, declares_force_only
+from hapticeval.phenomena.sampling import LED, above_force_floor, declares_force_only, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -146,6 +146,25 @@ def without_ihip(recording: Recording) -> Finding:
         return Finding(Outcome.NOT_APPLICABLE, message)
     # Nothing was declared: an IHIP may have been forgotten, and what it would show is open.
     return undecided("the renderer gives a force but no IHIP: its contact point cannot be judged")
+
+
+def not_alone(scene: Scene, *kinds: str, because: str) -> Finding | None:
+    """Return that a check of effects of these `kinds` has no question where others change the answer too; else None.
+
+    `because` says of the others why they spoil it.
+    """
+    others = scene.answer_effects_except(*kinds)
+    if not others:
+        return None
+    message = f"the scene calls for {' and '.join(others)} too, {because}: the effect is judged alone"
+    return Finding(Outcome.NOT_APPLICABLE, message)
+
+
+def nothing_pressed(recording: Recording, scene: Scene) -> Finding | None:
+    """Return why a check of how a tool is pressed has no answer: no force above the floor, or no IHIP; else None."""
+    if not above_force_floor(recording, scene).any():
+        return undecided("no force above the floor: the tool never presses on the surface")
+    return without_ihip(recording) if lacks_ihip(recording, scene) else None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -65,7 +65,7 @@ bound can tell. *Chosen*; doubled, no lag changes by more than that."""
 LAG_ROWS = 4096
 """Rows, spread over all, in which a lag is looked for: *chosen*, for time. With twice as many it is the same number."""
 
-# answers_again
+# reset_clears
 
 NOTABLE_FORCE_SHARE = 1e-6
 """Share by which the forces of two runs differ in size, and not in single ticks alone. *Chosen*, for words alone:
@@ -109,7 +109,7 @@ START_DECAY = 100.0
 """Factor to which the assigned dynamics fade before a contact counts as under way. *Chosen*: doubled, 15 per cent more
 of a run's beginning are left out."""
 
-# closed_form, surface_dynamics
+# closed_form, output_invariance
 
 EXTRAPOLATION_ROUNDING = 1e-10
 """Share of a length, of the way travelled or of the model's size, by which rounding may make an extrapolated place
@@ -241,7 +241,7 @@ DETOUR_BOUNDS = 2.0
 Derived: a place that is off the way by a bound makes it longer by one there and one back. Doubled, steps may pass two
 bounds beside."""
 
-# corners
+# broken_contact
 
 HELD_FORCE_SHARE = 0.5
 """Share of the usual force on the first face below which the force is not kept any more.
@@ -379,7 +379,7 @@ LIMIT_SHARE = 0.5
 """Share of the finest spread that its limit has to have for a jump: *chosen*, since of less the extrapolation makes
 most. Doubled, a limit below the finest spread would never be a jump."""
 
-# metamorphic
+# restated, time_subdivision
 
 SAME_ANSWER = 1e-12
 """Share of the model's size by which answers may differ beside what is declared and what rounding of the hand changes:
@@ -451,13 +451,13 @@ SETTLING_RATIO = 0.75
 Derived: a first-order effect has 1/2, a second-order one 1/4; the middle between 1/2 and 1. Doubled, what grows with
 finer ticks is extrapolated."""
 
-# surface_dynamics, surface_motion
+# surface_motion, decoupling, tangential_dynamics
 
 SPEED_ROUNDING = 1e-9
 """Share of a speed that rounding may make. *Chosen*, far above that of doubles: doubled, two parts in a thousand
 million are granted."""
 
-# surface_dynamics
+# decoupling
 
 DIED_OUT_SHARE = 0.05
 """Share of the largest distance below which the motion across counts as over. *Chosen*: a law that is twice as fast has
@@ -490,7 +490,7 @@ STRETCHED_STEPS = 2.0
 *Chosen*: beyond, the hand passes the medial axis, or comes close, and a god-object is right to stay where it was.
 Doubled, more is judged."""
 
-# effects: friction_break_away, friction_sticking
+# friction: sticking, break-away
 
 STICKING_SHARE = 0.6
 """Share of the kinetic cone within which no friction slides, however it goes from sliding to sticking.
@@ -507,13 +507,13 @@ STICKING_TIME = 1.0
 """Seconds that a tool must be held for, to tell a creep from the bending of a soft contact. *Chosen*: doubled, tools
 that are held for one to two seconds are undecided."""
 
-# effects: friction_cone
+# friction: cone
 
 CONE_ROUNDING = 1e-12
 """Share of the cone by which rounding may leave it beside that of the coordinates: some four thousand roundings of a
 double. *Chosen*; doubled, twice as much is granted."""
 
-# effects: friction_energy
+# friction: energy
 
 STEEPER_THAN_SPRING = 1.001
 """Stiffness, in the scene's, from which on a law is steeper across the surface than its spring.
@@ -521,7 +521,7 @@ STEEPER_THAN_SPRING = 1.001
 *Chosen*, a thousandth above what rounding makes of the spring itself. Doubled, a law of up to twice the stiffness is
 granted nothing for being held, and may fail for it."""
 
-# effects: friction_sliding
+# friction: sliding
 
 SLIDING_TICKS = 10
 """Ticks of sliding without which nothing is shown. *Chosen*: doubled, a tool that slides in 10 to 19 is undecided."""
@@ -530,7 +530,7 @@ SLIDING_ROUNDING = 1e-9
 """Share of mu_k F_n that rounding of normals and roots may make. *Chosen*, far above that of a double: doubled, twice
 as much is granted."""
 
-# effects: friction_work, friction_force
+# friction: work, force
 
 LAP_WORK = 1e-3
 """Share of the work by which a lap may be off: a tenth of a per cent. *Chosen*: doubled, a friction that takes two
@@ -546,13 +546,13 @@ SLIP_WORK = 1e-9
 """Work, J, of a lap under which nothing slips: a micronewton over a millimetre. *Chosen*: doubled, laps in which the
 friction takes 1 to 2 nJ are not judged."""
 
-# effects: order
+# effects_order
 
 TOLD_APART = 10.0
 """Times what rounding leaves open that an effect has to add, for its order to be seen. *Chosen*, the inverse of
 `TELLING_SHARE`: doubled, effects of up to twenty times rounding are undecided."""
 
-# effects: relief, friction_force
+# lag: texture_relief, friction
 
 BETWEEN_TICKS = 0.5
 """Share of the widest second difference by which a value between two ticks may be off the straight way between them.
@@ -565,7 +565,7 @@ WHOLE_LAG = 1e-6
 
 *Chosen* between: doubled, nothing changes but for a lag that is by one to two millionths no whole one."""
 
-# effects: shading
+# shading
 
 OTHER_WEIGHTS = 2.0
 """Times what our shaded normals turn in a tick that a force may turn.
@@ -573,7 +573,7 @@ OTHER_WEIGHTS = 2.0
 Derived: vertex normals of other weights turn along a facet by all that its two edges turn, ours by half of that.
 Doubled, a force that leaps by four times what ours turns in a tick passes."""
 
-# effects: texture
+# texture
 
 STEADY_SHARE = 0.01
 """Share by which speed and force may differ within a stretch: less than a tenth of a decibel in texture models.
@@ -617,13 +617,13 @@ CHANCE_OF_FAILURE = 1e-3
 """Probability with which a right texture exceeds a bound by chance. *Chosen*: doubled, one run in five hundred fails a
 right one."""
 
-# effects: texture_work
+# texture_work
 
 LOOP_KNOWN = 1e-3
 """Share of the work that crosses in a lap up to which what is open of it may stay so. *Chosen*: doubled, a lap passes
 that may give the hand two thousandths of that."""
 
-# effects: transient
+# transient
 
 IMPULSE_CLOSE = 1e-9
 """Share by which an impulse, and a force at its cap, may be off. *Chosen*, far above rounding, and what a vibration
@@ -639,7 +639,7 @@ and answer in the next, and the first sample of a sinusoid is zero.
 
 Derived; doubled, a start two ticks late passes."""
 
-# effects: vibration
+# vibration
 
 CONFIDENCE_WIDTHS = 2.5758293035489004
 """Standard deviations to either side that hold 99 per cent of a normal distribution: the true number lies within what a

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import LAG_HALVINGS, LAG_ROWS, LAG_STEPS, LAG_TICKS, TELLING_SHARE
+from hapticeval.phenomena.decisions import BETWEEN_TICKS, LAG_HALVINGS, LAG_ROWS, LAG_STEPS, LAG_TICKS, TELLING_SHARE
 from hapticeval.phenomena.sampling import above_force_floor, rounding, touching
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -85,6 +85,19 @@ def resting_ticks(values: Array) -> IntArray:
     moved = np.any(np.diff(values, axis=0, prepend=np.nan) != 0.0, axis=1)
     rows = np.arange(len(values))
     return np.asarray(np.minimum(rows - np.maximum.accumulate(np.where(moved, rows, 0)), LAG_TICKS))
+
+
+def largest_in_lag(values: Array, *, earlier: int = 0) -> Array:
+    """Return the largest of `values` (n,) within the granted lag of each, and so many ticks `earlier` too: (n,)."""
+    padded = np.pad(values, (LAG_TICKS + earlier, LAG_TICKS), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * LAG_TICKS + 1 + earlier)
+    return np.asarray(windows.max(axis=1))
+
+
+def beside_straight(values: Array) -> Array:
+    """Return how far (n,) `values` (n, N), as m or N, may be off the straight way between two ticks."""
+    aside = np.pad(np.linalg.norm(np.diff(values, 2, axis=0), axis=1), 1, mode="edge")
+    return np.asarray(BETWEEN_TICKS * largest_in_lag(aside))
 
 
 def least_misfit(misfit: Callable[[float], float]) -> float:

@@ -3,99 +3,55 @@
 A package adds a check by an entry point of the group `hapticeval.checks`: its name is the check's id, its value a
 `Check`.
 
-Ours are listed here instead, for looking through the installed packages takes 20 ms of every process: that is done only
-for an id that is not ours, and to list all.
+Ours are the modules of the folder `checks` instead, for looking through the installed packages takes 20 ms of every
+process: that is done only for an id that is not ours, and to list all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
+from pkgutil import iter_modules
 
 from hapticeval.errors import InputError, describe_error
-from hapticeval.phenomena import (
-    answers_again,
-    centripetal_force,
-    closed_form,
-    comes_to_rest,
-    constraint_stability,
-    contact_kept,
-    contact_normal_force,
-    continuous_contact,
-    corners,
-    drift,
-    force_magnitude,
-    impulsive_collision,
-    metamorphic,
-    numerical_stability,
-    passivity,
-    surface_dynamics,
-)
+from hapticeval.phenomena import checks
 from hapticeval.phenomena.check import Check
-from hapticeval.phenomena.effects import (
-    friction_break_away,
-    friction_cone,
-    friction_energy,
-    friction_force,
-    friction_sliding,
-    friction_sticking,
-    friction_work,
-    order,
-    relief,
-    shading,
-    texture,
-    texture_work,
-    transient,
-)
 from hapticeval.phenomena.pages import read_page
 
 GROUP = "hapticeval.checks"
 
-OF_EFFECTS: Mapping[str, Check] = {
-    check.id: check
-    for check in (
-        *shading.CHECKS,
-        *texture.CHECKS,
-        texture_work.CHECK,
-        relief.CHECK,
-        friction_cone.CHECK,
-        friction_break_away.CHECK,
-        friction_sticking.CHECK,
-        friction_sliding.CHECK,
-        friction_force.CHECK,
-        friction_energy.CHECK,
-        friction_work.CHECK,
-        *transient.CHECKS,
-        order.CHECK,
-    )
-}
-"""Those that ask whether an effect is shown, which a scene has to call for."""
+PHENOMENA = (
+    "Continuous Contact Point",
+    "Contact Normal Force",
+    "Broken Contact",
+    "Abrupt Switch",
+    "Impulsive Collision Force",
+    "Centripetal Force",
+)
+"""The six of thesis section 3.2, in its order."""
 
-OWN: Mapping[str, Check] = {
-    check.id: check
-    for check in (
-        continuous_contact.CHECK,
-        contact_kept.CHECK,
-        contact_normal_force.CHECK,
-        corners.BROKEN_CONTACT,
-        corners.ABRUPT_SWITCH,
-        impulsive_collision.CHECK,
-        centripetal_force.CHECK,
-        answers_again.MEMORYLESS,
-        force_magnitude.CHECK,
-        passivity.CHECK,
-        answers_again.RESET_CLEARS,
-        constraint_stability.CHECK,
-        *surface_dynamics.CHECKS,
-        closed_form.CHECK,
-        comes_to_rest.CHECK,
-        numerical_stability.CHECK,
-        drift.CHECK,
-        *metamorphic.CHECKS,
-        *OF_EFFECTS.values(),
-    )
-}
-"""The checks of this package."""
+
+def _place_in_lists(check: Check) -> tuple[int, int, int]:
+    """Return a key of the order in which checks are listed: phenomena, other questions, held surfaces, effects."""
+    phenomenon = PHENOMENA.index(check.phenomenon) if check.phenomenon in PHENOMENA else len(PHENOMENA)
+    return bool(check.effects), check.holds, phenomenon
+
+
+def _read_own() -> list[Check]:
+    """Return the checks of every module in `hapticeval.phenomena.checks`, in the order of `_place_in_lists`."""
+    own: list[Check] = []
+    for module in sorted(iter_modules(checks.__path__), key=lambda module: module.name):
+        content = vars(import_module(f"{checks.__name__}.{module.name}"))
+        own += content["CHECKS"] if "CHECKS" in content else (content["CHECK"],)
+    return sorted(own, key=_place_in_lists)
+
+
+OWN: Mapping[str, Check] = {check.id: check for check in _read_own()}
+"""The checks of this package, each of a module of its name, or of that of its effects."""
+
+OF_EFFECTS: Mapping[str, Check] = {name: check for name, check in OWN.items() if check.effects}
+"""Those that ask whether an effect is shown, which a scene has to call for."""
 
 
 class Checks(Mapping[str, Check]):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.phenomena.contact_kept import across_allowed
+from hapticeval.phenomena.checks.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import ASIDE_DEPTHS, LAG_TICKS, STRETCHED_STEPS
 from hapticeval.phenomena.jumps import recent_steps
 from hapticeval.phenomena.sampling import evidence_at, hip_steps, lingering, mm, resolution, rounding, touching

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -118,3 +119,8 @@ class Verdict:
         if self.outcome is Outcome.ERROR:
             return False
         return not (self.outcome in UNSATISFIED and self.level is Level.MUST) or bool(self.inherent)
+
+
+def worst_finding(findings: Sequence[Finding]) -> Finding | None:
+    """Return the finding whose metric is farthest beyond its bound; None of none."""
+    return min(findings, key=lambda finding: -math.inf if finding.margin is None else finding.margin, default=None)

@@ -18,7 +18,7 @@ from hapticeval.effects.lugre import LuGre
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.passivity import active_by_nature
+from hapticeval.phenomena.checks.passivity import active_by_nature
 from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Level
 from hapticeval.runner.judging import make_renderer

@@ -121,13 +121,13 @@ def test_no_check_is_without_a_renderer_that_it_stops():
 
 HEAD = """# Kill matrix
 
-A cross marks a check that fails in at least one case. Written by `test_kill_matrix.py`, which compares it.
+The checks that each renderer fails in at least one case. Written by `test_kill_matrix.py`, which compares it.
 
 - The ideal rigid contact, and its answer spoiled (`mutants.py`): in the cases of the thesis suite.
 - A faultless set stabilisation, and broken laws (`lawbreakers.py`): in those of `dynamics-circle` with a point mass.
 - A spring to the nearest point, in the ways in which honest renderers differ, and the broken ones that answer step by
-  step (`outsiders.py`): on a short way round a circle, pressed on a line, and through a thin plate. An `e` marks one
-  whose `run()` is not its `step()`: it breaks the contract, and is not judged.
+  step (`outsiders.py`): on a short way round a circle, pressed on a line, and through a thin plate. One whose
+  `run()` is not its `step()` breaks the contract, and is not judged.
 - Friction round the nearest point, and with one fault each (`rubbing.py`): in cases of `effects-friction`.
 - The same spring with force shading, or with what begins with a contact, and broken ones that claim to show that
   (`struck_and_shaded.py`): round a loop under a facet of an octagon, over its edges, and in taps on a line.
@@ -138,14 +138,15 @@ A cross marks a check that fails in at least one case. Written by `test_kill_mat
 Why one fails a check besides the one that has to stop it is given beside it.
 
 """
-MARKS = {Outcome.ERROR: "e", Outcome.FAIL: "x"}
+NOT_JUDGED = "not judged: it breaks the contract"
 
 
 def matrix() -> str:
-    lines = ["| renderer | " + " | ".join(OWN) + " |", "|---|" + "---|" * len(OWN)]
+    """A line a renderer, with the checks that it fails: who adds a renderer or a check changes no other line."""
+    lines = ["| renderer | fails |", "|---|---|"]
     for name in ("ideal", *MUTANTS, *DYNAMIC, *HONEST, *FAULTY):
-        marked = {check: mark for outcome, mark in MARKS.items() for check in of_check(name, outcome)}
-        lines.append(f"| {name} | " + " | ".join(marked.get(check, "") for check in OWN) + " |")
+        failed = ", ".join(sorted(of_check(name, Outcome.FAIL)))
+        lines.append(f"| {name} | {NOT_JUDGED if of_check(name, Outcome.ERROR) else failed} |")
     return HEAD + "\n".join(lines) + "\n"
 
 

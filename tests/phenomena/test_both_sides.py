@@ -13,8 +13,8 @@ from test_dynamic_checks import CIRCLE, EXPERIMENT, LINE
 from test_dynamic_checks import run as run_law
 from test_forces import ROUND, collision, orbit
 
-from hapticeval.phenomena.centripetal_force import _assigned_response
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.checks.centripetal_force import _assigned_response
 from hapticeval.phenomena.decisions import DIED_OUT_SHARE, HOLD_TICKS, RETURN_RATIO, SLIDE_SHARE, TELLING_SHARE
 from hapticeval.phenomena.regions import Region, region_of
 from hapticeval.phenomena.surface_motion import SurfaceMotion

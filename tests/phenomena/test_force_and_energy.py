@@ -22,9 +22,9 @@ from hapticeval.effects.delay import Delay
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.errors import InputError, RendererError
 from hapticeval.geometry.catalogue import cassinian, circle, line, make_model
-from hapticeval.phenomena import passivity
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.passivity import laps
+from hapticeval.phenomena.checks import passivity
+from hapticeval.phenomena.checks.passivity import laps
 from hapticeval.phenomena.verdict import Level
 from hapticeval.renderer import Declaration, Response, Spring, abilities_of
 from hapticeval.runner.judging import judge

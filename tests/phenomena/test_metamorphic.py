@@ -12,14 +12,15 @@ from hapticeval.discovery import resolve
 from hapticeval.documents import convert
 from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.metamorphic import CHECKS
+from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
 from hapticeval.suite.case import Case
 
-IDS = tuple(check.id for check in CHECKS)
+IDS = ("mirror-image", "vertex-order", "time-subdivision", "two-at-once")
+CHECKS = [OWN[name] for name in IDS]
 OUTLINE = [[-0.08, -0.05], [0.09, -0.06], [0.03, 0.0], [0.1, 0.05], [-0.02, 0.09]]
 MODELS = (
     {"kind": "star"},

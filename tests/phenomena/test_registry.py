@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from pkgutil import iter_modules
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from hapticeval.cli import main
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import circle, star
+from hapticeval.phenomena import checks
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.registry import CHECKS, OWN
 from hapticeval.phenomena.verdict import Metric, Outcome, compared, undecided
@@ -167,3 +169,11 @@ def test_siblings_are_made_once():
     assert runs.refine(2) is runs.refine(2)
     assert made == [2]
     assert {each.value for each in Sibling} == {each.name for each in dataclasses.fields(Runs)} - {"base"}
+
+
+@pytest.mark.parametrize("check", OWN.values(), ids=OWN)
+def test_a_module_is_named_after_its_check_or_the_family_of_effects_that_it_asks_of(check):
+    """Who knows an id knows the file: `broken-contact` is in broken_contact.py, `friction-cone` in friction.py."""
+    name = check.id.replace("-", "_")
+    names = [module.name for module in iter_modules(checks.__path__)]
+    assert name in names or (check.effects and name.split("_")[0] in names)

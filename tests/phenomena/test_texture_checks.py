@@ -15,8 +15,8 @@ from hapticeval.documents import convert
 from hapticeval.effects.line_spectra import coefficients_of, line_spectrum
 from hapticeval.effects.stochastic_texture import StochasticTexture
 from hapticeval.effects.texture import Filter, Texture, as_document, autocovariance
+from hapticeval.phenomena.checks.texture import _mean_square_variance, spectrum_bound, welch_of
 from hapticeval.phenomena.decisions import WELCH_WINDOW
-from hapticeval.phenomena.effects.texture import _mean_square_variance, spectrum_bound, welch_of
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.runner.judging import judge

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Check, Runs, Sibling, not_alone
 from hapticeval.phenomena.decisions import (
     APART_DECIBELS,
     CHANCE_OF_FAILURE,
@@ -23,7 +23,7 @@ from hapticeval.phenomena.decisions import (
     WHOLE_SAMPLE,
 )
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -50,10 +50,9 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     base, effect = runs.base, scene.effect(StochasticTexture)
     assert effect is not None
     assert runs.without is not None
-    others = scene.answer_effects_except(TEXTURE)
-    if others:
-        message = f"the scene calls for {' and '.join(others)} too, which answer vibrations: texture is judged alone"
-        return Finding(Outcome.NOT_APPLICABLE, message)
+    reason = not_alone(scene, TEXTURE, because="which answer vibrations")
+    if reason is not None:
+        return reason
     # Ticks a sample of the texture; only a whole number lets its samples be picked.
     ticks_per_sample = 1.0 / (effect.model.rate * base.dt)
     if abs(ticks_per_sample - round(ticks_per_sample)) > WHOLE_SAMPLE:
@@ -332,10 +331,9 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     base, effect = runs.base, scene.effect(StochasticTexture)
     assert effect is not None
     assert runs.without is not None
-    others = scene.answer_effects_except(TEXTURE)
-    if others:
-        message = f"the scene calls for {' and '.join(others)} too, which answer vibrations: texture is judged alone"
-        return Finding(Outcome.NOT_APPLICABLE, message)
+    reason = not_alone(scene, TEXTURE, because="which answer vibrations")
+    if reason is not None:
+        return reason
     plain = runs.without(TEXTURE)
     added = np.linalg.norm(base.force - plain.force, axis=1)
     largest = float(np.max(np.abs(base.hip)))

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.checks.passivity import SampledWork, laps
 from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN, SINGLE_ROUNDINGS
-from hapticeval.phenomena.passivity import SampledWork, laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at
 from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE

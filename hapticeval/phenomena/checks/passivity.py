@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.checks.force_magnitude import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.decisions import (
     FINER_RATES,
     LAG_TICKS,
@@ -20,7 +21,6 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
     UNDECLARED_RANGE,
 )
-from hapticeval.phenomena.force_magnitude import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.lag import find_lag, resting_ticks
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided

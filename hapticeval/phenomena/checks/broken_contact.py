@@ -1,14 +1,11 @@
-"""What happens at corners and edges (section 3.2.1): broken contact over convex ones, abrupt switch in concave ones."""
+"""Broken contact (section 3.2.1): the force keeps n_pre up to a convex corner, and is gone past it."""
 
 from __future__ import annotations
-
-import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
-from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
+from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
 from hapticeval.phenomena.decisions import (
     FACE_TURN_SHARE,
@@ -20,27 +17,25 @@ from hapticeval.phenomena.sampling import (
     above_force_floor,
     evidence_at,
     force_depth,
-    hip_step,
-    lacks_ihip,
     listed,
     mm,
     position_tolerance,
     rounding,
 )
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided, worst_finding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.types import BoolArray, IntArray
+from hapticeval.types import BoolArray
 
 
-def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:
+def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure how far from the corner, before or after it, the force stops being what a rigid corner gives."""
     base = runs.base
     crossings = find_crossings(base, scene, convex=True)
     if not crossings:
         return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face past a convex corner into free space")
     pushes = above_force_floor(base, scene)
-    findings = [_judge_convex_corner(base, scene, crossing, pushes) for crossing in crossings]
+    findings = [_judge_corner(base, scene, crossing, pushes) for crossing in crossings]
     judged = worst_finding([finding for finding in findings if finding is not None])
     if judged is None and all(pushes[crossing.first : crossing.crossed].any() for crossing in crossings):
         message = "the tool is on another face while the hand goes under one past its convex corner"
@@ -48,7 +43,7 @@ def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:
     return judged or undecided("no force is felt under a face before its convex corner")
 
 
-def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: BoolArray) -> Finding | None:
+def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: BoolArray) -> Finding | None:
     """Judge one convex corner; None where the tool does not press before it on the face that the hand is under."""
     along, under = crossing.along, crossing.under
     crossed, end = crossing.crossed, crossing.end
@@ -96,7 +91,7 @@ def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, push
         else:
             fails = f"the force falls below half of the usual {before}"
     return compared(
-        Metric(BROKEN_CONTACT.metric, max(early, late), "m"),
+        Metric(CHECK.metric, max(early, late), "m"),
         position_tolerance(base, scene),
         {
             **evidence_at(base, tick),
@@ -111,81 +106,7 @@ def _judge_convex_corner(base: Recording, scene: Scene, crossing: Crossing, push
     )
 
 
-def judge_abrupt_switch(runs: Runs, scene: Scene) -> Finding:
-    """Measure the HIP travel from where the force leaves n_pre for the first time to where it keeps to n_post."""
-    base = runs.base
-    if lacks_ihip(base, scene):
-        return without_ihip(base)
-    crossings = find_crossings(base, scene, convex=False)
-    if not crossings:
-        return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face into a concave corner, and out again")
-    pushes = above_force_floor(base, scene)
-    findings = [_judge_concave_corner(base, scene, crossing, pushes) for crossing in crossings]
-    return worst_finding([finding for finding in findings if finding is not None]) or undecided(
-        "the force does not go from the first face's normal to the second's"
-    )
-
-
-def _judge_concave_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: BoolArray) -> Finding | None:
-    """Judge one concave corner; None where the force does not go from the first face's normal to the second's."""
-    pressed = crossing.first + np.flatnonzero(pushes[crossing.first : crossing.end])
-    if pressed.size == 0:
-        return None
-    on_pre, on_post = (
-        angle_between(base.force[pressed], normal) <= FACE_TURN_SHARE * crossing.turn
-        for normal in (crossing.normal_pre, crossing.normal_post)
-    )
-    if not on_pre.any() or not on_post.any():
-        return None
-    # As it comes and goes, with no depth yet, a tool that stands off the surface leans: what counts is in between.
-    # First tick on n_pre, and last on n_post, of those with a force.
-    begin, last = int(np.argmax(on_pre)), on_post.size - 1 - int(np.argmax(on_post[::-1]))
-    # The first tick that is not along n_pre any more.
-    leaves = begin + int(np.argmin(on_pre[begin:]))
-    if leaves > last:
-        return None
-    left_tick = int(pressed[leaves - 1])
-    # Backwards from the last tick on n_post to the first of that run.
-    reached = int(pressed[last - int(np.argmin(on_post[last::-1])) + 1])
-    # A rigid tool may strike both faces by turns: as long as it is at one place that is one switch.
-    within = position_tolerance(base, scene)
-    left_tick = _last_tick_within(base, pressed[on_pre & (pressed < reached)], left_tick, within)
-    reached = _last_tick_within(base, pressed[on_post & (pressed > left_tick)][::-1], reached, within)
-    takes = float(base.time[reached] - base.time[left_tick])
-    travel = float(np.sum(crossing.steps[left_tick:reached]))
-    # The usual depth before the switch: travel is told in units of it, and no less than a step.
-    depths = np.linalg.norm(base.hip - base.ihip, axis=1)
-    depth = max(float(np.median(depths[pressed[pressed <= left_tick]])), hip_step(base, scene))
-    return compared(
-        Metric(ABRUPT_SWITCH.metric, travel / depth, "depths"),
-        position_tolerance(base, scene) / depth,
-        {
-            **evidence_at(base, reached),
-            "corner": listed(crossing.place),
-            "switch_starts_s": float(base.time[left_tick]),
-            "switch_takes_s": takes,
-            "travel_m": travel,
-            "depth_m": depth,
-            "turn_deg": float(np.degrees(crossing.turn)),
-        },
-        passes=f"the force switches within {mm(travel)} of HIP travel",
-        fails=f"the force turns over {mm(travel)} of HIP travel ({travel / depth:.3g} depths, {takes:.3g} s): "
-        "the corner is rounded",
-    )
-
-
-def _last_tick_within(base: Recording, ticks: IntArray, tick: int, within: float) -> int:
-    """Return the last of `ticks` (k,) at which the HIP is `within` metres of where it is at `tick`; else `tick`."""
-    nearby = ticks[np.linalg.norm(base.hip[ticks] - base.hip[tick], axis=1) <= within]
-    return int(nearby[-1]) if nearby.size else tick
-
-
-def worst_finding(findings: Sequence[Finding]) -> Finding | None:
-    """Return the finding whose metric is farthest beyond its bound; None of none."""
-    return min(findings, key=lambda finding: -math.inf if finding.margin is None else finding.margin, default=None)
-
-
-BROKEN_CONTACT = Check(
+CHECK = Check(
     id="broken-contact",
     phenomenon="Broken Contact",
     formula="F = |F| n_pre for (HIP - corner) . t_pre < 0, then F = 0",
@@ -199,21 +120,5 @@ BROKEN_CONTACT = Check(
     not_with=(FRICTION,),
     metric="distance from the corner at which n_pre is lost or force remains",
     unit="m",
-    judge=judge_broken_contact,
-)
-
-ABRUPT_SWITCH = Check(
-    id="abrupt-switch",
-    phenomenon="Abrupt Switch",
-    formula="travel of the HIP while n_e turns from n_pre to n_post, in penetration depths; 0 for rigid contact",
-    citation="thesis 3.2.1, Figure 3.5; Figures 6.6, 6.7, 6.9",
-    channels=("hip", "ihip", "force"),
-    not_for={
-        Situation.NO_CONCAVE_CORNER: "the model has no concave corner or edge",
-        Situation.BILATERAL: "a tool that is held from both sides may be pulled as well as pushed",
-    },
-    not_with=(FRICTION,),
-    metric="HIP travel of the switch in penetration depths",
-    unit="depths",
-    judge=judge_abrupt_switch,
+    judge=judge,
 )

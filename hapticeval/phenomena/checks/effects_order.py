@@ -6,10 +6,10 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
+from hapticeval.phenomena.checks.shading import SHADING
+from hapticeval.phenomena.checks.texture import TEXTURE
+from hapticeval.phenomena.checks.texture_work import BUMP
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TOLD_APART
-from hapticeval.phenomena.effects.shading import SHADING
-from hapticeval.phenomena.effects.texture import TEXTURE
-from hapticeval.phenomena.effects.texture_work import BUMP
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording

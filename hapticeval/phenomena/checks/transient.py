@@ -11,10 +11,10 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, SINGLE_ROUNDINGS, TELLING_SHARE
-from hapticeval.phenomena.effects.vibration import fit
 from hapticeval.phenomena.sampling import evidence_at, force_floor, touching
 from hapticeval.phenomena.sampling import rounding as rounding_of
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.phenomena.vibration import fit
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array

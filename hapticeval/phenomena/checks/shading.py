@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
-from hapticeval.phenomena.decisions import LAG_TICKS, OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
-from hapticeval.phenomena.passivity import laps
+from hapticeval.phenomena.check import Check, Runs, Sibling, not_alone, without_ihip
+from hapticeval.phenomena.checks.passivity import laps
+from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
+from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -39,10 +40,9 @@ def expect_shading(runs: Runs, scene: Scene) -> ExpectedShading | Finding:
     base, shading = runs.base, scene.effect(Shading)
     assert shading is not None
     assert runs.without is not None
-    others = scene.answer_effects_except(SHADING)
-    if others:
-        message = f"the scene calls for {' and '.join(others)} too, whose force is not turned: shading is judged alone"
-        return Finding(Outcome.NOT_APPLICABLE, message)
+    reason = not_alone(scene, SHADING, because="whose force is not turned")
+    if reason is not None:
+        return reason
     if lacks_ihip(base, scene):
         return without_ihip(base)
     plain = runs.without(SHADING)
@@ -84,7 +84,7 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
     open_ = np.divide(
         expected.rounding, np.linalg.norm(base.force, axis=1), where=expected.contact, out=np.zeros(len(base))
     )
-    allowed = OTHER_WEIGHTS * _largest_within_lag(np.where(pressed, smooth, 0.0)) + open_[1:] + open_[:-1]
+    allowed = OTHER_WEIGHTS * largest_in_lag(np.where(pressed, smooth, 0.0)) + open_[1:] + open_[:-1]
     # Only where an unshaded force would turn by more does shading show.
     shows = pressed & (flat > allowed)
     if not shows.any():
@@ -110,12 +110,6 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
             f"(tick {worst + 1}), and shaded normals there by no more than {_degrees(allowed[worst])}"
         ),
     )
-
-
-def _largest_within_lag(values: Array) -> Array:
-    """Return the largest of `values` (n,) within the granted lag of each: (n,)."""
-    padded = np.pad(values, LAG_TICKS, mode="edge")
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * LAG_TICKS + 1).max(axis=1))
 
 
 def _degrees(angle: float) -> str:

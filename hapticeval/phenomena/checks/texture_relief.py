@@ -8,20 +8,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hapticeval.effects.effect import Stage
-from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
-from hapticeval.phenomena.decisions import BETWEEN_TICKS, LAG_TICKS, TELLING_SHARE, WHOLE_LAG
-from hapticeval.phenomena.effects.texture_work import BUMP, HEIGHT
-from hapticeval.phenomena.lag import believed_lag, delayed, resting_ticks
+from hapticeval.phenomena.check import Check, Runs, Sibling, not_alone, nothing_pressed
+from hapticeval.phenomena.checks.texture_work import BUMP, HEIGHT
+from hapticeval.phenomena.decisions import LAG_TICKS, TELLING_SHARE, WHOLE_LAG
+from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, resting_ticks
 from hapticeval.phenomena.sampling import (
-    above_force_floor,
     believed_standoff,
     evidence_at,
     hip_steps,
-    lacks_ihip,
     resolution,
     rounding,
 )
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
@@ -146,14 +144,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare force and IHIP of every tick with those that the relief makes of the path."""
     base = runs.base
     relief: Any = next(effect for effect in scene.effects if effect.kind in CHECK.effects)
-    others = scene.answer_effects_except(relief.kind)
-    if others:
-        message = f"the scene calls for {' and '.join(others)} too, whose force is another: a relief is judged alone"
-        return Finding(Outcome.NOT_APPLICABLE, message)
-    if not above_force_floor(base, scene).any():
-        return undecided("no force above the floor: the tool never presses on the surface")
-    if lacks_ihip(base, scene):
-        return without_ihip(base)
+    reason = not_alone(scene, relief.kind, because="whose force is another") or nothing_pressed(base, scene)
+    if reason is not None:
+        return reason
     plain = None if runs.without is None else runs.without(relief.kind)
     if plain is None and scene.damping > 0.0:
         return undecided("the force without the relief is not known: the hand is not led along a path that we give")
@@ -219,12 +212,6 @@ def _relief_law(
     return lambda lag: bump_map_answer(waves, delayed(tool, rows, lag), own_force, base.force[rows])
 
 
-def straight_way_doubt(values: Array) -> Array:
-    """Return how far (n,) `values` (n, N), as m or N, may be off the straight way between two ticks."""
-    aside = np.pad(np.linalg.norm(np.diff(values, 2, axis=0), axis=1), LAG_TICKS + 1, mode="edge")
-    return np.asarray(BETWEEN_TICKS * np.lib.stride_tricks.sliding_window_view(aside, 2 * LAG_TICKS + 1).max(axis=1))
-
-
 def _compare_channel(
     felt: Callable[[float], ReliefAnswer],
     base: Recording,
@@ -258,8 +245,8 @@ def _compare_channel(
         lag = lag if late_misfit <= early_misfit else -early
     right, bare_answer, moves = law(lag)
     if abs(lag - round(lag)) > WHOLE_LAG:  # what is between two ticks may be the HIP, or the answer
-        doubt = doubt + straight_way_doubt(base.hip)[rows]
-        late = straight_way_doubt(right)
+        doubt = doubt + beside_straight(base.hip)[rows]
+        late = beside_straight(right)
     else:
         late = np.zeros(len(rows))
     # What the relief adds, and how much of it the channel shows: <recorded - bare, change> / |change|^2

@@ -11,7 +11,7 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.check import Check, Closer, Runs, Sibling, without_ihip
-from hapticeval.phenomena.contact_kept import across_allowed
+from hapticeval.phenomena.checks.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import (
     CHORD_STEPS,
     COARSENINGS,

@@ -1,0 +1,1 @@
+"""The checks: one in a module of its name, or a family of effects in one."""

@@ -1,0 +1,705 @@
+"""Friction (4.3.3): the tool sticks in its cone, breaks away at its edge, and slides braked, by the work of its law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from operator import mul
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
+from hapticeval.effects.effect import Stage
+from hapticeval.phenomena.check import Check, Runs, Sibling, not_alone, nothing_pressed
+from hapticeval.phenomena.checks.passivity import laps
+from hapticeval.phenomena.decisions import (
+    BRISTLE_PARTS,
+    CONE_ROUNDING,
+    CREEP_SPEED,
+    LAG_TICKS,
+    LAP_WORK,
+    SINGLE_ROUNDINGS,
+    SLIDING_ROUNDING,
+    SLIDING_TICKS,
+    SLIP_WORK,
+    STEEPER_THAN_SPRING,
+    STICKING_SHARE,
+    STICKING_TIME,
+    TELLING_SHARE,
+    WHOLE_LAG,
+)
+from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps, listed, touching
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray, IntArray
+
+if TYPE_CHECKING:
+    from hapticeval.effects.lugre import LuGre
+
+FRICTIONS = (FRICTION, VISCOUS_FRICTION, LUGRE)
+"""The effects that brake a tool along the surface."""
+
+
+DOUBLE = float(np.finfo(np.float64).eps)
+
+
+HAND = ("hip", "velocity")
+"""The channels that are of the hand, and so on time."""
+
+
+@dataclass(frozen=True)
+class Load:
+    """The force of each tick, (n,), as parts across and along the surface at the IHIP.
+
+    - `pressed` (n,): where the force is above the floor.
+    - `normal` (n,), N: the part across, positive where the surface pushes, and on a bilateral one also where it pulls.
+    - `tangential` (n, N), N: the part along; `size` (n,), N, its length, and at a corner what leaves the fan of
+      normals.
+    - `velocity` (n, N), m/s: the hand's along the surface.
+    - `normals` (n, N): the outward unit normals.
+    - `other` (n,), N: what the scene's dampers may add, and rounding.
+    """
+
+    pressed: BoolArray
+    normal: Array
+    tangential: Array
+    size: Array
+    velocity: Array
+    normals: Array
+    other: Array
+
+
+def load_of(base: Recording, scene: Scene) -> Load:
+    """Return the load of every tick; zero where the force is not above the floor."""
+    pressed = above_force_floor(base, scene)
+    velocity = base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
+    rows = np.flatnonzero(pressed)
+    ihip, force = base.ihip[rows], base.force[rows]
+    normals = scene.model.boundary.closest_point(ihip).normal
+    # F_n = n . F, and F_t = F - F_n n
+    across, tangential = np.sum(force * normals, axis=1), along_surface(force, normals)
+    # A bilateral surface may pull: its force is turned round, so that it presses.
+    push = np.where((across < 0.0) & scene.bilateral, -1.0, 1.0)[:, np.newaxis] * force
+    if scene.model.boundary.corners:
+        # At a corner the normal may be any of the fan: |F| cos and |F| sin of the angle outside of it.
+        angle = scene.model.boundary.normal_cone(ihip, np.zeros(rows.size))(push)
+        strength = np.linalg.norm(force, axis=1)
+        normal, size = strength * np.cos(angle), strength * np.sin(angle)
+    else:
+        normal = np.sum(push * normals, axis=1)
+        size = np.linalg.norm(tangential, axis=1)
+    moving = along_surface(velocity[rows], normals)
+    damping = scene.damping + viscous_coefficient(scene)
+    # Rounding of positions as a force, K |x|, and of the force itself.
+    reach = scene.stiffness * float(np.max(np.abs(base.hip))) + np.linalg.norm(force, axis=1)
+    parts = (
+        normal,
+        tangential,
+        size,
+        moving,
+        normals,
+        damping * np.linalg.norm(moving, axis=1) + 8.0 * ihip_precision(base) * reach,
+    )
+    filled = []
+    for part in parts:
+        # Zero in ticks without a force above the floor.
+        column = np.zeros((len(base), *part.shape[1:]))
+        column[rows] = part
+        filled.append(column)
+    return Load(pressed, *filled)
+
+
+def along_surface(vectors: Array, normals: Array) -> Array:
+    """Return `vectors` (n, N) without their part across the surface, v - (n . v) n, for unit `normals` (n, N)."""
+    return np.asarray(vectors - np.sum(vectors * normals, axis=1)[:, np.newaxis] * normals)
+
+
+def viscous_coefficient(scene: Scene) -> float:
+    """Return the coefficient (N s/m) of the scene's viscous friction; zero where it calls for none."""
+    friction = scene.effect(VISCOUS_FRICTION)
+    return 0.0 if friction is None else float(friction.coefficient)
+
+
+def ihip_precision(base: Recording) -> float:
+    """Return the relative precision of the recorded IHIPs: that of single numbers where all of them are such."""
+    return SINGLE if np.array_equal(base.ihip, base.ihip.astype(np.float32)) else DOUBLE
+
+
+def judge_with_lag(runs: Runs, judge: Callable[[Runs], Finding], on_time: tuple[tuple[str, ...], ...]) -> Finding:
+    """Judge a recording, and where it fails, one with channels held back by up to three ticks: a lag is granted.
+
+    Each of `on_time` are channels that may be on time where the others are late. A renderer that is late gives and
+    takes energy for that alone: see `passivity`. Where all fail, the finding is that without a lag.
+    """
+    base, finding = runs.base, judge(runs)
+    for lag in range(1, LAG_TICKS + 1):
+        rows = np.maximum(np.arange(len(base)) - lag, 0)
+        for names in on_time:
+            if finding.outcome is not Outcome.FAIL:
+                return finding
+            # Held back by `lag` rows, so that they meet the late ones.
+            held_back = {name: base.channels[name][rows] for name in names if name in base.channels}
+            again = judge(replace(runs, base=Recording(base.time, {**base.channels, **held_back}, base.meta)))
+            if again.outcome is Outcome.PASS:
+                late = "IHIP" if "force" in names else "force"
+                return replace(again, message=f"{again.message}; the {late} is {lag} ticks late")
+    return finding
+
+
+def _check_of_friction(
+    judge: Callable[[Runs, Load, Scene], Finding],
+    *,
+    damped: bool = True,
+    on_time: tuple[tuple[str, ...], ...] = (),
+    **data: Any,
+) -> Check:
+    """Return a check of friction: it opens as all of them do, and then asks `judge`, which is given the load.
+
+    - `damped`: it is asked of a scene with a damper too.
+    - `on_time`: the channels that may be on time where the others are late, see `judge_with_lag`.
+    """
+
+    def judge_friction(runs: Runs, scene: Scene) -> Finding:
+        because = "whose force along the surface is no friction"
+        reason = not_alone(scene, *FRICTIONS, because=because) or nothing_pressed(runs.base, scene)
+        if reason is None and not damped and scene.damping > 0.0:
+            reason = Finding(Outcome.NOT_APPLICABLE, f"a damper of {scene.damping:g} N s/m brakes the tool too")
+        return reason or judge_with_lag(runs, lambda runs: judge(runs, load_of(runs.base, scene), scene), on_time)
+
+    return Check(
+        judge=judge_friction, channels=("hip", "ihip", "force"), reads_also=("velocity",), **{"unit": "", **data}
+    )
+
+
+def judge_cone(runs: Runs, load: Load, scene: Scene) -> Finding:
+    """Compare |F_t| with mu_s F_n at every tick."""
+    base, friction = runs.base, scene.effect(FRICTION)
+    # |F_t| less what the scene's dampers and rounding may make of it.
+    tangential = np.maximum(load.size - load.other, 0.0)
+    limit = friction.mu_s * np.maximum(load.normal, 0.0)
+    # |F_t| / (mu_s F_n); infinite where nothing presses the tool
+    shares = np.divide(tangential, limit, out=np.where(tangential > 0.0, np.inf, 0.0), where=limit > 0.0)
+    worst = int(np.argmax(shares))
+    share = float(shares[worst])
+    # A force that hardly leans shows nothing of the friction.
+    if share < TELLING_SHARE:
+        return undecided("the tool is hardly pulled along the surface: less than a tenth of what the friction holds")
+    return compared(
+        Metric(CONE.metric, share, ""),
+        1.0 + CONE_ROUNDING,
+        {**evidence_at(base, worst), "normal_N": float(load.normal[worst]), "tangential_N": float(load.size[worst])},
+        passes=f"the force stays in the cone of mu_s = {friction.mu_s:g}, and fills it to {share:.4g}",
+        fails=(
+            f"leaves the cone: {load.size[worst]:.4g} N along the surface at t = {base.time[worst]:.4g} s "
+            f"(tick {worst}), where mu_s = {friction.mu_s:g} holds {limit[worst]:.4g} N of {load.normal[worst]:.4g} N "
+            "across it"
+        ),
+    )
+
+
+def judge_break_away(runs: Runs, load: Load, scene: Scene) -> Finding:
+    """Compare the force along the surface with mu_s F_n (4.18) where a tool that stuck begins to slide."""
+    base, friction = runs.base, scene.effect(FRICTION)
+    # Ticks in which the tool begins to slide, after it has surely stuck.
+    slips = _break_away_ticks(base, load, scene, min(STICKING_SHARE, friction.stick) * friction.mu_k)
+    # |F_t| / (mu_s F_n): 1 on the edge of the static cone (4.18)
+    share = np.divide(load.size, friction.mu_s * load.normal, where=load.normal > 0.0, out=np.zeros(len(base)))
+    # In the tick before, of a channel that is late too, the hand was a step less far, or two where that is between two.
+    feet = np.diff(scene.model.boundary.closest_point(base.hip).foot, axis=0)
+    step = largest_in_lag(np.concatenate([[0.0], np.maximum(hip_steps(base), np.linalg.norm(feet, axis=1))]), earlier=1)
+    # How much the normal force, N, changes in a tick near it.
+    press = largest_in_lag(np.abs(np.diff(load.normal, prepend=load.normal[:1])), earlier=1)
+    holds = friction.mu_s * load.normal[slips - 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # 2 K |dx| + mu_s |dF_n| and rounding: what the force may have lacked in the tick before.
+        open_ = 2.0 * scene.stiffness * step[slips] + friction.mu_s * press[slips] + load.other[slips - 1]
+        allowed = np.where(holds > 0.0, open_ / holds, np.inf)
+    # Known to a tenth, or to half of what lies between the static and the kinetic cone.
+    clear = allowed <= max(TELLING_SHARE, 0.5 * (1.0 - friction.mu_k / friction.mu_s))
+    if not clear.any():
+        return undecided(
+            "the tool nowhere begins to slide, after it has stuck, while the hand moves and presses evenly"
+        )
+    shortfall = 1.0 - largest_in_lag(share, earlier=1)[slips]
+    worst = int(np.argmax(np.where(clear, shortfall - allowed, -np.inf)))
+    tick = int(slips[worst])
+    reached = (1.0 - float(shortfall[worst])) * friction.mu_s
+    return compared(
+        Metric(BREAK_AWAY.metric, max(float(shortfall[worst]), 0.0), ""),
+        float(allowed[worst]),
+        {**evidence_at(base, tick), "reached": reached, "slips": int(np.count_nonzero(clear))},
+        passes=(
+            f"a tool that sticks is held up to mu_s = {friction.mu_s:g}: it slides from {reached:.3g} times the force "
+            "across the surface on"
+        ),
+        fails=(
+            f"a tool that sticks is let go too early: it slides at t = {base.time[tick]:.4g} s (tick {tick}), and the "
+            f"force along the surface has reached {reached:.3g} times that across it, where mu_s = {friction.mu_s:g}"
+        ),
+    )
+
+
+def _break_away_ticks(base: Recording, load: Load, scene: Scene, surely: float) -> IntArray:
+    """Return the ticks in which a tool that has stuck begins to slide, away from corners.
+
+    It has stuck when it rested for longer than the granted lag, and was pulled by less than the share `surely` of F_n.
+    """
+    # Below this way, m, an IHIP has not moved: the rounding of its coordinates.
+    place = 8.0 * ihip_precision(base) * float(np.max(np.abs(base.hip)))
+    length = np.linalg.norm(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), axis=1)
+    pressed = load.pressed & (load.normal > 0.0)
+    # What is no contact ends a rest as well as a motion does.
+    moves = (length > place) | ~pressed | ~np.roll(pressed, 1)
+    sticks = pressed & (load.size <= surely * load.normal)
+    near = np.zeros(len(base), dtype=bool)
+    # At a corner the tool may change its face: there a step is no slip.
+    for corner in scene.model.boundary.corners:
+        near |= np.linalg.norm(base.ihip - corner.position, axis=1) <= length + place
+    ticks = np.flatnonzero(moves)
+    return np.array(
+        [
+            tick
+            for before, tick in pairwise(ticks)
+            if tick - before > LAG_TICKS + 1
+            and pressed[before : tick + 1].all()
+            and sticks[before:tick].any()
+            and not near[tick - 1 : tick + 1].any()
+        ],
+        dtype=np.int64,
+    )
+
+
+def judge_sticking(runs: Runs, load: Load, scene: Scene) -> Finding:
+    """Measure how far the IHIP moves while the force along the surface is small."""
+    base, friction = runs.base, scene.effect(FRICTION)
+    # |F_t| / (mu_k F_n); 0 where nothing presses
+    pulled = load.size / np.where(load.normal > 0.0, friction.mu_k * load.normal, np.inf)
+    sticks = load.pressed & (load.normal > 0.0) & (pulled <= STICKING_SHARE)
+    # First rows and rows behind the last of the stretches that stick, by turns.
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], sticks, [False]]).astype(int)))
+    creeps = []
+    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+        seconds = float(base.time[stop - 1] - base.time[first])
+        # Long enough to tell creep from bending, and pulled hard enough to creep.
+        if seconds >= STICKING_TIME and float(np.median(pulled[first:stop])) >= TELLING_SHARE:
+            away = np.linalg.norm(base.ihip[first:stop] - base.ihip[first], axis=1)
+            creeps.append((float(away.max()) / seconds, first, stop, float(away.max()), seconds))
+    if not creeps:
+        return undecided(
+            f"the tool is nowhere held for {STICKING_TIME:g} s by a tenth to {STICKING_SHARE:g} of what the friction "
+            "holds"
+        )
+    worst, first, stop, away, seconds = max(creeps)
+    share = float(np.median(pulled[first:stop]))
+    what = (
+        f"{1e6 * away:.3g} um in {seconds:.4g} s at {share:.2f} of the kinetic cone, from t = {base.time[first]:.4g} s"
+    )
+    return compared(
+        Metric(STICKING.metric, worst, "m/s"),
+        CREEP_SPEED,
+        {
+            **evidence_at(base, int(first)),
+            "to_time": float(base.time[stop - 1]),
+            "to_ihip": listed(base.ihip[stop - 1]),
+            "drift_m": away,
+            "share": share,
+        },
+        passes=f"a tool that sticks stays: {what}",
+        fails=f"a tool that should stick creeps: {what}",
+    )
+
+
+def judge_sliding(runs: Runs, load: Load, scene: Scene) -> Finding:
+    """Compare F_t at every tick in which the IHIP moves with mu_k F_n against that motion (4.20)."""
+    base = runs.base
+    friction = scene.effect(FRICTION)
+    # The slip ds of a tick, along the surface.
+    step = along_surface(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), load.normals)
+    length = np.linalg.norm(step, axis=1)
+    # (4.20): F_t = -mu_k F_n ds / |ds|
+    braking = friction.mu_k * load.normal
+    shape = scene.model.boundary.closest_point(base.ihip).shape
+    bend, twist = _curvature(shape)
+    # Below this way, m, an IHIP has not moved: the rounding of its coordinates.
+    place = 8.0 * ihip_precision(base) * np.max(np.abs(base.hip))
+    # How far, m, the HIP may lie from the IHIP along the surface: the slip and the spring's length.
+    lag = length + (load.size + np.maximum(load.normal, 0.0)) / scene.stiffness
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        deviation = (
+            np.linalg.norm(load.tangential + braking[:, np.newaxis] * step / length[:, np.newaxis], axis=1) / braking
+        )
+        # The tangent plane turns by curvature times that way; of first order only where it twists.
+        turned = twist * lag + (bend * lag) ** 2
+        allowed = load.other / braking + turned + place / length + SLIDING_ROUNDING
+    slides = load.pressed & np.roll(load.pressed, 1) & (length > place) & (braking > 0.0) & (allowed <= TELLING_SHARE)
+    slides[0] = False
+    # A slip over a corner has two directions.
+    for corner in scene.model.boundary.corners:
+        slides &= np.linalg.norm(base.ihip - corner.position, axis=1) > length + place
+    ticks = np.flatnonzero(slides)
+    if ticks.size < SLIDING_TICKS:
+        return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
+    worst = int(ticks[np.argmax((deviation - allowed)[ticks])])
+    # The force against the motion, N, for the message.
+    against = -float(np.sum(load.tangential[worst] * step[worst])) / float(length[worst])
+    comparison = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {braking[worst]:.4g} N"
+    return compared(
+        Metric(SLIDING.metric, float(deviation[worst]), ""),
+        float(allowed[worst]),
+        {
+            **evidence_at(base, worst),
+            "against_N": against,
+            "asked_N": float(braking[worst]),
+            "normal_N": float(load.normal[worst]),
+            "ticks": int(ticks.size),
+        },
+        passes=f"a tool that slides is braked by mu_k F_n in {ticks.size} ticks; at the worst {comparison}",
+        fails=f"a tool that slides at t = {base.time[worst]:.4g} s (tick {worst}) feels {comparison}",
+    )
+
+
+def _curvature(shape: Array) -> tuple[Array, Array]:
+    """Return the largest curvatures (n,), 1/m, of operators (n, N, N), and half of what the principal ones differ by.
+
+    In the plane there is but one, and no way aside.
+    """
+    largest = np.abs(np.linalg.eigvalsh(shape)).max(axis=1)
+    if shape.shape[1] == 2:
+        return largest, np.zeros_like(largest)
+    # (k1 - k2)^2 = 2 tr(W^2) - tr(W)^2
+    difference_squared = 2.0 * np.sum(shape**2, axis=(1, 2)) - np.trace(shape, axis1=1, axis2=2) ** 2
+    return largest, 0.5 * np.sqrt(np.maximum(difference_squared, 0.0))
+
+
+def judge_force(runs: Runs, load: Load, scene: Scene) -> Finding:
+    """Compare the force along the surface with that of the law at every tick in contact."""
+    base = runs.base
+    if any(effect.stage is Stage.SENSE for effect in scene.effects):
+        return undecided("the renderer answers the speed that its sensors show, and not the hand's")
+    (kind,) = (effect.kind for effect in scene.effects if effect.kind in FORCE.effects)
+    tangential = load.tangential
+    if runs.without is not None:
+        plain = runs.without(kind).force
+        # What the renderer itself gives along the surface, without the friction, is not the law's.
+        tangential = tangential - along_surface(plain, load.normals)
+    # What the queue of a late renderer begins with is not of the law.
+    judged = load.pressed & (np.arange(len(base)) >= LAG_TICKS)
+    law = _friction_law(base, load, scene)
+    straight = law(0.0, BRISTLE_PARTS)
+    strength = np.linalg.norm(straight, axis=1)
+    rounding = load.other - viscous_coefficient(scene) * np.linalg.norm(load.velocity, axis=1)
+    # The law with a held speed and with one that goes straight: what sampling leaves open.
+    doubt = rounding + np.linalg.norm(law(0.0, 1) - straight, axis=1)
+    if not (judged & (doubt <= TELLING_SHARE * strength)).any():
+        return undecided("the law's force is nowhere ten times what sampling and rounding leave open of it")
+
+    def late(parts: int) -> tuple[float, float]:
+        """Return the lag that explains what is off, and the misfit with it."""
+        return believed_lag(
+            lambda lag: float(np.linalg.norm((tangential + law(lag, parts))[judged], axis=1).mean()),
+            float(doubt[judged].mean()),
+        )
+
+    # The lag of whichever of the two fits better.
+    lag = min(late(1), late(BRISTLE_PARTS), key=lambda lag_and_misfit: lag_and_misfit[1])[0]
+    if lag:
+        stepped, straight = law(lag, 1), law(lag, BRISTLE_PARTS)
+        doubt = rounding + np.linalg.norm(stepped - straight, axis=1)
+        # Between ticks it is not known which value the renderer had.
+        if abs(lag - round(lag)) > WHOLE_LAG:
+            doubt += beside_straight(straight)
+    # The speed of a tick may be taken as held since the last, or as going there straight.
+    deviation = np.linalg.norm(tangential + straight, axis=1)
+    worst = int(np.argmax(np.where(judged, deviation - doubt, -np.inf)))
+    what = (
+        f"at t = {base.time[worst]:.4g} s (tick {worst}) it is {deviation[worst]:.3g} N off the {strength[worst]:.3g} "
+        f"N that the {kind} makes of {1e3 * np.linalg.norm(load.velocity[worst]):.3g} mm/s"
+    )
+    return compared(
+        Metric(FORCE.metric, float(deviation[worst]), "N"),
+        float(doubt[worst]),
+        {**evidence_at(base, worst), "law_N": float(strength[worst]), "lag_ticks": float(lag)},
+        passes=f"the force along the surface is that of the {kind} in every tick",
+        fails=f"the force along the surface is another than the law's: {what}",
+    )
+
+
+def _friction_law(base: Recording, load: Load, scene: Scene) -> Callable[[float, int], Array]:
+    """Return -F_t of the law (n, N), N, as a function of a lag in ticks and the parts of a tick: see `lugre_force`."""
+    lugre = scene.effect(LUGRE)
+    rows = np.arange(len(base), dtype=np.int64)
+
+    def law(lag: float, parts: int) -> Array:
+        moving = delayed(load.velocity, rows, lag) if lag else load.velocity
+        if lugre is None:
+            return viscous_coefficient(scene) * moving
+        return lugre_force(lugre, replace(load, velocity=moving), base.dt, parts)
+
+    return law
+
+
+def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
+    """Return -F_t of LuGre friction at each tick, (n, N), N, for a speed that is held over each of `parts` of a tick.
+
+    With one part that is the speed of the tick, else it goes straight from the last to that of the tick.
+
+    The bristles' deflection z (m) obeys z' = v - sigma0 |v| z / g(v), and F_t = -(sigma0 z + sigma1 z' + sigma2 v):
+    Canudas de Wit et al. 1995. `dt` is in s.
+    """
+    now, pressed = load.velocity, load.normal > 0.0
+    press = np.where(pressed, load.normal, 1.0)
+    before = np.concatenate([now[:1], now[:-1]])
+    # Over a tick z becomes a z + b.
+    grow, add = np.ones((len(now), 1)), np.zeros_like(now)
+    for part in range(parts):
+        velocity = now if parts == 1 else before + (part + 0.5) / parts * (now - before)
+        speed = np.linalg.norm(velocity, axis=1)[:, np.newaxis]
+        # Steady deflection g(v) / sigma0, where g grows with the press, and how z nears it over a part of a tick.
+        bend = press[:, np.newaxis] * law.limit(speed) / law.stiffness
+        decay = np.exp(-speed * dt / (parts * bend))
+        settled = np.divide(bend * velocity, speed, out=np.zeros_like(velocity), where=speed > 0.0)
+        grow, add = grow * decay, settled + (add - settled) * decay
+    # The bristles turn with the surface, and keep their length, but for what the press does not hold.
+    tiny, longest = np.finfo(float).tiny, (law.mu_s / law.stiffness * press).tolist()
+    free, bends, size = [0.0] * now.shape[1], [], 0.0
+    bent = free
+    rows = zip(pressed.tolist(), load.normals.tolist(), grow[:, 0].tolist(), add.tolist(), longest, strict=True)
+    for touches, normal, shrinks, added, holds in rows:
+        # The part of z along the normal goes; what is left in the tangent plane is stretched back to its length.
+        lifted = sum(map(mul, bent, normal))
+        laid = [along - lifted * across for along, across in zip(bent, normal, strict=True)]
+        share = shrinks * min(size, holds) / max(math.hypot(*laid), tiny)
+        bent = [share * along + new for along, new in zip(laid, added, strict=True)] if touches else free
+        size = math.hypot(*bent)
+        bends.append(bent)
+    z = np.array(bends)
+    speed = np.linalg.norm(now, axis=1)[:, np.newaxis]
+    # z' = v - sigma0 |v| z / g(v)
+    rate = now - law.stiffness * speed / (press[:, np.newaxis] * law.limit(speed)) * z
+    # sigma0 z + sigma1 z' + sigma2 v
+    force = law.stiffness * z + law.damping_at(speed) * rate + law.viscosity * now
+    return np.where(pressed[:, np.newaxis], force, 0.0)
+
+
+def judge_energy(runs: Runs, load: Load, scene: Scene) -> Finding:
+    """Compare the work that the hand gets since free space with what holding the force may give."""
+    base = runs.base
+    free = ~touching(base, scene)
+    # The last free row before each contact: there nothing is stored.
+    begins = np.flatnonzero(free[:-1] & ~free[1:])
+    if not begins.size:
+        return undecided("the hand never comes from free space: what is stored is not known")
+    moved = np.diff(base.hip, axis=0)
+    length = np.linalg.norm(moved, axis=1)
+    damping = scene.damping + viscous_coefficient(scene)
+    # Across the surface a law may be steeper than the scene's spring: of any that grows with the depth a force that is
+    # held gives no more than its change times the way.
+    across = np.max(
+        [np.abs(np.sum(moved * normals, axis=1)) for normals in (load.normals[:-1], load.normals[1:])], axis=0
+    )
+    change = np.abs(np.diff(load.normal))
+    steep = np.where(change > STEEPER_THAN_SPRING * scene.stiffness * across, change * across, 0.0)
+    before = np.concatenate([[0.0], length[:-1]])
+    strength = np.linalg.norm(base.force[:-1], axis=1)
+    # K |dx|^2 / 2 for a spring held over a tick, and B |dx| |dx before| / dt for a damper
+    allowed = 0.5 * scene.stiffness * length**2 + steep + damping / base.dt * length * before
+    allowed += SINGLE_ROUNDINGS * SINGLE * strength * length
+    # F . dx of a force that is held from row to row, J
+    gained = np.sum(base.force[:-1] * moved, axis=1)
+    worst, gain, granted = None, 0.0, 0.0
+    for begin in begins:
+        later = np.flatnonzero(free[begin + 1 :])
+        stop = int(begin + 1 + later[0]) if later.size else len(base) - 1
+        work, bound = np.cumsum(gained[begin:stop]), np.cumsum(allowed[begin:stop])
+        # The tick up to which the hand has got most beyond what is granted.
+        row = int(np.argmax(work - bound))
+        if worst is None or work[row] - bound[row] > gain - granted:
+            worst = int(begin), int(begin) + row + 1
+            gain, granted = float(work[row]), float(bound[row])
+    assert worst is not None
+    span = f"from t = {base.time[worst[0]]:.4g} s to {base.time[worst[1]]:.4g} s"
+    what = f"{1e3 * gain:.4g} mJ {span}, where holding the force for a tick may give {1e3 * granted:.4g} mJ"
+    return compared(
+        Metric(ENERGY.metric, gain, "J"),
+        granted,
+        {**evidence_at(base, worst[1]), "from_time": float(base.time[worst[0]])},
+        passes=f"the hand gets no more than a held spring gives: {what}",
+        fails=f"gives energy away: the hand gets {what}",
+    )
+
+
+def judge_work(runs: Runs, load: Load, scene: Scene) -> Finding:
+    """Compare the hand's work over each lap after the first with the work of the friction's law."""
+    base = runs.base
+    spans = [
+        (first + lap * period, first + (lap + 1) * period)
+        for first, period, number in laps(base.hip, scene.model.size)
+        for lap in range(1, number)
+        if first + (lap + 1) * period < len(base)
+    ]
+    spans = [(start, stop) for start, stop in spans if load.pressed[start : stop + 1].all()]
+    if not spans:
+        return undecided("the hand goes round no closed lap twice in contact")
+    moved = np.diff(base.hip, axis=0)
+    # Work of the hand by the trapezoid: -F . dx
+    mean = 0.5 * (base.force[1:] + base.force[:-1])
+    put_in = -np.sum(mean * moved, axis=1)
+    dissipated, doubt = _dissipated_work(base, load, scene, moved)
+    stored = _stored_energy(base, load, scene)
+    lap_works = []
+    for start, stop in spans:
+        law = float(dissipated[start:stop].sum())
+        work = float(put_in[start:stop].sum() - (stored[stop] - stored[start]))
+        # A lap in which nothing slips takes nothing, and has no share to be off by.
+        if law >= SLIP_WORK:
+            allowed = LAP_WORK + abs(float(doubt[start:stop].sum())) / law
+            lap_works.append((abs(work - law) / law, allowed, work, law, start, stop))
+    if not lap_works:
+        return undecided("the tool does not slip in any closed lap")
+    deviation, allowed, work, law, start, stop = max(lap_works, key=lambda lap_work: lap_work[0] - lap_work[1])
+    what = (
+        f"{1e3 * work:.5g} mJ in a lap from t = {base.time[start]:.4g} s to {base.time[stop]:.4g} s, where the "
+        f"friction takes {1e3 * law:.5g} mJ"
+    )
+    return compared(
+        Metric(WORK.metric, deviation, ""),
+        allowed,
+        {
+            **evidence_at(base, stop),
+            "from_time": float(base.time[start]),
+            "work_J": work,
+            "law_J": law,
+            "laps": len(lap_works),
+        },
+        passes=f"the hand puts in what the friction takes: {what}",
+        fails=f"the hand does not put in what the friction takes: {what}",
+    )
+
+
+def _dissipated_work(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
+    """Return the work (n - 1,), J, that the laws take over each step `moved` (n - 1, N), m, and its doubt."""
+    dissipated, doubt = np.zeros((2, len(moved)))
+    friction, lugre = scene.effect(FRICTION), scene.effect(LUGRE)
+    if friction is not None:
+        slip = np.diff(base.ihip, axis=0)
+        after = load.normals[1:]
+        across = np.sum(slip * after, axis=1)
+        along = np.linalg.norm(along_surface(slip, after), axis=1)
+        normal = load.normal[1:]
+        # The law's force after the slip, times the slip: mu_k F_n |ds|, and F_n times what the foot moves across
+        dissipated += normal * (friction.mu_k * along - across)
+        # A law that is not the scene's spring: its difference does work on the slip, too.
+        dissipated -= np.sum((scene.stiffness * (base.ihip - base.hip) - base.force)[1:] * slip, axis=1)
+        # K ds . (ds - dx) / 2: the spring relaxes by ds while the hand moves on by dx.
+        dissipated += 0.5 * scene.stiffness * np.sum(slip * (slip - moved), axis=1)
+    # b v . dx, with the mean speed of the step
+    dissipated += 0.5 * viscous_coefficient(scene) * np.sum((load.velocity[1:] + load.velocity[:-1]) * moved, axis=1)
+    if lugre is not None:
+        stepped, straight = (lugre_force(lugre, load, base.dt, parts) for parts in (1, BRISTLE_PARTS))
+        work = [0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1) for force in (stepped, straight)]
+        dissipated += work[1]
+        doubt += work[1] - work[0]
+    return dissipated, doubt
+
+
+def _stored_energy(base: Recording, load: Load, scene: Scene) -> Array:
+    """Return what a tool that lags behind the hand stores at each tick, F^2 / (2 K): (n,), J."""
+    if scene.effect(FRICTION) is None:
+        return np.zeros(len(base))
+    pull = load.tangential + viscous_coefficient(scene) * load.velocity
+    return np.asarray((load.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
+
+
+CONE = _check_of_friction(
+    judge_cone,
+    id="friction-cone",
+    phenomenon="none of the six: static friction, thesis 4.3.3",
+    formula="|F_t| <= mu_s F_n at every tick, with F_n = n.F at the IHIP and F_t = F - F_n n",
+    citation="thesis (4.17)-(4.19), Figure 4.9",
+    metric="force along the surface as a share of mu_s times that across it",
+    effects=(FRICTION,),
+)
+
+
+BREAK_AWAY = _check_of_friction(
+    judge_break_away,
+    id="friction-break-away",
+    phenomenon="none of the six: static friction, thesis 4.3.3",
+    formula="|F_t| >= mu_s F_n - 2 K |dx| - mu_s |dF_n| in the tick before a tool that sticks begins to slide",
+    citation="thesis (4.18), (4.19), Figure 4.9",
+    metric="what the force along the surface lacks of mu_s F_n when the tool begins to slide, as a share of it",
+    effects=(FRICTION,),
+)
+
+
+STICKING = _check_of_friction(
+    judge_sticking,
+    id="friction-sticking",
+    phenomenon="none of the six: static friction, thesis 4.3.3",
+    formula="|ihip(t) - ihip(t0)| <= 1 um in 10 s while |F_t| <= 0.6 mu_k F_n",
+    citation="thesis (4.18), (4.19)",
+    metric="how fast the IHIP creeps while it is held",
+    unit="m/s",
+    effects=(FRICTION,),
+)
+
+
+SLIDING = _check_of_friction(
+    judge_sliding,
+    on_time=((*HAND, "ihip"), ("force",)),
+    id="friction-sliding",
+    phenomenon="none of the six: kinetic friction, thesis 4.3.3",
+    formula="F_t = -mu_k F_n ds/|ds| at every tick in which the IHIP moves by ds along the surface",
+    citation="thesis (4.20), Figure 4.9",
+    metric="what F_t is off mu_k F_n against the motion, as a share of it",
+    effects=(FRICTION,),
+)
+
+
+FORCE = _check_of_friction(
+    judge_force,
+    damped=False,
+    id="friction-force",
+    phenomenon="none of the six: friction, thesis 4.3.3",
+    formula="F_t = -b v_t, or -(sigma0 z + sigma1 z' + sigma2 v) with z' = v - sigma0 |v| z / g(v)",
+    citation="thesis 4.3.3; Canudas de Wit et al. 1995",
+    siblings={Sibling.WITHOUT: "the same path in the scene without the friction"},
+    metric="force along the surface off that of the law",
+    unit="N",
+    effects=(VISCOUS_FRICTION, LUGRE),
+    not_with=(FRICTION,),
+)
+
+
+ENERGY = _check_of_friction(
+    judge_energy,
+    on_time=(HAND,),
+    id="friction-energy",
+    phenomenon="none of the six: friction takes energy, and gives none",
+    formula="sum of F . dx <= K sum of |dx|^2 / 2 since free space, at every tick",
+    citation="thesis 2.6.1, 4.3.3",
+    metric="work that the hand has got since free space",
+    unit="J",
+    effects=(FRICTION, VISCOUS_FRICTION),
+)
+
+
+WORK = _check_of_friction(
+    judge_work,
+    on_time=(HAND, (*HAND, "ihip"), (*HAND, "force")),
+    damped=False,
+    id="friction-work",
+    phenomenon="none of the six: friction, thesis 4.3.3",
+    formula="-sum of F . dx = sum of mu_k F_n |ds| + K ds.(ds - dx) / 2 over a lap; b v_t . dx; or that of LuGre's F_t",
+    citation="thesis (4.20)",
+    metric="work of the hand less that of the friction's law, as a share of it",
+    effects=(FRICTION, VISCOUS_FRICTION, LUGRE),
+)
+
+
+CHECKS = (CONE, BREAK_AWAY, STICKING, SLIDING, FORCE, ENERGY, WORK)

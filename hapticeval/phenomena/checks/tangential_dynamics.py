@@ -1,0 +1,141 @@
+"""Tangential dynamics (Problem 7.1 c): the tool slides as assigned, but for what the sampling does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.catalogue import FORCE_SENSOR, FRICTION, LUGRE, VISCOUS_FRICTION
+from hapticeval.phenomena.check import Check, Runs, Situation
+from hapticeval.phenomena.decisions import (
+    CAUSE_SHARE,
+    SPEED_ROUNDING,
+    TELLING_SHARE,
+)
+from hapticeval.phenomena.refinement import richardson_two_level
+from hapticeval.phenomena.sampling import evidence_at
+from hapticeval.phenomena.surface_motion import DOES_NOT_SLIDE, FINER, SPEED_GIVEN, TOO_MUCH, SurfaceMotion
+from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Measure the speed that the foot has gained or lost beyond what the assigned acceleration adds up to."""
+    base = runs.base
+    motion = SurfaceMotion(base, scene)
+    if motion.footless is not None or not motion.slides:
+        return undecided(motion.footless or DOES_NOT_SLIDE)
+    # A point mass obeys the push as the law says; a robot's own inertia has to be told by a sensor (8.9).
+    sensed = isinstance(scene.robot, PointMass) or scene.effect(FORCE_SENSOR) is not None
+    if motion.pushed.any() and not sensed:
+        return undecided(
+            "the operator pushes a robot without a force sensor: its own inertia has a share in the motion"
+        )
+    top = float(motion.foot_speed.max())
+    remains = richardson_two_level(runs, lambda recording: _unexplained_velocity(recording, scene))
+    excess = np.linalg.norm(remains.values, axis=1) / top
+    tick = int(np.argmax(excess))
+    metric = Metric(CHECK.metric, float(excess[tick]), "")
+    bound = remains.change * np.sqrt(remains.values.shape[1]) if remains.settled else float(motion.held_speed[-1])
+    bound = bound / top + SPEED_ROUNDING
+    viscosity = _apparent_viscosity(motion)
+    evidence: dict[str, object] = {
+        **evidence_at(base, tick),
+        "assigned_viscosity_kg_s": scene.viscosity,
+        "apparent_viscosity_kg_s": viscosity,
+        "foot_speed_at_start_m_s": float(motion.foot_speed[0]),
+        "foot_speed_at_end_m_s": float(motion.foot_speed[-1]),
+        "settled_by_refinement": remains.settled,
+    }
+    if bound > TELLING_SHARE:
+        return undecided(TOO_MUCH, metric, bound, evidence)
+    fails = (
+        f"{100.0 * metric.value:.3g} per cent of the sliding speed come or go unassigned"
+        f"{_describe_unexplained(motion, remains.values, viscosity, tick)}"
+    )
+    return compared(metric, bound, evidence, passes="the tool slides as assigned", fails=fails)
+
+
+def _describe_unexplained(motion: SurfaceMotion, unexplained: Array, viscosity: float, tick: int) -> str:
+    """Say what the unexplained velocity, (n, N - 1), m/s, is like: another viscosity (kg/s) where that makes most."""
+    moved = motion.components(motion.foot_velocity)[: len(unexplained)]
+    assigned = motion.scene.viscosity
+    # A viscosity b' instead of b takes (b' - b) / m of the velocity per second of sliding.
+    slid = np.cumsum(moved * motion.recording.dt, axis=0)
+    remainder = unexplained + (viscosity - assigned) / motion.scene.mass * slid
+    if np.sum(remainder**2) <= CAUSE_SHARE * np.sum(unexplained**2):
+        return f", as if the surface had a viscosity of {viscosity:.3g} kg/s instead of {assigned:.3g}"
+    along = float(np.sum(unexplained[tick] * moved[tick]))
+    return f": by t = {motion.recording.time[tick]:.4g} s the tool is {'driven on' if along > 0.0 else 'braked'}"
+
+
+def _apparent_viscosity(motion: SurfaceMotion) -> float:
+    """Return b (kg/s) that explains the loss of speed best: least squares of p'' - push / m = -(b / m) p', integrated.
+
+    The sum of p' . dp' is half the change of |p'|^2, so that no derivative is taken.
+    """
+    scene, recording = motion.scene, motion.recording
+    speed2 = motion.foot_speed**2
+    step = np.diff(recording.time)
+    viscous = (scene.viscosity / scene.mass) * motion.foot_velocity
+    driven = -viscous + _pushed_along(motion) + viscous
+    # <p', dp'> = d|p'|^2 / 2 = <p', push / m> dt - (b / m) |p'|^2 dt, summed and solved for b.
+    work = float(np.sum(step * np.sum(motion.foot_velocity * driven, axis=1)[:-1]))
+    slid = float(np.sum(step * 0.5 * (speed2[:-1] + speed2[1:])))
+    return scene.mass * (work - 0.5 * float(speed2[-1] - speed2[0])) / slid if slid > 0.0 else 0.0
+
+
+def _pushed_along(motion: SurfaceMotion) -> Array:
+    """Return what the hand adds to the assigned covariant acceleration of the foot, (n, N), m/s^2.
+
+    A force that is sensed is fed to the foot (8.9); else it moves the tool, and so the foot by (I + n W)^-1 of that.
+    """
+    push = motion.recording.channels.get("operator_force")
+    if push is None:
+        return np.zeros_like(motion.foot_velocity)
+    normal = motion.frame.normal
+    # P_T F_o / m
+    along = (push - np.sum(push * normal, axis=1)[:, np.newaxis] * normal) / motion.scene.mass
+    sensed = motion.scene.effect(FORCE_SENSOR) is not None
+    return along if sensed else motion.pulled_back(along)
+
+
+def _unexplained_velocity(recording: Recording, scene: Scene) -> Array:
+    """Return the velocity that nothing assigned explains, in transported bases: (n, N - 1), m/s.
+
+    That is p'(t) - p'(0) less the integral of the assigned acceleration: -(b_d / m) p' (7.18), and what the hand adds.
+    Viscous terms by the trapezoidal rule; the
+    operator's force is recorded as its mean until the next sample.
+    """
+    motion = SurfaceMotion(recording, scene)
+    moved = motion.components(motion.foot_velocity)
+    # Transported components: their rate of change is the covariant acceleration Dp'/dt.
+    viscous = -(scene.viscosity / scene.mass) * moved
+    assigned = -(scene.viscosity / scene.mass) * motion.foot_velocity + _pushed_along(motion)
+    pushed = motion.components(assigned) - viscous
+    step = np.diff(recording.time)[:, np.newaxis]
+    # Trapezoid of the viscous part; the push of a row holds until the next.
+    gained = np.cumsum(step * (0.5 * (viscous[:-1] + viscous[1:]) + pushed[:-1]), axis=0)
+    return np.asarray(moved - moved[0] - np.vstack([np.zeros((1, moved.shape[1])), gained]))
+
+
+CHECK = Check(
+    id="tangential-dynamics",
+    phenomenon="Tangential dynamics",
+    formula=(
+        "P_T(y'' - a) = 0 on S (7.1 c): Dp'/dt = -(b_d / m) p' (7.18), plus P_T F_o / m where F_o is sensed (8.9), "
+        "else (I + n W)^-1 of that"
+    ),
+    citation="thesis 7.1, Problem 7.1 (c); (7.17), (7.18); 6.3.2, 6.3.3",
+    channels=("hip", "velocity", "force"),
+    reads_also=("operator_force",),
+    siblings=FINER,
+    not_for={Situation.LED: SPEED_GIVEN},
+    holds=True,
+    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
+    metric="speed along the surface that the assigned dynamics do not explain, of the top speed",
+    unit="",
+    judge=judge,
+)

@@ -1,1 +1,0 @@
-"""Checks of how a renderer shows the effects that a scene calls for, whoever shows them."""

@@ -1,0 +1,97 @@
+"""The same contact stated otherwise gives the same answers, whatever the right answers are: how far two runs are apart.
+
+Such metamorphic relations need no truth to compare with, and so apply to any renderer on any path: a mirror, another
+order of the model's vertices, each step of the hand in two of half the time, and a second renderer of the kind beside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.decisions import (
+    HAND_ROUNDING,
+    SAME_ANSWER,
+    SAME_SIMULATED_ANSWER,
+    STEEP_FACTOR,
+)
+from hapticeval.phenomena.nudges import answers_apart, has_answer, steepness
+from hapticeval.phenomena.sampling import believed_standoff, evidence_at, mm, resolution
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray
+
+NOBODY = "a recording shows one run only, and nobody can be asked for another"
+
+RELATION = "none of the six: a relation that every rigid contact keeps to"
+
+OFF = "change of the answer beside what is explained, as a share of the model's size"
+
+
+def compare_runs(
+    check: Check,
+    runs: Runs,
+    scene: Scene,
+    other: Recording | None,
+    how: str,
+    *,
+    among: Callable[[Runs, Scene], BoolArray] | None = None,
+) -> Finding:
+    """Compare the base run with `other`, which is the same contact stated otherwise, in the words of `how`.
+
+    Rows that `among` returns are exempt: those on a discontinuity.
+    """
+    base = runs.base
+    if other is None:
+        return Finding(Outcome.NOT_APPLICABLE, f"the model has no such form, or the renderer refuses it {how}")
+    if not (has_answer(base) | has_answer(other)).any():
+        return undecided("the hand never touches the model")
+    change = answers_apart(runs, other, scene)
+    # What restating a scene changes of the hand: a rounding of its coordinates.
+    hand = HAND_ROUNDING * float(np.abs(base.hip).max())
+    declared = max(resolution(recording, scene) + believed_standoff(recording, scene) for recording in (base, other))
+    # A damper takes the velocity from hands that are off by rounding, a step of half a tick apart.
+    damped = 2.0 * hand * scene.damping / (scene.stiffness * 0.5 * base.dt)
+    allowed = np.full(len(base), hand + declared + damped)
+    exempt = np.zeros(len(base), dtype=bool)
+    if np.any(change > allowed + SAME_ANSWER * scene.model.size) and runs.moved is not None:
+        # Only where something is off are nudged runs made: each costs a run of its own.
+        allowed += STEEP_FACTOR * steepness(runs, hand + declared, scene)
+        if among is not None:
+            exempt = among(runs, scene)
+    # A renderer that answers a stimulus whole has events at instants that it has to find.
+    allowed += 0.0 if runs.subdivided is not None else (SAME_SIMULATED_ANSWER - SAME_ANSWER) * scene.model.size
+    return relation_finding(check, base, scene, change, allowed, exempt, how)
+
+
+def relation_finding(
+    check: Check,
+    base: Recording,
+    scene: Scene,
+    change: Array,
+    allowed: Array,
+    exempt: BoolArray,
+    how: str,
+) -> Finding:
+    """Judge the `change` (n,), m, of answers beyond what is `allowed` (n,), m, in rows that are not `exempt` (n,)."""
+    size = scene.model.size
+    excess = np.where(exempt, 0.0, np.maximum(change - allowed, 0.0)) / size
+    # Without an excess the largest change of a row that counts is shown.
+    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(exempt, -1.0, change)))
+    return compared(
+        Metric(check.metric, float(excess.max()), check.unit),
+        SAME_ANSWER,
+        {
+            **evidence_at(base, worst),
+            "off_m": float(change[worst]),
+            "allowed_m": float(allowed[worst]),
+            "rows_off": int(np.sum(excess > SAME_ANSWER)),
+            "rows_exempt": int(exempt.sum()),
+        },
+        passes=f"the answers are the same {how}",
+        fails=f"{how} the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} of the model's size, "
+        f"at {int(np.sum(excess > SAME_ANSWER))} of {len(base)} HIPs",
+    )
