@@ -24,9 +24,17 @@ def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:
     Return the paths written. Raises `HapticevalError` where a file cannot be written.
     """
     case = document["scene"].rpartition("/")[2]
-    panels = [_draw_z_width, _draw_delay, *([_draw_workspace] if document["workspace"] else [])]
-    with figure(4.6 * len(panels), 4.4, layout="constrained") as fig:
-        for axes, draw in zip(fig.subplots(1, len(panels)), panels, strict=True):
+    panels = [
+        _draw_z_width,
+        _draw_delay,
+        *([_draw_friction] if document["friction"] else []),
+        *([_draw_workspace] if document["workspace"] else []),
+    ]
+    # Four panels stand in two rows: side by side their text would be small on a page.
+    rows = 2 if len(panels) > 3 else 1
+    columns = -(-len(panels) // rows)
+    with figure(4.6 * columns, 4.4 * rows, layout="constrained") as fig:
+        for axes, draw in zip(fig.subplots(rows, columns, squeeze=False).flat, panels, strict=True):
             draw(axes, document)
             axes.legend(fontsize=8, loc="upper right" if draw is _draw_workspace else "best")
         title = f"Stable stiffness: {document['scene']}, {document['renderer']} on {document['device']}"
@@ -65,12 +73,36 @@ def _draw_delay(axes: Axes, document: Mapping[str, Any]) -> None:
     if document["passive"] is not None:
         style: dict[str, Any] = {"color": SAMPLING_TIME_COLOURS[2], "linestyle": "--", "linewidth": 1.2}
         axes.plot(delay, _thousands(curve["passive"]), label="passive (2.40)", clip_on=False, **style)
+    if curve["closed_form"] is not None:
+        line = _thousands(curve["closed_form"])
+        axes.plot(delay, line, color=INK, linestyle=":", linewidth=1.5, label="(b + B) / (T / 2 + d), Gil 2009")
     # None stands for no limit: any stiffness is stable.
     if not any(value is None or value > 0.0 for value in curve["eigenvalues"]):
         axes.text(0.5, 0.5, "no stiffness is stable at any delay", transform=axes.transAxes, ha="center", fontsize=9)
     axes.set_ylim(bottom=0.0)
     axes.set_xlim(left=0.0)
     axes.set(xlabel="computation delay (ms)", ylabel="stiffness K (kN/m)", title="Delay")
+
+
+def _draw_friction(axes: Axes, document: Mapping[str, Any]) -> None:
+    """K over the joint friction: the closed form as a line; as points the worst hand, and the loop let go."""
+    curve = document["friction"]
+    unit, scale = ("mN m", 1e3) if document["turning"] else ("N", 1.0)
+    friction = scale * np.array(curve["joint_friction"])
+    # Straight between its values, one of which is the corner: drawn finely, for the axis is none of equal steps.
+    fine = np.linspace(0.0, friction[-1], 500)
+    line = np.interp(fine, friction, _thousands(curve["closed_form"]))
+    axes.plot(fine, line, color=INK, label="min(2b/T, 2f_c/Δ), Abbott 2005")
+    points: dict[str, Any] = {"linestyle": "none", "clip_on": False}
+    axes.plot(friction, _thousands(curve["worst_hand"]), "o", **points, label="passive with the worst hand tried")
+    axes.plot(friction, _thousands(curve["let_go"]), "^", **points, label="comes to rest without a hand")
+    # kN/m: linear below, so that zero stiffness has a place.
+    axes.set_yscale("symlog", linthresh=0.1)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlim(left=0.0)
+    axes.set(
+        xlabel=f"Coulomb friction of each joint ({unit})", ylabel="stiffness K (kN/m)", title="Encoders and friction"
+    )
 
 
 def _draw_workspace(axes: Axes, document: Mapping[str, Any]) -> None:

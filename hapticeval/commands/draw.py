@@ -288,7 +288,8 @@ def limits(
     """Find the largest stiffness that stays stable, and what it depends on.
 
     The bound (2.40), the eigenvalues of the sampled loop, and the loop itself, run without encoders, torque limits and
-    friction. The picture shows the limit over damping and sampling time (Z-width), delay and the workspace.
+    friction; then limits that are in print in closed form, with encoders and friction. The picture shows the limit
+    over damping and sampling time (Z-width), delay, friction and the workspace.
 
     \b
     Examples:

@@ -16,8 +16,8 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.runner.results import environment
 from hapticeval.study.limits.loop import Place, SampledLoop, passive_stiffness, robot_at
-from hapticeval.study.limits.search import eigenvalue_limit, family_of
-from hapticeval.study.limits.study import Progress, finite_or_none
+from hapticeval.study.limits.search import eigenvalue_limit, family_of, finite_or_none
+from hapticeval.study.limits.study import Progress
 from hapticeval.suite.reading import case_named
 
 RATES = (1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6)

@@ -25,6 +25,13 @@ from hapticeval.errors import InputError, RendererError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.scene import Scene
 from hapticeval.study.limits.loop import Place, SampledLoop, passive_stiffness, port_damping, robot_at
+from hapticeval.study.limits.published import (
+    losses_along,
+    over_friction,
+    passive_with_encoders,
+    stable_with_delay,
+    try_hands,
+)
 from hapticeval.study.limits.search import eigenvalue_limit, family_of, simulated_limit
 
 WALL = Place(np.zeros(2), np.array([0.0, 1.0]))
@@ -286,3 +293,52 @@ def test_delay_only_takes_away_and_the_bound_is_stricter_still(delay):
     bound = passive_stiffness(late, robot_at(late.robot, WALL.point), WALL.normal)
     assert bound == pytest.approx(2.0 * 0.3 / (late.sampling_time + 2.0 * delay), rel=1e-6)
     assert bound * (1.0 - 1e-6) <= limit(late) <= limit(scene()) * (1.0 + 1e-6)
+
+
+@settings(max_examples=10)
+@given(viscosity=st.floats(0.1, 2.0), share=st.floats(0.05, 3.0), step=st.sampled_from([1e-6, 1e-5]))
+def test_the_worst_hand_is_given_energy_just_above_the_stiffness_of_abbott_and_okamura(viscosity, share, step):
+    """The condition is necessary and sufficient: no hand gains below it, and one does a little above."""
+    sampled = scene(viscosity=viscosity)
+    losses = losses_along(robot_at(sampled.robot, WALL.point), WALL.normal, step)
+    assert losses == pytest.approx((viscosity, 1.0, step))
+    friction = share * viscosity * step / sampled.sampling_time
+    closed_form = passive_with_encoders(losses, friction, sampled.sampling_time)
+    hands = try_hands(resolve("minimum-distance+pp"), sampled, WALL, step, losses)
+    # The shortest stroke has a thousandth of a count of damping, the longest is a count short in a thousand.
+    assert closed_form <= hands.limit(friction) * (1.0 + 1e-9)
+    assert hands.limit(friction) <= closed_form * 1.003 + 2.0 * viscosity / sampled.sampling_time * 1e-3
+
+
+def test_a_hand_gains_from_a_real_wall_above_the_limit_and_not_below():
+    """A tool led to and fro over one edge of the encoder, a tick each way: what the held force gives, less friction."""
+    dt, step, friction = 1e-3, 1e-5, 2e-3
+    losses = losses_along(robot_at(scene().robot, WALL.point), WALL.normal, step)
+    limit = passive_with_encoders(losses, friction, dt)
+    assert limit == 2.0 * friction / step, "coarse encoders decide here"
+    stroke = 1e-4 * step
+    depths = 10.5 * step + 0.5 * stroke * np.array([1.0, -1.0] * 50 + [1.0])  # it ends where it began
+    for stiffness, gains in ((0.99 * limit, False), (1.01 * limit, True)):
+        force = stiffness * step * np.rint(depths / step)
+        # The force pushes outwards, against the depth, over the tick that follows its sample.
+        given = -np.sum(force[:-1] * np.diff(depths)) - np.sum(
+            friction * np.abs(np.diff(depths)) + 0.3 * np.diff(depths) ** 2 / dt
+        )
+        assert (given > 0.0) == gains
+
+
+def test_friction_lets_a_loop_rest_that_is_not_passive():
+    sampled = robot_scene()
+    place = Place(np.zeros(2), np.array([0.0, 1.0]))
+    curve = over_friction(resolve("minimum-distance+pp"), sampled, place)
+    passive, rest = (np.array(curve[name][1:]) for name in ("closed_form", "let_go"))
+    assert np.all(rest > passive)
+    assert over_friction(resolve("minimum-distance+pp"), scene(), WALL) is None, "a bare point mass has no encoder"
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.5e-3, 2e-3])
+def test_the_loop_of_the_robot_is_stable_up_to_the_line_of_gil_and_others(delay):
+    late = robot_scene().with_effects(Delay(delay))
+    place = Place(np.zeros(2), np.array([0.0, 1.0]))
+    damping = port_damping(robot_at(late.robot, place.point), place.normal, late.sampling_time)
+    assert limit(late, place=place) == pytest.approx(stable_with_delay(damping, late), rel=2e-3)

@@ -105,6 +105,11 @@ def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> flo
     return largest_stable(lambda stiffness: _settles(factory, smooth, place, stiffness), steps=14)
 
 
+def finite_or_none(value: float) -> float | None:
+    """Return the value for JSON, None for a number that is not finite."""
+    return float(value) if np.isfinite(value) else None
+
+
 def largest_stable(stable: Callable[[float], bool], *, steps: int = HALVINGS) -> float:
     """Find the end of the first range of stable stiffnesses (N/m), on a grid of half-decades and by halving."""
     # Two points a decade, from the softest: a loop may be stable again beyond, which is of no use.
@@ -127,36 +132,56 @@ def largest_stable(stable: Callable[[float], bool], *, steps: int = HALVINGS) ->
 
 
 def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: float) -> bool:
-    """Return whether the distance from the surface is smaller at the end of a run than after its first tenth.
-
-    Of the run as long as the tool is near the place: the anisotropic inertia of a robot makes a slide of a swing that
-    grows, and the tool may come to rest where a stiffer loop is stable.
-    """
-    bilateral = replace(scene, stiffness=stiffness, bilateral=True)
-    try:
-        renderer = make_renderer(factory, bilateral)
-    except RefusalError:
-        raise
-    except InputError:  # it refuses gains that it knows to be unstable
-        return False
-    dt = scene.sampling_time
-    still = np.zeros_like(place.point)
-    start = Experiment(RUN_TICKS * dt, place.point + RELEASE_OFFSET * place.normal, still, np.zeros(1), still[None])
-    try:
-        run = simulate_closed_loop(renderer, start, bilateral, dt)
-    except RunawayError:
-        return False
-    if "ended" in run.meta:
-        return False
-    # Up to the first tick at which the tool is another place's.
-    far_rows = np.flatnonzero(np.linalg.norm(run.hip - place.point, axis=1) > NEAR_DISTANCE)
-    distance = scene.model.boundary.signed_distance(run.hip[: far_rows[0] if far_rows.size else len(run)])
+    """Return whether the distance from the surface is smaller at the end of a run than after its first tenth."""
+    distance = _distance_after_release(factory, scene, place, stiffness)
     part = len(distance) // 10
     if part < 2:
         return False
     # Late against early, each over a tenth: an undamped loop keeps its size within the rounding of the two.
     early, late = (float(np.std(distance[rows])) for rows in (slice(part, 2 * part), slice(-part, None)))
     return late < max(early, SETTLED_SHARE * RELEASE_OFFSET)
+
+
+def rests_after_release(factory: RendererFactory, scene: Scene, place: Place, count: float) -> float:
+    """Find the stiffness (N/m) up to which the loop comes to rest with encoders and friction, let go as above.
+
+    At rest means that the tool moves by less than a thousandth of `count` (m) in the last tenth of the run.
+    """
+
+    def rests(stiffness: float) -> bool:
+        distance = _distance_after_release(factory, scene, place, stiffness)
+        part = len(distance) // 10
+        return part > 1 and float(np.ptp(distance[-part:])) < 1e-3 * count
+
+    return largest_stable(rests, steps=10)
+
+
+def _distance_after_release(factory: RendererFactory, scene: Scene, place: Place, stiffness: float) -> Array:
+    """Return the signed distance (n,), m, from the surface in a run that begins `RELEASE_OFFSET` off it.
+
+    Of the run as long as the tool is near the place: the anisotropic inertia of a robot makes a slide of a swing that
+    grows, and the tool may come to rest where a stiffer loop is stable. Empty where the loop ended before its time.
+    """
+    bilateral = replace(scene, stiffness=stiffness, bilateral=True)
+    ended = np.empty(0)
+    try:
+        renderer = make_renderer(factory, bilateral)
+    except RefusalError:
+        raise
+    except InputError:  # it refuses gains that it knows to be unstable
+        return ended
+    dt = scene.sampling_time
+    still = np.zeros_like(place.point)
+    start = Experiment(RUN_TICKS * dt, place.point + RELEASE_OFFSET * place.normal, still, np.zeros(1), still[None])
+    try:
+        run = simulate_closed_loop(renderer, start, bilateral, dt)
+    except RunawayError:
+        return ended
+    if "ended" in run.meta:
+        return ended
+    # Up to the first tick at which the tool is another place's.
+    far_rows = np.flatnonzero(np.linalg.norm(run.hip - place.point, axis=1) > NEAR_DISTANCE)
+    return scene.model.boundary.signed_distance(run.hip[: far_rows[0] if far_rows.size else len(run)])
 
 
 def _rotation(start: Array, end: Array) -> Array:

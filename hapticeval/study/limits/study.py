@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +16,8 @@ from hapticeval.errors import DomainError, InputError
 from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene
 from hapticeval.study.limits.loop import Place, SampledLoop, passive_stiffness, port_damping, robot_at
-from hapticeval.study.limits.search import GainFamily, eigenvalue_limit, family_of, simulated_limit
+from hapticeval.study.limits.published import over_friction, stable_with_delay
+from hapticeval.study.limits.search import GainFamily, eigenvalue_limit, family_of, finite_or_none, simulated_limit
 from hapticeval.types import Array
 
 Progress = Callable[[int, int, str], None]
@@ -40,13 +41,14 @@ def study_limits(factory: RendererFactory, scene: Scene, place: Place, progress:
             why="hand and model must live in the same space",
             todo="choose another device",
         )
-    total = 5
+    total = 6
     progress(0, total, "the loop at one place")
     robot = robot_at(scene.robot, place.point)
     family = family_of(factory, scene, place)
     loop = SampledLoop(scene, robot)
     document: dict[str, Any] = {
         "device": scene.robot.name,
+        "turning": scene.robot.turning,
         "inner_loop": scene.inner_loop.value,
         "sampling_time": scene.sampling_time,
         "stiffness": scene.stiffness,
@@ -65,6 +67,7 @@ def study_limits(factory: RendererFactory, scene: Scene, place: Place, progress:
             lambda: [_z_width_curve(factory, scene, place, share * scene.sampling_time) for share in TIME_SHARES],
         ),
         "delay": ("delay", lambda: _over_delay(scene, place, family)),
+        "friction": ("friction and encoders", lambda: over_friction(factory, scene, place)),
         "workspace": ("workspace", lambda: _over_workspace(scene, family)),
     }
     for done, (entry, (stage, find)) in enumerate(stages.items(), start=1):
@@ -110,6 +113,9 @@ def _over_delay(scene: Scene, place: Place, family: GainFamily) -> Mapping[str, 
             for delayed in late
         ],
         "passive": [passive_stiffness(delayed, robot, place.normal) for delayed in late],
+        "closed_form": None
+        if scene.inner_loop is not InnerLoop.STATIC
+        else [stable_with_delay(port_damping(robot, place.normal, scene.sampling_time), delayed) for delayed in late],
     }
 
 
@@ -173,11 +179,6 @@ def _reachable_box(device: Device) -> tuple[Array, Array] | None:
     return lows - step, highs + step
 
 
-def finite_or_none(value: float) -> float | None:
-    """Return the value for JSON, None for a number that is not finite."""
-    return float(value) if np.isfinite(value) else None
-
-
 def describe(document: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return rows of name and text: the limits at the place, and what follows for the scene's own stiffness."""
     place = ", ".join(f"{1e3 * value:.4g}" for value in document["point"])
@@ -191,10 +192,50 @@ def describe(document: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("bound (2.40)", _describe_bound(document)),
         ("eigenvalues", f"{_describe_stiffness(document['eigenvalues'])}  of the sampled loop, without a hand"),
         ("simulation", f"{_describe_stiffness(document['simulated'])}  the sampled loop itself, run and bisected"),
+        *_describe_published(document),
         *([("", why_none(document))] if document["eigenvalues"] == 0.0 else []),
         ("", ""),
         ("the scene", describe_verdict(document)),
     ]  # fmt: skip
+
+
+def _describe_published(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return rows for the limits that are in print in closed form, each with what was measured over it."""
+    rows = []
+    delay, friction = document["delay"], document["friction"]
+    if delay["closed_form"] is not None:
+        # Without delay the limit may have no meaning; only limits that were found have a ratio.
+        ratios = [
+            limit / line
+            for limit, line in zip(delay["eigenvalues"], delay["closed_form"], strict=True)
+            if limit and line
+        ]
+        if ratios:
+            rows.append(
+                (
+                    "Gil 2009",
+                    f"{delay['closed_form'][0]:11.1f} N/m  (b + B) / (T / 2 + delay); the loop's limit is "
+                    f"{_range_text(ratios)} times it, over delays up to {1e3 * delay['delay'][-1]:.3g} ms",
+                )
+            )
+    if friction is not None:
+        # Without friction the closed form is zero: nothing can be divided by it.
+        triples = list(zip(friction["closed_form"], friction["worst_hand"], friction["let_go"], strict=True))[1:]
+        hands = _range_text([hand / line for line, hand, _ in triples])
+        let_go = _range_text([loop / line for line, _, loop in triples if loop is not None])
+        rows.append(
+            (
+                "Abbott 2005",
+                f"{max(friction['closed_form']):11.1f} N/m  min(2 b / T, 2 f_c / Δ) with friction enough; the worst "
+                f"hand tried is given energy above {hands} times it; without a hand the loop comes to rest up to "
+                f"{let_go} times it",
+            )
+        )
+    return rows
+
+
+def _range_text(ratios: Sequence[float]) -> str:
+    return f"{min(ratios):.4g} to {max(ratios):.4g}" if ratios else "no"
 
 
 def why_none(document: Mapping[str, Any]) -> str:

@@ -1,0 +1,160 @@
+"""Limits of stiffness that the literature has in closed form, and what this loop gives beside them.
+
+- Passive with any hand, with encoders and Coulomb friction: Abbott and Okamura 2005, a condition that is necessary and
+  sufficient for a mass in one direction.
+- Stable without a hand, over the delay: the linear condition of Gil and others 2009.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hapticeval.devices.device import Device
+from hapticeval.devices.parallelogram import ENCODER_COUNTS
+from hapticeval.effects.encoder import Encoder
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.renderer import Renderer, RendererFactory
+from hapticeval.runner.judging import make_renderer
+from hapticeval.scene import Scene
+from hapticeval.study.limits.loop import Place, Robot, loop_delay, robot_at
+from hapticeval.study.limits.search import finite_or_none, rests_after_release
+from hapticeval.types import Array
+
+FRICTIONS = 10  # joint frictions of the curve, up to three times the one, among them, at which its two parts meet
+DEPTHS = 4000  # depths over which a hand is tried that goes to and fro, in steps shorter than its shortest stroke
+STROKES = (0.001, 0.5, 1.001, 2.001, 5.001, 20.0, 100.0, 1000.0)  # lengths of its stroke, in counts along the normal
+STEP = 1e-4  # m into the surface at which the hand is tried: far from leaving it, near enough to keep the robot's pose
+
+
+class Losses(NamedTuple):
+    """What takes up energy in a straight motion of the hand along the wall's normal n, and what misleads the sensors.
+
+    - `damping` b, N s/m: nᵀ J⁻ᵀ D J⁻¹ n, with the viscous losses D of the joints.
+    - `friction` f_c, N, for a friction of 1 N m (or N) in each joint: the sum of |J⁻¹ n|.
+    - `encoder_count` Δ, m: twice the largest shift of the hand along n by rounding: the sum of |Jᵀ n| counts.
+    """
+
+    damping: float
+    friction: float
+    encoder_count: float
+
+
+def losses_along(robot: Robot, normal: Array, encoder_step: float) -> Losses:
+    """Return the losses for a hand that moves along `normal` (N,); `encoder_step` is in rad, or m for a point mass."""
+    joint_motion = np.linalg.solve(robot.jacobian, normal)
+    return Losses(
+        damping=float(joint_motion @ robot.losses @ joint_motion),
+        friction=float(np.abs(joint_motion).sum()),
+        encoder_count=encoder_step * float(np.abs(robot.jacobian.T @ normal).sum()),
+    )
+
+
+def passive_with_encoders(losses: Losses, joint_friction: float, dt: float) -> float:
+    """Return the stiffness (N/m) up to which a held spring is passive with any hand: min(2 b / T, 2 f_c / Δ).
+
+    `joint_friction` in N m, or N, and `dt` = T in s. J. J. Abbott and A. M. Okamura, Effects of Position Quantization
+    and Sampling Rate on Virtual-Wall Passivity, IEEE Transactions on Robotics 21(5), 2005.
+    """
+    return min(2.0 * losses.damping / dt, 2.0 * losses.friction * joint_friction / losses.encoder_count)
+
+
+def stable_with_delay(damping: float, scene: Scene) -> float:
+    """Return the stiffness (N/m) up to which the loop is stable: (b + B) / (T / 2 + d), b = `damping` (N s/m).
+
+    B is the scene's damping, T its sampling time, d its delay. A condition for little damping, short delays and fast
+    sampling: J. J. Gil, E. Sánchez, T. Hulin, C. Preusche and G. Hirzinger, Stability Boundary for Haptic Rendering:
+    Influence of Damping and Delay, Journal of Computing and Information Science in Engineering 9(1), 2009.
+    """
+    return (damping + scene.damping) / (0.5 * scene.sampling_time + loop_delay(scene))
+
+
+def encoder_step_of(scene: Scene) -> float | None:
+    """Return the step (rad, or m) of the scene's encoders, or of the robot's own (A.1); None for a bare point mass."""
+    encoder = scene.effect(Encoder)
+    if encoder is not None:
+        return encoder.step
+    return 2.0 * np.pi / ENCODER_COUNTS if scene.robot.turning else None
+
+
+def over_friction(factory: RendererFactory, scene: Scene, place: Place) -> Mapping[str, Any] | None:
+    """Compute limits over the joint friction: the closed form, the worst of hands, and the loop let go without one.
+
+    None where the closed form does not hold: damping in the renderer, a delay, another inner loop than the static one,
+    no losses in the joints, or no encoder.
+    """
+    step = encoder_step_of(scene)
+    robot = robot_at(scene.robot, place.point)
+    if step is None or scene.damping or loop_delay(scene) or not robot.losses.any():
+        return None
+    losses = losses_along(robot, place.normal, step)
+    # Where 2 f_c / Δ = 2 b / T.
+    corner = losses.damping * losses.encoder_count / (scene.sampling_time * losses.friction)
+    frictions = np.linspace(0.0, 3.0, FRICTIONS) * corner
+    hands = try_hands(factory, scene, place, step, losses)
+    return {
+        "joint_friction": frictions.tolist(),
+        "encoder_step": step,
+        "closed_form": [passive_with_encoders(losses, friction, scene.sampling_time) for friction in frictions],
+        "worst_hand": [hands.limit(friction) for friction in frictions],
+        "let_go": [
+            finite_or_none(
+                rests_after_release(factory, with_friction(scene, step, friction), place, losses.encoder_count)
+            )
+            for friction in frictions
+        ],
+    }
+
+
+def with_friction(scene: Scene, encoder_step: float, joint_friction: float) -> Scene:
+    """Return the scene with those encoders (rad, or m) and that friction (N m, or N) as its only effects."""
+    friction = (JointFriction(float(joint_friction)),) if joint_friction else ()
+    return replace(scene, effects=(Encoder(step=encoder_step), *friction))
+
+
+class WorstHand(NamedTuple):
+    """Hands that were tried: the force that each gains for a stiffness of 1 N/m (m), and its stroke (m)."""
+
+    gains: Array
+    strokes: Array
+    losses: Losses
+    dt: float
+
+    def limit(self, joint_friction: float) -> float:
+        """Return the stiffness (N/m) above which one of the hands is given energy, with that friction (N m, or N)."""
+        gained = self.gains > 0.0
+        taken = self.losses.friction * joint_friction + self.losses.damping * self.strokes / self.dt
+        return float(np.min(2.0 * taken[gained] / self.gains[gained]))
+
+
+def try_hands(factory: RendererFactory, scene: Scene, place: Place, encoder_step: float, losses: Losses) -> WorstHand:
+    """Try hands that go to and fro between two depths, a tick each way: the worst of paths for a held spring.
+
+    A hand at a + s answers with F(a + s) for the tick in which it goes back to a, and with F(a) for the one in which it
+    comes again: it is given (F(a + s) - F(a)) s, and friction and damping take 2 (f_c + b s / T) s of it.
+    """
+    rigid = replace(scene, device=None, bilateral=True)
+    renderer = make_renderer(factory, rigid)
+    assert isinstance(renderer, Renderer)
+    device, still = scene.robot, np.zeros_like(place.point)
+
+    def force_at(depth: float) -> float:
+        """Return the force (N) along the normal that the renderer answers where the encoders say that the hand is."""
+        hip = as_encoders_say(device, place.point - depth * place.normal, encoder_step)
+        renderer.reset(hip)
+        return float(renderer.step(hip, still, scene.sampling_time)[1] @ place.normal)
+
+    depths = STEP + losses.encoder_count * np.linspace(0.0, 3.0, DEPTHS)
+    gains, strokes = [], []
+    for stroke in losses.encoder_count * np.array(STROKES):
+        gains += [(force_at(depth + stroke) - force_at(depth)) / scene.stiffness for depth in depths]
+        strokes += [stroke] * DEPTHS
+    return WorstHand(np.array(gains), np.array(strokes), losses, scene.sampling_time)
+
+
+def as_encoders_say(device: Device, point: Array, step: float) -> Array:
+    """Return where the hand is by joints in whole counts of `step` (rad, or m), for the true `point` (N,), m."""
+    return np.asarray(device.position(step * np.rint(device.joints(point) / step)))
