@@ -27,6 +27,17 @@ SCHEMES = ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c", "set-stabilisation")
 """The laws that have closed forms, by the names of their regulation schemes; `pp-pd-c` adds m kappa w^2 to PP+PD."""
 
 
+STIFFNESS_LIMITS = 1.0 / 32.0, 32.0
+"""Shares of the scene's stiffness between which a declared range of stiffness has to lie.
+
+*Chosen*: a force that goes with the root of the depth, or with its power 3/2, stays within them over three decades of
+depth on either side of where it has the scene's stiffness, as from 1 um to 1 m about 1 mm: 1000^(1/2) = 32. Doubled,
+these are 3.6 decades. Beyond, a range would ask nothing of the force."""
+
+RANGE_WORDS = "with 1/32 <= least <= 1 <= largest <= 32: a wider range would ask nothing of the force"
+"""What a range has to be, for messages."""
+
+
 class Spring(StrEnum):
     """The kind of spring that a renderer's undamped force is, with the scene's stiffness K_p."""
 
@@ -42,7 +53,7 @@ class Declaration:
 
     - `spring`: its force is proportional to a depth; a damper with the scene's K_d may add to it.
     - `stiffness_range`: where the stiffness varies with the place or the depth, its least and its largest, as shares of
-      the scene's. One is between them, and the largest may be infinite.
+      the scene's. One is between them, and both lie within `STIFFNESS_LIMITS`.
     - `force_resolution` (N): how coarse the force is, as of a quantum or a dead band.
     - `closed_form`: the law that it claims to be, one of `SCHEMES`. Where that has a closed form, a loop with the
       renderer in it has to move so, see the check `closed-form`.
@@ -81,11 +92,11 @@ class Declaration:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """The declaration as metadata of a recording; a largest stiffness that is infinite is left out."""
+        """The declaration as metadata of a recording."""
         entries: dict[str, Any] = {} if self.spring is None else {"spring": Spring(self.spring).value}
         if self.stiffness_range is not None:
             smallest, largest = map(float, self.stiffness_range)
-            entries |= {"stiffness_least": smallest} | ({"stiffness_largest": largest} if largest < math.inf else {})
+            entries |= {"stiffness_least": smallest, "stiffness_largest": largest}
         entries |= {"contact_point": "none"} if self.force_only else {}
         entries |= {} if self.closed_form is None else {"closed_form": self.closed_form}
         entries |= {"memory": "none"} if self.memoryless else {}
@@ -100,12 +111,12 @@ def _is_number(value: object) -> bool:
 
 
 def _is_range(shares: object) -> bool:
-    """Return whether these are two shares of a stiffness, a least and a largest, with 1 between them."""
+    """Return whether these are two shares of a stiffness, a least and a largest, with 1 between them, and no more."""
     return (
         isinstance(shares, Sequence)
         and len(shares) == 2
         and all(map(_is_number, shares))
-        and 0.0 < shares[0] <= 1.0 <= shares[1]
+        and STIFFNESS_LIMITS[0] <= shares[0] <= 1.0 <= shares[1] <= STIFFNESS_LIMITS[1]
     )
 
 
@@ -274,8 +285,8 @@ def _read_abilities(renderer: object) -> Abilities:
         raise RendererError(
             f"the renderer declares {promise!r}",
             why="declares is a hapticeval.Declaration, with a Spring or None, scatters and a resolution that are "
-            "finite and not negative, and a range of stiffness as (least, largest), with 0 < least <= 1 <= "
-            f"largest, and a closed_form of {', '.join(SCHEMES)} or None",
+            f"finite and not negative, and a range of stiffness as (least, largest), {RANGE_WORDS}, and a closed_form "
+            f"of {', '.join(SCHEMES)} or None",
             todo="give such a one, or leave declares out",
         )
     return Abilities(

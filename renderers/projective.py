@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from hapticeval.compiled import LAW, LawData, borrowing, compiled, first_class, for_kernels, inner, law_data
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.renderer import SCHEMES, CompiledStep, Declaration, Response
+from hapticeval.renderer import SCHEMES, STIFFNESS_LIMITS, CompiledStep, Declaration, Response
 from hapticeval.renderers.law import (
     BILATERAL,
     ERROR,
@@ -81,13 +80,16 @@ def regulated(projection: Projection, regulation: Regulation, scene: Scene) -> P
 def declaration_of(projection: Projection, regulation: Regulation, scene: Scene) -> Declaration:
     """Return what a renderer declares that checks may hold it to: along what it is a spring, how its stiffness varies.
 
-    The square root's is (e_0 / e)^(1/2) times K, at errors e up to the model's size.
+    The square root's is (e_0 / e)^(1/2) times K, at errors e up to the model's size. No range is wider than it may be.
     """
+    lowest, highest = STIFFNESS_LIMITS
     shares = None
     if regulation.potential:
         shares = stiffness_range(projection.potential, *projection.support_range)
     elif regulation.number == SQUARE_ROOT:
-        shares = min(1.0, (REFERENCE_DEPTH / scene.model.size) ** 0.5), math.inf
+        shares = min(1.0, (REFERENCE_DEPTH / scene.model.size) ** 0.5), highest
+    if shares is not None:
+        shares = max(shares[0], lowest), min(shares[1], highest)
     return Declaration(
         spring=regulation.spring,
         stiffness_range=shares,

@@ -2,14 +2,16 @@
 
     make mutants                                        all of phenomena, judging, suites and recordings: hours
     make mutants SAMPLE=60 SEED=1                       so many of them, drawn by a seed
-    .venv/bin/python tests/mutate.py --sample 20 hapticeval/phenomena/checks/broken_contact.py
+    make mutants SAMPLE=20 TARGETS=hapticeval/phenomena/checks/broken_contact.py
 
 First all tests run once, the recorded verdicts of whole suites among them, to see which of them reach which line, and
-how long each takes. Of each mutant those that reach its line run then, the shortest first, until one fails: the mutant
-is killed. What survives is a test that is missing, or a mutant that computes the same: these stand in `survivors.toml`
-with the reason why, and are not counted.
+how long each takes; what is known of a file of tests stays known while the file is the same. Of each mutant those that
+reach its line run then, the shortest first, until one fails: the mutant is killed. What survives is a test that is
+missing, or a mutant that computes the same: these stand in `survivors.toml` with the reason why, and are not counted.
+Only the tests of the first `SECONDS` run: what longer ones alone would kill survives as well.
 
-No file is changed: each mutant is tried in a process of its own, which imports the changed module in place of the file.
+No file is changed. Each mutant is tried in a fork of a process that has collected all tests: there the functions are
+given the mutant's code. Where what runs on import changes, a new process imports the mutant in place of the file.
 Exit code 1 where a mutant survives that is not on the list.
 """
 
@@ -17,32 +19,44 @@ from __future__ import annotations
 
 import argparse
 import ast
-import contextlib
+import gc
+import hashlib
 import importlib.abc
 import importlib.machinery
 import importlib.util
+import inspect
 import itertools
 import os
+import pickle
 import random
+import resource
 import signal
 import sys
+import tempfile
 import time
 import tomllib
 import traceback
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from types import CodeType, FrameType
+from types import CodeType, FrameType, FunctionType
 from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
-TARGETS = ("hapticeval/phenomena", "hapticeval/runner/judging.py", "hapticeval/suite", "hapticeval/recordings")
+TARGETS = ("hapticeval/phenomena", "hapticeval/runner/judging.py", "hapticeval/suite", "hapticeval/recordings/*.py")
+"""Files, folders with all that is in them, and patterns: of recordings the type and its file, not what others wrote."""
 TESTS = ("tests/phenomena", "tests/meta", "tests/suite", "tests/recordings", "tests/suites", "tests/runner")
 SURVIVORS = Path(__file__).with_name("survivors.toml")
+REACHED = ROOT / ".venv" / "reached.pickle"
+"""What is known of files of tests, by name and content: see `Reach`."""
 MARKED = "not slow and not browser and not docs"
 """Of the tests that `make test` leaves out, those of whole suites are taken too: they hold metrics and bounds."""
-PATIENCE = 3.0, 60.0
-"""A mutant is ended, and counts as killed, after so many times what its tests take, and so many seconds more."""
+SECONDS = 60.0
+"""So many seconds of tests are run of a mutant."""
+PATIENCE = 5.0, 10.0
+"""A mutant whose test takes so many times what it takes as it is, and so many seconds more, is killed: it hangs."""
+WARMED_BY = 0.05, 0.5, 15.0
+"""Tests that take between so many seconds, up to so many in all, load the kernels before mutants are tried."""
 
 # The last is the opposite; those before it differ where both sides are equal, which is asked of counts alone.
 COMPARISONS: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
@@ -72,13 +86,17 @@ OPPOSITES |= {opposite: name for name, opposite in OPPOSITES.items()}
 
 
 class Mutant(NamedTuple):
-    """A change of a module: where it is, the expression before and after, and the source of the whole."""
+    """A change of a module: where it is, the expression before and after, and the source of the whole.
+
+    `function` is the qualified name of the function whose body it is in, and None where it changes what is imported.
+    """
 
     file: str
     line: int
     before: str
     after: str
     source: str
+    function: str | None
 
     @property
     def words(self) -> str:
@@ -117,65 +135,139 @@ def changes(node: ast.AST) -> Iterator[Callable[[], None]]:
         yield lambda: setattr(node, "attr", OPPOSITES[node.attr])
 
 
-def expressions(tree: ast.AST) -> Iterator[tuple[ast.AST, int, ast.AST]]:
-    """Yield each node that may be changed, its line, and the smallest part that shows it in words.
+class Place(NamedTuple):
+    """A node of a module, its line, the smallest part that shows it in words, and the function whose body it is in."""
 
-    Not those of annotations and of format specifications.
-    """
-    stack: list[tuple[ast.AST, int, ast.AST]] = [(tree, 1, tree)]
+    node: ast.AST
+    line: int
+    shown: ast.AST
+    function: str | None
+
+
+def places(tree: ast.AST) -> Iterator[Place]:
+    """Yield each node that may be changed, but those of annotations and of format specifications."""
+    stack: list[tuple[ast.AST, int, ast.AST, str | None, str]] = [(tree, 1, tree, None, "")]
     while stack:
-        node, line, shown = stack.pop()
+        node, line, shown, function, prefix = stack.pop()
         line = getattr(node, "lineno", line) if not isinstance(shown, ast.JoinedStr) else line
         small = isinstance(node, ast.Constant | ast.Name) and isinstance(shown, ast.expr | ast.Assign | ast.AnnAssign)
         if isinstance(node, ast.expr | ast.Assign | ast.AnnAssign) and not (small or isinstance(shown, ast.JoinedStr)):
             shown = node
-        yield node, line, shown
+        yield Place(node, line, shown, function)
         for name, value in ast.iter_fields(node):
             if name in ("annotation", "returns", "format_spec"):
                 continue
+            inside, below = function, prefix
+            if function is None and name == "body" and isinstance(node, ast.FunctionDef):
+                inside = prefix + node.name
+            elif isinstance(node, ast.ClassDef):
+                below = f"{prefix}{node.name}."
             children = value if isinstance(value, list) else [value]
-            stack += [(child, line, shown) for child in children if isinstance(child, ast.AST)]
+            stack += [(child, line, shown, inside, below) for child in children if isinstance(child, ast.AST)]
 
 
 def count_in(file: Path) -> int:
     """Return how many mutants a module has."""
-    return sum(len(list(changes(node))) for node, _, _ in expressions(ast.parse(file.read_text(encoding="utf-8"))))
+    return sum(len(list(changes(place.node))) for place in places(ast.parse(file.read_text(encoding="utf-8"))))
 
 
 def mutant_of(file: Path, number: int) -> Mutant:
     """Return the mutant of a module with that number, from 0."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
-    ordered = ((change, line, shown) for node, line, shown in expressions(tree) for change in changes(node))
-    change, line, shown = next(itertools.islice(ordered, number, None))
-    before = ast.unparse(shown)
+    ordered = ((change, place) for place in places(tree) for change in changes(place.node))
+    change, place = next(itertools.islice(ordered, number, None))
+    before = ast.unparse(place.shown)
     change()
     source = ast.unparse(ast.fix_missing_locations(tree))
-    return Mutant(file.relative_to(ROOT).as_posix(), line, before, ast.unparse(shown), source)
+    name = file.relative_to(ROOT).as_posix()
+    return Mutant(name, place.line, before, ast.unparse(place.shown), source, place.function)
+
+
+class Line(NamedTuple):
+    """A line of a module by what it says, so that it is known again where others were written above it."""
+
+    file: str
+    function: str
+    text: str
 
 
 class Reach:
-    """A pytest plugin that notes which lines of the targets each test reaches, and its seconds."""
+    """Which lines of the targets each test reaches, and its seconds of the processor: a plugin of pytest measures it.
 
-    def __init__(self, files: set[str]) -> None:
-        self.files = files
-        self.lines: dict[tuple[str, int], set[str]] = defaultdict(set)
-        self.seconds: dict[str, float] = defaultdict(float)
-        self.test = ""
+    `lines` has the tests by line, `seconds` the seconds by test, `contents` a digest by file of tests.
+    """
+
+    def __init__(self, files: Iterable[str]) -> None:
+        self.files = {file: Path(file).read_text(encoding="utf-8").splitlines() for file in files}
+        self.lines: dict[Line, set[str]] = defaultdict(set)
+        self.seconds: dict[str, float] = {}
+        self.contents: dict[str, str] = {}
+        self.failed: set[str] = set()
+        self.reached: set[tuple[str, str, int]] = set()
 
     def trace(self, frame: FrameType, event: str, argument: Any) -> Any:
-        file = frame.f_code.co_filename
-        if file not in self.files:
+        code = frame.f_code
+        if code.co_filename not in self.files:
             return None
-        self.lines[file, frame.f_lineno].add(self.test)
+        self.reached.add((code.co_filename, outermost(code.co_qualname), frame.f_lineno))
         return self.trace
 
-    def pytest_runtest_logstart(self, nodeid: str) -> None:
-        self.test, self.began = nodeid, time.perf_counter()
+    def measure(self, item: Any, following: Any) -> None:
+        """Run a test, and note what it reaches."""
+        self.reached.clear()
+        began = time.process_time()
         sys.settrace(self.trace)
-
-    def pytest_runtest_logfinish(self) -> None:
+        passed = run_item(item, following)
         sys.settrace(None)
-        self.seconds[self.test] += time.perf_counter() - self.began
+        self.seconds[item.nodeid] = time.process_time() - began
+        if not passed:
+            self.failed.add(item.nodeid)
+        for file, function, number in self.reached:
+            self.lines[self.line(file, function, number)].add(item.nodeid)
+
+    def line(self, file: str, function: str, number: int) -> Line:
+        return Line(Path(file).relative_to(ROOT).as_posix(), function, self.files[file][number - 1].strip())
+
+    def forget(self, file: str) -> None:
+        """Forget what is known of a file of tests."""
+        gone = {test for test in self.seconds if test.partition("::")[0] == file}
+        self.failed -= gone
+        for test in gone:
+            del self.seconds[test]
+        for reaching in self.lines.values():
+            reaching -= gone
+
+    def tests_of(self, mutant: Mutant) -> set[str]:
+        """Return the tests that reach a mutant: its line, or its function, or what uses its name, or its file."""
+        file = str(ROOT / mutant.file)
+        if mutant.function is not None and file in self.files:
+            line = self.line(file, mutant.function, mutant.line)
+            if tests := self.lines.get(line):
+                return tests - self.failed
+            tests = self.union(lambda other: other[:2] == line[:2])
+        else:
+            name = mutant.before.partition(" ")[0].rstrip(":")
+            tests = self.union(lambda other: name.isupper() and name in other.text)
+        return (tests or self.union(lambda other: other.file == mutant.file)) - self.failed
+
+    def union(self, chosen: Callable[[Line], bool]) -> set[str]:
+        return {test for line, tests in self.lines.items() if chosen(line) for test in tests}
+
+    def load(self) -> None:
+        if REACHED.exists():
+            self.lines, self.seconds, self.contents, self.failed = pickle.loads(REACHED.read_bytes())
+
+    def save(self) -> None:
+        REACHED.write_bytes(pickle.dumps((self.lines, self.seconds, self.contents, self.failed)))
+
+
+def outermost(function: str) -> str:
+    """Return the qualified name of the function that another one is defined in."""
+    return function.partition(".<locals>")[0]
+
+
+def digest(file: str) -> str:
+    return hashlib.sha256((ROOT / file).read_bytes()).hexdigest()
 
 
 class Changed(importlib.machinery.SourceFileLoader):
@@ -187,12 +279,16 @@ class Changed(importlib.machinery.SourceFileLoader):
         return compile(self.source, self.path, "exec", dont_inherit=True)
 
 
+def module_of(file: str) -> str:
+    return file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
 class Finder(importlib.abc.MetaPathFinder):
     """Finds the module of a mutant's file in the mutant."""
 
     def __init__(self, mutant: Mutant) -> None:
         self.mutant = mutant
-        self.module = mutant.file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+        self.module = module_of(mutant.file)
 
     def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> Any:
         if fullname != self.module:
@@ -202,80 +298,200 @@ class Finder(importlib.abc.MetaPathFinder):
         return importlib.util.spec_from_file_location(fullname, loader.path, loader=loader)
 
 
-def run_tests(arguments: list[str], plugin: object | None = None, *, quiet: bool = not os.environ.get("LOUD")) -> int:
-    import pytest
-
-    with contextlib.ExitStack() as stack:
-        if quiet:
-            nowhere = stack.enter_context(Path(os.devnull).open("w"))
-            os.dup2(nowhere.fileno(), 1)
-            os.dup2(nowhere.fileno(), 2)
-        options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:faulthandler", "--assert=plain"]
-        options += ["-m", MARKED]
-        return int(pytest.main([*options, *arguments], plugins=[plugin] if plugin else []))
+def codes_in(code: CodeType) -> Iterator[CodeType]:
+    """Yield a code object, and all that are defined in it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from codes_in(constant)
 
 
-def in_child(work: Callable[[], int], seconds: float) -> int:
-    """Return what work in a process of its own returns; 1 where it takes longer and is ended."""
+class Loaded:
+    """What of the targets and of the tests is loaded, however it is wrapped, once tests are collected.
+
+    `functions` has the functions of the targets by file and qualified name; `caches` what remembers answers of both.
+    """
+
+    def __init__(self, files: Iterable[Path]) -> None:
+        for file in files:
+            importlib.import_module(module_of(file.relative_to(ROOT).as_posix()))
+        names = {str(file) for file in files}
+        self.functions: dict[tuple[str, str], list[FunctionType]] = defaultdict(list)
+        self.caches: list[Any] = []
+        for thing in gc.get_objects():
+            if isinstance(thing, FunctionType) and thing.__code__.co_filename in names:
+                self.functions[thing.__code__.co_filename, thing.__code__.co_qualname].append(thing)
+            elif hasattr(type(thing), "cache_clear"):
+                code = getattr(inspect.unwrap(thing), "__code__", None)
+                if code is not None and (code.co_filename in names or code.co_filename.startswith(str(ROOT / "tests"))):
+                    self.caches.append(thing)
+
+
+def put_in_place(mutant: Mutant, loaded: Loaded) -> None:
+    """Give the function that a mutant changes the mutant's code."""
+    file = str(ROOT / mutant.file)
+    whole = compile(mutant.source, file, "exec", dont_inherit=True)
+    # A property and its setter have one name, and follow each other in both.
+    changed = [code for code in codes_in(whole) if code.co_qualname == mutant.function]
+    by_line: dict[int, list[FunctionType]] = defaultdict(list)
+    for function in loaded.functions[file, mutant.function or ""]:
+        by_line[function.__code__.co_firstlineno].append(function)
+    if len(by_line) != len(changed):
+        raise LookupError(f"{mutant.function} of {mutant.file} is not loaded as it is defined")
+    for code, (_, alike) in zip(changed, sorted(by_line.items()), strict=True):
+        for function in alike:
+            function.__code__ = code
+
+
+def run_item(item: Any, following: Any) -> bool:
+    """Run a test that was collected, and return whether it passed; `following` comes next, None for the last."""
+    reports: list[Any] = []
+    noting = type("Noting", (), {"pytest_runtest_logreport": lambda _, report: reports.append(report)})()
+    item.config.pluginmanager.register(noting)
+    try:
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+    finally:
+        item.config.pluginmanager.unregister(noting)
+    return not any(report.failed for report in reports)
+
+
+def be_silent() -> None:
+    if not os.environ.get("LOUD"):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+
+
+def in_child(work: Callable[[], int], seconds: float = 600.0, *, alone: bool = True) -> int:
+    """Return what work in a process of its own returns; not 0 where it is ended, or takes longer than it may.
+
+    What it starts ends with it, if `alone`.
+    """
     child = os.fork()
     if child == 0:
         code = 1
         try:
-            os.setsid()
+            if alone:
+                os.setsid()
             code = work()
         except BaseException:
             traceback.print_exc()
         finally:
+            sys.stdout.flush()
             os._exit(code)
     end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            return os.waitstatus_to_exitcode(status)
-        time.sleep(0.05)
-    os.killpg(child, signal.SIGKILL)
-    os.waitpid(child, 0)
+    done = 0
+    try:
+        while time.monotonic() < end:
+            done, status = os.waitpid(child, os.WNOHANG)
+            if done:
+                return os.waitstatus_to_exitcode(status)
+            time.sleep(0.02)
+    finally:
+        if not done:
+            (os.killpg if alone else os.kill)(child, signal.SIGKILL)
+            os.waitpid(child, 0)
     return 1
 
 
-def measured(files: set[str], tests: list[str]) -> Reach:
-    """Run all tests once in a process of its own, and return what they reach."""
-    import pickle
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as folder:
-        kept = Path(folder) / "reach"
-
-        def work() -> int:
-            reach = Reach(files)
-            code = run_tests(tests, reach)
-            kept.write_bytes(pickle.dumps((dict(reach.lines), dict(reach.seconds))))
-            return code
-
-        if in_child(work, 7200.0):
-            raise SystemExit("the tests fail as they are: there is nothing to compare mutants with")
-        reach = Reach(files)
-        reach.lines, reach.seconds = pickle.loads(kept.read_bytes())
-    return reach
+def all_pass(items: Sequence[Any], seconds: dict[str, float]) -> int:
+    """Run tests in this process until one fails; return 0 where none does. One that hangs ends the process."""
+    factor, more = PATIENCE
+    for item, following in itertools.zip_longest(items, items[1:]):
+        _, hard = resource.getrlimit(resource.RLIMIT_CPU)
+        limit = int(time.process_time() + factor * seconds[item.nodeid] + more) + 1
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, hard))
+        if not run_item(item, following):
+            return 1
+    return 0
 
 
-def survives(mutant: Mutant, reach: Reach) -> bool | None:
-    """Return whether all tests that reach a mutant pass; None where no test reaches its line."""
-    file = str(ROOT / mutant.file)
-    tests = set(reach.lines.get((file, mutant.line), ()))
-    if "" in tests or not tests:  # what runs when the module is imported reaches all that use the module
-        tests |= {test for (other, _), reached in reach.lines.items() if other == file for test in reached}
-    tests -= {""}
+class Trial:
+    """A pytest plugin that tries mutants on the tests that were collected, in place of running them."""
+
+    def __init__(self, work: Callable[[dict[str, Any], Loaded], int], files: Iterable[Path]) -> None:
+        self.work, self.files = work, files
+        self.code = 1
+
+    def pytest_collection_modifyitems(self, items: list[Any]) -> None:
+        self.loaded = Loaded(self.files)
+
+    def pytest_runtestloop(self, session: Any) -> bool:
+        self.code = self.work({item.nodeid: item for item in session.items}, self.loaded)
+        return True
+
+
+def with_tests(tests: Iterable[str], work: Callable[[dict[str, Any], Loaded], int], files: Iterable[Path] = ()) -> int:
+    """Collect tests, and return what `work` returns, given them by name and what of `files` is loaded."""
+    import pytest
+
+    trial = Trial(work, files)
+    options = ["-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:faulthandler", "--assert=plain"]
+    pytest.main([*options, "-m", MARKED, "-o", "timeout=0", *tests], plugins=[trial])
+    return trial.code
+
+
+def know_tests(reach: Reach, items: dict[str, Any]) -> int:
+    """Run the tests of files that are not known, or changed, and write down what they reach."""
+    reach.load()
+    contents = {file: digest(file) for file in sorted({name.partition("::")[0] for name in items})}
+    for file, content in contents.items():
+        if reach.contents.get(file) != content:
+            reach.forget(file)
+            unknown = [item for name, item in items.items() if name.partition("::")[0] == file]
+            for item, following in itertools.zip_longest(unknown, unknown[1:]):
+                reach.measure(item, following)
+            reach.contents[file] = content
+            reach.save()
+    return 0
+
+
+def warm_up(reach: Reach, items: dict[str, Any], loaded: Loaded) -> None:
+    """Run some tests, so that kernels are loaded; what they keep of the modules that are changed is forgotten."""
+    shortest, longest, budget = WARMED_BY
+    some = {name.partition("[")[0]: name for name in items if shortest < reach.seconds.get(name, 0.0) < longest}
+    for name in some.values():
+        if budget > 0.0:
+            budget -= reach.seconds[name]
+            run_item(items[name], None)
+    for cache in loaded.caches:
+        cache.cache_clear()
+
+
+def ordered_tests(mutant: Mutant, reach: Reach) -> list[str]:
+    """Return the tests that a mutant is tried on, the shortest first, up to `SECONDS` in all."""
+    ordered = sorted(reach.tests_of(mutant), key=lambda test: reach.seconds[test])
+    ends = itertools.accumulate(reach.seconds[test] for test in ordered)
+    return [test for test, end in zip(ordered, ends, strict=True) if end <= SECONDS]
+
+
+def survives_there(mutant: Mutant, reach: Reach, items: dict[str, Any], loaded: Loaded) -> bool | None:
+    """Return whether all tests that reach a mutant of a function pass; None where no test reaches it."""
+    tests = [items[test] for test in ordered_tests(mutant, reach) if test in items]
     if not tests:
         return None
-    ordered = sorted(tests, key=lambda test: reach.seconds[test])
 
     def work() -> int:
-        sys.meta_path.insert(0, Finder(mutant))
-        return run_tests(ordered)
+        be_silent()
+        put_in_place(mutant, loaded)
+        return all_pass(tests, reach.seconds)
 
-    factor, more = PATIENCE
-    return in_child(work, factor * sum(reach.seconds[test] for test in tests) + more) == 0
+    return in_child(work) == 0
+
+
+def survives_import(mutant: Mutant, reach: Reach) -> bool | None:
+    """Return the same of a mutant that changes what is imported: this process must not have imported it."""
+    tests = ordered_tests(mutant, reach)
+    if not tests:
+        return None
+
+    def work() -> int:
+        be_silent()
+        sys.meta_path.insert(0, Finder(mutant))
+        files = sorted({test.partition("::")[0] for test in tests})
+        return with_tests(files, lambda items, _: all_pass([items[test] for test in tests], reach.seconds))
+
+    return in_child(work) == 0
 
 
 def listed() -> dict[tuple[str, str, str], str]:
@@ -284,10 +500,35 @@ def listed() -> dict[tuple[str, str, str], str]:
     return {(entry["file"], entry["before"], entry["after"]): entry["reason"] for entry in entries}
 
 
-def modules(targets: list[str]) -> list[Path]:
-    """Return the files of targets, which are files and folders; without the formats of files, which have their own."""
-    paths = [ROOT / target for target in targets]
+def modules(targets: Iterable[str]) -> list[Path]:
+    """Return the files of targets, see `TARGETS`."""
+    paths = [path for target in targets for path in ROOT.glob(str(target))]
     return sorted(file for path in paths for file in (path.rglob("*.py") if path.is_dir() else [path]))
+
+
+class Tally:
+    """Tells what comes of each mutant, and what came of all."""
+
+    def __init__(self, total: int) -> None:
+        self.total, self.told, self.killed, self.known = total, 0, 0, listed()
+        self.survivors: list[Mutant] = []
+
+    def tell(self, mutant: Mutant, survives: bool | None, seconds: float) -> None:
+        reason = self.known.get((mutant.file, mutant.before, mutant.after))
+        self.told += 1
+        self.killed += survives is False
+        words = {False: "killed", True: "survives", None: "survives, reached by no test"}[survives]
+        because = f" ({reason})" if reason and survives is not False else ""
+        print(f"[{self.told}/{self.total}] {words}{because}: {mutant.words} ({seconds:.0f} s)", flush=True)
+        if survives is not False and reason is None:
+            self.survivors.append(mutant)
+
+    def tell_all(self) -> None:
+        counted = self.killed + len(self.survivors)
+        share = 100.0 * self.killed / max(counted, 1)
+        print(f"{self.killed} of {counted} killed ({share:.0f} %), {self.total - counted} as listed")
+        for mutant in self.survivors:
+            print(f"survives: {mutant.words}")
 
 
 def main(arguments: list[str]) -> int:
@@ -296,33 +537,45 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--sample", type=int, help="try so many of the mutants")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--tests", nargs="+", default=TESTS)
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     for name in ("numpy", "scipy.optimize", "scipy.spatial", "scipy.interpolate", "numba", "shapely", "h5py"):
-        importlib.import_module(name)  # once, before each mutant's process is forked
-    files = modules(list(given.targets))
+        importlib.import_module(name)  # once, before each process is forked
+    files = modules(options.targets)
     drawn = [(file, number) for file in files for number in range(count_in(file))]
-    total = len(drawn)
-    if given.sample is not None:
-        drawn = random.Random(given.seed).sample(drawn, min(given.sample, total))
-    print(f"{len(drawn)} of {total} mutants of {len(files)} modules", flush=True)
-    reach = measured({str(file) for file in files}, [str(test) for test in given.tests])
-    known, survivors, killed = listed(), [], 0
-    for number, place in enumerate(drawn, 1):
-        began, mutant = time.monotonic(), mutant_of(*place)
-        state = survives(mutant, reach)
-        reason = known.get(mutant[:1] + mutant[2:4])
-        killed += state is False
-        words = {False: "killed", True: "survives", None: "survives, reached by no test"}[state]
-        took = time.monotonic() - began
-        print(f"[{number}/{len(drawn)}] {words}{f' ({reason})' if reason and state is not False else ''}: "
-              f"{mutant.words} ({took:.0f} s)", flush=True)  # fmt: skip
-        if state is not False and reason is None:
-            survivors.append(mutant)
-    counted = killed + len(survivors)
-    print(f"{killed} of {counted} killed ({100.0 * killed / max(counted, 1):.0f} %), {len(drawn) - counted} as listed")
-    for mutant in survivors:
-        print(f"survives: {mutant.words}")
-    return int(bool(survivors))
+    if options.sample is not None:
+        drawn = random.Random(options.seed).sample(drawn, min(options.sample, len(drawn)))
+    mutants = [mutant_of(*place) for place in drawn]
+    print(f"{len(mutants)} mutants of {len(files)} modules", flush=True)
+    tally = Tally(len(mutants))
+    reach = Reach(str(file) for file in modules(TARGETS) + files)
+
+    def try_those_in_functions(items: dict[str, Any], loaded: Loaded) -> int:
+        if in_child(lambda: know_tests(reach, items), seconds=7200.0):
+            raise SystemExit("the tests cannot be run")
+        reach.load()
+        for test in sorted(reach.failed):
+            print(f"fails as it is, and is left out: {test}", flush=True)
+        warm_up(reach, items, loaded)
+        for mutant in mutants:
+            if mutant.function is not None:
+                began = time.monotonic()
+                tally.tell(mutant, survives_there(mutant, reach, items, loaded), time.monotonic() - began)
+        told.write_bytes(pickle.dumps((tally.told, tally.killed, tally.survivors)))
+        return 0
+
+    with tempfile.TemporaryDirectory() as folder:
+        told = Path(folder) / "told"
+        # This process imports nothing that is changed.
+        if in_child(lambda: with_tests(options.tests, try_those_in_functions, files), seconds=1e6, alone=False):
+            return 2
+        tally.told, tally.killed, tally.survivors = pickle.loads(told.read_bytes())
+    reach.load()
+    for mutant in mutants:
+        if mutant.function is None:
+            began = time.monotonic()
+            tally.tell(mutant, survives_import(mutant, reach), time.monotonic() - began)
+    tally.tell_all()
+    return int(bool(tally.survivors))
 
 
 if __name__ == "__main__":

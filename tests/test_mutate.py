@@ -53,7 +53,7 @@ def test_equality_is_asked_of_counts_alone(tmp_path):
 def test_a_mutant_is_imported_in_place_of_its_module():
     file = mutate.ROOT / "hapticeval" / "quantity.py"
     code = "import sys; sys.path.insert(0, 'tests'); import mutate; sys.meta_path.insert(0, mutate.Finder("
-    code += f"mutate.Mutant('hapticeval/quantity.py', 1, '', '', {'number = None'!r}))); "
+    code += f"mutate.Mutant('hapticeval/quantity.py', 1, '', '', {'number = None'!r}, None))); "
     code += "import hapticeval.quantity; print(hapticeval.quantity.number, hapticeval.quantity.__file__)"
     done = subprocess.run([sys.executable, "-c", code], cwd=mutate.ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["None", str(file)]

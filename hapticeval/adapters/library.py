@@ -23,7 +23,7 @@ import numpy as np
 from hapticeval.adapters.outside import Outside, path_velocities
 from hapticeval.compiled import LawData, borrowing, call_step, law_data
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
-from hapticeval.renderer import CompiledStep, Declaration, Response, Spring
+from hapticeval.renderer import RANGE_WORDS, CompiledStep, Declaration, Response, Spring
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 from hapticeval.workers import describe_exit
@@ -310,8 +310,8 @@ def _declaration(info: Info, answer: InfoStruct) -> Declaration:
         raise RendererError(
             f"the library's hr_info_get() has stiffness_least = {shares[0]!r}, stiffness_largest = {shares[1]!r} and "
             f"force_resolution = {promise.force_resolution!r} N",
-            why="the first two are shares of the scene's stiffness, with 0 < least <= 1 <= largest, or both zero; the "
-            "third is finite and not negative",
+            why=f"the first two are shares of the scene's stiffness, {RANGE_WORDS}, or both zero; the third is finite "
+            "and not negative",
             todo="leave zero what does not vary, and what is not coarse",
         )
     return promise

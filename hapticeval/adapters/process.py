@@ -28,7 +28,7 @@ import numpy as np
 
 from hapticeval.adapters.outside import Outside, path_velocities
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
-from hapticeval.renderer import Declaration, Response, Spring
+from hapticeval.renderer import RANGE_WORDS, Declaration, Response, Spring
 from hapticeval.scene import Scene, requirements
 from hapticeval.types import Array, BoolArray
 from hapticeval.workers import describe_exit
@@ -311,9 +311,6 @@ def _read_lengths(child: Child, answer: Mapping[str, Any], *names: str) -> dict[
 def _declaration(child: Child, hello: Hello, answer: Mapping[str, Any]) -> Declaration:
     """Return what the process promises in its hello and in its answer to a scene. Raises `RendererError`."""
     shares = answer.get("stiffness_range")
-    # JSON has no infinity: null is a range without upper bound.
-    if isinstance(shares, list) and shares[-1:] == [None]:
-        shares = [*shares[:-1], float("inf")]
     promise = Declaration(
         spring=Spring.ERROR if hello.spring else None,
         force_only=hello.force_only,
@@ -326,8 +323,8 @@ def _declaration(child: Child, hello: Hello, answer: Mapping[str, Any]) -> Decla
         child.fail(
             f"has stiffness_range = {_excerpt(answer.get('stiffness_range'))} and force_resolution = "
             f"{_excerpt(answer.get('force_resolution', 0.0))}",
-            why="the first is [least, largest], with 0 < least <= 1 <= largest, as shares of the scene's stiffness, or "
-            "null for one without bound; the second is in newtons, finite and not negative",
+            why=f"the first is [least, largest] as shares of the scene's stiffness, {RANGE_WORDS}; the second is in "
+            "newtons, finite and not negative",
         )
     return promise
 

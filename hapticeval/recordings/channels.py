@@ -110,7 +110,7 @@ METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
         "standoff": ("length", "how far the rendered surface may lie off the model, m"),
         "spring": ("text", "what the renderer declares its force to be K_p times of: error or normal"),
         "stiffness_least": ("positive", "least stiffness that the renderer declares, as a share of the scene's"),
-        "stiffness_largest": ("positive", "its largest; without one it is not bounded"),
+        "stiffness_largest": ("positive", "its largest; without one 32 times the scene's"),
         "force_resolution": ("force", "how coarse the renderer declares its force to be, N"),
         "contact_point": ("text", "none, of a renderer that declares to have a force only"),
         "closed_form": ("text", "regulation scheme whose law the renderer declares to be"),

@@ -192,11 +192,9 @@ int32_t hr_run(void *self, uint32_t n, const double *hips, const double *v, doub
 
 
 def test_a_library_declares_how_its_stiffness_varies_and_how_coarse_its_force_is(build: Build) -> None:
-    info = (
-        "if (self) { info->stiffness_least = 0.4; info->stiffness_largest = INFINITY; info->force_resolution = .05; }"
-    )
+    info = "if (self) { info->stiffness_least = 0.4; info->stiffness_largest = 3; info->force_resolution = .05; }"
     declared = abilities_of(make_library_renderer(build(INFO=info))).declares
-    assert declared == Declaration(stiffness_range=(0.4, np.inf), force_resolution=0.05)
+    assert declared == Declaration(stiffness_range=(0.4, 3.0), force_resolution=0.05)
     assert abilities_of(make_library_renderer(build())).declares is None
 
 

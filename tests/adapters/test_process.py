@@ -207,12 +207,19 @@ def test_a_long_message_to_a_child_that_does_not_read_ends(
 
 
 def test_a_process_declares_how_its_stiffness_varies_and_how_coarse_its_force_is(command: Callable[..., str]) -> None:
-    said = "say(id=id, stiffness_range=[0.4, None], force_resolution=0.05)"
+    said = "say(id=id, stiffness_range=[0.4, 3.0], force_resolution=0.05)"
     assert (
         abilities_of(make_process_renderer(command(scene=said))).meta.items()
-        >= {"stiffness_least": 0.4, "force_resolution": 0.05}.items()
+        >= {"stiffness_least": 0.4, "stiffness_largest": 3.0, "force_resolution": 0.05}.items()
     )
-    for wrong in ("stiffness_range=[0.4]", "stiffness_range=[2, 3]", "stiffness_range='wide'", "force_resolution=-1"):
+    for wrong in (
+        "stiffness_range=[0.4]",
+        "stiffness_range=[2, 3]",
+        "stiffness_range=[0.4, None]",
+        "stiffness_range=[1e-6, 2]",
+        "stiffness_range='wide'",
+        "force_resolution=-1",
+    ):
         with pytest.raises(RendererError, match="stiffness_range = "):
             make_process_renderer(command(scene=f"say(id=id, {wrong})"))
 

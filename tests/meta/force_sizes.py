@@ -74,7 +74,7 @@ class Declaring(Spring):
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
-        self.declares = Declaration(stiffness_range=((self.REFERENCE / scene.model.size) ** 0.5, np.inf))
+        self.declares = Declaration(stiffness_range=((self.REFERENCE / scene.model.size) ** 0.5, 32.0))
 
     def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
         ihip, force = super().step(hip, velocity, dt)

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from outsiders import CASES, case
 
 from hapticeval.discovery import resolve
+from hapticeval.errors import RendererError
 from hapticeval.phenomena.verdict import Level, Verdict
 from hapticeval.renderer import Declaration, abilities_of
 from hapticeval.renderer import Spring as Along
@@ -97,13 +98,13 @@ def test_a_range_that_is_declared_is_held():
 
     def narrower(scene):
         renderer = force_sizes.Declaring(scene)
-        renderer.declares = Declaration(stiffness_range=(0.8, np.inf))
+        renderer.declares = Declaration(stiffness_range=(0.8, 32.0))
         return renderer
 
     assert verdict(narrower, CASES["slide"]).level is Level.MUST
 
 
-@pytest.mark.parametrize(("shares", "outcome"), [((0.5, 1.5), FAIL), ((1e-6, np.inf), PASS)])
+@pytest.mark.parametrize(("shares", "outcome"), [((0.5, 1.5), FAIL), ((1.0 / 32.0, 32.0), PASS)])
 def test_a_kick_of_a_thrown_tool_is_not_declared_away_by_a_range_that_says_something(shares, outcome):
     """A range that says next to nothing is named as such by `force-magnitude`, which then can only warn."""
 
@@ -116,6 +117,20 @@ def test_a_kick_of_a_thrown_tool_is_not_declared_away_by_a_range_that_says_somet
     assert verdict(declaring, thrown, "passivity").outcome is outcome
     said = verdict(declaring, thrown).finding.message
     assert ("of the scene's, which asks next to nothing" in said) == (outcome is PASS), said
+
+
+@pytest.mark.parametrize(
+    ("shares", "sound"),
+    [((1.0 / 32.0, 32.0), True), ((0.99 / 32.0, 2.0), False), ((0.5, 32.1), False), ((1e-6, np.inf), False)],
+)
+def test_a_range_that_would_ask_nothing_is_refused(shares, sound):
+    renderer = Spring(CASES["slide"].build_scene())
+    renderer.declares = Declaration(stiffness_range=shares)
+    if sound:
+        assert abilities_of(renderer).declares is renderer.declares
+    else:
+        with pytest.raises(RendererError, match="a wider range would ask nothing of the force"):
+            abilities_of(renderer)
 
 
 def test_what_the_gradient_declares_is_between_its_softest_and_its_stiffest():

@@ -21,23 +21,27 @@ def renderers_of(suite: Suite) -> tuple[str, ...]:
     return tuple(suite.renderers) or own_renderers()
 
 
-RUNS = [pytest.param(suite, name, id=f"{suite.name}-{name}") for suite in SUITES for name in renderers_of(suite)]
+RUNS = [
+    pytest.param(suite, name, case, id=f"{suite.name}-{name}-{case.name}")
+    for suite in SUITES
+    for name in renderers_of(suite)
+    for case in suite.cases
+]
 
 
-@pytest.mark.parametrize(("suite", "name"), RUNS)
-def test_every_verdict_is_the_recorded_one(suite, name):
-    verdicts = []
-    for case in suite.cases:
-        judged = judge(resolve(name), name, suite.name, case)
-        assert judged.error is None, f"{case.name}: {judged.error}"
-        verdicts += judged.verdicts
-    golden.compare(suite, renderers_of(suite), name, verdicts)
-    assert [entry.message for entry in golden.unexpected(verdicts) if entry.published is not None] == []
+@pytest.mark.parametrize(("suite", "name", "case"), RUNS)
+def test_every_verdict_is_the_recorded_one(suite, name, case):
+    judged = judge(resolve(name), name, suite.name, case)
+    assert judged.error is None
+    golden.compare(suite, renderers_of(suite), name, judged.verdicts)
+    assert [entry.message for entry in golden.unexpected(judged.verdicts) if entry.published is not None] == []
 
 
-def test_each_suite_has_its_table_and_no_other_is_there():
+def test_each_suite_has_its_table_of_all_its_cases_and_no_other_is_there():
     names = {file.name.removesuffix("_verdicts.csv") for file in golden.table_of("").parent.glob("*_verdicts.csv")}
     assert names == set(find_suites())
+    for suite in SUITES:
+        assert set(golden.recorded(suite.name)) == {(case.name, check) for case in suite.cases for check in case.checks}
 
 
 def test_a_cell_reads_as_it_was_written():

@@ -35,7 +35,7 @@ from hapticeval.phenomena.sampling import (
 )
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
-from hapticeval.renderer import Spring
+from hapticeval.renderer import STIFFNESS_LIMITS, Spring
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -106,9 +106,15 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def declared_range(base: Recording) -> tuple[float, float] | None:
-    """Return the least and largest stiffness that the renderer declares, as shares of the scene's; None without."""
+    """Return the least and largest stiffness that the renderer declares, as shares of the scene's; None without.
+
+    A file may say more than a renderer may: it counts up to `STIFFNESS_LIMITS`.
+    """
     softest = base.meta.get("stiffness_least")
-    return None if softest is None else (float(softest), float(base.meta.get("stiffness_largest", np.inf)))
+    if softest is None:
+        return None
+    lowest, highest = STIFFNESS_LIMITS
+    return max(float(softest), lowest), min(float(base.meta.get("stiffness_largest", highest)), highest)
 
 
 def declares_wide_range(base: Recording) -> bool:
