@@ -532,7 +532,7 @@ def _read_counterexamples(folder: Path) -> list[Any]:
     if not searched.is_dir():
         return []
     # Imported where there is something to show: most runs have no search beside them.
-    from hapticeval.reports.index import Counterexample
+    from hapticeval.reports.pages import Counterexample
     from hapticeval.search.counterexample import list_counterexamples
 
     return [

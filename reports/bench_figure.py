@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hapticeval.reports.canvas import CURVES, MM, colour_of, figure, page_svg
+from hapticeval.reports.canvas import MM, Look, colour_of, figure, page_svg
 from hapticeval.study.bench.document import BenchResults, Change, Kind, SettingEntry
 
 if TYPE_CHECKING:
@@ -19,9 +19,6 @@ ROW_HEIGHT = 0.2
 
 PANELS_IN_ROW = 2
 """Models whose panels stand beside each other."""
-
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
-"""One marker for each representation of the model, in the order in which they come."""
 
 TARGET_ERROR = 0.1
 """Error (mm) that a line is drawn at."""
@@ -40,24 +37,26 @@ PlottedSettings = list[tuple[SettingEntry, tuple[float, float]]]
 """Settings, each with its time (us) and its error (mm)."""
 
 
-def bench_plots(bench: BenchResults) -> list[tuple[str, str]]:
-    """Return the plots of a bench as SVG elements for a page, each with its title; none where nothing is measured."""
+def bench_plots(bench: BenchResults, looks: Mapping[str, Look]) -> list[tuple[str, str]]:
+    """Return the plots of a bench as SVG elements for a page, each with its title; none where nothing is measured.
+
+    `looks` are those of the renderers on all pages.
+    """
     plots = []
-    names = list(dict.fromkeys(setting.renderer for setting in bench.settings if not setting.problem))
     for kind, title in TITLES.items():
         placed = {model: _plotted_settings(settings, kind) for model, settings in bench.by_model().items()}
         drawable = [(model, plotted) for model, plotted in placed.items() if plotted]
         # One figure for each row of panels: a figure as wide as the page stays readable.
         for first in range(0, len(drawable), PANELS_IN_ROW):
-            plots.append((title, _precision_svg(dict(drawable[first : first + PANELS_IN_ROW]), kind, names, first)))
+            plots.append((title, _precision_svg(dict(drawable[first : first + PANELS_IN_ROW]), kind, looks, first)))
     if any(setting.build_seconds for setting in bench.settings):
-        plots.append(("memory, and time to build", _costs_svg(bench.settings, names)))
+        plots.append(("memory, and time to build", _costs_svg(bench.settings, looks)))
     if any(change.low is not None for change in bench.comparison):
         plots.append(("against the earlier bench", _changes_svg(bench.comparison)))
     return plots
 
 
-def _costs_svg(settings: Sequence[SettingEntry], names: Sequence[str]) -> str:
+def _costs_svg(settings: Sequence[SettingEntry], looks: Mapping[str, Look]) -> str:
     """Draw a row per setting with a mark for its memory and one for its time to build: of all models the dearest."""
     settings_by_label: dict[str, list[SettingEntry]] = {}
     for setting in settings:
@@ -73,9 +72,12 @@ def _costs_svg(settings: Sequence[SettingEntry], names: Sequence[str]) -> str:
         for k, (words, cost) in enumerate(panels):
             axes = fig.add_axes((0.28 + 0.36 * k, 0.55 / height, 0.34, 1.0 - 0.75 / height))
             for row, entries in zip(rows, settings_by_label.values(), strict=True):
-                colour, marker = _colour_and_marker(entries[0].renderer, names)
+                look = looks[entries[0].renderer]
                 # Of several models the dearest counts, in memory as in time.
-                axes.plot(max(map(cost, entries)), row, linestyle="none", marker=marker, markersize=6, color=colour)
+                axes.plot(
+                    max(map(cost, entries)), row, linestyle="none", marker=look.marker, markersize=6,
+                    color=colour_of(look.role),
+                )  # fmt: skip
             axes.set(xscale="log", xlabel=words, ylim=(len(settings_by_label) - 0.5, -0.5))
             axes.set_yticks(rows, list(settings_by_label) if k == 0 else [])
             axes.grid(True, which="major")
@@ -117,16 +119,18 @@ def _plotted_settings(settings: Sequence[SettingEntry], kind: Kind) -> PlottedSe
     ]
 
 
-def _precision_svg(models: Mapping[str, PlottedSettings], kind: Kind, names: Sequence[str], first: int) -> str:
+def _precision_svg(models: Mapping[str, PlottedSettings], kind: Kind, looks: Mapping[str, Look], first: int) -> str:
     """Draw error against time, one panel per model; `first` is the number of the first model among all."""
-    below = 0.2 * ((len(names) + 3) // 4)
+    names = {setting.renderer for plotted in models.values() for setting, _ in plotted}
+    # A row of four names, and one more for the front.
+    below = 0.2 * (len(names) // 4 + 1)
     with figure(10.0, 4.6 + below, page=True) as fig:
         low = (0.62 + below) / (4.6 + below)
         width = 0.93 / len(models)
         handles: dict[str, Any] = {}
         for k, (model, plotted) in enumerate(models.items()):
             axes = fig.add_axes((0.065 + k * width, low, width - 0.055, 0.93 - low))
-            _draw_panel(axes, plotted, kind, names)
+            _draw_panel(axes, plotted, kind, looks)
             axes.set_title(model, loc="left")
             if k == 0:
                 axes.set_ylabel("IHIP error, 99 % (mm)")
@@ -141,7 +145,7 @@ def _precision_svg(models: Mapping[str, PlottedSettings], kind: Kind, names: Seq
         return page_svg(fig, prefix=f"b{kind}{first or ''}", title=title)
 
 
-def _draw_panel(axes: Axes, plotted: PlottedSettings, kind: Kind, names: Sequence[str]) -> None:
+def _draw_panel(axes: Axes, plotted: PlottedSettings, kind: Kind, looks: Mapping[str, Look]) -> None:
     """Draw the settings of one model: a curve for each renderer, the Pareto front, and lines of what is asked for."""
     axes.set(xscale="log", yscale="log", xlabel="time a step, median (µs)")
     axes.grid(True, which="major")
@@ -153,7 +157,7 @@ def _draw_panel(axes: Axes, plotted: PlottedSettings, kind: Kind, names: Sequenc
             *zip(*front, strict=True), where="post", color=colour_of("ink"), linewidth=1.4, zorder=1.8, label=label
         )
     for name in dict.fromkeys(setting.renderer for setting, _ in plotted):
-        colour, marker = _colour_and_marker(name, names)
+        colour, marker = colour_of(looks[name].role), looks[name].marker
         of_renderer = [(setting, at) for setting, at in plotted if setting.renderer == name]
         # The first and the last setting of a sweep are named, and what is on the front.
         labelled += [of_renderer[0], of_renderer[-1]]
@@ -183,15 +187,6 @@ def _draw_panel(axes: Axes, plotted: PlottedSettings, kind: Kind, names: Sequenc
         elif limit >= high:
             words = f"{text} lies {limit / high:.2g} times further right →"
             axes.annotate(words, (1.0, 1.01), xycoords="axes fraction", ha="right", va="bottom", **small)
-
-
-def _colour_and_marker(name: str, names: Sequence[str]) -> tuple[str, str]:
-    """Return colour and marker of a renderer: all its representations share the colour, and each has a marker."""
-    bases = list(dict.fromkeys(full_name.partition("@")[0] for full_name in names))
-    kinds = list(dict.fromkeys(full_name.partition("@")[2] for full_name in names))
-    # A name is renderer@representation.
-    base, _, kind = name.partition("@")
-    return colour_of(CURVES[bases.index(base) % len(CURVES)]), MARKERS[kinds.index(kind) % len(MARKERS)]
 
 
 def _is_foreign(name: str) -> bool:

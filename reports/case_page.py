@@ -35,6 +35,9 @@ from hapticeval.runner.results import RunEntry, VerdictEntry
 ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.js")
 """Style sheets and scripts of a case page, in the order in which it needs them."""
 
+PAGE_ASSETS = (*ASSETS, "filter.js")
+"""What all pages of a report need."""
+
 VIEW_FILES = {INDEX, ASSET_FOLDER}
 """Names in a folder that an earlier view wrote: it may be written over."""
 
@@ -156,7 +159,7 @@ def write_assets(folder: Path) -> None:
     """Write scripts, their licences and the sheets into `folder`/assets, once."""
     try:
         (folder / ASSET_FOLDER).mkdir(parents=True, exist_ok=True)
-        for name in (*ASSETS, *LICENCES):
+        for name in (*PAGE_ASSETS, *LICENCES):
             with replacing(folder / ASSET_FOLDER / name) as temporary:
                 temporary.write_bytes(asset(name))
     except OSError as error:

@@ -96,8 +96,8 @@ def _tile_words(tile: Tile | None) -> str:
     """Return a cell in words: its gravest state, how many verdicts have it, and the worst margin."""
     if tile is None:
         return ""
-    count = tile.counts[tile.state]
-    words = f"{tile.state.words}, {count} of {tile.total}"
+    count = tile.counts[tile.standing]
+    words = f"{tile.standing.words}, {count} of {tile.total}"
     return f"{words}, {tile.margin}" if tile.margin else words
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from hapticeval.phenomena.verdict import Outcome
 from hapticeval.quantity import format_number
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 from hapticeval.runner.standing import Standing
@@ -30,6 +31,8 @@ def bound_share(verdict: VerdictEntry) -> float | None:
     """Return a metric as a share of its bound, infinity where it was not finite; None where that says nothing."""
     if verdict.metric is None or verdict.bound is None or verdict.bound < 0.0:
         return None
+    if step_ratio(verdict) is not None:
+        return None
     value = verdict.metric.value
     # A metric that was not finite is stored as none: it is beyond any bound.
     if value is None:
@@ -41,6 +44,17 @@ def bound_share(verdict: VerdictEntry) -> float | None:
     return max(value, 0.0) / verdict.bound
 
 
+def step_ratio(verdict: VerdictEntry) -> float | None:
+    """Return how many times the HIP's longest step the IHIP's is, where a pass has no margin but says "continuous".
+
+    Refinement goes on until a jump is below its bound, so that the metric of such a pass is the bound, or less.
+    """
+    amplification = verdict.evidence.get("amplification")
+    if verdict.outcome is Outcome.PASS and isinstance(amplification, int | float):
+        return float(amplification)
+    return None
+
+
 @dataclass(frozen=True)
 class Tile:
     """Several verdicts as one cell: at least one, and the runs that broke before any check."""
@@ -50,7 +64,7 @@ class Tile:
 
     @cached_property
     def counts(self) -> Counter[Standing]:
-        """How many verdicts have each state; a run that broke counts as an error."""
+        """How many verdicts have each standing; a run that broke counts as an error."""
         return Counter([*(verdict.standing for verdict in self.verdicts), *(Standing.ERROR for _ in self.broken)])
 
     @property
@@ -59,15 +73,15 @@ class Tile:
         return sum(self.counts.values())
 
     @cached_property
-    def state(self) -> Standing:
-        """The gravest state."""
+    def standing(self) -> Standing:
+        """The gravest standing."""
         return min(self.counts, key=list(Standing).index)
 
     @cached_property
     def worst(self) -> VerdictEntry | RunEntry:
-        """The verdict of the gravest state that is farthest beyond its bound, or closest to it."""
+        """The verdict of the gravest standing that is farthest beyond its bound, or closest to it."""
         gravest = sorted(
-            (verdict for verdict in self.verdicts if verdict.standing is self.state), key=_bound_load, reverse=True
+            (verdict for verdict in self.verdicts if verdict.standing is self.standing), key=_bound_load, reverse=True
         )
         return gravest[0] if gravest else self.broken[0]
 
@@ -76,20 +90,31 @@ class Tile:
         """From 1 to 3: how close to its bound the worst passes (half, nine tenths), or how far beyond it is (2, 10)."""
         load = _bound_load(self.worst) if isinstance(self.worst, VerdictEntry) else 0.0
         # Shares of the bound: how much a pass uses, how many times a failure is beyond.
-        limits = (0.5, 0.9) if self.state is Standing.PASS else (2.0, 10.0)
+        limits = (0.5, 0.9) if self.standing is Standing.PASS else (2.0, 10.0)
         return 1 + sum(load >= limit for limit in limits)
 
     @property
     def margin(self) -> str:
-        """The worst margin in per cent of its bound, or how many times its bound the metric is; "" without a bound."""
-        if not isinstance(self.worst, VerdictEntry) or self.state is Standing.NOT_APPLICABLE:
+        """The worst margin in per cent of its bound, or how many times its bound the metric is; "" without a bound.
+
+        Of a pass that says "continuous", by how many times the IHIP's longest step is the HIP's.
+        """
+        if not isinstance(self.worst, VerdictEntry) or self.standing is Standing.NOT_APPLICABLE:
             return ""
+        ratio = step_ratio(self.worst)
+        if ratio is not None:
+            return f"step {ratio_words(ratio)}×"  # noqa: RUF001
         share = bound_share(self.worst)
         if share is None:
             return ""
         if share <= 1.0:
             return f"{100.0 * (1.0 - share):.0f} % left"
         return f"{ratio_words(share)}×"  # noqa: RUF001
+
+    @property
+    def standing_by_check(self) -> str:
+        """Each check and the standing of its verdict, as `check=standing` with blanks between."""
+        return " ".join(f"{verdict.check}={verdict.standing}" for verdict in self.verdicts)
 
     @property
     def where(self) -> str:

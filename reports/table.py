@@ -183,7 +183,7 @@ def _report_blocks(results: ResultsDocument) -> Iterator[str]:
         by_case = case_grid(results, suite)
         if by_case.rows:
             yield f"## Every case of {_escape(suite)}"
-            yield _grid_table(by_case, tile=lambda tile: tile.state.symbol)
+            yield _grid_table(by_case, tile=lambda tile: tile.standing.symbol)
 
 
 def _list_blocks(results: ResultsDocument) -> Iterator[str]:
@@ -235,9 +235,9 @@ def _legend_words(results: ResultsDocument) -> str:
 
 def _tile_words(tile: Tile) -> str:
     """Return a cell in words: its gravest state, how many verdicts have it, and the worst margin."""
-    count = tile.counts[tile.state]
-    words = [f"{tile.state.symbol} {tile.state.words}"]
-    words += [f"{count} of {tile.total}"] * (tile.state is not Standing.PASS)
+    count = tile.counts[tile.standing]
+    words = [f"{tile.standing.symbol} {tile.standing.words}"]
+    words += [f"{count} of {tile.total}"] * (tile.standing is not Standing.PASS)
     return ", ".join([*words, *([tile.margin] if tile.margin else [])])
 
 

@@ -10,7 +10,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from hapticeval.quantity import format_duration, format_length, format_number, format_quantity, format_size
-from hapticeval.reports.places import ASSETS, INDEX, ROOT, anchor, case_file
+from hapticeval.reports.glossary import GLOSSARY
+from hapticeval.reports.grid import step_ratio
+from hapticeval.reports.places import ASSETS, CHECK_PAGES, INDEX, ROOT, anchor, case_file
 from hapticeval.runner.results import RunEntry
 from hapticeval.runner.standing import Standing
 
@@ -48,13 +50,16 @@ def environment() -> Environment:
         "quantity": format_quantity,
         "evidence_text": _evidence_text,
         "small_length": _small_length,
+        "step_ratio": step_ratio,
         "svg": Markup,
     }
     jinja.globals |= {
         "Standing": Standing,
         "anchor": anchor,
         "case_file": case_file,
+        "check_page": CHECK_PAGES,
         "evidence_words": evidence_words,
+        "glossary": GLOSSARY,
         "model_words": model_words,
         "root": ROOT,
         "index": INDEX,

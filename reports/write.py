@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.check_pages import render_check_pages
 from hapticeval.reports.effects_figure import effect_plots, read_run
 from hapticeval.reports.exports import write_tables
 from hapticeval.reports.grid import worst_verdicts
-from hapticeval.reports.index import MOST_FAILURES, Counterexample, Drawing, Single, judged_checks, render_index
 from hapticeval.reports.junit import junit
-from hapticeval.reports.places import CHECK_PAGES, FOLDER, INDEX, ROOT, case_file
+from hapticeval.reports.pages import MOST_FAILURES, Counterexample, Drawing, ReportView, Single, render_pages
+from hapticeval.reports.places import FOLDER, INDEX, ROOT, case_file
 from hapticeval.reports.run_figure import figure_svg, marks_of
 from hapticeval.reports.table import markdown
 from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
@@ -171,8 +170,7 @@ def write_reports(
             if isinstance(order, Picture) and isinstance(drawing, Drawing)
         }
         sections = [outcome for outcome in outcomes if not isinstance(outcome, Drawing)]
-        single = _single_page(sections) if single_file else None
-        text = render_index(
+        view = ReportView(
             results,
             drawings,
             bench=bench,
@@ -180,15 +178,16 @@ def write_reports(
             costs=costs,
             counterexamples=counterexamples,
             replayed=replayed_results,
-            single=single,
+            single=_single_page(sections) if single_file else None,
         )
+        texts = render_pages(view)
         written = {"table.md": markdown(results), "junit.xml": junit(results)}
         if single_file:
-            written[SINGLE_FILE] = text
+            written[SINGLE_FILE] = texts[INDEX]
         else:
             write_assets(pages)
-            _write(pages / INDEX, text)
-            _write(pages / CHECK_PAGES, render_check_pages(judged_checks(results).values(), INDEX))
+            for name, text in texts.items():
+                _write(pages / name, text)
     # After the folder, so that a run that is stopped leaves the earlier files alone.
     for name, content in written.items():
         _write(directory / name, content)
@@ -199,9 +198,9 @@ def write_reports(
 
 def _single_page(bodies: Sequence[str]) -> Single:
     """Return what a page holds beside the results that needs nothing else: styles, scripts and the cases."""
-    from hapticeval.reports.case_page import ASSETS, asset
+    from hapticeval.reports.case_page import PAGE_ASSETS, asset
 
-    texts = {name: asset(name).decode() for name in ASSETS}
+    texts = {name: asset(name).decode() for name in PAGE_ASSETS}
     return Single(
         [text for name, text in texts.items() if name.endswith(".css")],
         [text for name, text in texts.items() if name.endswith(".js")],

@@ -87,7 +87,7 @@ def test_an_installed_check_is_listed_explained_judged_and_reported(toy, command
     found = {verdict["check"]: (verdict["outcome"], verdict["metric"]["unit"]) for verdict in verdicts}
     assert found == {"toy-strength": ("fail", "N"), "reset-clears": ("pass", "N")}
     assert (toy / "out" / "report" / "index.html").exists(), ran
-    assert "half a newton" in (toy / "out" / "report" / "index.html").read_text()
+    assert "half a newton" in (toy / "out" / "report" / "reading.html").read_text()
 
 
 @pytest.mark.parametrize(

@@ -428,9 +428,9 @@ def test_the_command_writes_results_and_a_page_that_says_open_loop(ran, tmp_path
     assert code == int(any(not verdict.as_expected for verdict in results.verdicts))
     assert OPEN_LOOP in said
     assert "IHIP" in said
-    page = (folder / "report" / "index.html").read_text()
+    assert "2 renderers and the recorded run in 1 case" in (folder / "report" / "index.html").read_text()
+    page = (folder / "report" / "replay.html").read_text()
     assert "Distance from the recorded run" in page
-    assert "2 renderers and the recorded run in 1 case" in page
     assert page.count("the hand would have moved otherwise") >= 3
     written = read_recording(folder / results.runs[1].recording)
     assert written.meta["source"] == "replay"

@@ -97,7 +97,7 @@ def test_the_page_shows_effects_and_costs_where_there_are_any(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rung.toml").write_text(SUITE)
     main(["run", "rung.toml", "-r", "minimum-distance", "-o", "results"])
-    page = (tmp_path / "results" / "report" / "index.html").read_text()
+    page = (tmp_path / "results" / "report" / "effects.html").read_text()
     assert '<section class="wide" id="effects">' in page
     assert "<b>contact-transient</b>" in page
     assert "What effects cost" not in page
@@ -108,7 +108,7 @@ def test_the_page_shows_effects_and_costs_where_there_are_any(tmp_path, monkeypa
     environment = json.loads((tmp_path / "results" / "results.json").read_text())["environment"]
     write_costs(tmp_path / "results", EffectsDocument([scene], ladder, 30, environment, {"processor": "a <fast> one"}))
     write_reports(tmp_path / "results", workers=0)
-    page = (tmp_path / "results" / "report" / "index.html").read_text()
+    page = (tmp_path / "results" / "report" / "effects.html").read_text()
     assert "What effects cost" in page
     assert "answer: contact-transient" in page
     assert "a &lt;fast&gt; one" in page

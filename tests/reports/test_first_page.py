@@ -16,9 +16,10 @@ from hapticeval.errors import InputError
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.recordings.compare.difference import Apart, Difference
 from hapticeval.replay import OPEN_LOOP
-from hapticeval.reports import markdown, render_index, write_reports
+from hapticeval.reports import ReportView, markdown, render_pages, write_reports
 from hapticeval.reports.canvas import THEME
-from hapticeval.reports.index import _worst_words
+from hapticeval.reports.glossary import GLOSSARY, explain_terms
+from hapticeval.reports.pages import worst_words
 from hapticeval.reports.places import anchor, case_file
 from hapticeval.runner.results import Replay, SuiteEntry, write_results
 from hapticeval.runner.standing import SYMBOLS, Standing
@@ -71,8 +72,13 @@ class Page(HTMLParser):
         return " ".join("".join(self.text).replace("\u200b", "").split())
 
 
-def words(results, drawings=None, **options):
-    return Page(render_index(results, drawings, **options)).words
+def render(results, page="index", **options):
+    """One of the pages; empty where there is none."""
+    return render_pages(ReportView(results, **options)).get(f"{page}.html", "")
+
+
+def words(results, page="index", **options):
+    return Page(render(results, page, **options)).words
 
 
 def read(file):
@@ -100,7 +106,6 @@ def test_the_first_page_tells_what_ran_and_what_was_found(pages):
         "2 differ from what is published",
         "2 failed as known",
         "3× real time",  # noqa: RUF001
-        "published: No",
         "Not as expected, worst first",
         "IHIP jump 40 mm, bound 1 mm, margin -39 mm",
         "it raised <ValueError> at tick 7",
@@ -109,10 +114,12 @@ def test_the_first_page_tells_what_ran_and_what_was_found(pages):
     ):
         assert text in page.words, text
     assert sum(tag == "svg" for tag, _ in page.tags) >= 1
+    assert "published: No" in pages["summary.html"].words
 
 
 def test_each_case_has_a_page_with_a_place_for_each_verdict_and_every_link_leads_somewhere(pages, results):
-    assert set(pages) == {"index.html", "checks.html", *(case_file(run.suite, run.case) for run in results.runs)}
+    beside = {"index.html", "checks.html", "summary.html", "reading.html"}
+    assert set(pages) == beside | {case_file(run.suite, run.case) for run in results.runs}
     for each in results.verdicts:
         page = pages[case_file(each.suite, each.case)]
         assert anchor(each.renderer, each.check) in page.ids
@@ -139,6 +146,18 @@ def test_nothing_that_a_renderer_says_becomes_markup_and_no_network_is_needed(pa
     style = (report / "assets" / "report.css").read_text()
     assert all(f"--fig-{role}:" in style for role in THEME), "the style defines every colour of the figures"
     assert all(f'.{each} {{ --sign: "{sign}"; }}' in style for each, sign in SYMBOLS.items())
+
+
+def test_a_word_is_explained_where_it_first_stands_and_nowhere_else():
+    page = '<h1 title="HIP">The IHIP</h1><svg><text>HIP</text></svg><p>IHIP and <code>HIP</code> HIPs, HIP; a HIP</p>'
+    assert explain_terms(page) == (
+        f'<h1 title="HIP">The <abbr title="{GLOSSARY["IHIP"]}">IHIP</abbr></h1><svg><text>HIP</text></svg>'
+        f'<p>IHIP and <code>HIP</code> HIPs, <abbr title="{GLOSSARY["HIP"]}">HIP</abbr>; a HIP</p>'
+    )
+
+
+def test_every_word_of_the_glossary_is_told_on_the_page_that_says_how_to_read(pages):
+    assert all(f"{word} {meaning}" in pages["reading.html"].words for word, meaning in GLOSSARY.items())
 
 
 def test_one_file_holds_all_pages_and_needs_nothing_else(folder, results):
@@ -171,13 +190,12 @@ def test_the_top_says_how_complete_and_how_good_the_run_was(results):
 
 def test_a_report_is_dated_and_names_the_commit_of_each_renderer(results):
     dated = synthetic_results(date="2026-11-22T10:47:21+00:00", commits={"plain": "0123456789abcdef-dirty"})
-    page = render_index(dated)
-    title = re.search("<title>(.*)</title>", page)[1]
+    title = re.search("<title>(.*)</title>", render(dated))[1]
     for text in ("2026-11-22 10:47 UTC", "hapticeval", "0.1.0", "plain at commit 0123456789ab-dirty"):
         assert text in title
-    assert "Commit 0123456789abcdef-dirty: plain." in Page(page).words
+    assert "Commit 0123456789abcdef-dirty: plain." in words(dated, "reading")
     same = dict.fromkeys(results.renderers, "a" * 40)
-    assert "UTC, commit aaaaaaaaaaaa</title>" in render_index(synthetic_results(date=dated.date, commits=same))
+    assert "UTC, commit aaaaaaaaaaaa</title>" in render(synthetic_results(date=dated.date, commits=same))
 
 
 def test_what_cannot_be_drawn_costs_only_its_figure(folder, results):
@@ -271,13 +289,13 @@ def two_suites(results):
 
 
 def test_a_suite_has_the_columns_of_its_own_renderers_and_what_is_not_judged_is_named(two_suites):
-    page = render_index(two_suites)
+    page = render(two_suites)
     first, second = page[page.index('id="cases"') :].split('<table class="grid small">')[1:]
     assert [name in first for name in ("plain", "broken", "alert(1)")] == [True] * 3
     assert [name in second for name in ("plain</span>", "broken</span>", "alert(1)")] == [True, False, False]
     assert "slide-delay · shown, not judged" in Page(page).words
-    assert '"tile state not-judged"' in second
-    assert "Table 6.3" not in page[: page.index("How to read this</h2>")], "no table that its suites do not cite"
+    assert '"tile standing not-judged"' in second
+    assert "Table 6.3" not in Page(page).words, "no table that its suites do not cite"
 
 
 def test_the_summary_is_grouped_and_no_row_is_lost(two_suites, results):
@@ -290,7 +308,7 @@ def test_the_summary_is_grouped_and_no_row_is_lost(two_suites, results):
 
 def test_published_answers_stand_beside_those_of_a_renderer_that_nobody_has_published(results):
     mine = {"table": {"Resists <Pop>": {"plain": "No"}}, "published_table": {"Resists <Pop>": {"theirs": "Yes"}}}
-    page = words(synthetic_results(**mine))
+    page = words(synthetic_results(**mine), "summary")
     assert "plain theirs in print Resists <Pop> No Yes" in page
     assert "theirs (in print)" in markdown(synthetic_results(**mine))
 
@@ -304,7 +322,7 @@ def test_published_answers_stand_beside_those_of_a_renderer_that_nobody_has_publ
     ],
 )
 def test_a_warning_alone_is_not_called_unexpected_where_the_headline_calls_all_expected(states, title):
-    assert _worst_words(states) == title
+    assert worst_words(states) == title
 
 
 # Closed forms: the evidence of the verdicts, digit for digit.
@@ -336,8 +354,7 @@ def closed_forms(*verdicts, citations=None):
         )
         for each in verdicts
     ]  # fmt: skip
-    page = render_index(synthetic_results(verdicts=verdicts, runs=runs))
-    return page[page.index('id="closed-forms"') : page.index('id="cases"')]
+    return render(synthetic_results(verdicts=verdicts, runs=runs), "closed-forms")
 
 
 def test_values_are_those_of_the_evidence():
@@ -353,7 +370,7 @@ def test_values_are_those_of_the_evidence():
     ):
         assert expected in text, expected
     assert '<details class="law">' in section
-    assert 'id="closed-forms"' not in render_index(synthetic_results())
+    assert not render(synthetic_results(), "closed-forms")
 
 
 def test_cases_that_cite_a_table_come_first_in_its_order_and_are_unfolded():
@@ -404,7 +421,7 @@ def test_a_bench_is_shown_with_its_front_its_answers_and_what_is_not_proven(resu
         ],
         comparison=[Change("circle", "a", "step", 1.5, 1.4, 1.6, 0.01, "worse")],
     )  # fmt: skip
-    page = Page(render_index(results, bench=bench)).words
+    page = words(results, "costs", bench=bench)
     for expected in (
         "Incomplete: interrupted <by> the user.",
         "circle one step at a time, from Python 0.1 mm within 10 µs a vertices 40 20 µm in 2 µs",
@@ -449,7 +466,7 @@ def test_the_page_tells_how_far_each_renderer_is_and_that_it_is_open_loop():
     results = replayed(
         Difference(APART, None, 4000, None), Difference(Apart(0.0, 0.0, 0.0, 0), APART, 9, 0.1)
     )  # fmt: skip
-    page = words(results)
+    page = words(results, "replay")
     for expected in (
         "r1 0.1 mm 2.5 mm t = 1.25 s, row 1250 not recorded",
         "r2 equal to the last bit 0.0001 N 0.0025 N t = 1.25 s, row 1250 differs in 10 %",
@@ -465,4 +482,6 @@ def test_the_page_tells_how_far_each_renderer_is_and_that_it_is_open_loop():
 
 def test_where_nothing_was_compared_there_is_no_table(results):
     for none in (results, replayed(), replayed(Difference(None, None, 4000, None))):
-        assert "Distance from the recorded run" not in words(none)
+        page = render(none, "replay")
+        assert "Distance from the recorded run" not in page
+        assert bool(page) is any(run.replay for run in none.runs)

@@ -44,7 +44,8 @@ def report(tmp_path_factory):
     write_recording(folder / results.runs[2].recording, tip_recording())
     write_reports(folder, workers=0)
     write_reports(folder, single_file=True, workers=0)
-    return {"first": folder / "report" / "index.html", "single": folder / "report.html"}
+    beside = {name: folder / "report" / f"{name}.html" for name in ("summary", "hard-cases", "reading", "checks")}
+    return {"first": folder / "report" / "index.html", "single": folder / "report.html", **beside}
 
 
 @pytest.fixture
@@ -59,7 +60,7 @@ def opened(browser, report):
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("width", [1440, 390])
-@pytest.mark.parametrize("name", ["first", "single"])
+@pytest.mark.parametrize("name", ["first", "single", "summary", "hard-cases", "reading", "checks"])
 def test_it_has_no_fault_for_people_who_do_not_see_or_point_well(opened, name, width, dark):
     browser = opened(name, width=width, dark=dark)
     browser.run(AXE.read_text(encoding="utf-8") + ";0")
@@ -83,16 +84,34 @@ def test_on_a_phone_the_whole_grid_is_in_sight(opened):
     assert all(box["right"] <= 390 and box["width"] >= 24 and box["height"] >= 24 for box in boxes)
 
 
-def test_rows_are_left_out_on_demand(opened):
+SHOWN = "[...document.querySelectorAll('#cases tbody tr')].filter(row => row.offsetParent).length"
+
+
+def test_a_search_and_filters_leave_rows_out_and_stand_in_the_address(opened):
     browser = opened("first")
-    shown = "[...document.querySelectorAll('#cases tbody tr')].filter(row => row.offsetParent).length"
-    assert browser.run(shown) == 2
-    browser.run("document.querySelector('.suite').open = true")
-    browser.run("for (const row of document.querySelectorAll('#cases tbody tr')) row.className = ''")
-    browser.page.click("#show-grave")
-    assert browser.run(shown) == 0
-    browser.page.click("input[name=show]")
-    assert browser.run(shown) == 2
+    assert browser.run(SHOWN) == 2
+    browser.page.fill("[name=words]", "lobe")
+    assert browser.run(SHOWN) == 1
+    browser.page.fill("[name=words]", "")
+    browser.page.select_option("[name=check]", "continuous-contact")
+    browser.page.select_option("[name=renderer]", "plain")
+    browser.page.select_option("[name=outcome]", "known")
+    assert browser.run(SHOWN) == 1
+    assert browser.run("document.querySelector('.filter output').textContent") == "1 of 2 cases"
+    tile = "document.querySelector('#cases tbody tr:not([hidden]) td:not([hidden]) .tile')"
+    assert browser.run(f"{tile}.getAttribute('href')").endswith("lobe.html#plain/continuous-contact")
+    assert browser.run("location.search") == "?renderer=plain&check=continuous-contact&outcome=known"
+    browser.page.reload()
+    assert browser.run(SHOWN) == 1
+    browser.page.click("[type=reset]")
+    browser.until(f"{SHOWN} === 2")
+    assert browser.run("location.search") == ""
+
+
+def test_without_script_every_case_is_there_and_no_filter(browser, report):
+    browser.open(report["first"], script=False)
+    assert browser.run(SHOWN) == 2
+    assert browser.run("document.querySelector('.filter').offsetParent") is None
 
 
 EYES = ("none", "protanopia", "deuteranopia", "tritanopia", "achromatopsia")
@@ -106,7 +125,7 @@ def test_a_failure_stands_out_for_colour_blind_eyes(opened, dark):
         browser.call("Emulation.setEmulatedVisionDeficiency", type=eyes)
         grounds = {}
         for state in ("fail", "pass", "known", "not-judged"):
-            found = f"const e = document.querySelector('.legend .state.{state}'); if (!e) return null;"
+            found = f"const e = document.querySelector('.legend .standing.{state}'); if (!e) return null;"
             place = "const b = e.getBoundingClientRect(); return [b.x + scrollX, b.y + scrollY];"
             if (box := browser.run(f"(() => {{ {found} {place} }})()")) is not None:
                 clip = {"x": box[0] + 3, "y": box[1] + 3, "width": 2, "height": 2, "scale": 1}

@@ -85,12 +85,19 @@ def test_a_tile_shows_its_gravest_state_and_there_the_worst():
         make_verdict(value=0.9),
     ]
     tile = Tile(given)
-    assert (tile.state, tile.worst, tile.counts[Standing.KNOWN], tile.total) == (Standing.KNOWN, given[2], 2, 4)
+    assert (tile.standing, tile.worst, tile.counts[Standing.KNOWN], tile.total) == (Standing.KNOWN, given[2], 2, 4)
     assert (tile.margin, tile.heat) == ("8×", 2)  # noqa: RUF001
     assert (Tile(given[:1]).margin, Tile(given[:1]).heat) == ("80 % left", 1)
     assert (Tile(given[3:]).margin, Tile(given[3:]).heat) == ("10 % left", 3)
     run = synthetic_run("lobe", "plain", "circle")
-    assert (Tile(given, [run]).state, Tile(given, [run]).worst) == (Standing.ERROR, run)
+    assert (Tile(given, [run]).standing, Tile(given, [run]).worst) == (Standing.ERROR, run)
+
+
+def test_a_pass_that_reports_its_bound_as_its_value_shows_no_share_but_how_long_the_steps_are():
+    refined = changed(make_verdict(value=0.999), evidence={"amplification": 1.25})
+    tile = Tile([refined])
+    assert (tile.margin, tile.heat) == ("step 1.2×", 1)  # noqa: RUF001
+    assert Tile([changed(refined, outcome=Outcome.FAIL)]).margin == "0 % left", "of a failure the metric is one"
 
 
 @pytest.mark.parametrize(
@@ -118,15 +125,15 @@ def test_renderers_by_phenomena(results):
     total = sum(tile.total for _, tiles in grid.rows for tile in tiles if tile)
     assert total == len(results.verdicts), "every verdict is in one cell"
     plain, broken = grid.rows[0][1], grid.rows[1][1]
-    assert [tile and tile.state for tile in plain[:2]] == [Standing.KNOWN, Standing.DIFFERS]
-    assert broken[0].state is Standing.ERROR
+    assert [tile and tile.standing for tile in plain[:2]] == [Standing.KNOWN, Standing.DIFFERS]
+    assert broken[0].standing is Standing.ERROR
     assert broken[1] is None
 
 
 def test_cases_by_renderers_show_a_run_that_broke_before_any_check(results):
     grid = case_grid(results, "synthetic")
     tiles = {case: dict(zip(grid.columns, row, strict=True)) for case, row in grid.rows}
-    assert tiles["tip"]["plain"].state is Standing.ERROR
+    assert tiles["tip"]["plain"].standing is Standing.ERROR
     assert tiles["tip"]["broken"] is None
     assert tiles["lobe"]["plain"].total == 6
 

@@ -14,8 +14,8 @@ from result_entries import changed
 from hapticeval.commands.summary import summary
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.reports.badge import badge_words
-from hapticeval.reports.index import render_index
 from hapticeval.reports.junit import junit
+from hapticeval.reports.pages import ReportView, render_pages
 from hapticeval.reports.table import markdown
 from hapticeval.runner.standing import Standing, count_standings, counts_in_words
 
@@ -55,7 +55,7 @@ def test_one_count_and_one_set_of_words(standings):
     words = counts_in_words(standings)
     assert f"verdicts ran: {words}" in summary(results, []).replace("verdict ran", "verdicts ran")
     assert f"verdicts ran: {words}" in markdown(results).replace("verdict ran", "verdicts ran")
-    page = re.sub(r"\s+", " ", re.sub(r"<[^>]*>", "", render_index(results)))
+    page = re.sub(r"\s+", " ", re.sub(r"<[^>]*>", "", render_pages(ReportView(results))["index.html"]))
     for standing, count in count_standings(standings):
         assert f"{count} {standing.plural}" in page
     text, _ = badge_words(results)

@@ -21,7 +21,7 @@ from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.effects.viscosity import Viscosity
 from hapticeval.files import csv_cell
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
-from hapticeval.reports import junit, markdown, render_index, summaries
+from hapticeval.reports import ReportView, junit, markdown, render_pages, summaries
 from hapticeval.reports.exports import Sheet, _latex_table, write_tables
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.table import LIMIT
@@ -173,7 +173,7 @@ def test_a_suite_carries_date_version_and_the_commit_of_its_renderer():
     for suite in parsed(synthetic_results(date=date, commits={"plain": "0123abcd-dirty"})):
         found = {each.get("name"): each.get("value") for each in suite.iter("property")}
         commit = {"commit": "0123abcd-dirty"} if suite.get("name") == "synthetic: plain" else {}
-        assert found == {"hapticeval": "0.1.0", **commit}
+        assert found == {"hapticeval": "0.1.0", "suite": "synthetic", **commit}
         assert suite.get("timestamp") == date
     assert not any(suite.get("timestamp") for suite in parsed(synthetic_results()))
 
@@ -258,7 +258,7 @@ def test_a_run_that_ended_early_is_told_in_every_report(results):
     sentence = "ended early at t = 0.123 s, tick 123: the arm left its <workspace> (x2 = 1.2 rad)"
     assert [ended_words(run) for run in runs[:2]] == [sentence, ""]
     told = synthetic_results(runs=runs)
-    assert "1 run ended early" in render_index(told)
+    assert "1 run ended early" in render_pages(ReportView(told))["index.html"]
     assert f"- plain on synthetic/lobe {sentence.replace('<', '&lt;')}" in markdown(told)
     given = parsed(told).find(".//testcase[@name='contact-normal-force [plain]']")
     assert sentence in given.find("failure").get("message")

@@ -1,0 +1,477 @@
+"""The pages of a report beside those of its cases: the first, what it links to, and what the checks ask.
+
+`ReportView` is all that their templates read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from hapticeval.phenomena.pages import CheckPage, read_page
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.reports.bench_figure import TITLES, bench_plots
+from hapticeval.reports.canvas import looks_of, svg_element
+from hapticeval.reports.effects_figure import EffectPlot, cost_svg
+from hapticeval.reports.glossary import explain_terms
+from hapticeval.reports.grid import (
+    Grid,
+    HardCase,
+    case_grid,
+    hard_cases,
+    headline,
+    is_sound,
+    phenomenon_grid,
+    worst_verdicts,
+)
+from hapticeval.reports.places import CHECK_PAGES, INDEX, anchor, case_file
+from hapticeval.reports.table import Summary, provenance, ran_words, renderers_by_commit, summaries
+from hapticeval.reports.templates import environment
+from hapticeval.runner.results import (
+    Breakdown,
+    Replay,
+    ResultsDocument,
+    RunEntry,
+    RunKey,
+    SuiteEntry,
+    VerdictEntry,
+)
+from hapticeval.runner.standing import Standing, count_standings
+from hapticeval.study.bench.document import BenchResults, Kind
+from hapticeval.study.effects.document import EffectsDocument
+
+if TYPE_CHECKING:
+    from hapticeval.closed_forms import ClosedForm
+    from hapticeval.phenomena.check import Check
+
+MOST_FAILURES = 6
+"""Failures that are shown with their figure."""
+
+MOST_BREAKDOWNS = 6
+"""Causes that stopped runs that the first page tells of."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What stands where a figure belongs: an SVG element, or the reason why there is none."""
+
+    svg: str = ""
+    problem: str = ""
+
+
+class WorstVerdict(NamedTuple):
+    """A verdict that the first page shows, with the figure of its run; of several on one run the first has it."""
+
+    verdict: VerdictEntry
+    drawing: Drawing
+
+
+@dataclass(frozen=True)
+class SuiteSection:
+    """A suite with the grid of its cases by renderers, and how many of its verdicts have each standing."""
+
+    name: str
+    title: str
+    citation: str
+    grid: Grid
+    counts: Sequence[tuple[Standing, int]]
+
+    @property
+    def grave(self) -> bool:
+        """Return whether anything here is not as expected."""
+        return any(standing.unexpected for standing, _ in self.counts)
+
+
+class ClosedFormTable(NamedTuple):
+    """The verdicts of a case that compare a run with its closed form; `cited` is the number of the table in print."""
+
+    run: RunEntry
+    verdicts: Sequence[VerdictEntry]
+    cited: str
+
+
+class Replays(NamedTuple):
+    """Replays of one recording; `page` is where their own report lies."""
+
+    runs: Sequence[RunEntry]
+    page: str | None
+
+    @property
+    def compared(self) -> Sequence[RunEntry]:
+        """The runs for which a distance from the recorded one is told."""
+        return [run for run in self.runs if run.replay is not None and run.replay.difference is not None]
+
+
+class Counterexample(NamedTuple):
+    """What a search has found: the `renderer` that it breaks, how in a line, its suite file, and its picture if any."""
+
+    renderer: str
+    line: str
+    suite: Path
+    picture: Path | None
+
+    def svg(self, prefix: str) -> str:
+        """Return the picture as an element whose ids begin with `prefix`; empty where there is none."""
+        if self.picture is None:
+            return ""
+        return svg_element(self.picture.read_text(encoding="utf-8"), prefix=prefix, title=self.line)
+
+
+@dataclass(frozen=True)
+class Single:
+    """What the page holds when it stands alone: styles, scripts, and what the pages of the cases show."""
+
+    styles: Sequence[str]
+    scripts: Sequence[str]
+    bodies: Sequence[str]
+
+
+@dataclass(frozen=True)
+class ReportView:
+    """What the templates show of results, and of what lies beside them; of what is not there they have no page.
+
+    - `drawings`: the figures of the runs that `worst_verdicts` names
+    - `effects`, `costs`: panels of effects, and what effects cost
+    - `counterexamples`: of a search
+    - `replayed`: a recording that was replayed into replay/
+    - `single`: with it all is on one page, which links to itself
+    """
+
+    results: ResultsDocument
+    drawings: Mapping[RunKey, Drawing] = field(default_factory=dict)
+    bench: BenchResults | None = None
+    effects: Sequence[EffectPlot] = ()
+    costs: EffectsDocument | None = None
+    counterexamples: Sequence[Counterexample] = ()
+    replayed: ResultsDocument | None = None
+    single: Single | None = None
+
+    # What the run amounts to.
+
+    @property
+    def headline(self) -> str:
+        """The verdict of the run, in one sentence."""
+        return headline(self.results)
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing calls for attention."""
+        return is_sound(self.results)
+
+    @property
+    def provenance(self) -> str:
+        """Version, date and commits, in one line."""
+        return provenance(self.results)
+
+    @property
+    def ran(self) -> str:
+        """How much of the plan ran, in one sentence."""
+        return ran_words(self.results)
+
+    @cached_property
+    def counts(self) -> Sequence[tuple[Standing, int]]:
+        """How many verdicts have each standing."""
+        return count_standings(verdict.standing for verdict in self.results.verdicts)
+
+    @property
+    def unexpected_count(self) -> int:
+        """How many verdicts are not as expected."""
+        return sum(count for standing, count in self.counts if standing.unexpected)
+
+    @property
+    def failing_standings(self) -> Sequence[Standing]:
+        """The standings of what does not pass, expected or not."""
+        return [standing for standing in Standing if standing.stops_strict or standing.excused]
+
+    @property
+    def inherent_count(self) -> int:
+        """How many failures follow from what the renderers declare."""
+        return dict(self.counts).get(Standing.INHERENT, 0)
+
+    @cached_property
+    def recorded_renderers(self) -> set[str]:
+        """The names under which recorded runs are judged, which are no renderers."""
+        return {run.renderer for run in self.results.runs if run.is_recorded}
+
+    @property
+    def judged_renderers(self) -> Sequence[str]:
+        """The renderers that were judged."""
+        return [name for name in self.results.renderers if name not in self.recorded_renderers]
+
+    @cached_property
+    def titles(self) -> Mapping[tuple[str, str], str]:
+        """The title of each case by suite and name."""
+        return {(run.suite, run.case): run.title for run in self.results.runs}
+
+    @cached_property
+    def cases_aside(self) -> set[tuple[str, str]]:
+        """The cases that are shown and not judged."""
+        return {(run.suite, run.case) for run in self.results.runs if not run.judged}
+
+    @property
+    def broken_count(self) -> int:
+        """How many runs broke."""
+        return sum(run.error is not None for run in self.results.runs)
+
+    @property
+    def ended_count(self) -> int:
+        """How many runs ended early."""
+        return sum(run.ended is not None for run in self.results.runs)
+
+    @property
+    def command(self) -> str:
+        """The command that gives these results, as it would be typed."""
+        command = self.results.command
+        words = ["hapticeval run", *command.suites, *(f"-r {name}" for name in command.renderers)]
+        words += [f"-k {expression}" for expression in command.select]
+        return " ".join(
+            [*words, *["--strict"] * command.strict, *([f"--shard {command.shard}"] if command.shard else [])]
+        )
+
+    @property
+    def commits(self) -> Mapping[str, Sequence[str]]:
+        """The renderers of each commit."""
+        return renderers_by_commit(self.results)
+
+    # The first page.
+
+    @cached_property
+    def grid(self) -> Grid:
+        """Renderers by phenomena."""
+        return phenomenon_grid(self.results)
+
+    @property
+    def breakdowns(self) -> Sequence[Breakdown]:
+        """What stopped runs, by cause."""
+        return self.results.breakdowns[:MOST_BREAKDOWNS]
+
+    @cached_property
+    def worst(self) -> Sequence[WorstVerdict]:
+        """What is shown with a figure: failures, warnings, or else what is known to fail."""
+        verdicts = worst_verdicts(self.results, MOST_FAILURES)
+        # Reversed, so that the first of several failures of a run wins: it has the figure.
+        first = {verdict.key: verdict for verdict in reversed(verdicts)}
+        return [
+            WorstVerdict(
+                verdict, self.drawings.get(verdict.key, Drawing()) if first[verdict.key] is verdict else Drawing()
+            )
+            for verdict in verdicts
+        ]
+
+    @property
+    def worst_words(self) -> str:
+        """The title of what is shown as the worst."""
+        return worst_words({shown.verdict.standing for shown in self.worst})
+
+    @property
+    def unlisted_count(self) -> int:
+        """How many verdicts are not as expected, or warn, beside the worst and those that broken runs took away."""
+        candidates = [verdict for verdict in self.results.verdicts if not self.results.lost(verdict)]
+        return max(0, sum(verdict.standing.stops_strict for verdict in candidates) - len(self.worst))
+
+    @cached_property
+    def suites(self) -> Sequence[SuiteSection]:
+        """Every suite in the order in which they ran."""
+        suite_by_name = {suite.name: suite for suite in self.results.suites}
+        sections = []
+        for name in dict.fromkeys(run.suite for run in self.results.runs):
+            suite = suite_by_name.get(name, SuiteEntry(name=name, title="", citation="", rows=[]))
+            counts = Counter(verdict.standing for verdict in self.results.verdicts if verdict.suite == name)
+            ordered = [(standing, counts[standing]) for standing in Standing if counts[standing]]
+            sections.append(
+                SuiteSection(name, suite.title or name, suite.citation, case_grid(self.results, name), ordered)
+            )
+        return sections
+
+    # What it links to.
+
+    @cached_property
+    def pages(self) -> Sequence[SubPage]:
+        """The pages that have something to show."""
+        return [page for page in SUB_PAGES if page.shown(self)]
+
+    @cached_property
+    def summaries(self) -> Sequence[Summary]:
+        """The tables that the suites define."""
+        return summaries(self.results)
+
+    @cached_property
+    def hard_cases(self) -> tuple[Sequence[str], Sequence[HardCase]]:
+        """The renderers, and the digits that they keep in each hard case."""
+        return hard_cases(self.results)
+
+    @cached_property
+    def checks(self) -> Mapping[str, Check]:
+        """The checks that gave verdicts by id, in the results' order; without those not installed."""
+        return judged_checks(self.results)
+
+    @cached_property
+    def check_pages(self) -> Sequence[tuple[Check, CheckPage]]:
+        """Each of the checks with what is told of it."""
+        return [(check, read_page(check)) for check in self.checks.values()]
+
+    @cached_property
+    def replays(self) -> Replays:
+        """The replays among the results, or else those that lie in the folder replay/."""
+        runs = [run for run in self.results.runs if run.replay]
+        if runs or self.replayed is None:
+            return Replays(runs, None)
+        page = ("replay" if self.single else "../replay") + "/report/index.html"
+        return Replays([run for run in self.replayed.runs if run.replay], page)
+
+    @property
+    def replay(self) -> Replay | None:
+        """What was replayed."""
+        return self.replays.runs[0].replay if self.replays.runs else None
+
+    @cached_property
+    def bench_plots(self) -> Sequence[tuple[str, str]]:
+        """The plots of the bench, each with its title, in the looks that renderers have on all pages."""
+        if self.bench is None:
+            return []
+        names = [*self.results.renderers, *(setting.renderer for setting in self.bench.settings)]
+        return bench_plots(self.bench, looks_of(names))
+
+    @property
+    def bench_titles(self) -> Mapping[Kind, str]:
+        """What is timed, in words."""
+        return TITLES
+
+    @property
+    def cost_svg(self) -> str:
+        """What effects cost, as an SVG element."""
+        return "" if self.costs is None else cost_svg(self.costs)
+
+    @cached_property
+    def closed_forms(self) -> Sequence[ClosedFormTable]:
+        """One table per case with verdicts of checks that need a closed form; those that cite a table come first."""
+        checks = {name for name, check in self.checks.items() if check.needs_closed_form}
+        runs = {(run.suite, run.case): run for run in self.results.runs}
+        grouped: dict[tuple[str, str], list[VerdictEntry]] = {}
+        for verdict in self.results.verdicts:
+            if verdict.check in checks and verdict.outcome is not Outcome.NOT_APPLICABLE:
+                grouped.setdefault((verdict.suite, verdict.case), []).append(verdict)
+        tables = []
+        for key, verdicts in grouped.items():
+            # For instance "Table 7.1": the number in print.
+            cited = re.search(r"Table (\d+\.\d+)", runs[key].citation or "")
+            tables.append(ClosedFormTable(runs[key], verdicts, cited[1] if cited else ""))
+        # False sorts first: tables with a number before those without.
+        return sorted(tables, key=lambda table: (not table.cited, table.cited))
+
+    @property
+    def laws(self) -> Mapping[str, ClosedForm]:
+        """What loops do in continuous time, by the number of the equation."""
+        from hapticeval.closed_forms import CLOSED_FORMS
+
+        return CLOSED_FORMS
+
+    # Where things are.
+
+    def page_link(self, name: str) -> str:
+        """Return the link to one of `SUB_PAGES`."""
+        return f"#{name}" if self.single else f"{name}.html"
+
+    def check_link(self, check: str) -> str | None:
+        """Return the link to what is told of a check; None where its page is not at hand."""
+        return None if self.single or check not in self.checks else f"{CHECK_PAGES}#{check}"
+
+    def case_link(self, suite: str, case: str) -> str:
+        """Return the link to a case."""
+        return f"#{anchor(suite, case)}" if self.single else case_file(suite, case)
+
+    def run_place(self, suite: str, case: str, renderer: str) -> str:
+        """Return the link to a verdict of a run, but for the check's id at its end."""
+        # On the one page an anchor names suite and case too.
+        if self.single:
+            return f"#{anchor(suite, case, renderer, '')}"
+        return f"{case_file(suite, case)}#{anchor(renderer, '')}"
+
+    def entry_link(self, entry: VerdictEntry | RunEntry) -> str:
+        """Return the link to a verdict, or to the case of a run."""
+        if isinstance(entry, RunEntry):
+            return self.case_link(entry.suite, entry.case)
+        return self.run_place(*entry.key) + anchor(entry.check)
+
+
+class SubPage(NamedTuple):
+    """A page one click from the first: its name, which its template and its file have, and where it is shown."""
+
+    name: str
+    title: str
+    shown: Callable[[ReportView], bool]
+
+
+SUB_PAGES: Sequence[SubPage] = (
+    SubPage(
+        "summary",
+        "Summary of the renderers’ performance",  # noqa: RUF001
+        lambda view: bool(view.summaries),
+    ),
+    SubPage("costs", "What accuracy costs in time", lambda view: view.bench is not None),
+    SubPage("effects", "Effects", lambda view: bool(view.effects) or view.costs is not None),
+    SubPage("replay", "Replay", lambda view: view.replay is not None),
+    SubPage("counterexamples", "Counterexamples", lambda view: bool(view.counterexamples)),
+    SubPage("hard-cases", "Hard cases", lambda view: bool(view.hard_cases[1])),
+    SubPage("closed-forms", "Closed forms", lambda view: bool(view.closed_forms)),
+    SubPage("reading", "How to read this", lambda _: True),
+)
+
+
+def render_pages(view: ReportView) -> dict[str, str]:
+    """Return the pages of a report but those of cases, by file; of a single page that one.
+
+    Everything that comes from results is escaped; the figures' SVG is put in as it is.
+    """
+    jinja = environment()
+    pages = {INDEX: jinja.get_template("index.html.j2").render(view=view)}
+    if not view.single:
+        template = jinja.get_template("page.html.j2")
+        pages |= {f"{page.name}.html": template.render(view=view, page=page) for page in view.pages}
+        pages[CHECK_PAGES] = render_check_pages(view.checks.values(), INDEX)
+    return {name: explain_terms(text) for name, text in pages.items()}
+
+
+def worst_words(standings: set[Standing]) -> str:
+    """Return the title of what is shown of the verdicts: all of them known failures, or warnings at worst, or more."""
+    if any(standing.unexpected for standing in standings):
+        return "Not as expected"
+    return "Warnings" if any(standing.stops_strict for standing in standings) else "Known failures"
+
+
+def judged_checks(results: ResultsDocument) -> dict[str, Check]:
+    """Return the checks that gave verdicts by id, in the results' order; without those not installed."""
+    from hapticeval.phenomena.registry import CHECKS
+
+    return {name: CHECKS[name] for name in dict.fromkeys(v.check for v in results.verdicts) if name in CHECKS}
+
+
+TITLE = re.compile(r"\A#[^\n]*\n")
+"""The title of a check's page, which the report sets itself."""
+
+HEADING = re.compile(r"^## ", re.MULTILINE)
+"""Headings of a check's page, which stand below the check's own here."""
+
+CHECK_LINK = re.compile(r"\]\(([\w-]+)\.md\)")
+OTHER_LINK = re.compile(r"\[([^\]]*)\]\([^)]*\.md[^)]*\)")
+"""Links to the page of a check, which is a place on this one, and to other pages of the documentation."""
+
+
+def render_check_pages(checks: Iterable[Check], index: str) -> str:
+    """Return the page of what these checks ask, with a link to the first page of the report at `index`."""
+    pages = [(check, html_of(read_page(check).text)) for check in checks]
+    return environment().get_template("check_pages.html.j2").render(pages=pages, index=index)
+
+
+def html_of(page: str) -> str:
+    """Return a check's page in Markdown as HTML without its title; HTML in it is escaped."""
+    from markdown_it import MarkdownIt
+
+    # Title off, links to checks into anchors of this page, other links to their text, headings one level down.
+    body = HEADING.sub("### ", OTHER_LINK.sub(r"\1", CHECK_LINK.sub(r"](#\1)", TITLE.sub("", page))))
+    return str(MarkdownIt("commonmark", {"html": False}).render(body))
