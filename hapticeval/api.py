@@ -38,7 +38,7 @@ from hapticeval.runner.work import Work, run_job
 from hapticeval.suite.case import Case
 from hapticeval.suite.installed import find_suites
 from hapticeval.suite.suite import Suite
-from hapticeval.workers import cores
+from hapticeval.workers import default_workers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,7 +124,7 @@ def run(
         planned = planned.failed_first(read_results(Path(output)))
     if workers is None:
         # A class of a notebook cannot travel to another process.
-        workers = 0 if factories else cores()
+        workers = 0 if factories else default_workers()
     return carry_out(
         planned,
         output=None if output is None else Path(output),
@@ -397,7 +397,7 @@ class Results:
             folder,
             single_file=single_file,
             progress=progress,
-            workers=cores(),
+            workers=default_workers(),
             stopped=stopped,
             counterexamples=_read_counterexamples(folder),
         )

@@ -56,6 +56,14 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def default_workers() -> int:
+    """Return how many processes share the work where nobody says it: one for each processor.
+
+    None where the system cannot copy a process, as Windows: this one then does the work.
+    """
+    return cores() if hasattr(os, "fork") else 0
+
+
 TRIES = 3
 """Processes that a job may see killed from outside before it counts as what has them killed."""
 
@@ -92,7 +100,7 @@ class Ended(Exception):
     @property
     def killed(self) -> bool:
         """Whether somebody else has killed it, as the system does for lack of memory: a crash has other signals."""
-        return self.code is not None and -self.code in (signal.SIGKILL, signal.SIGTERM)
+        return self.code is not None and describe_exit(self.code) in ("SIGKILL", "SIGTERM")
 
     @property
     def how(self) -> str:

@@ -43,4 +43,4 @@ def pytest_collection_finish():
 def in_process(monkeypatch):
     """Commands judge and report in this process, where the kernels are loaded; for tests that are not of processes."""
     for module in ("api", "workers"):
-        monkeypatch.setattr(f"hapticeval.{module}.cores", lambda: 0)
+        monkeypatch.setattr(f"hapticeval.{module}.default_workers", lambda: 0)

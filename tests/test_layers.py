@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = (
     {"types", "pulse"},
-    {"errors", "compiled"},
+    {"errors", "compiled", "extras"},
     {"documents"},
     {"files", "geometry", "knob", "quantity", "workers"},
     {"devices", "recordings"},
@@ -61,6 +61,7 @@ RUNNING = {
 }
 RESULTS = {
     "runner.events",
+    "runner.history",
     "runner.results",
     "runner.standing",
     "runner.table",

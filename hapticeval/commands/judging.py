@@ -398,7 +398,7 @@ def _replay_path(
     """Judge renderers along the recorded path, print the summary, and return the exit code."""
     from hapticeval.api import carry_out
     from hapticeval.replay.job import describe_differences, prepare_replay, replay_plan
-    from hapticeval.workers import cores
+    from hapticeval.workers import default_workers
 
     # One run for each renderer, beside the recorded one.
     planned = replay_plan(replay_case, renderers, seed=seed)
@@ -407,7 +407,7 @@ def _replay_path(
 
     def judged(terminal: Terminal) -> Results:
         _warn_of_suspicious(work.path.suspicious, hint, terminal)
-        return carry_out(planned, output=directory, workers=cores(), watch=terminal, work=work)
+        return carry_out(planned, output=directory, workers=default_workers(), watch=terminal, work=work)
 
     return judge_and_summarise(
         judged, opening_text=lambda results: describe_differences(results.document), verbose=verbose

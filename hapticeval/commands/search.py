@@ -132,7 +132,7 @@ def _search_renderers(
     from hapticeval.search.counterexample import read_all
     from hapticeval.search.drawing import judgeable
     from hapticeval.search.seeds import Hunt, run_hunt, run_hunts
-    from hapticeval.workers import cores
+    from hapticeval.workers import default_workers
 
     if not renderers:
         raise InputError("no renderer is named", why="a search takes its time for each", todo="name one: -r constraint")
@@ -175,7 +175,7 @@ def _search_renderers(
         # All renderers and seeds side by side; else one after the other, with a bar.
         if len(seeds) > 1 or scheduler is not None:
             terminal.line(f"searching with {plural(len(seeds), 'seed')} for what breaks {', '.join(names)}")
-            options: dict[str, Any] = {"workers": cores(), "scheduler": scheduler, "interrupted": interrupted}
+            options: dict[str, Any] = {"workers": default_workers(), "scheduler": scheduler, "interrupted": interrupted}
             for hunt, outcome, ended in run_hunts(
                 hunts, seeds, **options, progress=terminal.still, report=terminal.line
             ):

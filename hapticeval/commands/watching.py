@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import shlex
 import sys
 import time
@@ -24,6 +25,10 @@ def run_again(once: Callable[[], int], files: Callable[[], Iterable[Path]]) -> i
 
     The process that calls it is a copy of this one, made before anything of the renderer is imported here.
     """
+    if not hasattr(os, "fork"):
+        raise HapticevalError(
+            "--watch runs on Linux and macOS alone", why="it copies its process", todo="run the command again by hand"
+        )
     with Interrupts() as interrupts:
         while True:
             # Before the run: a change during it starts the next one.

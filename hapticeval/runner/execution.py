@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TypeAlias, TypeVar
 
 from hapticeval.errors import InputError
+from hapticeval.extras import install_command
 from hapticeval.files import replacing
 from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.interrupts import Interrupts
@@ -182,7 +183,7 @@ def crew_of(
         from hapticeval.runner.cluster import Cluster
     except ImportError as error:
         raise InputError(
-            f"--scheduler {scheduler} needs dask.distributed", why=str(error), todo="pip install 'hapticeval[cluster]'"
+            f"--scheduler {scheduler} needs dask.distributed", why=str(error), todo=install_command("cluster")
         ) from error
     return Cluster(function, scheduler, timeout=timeout, files=files)
 

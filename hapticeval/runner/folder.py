@@ -11,6 +11,11 @@ from pathlib import Path
 
 from hapticeval.errors import InputError
 
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None  # type: ignore[assignment]
+
 DOCUMENTS = {
     "results.json": {"planned", "verdicts"},
     "bench.json": {"settings", "references"},
@@ -34,18 +39,11 @@ def prepared_folder(directory: Path, *, keep_reports: bool = False) -> Iterator[
     _check(directory)
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        # The lock belongs to an open descriptor of the folder itself, and leaves no file behind.
-        descriptor = os.open(directory, os.O_RDONLY)
     except OSError as error:
         raise _unwritable(directory, error) from error
-    _open.add(descriptor)
-    try:
-        _lock(directory, descriptor)
+    with _locked(directory):
         _clean(directory, keep_reports=keep_reports)
         yield
-    finally:
-        _open.discard(descriptor)
-        os.close(descriptor)  # which gives the lock back, as the end of the process does
 
 
 _open: set[int] = set()
@@ -75,11 +73,29 @@ def _check(directory: Path) -> None:
         )
 
 
+@contextmanager
+def _locked(directory: Path) -> Iterator[None]:
+    """Lock a folder within the block, where the system has locks: Windows cannot even open a folder."""
+    if fcntl is None:
+        yield
+        return
+    try:
+        # The lock belongs to an open descriptor of the folder itself, and leaves no file behind.
+        descriptor = os.open(directory, os.O_RDONLY)
+    except OSError as error:
+        raise _unwritable(directory, error) from error
+    _open.add(descriptor)
+    try:
+        _lock(directory, descriptor)
+        yield
+    finally:
+        _open.discard(descriptor)
+        os.close(descriptor)  # which gives the lock back, as the end of the process does
+
+
 def _lock(directory: Path, descriptor: int) -> None:
     """Lock an open folder. Raises `InputError`, with the other's process where the system tells it."""
     try:
-        import fcntl
-
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         other = _locker(os.fstat(descriptor).st_ino)
@@ -88,8 +104,8 @@ def _lock(directory: Path, descriptor: int) -> None:
             why="two runs in one folder would mix their results",
             todo="wait until it has ended, end it, or name another folder with -o",
         ) from error
-    except (ImportError, OSError):
-        return  # a system, or a file system, without locks
+    except OSError:
+        return  # a file system without locks
 
 
 def _locker(inode: int) -> str:

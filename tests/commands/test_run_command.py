@@ -163,7 +163,7 @@ def test_two_runs_in_one_folder_exclude_each_other_and_the_second_names_the_firs
 def test_the_same_command_gives_the_same_verdicts(here, monkeypatch):
     documents = []
     for cores in (1, 2):
-        monkeypatch.setattr("hapticeval.api.cores", lambda cores=cores: cores)
+        monkeypatch.setattr("hapticeval.api.default_workers", lambda cores=cores: cores)
         run("-r", "local_mine:Jumps", "-r", "local_mine:Good", "-k", "flat*", "--seed", "7")
         documents.append(read_results(here / "results"))
     assert documents[0].verdicts == documents[1].verdicts
@@ -206,8 +206,8 @@ def test_the_cases_of_a_suite_are_listed_without_compiling(here, capsys, monkeyp
 
 
 FIRST_PAGE = [
-    "run", "list", "explain", "report", "figure", "diff", "search", "bench", "new", "doctor", "header", "record",
-    "inspect", "replay", "view", "convert", "compare", "merge", "badge", "cache", "study",
+    "run", "list", "explain", "report", "figure", "diff", "history", "search", "bench", "new", "doctor", "header",
+    "record", "inspect", "replay", "view", "convert", "compare", "merge", "badge", "cache", "study",
 ]  # fmt: skip
 STUDIES = ["rates", "effects", "texture", "field", "flow", "device", "limits", "integrators"]
 COMMANDS = [*([name] for name in FIRST_PAGE if name != "study"), *(["study", name] for name in STUDIES)]

@@ -17,6 +17,7 @@ from scipy.io import loadmat, savemat
 from scipy.sparse import csc_matrix
 
 from hapticeval.errors import HapticevalError, InputError
+from hapticeval.extras import install_command
 from hapticeval.recordings.formats import read_table
 from hapticeval.recordings.formats.arrays import Variables
 from hapticeval.recordings.importing.convert import convert
@@ -380,4 +381,4 @@ def test_a_bag_that_cannot_be_read_is_refused(tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(HapticevalError, match=r"needs the package 'rosbags'") as caught:
         read_table(tmp_path / "bag")
-    assert "pip install 'hapticeval[ros]'" in caught.value.todo
+    assert caught.value.todo == install_command("ros")

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError
+from hapticeval.extras import install_command
 from hapticeval.recordings.formats import Table, importer
 from hapticeval.recordings.memory import FOLDER, reserve
 
@@ -36,7 +37,7 @@ def read_rosbag(path: Path) -> Table:
         raise HapticevalError(
             f"{path} is a ROS bag, which needs the package 'rosbags'",
             why=str(error),
-            todo="pip install 'hapticeval[ros]'",
+            todo=install_command("ros"),
         ) from error
     columns: dict[str, list[int | float]] = {}
     topics: dict[str, str] = {}
