@@ -98,6 +98,11 @@ class Scene:
         effect = self.effect(VISCOSITY)
         return 0.0 if effect is None else float(effect.coefficient)
 
+    @property
+    def senses_force(self) -> bool:
+        """Whether a sensor tells the renderer the hand's force (8.6)."""
+        return any(effect.stage is Stage.FEEL for effect in self.effects)
+
     def with_effects(self, *effects: Effect) -> Scene:
         """Return the scene with these effects, in place of its own of the same kinds."""
         kinds = {effect.kind for effect in effects}

@@ -179,7 +179,7 @@ def check_rows(name: str) -> Rows:
     if check.effects:
         yield "only with", "an effect of the surface: " + ", ".join(check.effects)
     if check.not_with:
-        yield "not with", "an effect of the surface: " + ", ".join(check.not_with)
+        yield "not with", "an effect that makes " + ", or ".join(check.not_with)
     yield "source", check.citation
     if not check.page:
         yield "more", f"{page_file(check)}: the bound's derivation, what it does not see, causes of a fail"

@@ -51,6 +51,14 @@ class Stage(StrEnum):
     """Change the answer of a renderer that does not declare to support the effect, see `Effect.change`."""
 
 
+class Alters(StrEnum):
+    """What an effect of the surface changes of what a rigid, frictionless contact is like, as checks ask of it."""
+
+    CONTACT_POINT = "a contact point that stays behind the hand"
+    MOTION = "a force against the motion along the surface"
+    FREE_SPACE = "a force outside of the solid"
+
+
 class Part(NamedTuple):
     """What an effect adds to the closed loop, assembled for one run.
 
@@ -100,6 +108,8 @@ class Effect:
     """Channels that a closed loop records because of it."""
     linear: ClassVar[bool] = True
     """Whether the sampled loop around rest stays linear with it."""
+    alters: ClassVar[frozenset[Alters]] = frozenset()
+    """What it changes that a check may not be asked with: see `phenomena.check.Check.not_with`."""
 
     def __post_init__(self) -> None:
         for number_field in fields(self):

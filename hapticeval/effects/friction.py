@@ -42,7 +42,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
+from hapticeval.effects.effect import Alters, Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError
 from hapticeval.types import Array
 
@@ -84,6 +84,7 @@ class Friction(Effect):
 
     kind: ClassVar[str] = "friction"
     stage: ClassVar[Stage] = Stage.ANSWER
+    alters: ClassVar[frozenset[Alters]] = frozenset({Alters.CONTACT_POINT, Alters.MOTION})
     linear: ClassVar[bool] = False
     words: ClassVar[str] = "friction with mu_s {mu_s} and mu_k {mu_k}"
 

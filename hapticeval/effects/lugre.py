@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, VISCOUS_FRICTION
-from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
+from hapticeval.effects.effect import Alters, Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError
 from hapticeval.types import Array
 
@@ -70,6 +70,7 @@ class LuGre(Effect):
 
     kind: ClassVar[str] = "lugre"
     stage: ClassVar[Stage] = Stage.ANSWER
+    alters: ClassVar[frozenset[Alters]] = frozenset({Alters.MOTION})
     linear: ClassVar[bool] = False
     words: ClassVar[str] = (
         "LuGre friction with mu_s {mu_s}, mu_k {mu_k}, v_s {stribeck}, sigma0 {stiffness}, sigma1 {damping} and sigma2 "

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
+from hapticeval.effects.effect import Alters, Calling, Effect, Part, Stage, number
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ class ViscousFriction(Effect):
 
     kind: ClassVar[str] = "viscous-friction"
     stage: ClassVar[Stage] = Stage.ANSWER
+    alters: ClassVar[frozenset[Alters]] = frozenset({Alters.MOTION})
     words: ClassVar[str] = "viscous friction {coefficient}"
 
     @property

@@ -8,6 +8,7 @@ from enum import StrEnum
 from functools import cache
 from typing import Any, Protocol
 
+from hapticeval.effects.effect import Alters
 from hapticeval.errors import InputError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.motion import Motion
@@ -178,7 +179,7 @@ class Check:
     - `needs`: each sibling can be had; the value is the finding without it. `siblings` describes all that it may use.
     - `not_for`: the run is in none of these situations; the value says why it is not applicable there.
     - `effects`: the scene calls for one of these kinds, where any are given: a check of how that effect is shown.
-    - `not_with`: the scene calls for none of these kinds, which make another surface than it is about.
+    - `not_with`: no effect of the scene alters one of these. By default it is asked only where free space has no force.
 
     What it asks, allows and why stands on its page, see `hapticeval.phenomena.pages`. A check of another package brings
     its own as `page`, in Markdown. Two marks say of which runs it is asked:
@@ -202,7 +203,7 @@ class Check:
     needs: Mapping[Sibling, Finding] = field(default_factory=dict)
     not_for: Mapping[Situation, str] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
-    not_with: tuple[str, ...] = ()
+    not_with: tuple[Alters, ...] = (Alters.FREE_SPACE,)
     needs_loop: bool = False
     holds: bool = False
     level: Level = Level.MUST
@@ -218,9 +219,9 @@ class Check:
         # In this order: what the scene does not ask, what this run cannot show, what is missing.
         if self.effects and not any(effect.kind in self.effects for effect in scene.effects):
             return Finding(Outcome.NOT_APPLICABLE, f"the scene calls for no {' or '.join(self.effects)}")
-        other = next((effect.kind for effect in scene.effects if effect.kind in self.not_with), None)
-        if other is not None:
-            message = f"the scene calls for {other}, and the check is about a surface without"
+        altered = [(effect, what) for effect in scene.effects for what in self.not_with if what in effect.alters]
+        for effect, what in altered:
+            message = f"the scene calls for {effect.kind}, {what}, and the check is about a surface without"
             return Finding(Outcome.NOT_APPLICABLE, message)
         present = situations(runs, scene) if self.not_for else ()
         for situation, why in self.not_for.items():

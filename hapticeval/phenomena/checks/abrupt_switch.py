@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.effects.catalogue import FRICTION
+from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
 from hapticeval.phenomena.decisions import (
@@ -104,7 +104,7 @@ CHECK = Check(
         Situation.NO_CONCAVE_CORNER: "the model has no concave corner or edge",
         Situation.BILATERAL: "a tool that is held from both sides may be pulled as well as pushed",
     },
-    not_with=(FRICTION,),
+    not_with=(Alters.FREE_SPACE, Alters.CONTACT_POINT),
     metric="HIP travel of the switch in penetration depths",
     unit="depths",
     judge=judge,

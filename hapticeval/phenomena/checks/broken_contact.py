@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.effects.catalogue import FRICTION
+from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
 from hapticeval.phenomena.decisions import (
@@ -117,7 +117,7 @@ CHECK = Check(
         Situation.NO_CONVEX_CORNER: "the model has no convex corner or edge",
         Situation.BILATERAL: "a tool that is held from both sides does not leave at a corner",
     },
-    not_with=(FRICTION,),
+    not_with=(Alters.FREE_SPACE, Alters.CONTACT_POINT),
     metric="distance from the corner at which n_pre is lost or force remains",
     unit="m",
     judge=judge,

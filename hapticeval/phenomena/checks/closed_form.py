@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.closed_forms import CLOSED_FORMS
-from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
+from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING, FORM_TOLERANCE
 from hapticeval.phenomena.refinement import extrapolated
@@ -92,7 +92,7 @@ CHECK = Check(
     },
     not_for={Situation.LED: "a closed form is about a tool that moves by itself"},
     holds=True,
-    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
+    not_with=(Alters.FREE_SPACE, Alters.MOTION),
     metric="distance between the extrapolated run and the closed form",
     unit="m",
     judge=judge,

@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.devices.device import heaviest_mass
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
+from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import ANGLE_ROUNDING, LAG_TICKS, SINGLE_ROUNDINGS, STATIC_SHARE, TELLING_SHARE
 from hapticeval.phenomena.lag import delayed, find_lag, resting_ticks
@@ -346,7 +346,7 @@ CHECK = Check(
     citation="thesis 3.2.1, (3.3), (3.4), Figures 3.3 to 3.5; (6.1)",
     channels=("hip", "force"),
     reads_also=("ihip", "operator_force", "velocity", "joint_torque"),
-    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
+    not_with=(Alters.FREE_SPACE, Alters.MOTION),
     metric="angle of the force outside the true normals; at rest, the difference in newtons",
     unit="deg",
     judge=judge,

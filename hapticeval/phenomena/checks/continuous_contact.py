@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hapticeval.effects.catalogue import FRICTION
+from hapticeval.effects.effect import Alters
 from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.check import Check, Closer, Runs, Sibling, without_ihip
 from hapticeval.phenomena.checks.contact_kept import across_allowed
@@ -437,7 +437,7 @@ CHECK = Check(
         ),
         Sibling.REFINE: "else the whole run at 2, 4 and, while undecided, 8, 16 and 32 times the sampling rate",
     },
-    not_with=(FRICTION,),
+    not_with=(Alters.FREE_SPACE, Alters.CONTACT_POINT),
     metric="IHIP jump that refinement leaves",
     unit="m",
     judge=judge,

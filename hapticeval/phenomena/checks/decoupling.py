@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
+from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import (
     DIED_OUT_SHARE,
@@ -82,7 +82,7 @@ CHECK = Check(
     siblings=FINER,
     not_for={Situation.LED: SPEED_GIVEN},
     holds=True,
-    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
+    not_with=(Alters.FREE_SPACE, Alters.MOTION),
     metric="change of the foot's speed while the tool moves across",
     unit="",
     judge=judge,

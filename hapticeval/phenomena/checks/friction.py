@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
-from hapticeval.effects.effect import Stage
+from hapticeval.effects.effect import Alters, Stage
 from hapticeval.phenomena.check import Check, Runs, Sibling, not_alone, nothing_pressed
 from hapticeval.phenomena.checks.passivity import laps
 from hapticeval.phenomena.decisions import (
@@ -672,7 +672,7 @@ FORCE = _check_of_friction(
     metric="force along the surface off that of the law",
     unit="N",
     effects=(VISCOUS_FRICTION, LUGRE),
-    not_with=(FRICTION,),
+    not_with=(Alters.FREE_SPACE, Alters.CONTACT_POINT),
 )
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hapticeval.effects.catalogue import FRICTION
+from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.sampling import (
@@ -91,7 +91,7 @@ CHECK = Check(
     needs={
         Sibling.REVERSE: undecided("one recording reaches each HIP only once; a second path is needed to decide"),
     },
-    not_with=(FRICTION,),
+    not_with=(Alters.CONTACT_POINT,),
     metric="distance between the IHIPs of one HIP",
     unit="m",
     judge=judge,

@@ -24,6 +24,7 @@ CHECK = Check(
     channels=("hip", "ihip", "force"),
     siblings={Sibling.MOVED: "the same path on the model, both mirrored in the x axis, in space in the x-z plane"},
     needs={Sibling.MOVED: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
+    not_with=(),
     metric=OFF,
     unit="1",
     judge=judge,

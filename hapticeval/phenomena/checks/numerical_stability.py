@@ -167,6 +167,7 @@ CHECK = Check(
             "a recording shows one place and size of the scene, and nobody can be asked for others",
         ),
     },
+    not_with=(),
     metric="change of the answer beside what rounding explains, as a share of the model's size",
     unit="1",
     judge=judge,

@@ -104,6 +104,7 @@ CHECK = Check(
             Outcome.NOT_APPLICABLE, "a recording shows one run only, and nobody can be asked for another"
         ),
     },
+    not_with=(),
     metric="force, or IHIP, after a reset less that before",
     unit="N",
     judge=judge,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.effects.catalogue import FORCE_SENSOR, FRICTION, LUGRE, VISCOUS_FRICTION
+from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import (
     CAUSE_SHARE,
@@ -28,7 +28,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if motion.footless is not None or not motion.slides:
         return undecided(motion.footless or DOES_NOT_SLIDE)
     # A point mass obeys the push as the law says; a robot's own inertia has to be told by a sensor (8.9).
-    sensed = isinstance(scene.robot, PointMass) or scene.effect(FORCE_SENSOR) is not None
+    sensed = isinstance(scene.robot, PointMass) or scene.senses_force
     if motion.pushed.any() and not sensed:
         return undecided(
             "the operator pushes a robot without a force sensor: its own inertia has a share in the motion"
@@ -98,7 +98,7 @@ def _pushed_along(motion: SurfaceMotion) -> Array:
     normal = motion.frame.normal
     # P_T F_o / m
     along = (push - np.sum(push * normal, axis=1)[:, np.newaxis] * normal) / motion.scene.mass
-    sensed = motion.scene.effect(FORCE_SENSOR) is not None
+    sensed = motion.scene.senses_force
     return along if sensed else motion.pulled_back(along)
 
 
@@ -134,7 +134,7 @@ CHECK = Check(
     siblings=FINER,
     not_for={Situation.LED: SPEED_GIVEN},
     holds=True,
-    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
+    not_with=(Alters.FREE_SPACE, Alters.MOTION),
     metric="speed along the surface that the assigned dynamics do not explain, of the top speed",
     unit="",
     judge=judge,

@@ -47,6 +47,7 @@ CHECK = Check(
         "one, led backwards"
     },
     needs={Sibling.IN_TURNS: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
+    not_with=(),
     metric=OFF,
     unit="1",
     judge=judge,

@@ -26,6 +26,7 @@ CHECK = Check(
         Sibling.MOVED: "the same path with the hand off by what rounding may change",
     },
     needs={Sibling.REORDERED: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
+    not_with=(),
     metric=OFF,
     unit="1",
     judge=judge,
