@@ -5,6 +5,7 @@
 #              odd renderers
 # make mutants  change the checks, and what judges by them, in one operator or number at a time and see whether a test fails: hours,
 #              or SAMPLE=60 of them by SEED=1
+# make tables  write anew what tests compare: kill matrix, coverage, decisions, and the recorded verdicts of every suite
 # make counterexamples  search for the smallest path that breaks each built-in renderer, into results/counterexamples
 # make bench   time the renderers            make study   the longer studies
 # make browser look at the report's pages in a headless Chromium: needs chromium and npm
@@ -18,7 +19,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start many interpreters, each of which would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test system fuzz mutants counterexamples bench study browser docs lint clean
+.PHONY: run test system tables fuzz mutants counterexamples bench study browser docs lint clean
 
 # What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page. What goes
 # wrong with these two says so, and stops nothing.
@@ -36,6 +37,11 @@ test: .venv/dev.stamp .venv/kernels.stamp
 
 system: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/pytest -n 2 --dist worksteal -m 'system and not slow'
+
+# Cells that say the same stay as they are, to the digit. In one process: each table is one file.
+tables: .venv/dev.stamp .venv/kernels.stamp
+	HAPTICEVAL_PUBLISH=1 $(BIN)/pytest -q -m '' -k 'recorded or published or page_counts or page_is_the_table' tests/phenomena/test_decisions.py \
+	  tests/meta/test_kill_matrix.py tests/suites
 
 fuzz: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/python tests/fuzz.py ideal $$(date +%s) $(or $(EXAMPLES),300)

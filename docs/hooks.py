@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
@@ -14,6 +15,8 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 import hapticeval
+from hapticeval.effects.catalogue import EFFECTS
+from hapticeval.effects.effect import unit_of
 from hapticeval.phenomena.check import Check
 from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.registry import CHECKS
@@ -57,6 +60,8 @@ def linked(readme: str) -> str:
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     """Turn links to the README into links to the first page; other files of the repository are named without one."""
+    if page.file.src_uri == "effects.md":
+        markdown = markdown.replace("<!-- the table of effects -->", "\n".join(effects()))
     if page.file.src_uri.startswith("checks/"):
         return with_facts(markdown, CHECKS[Path(page.file.src_uri).stem])
     return SOURCE.sub(r"\1", markdown.replace("](../README.md", "](index.md"))
@@ -70,6 +75,20 @@ def checks() -> Iterator[str]:
     yield "| check | level | what it asks |\n|---|---|---|"
     for name, check in CHECKS.items():
         yield f"| [{name}](checks/{name}.md) | {check.level.value} | {escaped(read_page(check).question)} |"
+
+
+def effects() -> Iterator[str]:
+    """Yield the table of every effect: what it does, from its docstring, and its numbers with their units."""
+    yield "| kind | what it does | numbers |\n|---|---|---|"
+    for kind, entry in EFFECTS.items():
+        first_sentence = " ".join((entry.of.__doc__ or "").split()).partition(". ")[0]
+        said = first_sentence.rstrip(".").removesuffix("; see the module")
+        numbers = [
+            f"`{number.name}`" + (f" ({unit_of(unit)})" if (unit := number.metadata.get("unit")) else "")
+            for number in fields(entry.of)
+            if number.compare
+        ]
+        yield f"| `{kind}` | {escaped(said)} | {', '.join(numbers)} |"
 
 
 def with_facts(markdown: str, check: Check) -> str:
