@@ -27,12 +27,17 @@ def _ground_of(scene: Scene) -> Ground:
     """
     from hapticeval.errors import RefusalError
     from hapticeval.geometry.curve import Curve
+    from hapticeval.geometry.mesh import Mesh
 
     boundary = scene.model.boundary
     if isinstance(boundary, Curve):
         from hapticeval.rigid_contact.plane_contact import PlaneGround
 
         return PlaneGround(scene)
+    if isinstance(boundary, Mesh):
+        from hapticeval.rigid_contact.mesh_contact import MeshGround
+
+        return MeshGround(scene)
     raise RefusalError(
         f"model '{scene.model.name}' is a {type(boundary).__name__}",
         why="the ideal contact has no search for where the tool slides, leaves and hits on it",

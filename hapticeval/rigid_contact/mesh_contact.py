@@ -1,0 +1,70 @@
+"""A triangle mesh under the ideal contact: where the tool starts on it, and how it is carried along."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.errors import RefusalError
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.mesh_kernels import closest_feature
+from hapticeval.rigid_contact.contact import ON_BOUNDARY
+from hapticeval.rigid_contact.force import FLIGHT, SLIDE, Stretches
+from hapticeval.rigid_contact.mesh_advance import FEATURE, STATE_SIZE, TRIANGLE, carry_on_mesh
+from hapticeval.rigid_contact.mesh_terrain import feature_at, prepare_mesh
+from hapticeval.rigid_contact.space import MODE, POSITION, VELOCITY
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+
+class MeshGround:
+    """A triangle mesh as the `Ground` of an ideal contact: flat faces, edges and corners, unilateral.
+
+    Raises `RefusalError` for a bilateral scene.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        boundary = scene.model.boundary
+        assert isinstance(boundary, Mesh)
+        if scene.bilateral:
+            raise RefusalError(
+                f"the mesh '{scene.model.name}' holds the tool from both sides",
+                why="a tool that is held loses its velocity across the next face at every convex edge, and in a corner "
+                "it has no next face",
+                todo="compare on a smooth surface, or in the plane",
+            )
+        self._name = scene.model.name
+        self._mesh = boundary
+        self._terrain = prepare_mesh(boundary)
+
+    def in_flight(self, point: Array, velocity: Array) -> Array:
+        """Answer `Ground.in_flight` for a point (3,), m, and a velocity (3,), m/s."""
+        state = np.zeros(STATE_SIZE)
+        state[MODE] = FLIGHT
+        state[POSITION : POSITION + 3], state[VELOCITY : VELOCITY + 3] = point, velocity
+        return state
+
+    def on_boundary(self, point: Array, velocity: Array) -> Array:
+        """Answer `Ground.on_boundary` for a point (3,), m, and a velocity (3,), m/s."""
+        k, _, foot = closest_feature(*self._mesh.tables, (float(point[0]), float(point[1]), float(point[2])), 0)
+        # beside an edge or a corner it starts there, so that these are seen
+        feature, place = feature_at(self._terrain, k, foot, ON_BOUNDARY, ON_BOUNDARY)
+        state = self.in_flight(np.array(place), velocity)
+        state[MODE], state[TRIANGLE], state[FEATURE] = SLIDE, k, feature
+        return state
+
+    def carry(
+        self, start: Array, stretches: Stretches, gains: Array, rows: int, limit: int
+    ) -> tuple[Array, Array, int]:
+        """Answer `Ground.carry`: samples (rows, 12) and events (k, 8).
+
+        Raises `RefusalError`, with time and place, where rounding does not let the contact decide.
+        """
+        out, log, count, undecided = carry_on_mesh(start, self._terrain, stretches, gains, rows, limit)
+        if undecided.size:
+            time, *place = undecided.tolist()
+            raise RefusalError(
+                f"the ideal contact with '{self._name}' does not decide {time:.9g} s into the run, at {place} m",
+                why="there the force changes the faces that hold the tool by rounding, again and again",
+                todo="move the stimulus by more than rounding",
+            )
+        return out, log, count

@@ -1,0 +1,294 @@
+"""A triangle mesh prepared for the tool: its flat faces, how they meet, and what is free around a place on it.
+
+A place is a triangle and the feature of it that the tool is on: its inside, an edge or a corner (see `mesh_kernels`).
+Triangles of one flat face share one plane, bit for bit, and the edges between them are none: so it makes no difference
+how a face is cut into triangles, slivers and fans included.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticeval.compiled import compiled, inner
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.mesh_kernels import (
+    ACROSS,
+    CORNER,
+    EDGE,
+    FACE,
+    NORMAL,
+    PSEUDO,
+    VERTEX,
+    _cross,
+    _minus,
+    _scaled,
+    normal_of,
+    position_of,
+)
+from hapticeval.geometry.surface_kernels import Triple, dot, plus
+from hapticeval.rigid_contact.force import ALIGNED_SHARE
+from hapticeval.rigid_contact.space import put_triple, triple_at
+from hapticeval.types import Array, IntArray
+
+
+class MeshTerrain(NamedTuple):
+    """A mesh as the tool's loops take it.
+
+    - `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) as in `mesh_kernels`, with the normal of its flat face in
+      the row of each triangle;
+    - `facets` (t,): the number of the flat face that a triangle belongs to;
+    - `anchors` (t, 3), m: a point of that face, the same for all of its triangles;
+    - `turns` (t, 3): how the mesh turns at each edge, the sine of the angle, positive where convex, 0 inside of a face;
+    - `tip_reach` (m): rounding of coordinates, by which a triangle reaches beyond its convex edges, so that no tool
+      that is dropped straight onto one falls between its faces.
+    """
+
+    faces: Array
+    vertices: Array
+    tree: Array
+    facets: IntArray
+    anchors: Array
+    turns: Array
+    tip_reach: float
+
+
+TIP_ROUNDING = 1e-14
+"""Share of the coordinates that is their rounding, and that of a few products of them."""
+
+
+def prepare_mesh(mesh: Mesh) -> MeshTerrain:
+    """Return a mesh as the tool's loops take it: made once a scene."""
+    faces, vertices, tree = mesh.tables
+    flat_faces, facets, anchors, turns = merge_flat_faces(faces, vertices, mesh.touch)
+    tip_reach = TIP_ROUNDING * float(np.abs(mesh.bounds).max())
+    return MeshTerrain(flat_faces, vertices, tree, facets, anchors, turns, tip_reach)
+
+
+@compiled
+def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array, IntArray, Array, Array]:
+    """Return `faces` with the normals of flat faces, and `facets`, `anchors` and `turns`, see `MeshTerrain`.
+
+    `faces` (t, 9) and `vertices` (v, 6) are the mesh. A flat face grows from its largest triangle over neighbours that
+    lie within `touch` (m) of that triangle's plane, which a sliver's own normal could not tell.
+    """
+    n = faces.shape[0]
+    areas, flat = np.empty(n), faces.copy()
+    for k in range(n):
+        a = position_of(vertices, faces[k, CORNER])
+        aside = _cross(
+            _minus(position_of(vertices, faces[k, CORNER + 1]), a),
+            _minus(position_of(vertices, faces[k, CORNER + 2]), a),
+        )
+        areas[k] = dot(aside, aside)
+    facets, anchors, turns = np.full(n, -1), np.empty((n, 3)), np.zeros((n, 3))
+    queue, count = np.empty(n, np.int64), 0
+    # largest first; of equal ones the first in the table
+    for seed in np.argsort(-areas, kind="mergesort"):
+        if facets[seed] >= 0:
+            continue
+        normal, anchor = normal_of(faces, seed), position_of(vertices, faces[seed, CORNER])
+        queue[0], facets[seed] = seed, count
+        done, end = 0, 1
+        while done < end:
+            k = queue[done]
+            done += 1
+            put_triple(flat[k], NORMAL, normal)
+            put_triple(anchors[k], 0, anchor)
+            for i in range(3):
+                j = int(faces[k, ACROSS + i])
+                if facets[j] >= 0 or dot(normal_of(faces, j), normal) <= 0.0:
+                    continue
+                off = 0.0
+                for corner in range(3):
+                    q = _minus(position_of(vertices, faces[j, CORNER + corner]), anchor)
+                    off = max(off, abs(dot(normal, q)))
+                if off <= touch:
+                    queue[end], facets[j] = j, count
+                    end += 1
+        count += 1
+    for k in range(n):
+        for i in range(3):
+            j = int(faces[k, ACROSS + i])
+            if facets[j] != facets[k]:
+                # (n x p) . e is the sine, positive where the neighbour turns down
+                turns[k, i] = dot(_cross(normal_of(flat, k), normal_of(flat, j)), edge_direction(faces, vertices, k, i))
+    return flat, facets, anchors, turns
+
+
+@inner
+def edge_direction(faces: Array, vertices: Array, k: int, i: int) -> Triple:
+    """Return the unit direction of edge i of triangle k, from its corner i to the next."""
+    a, b = position_of(vertices, faces[k, CORNER + i]), position_of(vertices, faces[k, CORNER + (i + 1) % 3])
+    ab = _minus(b, a)
+    return _scaled(1.0 / math.sqrt(dot(ab, ab)), ab)
+
+
+@inner
+def height_over_face(terrain: MeshTerrain, k: int, p: Triple) -> float:
+    """Return the height (m) of p over the flat face that triangle k belongs to."""
+    return dot(normal_of(terrain.faces, k), _minus(p, triple_at(terrain.anchors[k], 0)))
+
+
+@inner
+def next_in_fan(terrain: MeshTerrain, k: int, i: int) -> tuple[int, int]:
+    """Return the triangle across edge i of triangle k, and the corner of it that is corner i of k."""
+    row, j = terrain.faces[k, CORNER + i], int(terrain.faces[k, ACROSS + i])
+    return j, 0 if terrain.faces[j, CORNER] == row else 1 if terrain.faces[j, CORNER + 1] == row else 2
+
+
+@compiled
+def feature_at(terrain: MeshTerrain, k: int, p: Triple, reach: float, convex_reach: float) -> tuple[int, Triple]:
+    """Return the feature of triangle k that p (m) is on, and the point of that feature.
+
+    p is on an edge to `reach` (m), or if that is convex to `convex_reach`; on a corner to the larger one that its edges
+    have. Edges inside of a flat face are no features, nor are corners inside of one.
+    """
+    faces, vertices, normal = terrain.faces, terrain.vertices, normal_of(terrain.faces, k)
+    for i in range(3):
+        apex = position_of(vertices, faces[k, CORNER + i])
+        off, (lowest, highest) = _minus(p, apex), _turns_at_corner(terrain, k, i)
+        corner_reach = reach if lowest < 0.0 else convex_reach
+        if lowest < highest and dot(off, off) <= corner_reach * corner_reach:
+            return VERTEX + i, apex
+    for i in range(3):
+        turn = terrain.turns[k, i]
+        a, e = position_of(vertices, faces[k, CORNER + i]), edge_direction(faces, vertices, k, i)
+        off = _minus(p, a)
+        # n x e points into the triangle
+        if turn != 0.0 and dot(_cross(normal, e), off) <= (convex_reach if turn > 0.0 else reach):
+            return EDGE + i, plus(a, dot(off, e), e)
+    return FACE, plus(p, -height_over_face(terrain, k, p), normal)
+
+
+@inner
+def _turns_at_corner(terrain: MeshTerrain, k: int, i: int) -> tuple[float, float]:
+    """Return the least and the largest turn of the edges at corner i of triangle k, and of zero: both 0 in a face."""
+    lowest, highest = 0.0, 0.0
+    j, h = k, i
+    while True:
+        lowest, highest = min(lowest, terrain.turns[j, h]), max(highest, terrain.turns[j, h])
+        j, h = next_in_fan(terrain, j, h)
+        if j == k:
+            return lowest, highest
+
+
+@compiled
+def nearest_around(terrain: MeshTerrain, k: int, feature: int, d: Triple) -> tuple[float, int, int, Triple]:
+    """Return how far a vector d at a place points outside of the solid, negative inside, and its closest boundary.
+
+    The solid around a place is a cone: a half-space at a face, a wedge at an edge, the cone of the fan at a corner. The
+    closest boundary of d is a triangle, its feature, and the vector in the boundary that is closest to d, in its unit.
+
+    To rounding, an edge comes before its faces and the corner before its edges.
+    """
+    if feature >= VERTEX:
+        return _nearest_in_fan(terrain, k, feature - VERTEX, d)
+    n = normal_of(terrain.faces, k)
+    height = dot(n, d)
+    if feature == FACE:
+        return height, k, FACE, plus(d, -height, n)
+    i = feature - EDGE
+    j = int(terrain.faces[k, ACROSS + i])
+    e, p = edge_direction(terrain.faces, terrain.vertices, k, i), normal_of(terrain.faces, j)
+    on_edge, beyond = _scaled(dot(d, e), e), dot(p, d)
+    # directions from the edge into either face: where d has a part along one, its foot may lie there
+    least, best, foot = math.inf, k, on_edge
+    if dot(_cross(n, e), d) > 0.0:
+        least, foot = height, plus(d, -height, n)
+    if dot(_cross(e, p), d) > 0.0 and abs(beyond) < abs(least):
+        least, best, foot = beyond, j, plus(d, -beyond, p)
+    aside, apart = _minus(d, on_edge), _minus(foot, on_edge)
+    if math.sqrt(dot(apart, apart)) <= ALIGNED_SHARE * math.sqrt(dot(d, d)):
+        # the side by the mean of both normals
+        return math.copysign(math.sqrt(dot(aside, aside)), dot(plus(n, 1.0, p), aside)), k, feature, on_edge
+    return least, best, FACE, foot
+
+
+@compiled
+def _nearest_in_fan(terrain: MeshTerrain, k: int, i: int, d: Triple) -> tuple[float, int, int, Triple]:
+    """Answer `nearest_around` for corner i of triangle k."""
+    faces, vertices = terrain.faces, terrain.vertices
+    row, rounding = int(faces[k, CORNER + i]), ALIGNED_SHARE * math.sqrt(dot(d, d))
+    apex = position_of(vertices, row)
+    least, best, foot = math.inf, -1, (0.0, 0.0, 0.0)
+    least_off, best_edge, edge_corner, on_edge, edge_side = math.inf, -1, 0, (0.0, 0.0, 0.0), 1.0
+    j, h = k, i
+    while True:
+        n, after, corner_after = normal_of(faces, j), *next_in_fan(terrain, j, h)
+        p = _minus(position_of(vertices, faces[j, CORNER + (h + 1) % 3]), apex)
+        q = _minus(position_of(vertices, faces[j, CORNER + (h + 2) % 3]), apex)
+        height = dot(n, d)
+        # d projects into this triangle: p and q bound it at the apex
+        if abs(height) < abs(least) and dot(_cross(n, p), d) >= 0.0 and dot(_cross(q, n), d) >= 0.0:
+            least, best, foot = height, j, plus(d, -height, n)
+        along = dot(p, d)
+        # the edge p, unless it lies inside of a flat face
+        if along > 0.0 and terrain.turns[j, h] != 0.0:
+            part = _scaled(along / dot(p, p), p)
+            aside = _minus(d, part)
+            if dot(aside, aside) < least_off:
+                least_off, best_edge, edge_corner, on_edge = dot(aside, aside), j, h, part
+                edge_side = dot(plus(n, 1.0, normal_of(faces, after)), aside)
+        j, h = after, corner_after
+        if j == k:
+            break
+    if best_edge >= 0:
+        apart = _minus(foot, on_edge)
+        if best < 0 or least_off < least * least or dot(apart, apart) <= rounding * rounding:
+            least, best, h, foot = (
+                math.copysign(math.sqrt(least_off), edge_side),
+                best_edge,
+                EDGE + edge_corner,
+                on_edge,
+            )
+        else:
+            h = FACE
+    else:
+        h = FACE
+    if best < 0 or dot(foot, foot) <= rounding * rounding:
+        mean = (vertices[row, PSEUDO], vertices[row, PSEUDO + 1], vertices[row, PSEUDO + 2])
+        return math.copysign(math.sqrt(dot(d, d)), dot(mean, d)), k, VERTEX + i, (0.0, 0.0, 0.0)
+    return least, best, h, foot
+
+
+@compiled
+def most_opposed_normal(terrain: MeshTerrain, k: int, feature: int, v: Triple) -> Triple:
+    """Return the normal that v runs against most, of the faces that meet at a feature of triangle k."""
+    best = normal_of(terrain.faces, k)
+    if feature == FACE:
+        return best
+    least = dot(best, v)
+    i = (feature - EDGE) if feature < VERTEX else (feature - VERTEX)
+    j, h = next_in_fan(terrain, k, i)
+    # over an edge there is one other face, around a corner all of the fan
+    while j != k:
+        n = normal_of(terrain.faces, j)
+        if dot(n, v) < least:
+            least, best = dot(n, v), n
+        if feature < VERTEX:
+            break
+        j, h = next_in_fan(terrain, j, h)
+    return best
+
+
+@compiled
+def pull_into(terrain: MeshTerrain, k: int, feature: int, force: Triple) -> float:
+    """Return the force (N) that at least pulls a tool back, whichever way along the boundary it leaves a place.
+
+    It is negative where a force (N) drives the tool along some edge or face away from an edge or corner.
+    """
+    faces, vertices = terrain.faces, terrain.vertices
+    if feature < VERTEX:
+        i = feature - EDGE
+        e, j = edge_direction(faces, vertices, k, i), int(faces[k, ACROSS + i])
+        # square to the edge, up either face
+        return -max(dot(_cross(normal_of(faces, k), e), force), dot(_cross(e, normal_of(faces, j)), force))
+    least, j, h = math.inf, k, feature - VERTEX
+    while True:
+        least = min(least, -dot(edge_direction(faces, vertices, j, h), force))
+        j, h = next_in_fan(terrain, j, h)
+        if j == k:
+            return least

@@ -1,0 +1,296 @@
+"""The ideal contact on triangle meshes: closed forms, laws, and that it makes no difference how a face is cut."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import Delaunay
+from scipy.spatial.transform import Rotation
+
+from hapticeval.errors import InputError, RefusalError
+from hapticeval.geometry import solids
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.model import Model
+from hapticeval.rigid_contact import ideal
+from hapticeval.scene import Scene
+from hapticeval.stimulus.stimulus import Experiment, Path
+from hapticeval.suite.reading import load_suite
+
+MASS = 0.1
+TURN = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
+CUBE = make_model("cube")
+TOP = 0.05
+
+
+def contact(model, **scene):
+    return ideal(Scene(model=model, mass=MASS, **scene))
+
+
+def mesh_model(vertices, triangles):
+    return Model("mesh", {}, Mesh("mesh", vertices, triangles))
+
+
+def inner_corner(turn):
+    """A cube out of which an eighth is cut: three walls at right angles meet in the origin, free where x, y, z > 0."""
+    grid = np.stack(np.meshgrid([-0.1, 0.0, 0.1], [-0.1, 0.0, 0.1], [-0.1, 0.0, 0.1], indexing="ij"), -1)
+    cells = [cell for cell in np.ndindex(2, 2, 2) if cell != (1, 1, 1)]
+    quads = []
+    for cell in cells:
+        for axis in range(3):
+            for side in (0, 1):
+                beyond = np.array(cell)
+                beyond[axis] += 2 * side - 1
+                if tuple(beyond.tolist()) in cells:
+                    continue
+                u, v = (axis + 1) % 3, (axis + 2) % 3
+                square = np.tile(np.array(cell), (4, 1))
+                square[:, axis] += side
+                square[[1, 2], u] += 1
+                square[[2, 3], v] += 1
+                quads.append(square if side else square[::-1])
+    corners = np.array([np.ravel_multi_index(square.T, (3, 3, 3)) for square in quads])
+    triangles = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+    return mesh_model(grid.reshape(-1, 3) @ turn.T, triangles)
+
+
+def kinds(recording):
+    return [event["kind"] for event in recording.meta["events"]]
+
+
+def energy(recording, force):
+    return 0.5 * MASS * np.sum(recording.velocity**2, axis=1) - recording.hip @ force
+
+
+def test_a_tool_flies_off_the_edge_of_a_cube_as_a_parabola():
+    """It falls onto the face, slides without a push along it, and falls on beside the cube."""
+    experiment = Experiment(0.4, [0.0, 0.001, TOP + 0.01], [0.2, 0.01, 0.0], [0.0], [[0.0, 0.0, -1.0]])
+    recording = contact(CUBE).simulate(experiment, 1e-3)
+    assert kinds(recording) == ["impact", "leave"]
+    impact, leave = recording.meta["events"]
+    assert impact["time"] == pytest.approx(math.sqrt(2.0 * 0.01 / 10.0), abs=1e-15)
+    np.testing.assert_allclose(impact["impulse"], [0.0, 0.0, MASS * math.sqrt(2.0 * 10.0 * 0.01)], atol=1e-15)
+    assert leave["time"] == pytest.approx(0.25, abs=1e-12)
+    np.testing.assert_allclose(leave["position"], [TOP, 0.0035, TOP], atol=1e-12)
+    flown = recording.time[recording.time > leave["time"]] - 0.25
+    parabola = np.column_stack([TOP + 0.2 * flown, 0.0035 + 0.01 * flown, TOP - 5.0 * flown**2])
+    np.testing.assert_allclose(recording.hip[recording.time > leave["time"]], parabola, atol=1e-12)
+    assert np.all(recording.force[recording.time > leave["time"]] == 0.0)
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), TURN])
+def test_rest_in_an_inner_corner_takes_three_multipliers_until_one_is_zero(turn):
+    """Thrown into it the tool rests, each wall with its part of the force; let go by one wall, it follows an edge."""
+    push = np.array([[-1.0, -0.7, -0.4], [-1.0, -0.7, -0.4], [-1.0, -0.7, 0.4], [-1.0, 0.3, 0.4]])
+    experiment = Experiment(
+        0.65, turn @ [0.02, 0.015, 0.03], turn @ [-0.5, -0.4, -0.6], [0.0, 0.4, 0.5, 0.6], push @ turn.T
+    )
+    recording = contact(inner_corner(turn)).simulate(experiment, 1e-3)
+    hip, force, time = recording.hip @ turn, recording.force @ turn, recording.time
+    assert kinds(recording) == ["impact", "corner", "corner", "rest"]
+    resting = (time > recording.meta["events"][-1]["time"]) & (time < 0.399)
+    assert resting.sum() > 200
+    np.testing.assert_allclose(hip[resting], 0.0, atol=1e-15)
+    np.testing.assert_allclose(force[resting], np.tile(-push[0], (resting.sum(), 1)), atol=1e-12)
+    # at 0.45 s the third part of the force is zero: along the z axis, where it grows by 8 N/s
+    along = (time > 0.45) & (time < 0.5)
+    np.testing.assert_allclose(hip[along, 2], 8.0 / MASS * (time[along] - 0.45) ** 3 / 6.0, atol=1e-12)
+    np.testing.assert_allclose(hip[along, :2], 0.0, atol=1e-14)
+    # at 0.57 s so is the second: over the wall x = 0, that alone holds
+    over = time > 0.5705
+    np.testing.assert_allclose(hip[over, 0], 0.0, atol=1e-14)
+    assert np.all(hip[over, 1] > 0.0)
+    np.testing.assert_allclose(force[over], np.tile([1.0, 0.0, 0.0], (over.sum(), 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize("bounces", [0.3, 0.5, 0.8])
+def test_a_series_of_bounces_ends_at_its_limit_time(bounces):
+    experiment = Experiment(2.0, [0.01, 0.0, TOP + 0.02], [0.0, 0.0, 0.0], [0.0], [[0.0, 0.0, -1.0]])
+    recording = contact(CUBE, restitution=bounces).simulate(experiment, 1e-3)
+    fall = math.sqrt(2.0 * 0.02 / 10.0)
+    limit = fall * (1.0 + bounces) / (1.0 - bounces)
+    assert recording.meta["events"][-1]["time"] == pytest.approx(limit, abs=1e-5)
+    after = recording.time > limit + 2e-3
+    np.testing.assert_allclose(recording.force[after], np.tile([0.0, 0.0, 1.0], (after.sum(), 1)), atol=1e-12)
+    speeds = [event["impulse"][2] for event in recording.meta["events"]]
+    np.testing.assert_allclose(np.array(speeds[1:6]) / speeds[:5], bounces, rtol=1e-9)
+
+
+def test_an_impact_in_a_corner_turns_back_every_part_of_the_velocity():
+    """Between walls at right angles no order of the impulses makes a difference: v becomes -c_r v."""
+    for turn in (np.eye(3), TURN):
+        velocity = np.array([-0.3, -0.5, -0.2])
+        # no push: straight into the corner
+        experiment = Experiment(0.2, turn @ (-0.1 * velocity), turn @ velocity, [0.0], [[0.0, 0.0, 0.0]])
+        recording = contact(inner_corner(turn), restitution=0.5).simulate(experiment, 1e-3)
+        np.testing.assert_allclose(recording.velocity[-1] @ turn, -0.5 * velocity, atol=1e-9)
+
+
+def test_energy_stays_over_ten_thousand_elastic_events():
+    force = TURN @ [-1.0, -0.8, -0.6]
+    experiment = Experiment(215.0, TURN @ [0.004, 0.003, 0.005], [0.0, 0.0, 0.0], [0.0], [force])
+    recording = contact(inner_corner(TURN), restitution=1.0).simulate(experiment, 0.05)
+    assert len(recording.meta["events"]) > 10_000
+    np.testing.assert_allclose(energy(recording, force), energy(recording, force)[0], rtol=0.0, atol=1e-10)
+
+
+def cut_cube(points):
+    """A cube whose top is cut into triangles between its corners and points (n, 2) inside of it."""
+    box, triangles = solids.box((0.1, 0.1, 0.1))
+    keep = np.any(box[triangles][:, :, 2] < 0.0, axis=1)
+    corners = [[-0.05, -0.05], [0.05, -0.05], [0.05, 0.05], [-0.05, 0.05]]
+    flat = np.concatenate([corners, points])
+    cut = Delaunay(flat).simplices
+    a, b, c = flat[cut.T]
+    clockwise = (b - a)[:, 0] * (c - a)[:, 1] < (b - a)[:, 1] * (c - a)[:, 0]
+    cut[clockwise] = cut[clockwise][:, ::-1]
+    top = np.column_stack([flat, np.full(len(flat), 0.05)])
+    vertices = np.concatenate([box, top[4:]])
+    number = [int(np.flatnonzero(np.all(vertices == corner, axis=1))[0]) for corner in top[:4]]
+    number += list(range(len(box), len(vertices)))
+    return vertices, np.concatenate([triangles[keep], np.array(number)[cut]])
+
+
+def cutting_points():
+    """A grid, a fan of slivers that ends in one point, and points that lie 1e-9 m apart."""
+    fan = np.column_stack([np.full(40, 0.03), 0.001 * (np.arange(40) - 20.0)])
+    grid = np.stack(np.meshgrid(np.linspace(-0.04, 0.02, 7), np.linspace(-0.04, 0.04, 7)), -1).reshape(-1, 2)
+    close = np.array([[0.0001, 0.0002], [0.0001, 0.0002 + 1e-9], [0.0001 + 1e-9, 0.0002]])
+    return np.concatenate([grid, fan, close, [[0.0499, 0.0]]])
+
+
+@pytest.mark.parametrize("turn", [None, TURN])
+def test_a_face_of_two_hundred_triangles_is_one_of_two(turn):
+    vertices, triangles = cut_cube(cutting_points())
+    assert np.sum(np.all(vertices[triangles][:, :, 2] == 0.05, axis=1)) > 150
+    plain, plain_triangles = cut_cube(np.empty((0, 2)))
+    rotation = np.eye(3) if turn is None else turn
+    models = [mesh_model(plain @ rotation.T, plain_triangles), mesh_model(vertices @ rotation.T, triangles)]
+    for start, velocity, force in (
+        ([-0.04, 0.013, 0.06], [0.3, -0.02, 0.0], [0.05, 0.0, -1.0]),
+        ([-0.04, 0.0, 0.05], [0.3, 0.0, 0.0], [0.0, 0.0, -1.0]),
+        ([0.03, -0.03, 0.06], [0.0, 0.2, 0.0], [0.0, 0.1, -1.0]),
+        ([0.0001, 0.0002, 0.06], [0.0, 0.0, 0.0], [-0.3, 0.2, -1.0]),
+    ):
+        experiment = Experiment(0.6, rotation @ start, rotation @ velocity, [0.0], [rotation @ force])
+        two, many = (contact(model, restitution=0.2).simulate(experiment, 1e-3) for model in models)
+        assert kinds(two) == kinds(many)
+        if turn is None:
+            np.testing.assert_array_equal(two.hip, many.hip)
+            np.testing.assert_array_equal(two.force, many.force)
+        else:
+            # a turned mesh has its own rounding of the face's plane
+            np.testing.assert_allclose(two.hip, many.hip, rtol=0.0, atol=1e-13)
+
+
+def test_edges_cut_in_pieces_are_the_same_edges():
+    """Every triangle in four, twice: on the L-block's concave edge, over its convex ones and into it."""
+    block = make_model("l-block")
+    vertices, triangles = block.boundary.vertices, block.boundary.triangles
+    for _ in range(2):
+        ends = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+        edges, middle = np.unique(ends, axis=0, return_inverse=True)
+        first, second, third = len(vertices) + middle.reshape(3, -1)
+        a, b, c = triangles.T
+        cut = ((a, first, third), (first, b, second), (third, second, c), (first, second, third))
+        triangles = np.concatenate([np.column_stack(part) for part in cut])
+        vertices = np.concatenate([vertices, vertices[edges].mean(axis=1)])
+    models = [block, mesh_model(vertices, triangles)]
+    for start, velocity, force in (
+        ([0.02, 0.03, -0.04], [-0.2, -0.1, 0.15], [-0.4, -1.0, 0.0]),
+        ([0.03, 0.02, 0.0], [-0.2, 0.0, 0.1], [0.3, -1.0, 0.2]),
+    ):
+        experiment = Experiment(0.6, start, velocity, [0.0, 0.3], [force, [0.5, -0.2, 0.1]])
+        plain, cut = (contact(model).simulate(experiment, 1e-3) for model in models)
+        assert len(plain.meta["events"]) >= 2
+        np.testing.assert_allclose(plain.hip, cut.hip, rtol=0.0, atol=1e-13)
+
+
+def test_on_icospheres_a_tool_leaves_where_it_does_on_the_sphere_with_order_one_half():
+    """From rest at an angle t0 off the top a sphere lets go at cos t = 2/3 cos t0.
+
+    At every edge of a mesh the tool hops, as far as v^2 d / N for a turn d. As N goes to zero with what is left to the
+    sphere's angle, the last hop begins where both are alike: at sqrt(d) from it, so that the error falls with the root
+    of the edges' length.
+    """
+    errors = []
+    for subdivisions in (3, 4, 5, 6):
+        model = make_model("icosphere", subdivisions=subdivisions, size=0.2)
+        off = []
+        for azimuth in np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False) + 0.1:
+            aside = 0.02 * np.array([math.cos(azimuth), math.sin(azimuth)])
+            start = model.boundary.closest_point(np.array([[*aside, 0.1]])).foot[0]
+            recording = contact(model).simulate(Experiment(0.6, start, [0, 0, 0], [0.0], [[0, 0, -1.0]]), 1e-3)
+            last = recording.meta["events"][-1]
+            assert last["kind"] == "leave"
+            place = np.array(last["position"]) / np.linalg.norm(last["position"])
+            off.append(math.acos(place[2]) - math.acos(2.0 / 3.0 * start[2] / np.linalg.norm(start)))
+        errors.append(np.sqrt(np.mean(np.square(off))))
+    # edges halve with each subdivision
+    order = -np.polyfit(np.arange(len(errors)), np.log2(errors), 1)[0]
+    assert errors[-1] < 0.05
+    assert 0.3 < order < 0.7
+
+
+SOLIDS = {
+    name: next(case for case in load_suite("solids").cases if case.name.startswith(name)).build_scene().model
+    for name in ("cube", "wedge-30", "l-block", "inner-corner", "extruded-star", "nut", "icosphere", "pebble")
+}
+numbers = st.floats(-1.0, 1.0)
+triples = st.tuples(numbers, numbers, numbers)
+
+
+@settings(max_examples=60)
+@given(st.sampled_from(sorted(SOLIDS)), triples, triples, triples, st.sampled_from([0.0, 0.5, 1.0]))
+def test_pushed_anywhere_it_keeps_to_momentum_and_energy_and_does_not_enter(name, side, velocity, push, restitution):
+    model, side = SOLIDS[name], np.add(side, [0.0, 0.0, 1e-3])
+    middle, outwards = np.mean(np.reshape(model.boundary.bounds, (2, 3)), axis=0), side / np.linalg.norm(side)
+    force = -outwards + 0.7 * np.array(push)
+    experiment = Experiment(0.6, middle + model.size * outwards, 0.3 * np.array(velocity), [0.0], [force])
+    recording = contact(model, restitution=restitution).simulate(experiment, 1e-3)
+    assert model.boundary.signed_distance(recording.hip).min() > -1e-12
+    impulses = (recording.force + recording.channels["operator_force"]) * recording.dt
+    np.testing.assert_allclose(np.diff(MASS * recording.velocity, axis=0), impulses[:-1], atol=1e-13)
+    energies = energy(recording, force)
+    assert np.diff(energies).max() <= 1e-11
+    if restitution == 1.0 and "rest" not in kinds(recording):
+        assert np.ptp(energies) <= 1e-10
+
+
+def drawn_path(model, corners):
+    """A path from outside of a model's box through points (n, 3) in 1.4 times that box, given in [-1, 1]."""
+    low, high = np.reshape(model.boundary.bounds, (2, 3))
+    points = 0.5 * (low + high) + 0.7 * np.vstack([[0.1, 0.2, 1.0], corners]) * (high - low)
+    return Path(0.3 * np.arange(len(points)), points)
+
+
+@settings(max_examples=40)
+@given(st.sampled_from(sorted(SOLIDS)), st.lists(triples, min_size=1, max_size=4), st.sampled_from([0.0, 0.5]))
+def test_led_anywhere_it_does_not_enter(name, corners, restitution):
+    model = SOLIDS[name]
+    recording = contact(model, restitution=restitution).simulate(drawn_path(model, corners), 1e-3)
+    assert model.boundary.signed_distance(recording.hip).min() > -1e-12
+
+
+@pytest.mark.parametrize("name", sorted(SOLIDS))
+def test_it_moves_with_its_scene(name):
+    """Along points in general positions: an edge that is hit exactly, or a tie of two faces, rounding decides."""
+    shift, model = np.array([0.1, -0.2, 0.3]), SOLIDS[name]
+    moved = mesh_model(model.boundary.vertices @ TURN.T + shift, model.boundary.triangles)
+    rng = np.random.default_rng(29)
+    for _ in range(6):
+        path = drawn_path(model, rng.uniform(-1.0, 1.0, (3, 3)))
+        here = contact(model).simulate(path, 1e-3)
+        there = contact(moved).simulate(Path(path.time, path.points @ TURN.T + shift), 1e-3)
+        np.testing.assert_allclose((there.hip - shift) @ TURN, here.hip, rtol=0.0, atol=1e-9)
+
+
+def test_what_it_cannot_do_is_refused_by_name():
+    with pytest.raises(RefusalError, match="mesh 'cube' holds the tool from both sides"):
+        contact(CUBE, bilateral=True)
+    with pytest.raises(InputError, match=r"0\.05 m inside the model 'cube'"):
+        contact(CUBE).simulate(Experiment(0.1, [0, 0, 0], [0, 0, 0], [0.0], [[0, 0, 0]]), 1e-3)
+    with pytest.raises(InputError, match="2 dimensions"):
+        contact(CUBE).simulate(Path([0.0, 1.0], np.zeros((2, 2))), 1e-3)
