@@ -22,6 +22,7 @@ from hapticeval.strategies import (
     MESHES,
     PARTS,
     PLANE_MODELS,
+    SURFACES,
     effects,
     examples,
     hand_paths,
@@ -30,10 +31,13 @@ from hapticeval.strategies import (
     plane_models,
     pushes,
     scenes,
+    surfaces,
 )
 
 NAMES = {"Moves": Moves, "Move": Move, "Tremor": Tremor, "ExperimentTable": ExperimentTable, "make_model": make_model}
-MODEL = {kind: make_model(kind) for kind in ("star", "cassinian", "ellipse", "line", "sphere", "torus")}
+MODEL = {
+    kind: make_model(kind) for kind in ("star", "cassinian", "ellipse", "line", "sphere", "torus", "l-block", "cube")
+}
 COUNT = 100
 
 
@@ -48,8 +52,8 @@ def test_examples_leave_nothing_in_the_folder(tmp_path):
 
 def test_the_public_names_stay_and_each_is_documented():
     documented = {
-        *("examples", "hand_paths", "laps", "meshes", "plane_models", "pushes", "scenes", "effects"),
-        *("MESHES", "PARTS", "PLANE_MODELS"),
+        *("examples", "hand_paths", "laps", "meshes", "plane_models", "pushes", "scenes", "surfaces", "effects"),
+        *("MESHES", "PARTS", "PLANE_MODELS", "SURFACES"),
     }
     assert set(strategies.__all__) == documented
     assert all(callable(getattr(strategies, name)) for name in documented if name.islower())
@@ -164,7 +168,7 @@ def test_there_is_no_lap_without_a_closed_outline(kind):
 
 @pytest.mark.parametrize("part", PARTS)
 def test_a_part_can_be_asked_for_alone(part):
-    found = examples(hand_paths(MODEL["star"], parts=[part], most=1), 10)
+    found = examples(hand_paths(MODEL["cube" if part == "vertex" else "star"], parts=[part], most=1), 10)
     assert all(moves.length > 0.0 for moves in found)
 
 
@@ -195,6 +199,46 @@ def test_meshes_of_each_kind_are_sound_print_as_what_makes_them_and_can_be_touch
     (moves,) = examples(hand_paths(model, most=1), 1)
     assert len(moves.start) == 3
     assert eval(repr(moves), NAMES) == moves
+
+
+def touched_together(moves, model):
+    """Whether the hand is under two faces, and under three, of those that meet at an edge and at a vertex beside it."""
+    hips = moves.path().sampled(1e-3)[1]
+    low = 0.5 * model.size
+
+    def under(*normals):
+        """Whether it is, at some time, less than a fifth of the size under each of the box's sides."""
+        depths = [low - hips @ normal for normal in normals]
+        return bool(np.any(np.all([(depth > 0.0) & (depth < 0.2 * model.size) for depth in depths], axis=0)))
+
+    axes = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
+    pairs = [pair for pair in itertools.combinations(axes, 2) if pair[0] @ pair[1] == 0.0]
+    triples = [t for t in itertools.combinations(axes, 3) if all(a @ b == 0.0 for a, b in itertools.combinations(t, 2))]
+    return any(under(*pair) for pair in pairs), any(under(*triple) for triple in triples)
+
+
+def test_in_space_edges_and_vertices_are_visited_and_in_a_notch_both_faces_are_touched():
+    cube, block = MODEL["cube"], MODEL["l-block"]
+    on_cube = [touched_together(moves, cube) for moves in examples(hand_paths(cube), COUNT, seed=1)]
+    assert sum(pair for pair, _ in on_cube) > COUNT / 5
+    assert sum(triple for _, triple in on_cube) > COUNT / 10
+    # The notch of the L: its legs are 40 mm thick, and its inner faces look along x and y.
+    inner = 0.04 - 0.5 * block.size
+    in_notch = 0
+    for moves in examples(hand_paths(block), COUNT, seed=1):
+        depth = inner - moves.path().sampled(1e-3)[1][:, :2]
+        in_notch += bool(np.any(np.all((depth > 0.0) & (depth < 0.02), axis=1)))
+    assert in_notch > COUNT / 10
+
+
+@pytest.mark.parametrize("kind", list(SURFACES))
+def test_surfaces_of_each_kind_are_sound_and_print_as_what_makes_them(kind):
+    drawn = examples(surfaces(kinds=[kind]), 10, seed=2)
+    assert len({str(model.table) for model in drawn}) >= 3
+    for model in drawn:
+        assert 0.01 < model.size < 0.8
+        assert model.boundary.signed_distance(model.boundary.points(50)) == pytest.approx(np.zeros(50), abs=1e-12)
+        assert eval(repr(model), NAMES).table == model.table
 
 
 @pytest.mark.parametrize("kind", list(PLANE_MODELS))

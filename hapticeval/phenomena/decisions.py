@@ -232,7 +232,7 @@ MEDIAL_BENDING = 0.9
 *Chosen*, 1 less a tenth: doubled, places behind the centre of curvature are judged, by a stretch that is negative."""
 
 DESCENT_SHARE = 0.1
-"""Step of a tool that slides on given pieces, as a share of the bound that it is compared with. *Chosen*: its place is
+"""Step of a tool that slides on the surface, as a share of the bound that it is compared with. *Chosen*: its place is
 off by a tenth of the bound at the most. Doubled, by a fifth."""
 
 DETOUR_BOUNDS = 2.0

@@ -5,6 +5,9 @@ distance from the HIP's nearest surface point vanishes with the depth, whatever 
 a god-object or by a map.
 
 A tool that stays behind, or creeps away over the surface, is never off it and never jumps.
+
+Where the hand comes in beside a convex edge, the nearest point may be on the other face from the first sample on, and a
+right tool on the one that the hand came through: there the IHIP is held against a rigid tool as well.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.checks.contact_kept import across_allowed
-from hapticeval.phenomena.decisions import ASIDE_DEPTHS, LAG_TICKS, STRETCHED_STEPS
+from hapticeval.phenomena.decisions import ASIDE_DEPTHS, DESCENT_SHARE, LAG_TICKS, STRETCHED_STEPS
 from hapticeval.phenomena.jumps import recent_steps
 from hapticeval.phenomena.sampling import evidence_at, hip_steps, lingering, mm, resolution, rounding, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
@@ -46,6 +49,7 @@ def find_aside(base: Recording, scene: Scene) -> Finding | None:
         + branch_doubt
     )
     aside = np.where(judged, np.linalg.norm(base.ihip - feet.foot, axis=1), 0.0)
+    _excuse_rigid_tool(base, scene, feet.foot, aside, allowed)
     worst = int(np.argmax(aside - allowed))
     if aside[worst] <= allowed[worst]:
         return None
@@ -56,6 +60,31 @@ def find_aside(base: Recording, scene: Scene) -> Finding | None:
     metric = Metric("distance of the IHIP from the HIP's nearest surface point", float(aside[worst]), "m")
     evidence = {**evidence_at(base, worst), "depth_m": float(depth[worst])}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
+
+
+def _excuse_rigid_tool(base: Recording, scene: Scene, feet: Array, aside: Array, allowed: Array) -> None:
+    """Lower `aside` (n,), m, to the distance from a rigid tool, in contacts in which it is more than `allowed` (n,), m.
+
+    Such a tool begins where the hand comes in, or at the nearest of `feet` (n, N), m, and slides on the model downhill
+    in distance to the hand; an IHIP may follow it up to three ticks late.
+    """
+    boundary = scene.model.boundary
+    for first, end in runs_of(touching(base, scene)):
+        astray = np.flatnonzero(aside[first:end] > allowed[first:end])
+        if not astray.size:
+            continue
+        step = DESCENT_SHARE * float(allowed[first:end].min())
+        # A renderer may report a contact three ticks late: the hand came in within the last few.
+        before, entry = base.hip[max(first - 1 - LAG_TICKS, 0)], base.hip[first]
+        crossing = boundary.first_crossing(before, entry, grain=step)
+        tools = [feet[first] if crossing is None else crossing]
+        for hip in base.hip[first : first + int(astray[-1]) + 1]:
+            tools.append(boundary.descend(tools[-1], hip, step=step))
+        ways = np.array(tools[1:])
+        for row in astray:
+            late = ways[max(int(row) - LAG_TICKS, 0) : row + 1]
+            distance = float(np.linalg.norm(late - base.ihip[first + row], axis=1).min())
+            aside[first + row] = min(aside[first + row], distance)
 
 
 def _followed_rows(base: Recording, scene: Scene, feet: Array, distance: Array) -> tuple[BoolArray, Array]:

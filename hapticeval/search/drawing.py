@@ -15,7 +15,7 @@ from hapticeval.phenomena.registry import CHECKS, OF_EFFECTS
 from hapticeval.runner.work import derived_seed
 from hapticeval.stimulus.experiments import ExperimentTable
 from hapticeval.stimulus.moves import Moves
-from hapticeval.strategies import examples, hand_paths, laps, meshes, plane_models, pushes
+from hapticeval.strategies import examples, hand_paths, laps, meshes, plane_models, pushes, surfaces
 from hapticeval.suite.case import Case
 
 MODELS: dict[int, tuple[dict[str, Any], ...]] = {
@@ -113,7 +113,8 @@ def draw_cases(
 
 def _draw_models(dimension: int, seed: int, round_number: int) -> list[dict[str, Any]]:
     """Draw models of that dimension."""
-    kinds = plane_models() if dimension == 2 else meshes()
+    # In space four models of five are meshes, or about so.
+    kinds = plane_models() if dimension == 2 else st.one_of(meshes(), surfaces())
     return [dict(model.table) for model in _seeded_examples(kinds, MODELS_PER_ROUND, seed, "models", round_number)]
 
 

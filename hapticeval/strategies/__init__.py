@@ -22,16 +22,17 @@ loaded, so that the same seed would give other examples in another program.
 
 from hapticeval.strategies.example import examples
 from hapticeval.strategies.hand import PARTS, hand_paths
-from hapticeval.strategies.mesh import MESHES, meshes
 from hapticeval.strategies.outline import laps
 from hapticeval.strategies.plane import PLANE_MODELS, plane_models
 from hapticeval.strategies.push import pushes
 from hapticeval.strategies.scene import effects, scenes
+from hapticeval.strategies.space import MESHES, SURFACES, meshes, surfaces
 
 __all__ = [
     "MESHES",
     "PARTS",
     "PLANE_MODELS",
+    "SURFACES",
     "effects",
     "examples",
     "hand_paths",
@@ -40,4 +41,5 @@ __all__ = [
     "plane_models",
     "pushes",
     "scenes",
+    "surfaces",
 ]

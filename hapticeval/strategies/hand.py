@@ -13,10 +13,10 @@ from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.model import Model
 from hapticeval.stimulus.moves import Move, Moves, Tremor, shortest_duration
 from hapticeval.strategies.numbers import rounded, share, signed
-from hapticeval.strategies.place import PLACE_COUNT, Place, check_model, places
+from hapticeval.strategies.place import PLACE_COUNT, Edge, Place, check_model, edges, places, vertices
 from hapticeval.types import Array
 
-PARTS = ("slide", "corner", "graze", "rest", "release", "medial-axis", "focal-point", "through")
+PARTS = ("slide", "corner", "vertex", "graze", "rest", "release", "medial-axis", "focal-point", "through")
 """What a hand does between its first contact and its last release: see `hand_paths`."""
 
 
@@ -37,7 +37,9 @@ def hand_paths(
     have one of 8 to 12 Hz and up to 0.2 mm. Each of the `parts` starts where the one before has ended:
 
     - `slide`: along the surface, at the depth at which the hand is, or another;
-    - `corner`: along one face past a corner, of a model that has any, from free space;
+    - `corner`: along one face past a corner, or past an edge of a solid, from free space; into a concave one under both
+      faces;
+    - `vertex`: along one face of a solid to a vertex, under all faces that meet there, and on under another of them;
     - `graze`: from free space past the surface, at most 0.5 % of the model's size under it, and out again;
     - `rest`: stays where it is;
     - `release`: into free space and back;
@@ -56,9 +58,12 @@ def hand_paths(
             raise UnknownNameError("part of a hand path", str(part), PARTS)
     if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= MOST_PARTS:
         raise InputError(f"most = {most!r}", why=f"it is a whole number of parts, from 1 to {MOST_PARTS}")
-    possible = tuple(part for part in PARTS if part in parts and (part != "corner" or model.boundary.corners))
+    targets = {"corner": edges(model), "vertex": vertices(model)}
+    possible = tuple(part for part in PARTS if part in parts and targets.get(part, True))
     if not possible:
-        raise InputError(f"a path past a corner on model '{model.name}'", why="it has no corner", todo="add a part")
+        raise InputError(
+            f"a path past a {' or a '.join(parts)} of model '{model.name}'", why="it has none", todo="add a part"
+        )
     return _hand_paths(model, possible, most, bool(tremor))
 
 
@@ -67,7 +72,8 @@ class Hand:
 
     def __init__(self, draw: st.DrawFn, model: Model, tremor: Tremor | None) -> None:
         self.draw = draw
-        self.boundary, self.size, self.corners = model.boundary, model.size, model.boundary.corners
+        self.boundary, self.size, self.dimension = model.boundary, model.size, model.dimension
+        self.edges, self.vertices = edges(model), vertices(model)
         # Once round the model, or a way along it that its window shows.
         self.girth = min(model.boundary.girth, 4.0 * model.size)
         self.places = places(model)
@@ -138,9 +144,11 @@ class Hand:
 
     def corner(self) -> None:
         """Go along a face past a corner: over a convex one straight on, into a concave one and on along the next."""
-        # Of very many corners one in so many is drawn, evenly round the model.
-        corner_number = self.draw(st.integers(0, min(len(self.corners), PLACE_COUNT) - 1))
-        corner = self.corners[corner_number * len(self.corners) // min(len(self.corners), PLACE_COUNT)]
+        edge = self.draw_edge()
+        corner, position = edge.corner, edge.corner.position
+        if self.dimension == 3:
+            # Anywhere on the middle four fifths of the edge.
+            position = position + 0.4 * self.draw(signed()) * edge.along
         tangent_before, normal_before, tangent_after, normal_after = (
             corner.tangent_pre,
             corner.normal_pre,
@@ -156,26 +164,65 @@ class Hand:
                 normal_before,
             )
         # So near to the corner that the faces are still its own.
-        reach = 0.4 * min(self.nearest_corner(corner.position), 0.5 * self.size)
+        reach = 0.4 * min(self.nearest_edge(position), 0.5 * self.size)
         depth = reach * (0.005 + 0.5 * self.draw(share()) ** 2)
-        face_point = corner.position - reach * (0.3 + 0.7 * self.draw(share())) * tangent_before
+        face_point = position - reach * (0.3 + 0.7 * self.draw(share())) * tangent_before
         self.move_to(face_point + 0.3 * reach * normal_before)
         self.move_to(face_point - depth * normal_before)
         if corner.convex:
-            self.move_to(
-                corner.position + reach * (0.3 + 0.7 * self.draw(share())) * tangent_before - depth * normal_before
-            )
+            self.move_to(position + reach * (0.3 + 0.7 * self.draw(share())) * tangent_before - depth * normal_before)
         else:
-            self.move_to(corner.position - depth * normal_before)
-            self.move_to(corner.position - depth * normal_after)
-            self.move_to(
-                corner.position + reach * (0.3 + 0.7 * self.draw(share())) * tangent_after - depth * normal_after
-            )
+            self.move_to(position - depth * normal_before)
+            if self.dimension == 3:
+                # Under both faces: where they are square to each other, as deep under either.
+                self.move_to(position - depth * (normal_before + normal_after))
+            self.move_to(position - depth * normal_after)
+            self.move_to(position + reach * (0.3 + 0.7 * self.draw(share())) * tangent_after - depth * normal_after)
         self.place, self.depth = self.place_near(np.array(self.position)), depth
 
-    def nearest_corner(self, position: Array) -> float:
-        """Return the distance (m) from `position` (N,), m, to the nearest other corner, or the model's size."""
-        gaps = [float(np.linalg.norm(other.position - position)) for other in self.corners]
+    def draw_edge(self) -> Edge:
+        """Draw a corner or an edge: of very many one in so many, evenly round the model."""
+        concave_edges = [edge for edge in self.edges if not edge.corner.convex]
+        # In space few edges are concave, and only there a tool has a second contact.
+        seldom = self.dimension == 3 and 0 < len(concave_edges) < len(self.edges)
+        pool = concave_edges if seldom and self.draw(st.booleans()) else self.edges
+        count = min(len(pool), PLACE_COUNT)
+        return pool[self.draw(st.integers(0, count - 1)) * len(pool) // count]
+
+    def nearest_edge(self, position: Array) -> float:
+        """Return the distance (m) from `position` (N,), m, to the nearest edge that it is not on, or else the size."""
+        gaps = [edge.distance_from(position) for edge in self.edges]
+        # On an edge, to rounding; in the plane its own corner is at no distance at all.
+        return min((gap for gap in gaps if gap > 1e-9 * self.size), default=self.size)
+
+    def vertex(self) -> None:
+        """Go along a face to a vertex, under all faces that meet there, and on under another of them."""
+        count = min(len(self.vertices), PLACE_COUNT)
+        vertex = self.vertices[self.draw(st.integers(0, count - 1)) * len(self.vertices) // count]
+        position, normals = vertex.position, vertex.normals
+        first = self.draw(st.integers(0, len(normals) - 1))
+        last = (first + self.draw(st.integers(1, len(normals) - 1))) % len(normals)
+        reach = 0.4 * min(self.nearest_vertex(position), 0.5 * self.size)
+        depth = reach * (0.005 + 0.5 * self.draw(share()) ** 2)
+        # d with n . d = -depth for all of the faces: where there are more than three, as nearly as can be.
+        under_all = np.linalg.lstsq(normals, np.full(len(normals), -depth), rcond=None)[0]
+        for row, lift in ((first, 0.3 * reach), (first, -depth)):
+            self.move_to(self.on_face(position, normals, row, reach) + lift * normals[row])
+        self.move_to(position + under_all)
+        self.move_to(self.on_face(position, normals, last, reach) - depth * normals[last])
+        self.place, self.depth = self.place_near(np.array(self.position)), depth
+
+    def on_face(self, position: Array, normals: Array, row: int, reach: float) -> Array:
+        """Return a point (3,), m, of one of the faces that meet at a vertex, about `reach` (m) from it."""
+        # Inwards, across the other faces, and along this one.
+        inwards = -normals.sum(axis=0)
+        inwards -= (inwards @ normals[row]) * normals[row]
+        guess = position + reach * inwards / max(float(np.linalg.norm(inwards)), 1e-9)
+        return np.asarray(self.boundary.closest_point((guess + 1e-3 * reach * normals[row])[np.newaxis]).foot[0])
+
+    def nearest_vertex(self, position: Array) -> float:
+        """Return the distance (m) from a vertex at `position` (3,), m, to the nearest other, or the model's size."""
+        gaps = [float(np.linalg.norm(other.position - position)) for other in self.vertices]
         return min((gap for gap in gaps if gap > 0.0), default=self.size)
 
     def place_near(self, point: Array) -> Place:
@@ -240,6 +287,7 @@ class Hand:
         {
             "slide": self.slide,
             "corner": self.corner,
+            "vertex": self.vertex,
             "graze": self.graze,
             "rest": self.stay,
             "release": self.out_and_in,

@@ -10,12 +10,13 @@ from honest import Spring
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jumping import HONEST
+from made import recorded
 from misplaced import ASTRAY, Hop, HopsWhileSlow, SinksWhileSlow, moved, single_hop, slowly
 from msgspec.structs import replace
 from outsiders import CASES
 
 from hapticeval.discovery import resolve
-from hapticeval.geometry.catalogue import ellipse, line
+from hapticeval.geometry.catalogue import cube, ellipse, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.under_the_hand import find_aside
@@ -127,3 +128,18 @@ def test_any_projection_is_under_the_hand(depths, ways, ratio, name):
     recording = play(resolve(name)(scene), Path(times, points), 1e-3, scene=scene)
     finding = find_aside(recording, scene)
     assert finding is None, finding.message
+
+
+def test_beside_a_convex_edge_the_tool_may_be_on_the_face_that_the_hand_came_through():
+    """In at the top of a cube just under its side, down along that side, and out of it: a rigid tool stays on top."""
+    scene = Scene(model=cube())
+    points = np.array([[49.7, 0, 55], [49.7, 0, 49], [49.7, 0, 0], [51.0, 0, 0]]) / 1000.0
+    recording = play(resolve("constraint")(scene), Path(np.array([0.0, 0.01, 0.6, 0.7]), points), 1e-3, scene=scene)
+    assert find_aside(recording, scene) is None
+    # The same, creeping along the edge besides: neither under the hand nor where a rigid tool is.
+    ihip = recording.ihip.copy()
+    touches = np.any(ihip != recording.hip, axis=1)
+    ihip[touches, 1] += np.linspace(0.0, 0.03, int(touches.sum()))
+    aside = find_aside(recorded(recording.hip, ihip), scene)
+    assert aside is not None
+    assert aside.metric.value == pytest.approx(0.03, rel=0.2)
