@@ -28,6 +28,7 @@ def _ground_of(scene: Scene) -> Ground:
     from hapticeval.errors import RefusalError
     from hapticeval.geometry.curve import Curve
     from hapticeval.geometry.mesh import Mesh
+    from hapticeval.geometry.surface import Surface
 
     boundary = scene.model.boundary
     if isinstance(boundary, Curve):
@@ -38,6 +39,10 @@ def _ground_of(scene: Scene) -> Ground:
         from hapticeval.rigid_contact.mesh_contact import MeshGround
 
         return MeshGround(scene)
+    if isinstance(boundary, Surface):
+        from hapticeval.rigid_contact.surface_contact import SurfaceGround
+
+        return SurfaceGround(boundary)
     raise RefusalError(
         f"model '{scene.model.name}' is a {type(boundary).__name__}",
         why="the ideal contact has no search for where the tool slides, leaves and hits on it",

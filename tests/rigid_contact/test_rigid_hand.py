@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import RefusalError
+from hapticeval.geometry.boundary import SurfaceInSpace
 from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.model import Model
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -69,7 +71,8 @@ def test_what_it_cannot_do_is_refused():
     scene = Scene(model=make_model("line"), mass=MASS)
     with pytest.raises(RefusalError, match="only brakes"):
         simulate_closed_loop(resolve("ideal")(scene), drawn([[0.0, 0.1], [0.1, 0.1]], stiffness=0.0), scene, 1e-3)
-    for model in ("sphere",):
-        with pytest.raises(RefusalError, match=f"model '{model}' is a ") as caught:
-            resolve("ideal")(Scene(model=make_model(model)))
-        assert "has no search" in caught.value.why
+    blob = SurfaceInSpace()
+    blob.name = "blob"
+    with pytest.raises(RefusalError, match="model 'blob' is a SurfaceInSpace") as caught:
+        resolve("ideal")(Scene(model=Model("blob", {}, blob)))
+    assert "has no search" in caught.value.why
