@@ -17,7 +17,7 @@ import numpy as np
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.sampling import LED
 from hapticeval.recordings.provenance import before_the_wall
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.recordings.stretches import continuing_steps
 from hapticeval.reports.canvas import MM
 from hapticeval.reports.plane import Box, filled_part
@@ -46,6 +46,12 @@ JUMP_RATIO = 4.0
 
 FACET_SHARE = 1.0 / 400.0
 """Share of a solid's size that its triangles may lie off it: half a pixel of a picture of it."""
+
+MOST_CONTACTS = 40
+"""Of a run with more contacts than this, beginnings and ends are not marked: nothing else would be seen."""
+
+IMPACT_SPEED = 0.02
+"""Speed (m/s) towards the surface from which on the beginning of a contact in a closed loop is marked as an impact."""
 
 EYE_AXES = np.array([[0.866, 0.5, 0.0], [-0.25, 0.433, 0.866], [0.433, -0.75, 0.5]])
 """From where a solid is seen first: rows are what lies to the right, up, and towards the eye, 30 degrees above."""
@@ -85,6 +91,8 @@ class Track:
     """The speed (n,), m/s, of the HIP's foot along that surface."""
     left_out: tuple[float, float] | None = None
     """The times, s, between which nothing but the places of verdicts is shown; None where all of it is."""
+    events: Sequence[tuple[float, str]] = ()
+    """When (s) a contact or an impact begins, and when a contact ends: `contact`, `impact`, `release`."""
 
     @property
     def ihip(self) -> Array:
@@ -377,7 +385,37 @@ def _sample_track(name: str, recording: Recording, chosen: DrawnRows) -> Track:
         dt=recording.dt,
         led=recording.meta.get("source") in LED,
         left_out=chosen.left_out,
+        events=contact_events(recording),
     )
+
+
+def contact_events(recording: Recording) -> list[tuple[float, str]]:
+    """Return when (s) contacts begin and end: `contact`, `impact`, `release`; none of a run with very many.
+
+    An impact is the beginning of a contact in a closed loop at which the HIP moves towards the surface, against the
+    offset of the IHIP or else against the force, at `IMPACT_SPEED` or faster.
+    """
+    if not {"ihip", "force"} & recording.channels.keys() or len(recording) < 3:
+        return []
+    contacts = list(runs_of(recording.contact))
+    if len(contacts) > MOST_CONTACTS:
+        return []
+    # What points away from the surface, where it was recorded.
+    outward = [recording.ihip - recording.hip] if "ihip" in recording.channels else []
+    outward += [recording.force] if "force" in recording.channels else []
+    events = []
+    for first, end in contacts:
+        # A contact that is there from the first row on was not seen to begin; one at the last row did not end.
+        if first > 0:
+            normal = next((vectors[first] for vectors in outward if vectors[first].any()), outward[0][first])
+            step = recording.hip[first] - recording.hip[first - 1]
+            # m/s towards the surface, where there is a direction.
+            approach = -float(step @ normal) / max(float(np.linalg.norm(normal)), 1e-300) / recording.dt
+            is_impact = recording.meta.get("source") not in LED and approach >= IMPACT_SPEED
+            events.append((float(recording.time[first]), "impact" if is_impact else "contact"))
+        if end < len(recording):
+            events.append((float(recording.time[end]), "release"))
+    return events
 
 
 def surface_motion(recording: Recording, model: Model) -> tuple[Array, Array]:
@@ -428,6 +466,7 @@ def tracks_document(tracks: Sequence[Track]) -> dict[str, Any]:
                 "name": track.name,
                 "path": list(paths).index(key),
                 "dt": track.dt,
+                "events": track.events,
                 **{name: floats(values) for name, values in channels.items() if values is not None},
             }
         )

@@ -25,6 +25,7 @@ from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.reports.canvas import Look, looks_of
 from hapticeval.reports.case_data import Track, drawable_recording, model_document, sample_tracks, tracks_document
 from hapticeval.reports.case_figure import Panel, Place, case_panels, panels_svg, plane_svg
+from hapticeval.reports.grid import gravest_first
 from hapticeval.reports.places import ASSETS as ASSET_FOLDER
 from hapticeval.reports.places import CHECK_PAGES, INDEX, ROOT, anchor, case_file
 from hapticeval.reports.plane import refusal_svg
@@ -54,14 +55,18 @@ class Neighbours:
     after: tuple[str, str] | None = None
 
 
+MOST_SHOWN = 3
+"""Renderers that a page shows at first; the others by a tick."""
+
 EVIDENCE_ELSEWHERE = ("time", "tick", "moments")
 """Evidence that does not stand in a check's table: it is shown beside the verdict, or among the closed forms."""
 
 
 class Cell(NamedTuple):
-    """A cell of a table: its value, and over how many rows it reaches."""
+    """A cell of a table: its value, the number of its column, and over how many rows it reaches."""
 
     value: Any
+    column: int
     rows: int
 
 
@@ -90,7 +95,10 @@ class CheckSection:
         """Each renderer that has evidence, and what it has by `keys`; one cell for equal ones that meet."""
         with_evidence = [verdict for row in self.rows for verdict in row if verdict.evidence]
         # By column, since a cell spans the equal ones below it; then read row by row.
-        columns = [list(_spanning_cells([verdict.evidence.get(key) for verdict in with_evidence])) for key in self.keys]
+        columns = [
+            list(_spanning_cells([verdict.evidence.get(key) for verdict in with_evidence], number))
+            for number, key in enumerate(self.keys)
+        ]
         return [
             (verdict.renderer, [cell for cells in columns if (cell := cells[k]) is not None])
             for k, verdict in enumerate(with_evidence)
@@ -218,7 +226,10 @@ def case_section(
         for entry in entries
         if entry.refusal is not None and entry.refusal.position is not None
     }
-    places = _failed_places(judged, {track.name for track in tracks})
+    drawn_names = [track.name for track in tracks]
+    places = _failed_places(judged, set(drawn_names))
+    timed = [verdict for verdict in judged if time_of(verdict) is not None and verdict.renderer in drawn_names]
+    worst = next(iter(gravest_first(timed)), None)
     questions = {v.check: read_page(CHECKS[v.check]).question for v in judged if v.check in CHECKS}
     figures: dict[str, str] = {}
     data = ""
@@ -252,9 +263,40 @@ def case_section(
         numbers={name: k for k, name in enumerate(names)}, note=note,
         scene_words=scene_words, robot_words=robot_words, ended_words=ended_words, figures_cited=figures_cited,
         places={(place.renderer, place.time): place.number for place in places},
-        tracks={track.name for track in tracks},
+        tracks=set(drawn_names), shown=differing_renderers(judged, drawn_names, worst), worst=worst,
         parts=_drawn_parts(tracks),
     )  # fmt: skip
+
+
+def differing_renderers(
+    verdicts: Sequence[VerdictEntry], names: Sequence[str], worst: VerdictEntry | None
+) -> Sequence[str]:
+    """Return up to `MOST_SHOWN` of the renderers `names` that a page shows first: those whose outcomes differ most.
+
+    The one of the `worst` verdict comes first. Each further one has the most outcomes that differ from those of all
+    before it; where none differs, two are shown.
+    """
+    if len(names) <= MOST_SHOWN:
+        return names
+    outcomes: dict[str, dict[str, Outcome]] = {name: {} for name in names}
+    for verdict in verdicts:
+        if verdict.renderer in outcomes:
+            outcomes[verdict.renderer][verdict.check] = verdict.outcome
+    chosen = [names[0] if worst is None else worst.renderer]
+
+    def difference(name: str) -> int:
+        """The number of checks with another outcome than the most alike of the chosen has."""
+        return min(
+            sum(outcomes[name].get(check) != outcomes[other].get(check) for check in outcomes[name]) for other in chosen
+        )
+
+    while len(chosen) < MOST_SHOWN:
+        # The first of those that differ most.
+        candidate = max((name for name in names if name not in chosen), key=difference)
+        if difference(candidate) == 0 and len(chosen) > 1:
+            break
+        chosen.append(candidate)
+    return chosen
 
 
 def _has_measured_hips(recording: Recording) -> bool:
@@ -311,12 +353,12 @@ def _check_sections(verdicts: Sequence[VerdictEntry]) -> list[CheckSection]:
     return sorted(sections, key=lambda section: min(_expectedness(row[0]) for row in section.rows))
 
 
-def _spanning_cells(values: Sequence[Any]) -> Iterator[Cell | None]:
+def _spanning_cells(values: Sequence[Any], column: int) -> Iterator[Cell | None]:
     """Yield the cells of a column: None where the one above reaches there."""
     for value, alike in groupby(values):
         rows = len(list(alike))
         # The first of equal cells spans them all; the others are left out.
-        yield Cell(value, rows)
+        yield Cell(value, column, rows)
         yield from [None] * (rows - 1)
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from hapticeval.phenomena.pages import CheckPage, read_page
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.bench_figure import TITLES, bench_plots
-from hapticeval.reports.canvas import looks_of, svg_element
+from hapticeval.reports.canvas import Look, looks_of, svg_element
 from hapticeval.reports.effects_figure import EffectPlot, cost_svg
 from hapticeval.reports.glossary import explain_terms
 from hapticeval.reports.grid import (
@@ -204,6 +204,13 @@ class ReportView:
         return [name for name in self.results.renderers if name not in self.recorded_renderers]
 
     @cached_property
+    def looks(self) -> Mapping[str, Look]:
+        """How each renderer looks on all pages; those of the bench alone come after the others."""
+        benched = [] if self.bench is None else [setting.renderer for setting in self.bench.settings]
+        judged = [verdict.renderer for verdict in self.results.verdicts]
+        return looks_of([*self.results.renderers, *judged, *benched])
+
+    @cached_property
     def titles(self) -> Mapping[tuple[str, str], str]:
         """The title of each case by suite and name."""
         return {(run.suite, run.case): run.title for run in self.results.runs}
@@ -334,8 +341,7 @@ class ReportView:
         """The plots of the bench, each with its title, in the looks that renderers have on all pages."""
         if self.bench is None:
             return []
-        names = [*self.results.renderers, *(setting.renderer for setting in self.bench.settings)]
-        return bench_plots(self.bench, looks_of(names))
+        return bench_plots(self.bench, self.looks)
 
     @property
     def bench_titles(self) -> Mapping[Kind, str]:

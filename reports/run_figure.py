@@ -20,6 +20,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import continuing_steps
 from hapticeval.reports.canvas import (
     MM,
+    Look,
     clear_axes,
     colour_of,
     draw_over_time,
@@ -86,9 +87,17 @@ def marks_of(verdicts: Sequence[VerdictEntry]) -> dict[str, Mark]:
 
 
 def figure_svg(
-    recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), prefix: str = "f", title: str = ""
+    recording: Recording,
+    model: Model | None,
+    *,
+    marks: Sequence[Mark] = (),
+    prefix: str = "f",
+    title: str = "",
+    look: Look | None = None,
 ) -> str:
     """Return the figure as an SVG element for a page; the same input gives the same text.
+
+    With the `look` of its renderer the IHIP has that renderer's colour, and the HIP that of what stands beside.
 
     Of a recording in 3D the two coordinates in which it moves most are drawn, and all three force components.
     """
@@ -96,11 +105,15 @@ def figure_svg(
     with in_style():
         try:
             _draw(axes, recording, model, marks)
-            return page_svg(fig, prefix=prefix, title=title)
+            svg = page_svg(fig, prefix=prefix, title=title)
         # The cached figure is emptied for the next run, also where drawing failed.
         finally:
             for panel in axes:
                 clear_axes(panel)
+    if look is None:
+        return svg
+    # The HIP first: the renderer's colour may be that of its role.
+    return svg.replace("var(--fig-hip)", "var(--fig-quiet)").replace("var(--fig-ihip)", f"var(--fig-{look.role})")
 
 
 @cache

@@ -13,7 +13,7 @@ from hapticeval.quantity import format_duration, format_length, format_number, f
 from hapticeval.reports.glossary import GLOSSARY
 from hapticeval.reports.grid import step_ratio
 from hapticeval.reports.places import ASSETS, CHECK_PAGES, INDEX, ROOT, anchor, case_file
-from hapticeval.runner.results import RunEntry
+from hapticeval.runner.results import Measure, RunEntry
 from hapticeval.runner.standing import Standing
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ def environment() -> Environment:
         "bytes": format_size,
         "duration": format_duration,
         "in_unit": format_length,
+        "measure": _measure,
         "millimetres": _millimetres,
         "number": format_number,
         "plural": lambda count, noun: f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s",
@@ -75,56 +76,72 @@ def model_words(run: RunEntry) -> str:
     return f"{kind} ({words})" if 0 < len(words) < MOST_CHARACTERS else kind
 
 
-UNITS: Mapping[str, str] = MappingProxyType(
+UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
     {
-        "m_s2": "m/s²",
-        "m_s": "m/s",
-        "N_s": "N s",
-        "Ns": "N s",
-        "kg_s": "kg/s",
-        "N_m": "N/m",
-        "1_s": "1/s",
-        "m": "m",
-        "s": "s",
-        "N": "N",
-        "J": "J",
-        "ms": "ms",
-        "time": "s",
-        "deg": "°",
-        "rad": "rad",
-        "dB": "dB",
-        "Hz": "Hz",
+        "m_s2": ("m/s²", 1.0),
+        "m_s": ("m/s", 1.0),
+        "N_s": ("N s", 1.0),
+        "Ns": ("N s", 1.0),
+        "kg_s": ("kg/s", 1.0),
+        "N_m": ("N/m", 1.0),
+        "1_s": ("1/s", 1.0),
+        "m": ("mm", 1e3),
+        "s": ("s", 1.0),
+        "N": ("N", 1.0),
+        "J": ("mJ", 1e3),
+        "ms": ("ms", 1.0),
+        "time": ("s", 1.0),
+        "deg": ("°", 1.0),
+        "rad": ("rad", 1.0),
+        "dB": ("dB", 1.0),
+        "Hz": ("Hz", 1.0),
     }
 )
-"""How names of evidence end, and the unit that this means."""
+"""How names of evidence end; the unit that pages show it in, that of the verdict's words, and how many make one."""
 
 POINT_NAMES = re.compile("(to_)?i?hip(_before|_other_path)?")
 """Names of evidence that are points, in m."""
 
 
-def evidence_words(name: str) -> str:
-    """Return a name of evidence in words, with its unit: `foot_speed_m_s` is the foot speed (m/s)."""
+def _evidence_unit(name: str) -> tuple[str, str, float]:
+    """Return how a name of evidence ends, the unit that this means, and how many of it make one; "", "", 1 if none."""
+    if POINT_NAMES.fullmatch(name):
+        return "", *UNITS["m"]
     # UNITS has compound endings first: a name in _m_s ends in _s as well.
     end = next((suffix for suffix in UNITS if name.endswith(f"_{suffix}")), "")
+    return end, *UNITS.get(end, ("", 1.0))
+
+
+def evidence_words(name: str) -> str:
+    """Return a name of evidence in words, with the unit it is shown in: `foot_speed_m_s` is the foot speed (m/s)."""
+    end, unit, _ = _evidence_unit(name)
     words = name if end == "time" else name.removesuffix(f"_{end}")
-    unit = "m" if POINT_NAMES.fullmatch(name) else UNITS.get(end)
     words = re.sub("i?hips?", lambda match: match[0].upper().replace("S", "s"), words.replace("_", " "))
-    return words if unit is None else f"{words} ({unit})"
+    return f"{words} ({unit})" if unit else words
 
 
-def _evidence_text(value: Any) -> str:
-    """Return evidence as a table shows it: numbers to four digits, lists without brackets."""
+def _evidence_text(value: Any, name: str = "") -> str:
+    """Return evidence of a name as a table shows it: numbers to four digits in its unit, lists without brackets."""
     # Before numbers: a bool is an int in Python.
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
         # A minus as wide as a plus.
-        return format_number(value).replace("-", "\u2212")
+        return format_number(_evidence_unit(name)[2] * value).replace("-", "\u2212")
     if isinstance(value, list):
-        return ", ".join(map(_evidence_text, value))
+        return ", ".join(_evidence_text(part, name) for part in value)
     if isinstance(value, dict):
-        return "; ".join(f"{name}: {_evidence_text(part)}" for name, part in value.items())
+        return "; ".join(f"{key}: {_evidence_text(part, name)}" for key, part in value.items())
     return "–" if value is None else str(value)  # noqa: RUF001
+
+
+def _measure(value: float | None, metric: Measure) -> str:
+    """Return a metric or its bound in the unit of the check's words: energies in mJ, shares in per cent."""
+    if value is not None and metric.unit == "J":
+        return format_quantity(1e3 * value, "mJ")
+    if value is not None and metric.unit in ("", "1") and metric.name.startswith("share"):
+        return format_quantity(100.0 * value, "%")
+    return format_quantity(value, metric.unit)
 
 
 def _json_text(value: Any) -> str:

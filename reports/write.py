@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.recordings.recording import Recording
+from hapticeval.reports.canvas import Look, looks_of
 from hapticeval.reports.effects_figure import effect_plots, read_run
 from hapticeval.reports.exports import write_tables
 from hapticeval.reports.grid import worst_verdicts
@@ -105,6 +106,7 @@ class Picture:
     run: RunEntry
     verdicts: Sequence[VerdictEntry]
     prefix: str
+    look: Look
 
     def make(self) -> Drawing:
         """Read the recording and draw it; what the user can mend is reported in the figure's place."""
@@ -122,7 +124,7 @@ class Picture:
             return Drawing(problem=f"the recording has no channel '{lacking[0]}'")
         title = f"{'/'.join(self.run.key)}: HIP, IHIP, response force and steps against time"
         marks = tuple(marks_of(self.verdicts).values())
-        return Drawing(svg=figure_svg(recording, model, marks=marks, prefix=self.prefix, title=title))
+        return Drawing(svg=figure_svg(recording, model, marks=marks, prefix=self.prefix, title=title, look=self.look))
 
     def fallback(self) -> Drawing:
         """Return the reason that stands in the figure's place where the process that drew it has ended."""
@@ -272,8 +274,9 @@ def _failure_pictures(directory: Path, results: ResultsDocument) -> list[Picture
     """Return one figure to draw for each run whose failure the first page shows."""
     run_keys: dict[RunKey, None] = dict.fromkeys(verdict.key for verdict in worst_verdicts(results, MOST_FAILURES))
     runs = {run.key: run for run in results.runs}
+    looks = looks_of(results.renderers)
     return [
-        Picture(directory, runs[key], results.verdicts_of[key], f"f{number}")
+        Picture(directory, runs[key], results.verdicts_of[key], f"f{number}", looks[runs[key].renderer])
         for number, key in enumerate(run_keys)
         if key in runs
     ]

@@ -2,7 +2,8 @@
 // The moving part of a case page: reads the runs, and moves HIP and IHIP over model and plots with one slider.
 // Everything that it shows is in the page as figures too; without script those stay.
 (() => {
-  const MM = 1e3, MARKERS = 14, CHUNK = 8, RAYS = 60, FINE = 0.06, LENS = 0.36;
+  const MM = 1e3, MARKERS = 14, CHUNK = 8, RAYS = 60, FINE = 0.06, LENS = 0.36, ARROW = 56, SIDEWAYS = 0.35;
+  const EVENTS = { contact: ["▾", "contact begins"], impact: ["✶", "impact"], release: ["▴", "contact ends"] };
 
   // --- data -------------------------------------------------------------------------------------------------------
   /** The numbers of `case_data.floats`, by columns. */
@@ -11,6 +12,8 @@
     return Array.from({ length: count }, (_, c) => Float64Array.from({ length: flat.length / count }, (_, k) => flat[k * count + c]));
   }
 
+  const dot = (one, two) => one.reduce((sum, x, i) => sum + x * two[i], 0);
+  const extent = (column) => column.reduce(([low, high], x) => [Math.min(low, x), Math.max(high, x)], [Infinity, -Infinity]);
   const size = (columns, k) => Math.hypot(...columns.map((each) => each[k]));
 
   /** The last sample of a run at or before a time, within a rounding; the first before it begins. */
@@ -77,6 +80,17 @@
     return colours.get(role);
   };
 
+  function arrow(g, x, y, toX, toY, stroke) {
+    const length = Math.hypot(toX - x, toY - y), head = Math.min(8, 0.5 * length), angle = Math.atan2(toY - y, toX - x);
+    if (length < 2) return;
+    g.strokeStyle = g.fillStyle = stroke;
+    g.lineWidth = 2;
+    g.beginPath(); g.moveTo(x, y); g.lineTo(toX - 0.7 * head * Math.cos(angle), toY - 0.7 * head * Math.sin(angle)); g.stroke();
+    g.beginPath(); g.moveTo(toX, toY);
+    for (const side of [2.7, -2.7]) g.lineTo(toX + head * Math.cos(angle + side), toY + head * Math.sin(angle + side));
+    g.fill();
+  }
+
   function marker(g, kind, x, y, r) {
     g.beginPath();
     if (kind === "o") g.arc(x, y, r, 0, 2 * Math.PI);
@@ -120,8 +134,13 @@
       const button = (text, label, act) => element("button", { type: "button", "aria-label": /\w/.test(text) ? null : label, title: label, onclick: () => { act(); this.draw(); } }, text);
       const bar = element("div", { class: "zoom", role: "group", "aria-label": "view of the model" },
         button("+", "zoom in", () => this.zoom(1.6)), button("−", "zoom out", () => this.zoom(1 / 1.6)),
-        button("hand", "close up on the hand", () => this.closeUp()), button("all", "show everything", () => this.fit()));
-      if (this.space) bar.append(button("←", "turn to the left", () => this.rotate(-0.3, 0)), button("→", "turn to the right", () => this.rotate(0.3, 0)), button("↑", "tilt up", () => this.rotate(0, -0.3)), button("↓", "tilt down", () => this.rotate(0, 0.3)));
+        button("hand", "close up on the hand", () => this.closeUp()), button("all", "show everything", () => { this.setFollowing(true); this.fit(); }));
+      if (this.space) {
+        this.followButton = button("follow", "turn the solid so that the tool stays in sight", () => this.setFollowing(!this.following));
+        bar.append(this.followButton);
+        this.setFollowing(true);
+      }
+      if (this.space) bar.append(button("←", "turn to the left", () => { this.setFollowing(false); this.rotate(-0.3, 0); }), button("→", "turn to the right", () => { this.setFollowing(false); this.rotate(0.3, 0); }), button("↑", "tilt up", () => { this.setFollowing(false); this.rotate(0, -0.3); }), button("↓", "tilt down", () => { this.setFollowing(false); this.rotate(0, 0.3); }));
       box.append(bar, this.canvas);
       this.listen();
       new ResizeObserver(() => this.resize()).observe(this.canvas);
@@ -137,7 +156,8 @@
         normals.push(n.map((x) => x / length));
         middles.push(a.map((x, i) => (x + b[i] + c[i]) / 3));
       }
-      return { vertices, triangles, normals, middles, count };
+      const centre = vertices.map((column) => 0.5 * (Math.min(...extent(column)) + Math.max(...extent(column))));
+      return { vertices, triangles, normals, middles, count, centre };
     }
 
     listen() {
@@ -149,7 +169,7 @@
         if (!moved && Math.hypot(dx, dy) < 3) return;
         moved = true;
         last = [event.offsetX, event.offsetY];
-        if (this.space && !event.shiftKey) this.rotate(0.01 * dx, 0.01 * dy);
+        if (this.space && !event.shiftKey) { this.setFollowing(false); this.rotate(0.01 * dx, 0.01 * dy); }
         else this.centre = [this.centre[0] - dx / this.scale, this.centre[1] + dy / this.scale];
         this.draw();
       });
@@ -161,6 +181,38 @@
         this.draw();
       }, { passive: false });
       this.canvas.addEventListener("dblclick", (event) => { this.zoom(2, [event.offsetX, event.offsetY]); this.draw(); });
+    }
+
+    setFollowing(on) {
+      this.following = on;
+      this.followButton?.setAttribute("aria-pressed", String(on));
+      if (on && this.width) this.follow();
+    }
+
+    /** Turn the solid, as little as need be, so that the side on which the tool is faces the eye; tell whether it was turned. */
+    follow() {
+      const run = this.view.visible().find(({ now }) => now.touches) ?? this.view.visible()[0];
+      if (!this.following || !this.mesh || !run) return false;
+      const { apart, ihip, hip } = run.now, tool = (ihip ?? hip).map(([x]) => x);
+      const out = run.now.touches && size(apart, 0) > 0 ? apart.map(([x]) => x) : tool.map((x, i) => x - this.mesh.centre[i]);
+      const length = Math.hypot(...out), eye = this.turn[2];
+      if (!length) return false;
+      const side = out.map((x) => x / length), cosine = dot(side, eye);
+      if (cosine >= SIDEWAYS - 1e-9) return false;
+      // within the plane of eye and side: the eye goes to where it sees that side under the angle of SIDEWAYS
+      let across = eye.map((x, i) => x - cosine * side[i]);
+      if (Math.hypot(...across) < 1e-6) across = this.turn[0];
+      across = across.map((x) => x / Math.hypot(...across));
+      this.look(side.map((x, i) => SIDEWAYS * x + Math.sqrt(1 - SIDEWAYS ** 2) * across[i]));
+      return true;
+    }
+
+    /** Look from a direction, upright: what is to the right lies level, but for a look from straight above. */
+    look(eye) {
+      let right = [-eye[1], eye[0], 0];
+      if (Math.hypot(...right) < 0.05) right = this.turn[0].map((x, i) => x - dot(this.turn[0], eye) * eye[i]);
+      right = right.map((x) => x / Math.hypot(...right));
+      this.turn = [right, [eye[1] * right[2] - eye[2] * right[1], eye[2] * right[0] - eye[0] * right[2], eye[0] * right[1] - eye[1] * right[0]], eye];
     }
 
     rotate(yaw, pitch) {
@@ -194,6 +246,7 @@
 
     fit() {
       this.turn = JSON.parse(this.home);
+      this.follow();
       let low = [Infinity, Infinity], high = [-Infinity, -Infinity];
       const add = (point) => { low = low.map((x, i) => Math.min(x, point[i])); high = high.map((x, i) => Math.max(x, point[i])); };
       const runs = this.view.runs.filter((run) => run.near);
@@ -250,6 +303,7 @@
     /** Draw what moves: the picture of `draw`, and on it the hand and the tools at this time. */
     move() {
       if (!this.width) return;
+      if (this.follow()) { this.draw(); return; }
       const ratio = window.devicePixelRatio || 1, g = this.canvas.getContext("2d");
       g.setTransform(1, 0, 0, 1, 0, 0);
       g.clearRect(0, 0, this.canvas.width, this.canvas.height);
@@ -383,6 +437,14 @@
         g.fillStyle = colour("quiet");
         g.fillText(`${name} refuses`, x + 9, y + 12);
       }
+      g.font = "15px system-ui, sans-serif";
+      g.textAlign = "center";
+      for (const run of this.view.visible()) for (const [time, kind] of run.events) {
+        const [x, y] = this.screen(this.flat(run.ihip ?? run.hip, sampleAt(run, time)));
+        g.fillStyle = colour(run.role);
+        g.fillText(EVENTS[kind][0], x, y + 5);
+      }
+      g.textAlign = "start";
       g.fillStyle = colour("ink");
       g.font = "11px system-ui, sans-serif";
       for (const [[x, y], numbers] of places) g.fillText(numbers.join(","), x + 8, y - 6);
@@ -401,6 +463,9 @@
       g.stroke();
       const [unit, factor] = mm >= 0.1 ? ["mm", 1] : mm >= 1e-4 ? ["µm", 1e3] : ["nm", 1e6];
       g.fillText(`${Number((factor * mm).toPrecision(2))} ${unit}`, x + 5, y - 5);
+      if (!this.view.strongest) return;
+      arrow(g, x, y - 26, x + ARROW, y - 26, colour("quiet"));
+      g.fillText(`force on the hand: ${Number(this.view.strongest.toPrecision(2))} N`, x + ARROW + 6, y - 22);
     }
 
     drawAxes(g) {
@@ -426,6 +491,7 @@
           g.fillStyle = colour(run.role);
           marker(g, run.marker, ...ihip, r + 0.6);
         }
+        if (run.now.force) this.drawForce(g, run, screen(this.flat(run.now.touches && run.ihip ? run.now.ihip : run.now.hip, 0)));
         const key = hip.map(Math.round).join();
         if (hands.has(key)) continue;
         hands.add(key);
@@ -434,6 +500,12 @@
         g.fillStyle = colour("paper"); g.fill();
         g.strokeStyle = colour("ink"); g.lineWidth = 1.8; g.stroke();
       }
+    }
+
+    /** The force on the hand as an arrow from the tool: the largest of all runs is ARROW pixels long. */
+    drawForce(g, { now, role }, [x, y]) {
+      const [right, up] = this.flat(now.force, 0).map((part) => (ARROW * part) / (this.view.strongest || 1));
+      arrow(g, x, y, x + right, y - up, colour(role));
     }
 
     /** What happens at this time, enlarged, where hand and tool cannot be told apart in the picture. */
@@ -520,12 +592,18 @@
         scales: { x: { time: false }, y: panel.range ? { distr: 3, range: () => panel.range } : { range: (_, low, high) => zeroed(low, high) } },
         axes: [{ ...axis, label: last ? "time (s)" : undefined, labelSize: 18, size: last ? 26 : 26 }, { ...axis, label: panel.label, labelSize: 18, size: 52, ...(panel.range ? { splits: () => decades(panel.range), values: (_, all) => all.map(power), filter: (_, all) => all } : {}) }],
       }, data, this.holder);
-      made.root.setAttribute("role", "img");
-      made.root.setAttribute("aria-label", `${panel.label} against time`);
+      for (const [name, value] of Object.entries({ role: "slider", tabindex: 0, "aria-label": `${panel.label} against time`, "aria-valuemin": this.view.start, "aria-valuemax": this.view.end })) made.root.setAttribute(name, value);
+      made.root.addEventListener("keydown", (event) => this.view.keys(event));
+      made.read = () => {
+        const numbers = runs.map((run) => [run.name, term(run, panel.terms[0][0])]).filter(([, values]) => values).map(([name, values], k) => `${name} ${Number(values[sampleAt(runs[k], this.view.time)].toPrecision(3))}`);
+        made.root.setAttribute("aria-valuenow", this.view.time);
+        made.root.setAttribute("aria-valuetext", `${this.view.time.toFixed(this.view.decimals())} s: ${numbers.join(", ")}`);
+      };
       const line = element("div", { class: "now-line" });
       made.over.append(line);
       made.line = line;
       for (const mark of this.view.marks) if (mark.run.shown) made.over.append(Object.assign(element("div", { class: "mark-line", style: `border-color:${colour(mark.run.role)}` }), { time: mark.time }));
+      if (!index) for (const run of runs) for (const [time, kind] of run.events) made.over.append(Object.assign(element("div", { class: "mark-event", style: `color:${colour(run.role)}`, title: `${EVENTS[kind][1]}: ${run.name}, t = ${time.toFixed(3)} s` }, EVENTS[kind][0]), { time }));
       made.over.addEventListener("click", (event) => this.view.go(made.posToVal(event.offsetX, "x")));
       made.hooks.setScale = [...(made.hooks.setScale ?? []), () => requestAnimationFrame(() => this.move())];
       return made;
@@ -533,7 +611,8 @@
 
     move() {
       for (const each of this.made) {
-        for (const line of each.over.querySelectorAll(".now-line, .mark-line")) {
+        each.read();
+        for (const line of each.over.querySelectorAll(".now-line, .mark-line, .mark-event")) {
           const left = each.valToPos(line.time ?? this.view.time, "x");
           line.hidden = !(left >= -1 && left <= each.over.clientWidth + 1);
           line.style.transform = `translateX(${left}px)`;
@@ -575,6 +654,8 @@
       const far = this.runs.map((run) => run.hip.reduce((most, column) => column.reduce((m, value) => Math.max(m, Math.abs(value)), most), 0));
       const median = [...far].sort((a, b) => a - b)[far.length >> 1];
       this.runs.forEach((run, k) => { run.near = far[k] <= 3 * median; });
+      for (const box of section.querySelectorAll(".runs-shown input")) for (const run of this.runs) if (run.number === Number(box.dataset.run)) run.shown = box.checked;
+      this.strongest = Math.max(...this.runs.filter((run) => run.near).map((run) => largest(run.force)));
       this.start = Math.min(...this.runs.map((run) => run.time[0]));
       this.end = Math.max(...this.runs.map((run) => run.time[run.time.length - 1]));
       this.times = [...new Set(this.runs.flatMap((run) => [...run.time]))].sort((a, b) => a - b);
@@ -594,7 +675,9 @@
         link.addEventListener("click", (event) => { event.preventDefault(); history.replaceState(null, "", link.hash); this.jump(verdict); });
         time.replaceWith(link);
       }
-      this.go(this.start);
+      const worst = document.getElementById(section.dataset.worst)?.closest("li[data-time]");
+      this.go(worst ? Number(worst.dataset.time) : this.start);
+      worst?.classList.add("current");
       this.table();
       this.scene.resize();
     }
@@ -610,6 +693,7 @@
     }
 
     transport(stage, views) {
+      const { section } = this;
       this.range = element("input", { type: "range", min: this.start, max: this.end, step: "any", "aria-label": "time", oninput: () => this.go(Number(this.range.value)) });
       this.range.addEventListener("keydown", (event) => this.keys(event));
       this.clock = element("output", { class: "clock" });
@@ -619,6 +703,12 @@
       this.speed = element("select", { "aria-label": "speed" }, ...speeds.map((each) => element("option", { value: each, selected: each === usual }, `${each} ×`)));
       this.ticks = element("div", { class: "ticks", "aria-hidden": "true" });
       for (const each of new Map(this.marks.map((mark) => [mark.time, mark])).values()) this.ticks.append(element("i", { style: `left:${100 * (each.time - this.start) / (span || 1)}%;background:var(--fig-${each.run.role})` }));
+      const kinds = Object.keys(EVENTS).filter((kind) => this.runs.some((run) => run.events.some((event) => event[1] === kind)));
+      if (kinds.length) views.append(element("p", { class: "event-key quiet" }, kinds.map((kind) => EVENTS[kind].join(" ")).join(" · ")));
+      if (this.runs.length > this.visible().length) {
+        const all = element("button", { type: "button", onclick: () => { for (const box of section.querySelectorAll(".runs-shown input:not([disabled])")) { box.checked = true; this.choose(box); } all.remove(); } }, "show all");
+        section.querySelector(".runs-shown").append(all);
+      }
       views.after(
         element("div", { class: "transport" }, this.button, element("div", { class: "track" }, this.ticks, this.range), this.clock, this.speed),
         element("div", { class: "scroll-now", tabindex: "0", role: "region", "aria-label": "values at this time" }, (this.values = element("table", { class: "now" }))));

@@ -25,6 +25,7 @@ from hapticeval.reports import case_data
 from hapticeval.reports.canvas import THEME, looks_of
 from hapticeval.reports.case_data import (
     EYE_AXES,
+    contact_events,
     drawable_recording,
     floats,
     jump_rows,
@@ -40,13 +41,14 @@ from hapticeval.reports.case_page import (
     ASSETS,
     CheckSection,
     case_section,
+    differing_renderers,
     write_assets,
     write_case_page,
     write_view,
 )
 from hapticeval.reports.places import case_file
-from hapticeval.reports.templates import evidence_words
-from hapticeval.runner.results import Refusal
+from hapticeval.reports.templates import environment, evidence_words
+from hapticeval.runner.results import Measure, Refusal
 
 # What of a run is kept, and how it is packed.
 
@@ -165,6 +167,47 @@ def test_gaps_and_rows_that_are_no_measurement_part_a_run():
     assert track.starts.tolist() == [10, 20]
     assert track.time[10] == pytest.approx(0.02)
     assert track.force is None
+
+
+def test_contacts_begin_and_end_and_fast_ones_in_a_loop_are_impacts():
+    height = np.array([3.0, 2.0, -1.0, -2.0, 1.0, 2.0, 1.001, -0.001, -0.002, 0.5])[:, np.newaxis] * [0.0, 1e-3]
+    ihip = np.maximum(height, 0.0)
+    channels = {"hip": height, "ihip": ihip, "force": 1e3 * (ihip - height)}
+    time = np.arange(10) * 0.04
+    run = Recording(time, channels, {"source": "experiment", "dt": 0.04})
+    expected = [(0.08, "impact"), (0.16, "release"), (0.28, "impact"), (0.36, "release")]
+    assert contact_events(run) == [(pytest.approx(at), kind) for at, kind in expected]
+    slow = Recording(10.0 * time, channels, {"source": "experiment", "dt": 0.4})
+    assert [kind for _, kind in contact_events(slow)] == ["contact", "release"] * 2, "7.5 and 2.5 mm/s"
+    led = Recording(time, channels, {"source": "playback", "dt": 0.04})
+    assert [kind for _, kind in contact_events(led)] == ["contact", "release"] * 2
+    force = Recording(time, {"hip": height, "force": channels["force"]}, {"source": "experiment", "dt": 0.04})
+    assert contact_events(force) == contact_events(run)
+    assert contact_events(Recording(time, {"hip": height})) == []
+
+
+def outcomes(**by_renderer):
+    """Verdicts of checks a, b, ... by renderer: P passes, F fails."""
+    return [
+        verdict("x", name, check, Finding(Outcome.PASS if letter == "P" else Outcome.FAIL, ""))
+        for name, letters in by_renderer.items()
+        for check, letter in zip("abcd", letters, strict=False)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("given", "worst", "shown"),
+    [
+        ({"r": "PP", "s": "PP", "t": "PP", "u": "FP", "v": "PF"}, "u", ["u", "v", "r"]),
+        ({"r": "PPP", "s": "FFP", "t": "PPF", "u": "PPP"}, "s", ["s", "t", "r"]),
+        ({"r": "PP", "s": "PP", "t": "PP", "u": "PP"}, None, ["r", "s"]),
+        ({"r": "P", "s": "P", "t": "F"}, "t", ["r", "s", "t"]),
+    ],
+)
+def test_a_page_shows_the_renderers_first_that_differ(given, worst, shown):
+    judged = outcomes(**given)
+    chosen = next((entry for entry in judged if entry.renderer == worst), None)
+    assert list(differing_renderers(judged, list(given), chosen)) == shown
 
 
 def test_a_recording_of_one_dimension_is_shown_before_its_wall():
@@ -402,8 +445,8 @@ def test_a_view_is_never_written_over_other_files(tmp_path):
         ("apparent_stiffness_N_m", "apparent stiffness (N/m)"),
         ("impulse_N_s", "impulse (N s)"),
         ("rms_m_s2", "rms (m/s²)"),
-        ("ihip_before", "IHIP before (m)"),
-        ("hip_step_m", "HIP step (m)"),
+        ("ihip_before", "IHIP before (mm)"),
+        ("hip_step_m", "HIP step (mm)"),
         ("from_time", "from time (s)"),
         ("share_deep", "share deep"),
     ],
@@ -418,4 +461,25 @@ def test_evidence_that_rows_share_is_one_cell():
         for name, rows in (("a", 1), ("b", 2), ("c", 2))
     ]
     cells = dict(CheckSection("x", [[each] for each in found]).evidence)
-    assert cells == {"a": [(1, 1), ("led", 3)], "b": [(2, 2)], "c": []}
+    assert cells == {"a": [(1, 0, 1), ("led", 1, 3)], "b": [(2, 0, 2)], "c": []}
+
+
+@pytest.mark.parametrize(
+    ("value", "name", "shown"),
+    [
+        (0.0125, "jump_m", "12.5"), ([0.1, -0.02], "ihip_before", "100, −20"), (0.5, "from_time", "0.5"),  # noqa: RUF001
+        (2e-6, "hold_J", "0.002"), (3, "laps", "3"),
+    ],
+)  # fmt: skip
+def test_lengths_of_evidence_are_in_millimetres_and_energies_in_millijoules_as_in_the_words_of_verdicts(
+    value, name, shown
+):
+    assert environment().filters["evidence_text"](value, name) == shown
+
+
+def test_metric_and_bound_have_the_unit_of_the_words():
+    measure = environment().filters["measure"]
+    assert measure(0.0151, Measure(name="work", value=1.0, unit="J")) == "15.1 mJ"
+    assert measure(0.927, Measure(name="share of the impulse", value=1.0, unit="")) == "92.7 %"
+    assert measure(0.02, Measure(name="jump", value=1.0, unit="m")) == "20 mm"
+    assert measure(None, Measure(name="share", value=None, unit="")) == "not finite"
