@@ -10,13 +10,14 @@ import pytest
 
 from hapticeval.discovery import own_renderers
 from hapticeval.runner.execution import execute
+from hapticeval.runner.options import RunOptions
 from hapticeval.runner.planning import plan
 
 DIRECT = (sys.executable, "-c")
 
 
 def run_suite(directory: Path) -> float:
-    *_, finished = execute(plan(["thesis"], own_renderers()), directory, workers=2)
+    *_, finished = execute(plan(["thesis"], own_renderers(), RunOptions(output=directory, workers=2)))
     return float(finished.results.timing["times_real_time"])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import dataclasses
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
@@ -19,8 +19,9 @@ from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
 from hapticeval.runner.execution import execute
 from hapticeval.runner.folder import prepared_folder
-from hapticeval.runner.known import NONE_KNOWN, Known, read_known
+from hapticeval.runner.known import Known, read_known
 from hapticeval.runner.known import write_known as write_listed
+from hapticeval.runner.options import RunOptions, as_tuple
 from hapticeval.runner.planning import Plan, plan
 from hapticeval.runner.results import (
     FILE,
@@ -32,7 +33,6 @@ from hapticeval.runner.results import (
     write_results,
 )
 from hapticeval.runner.resuming import finished_jobs
-from hapticeval.runner.sharding import Shard
 from hapticeval.runner.standing import Standing, counts_in_words
 from hapticeval.runner.work import Work, run_job
 from hapticeval.suite.case import Case
@@ -56,40 +56,17 @@ def run(
     renderers: AnyRenderer | Sequence[AnyRenderer] | Mapping[str, AnyRenderer] = (),
     *,
     suites: str | Suite | Sequence[str | Suite] = DEFAULT_SUITE,
-    select: str | Sequence[str] = (),
-    output: str | Path | None = None,
-    seed: int = 0,
-    strict: bool = False,
-    known: str | Path | None = None,
-    quick: bool = False,
-    exit_first: bool = False,
-    failed_first: bool = False,
-    workers: int | None = None,
-    timeout: float = math.inf,
     watch: Callable[[Event], None] | None = None,
-    shard: str | None = None,
-    resume: bool = False,
-    scheduler: str | None = None,
+    **options: Any,
 ) -> Results:
     """Judge renderers in the cases of suites, as `hapticeval run` does, and return what was found.
 
     - `renderers`: one or several. A mapping names them, others are called as they are written. Without any, each suite
       runs its own.
     - `suites`: names, groups, TOML files or `load_suite`'s.
-    - `select`: expressions over names of cases and checks, see `suite.selection`.
-    - `output`: the folder for results.json and the recordings, see `Results.report`. Nothing else is written.
-    - `strict`: warnings count too.
-    - `known`: a file of known failures, see `runner.known`.
-    - `quick`: few cases, which have every check between them.
-    - `exit_first`: end at the first verdict that stops a gate.
-    - `failed_first`: begin with what did so in the results that `output` holds.
-    - `workers`: how many processes share the work, one for each processor if not given. Renderers that are not names
-      run in this process, with `workers=0`.
-    - `timeout`: seconds after which a renderer in a process of its own is ended in a case; its verdicts are errors.
     - `watch`: called with each event of the run.
-    - `shard`: "3/16" is the part of all this that is run, see `merge`.
-    - `resume`: keep what an earlier run into `output` has finished.
-    - `scheduler`: the address of a dask scheduler whose workers do the work.
+    - `options`: those of `RunOptions` by name, such as `output="results"`, `seed=3` or `select="star-*"`. Renderers
+      that are not names run in this process, unless `workers` are given.
 
     On Ctrl-C what is finished is kept, and the results are not `complete`. Raises `InputError` for arguments that are
     none of these, and as `plan` and `prepared_folder` do; what a renderer gets wrong is in the results.
@@ -97,43 +74,18 @@ def run(
     named = _name_renderers(renderers)
     # Names are resolved in each process; what is none is a factory, which has to travel there.
     factories = {name: factory for name, factory in named.items() if not isinstance(factory, str)}
-    for what, value, minimum in (("seed", seed, 0), ("workers", 0 if workers is None else workers, 0)):
-        if not isinstance(value, int) or value < minimum:
-            raise InputError(f"{what} = {value!r}", why="it is a whole number, and not negative")
+    chosen = RunOptions.of(**options)
     # Without workers the factories stay in this process: anything may run.
-    if workers or scheduler is not None:
+    if chosen.workers or chosen.scheduler is not None:
         _refuse_unpicklable(factories)
-    if resume and output is None:
-        raise InputError("there is nothing to resume", why="results lie in no folder", todo="name one: output=...")
-    if not timeout > 0.0:
-        raise InputError(f"timeout = {timeout!r}", why="it is seconds that a case may take, and positive")
-    planned = plan(
-        _as_tuple(suites, "suites", (str, Suite)),
-        tuple(named),
-        factories=factories,
-        select=_as_tuple(select, "select", (str,)),
-        seed=seed,
-        strict=strict,
-        known=NONE_KNOWN if known is None else read_known(Path(known)),
-        quick=quick,
-        exit_first=exit_first,
-        shard=None if shard is None else Shard.parse(shard),
-    )
-    # The results that the folder holds now, before this run writes its own.
-    if failed_first and output is not None and (Path(output) / FILE).exists():
-        planned = planned.failed_first(read_results(Path(output)))
-    if workers is None:
+    elif factories:
         # A class of a notebook cannot travel to another process.
-        workers = 0 if factories else default_workers()
-    return carry_out(
-        planned,
-        output=None if output is None else Path(output),
-        workers=workers,
-        watch=watch,
-        timeout=timeout,
-        resume=resume,
-        scheduler=scheduler,
-    )
+        chosen = dataclasses.replace(chosen, workers=0)
+    planned = plan(as_tuple(suites, "suites", (str, Suite)), tuple(named), chosen, factories=factories)
+    # The results that the folder holds now, before this run writes its own.
+    if chosen.failed_first and chosen.output is not None and (chosen.output / FILE).exists():
+        planned = planned.failed_first(read_results(chosen.output))
+    return carry_out(planned, watch=watch)
 
 
 def merge(folders: Sequence[str | Path], output: str | Path) -> Results:
@@ -148,30 +100,16 @@ def merge(folders: Sequence[str | Path], output: str | Path) -> Results:
 
 
 def judge(
-    renderer: AnyRenderer,
-    *,
-    cases: str | Case | Sequence[str | Case] = f"{DEFAULT_SUITE}/*",
-    output: str | Path | None = None,
-    seed: int = 0,
-    strict: bool = False,
-    known: str | Path | None = None,
-    exit_first: bool = False,
-    workers: int | None = None,
-    timeout: float = math.inf,
-    watch: Callable[[Event], None] | None = None,
+    renderer: AnyRenderer, *, cases: str | Case | Sequence[str | Case] = f"{DEFAULT_SUITE}/*", **options: Any
 ) -> Results:
     """Judge one renderer in cases: globs on `case` or `suite/case` of the installed suites, or cases of `load_suite`.
 
-    See `run` for the rest.
+    See `run` for the `options` and the rest.
     """
-    listed = _as_tuple(cases, "cases", (str, Case))
+    listed = as_tuple(cases, "cases", (str, Case))
     chosen_cases = tuple(case for case in listed if isinstance(case, Case))
     globs = tuple(glob for glob in listed if isinstance(glob, str))
     suite = Suite(name="cases", title="Cases", citation="", cases=chosen_cases, rows=())
-    options: dict[str, Any] = {
-        **{"output": output, "seed": seed, "strict": strict, "known": known, "exit_first": exit_first},
-        **{"workers": workers, "timeout": timeout, "watch": watch},
-    }
     # Cases make a suite of their own here, globs choose from the installed ones: a run takes one or the other.
     if chosen_cases and globs:
         raise InputError("cases are globs and `Case`s", why="these come from different suites", todo="give one kind")
@@ -180,25 +118,15 @@ def judge(
     return run([renderer], suites=tuple(find_suites()), select=globs, **options)
 
 
-def carry_out(
-    planned: Plan,
-    *,
-    output: Path | None,
-    workers: int,
-    watch: Callable[[Event], None] | None = None,
-    work: Work = run_job,
-    timeout: float = math.inf,
-    resume: bool = False,
-    scheduler: str | None = None,
-) -> Results:
-    """Run the jobs of a plan and return the results: see `run` for the options, and `execute` for `work`."""
-    earlier_jobs = finished_jobs(planned, output) if resume and output is not None else None
+def carry_out(planned: Plan, *, watch: Callable[[Event], None] | None = None, work: Work = run_job) -> Results:
+    """Run the jobs of a plan and return the results; see `run` for `watch`, and `execute` for `work`."""
+    output = planned.options.output
+    # Before the folder is taken: an earlier run of another plan is refused, and its reports stay.
+    earlier_jobs = finished_jobs(planned, output) if planned.options.resume and output is not None else None
     recordings: dict[RunKey, Recording] = {}
     stopped = False
     with nullcontext() if output is None else prepared_folder(output):
-        for event in execute(
-            planned, output, workers=workers, work=work, timeout=timeout, scheduler=scheduler, earlier_jobs=earlier_jobs
-        ):
+        for event in execute(planned, work=work, earlier_jobs=earlier_jobs):
             if watch is not None:
                 watch(event)
             if isinstance(event, JobFinished):
@@ -515,15 +443,6 @@ def _refuse_unpicklable(factories: Mapping[str, RendererFactory]) -> None:
                 why=f"it is no name, and cannot be pickled: {error}",
                 todo="leave workers out, or name it package.module:factory",
             ) from error
-
-
-def _as_tuple(values: Any, what: str, kinds: tuple[type, ...]) -> tuple[Any, ...]:
-    """Return one or several as a tuple. Raises `InputError` for what is of none of the `kinds`."""
-    listed = tuple(values) if isinstance(values, list | tuple | set | frozenset) else (values,)
-    for value in listed:
-        if not isinstance(value, kinds):
-            raise InputError(f"{what}: {value!r}", why=f"it is no {' or '.join(kind.__name__ for kind in kinds)}")
-    return listed
 
 
 def _read_counterexamples(folder: Path) -> list[Any]:

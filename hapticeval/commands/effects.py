@@ -61,11 +61,12 @@ def effects(
       hapticeval study effects mine.toml -k '*texture*' -o results
     """
     from hapticeval.runner.folder import prepared_folder
+    from hapticeval.runner.options import RunOptions
     from hapticeval.runner.planning import plan
     from hapticeval.study.effects.document import write_costs
     from hapticeval.study.effects.measure import measure
 
-    jobs = plan(suites or ["effects"], [renderer], select=select or ()).jobs
+    jobs = plan(suites or ["effects"], [renderer], RunOptions(select=tuple(select or ()))).jobs
     # Without a folder nothing is written, and no earlier report removed.
     with nullcontext() if directory is None else prepared_folder(directory):
         with Terminal() as terminal:

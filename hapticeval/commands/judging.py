@@ -398,16 +398,16 @@ def _replay_path(
     """Judge renderers along the recorded path, print the summary, and return the exit code."""
     from hapticeval.api import carry_out
     from hapticeval.replay.job import describe_differences, prepare_replay, replay_plan
-    from hapticeval.workers import default_workers
+    from hapticeval.runner.options import RunOptions
 
     # One run for each renderer, beside the recorded one.
-    planned = replay_plan(replay_case, renderers, seed=seed)
+    planned = replay_plan(replay_case, renderers, RunOptions(output=directory, seed=seed))
     # Once for all renderers: the path and its examination.
     work = prepare_replay(replay_case)
 
     def judged(terminal: Terminal) -> Results:
         _warn_of_suspicious(work.path.suspicious, hint, terminal)
-        return carry_out(planned, output=directory, workers=default_workers(), watch=terminal, work=work)
+        return carry_out(planned, watch=terminal, work=work)
 
     return judge_and_summarise(
         judged, opening_text=lambda results: describe_differences(results.document), verbose=verbose

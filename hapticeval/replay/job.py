@@ -23,6 +23,7 @@ from hapticeval.replay.rerender import HandPath, Part, concatenated, hand_path, 
 from hapticeval.replay.subject import REPLAY_SUITE, ReplayCase
 from hapticeval.runner import results
 from hapticeval.runner.judging import Recorded, judge_recorded, make_renderer
+from hapticeval.runner.options import DEFAULT_OPTIONS, RunOptions
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.work import JudgedJob, seed_all, store_recording
 from hapticeval.scene import Scene
@@ -118,7 +119,11 @@ class ReplayTask:
         )
 
 
-def replay_plan(replay_case: ReplayCase, renderers: Sequence[str], *, seed: int = 0) -> Plan:
+def replay_plan(
+    replay_case: ReplayCase,
+    renderers: Sequence[str],
+    options: RunOptions = DEFAULT_OPTIONS,
+) -> Plan:
     """Plan the recorded run and each of `renderers` for the runner, with `prepare_replay(replay_case)` as its work.
 
     Raises what `resolve` raises, and `InputError` for a renderer that would be taken for the recorded run.
@@ -133,7 +138,7 @@ def replay_plan(replay_case: ReplayCase, renderers: Sequence[str], *, seed: int 
     case = replay_case.case
     suite = Suite(name=REPLAY_SUITE, title=case.title, citation="", cases=(case,), rows=())
     jobs = tuple(Job(REPLAY_SUITE, case, name) for name in (RECORDED, *names))
-    return Plan((suite,), (RECORDED, *names), jobs, (), seed)
+    return Plan((suite,), (RECORDED, *names), jobs, options)
 
 
 def prepare_replay(replay_case: ReplayCase) -> ReplayTask:

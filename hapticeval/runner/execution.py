@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from functools import partial
 from itertools import islice
-from pathlib import Path
 from typing import TypeAlias, TypeVar
 
 from hapticeval.errors import InputError
@@ -18,6 +17,7 @@ from hapticeval.extras import install_command
 from hapticeval.files import replacing
 from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.interrupts import Interrupts
+from hapticeval.runner.options import RunOptions
 from hapticeval.runner.outcome import carry_out_afar, carry_out_here, outcome_of_ended, outcome_of_overdue
 from hapticeval.runner.outcomes import Outcomes
 from hapticeval.runner.planning import Job, Plan
@@ -25,7 +25,7 @@ from hapticeval.runner.progress import Progress
 from hapticeval.runner.results import RunKey
 from hapticeval.runner.work import Work, derived_seed, run_job
 from hapticeval.suite.files import files_of
-from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, Workers
+from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, Workers, default_workers
 
 T = TypeVar("T")
 
@@ -43,126 +43,159 @@ STOPPED_AT_FIRST = "it ends at the first verdict that stops the gate (-x)"
 
 
 def execute(
-    plan: Plan,
-    directory: Path | None,
-    *,
-    workers: int = 2,
-    work: Work = run_job,
-    timeout: float = math.inf,
-    scheduler: str | None = None,
-    earlier_jobs: Mapping[RunKey, JobFinished] | None = None,
+    plan: Plan, *, work: Work = run_job, earlier_jobs: Mapping[RunKey, JobFinished] | None = None
 ) -> Iterator[Event]:
-    """Run the plan, yield what happens as events, and keep results.json in `directory` up to date meanwhile.
+    """Run the plan as its options say, yield what happens as events, and keep results.json up to date meanwhile.
 
-    - `directory`: None to write nothing; the events then bring the recordings.
-    - `workers`: how many processes do the jobs; with 0 they run in this process.
     - `work`: what is done with a job; if not given, it is run and judged as its case says.
-    - `timeout`: seconds after which a job is ended, its verdicts errors; not in this process.
-    - `scheduler`: address of a dask scheduler, whose cluster then does the jobs.
-    - `earlier_jobs`: what an earlier run into the directory has finished, see `resuming.finished_jobs`.
+    - `earlier_jobs`: what an earlier run into the folder has finished, see `resuming.finished_jobs`.
 
-    What comes of a job depends on none of these, nor on the order in which jobs end: each has a seed of its own.
-    Events come in the order of the plan, and the last one is always `RunFinished`.
+    Without a folder nothing is written, and the events bring the recordings. What comes of a job depends neither on who
+    does it nor on the order in which jobs end: each has a seed of its own. Events come in the order of the plan, and
+    the last one is always `RunFinished`.
 
     A run that is cut short keeps what has finished, and its results say that they are incomplete and why:
 
     - On Ctrl-C no further job begins, those that have begun are finished, and `Interrupted` reports it.
     - On a second Ctrl-C, or on the first in this process, they are given up.
-    - With the plan's `exit_first` no further job begins after a verdict that stops the gate.
+    - With `exit_first` no further job begins after a verdict that stops the gate.
     - Where the scheduler is lost nothing more can be done.
 
     A renderer that ends its process makes its own verdicts errors, and the run goes on.
     """
-    # Finished jobs by their number in the plan, until those before them are reported.
-    known_jobs = earlier_jobs or {}
-    finished = {at: known_jobs[job.key] for at, job in enumerate(plan.jobs) if job.key in known_jobs}
-    earlier_numbers = set(finished)
-    waiting = iter([(at, job) for at, job in enumerate(plan.jobs) if at not in earlier_numbers])
-    reported_count = 0
-    begun_at: dict[int, float] = {}
-    reported = time.monotonic()
-    warned = stopped = False
-    lost_error: LostError | None = None
+    output = plan.options.output
     with Interrupts() as interrupts:
-        with _crew(work, workers, scheduler, plan, timeout) as crew, Outcomes(directory) as outcomes:
+        with _crew(work, plan) as crew, Outcomes(output) as outcomes:
             # What is in the folder is of an earlier run, whose results go as well.
-            if directory is not None and earlier_jobs is None:
-                shutil.rmtree(directory / "recordings", ignore_errors=True)
+            if output is not None and earlier_jobs is None:
+                shutil.rmtree(output / "recordings", ignore_errors=True)
                 outcomes.clear()
-            jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in earlier_numbers)
-            unplanned = plan.known.unplanned(plan.renderers, [suite.name for suite in plan.suites])
-            remarks = unplanned + plan.known.unsized()
-            yield RunStarted(plan.planned, len(plan.jobs), len(earlier_numbers), jobs_of, remarks)
-            progress = Progress(plan, directory)
-            # Each turn begins jobs, reports in the plan's order what has finished, and waits a little for answers.
-            while True:
-                if not interrupts.count and not stopped:
-                    try:
-                        # Without processes `begin` does the job itself, and only an exception can interrupt that.
-                        with nullcontext() if workers else interrupts.raised():
-                            for number, job in islice(waiting, crew.free):
-                                begun_at[number] = time.monotonic()
-                                crew.begin(number, job, directory, derived_seed(plan.seed, *job.key))
-                    except KeyboardInterrupt:
-                        yield Interrupted(1, at_once=True)
-                        break
-                # Jobs end in any order: a slow one holds back the reports of those behind it.
-                while reported_count in finished:
-                    marked_job = progress.add(finished[reported_count])
-                    if reported_count not in earlier_numbers:
-                        yield marked_job
-                    del finished[reported_count]
-                    reported_count += 1
-                if interrupts.count and not warned:
-                    yield Interrupted(crew.busy)
-                    warned = True
-                # All that could begin has ended: the plan is done, or no further job may begin.
-                if not crew.busy:
-                    break
-                try:
-                    answers = [*crew.answers(PATIENCE), *crew.give_up(timeout)]
-                except LostError as error:
-                    lost_error = error
-                    break
-                for answer in answers:
-                    begun_at.pop(answer.call, None)
-                    finished[answer.call] = done = _finished_job(answer, plan.jobs[answer.call], directory, timeout)
-                    # Written before its turn in the plan comes: a run that is killed now has it.
-                    outcomes.add(done)
-                    stopped |= plan.exit_first and progress.stops(done)
-                yield from (WorkerRefused(*refusal) for refusal in crew.refused())
-                now = time.monotonic()
-                if begun_at and now - reported >= BEAT:
-                    reported = now
-                    runs = tuple(plan.jobs[number].key for number in begun_at)
-                    yield AtWork(reported_count + len(finished), runs, now - min(begun_at.values()))
-                # A second Ctrl-C: leaving the block ends the processes, without waiting for their jobs.
-                if interrupts.count > 1 and crew.busy:
-                    yield Interrupted(crew.busy, at_once=True)
-                    break
-        # What has finished behind a job that never did.
-        for number in sorted(finished):
-            marked_job = progress.add(finished[number])
-            if number not in earlier_numbers:
-                yield marked_job
-            reported_count += 1
-        reason = None
-        if reported_count < len(plan.jobs):
-            reason = "interrupted by the user" if interrupts.count or not stopped else STOPPED_AT_FIRST
-            reason = reason if lost_error is None else f"{lost_error.what}, and --resume goes on"
-        results = progress.finish(reason)
+            execution = _Execution(plan, crew, outcomes, interrupts, earlier_jobs or {})
+            yield execution.opening()
+            execution.progress = Progress(plan)
+            cut_by: BaseException | None = None
+            try:
+                # Each turn begins jobs, reports in the plan's order what has finished, and waits a little for answers.
+                execution.begin_jobs()
+                yield from execution.report()
+                while crew.busy:
+                    yield from execution.take_answers()
+                    execution.begin_jobs()
+                    yield from execution.report()
+            except KeyboardInterrupt as interrupt:
+                cut_by = interrupt
+                yield Interrupted(max(crew.busy, 1), at_once=True)
+            except LostError as error:
+                cut_by = error
+        # Leaving the block above has ended the processes, without waiting for their jobs.
+        yield from execution.report_behind_gaps()
+        results = execution.progress.finish(execution.reason(cut_by))
         if results.complete:
             outcomes.forget()
         yield RunFinished(results)
 
 
-def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan, timeout: float) -> Crew[JobAndFile]:
+class _Execution:
+    """The state of a run: which jobs wait, are worked on, or are finished and not reported yet."""
+
+    progress: Progress
+    """Takes what is reported; made when the run has been announced, for it looks commits up."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        crew: Crew[JobAndFile],
+        outcomes: Outcomes,
+        interrupts: Interrupts,
+        earlier_jobs: Mapping[RunKey, JobFinished],
+    ) -> None:
+        self.plan, self.crew, self.outcomes, self.interrupts = plan, crew, outcomes, interrupts
+        # Finished jobs by their number in the plan, until those before them are reported.
+        self.finished = {at: earlier_jobs[job.key] for at, job in enumerate(plan.jobs) if job.key in earlier_jobs}
+        self.earlier_numbers = frozenset(self.finished)
+        self.waiting = iter([(at, job) for at, job in enumerate(plan.jobs) if at not in self.earlier_numbers])
+        self.reported_count = 0
+        self.begun_at: dict[int, float] = {}
+        self.last_beat = time.monotonic()
+        self.warned = self.stopped = False
+
+    def opening(self) -> RunStarted:
+        """Return the first event, of what is planned."""
+        plan = self.plan
+        jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in self.earlier_numbers)
+        remarks = plan.known.unplanned(plan.renderers, [suite.name for suite in plan.suites]) + plan.known.unsized()
+        return RunStarted(plan.planned, len(plan.jobs), len(self.earlier_numbers), jobs_of, remarks)
+
+    def begin_jobs(self) -> None:
+        """Begin as many jobs as the crew has room for. Raises `KeyboardInterrupt` where this process does them."""
+        if self.interrupts.count or self.stopped:
+            return
+        # Without processes `begin` does the job itself, and only an exception can interrupt that.
+        with self.interrupts.raised() if self.plan.options.workers == 0 else nullcontext():
+            for number, job in islice(self.waiting, self.crew.free):
+                self.begun_at[number] = time.monotonic()
+                seed = derived_seed(self.plan.options.seed, *job.key)
+                self.crew.begin(number, job, self.plan.options.output, seed)
+
+    def report(self) -> Iterator[Event]:
+        """Yield what has finished in the plan's order: a slow job holds back the reports of those behind it."""
+        while self.reported_count in self.finished:
+            yield from self._reported(self.reported_count)
+        if self.interrupts.count and not self.warned:
+            self.warned = True
+            yield Interrupted(self.crew.busy)
+
+    def report_behind_gaps(self) -> Iterator[Event]:
+        """Yield what has finished behind a job that never did."""
+        for number in sorted(self.finished):
+            yield from self._reported(number)
+
+    def _reported(self, number: int) -> Iterator[Event]:
+        marked_job = self.progress.add(self.finished.pop(number))
+        self.reported_count += 1
+        # Those of the run that is resumed were reported then.
+        if number not in self.earlier_numbers:
+            yield marked_job
+
+    def take_answers(self) -> Iterator[Event]:
+        """Wait a little for answers, and take them. Raises `LostError` where none will come.
+
+        Raises `KeyboardInterrupt` on a second Ctrl-C while jobs are worked on.
+        """
+        timeout = self.plan.options.timeout
+        for answer in [*self.crew.answers(PATIENCE), *self.crew.give_up(timeout)]:
+            self.begun_at.pop(answer.call, None)
+            done = _finished_job(answer, self.plan.jobs[answer.call], self.plan.options)
+            self.finished[answer.call] = done
+            # Written before its turn in the plan comes: a run that is killed now has it.
+            self.outcomes.add(done)
+            self.stopped |= self.plan.options.exit_first and self.progress.stops(done)
+        yield from (WorkerRefused(*refusal) for refusal in self.crew.refused())
+        now = time.monotonic()
+        if self.begun_at and now - self.last_beat >= BEAT:
+            self.last_beat = now
+            runs = tuple(self.plan.jobs[number].key for number in self.begun_at)
+            yield AtWork(self.reported_count + len(self.finished), runs, now - min(self.begun_at.values()))
+        if self.interrupts.count > 1 and self.crew.busy:
+            raise KeyboardInterrupt
+
+    def reason(self, cut_by: BaseException | None) -> str | None:
+        """Return why the results are incomplete; None where they are not."""
+        if self.reported_count == len(self.plan.jobs):
+            return None
+        if isinstance(cut_by, LostError):
+            return f"{cut_by.what}, and --resume goes on"
+        return STOPPED_AT_FIRST if self.stopped and not self.interrupts.count else "interrupted by the user"
+
+
+def _crew(work: Work, plan: Plan) -> Crew[JobAndFile]:
     """Return the crew that does the jobs of a plan; workers of a cluster must have all files of its cases."""
-    if scheduler is None:
-        return crew_of(partial(carry_out_here, work), workers)
+    options = plan.options
+    if options.scheduler is None:
+        return crew_of(partial(carry_out_here, work), default_workers() if options.workers is None else options.workers)
     cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
     files = {path: digest for case in cases.values() for path, digest in files_of(case).items()}
-    return crew_of(partial(carry_out_afar, work), 0, scheduler, timeout=timeout, files=files)
+    return crew_of(partial(carry_out_afar, work), 0, options.scheduler, timeout=options.timeout, files=files)
 
 
 def crew_of(
@@ -188,19 +221,19 @@ def crew_of(
     return Cluster(function, scheduler, timeout=timeout, files=files)
 
 
-def _finished_job(answer: Answer[JobAndFile], job: Job, directory: Path | None, timeout: float) -> JobFinished:
+def _finished_job(answer: Answer[JobAndFile], job: Job, options: RunOptions) -> JobFinished:
     """Return what came of a job, from its answer, with its recording put into the result folder."""
     if isinstance(answer.error, Ended):
         return outcome_of_ended(job, answer.error)
     if isinstance(answer.error, Overdue):
-        return outcome_of_overdue(job, timeout, answer.error)
+        return outcome_of_overdue(job, options.timeout, answer.error)
     # What a renderer does wrong is in its verdicts: this is a fault of the framework.
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None
     finished, content = answer.value
     # The job ran where this folder cannot be seen: its recording's file came as bytes.
-    if content is not None and directory is not None and finished.run.recording is not None:
-        with replacing(directory / finished.run.recording) as temporary:
+    if content is not None and options.output is not None and finished.run.recording is not None:
+        with replacing(options.output / finished.run.recording) as temporary:
             temporary.write_bytes(content)
     return finished

@@ -8,13 +8,12 @@ from dataclasses import dataclass, field, replace
 from hapticeval.discovery import own_renderers, resolve, resolve_installed
 from hapticeval.errors import InputError, NothingSelectedError, at
 from hapticeval.renderer import RendererFactory
-from hapticeval.runner.known import NONE_KNOWN, Known
+from hapticeval.runner.known import NONE_KNOWN, Known, read_known
+from hapticeval.runner.options import DEFAULT_OPTIONS, RunOptions
 from hapticeval.runner.results import ResultsDocument, RunKey
-from hapticeval.runner.sharding import Shard
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suites
-from hapticeval.suite.selection import covering
-from hapticeval.suite.selection import select as selected_by
+from hapticeval.suite.selection import covering, select
 from hapticeval.suite.suite import Suite
 
 
@@ -38,22 +37,17 @@ class Job:
 class Plan:
     """What will run: `suites` with all their cases, and `jobs` for the selected cases, with the selected checks.
 
-    - `shard`: `jobs` hold its part only; `cases_and_renderers` has those of the whole plan for each suite.
-    - `strict`: a warning stops a gate, as a failure does.
-    - `known`: failures that do not.
-    - `exit_first`: no further job begins after one with a verdict that stops the gate.
+    - `options`: how; of a shard `jobs` hold its part only.
+    - `known`: failures that stop no gate: those of the options' file, and those that packages ship.
+    - `cases_and_renderers`: those of the whole plan for each suite.
     """
 
     suites: tuple[Suite, ...]
     renderers: tuple[str, ...]
     jobs: tuple[Job, ...]
-    select: tuple[str, ...]
-    seed: int
-    strict: bool = False
+    options: RunOptions = DEFAULT_OPTIONS
     known: Known = NONE_KNOWN
-    shard: Shard | None = None
     cases_and_renderers: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = field(default_factory=dict)
-    exit_first: bool = False
 
     @property
     def planned(self) -> int:
@@ -71,28 +65,20 @@ class Plan:
 def plan(
     suites: Sequence[str | Suite],
     renderers: Sequence[str] = (),
+    options: RunOptions = DEFAULT_OPTIONS,
     *,
     factories: Mapping[str, RendererFactory] | None = None,
-    select: Sequence[str] = (),
-    seed: int = 0,
-    strict: bool = False,
-    known: Known = NONE_KNOWN,
-    shard: Shard | None = None,
-    quick: bool = False,
-    exit_first: bool = False,
 ) -> Plan:
-    """Load the suites, see that every renderer can be found, and apply the selection.
+    """Load the suites, see that every renderer can be found, and apply what the options choose.
 
     - `suites`: suites, their names or paths, or the name of a group: `dynamics` for `dynamics-line` and the others.
     - `renderers`: their names; if there are none each suite runs its own, or those that come with the package.
     - `factories`: what makes renderers whose names alone do not tell.
-    - `select`: expressions over names of cases and checks; any of them selects, see `selection.select`.
-    - `quick`: of the selected cases few, which have every check between them.
-    - `shard`: of all that, the part that this run does.
 
-    Raises `NothingSelectedError` where nothing is left, and what `load_suite`, `resolve`, `select`, `Known.check` and,
-    for the renderers that a suite names, `resolve_installed` raise.
+    Raises `NothingSelectedError` where nothing is left, and what `load_suite`, `resolve`, `select`, `read_known`,
+    `Known.check` and, for the renderers that a suite names, `resolve_installed` raise.
     """
+    known = NONE_KNOWN if options.known is None else read_known(options.known)
     factory_by_name = factories or {}
     loaded = (
         *load_suites(suite for suite in suites if isinstance(suite, str)),
@@ -113,10 +99,10 @@ def plan(
     for name in names:
         if name not in factory_by_name:
             resolve(name)
-    selected_cases = selected_by(loaded, select)
+    selected_cases = select(loaded, options.select)
     jobs = tuple(
         Job(suite.name, case, name, factory_by_name.get(name))
-        for suite, case in (covering(selected_cases) if quick else selected_cases)
+        for suite, case in (covering(selected_cases) if options.quick else selected_cases)
         for name in renderers_by_suite[suite.name]
     )
     if not jobs:
@@ -130,9 +116,8 @@ def plan(
         with at(f"suite '{name}'"):
             # Before any job begins, and once for all renderers.
             case.check_stimulus()
-    own_jobs = jobs if shard is None else shard.of(jobs)
-    known = known.with_shipped()
-    return Plan(loaded, names, own_jobs, tuple(select), seed, strict, known, shard, cases_and_renderers, exit_first)
+    own_jobs = jobs if options.shard is None else options.shard.of(jobs)
+    return Plan(loaded, names, own_jobs, options, known.with_shipped(), cases_and_renderers)
 
 
 def _refuse_namesakes(suites: Sequence[Suite]) -> None:

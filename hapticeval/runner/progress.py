@@ -6,7 +6,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 
 from hapticeval.runner.commits import commits
 from hapticeval.runner.events import JobFinished
@@ -39,9 +38,9 @@ RUNNING = "still running, or killed"
 class Progress:
     """Takes judged jobs in the order of the plan, and keeps results.json up to date."""
 
-    def __init__(self, plan: Plan, directory: Path | None) -> None:
+    def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self.directory = directory
+        self.directory = plan.options.output
         self.verdicts: list[VerdictEntry] = []
         self.runs: list[RunEntry] = []
         self.started = time.perf_counter()
@@ -62,7 +61,7 @@ class Progress:
 
     def stops(self, job: JobFinished) -> bool:
         """Return whether a verdict of a job stops the gate."""
-        return any(verdict.stops(strict=self.plan.strict) for verdict in self._marked(job).verdicts)
+        return any(verdict.stops(strict=self.plan.options.strict) for verdict in self._marked(job).verdicts)
 
     def _marked(self, job: JobFinished) -> JobFinished:
         return replace(job, verdicts=tuple(map(self.plan.known.marked, job.verdicts)))
@@ -82,7 +81,7 @@ class Progress:
             complete=reason is None,
             reason=reason,
             environment=self.environment,
-            seed=plan.seed,
+            seed=plan.options.seed,
             command=command(plan),
             runs=list(self.runs),
             verdicts=list(self.verdicts),
@@ -114,9 +113,9 @@ def command(plan: Plan) -> Command:
     return Command(
         suites=[suite.name for suite in plan.suites],
         renderers=list(plan.renderers),
-        select=list(plan.select),
-        strict=plan.strict,
-        shard=None if plan.shard is None else str(plan.shard),
+        select=list(plan.options.select),
+        strict=plan.options.strict,
+        shard=None if plan.options.shard is None else str(plan.options.shard),
     )
 
 

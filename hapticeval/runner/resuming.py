@@ -43,8 +43,8 @@ def _refuse_another(plan: Plan, document: ResultsDocument, directory: Path) -> N
         for name in ("suites", "renderers", "select", "strict", "shard")
         if getattr(before, name) != getattr(now, name)
     ]
-    if document.seed != plan.seed:
-        differs.append(f"seed {document.seed}, now {plan.seed}")
+    if document.seed != plan.options.seed:
+        differs.append(f"seed {document.seed}, now {plan.options.seed}")
     # Other arguments explain other suites: those are compared where the arguments are the same.
     if not differs:
         old = {suite.name: suite for suite in document.suites}

@@ -163,7 +163,7 @@ def test_two_runs_in_one_folder_exclude_each_other_and_the_second_names_the_firs
 def test_the_same_command_gives_the_same_verdicts(here, monkeypatch):
     documents = []
     for cores in (1, 2):
-        monkeypatch.setattr("hapticeval.api.default_workers", lambda cores=cores: cores)
+        monkeypatch.setattr("hapticeval.runner.execution.default_workers", lambda cores=cores: cores)
         run("-r", "local_mine:Jumps", "-r", "local_mine:Good", "-k", "flat*", "--seed", "7")
         documents.append(read_results(here / "results"))
     assert documents[0].verdicts == documents[1].verdicts

@@ -40,7 +40,7 @@ def test_an_expression_leaves_out(here):
 
 
 def test_x_stops_at_the_first_verdict_that_is_not_as_required(here, capsys, monkeypatch):
-    monkeypatch.setattr("hapticeval.api.default_workers", lambda: 1)
+    monkeypatch.setattr("hapticeval.runner.execution.default_workers", lambda: 1)
     assert main([*JUMPS, "-x"]) == 1
     results = read_results(here / "results")
     assert [run.case for run in results.runs] == ["flat"]

@@ -23,6 +23,7 @@ from hapticeval.replay.job import merge_findings, prepare_replay, replay_plan
 from hapticeval.replay.subject import make_replay_case
 from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.runner.execution import execute
+from hapticeval.runner.options import RunOptions
 from hapticeval.runner.planning import plan
 from hapticeval.runner.results import read_results
 from hapticeval.scene import Scene
@@ -84,7 +85,8 @@ def ran(tmp_path_factory):
     """The folder of a run of both cases by every built-in renderer, and some variants."""
     folder = tmp_path_factory.mktemp("ran")
     (folder / "two.toml").write_text(SUITE)
-    events = list(execute(plan([str(folder / "two.toml")], [*own_renderers(), *VARIANTS]), folder / "out", workers=0))
+    options = RunOptions(output=folder / "out", workers=0)
+    events = list(execute(plan([str(folder / "two.toml")], [*own_renderers(), *VARIANTS], options)))
     assert isinstance(events[-1], RunFinished)
     return folder / "out"
 
@@ -503,7 +505,8 @@ def test_a_log_that_says_nothing_is_asked_for_everything_at_once(tmp_path, capsy
 def test_an_interrupt_keeps_what_had_finished(ran, tmp_path):
     made = opened(file_of(ran, "slide", "constraint"))
     names = ["constraint", "minimum-distance"]
-    stream = execute(replay_plan(made, names), tmp_path / "out", workers=1, work=prepare_replay(made))
+    options = RunOptions(output=tmp_path / "out", workers=1)
+    stream = execute(replay_plan(made, names, options), work=prepare_replay(made))
     assert isinstance(next(stream), RunStarted)
     assert next(stream).run.renderer == RECORDED
     signal.raise_signal(signal.SIGINT)
@@ -567,7 +570,11 @@ trajectory = { kind = "points", points = [[0.0, 0.005], [0.0, -0.002], [0.05, -0
 
 def test_a_check_of_an_effect_gets_the_force_without_it_on_a_replay_and_not_of_the_run_as_recorded(tmp_path):
     (tmp_path / "tapped.toml").write_text(TAPPED)
-    list(execute(plan([str(tmp_path / "tapped.toml")], ["minimum-distance"]), tmp_path / "out", workers=0))
+    list(
+        execute(
+            plan([str(tmp_path / "tapped.toml")], ["minimum-distance"], RunOptions(output=tmp_path / "out", workers=0))
+        )
+    )
     found = replayed(read_recording(file_of(tmp_path / "out", "tap", "minimum-distance")), tmp_path, ["constraint"])
     for name, *expected in (
         ("constraint", Outcome.PASS, Level.MUST),

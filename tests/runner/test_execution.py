@@ -17,6 +17,7 @@ from hapticeval.recordings.hdf5 import read_recording
 from hapticeval.runner import execution
 from hapticeval.runner.events import AtWork, Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.runner.execution import execute
+from hapticeval.runner.options import RunOptions
 from hapticeval.runner.planning import plan
 from hapticeval.runner.results import read_results
 
@@ -121,7 +122,8 @@ def run(short, tmp_path):
     """Run renderers, in two processes; the events, and those of jobs by case and renderer."""
 
     def run(*renderers, directory="out", workers=2, **options):
-        events = list(execute(plan([short], renderers, **options), tmp_path / directory, workers=workers))
+        chosen = RunOptions(output=tmp_path / directory, workers=workers, **options)
+        events = list(execute(plan([short], renderers, chosen)))
         return events, {(each.run.case, each.run.renderer): each for each in events if isinstance(each, JobFinished)}
 
     return run
@@ -142,7 +144,7 @@ def test_the_stream_reports_the_plan_every_job_and_the_end(run, tmp_path, worker
 
 def test_without_a_folder_the_events_bring_the_recordings(short, tmp_path):
     before = set(tmp_path.iterdir())
-    *_, job, end = execute(plan([short], ["constraint"], select=["slide"]), None, workers=0)
+    *_, job, end = execute(plan([short], ["constraint"], RunOptions(select=("slide",), workers=0)))
     assert len(job.recording) == 201
     assert end.results.runs[0].recording is None
     assert set(tmp_path.iterdir()) == before
@@ -179,7 +181,7 @@ def test_a_renderer_that_breaks_breaks_alone(run, tmp_path, name, message, other
 
 
 def test_a_batch_cannot_change_the_recorded_hip(run, tmp_path):
-    events, _ = run("thirdparty:Overwrites", "constraint", select=["slide"])
+    events, _ = run("thirdparty:Overwrites", "constraint", select=("slide",))
     first, second = (read_recording(tmp_path / "out" / entry.recording) for entry in events[-1].results.runs)
     np.testing.assert_array_equal(first.hip, second.hip)
 
@@ -191,7 +193,7 @@ def test_a_renderer_that_never_touches_does_not_pass_a_gate(run):
 
 def test_an_interrupt_lets_what_has_begun_finish(short, tmp_path):
     """One process: the second job begins before the first is reported, and the third and the fourth never do."""
-    stream = execute(plan([short], ["constraint", "minimum-distance"]), tmp_path / "out", workers=1)
+    stream = execute(plan([short], ["constraint", "minimum-distance"], RunOptions(output=tmp_path / "out", workers=1)))
     assert isinstance(next(stream), RunStarted)
     assert isinstance(next(stream), JobFinished)
     signal.raise_signal(signal.SIGINT)
@@ -205,14 +207,15 @@ def test_an_interrupt_lets_what_has_begun_finish(short, tmp_path):
 
 
 def test_an_interrupt_after_the_last_job_makes_nothing_incomplete(short, tmp_path):
-    stream = execute(plan([short], ["constraint"], select=["slide"]), tmp_path / "out")
+    stream = execute(plan([short], ["constraint"], RunOptions(select=("slide",), output=tmp_path / "out", workers=2)))
     assert [type(next(stream)) for _ in range(2)] == [RunStarted, JobFinished]
     signal.raise_signal(signal.SIGINT)
     assert list(stream)[-1].results.complete
 
 
 def test_a_second_interrupt_kills_what_has_begun(short, tmp_path):
-    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], select=["slide"]), tmp_path / "out", workers=2)
+    options = RunOptions(select=("slide",), output=tmp_path / "out", workers=2)
+    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], options))
     assert isinstance(next(stream), RunStarted)
     assert next(stream).run.renderer == "constraint"
     working = set(multiprocessing.active_children())
@@ -229,7 +232,8 @@ def test_a_second_interrupt_kills_what_has_begun(short, tmp_path):
 
 def test_what_takes_long_is_reported_while_it_runs(short, tmp_path, monkeypatch):
     monkeypatch.setattr(execution, "BEAT", 0.0)
-    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], select=["slide"]), tmp_path / "out", workers=2)
+    options = RunOptions(select=("slide",), output=tmp_path / "out", workers=2)
+    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], options))
     beats = (event for event in stream if isinstance(event, AtWork))
     last = next(event for event in beats if event.finished_jobs == 1)
     assert last.runs == (("short", "slide", "thirdparty:Waits"),)
@@ -239,7 +243,8 @@ def test_what_takes_long_is_reported_while_it_runs(short, tmp_path, monkeypatch)
 
 def test_who_leaves_the_stream_leaves_no_process(short, tmp_path):
     before = multiprocessing.active_children()
-    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], select=["slide"]), tmp_path / "out", workers=2)
+    options = RunOptions(select=("slide",), output=tmp_path / "out", workers=2)
+    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], options))
     assert [type(next(stream)) for _ in range(2)] == [RunStarted, JobFinished]
     assert len(multiprocessing.active_children()) > len(before)
     stream.close()
@@ -255,7 +260,7 @@ def test_it_runs_in_another_thread_too(run):
 
 def test_the_seed_makes_a_random_renderer_repeatable(run, tmp_path):
     def forces(seed, name, workers):
-        events, _ = run("thirdparty:Noisy", directory=name, seed=seed, select=["slide"], workers=workers)
+        events, _ = run("thirdparty:Noisy", directory=name, seed=seed, select=("slide",), workers=workers)
         return read_recording(tmp_path / name / events[-1].results.runs[0].recording).force
 
     first, again, other = forces(1, "a", 1), forces(1, "b", 0), forces(2, "c", 1)
@@ -276,14 +281,14 @@ def test_the_seed_makes_a_random_renderer_repeatable(run, tmp_path):
     ],
 )
 def test_a_selection_is_by_case_or_by_check_and_adds_up(short, select, planned):
-    assert plan([short], ["constraint"], select=select).planned == planned
+    assert plan([short], ["constraint"], RunOptions(select=tuple(select))).planned == planned
 
 
 @pytest.mark.parametrize("select", [["glide"], ["slide", "glide"]])
 def test_a_pattern_that_matches_nothing_has_its_own_exit_code(short, select):
     message = r"nothing matches -k 'glide'\s*why: the cases are: press, slide"
     with pytest.raises(NothingSelectedError, match=message) as at:
-        plan([short], ["constraint"], select=select)
+        plan([short], ["constraint"], RunOptions(select=tuple(select)))
     assert at.value.exit_code == 4
 
 

@@ -12,6 +12,7 @@ from hapticeval.discovery import own_renderers, resolve
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.execution import execute
 from hapticeval.runner.judging import Judged, judge
+from hapticeval.runner.options import RunOptions
 from hapticeval.runner.planning import plan
 from hapticeval.runner.progress import suite_entry
 from hapticeval.runner.results import Robot, read_results
@@ -186,7 +187,7 @@ def test_an_encoder_is_too_fine_to_hurt_friction_stops_the_tool_and_a_delay_driv
 
 
 def test_where_no_renderer_is_named_each_suite_runs_its_own():
-    planned = plan(["dynamics", "thesis"], (), select=["circle*", "star-*"])
+    planned = plan(["dynamics", "thesis"], (), RunOptions(select=("circle*", "star-*")))
     per_suite = {suite: {job.renderer for job in planned.jobs if job.suite == suite} for suite in (*GROUP, "thesis")}
     assert per_suite["dynamics-circle"] == set(load_suite("dynamics-circle").renderers)
     assert per_suite["dynamics-line"] == set()
@@ -208,7 +209,9 @@ experiment = { duration = 1.0, position = [0.1, 0.0], velocity = [4.0, 0.0] }
 
 def test_a_run_that_leaves_the_workspace_ends_there_and_says_so_in_every_verdict(tmp_path):
     (tmp_path / "far.toml").write_text(FAR)
-    events = list(execute(plan([str(tmp_path / "far.toml")], [SCHEMES[0]]), tmp_path / "out", workers=0))
+    events = list(
+        execute(plan([str(tmp_path / "far.toml")], [SCHEMES[0]], RunOptions(output=tmp_path / "out", workers=0)))
+    )
     results = read_results(tmp_path / "out")
     ended = results.runs[0].ended
     assert 0.0 < ended.time < 1.0
@@ -226,7 +229,8 @@ def test_a_run_that_leaves_the_workspace_ends_there_and_says_so_in_every_verdict
 
 
 def test_results_say_what_robot_was_driven(tmp_path):
-    list(execute(plan(["dynamics-line"], [SCHEMES[0]], select=["line-robot-enc*"]), tmp_path / "out", workers=0))
+    options = RunOptions(select=("line-robot-enc*",), output=tmp_path / "out", workers=0)
+    list(execute(plan(["dynamics-line"], [SCHEMES[0]], options)))
     run = read_results(tmp_path / "out").runs[0]
     assert run.scene.device == Robot(kind="parallelogram-2dof", dynamics="lagrangian", base_inertia="sin")
     assert run.scene.inner_loop == "linearised"

@@ -11,6 +11,7 @@ from hapticeval.discovery import own_renderers
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.events import JobFinished
 from hapticeval.runner.execution import execute
+from hapticeval.runner.options import RunOptions
 from hapticeval.runner.planning import plan
 
 STROKE = FilePath(__file__).parents[3] / "shared" / "data" / "handwriting_svc" / "signal.svc"
@@ -43,7 +44,9 @@ def test_a_pen_stroke_runs_through_every_reference_renderer(tmp_path):
     table = np.column_stack([time, points])
     np.savetxt(tmp_path / "stroke.csv", table, delimiter=",", header="t,x,y", comments="")
     (tmp_path / "stroke.toml").write_text(SUITE)
-    *events, last = execute(plan([str(tmp_path / "stroke.toml")], own_renderers()), tmp_path / "out", workers=0)
+    *events, last = execute(
+        plan([str(tmp_path / "stroke.toml")], own_renderers(), RunOptions(output=tmp_path / "out", workers=0))
+    )
     assert last.results.complete
     jobs = [event for event in events if isinstance(event, JobFinished)]
     assert {job.run.renderer for job in jobs} == set(own_renderers())
