@@ -42,6 +42,7 @@ class Runs:
     - `look`: `base` with a way to refine a part of it.
     - `moved(motion, nudge)`: the stimulus, off by `nudge` (m), in the moved scene, and the result moved back. It
       returns None where the model cannot be moved so or the renderer refuses it there.
+    - `led_on(laps, first, period)`: the path up to row `first`, and then its lap of `period` rows so many times.
     - `without(kind)`: the same path, of a closed loop the recorded HIPs, without the effect of that kind.
     - `reordered()`: the path with the model's vertices in another order; None like `moved`.
     - `subdivided()`: each step of the hand in two of half the time; both rows of a step are returned.
@@ -60,6 +61,7 @@ class Runs:
     again: Callable[[], Recording] | None = None
     look: Closer | None = None
     moved: Callable[[Motion, tuple[float, ...]], Recording | None] | None = None
+    led_on: Callable[[int, int, int], Runs] | None = None
     without: Callable[[str], Recording] | None = None
     reordered: Callable[[], Recording | None] | None = None
     subdivided: Callable[[], Recording] | None = None
@@ -93,6 +95,7 @@ class Sibling(StrEnum):
     AGAIN = "again"
     LOOK = "look"
     MOVED = "moved"
+    LED_ON = "led_on"
     WITHOUT = "without"
     REORDERED = "reordered"
     SUBDIVIDED = "subdivided"

@@ -439,6 +439,10 @@ RIGID_WORK_SHARE = 1e-3
 """Share of force times way that a force across the way may seem to do. *Chosen*: what facets of the sampling do to the
 angle of a force. Doubled, a force may seem to work twice as much."""
 
+MOST_LAPS = 100.0
+"""Laps that are led on at the most, to spend what may have been stored. *Chosen*, for time: doubled, a store that lasts
+for 100 to 200 laps is told from a creation of energy; now it counts as one."""
+
 FINER_RATES = (4, 8, 16)
 """Rates, in base rates, to which the run is refined: to the first, and further only where that does not decide.
 *Chosen*, for time: doubled, fewer are undecided."""

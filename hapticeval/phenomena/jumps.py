@@ -38,7 +38,7 @@ from hapticeval.phenomena.decisions import (
     TICKS_AROUND,
     TICKS_BEFORE_JUMP,
 )
-from hapticeval.phenomena.sampling import hip_steps, lingering, rounding, touching
+from hapticeval.phenomena.sampling import hip_steps, holding, rounding, touching
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -88,7 +88,7 @@ def contact_steps(recording: Recording, scene: Scene) -> Array:
 
     A contact ends with its contact point, though a late force may linger.
     """
-    contact = touching(recording, scene) & ~lingering(recording, scene)
+    contact = holding(recording, scene)
     steps = np.zeros(len(recording))
     steps[1:] = np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)
     steps[1:][~(contact[1:] & contact[:-1])] = 0.0
@@ -135,7 +135,7 @@ def worst_step(recording: Recording, scene: Scene, bounds: Array) -> tuple[float
 
 def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
     """Return the largest IHIP step between two samples in contact, m, and the tick at its end (0 if there is none)."""
-    contact = touching(recording, scene) & ~lingering(recording, scene)
+    contact = holding(recording, scene)
     if not (contact[1:] & contact[:-1]).any():
         return 0.0, 0
     steps = contact_steps(recording, scene)

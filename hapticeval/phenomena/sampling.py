@@ -17,7 +17,7 @@ from hapticeval.phenomena.decisions import (
 from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import SINGLE, Recording, runs_of
 from hapticeval.scene import Scene
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array, BoolArray, IntArray
 
 LED = ("playback", "replay")
 """Sources of recordings in which the hand was led along a given path, whatever the force."""
@@ -75,11 +75,19 @@ def trailing(recording: Recording, scene: Scene) -> BoolArray:
     silent = np.flatnonzero(recording.apart & ~above_force_floor(recording, scene) & ~reported)
     if silent.size:
         distance = scene.model.boundary.signed_distance
-        steps = hip_steps(recording)
-        # An IHIP as far outside as this may still be a contact point: late, or off by what is declared.
-        farthest = LAG_TICKS * float(steps.max(initial=0.0)) + believed_standoff(recording, scene) + rounding(scene)
-        trails[silent] = (distance(recording.hip[silent]) > 0.0) | (distance(recording.ihip[silent]) > farthest)
+        trails[silent] = (distance(recording.hip[silent]) > 0.0) | clear_of_surface(recording, silent, scene)
     return trails
+
+
+def clear_of_surface(recording: Recording, rows: IntArray, scene: Scene) -> BoolArray:
+    """Return at which of `rows` (k,) the IHIP is farther outside than a contact point may be, (k,).
+
+    It may be off by what is declared, and late; where the renderer says itself that it has no contact, it is not late.
+    """
+    late = LAG_TICKS * float(hip_steps(recording).max(initial=0.0))
+    says_free = ~recording.contact[rows] if "contact" in recording.channels else np.zeros(rows.size, dtype=bool)
+    farthest = np.where(says_free, 0.0, late) + believed_standoff(recording, scene) + rounding(scene)
+    return np.asarray(scene.model.boundary.signed_distance(recording.ihip[rows]) > farthest)
 
 
 def lingering(recording: Recording, scene: Scene) -> BoolArray:
@@ -98,6 +106,23 @@ def lingering(recording: Recording, scene: Scene) -> BoolArray:
         if first > 0 and recording.apart[first - 1] and end - first <= LAG_TICKS:
             late[rows] = np.all(scene.model.boundary.signed_distance(recording.hip[rows]) > 0.0)
     return late
+
+
+def holding(recording: Recording, scene: Scene) -> BoolArray:
+    """Return where the surface holds a contact point, (n,): in contact, but for where only a late force lingers.
+
+    A tool that stands off rounds each convex edge by an arc, and is kept there until the hand is past the edge by as
+    much. Meanwhile it goes round, by the whole depth: the rigid contact is over once the hand is out of the model. So
+    with the hand outside, as near to it as standoff and lag allow, the tool is free but for what is declared.
+    """
+    holds = touching(recording, scene) & ~lingering(recording, scene)
+    if scene.bilateral or recording.standoff == 0.0:
+        return holds
+    near = position_tolerance(recording, scene) + rounding(scene)
+    beside_hand = np.flatnonzero(holds & (np.linalg.norm(recording.ihip - recording.hip, axis=1) <= near))
+    distance = scene.model.boundary.signed_distance(recording.hip[beside_hand])
+    holds[beside_hand] = (distance <= 0.0) | (distance > near)
+    return holds
 
 
 def as_sensed(base: Recording) -> Recording:
@@ -134,6 +159,14 @@ def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:
 def farthest_standoff(scene: Scene) -> float:
     """Return how far off the model, m, an IHIP may be declared: a fiftieth of its size; beyond is another object."""
     return FARTHEST_STANDOFF * scene.model.size
+
+
+def note_cut_standoff(standoff: float, scene: Scene) -> str:
+    """Say that not all of a declared `standoff` (m) is believed; empty where it is."""
+    farthest = farthest_standoff(scene)
+    if standoff <= farthest:
+        return ""
+    return f"it declares a standoff of {mm(standoff)}, of which {mm(farthest)} count, a fiftieth of the model's size"
 
 
 def believed_standoff(recording: Recording, scene: Scene) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 from hapticeval.phenomena.checks.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import ASIDE_DEPTHS, DESCENT_SHARE, LAG_TICKS, STRETCHED_STEPS
 from hapticeval.phenomena.jumps import recent_steps
-from hapticeval.phenomena.sampling import evidence_at, hip_steps, lingering, mm, resolution, rounding, touching
+from hapticeval.phenomena.sampling import evidence_at, hip_steps, holding, mm, resolution, rounding, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.recording import Recording, runs_of
@@ -96,7 +96,7 @@ def _followed_rows(base: Recording, scene: Scene, feet: Array, distance: Array) 
 
     The second result, (n,), m, is what a shorter step of the nearest point may have hidden in that way.
     """
-    contact = touching(base, scene) & ~lingering(base, scene)
+    contact = holding(base, scene)
     steps = np.concatenate([[0.0], hip_steps(base)])
     moved = np.concatenate([[0.0], np.linalg.norm(np.diff(feet, axis=0), axis=1)])
     # A nearest point moves by 1 / (1 - kappa d) HIP steps; more than `STRETCHED_STEPS` is another branch.

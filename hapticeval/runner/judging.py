@@ -19,7 +19,7 @@ from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.inherent import reason_inherent
 from hapticeval.phenomena.regions import Region, nearest_jump, region_of
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.phenomena.sampling import touching
+from hapticeval.phenomena.sampling import note_cut_standoff, touching
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict, undecided
 from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer, abilities_of, check_support, choices_of
@@ -100,7 +100,7 @@ class _RunFactory:
             siblings |= {"without": lambda kind: self.without(kind, stimulus), "moved": self.moved}
             siblings |= {"reordered": self.reordered, "in_turns": self.in_turns}
             if isinstance(self.renderer, Renderer):
-                siblings["subdivided"] = self.subdivided
+                siblings |= {"subdivided": self.subdivided, "led_on": self.led_on}
         return Runs(base, **siblings).remembered()
 
     def moved(self, motion: Motion, nudge: tuple[float, ...]) -> Recording | None:
@@ -135,6 +135,14 @@ class _RunFactory:
         denser_hips = np.repeat(hips, 2, axis=0)[:-1]
         denser_hips[1::2] = 0.5 * (hips[:-1] + hips[1:])
         return self.record(Path(self.scene.sampling_time * half_ticks, denser_hips), 0.5 * self.scene.sampling_time)
+
+    def led_on(self, laps: int, first: int, period: int) -> Runs:
+        """Record the path with one of its laps so many times; see `Runs.led_on`."""
+        hips, dt = self.path().points, self.scene.sampling_time
+        lap = hips[first + 1 : first + period + 1]
+        longer = np.concatenate([hips[: first + 1], np.tile(lap, (laps, 1))])
+        path = Path(dt * np.arange(len(longer), dtype=np.float64), longer)
+        return Runs(self.record(path, dt), refine=lambda factor: self.record(path, dt / factor)).remembered()
 
     def in_turns(self) -> Recording:
         """Record the path by turns with another renderer; see `Runs.in_turns`."""
@@ -371,11 +379,14 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     - A check that reads a channel which the recording lacks is undecided.
     - In a run that ended early, since device or law left its domain, what has failed has failed; else it is undecided.
     - A loop that ran away has failed, whatever is asked of it.
-    - A failure that has a place says in what region of the model that is.
+    - A failure that has a place says in what region of the model that is, and any whether a standoff was cut.
     """
     ended = runs.base.meta.get("ended")
     try:
         finding = _with_region(CHECKS[check](runs, scene), runs.base, scene)
+        cut_standoff = note_cut_standoff(runs.base.standoff, scene)
+        if finding.outcome is Outcome.FAIL and cut_standoff:
+            finding = replace(finding, message=f"{finding.message}; {cut_standoff}")
     except RefusalError as refusal:
         return Finding(Outcome.NOT_APPLICABLE, f"this check cannot be asked here: {refusal.what}, and {refusal.why}")
     except MissingChannelError as missing:

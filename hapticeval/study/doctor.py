@@ -27,7 +27,7 @@ from hapticeval.errors import (
 )
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.decisions import LAG_TICKS
-from hapticeval.phenomena.sampling import farthest_standoff, mm
+from hapticeval.phenomena.sampling import note_cut_standoff
 from hapticeval.quantity import format_duration
 from hapticeval.recordings.recording import SINGLE, backward_difference
 from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of
@@ -297,17 +297,17 @@ def _check_contact(case: Case) -> StateAndText:
         return State.MISSING, f"it reports free space {1e3 * depth:.3g} mm under the surface"
     # Distance of the IHIP from the true surface, m: what a standoff would have to declare.
     off = abs(float(scene.model.boundary.signed_distance(ihips[-1:])[0]))
-    abilities, farthest = abilities_of(case.renderer), farthest_standoff(scene)
+    abilities = abilities_of(case.renderer)
+    cut_standoff = note_cut_standoff(abilities.standoff, scene)
     force = f"{outwards:.3g} N at {1e3 * depth:.3g} mm, of {scene.stiffness * depth:.3g} N of a spring"
     if np.array_equal(ihips[-1], path.hips[path.deep]):
         return State.NOTE, f"{force}; it has no IHIP of its own: {_advise_without_ihip(abilities.declares)}"
     if _is_thousandfold(ihips[-1], path.foot):
         return State.MISSING, "the IHIP is a thousand times the surface point: points are in m, not in mm"
-    if abilities.standoff > farthest:
+    if cut_standoff:
         return (
             State.MISSING,
-            f"it declares a standoff of {mm(abilities.standoff)}, of which {mm(farthest)} count, a fiftieth of the "
-            "model's size: what lies farther off is another surface. A smaller tool, or a larger model, is judged "
+            f"{cut_standoff}: what lies farther off is another surface. A smaller tool, or a larger model, is judged "
             "fairly",
         )
     # A thousandth of the depth for a renderer that holds the surface coarsely.

@@ -24,9 +24,9 @@ Predicted from the equations, before any run:
 
 Measured on the suite `thesis`, around `conformal`, whose map gives the hand energy:
 
-- passivity: wrong. Three laps in the Cassinian give 15.1 mJ each, as without a controller, and it fails: the way in has
-  put 53 mJ into the observer, which lets as much go. In the fourth lap it is spent; from the fifth on a lap gives
-  0.14 mJ, what holding the force gives, and the force is turned by up to 45 degrees. So also in the ellipse, 2.4 mJ.
+- passivity: passes. Three laps in the Cassinian give 15.1 mJ each, as without a controller, for the way in has put
+  53 mJ into the observer. Led on, the fourth lap spends it; from the fifth on a lap gives 0.14 mJ, what holding the
+  force gives, and the force is turned by up to 45 degrees. In the ellipse, with 2.4 mJ a lap, it takes 28 laps.
 - contact normal force: passes in ten of ten, for it never acts there.
 - force magnitude: fails in two of nine, where it acts: on the way out of the loop under the star's tip, and for a tick.
 - All else: as `conformal`.

@@ -10,6 +10,7 @@ from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, LAG_TIC
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     believed_standoff,
+    clear_of_surface,
     declares_force_only,
     evidence_at,
     force_floor,
@@ -57,9 +58,15 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if trailing_tool is not None:
         return trailing_tool
     contact = touching(base, scene)
+    # A tool that is simulated pulls at the hand by its coupling in free space, too: that force is no contact.
+    rows = np.flatnonzero(contact)
+    in_free_space = scene.model.boundary.signed_distance(base.hip[rows]) > 0.0
+    contact[rows] = ~(in_free_space & clear_of_surface(base, rows, scene))
+    sunk = np.zeros(len(base), dtype=bool)
+    sunk[rows] = scene.model.boundary.signed_distance(base.ihip[rows]) < -(across + grain)
     # An edge may lie off along the surface as well, by what the renderer's resolution leaves.
     reach = moved + (across + resolution(base, scene)) + grain
-    gap, since = _distances_past_surface(base, contact, scene.model.boundary, grain, allowed, reach)
+    gap, since = _distances_past_surface(base, contact, sunk, scene.model.boundary, grain, allowed, reach)
     if not contact.any() and not gap.any():
         return undecided("the hand is never led into the model, and the tool never in contact")
     worst = int(np.argmax(gap - allowed))
@@ -206,13 +213,34 @@ def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array 
     return tool
 
 
+def _carried(base: Recording, sunk: BoolArray, boundary: Boundary, tick: int, grain: float) -> Array:
+    """Return where a rigid tool is, (N,), m, that has followed the renderer's own up to the row before `tick`.
+
+    That is the IHIP; where it has `sunk` (n,) into the solid, the tool is led along outside, from where it was last.
+    """
+    outside = np.flatnonzero(~sunk[:tick])
+    start = int(outside[-1]) if outside.size else tick - 1
+    tool: Array = base.ihip[start]
+    for ihip in base.ihip[start + 1 : tick]:
+        held_at = follow(boundary, tool, ihip, grain)
+        tool = ihip if held_at is None else held_at
+    return tool
+
+
 def _distances_past_surface(
-    base: Recording, contact: BoolArray, boundary: Boundary, grain: float, allowed: Array, reach: Array
+    base: Recording,
+    contact: BoolArray,
+    sunk: BoolArray,
+    boundary: Boundary,
+    grain: float,
+    allowed: Array,
+    reach: Array,
 ) -> tuple[Array, IntArray]:
     """Return how far the HIP is past the surface that holds a rigid tool, in each tick without contact: (n,), m.
 
     It is 0 where the tool is free. The second result, (n,), is the tick since which it is held. The rigid tool starts
-    where the renderer's was: at its last IHIP in contact, or with the hand in free space.
+    where the renderer's was: at its last IHIP in contact, or with the hand in free space. One that has `sunk` (n,) into
+    the solid is led along outside: where it comes out on the other side, it has gone through.
 
     Farther than `allowed` (n,), m, it counts as held only where neither a place nor a start within `reach` (n,), m, has
     an open way.
@@ -236,7 +264,9 @@ def _distances_past_surface(
         if tool is None:
             first = tick
             # A recording may begin inside: there the tool starts at the foot of the first HIP.
-            start = base.ihip[tick - 1] if released else hip[tick - 1] if tick else frame.foot[0]
+            start = (
+                _carried(base, sunk, boundary, tick, grain) if released else hip[tick - 1] if tick else frame.foot[0]
+            )
         else:
             start = tool
         tool = follow(boundary, start, hip[tick], grain)

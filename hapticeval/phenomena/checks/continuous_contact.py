@@ -47,8 +47,8 @@ from hapticeval.phenomena.sampling import (
     evidence_at,
     hip_step,
     hip_steps,
+    holding,
     lacks_ihip,
-    lingering,
     listed,
     mm,
     rounding,
@@ -64,7 +64,7 @@ from hapticeval.types import Array
 
 def amplification(recording: Recording, scene: Scene) -> float:
     """Return the largest ratio of IHIP step to HIP step in contact: how far a map stretches; 0 without two samples."""
-    contact = touching(recording, scene) & ~lingering(recording, scene)
+    contact = holding(recording, scene)
     steps = hip_steps(recording)
     # Steps next to nothing divide rounding by rounding.
     judged = contact[1:] & contact[:-1] & (steps > STILL_STEP_SHARE * np.max(steps, initial=0.0))
@@ -126,7 +126,7 @@ def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
       edge at the next sample has gone on past it;
     - to a rigid tool, which is the HIP: struck between two samples, it flies at one yet.
     """
-    contact = touching(base, scene) & ~lingering(base, scene)
+    contact = holding(base, scene)
     # A run that ends in contact does not end the contact.
     around = np.pad(np.pad(contact, (LAG_TICKS, 0)), (0, LAG_TICKS), mode="edge")
     # In contact in all of the seven ticks around: not where a contact begins or ends.

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import partial
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from hapticeval.phenomena.checks.force_magnitude import declared_range, declares
 from hapticeval.phenomena.decisions import (
     FINER_RATES,
     LAG_TICKS,
+    MOST_LAPS,
     RIGID_WORK_SHARE,
     SAME_POINT,
     SETTLING_RATIO,
@@ -50,6 +52,11 @@ class Span:
     first: int
     last: int
     what: str
+
+    @property
+    def ends(self) -> IntArray:
+        """Rows up to which the work may be balanced, (k,): a lap has one end only, where it closes."""
+        return np.arange(self.last if self.what == LAP else self.first + 1, self.last + 1)
 
 
 @dataclass(frozen=True)
@@ -188,13 +195,13 @@ def contact_spans(free: BoolArray) -> Iterator[Span]:
         yield Span(int(first), last, "since free space" if not later.size else "from free space to free space")
 
 
-def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, *, anywhere: bool) -> Gain:
-    """Return the gain over a span; with `anywhere` up to the row of it where it is farthest beyond what is open.
+def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array) -> Gain:
+    """Return the gain over a lap, or over another span up to the row of it where it is farthest beyond what is open.
 
     `sampled` are the base run, and three of which each has twice the rate of the one before. `rounding` (n,), J, is
     what the running sums may be off by.
     """
-    rows = np.arange(span.first + 1, span.last + 1) if anywhere else np.array([span.last])
+    rows = span.ends
 
     def over(sums: Array) -> Array:
         """Return what running sums (n,), as J, gain from the first row of the span to `rows`: (k,)."""
@@ -314,7 +321,7 @@ def _largest_of_recent(values: Array, ticks: int) -> Array:
     return np.asarray(np.max(later, axis=0))
 
 
-def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, round_trips: list[LapRun]) -> AtOwnRate | None:
+def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, ways: list[list[Span]]) -> AtOwnRate | None:
     """Return over what rows the hand gets most beyond what is explained; None where nothing says what is.
 
     A scene's effects have laws of their own, and a stiffness that varies by much may have any slope.
@@ -324,17 +331,13 @@ def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, round_trip
     lag = force_lag(base, scene)
     work, explained = sampled.held, explained_work(base, scene, lag) + _rounding_work(base, sampled, scene)
 
-    def largest(span: Span, rows: IntArray) -> AtOwnRate:
-        """Return the work, J, of a span up to that of `rows` (k,) where it is farthest beyond what is explained."""
-        last = int(rows[np.argmax((work - explained)[rows])])
+    def largest(span: Span) -> AtOwnRate:
+        """Return the work, J, of a span up to where it is farthest beyond what is explained."""
+        last = int(span.ends[np.argmax((work - explained)[span.ends])])
         gained, granted = (float(sums[last] - sums[span.first]) for sums in (work, explained))
         return AtOwnRate(span.what, span.first, last, gained, granted, lag)
 
-    gains = [largest(span, np.arange(span.first + 1, span.last + 1)) for span in contact_spans(~touching(base, scene))]
-    for after in _later_laps(sampled, round_trips, len(base)):
-        # As of the law: what is created comes in every lap. A lap has one end only: where it closes.
-        each_lap = [largest(span, np.array([span.last])) for span in after]
-        gains.append(min(each_lap, key=lambda gain: gain.excess))
+    gains = [min(map(largest, spans), key=lambda gain: gain.excess) for spans in ways]
     return max(gains, key=lambda gain: gain.excess, default=None)
 
 
@@ -346,25 +349,57 @@ def active_by_nature(scene: Scene) -> str | None:
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Ask whether the hand gets work out of a way that closes, at the start and end of which the same is stored."""
     active = active_by_nature(scene)
-    finding = _judge_fixed(runs.base) if runs.refine is None else _judge(runs.base, runs.refine, scene)
+    finding = _judge_fixed(runs.base) if runs.refine is None else _judge_spending(runs, runs.refine, scene)
     if active is None:
         return finding
     return replace(finding, level=Level.INFO, message=f"{finding.message}; shown only, for {active}")
 
 
-def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) -> Finding:
-    touches = touching(base, scene)
-    if not touches.any():
+def _judge_spending(runs: Runs, refine: Callable[[int], Recording], scene: Scene) -> Finding:
+    """Judge all ways that close, but for laps that only give what was stored before."""
+    base, set_aside = runs.base, ""
+    if not touching(base, scene).any():
         return undecided("the tool is never in contact")
     round_trips = laps(base.hip, scene.model.size)
-    if not round_trips and not any(True for _ in contact_spans(~touches)):
+    while True:
+        finding = _judge(base, refine, scene, partial(_ways, round_trips=round_trips))
+        if finding.outcome is not Outcome.FAIL or finding.evidence["way"] != LAP:
+            return replace(finding, message=finding.message + set_aside)
+        row = finding.evidence["tick"]
+        trip = next(
+            trip for trip in round_trips if row in range(trip.first, trip.first + trip.number * trip.period + 1)
+        )
+        if not _spends_store(runs, trip, scene):
+            return finding
+        round_trips.remove(trip)
+        set_aside = "; laps that give are set aside: led on until what the hand had put in is spent, they give no more"
+
+
+Ways: TypeAlias = Callable[[BoolArray], list[list[Span]]]
+"""From where nothing touches, (n,), the ways that close; of several spans in a list the one that gives least counts."""
+
+
+def _ways(free: BoolArray, round_trips: list[LapRun]) -> list[list[Span]]:
+    """Return the ways that close: from free space on, and the laps after the first in which something is touched."""
+    ways = [[span] for span in contact_spans(free)]
+    for first, period, number in round_trips:
+        starts = [first + lap * period for lap in range(1, number) if first + (lap + 1) * period < free.size]
+        # What one lap alone gives may have been stored; what is created comes in every lap.
+        after = [Span(start, start + period, LAP) for start in starts if not free[start:][:period].all()]
+        if after:
+            ways.append(after)
+    return ways
+
+
+def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene, ways: Ways) -> Finding:
+    sampled = SampledWork(base, 1, scene)
+    if not ways(sampled.free):
         return undecided(
             "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known"
         )
-    sampled = SampledWork(base, 1, scene)
     # Refined until a gain is certain, or nothing is open.
     for finest in FINER_RATES:
-        gains = _gains(base, sampled, refine, scene, round_trips, finest)
+        gains = _gains(base, sampled, refine, scene, ways, finest)
         telling = [gain for gain in gains if gain.telling]
         if any(gain.excess > 0.0 for gain in telling) or len(telling) == len(gains):
             break
@@ -372,8 +407,32 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) ->
     finding = _judge_law(base, gains, telling)
     if finding.outcome is Outcome.FAIL:
         return finding
-    gain = _at_own_rate(base, sampled, scene, round_trips)
+    gain = _at_own_rate(base, sampled, scene, ways(sampled.free))
     return finding if gain is None or gain.excess <= 0.0 else _hold_failure(base, scene, gain)
+
+
+def _spends_store(runs: Runs, trip: LapRun, scene: Scene) -> bool:
+    """Return whether laps give only what was stored before: led on until that is spent, they give no more.
+
+    A passivity controller stores what the hand puts in, and gives it back later. Since free space the hand has put in
+    E; of a gain W a lap the first E / W laps prove nothing, and the one after them does.
+    """
+    base = runs.base
+    free = np.flatnonzero(~touching(base, scene)[: trip.first + 1])
+    if runs.led_on is None or free.size == 0:
+        return False
+    work, closes = SampledWork(base, 1, scene), trip.first + trip.period
+    # As a controller sums it up, which knows in each tick the force and the way to it: F[i] . (x[i] - x[i-1]).
+    observed = 2.0 * work.smooth - work.held
+    stored, gained = observed[free[-1]] - observed[closes], observed[closes + trip.period] - observed[closes]
+    if not 0.0 < stored <= MOST_LAPS * gained:
+        return False
+    # One lap to load a memory, those that spend the store, and one that shows what comes after.
+    led = runs.led_on(math.ceil(stored / gained) + 2, trip.first, trip.period)
+    if led.refine is None:
+        return False
+    after = [[Span(len(led.base) - 1 - trip.period, len(led.base) - 1, LAP)]]
+    return _judge(led.base, led.refine, scene, lambda _: after).outcome is not Outcome.FAIL
 
 
 def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) -> Finding:
@@ -423,7 +482,7 @@ def _gains(
     base_sums: SampledWork,
     refine: Callable[[int], Recording],
     scene: Scene,
-    round_trips: list[LapRun],
+    ways: Ways,
     finest: int,
 ) -> list[Gain]:
     """Return the gains over all ways of the base run, extrapolated from `finest` times its rate."""
@@ -437,21 +496,10 @@ def _gains(
     rounding = _rounding_work(base, last, scene)
     # Free in all of the runs: their contacts may begin a tick apart.
     free = np.logical_and.reduce([sums.free[:count] for sums in sampled])
-    gains = [_gain(sampled, span, rounding, anywhere=True) for span in contact_spans(free)]
-    for after in _later_laps(base_sums, round_trips, count):
-        # What one lap alone gives may have been stored; what is created comes in every lap.
-        lasting = [_gain(sampled, span, rounding, anywhere=False) for span in after]
-        gains.append(min(lasting, key=lambda gain: (not gain.telling, gain.excess)))
-    return gains
-
-
-def _later_laps(sampled: SampledWork, round_trips: list[LapRun], count: int) -> Iterator[list[Span]]:
-    """Yield for each of the round trips its laps after the first in which something is touched, if there are any."""
-    for first, period, number in round_trips:
-        starts = [first + lap * period for lap in range(1, number) if first + (lap + 1) * period < count]
-        after = [Span(start, start + period, LAP) for start in starts if not sampled.free[start:][:period].all()]
-        if after:
-            yield after
+    return [
+        min((_gain(sampled, span, rounding) for span in spans), key=lambda gain: (not gain.telling, gain.excess))
+        for spans in ways(free)
+    ]
 
 
 def _hold_failure(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
@@ -513,7 +561,10 @@ CHECK = Check(
     citation="thesis 2.6.1, 3.2",
     channels=("hip", "force"),
     reads_also=("ihip",),
-    siblings={Sibling.REFINE: "the same stimulus at 2, 4 and, while undecided, 8 and 16 times the sampling rate"},
+    siblings={
+        Sibling.REFINE: "the same stimulus at 2, 4 and, while undecided, 8 and 16 times the sampling rate",
+        Sibling.LED_ON: "where laps give energy: as many more as spend what the hand has put in before",
+    },
     needs_loop=True,
     metric="work that the hand gets back beyond what it put in",
     unit="J",
