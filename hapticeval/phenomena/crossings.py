@@ -11,7 +11,7 @@ import shapely
 
 from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_kernels import EDGE, FACE, PSEUDO, VERTEX
+from hapticeval.geometry.mesh_kernels import EDGE, FACE, PSEUDO, VERTEX, normals_in_reach
 from hapticeval.geometry.mesh_tool import IN_FREE_SPACE
 from hapticeval.phenomena.decisions import (
     BORDER_MISS,
@@ -192,7 +192,7 @@ def _length_to_next_corner(boundary: Boundary, corner: Corner) -> float:
 
 def _cross_convex_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Crossing]:
     """Yield where a rigid tool is let go past the border of a face, with the hand still under that face's plane."""
-    faces, triangles, tools = _follow_with_rigid_tool(recording, mesh)
+    faces, triangles, tools = _follow_with_rigid_tool(recording, mesh, slack)
     steps = hip_steps(recording)
     # On a face, and right after it free: a convex edge was passed.
     for (first, crossed, face), (_, end, after) in pairwise(_label_runs(faces)):
@@ -218,11 +218,8 @@ def _cross_convex_edges(recording: Recording, mesh: Mesh, slack: float) -> Itera
 
 def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Crossing]:
     """Yield where a rigid tool goes from one face to another that rises from it: by an edge, or a corner of three."""
-    faces, triangles, tools = _follow_with_rigid_tool(recording, mesh)
-    rests = (faces[1:] == RESTS) & (faces[:-1] == RESTS)
-    # On an edge the tool slides along it: that travel is no part of a switch.
-    led_along = np.where(rests[:, np.newaxis], np.diff(tools, axis=0), 0.0)
-    steps = np.linalg.norm(np.diff(recording.hip, axis=0) - led_along, axis=1)
+    faces, triangles, tools = _follow_with_rigid_tool(recording, mesh, slack)
+    hip_ways, tool_ways = np.diff(recording.hip, axis=0), np.diff(tools, axis=0)
     stretches = _label_runs(faces)
     for number, (first, last, face) in enumerate(stretches[:-1]):
         # By way of the edge, where the tool rests, or at once.
@@ -240,17 +237,20 @@ def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float) -> Iter
             turn = float(angle_between(post[np.newaxis], pre)[0])
             under = (tools[first] - recording.hip) @ pre
             along = np.zeros(len(recording))  # of what is left at an edge, which this is not asked for
-            tool = faces == face
-            yield Crossing(tools[crossed], pre, post, turn, first, crossed, end, along, under, steps, tool)
+            # The tool may slide along the edge, resting on it or from one face to the other: no part of a switch.
+            edge = np.cross(pre, post) / np.linalg.norm(np.cross(pre, post))
+            steps = np.linalg.norm(hip_ways - (tool_ways @ edge)[:, np.newaxis] * edge, axis=1)
+            yield Crossing(tools[crossed], pre, post, turn, first, crossed, end, along, under, steps, faces == face)
 
 
-def _follow_with_rigid_tool(recording: Recording, mesh: Mesh) -> tuple[IntArray, IntArray, Array]:
+def _follow_with_rigid_tool(recording: Recording, mesh: Mesh, slack: float) -> tuple[IntArray, IntArray, Array]:
     """Return the flat face of the mesh (n,) that a rigid tool is on, its triangle (n,), and its place (n, 3), m.
 
     In place of a face it is `IN_FREE_SPACE` or `RESTS`. On an edge or a vertex in the middle of a flat face the tool is
     on that face.
     """
-    triangles, features, tools = mesh.rigid_tool(recording.hip)
+    hips = _press_on(recording.hip, mesh, slack)
+    triangles, features, tools = mesh.rigid_tool(hips)
     faces = mesh.facets[triangles]
     corners, vertices, across = mesh.triangles, mesh.tables[1], mesh.neighbours
     # On an edge or a vertex; flat where its normal is that of the face.
@@ -265,6 +265,21 @@ def _follow_with_rigid_tool(recording: Recording, mesh: Mesh) -> tuple[IntArray,
             faces[tick] = RESTS
     faces[features == IN_FREE_SPACE] = IN_FREE_SPACE
     return faces, triangles, tools
+
+
+def _press_on(hips: Array, mesh: Mesh, slack: float) -> Array:
+    """Return `hips` (n, 3), m, with those that are on the mesh, to `slack` (m), a little inside: under all faces there.
+
+    The hand of a rigid contact is the tool, on either side of a face by rounding. On a concave edge, and in a corner, a
+    tool that follows the hand then rests.
+    """
+    pressed = np.array(hips)
+    touching = np.flatnonzero(np.abs(mesh.signed_distance(hips)) <= slack)
+    starts, normals = normals_in_reach(*mesh.tables, hips[touching], np.full(touching.size, slack))
+    for row, tick in enumerate(touching.tolist()):
+        inwards = -normals[starts[row] : starts[row + 1]].sum(axis=0)
+        pressed[tick] += 2.0 * slack * inwards / np.linalg.norm(inwards)
+    return pressed
 
 
 def _label_runs(labels: IntArray) -> list[tuple[int, int, int]]:

@@ -166,6 +166,8 @@ class IdealContact:
             "standoff": 0.0,
             "events": events,
         }
+        if isinstance(stimulus, Experiment):
+            meta["quiet_from"] = stimulus.quiet_from
         return Recording(time, channels, meta)
 
     def _follow_stretches(
