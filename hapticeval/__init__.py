@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hapticeval.api import Results, judge, run
+    from hapticeval.api import Results, judge, plot_document, run
     from hapticeval.discovery import known_renderers, resolve
     from hapticeval.errors import (
         HapticevalError,
@@ -72,6 +72,7 @@ _LAZY = {
     "compared": "hapticeval.phenomena.verdict",
     "hand_paths": "hapticeval.strategies",
     "judge": "hapticeval.api",
+    "plot_document": "hapticeval.api",
     "known_renderers": "hapticeval.discovery",
     "load_suite": "hapticeval.suite.reading",
     "make_model": "hapticeval.geometry.catalogue",
@@ -121,6 +122,7 @@ __all__ = [
     "known_renderers",
     "load_suite",
     "make_model",
+    "plot_document",
     "read_recording",
     "resolve",
     "results_schema",

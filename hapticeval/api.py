@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
-from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.quantity import parse_paper_length
+from hapticeval.errors import InputError, UnknownNameError, describe_error
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
 from hapticeval.runner.execution import execute
@@ -86,6 +85,46 @@ def run(
     if chosen.failed_first and chosen.output is not None and (chosen.output / FILE).exists():
         planned = planned.failed_first(read_results(chosen.output))
     return carry_out(planned, watch=watch)
+
+
+def plot_document(
+    file: str | Path,
+    renderers: Sequence[str] = (),
+    *,
+    width: str | None = None,
+    height: str | None = None,
+    font_size: float | None = None,
+) -> Figure:
+    """Return a figure for a paper of a JSON document; see `Results.plot` for the sizes.
+
+    - results.json of a run: its grid of renderers by phenomena
+    - bench.json of `hapticeval bench`: error against time, with the Pareto front
+    - limits-*.json of `hapticeval study limits`: the stiffness up to which a loop is stable
+
+    `renderers` are those of the first two that are drawn, all if none are named. Raises `InputError` for a document
+    that is none of these or damaged, and `UnknownNameError` for a renderer that is not in it.
+    """
+    from hapticeval.files import parse_json
+    from hapticeval.reports.limits_figure import paper_limits
+    from hapticeval.reports.paper_studies import paper_fronts
+    from hapticeval.study.bench.document import FILE as BENCH
+    from hapticeval.study.bench.document import read_bench
+
+    path = Path(file)
+    sizes: dict[str, Any] = {"width": width, "height": height, "font_size": font_size}
+    if path.name == FILE:
+        return Results.read(path.parent).plot_grid(renderers, **sizes)
+    if path.name == BENCH:
+        return paper_fronts(read_bench(path.parent), renderers, **sizes)
+    document = parse_json(path, todo="run the command again that wrote it")
+    try:
+        return paper_limits(document, **sizes)
+    except (KeyError, TypeError, IndexError, ValueError) as error:
+        raise InputError(
+            f"{path} cannot be drawn",
+            why=f"it is no document of `hapticeval study limits`, or damaged: {describe_error(error)}",
+            todo=f"give {FILE}, {BENCH} or limits-*.json",
+        ) from error
 
 
 def merge(folders: Sequence[str | Path], output: str | Path) -> Results:
@@ -268,7 +307,7 @@ class Results:
         font_size: float | None,
     ) -> Figure:
         """Return the figure for a paper, see `plot`."""
-        from hapticeval.reports.paper_figure import FONT_SIZE, WIDTH, PaperRun, paper_figure
+        from hapticeval.reports.paper_figure import PaperRun, paper_figure
 
         if renderers:
             entries = [self._run(case, name) for name in dict.fromkeys(renderers)]
@@ -286,13 +325,44 @@ class Results:
                 raise UnknownNameError(f"check of {run.suite}/{run.case}", check, verdicts)
             recording = self.recording(f"{run.suite}/{run.case}", run.renderer)
             runs.append(PaperRun(run.renderer, recording, verdicts[check] if check is not None else None))
-        return paper_figure(
-            runs,
-            entries[0].build_model(runs[0].recording),
-            width=WIDTH if width is None else parse_paper_length(width, option="width"),
-            height=None if height is None else parse_paper_length(height, option="height"),
-            font_size=FONT_SIZE if font_size is None else font_size,
-        )
+        model = entries[0].build_model(runs[0].recording)
+        return paper_figure(runs, model, width=width, height=height, font_size=font_size)
+
+    def plot_grid(
+        self,
+        renderers: Sequence[str] = (),
+        *,
+        width: str | None = None,
+        height: str | None = None,
+        font_size: float | None = None,
+    ) -> Figure:
+        """Return the grid of renderers by phenomena as a figure for a paper; see `plot` for the sizes.
+
+        Raises `UnknownNameError` for a renderer that did not run, and as `parse_paper_length` does.
+        """
+        from hapticeval.reports.grid import phenomenon_grid
+        from hapticeval.reports.paper_studies import paper_grid
+
+        grid = phenomenon_grid(self.document)
+        return paper_grid(grid, renderers, width=width, height=height, font_size=font_size)
+
+    def latex(
+        self,
+        table: str = "phenomena",
+        *,
+        renderers: Sequence[str] = (),
+        rows: Sequence[str] = (),
+        width: str | None = None,
+    ) -> str:
+        """Return a table for a paper as LaTeX (booktabs), as `hapticeval table` writes it.
+
+        `table` is phenomena, summary, hard-cases, closed-forms or verdicts; `rows` are globs on the first cell of a
+        row, `width` is that of a line, such as "88mm". Raises `UnknownNameError` for a table or a renderer that is not
+        there.
+        """
+        from hapticeval.reports.exports import latex_table
+
+        return latex_table(self.document, table, renderers=renderers, rows=rows, width=width)
 
     @property
     def file(self) -> Path:

@@ -27,6 +27,7 @@ from hapticeval.commands import (
     record,
     recordings,
     search,
+    tables,
     texture,
     viewing,
 )
@@ -146,6 +147,7 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
             (judging.explain, judging.LIST_CODES, "Explain what a check asks, measures and allows, and why."),
             (judging.report, judging.REPORT_CODES, "Write the reports of an earlier run anew, from its results."),
             (figure.figure, figure.EXIT_CODES, "Draw renderers on a case in one figure for a paper."),
+            (tables.table, tables.EXIT_CODES, "Write a LaTeX table for a paper."),
             (diff.diff, diff.EXIT_CODES, "Compare two runs: verdicts, margins and times."),
             (history.history, history.EXIT_CODES, "Show checks over commits, and the first red one."),
             (search.search, search.EXIT_CODES, "Find the smallest path that breaks a renderer."),

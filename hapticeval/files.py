@@ -191,20 +191,9 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
     if not folder.is_dir():
         why = "it is a file" if folder.exists() else "there is no such folder"
         raise InputError(f"no result folder '{folder}'", why=why, todo=todo)
-    try:
-        # Python reads NaN and Infinity, which are no JSON: refused.
-        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
-    except FileNotFoundError as error:
-        raise InputError(
-            f"'{folder}' holds no {path.name}", why=f"`hapticeval {command}` writes it", todo=todo
-        ) from error
-    except OSError as error:
-        raise InputError(f"cannot read {path}", why=error.strerror or str(error)) from error
-    except json.JSONDecodeError as error:
-        place = f"line {error.lineno}, column {error.colno}"
-        raise InputError(f"{path} is not JSON: {place}", why=error.msg, todo=again) from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not JSON text", why=str(error), todo=again) from error
+    if not path.exists():
+        raise InputError(f"'{folder}' holds no {path.name}", why=f"`hapticeval {command}` writes it", todo=todo)
+    document = parse_json(path, todo=again)
     # What is no table is left to `convert`, whose message is better.
     file_version = document.get("format_version") if isinstance(document, dict) else version
     if file_version != version:
@@ -218,6 +207,20 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
     from hapticeval.documents import convert
 
     return convert(document, kind, str(path), todo=f"run `hapticeval {command}` again, or mend that entry")
+
+
+def parse_json(path: Path, *, todo: str) -> Any:
+    """Return what a JSON file holds. Raises `InputError` with that `todo` where it cannot be read or is not JSON."""
+    try:
+        # Python reads NaN and Infinity, which are no JSON: refused.
+        return json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    except OSError as error:
+        raise InputError(f"cannot read {path}", why=error.strerror or str(error)) from error
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise InputError(f"{path} is not JSON: {place}", why=error.msg, todo=todo) from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is not JSON text", why=str(error), todo=todo) from error
 
 
 def _refuse_constant(name: str) -> NoReturn:

@@ -44,7 +44,7 @@ def bench_plots(bench: BenchResults, looks: Mapping[str, Look]) -> list[tuple[st
     """
     plots = []
     for kind, title in TITLES.items():
-        placed = {model: _plotted_settings(settings, kind) for model, settings in bench.by_model().items()}
+        placed = {model: plotted_settings(settings, kind) for model, settings in bench.by_model().items()}
         drawable = [(model, plotted) for model, plotted in placed.items() if plotted]
         # One figure for each row of panels: a figure as wide as the page stays readable.
         for first in range(0, len(drawable), PANELS_IN_ROW):
@@ -109,7 +109,7 @@ def _changes_svg(comparison: Sequence[Change]) -> str:
         return page_svg(fig, prefix="bchange", title="Times against those of the earlier bench")
 
 
-def _plotted_settings(settings: Sequence[SettingEntry], kind: Kind) -> PlottedSettings:
+def plotted_settings(settings: Sequence[SettingEntry], kind: Kind) -> PlottedSettings:
     """Return the settings that have a time of that kind and an error, each with its point: us across, mm up."""
     return [
         # An exact setting has no place on a logarithmic axis: it is drawn at EXACT_ERROR.

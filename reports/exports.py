@@ -4,22 +4,31 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from hapticeval.errors import HapticevalError, NothingSelectedError, printable
+import msgspec
+
+from hapticeval.errors import HapticevalError, NothingSelectedError, UnknownNameError, printable
 from hapticeval.files import csv_cell, file_stem, replacing
+from hapticeval.quantity import parse_paper_length
 from hapticeval.reports.grid import Tile, hard_cases, phenomenon_grid
 from hapticeval.reports.table import provenance, summaries
-from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
+from hapticeval.runner.results import ResultsDocument, RunEntry, Table, VerdictEntry
 
 if TYPE_CHECKING:
     import pandas as pd
 
 FOLDER = "tables"
 """The folder of the tables, beside the results."""
+
+PHENOMENA = (
+    "Phenomena by renderers: the gravest outcome, how many of the verdicts have it, and for the worst of them how much "
+    "of its bound is left, or how many times its bound it is"
+)
+"""The caption of the table of phenomena, which explains its cells."""
 
 FIGURES = "figures"
 """The folder of the figures, beside the results."""
@@ -47,8 +56,12 @@ def sheets(results: ResultsDocument) -> Iterator[Sheet]:
         yield Sheet(name, header, cells, "Summary of the renderers' performance")
     grid = phenomenon_grid(results)
     if grid.rows and grid.columns:
-        cells = [[name, *(_tile_words(tile) for tile in tiles)] for name, tiles in grid.rows]
-        yield Sheet("phenomena", ["renderer", *grid.columns], cells, "Renderers by phenomena")
+        # Phenomena down, renderers across: two renderers fit into a column of a paper.
+        cells = [
+            [phenomenon, *(_tile_words(tiles[number]) for _, tiles in grid.rows)]
+            for number, phenomenon in enumerate(grid.columns)
+        ]
+        yield Sheet("phenomena", ["phenomenon", *(name for name, _ in grid.rows)], cells, PHENOMENA)
     names, digits = hard_cases(results)
     if digits:
         cells = [[row.case, *("--" if count is None else str(count) for count, _ in row.cells)] for row in digits]
@@ -121,9 +134,7 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
             # A cell that a spreadsheet would run as a formula is escaped.
             texts = {"csv": frame.map(csv_cell).rename(columns=csv_cell).to_csv(index=False)}
             if sheet.caption:
-                texts["tex"] = (
-                    f"% {provenance(results)}\n% \\usepackage{{booktabs,array,longtable}}\n{_latex_table(sheet, frame)}"
-                )
+                texts["tex"] = _latex_text_of(sheet, results)
             for kind, text in texts.items():
                 with replacing(folder / f"{sheet.name}.{kind}") as temporary:
                     temporary.write_text(text, encoding="utf-8")
@@ -140,9 +151,118 @@ LATEX_ESCAPES = {
 """Signs that LaTeX would take for commands, or that a long name may be broken after."""
 
 
-def _latex_table(sheet: Sheet, frame: pd.DataFrame) -> str:
-    """Return a table as LaTeX, small enough for a page. What is set before a float does not reach into it."""
-    columns, size = _latex_columns(sheet)
+def latex_table(
+    results: ResultsDocument,
+    table: str = "phenomena",
+    *,
+    renderers: Sequence[str] = (),
+    rows: Sequence[str] = (),
+    width: str | None = None,
+) -> str:
+    """Return one table as LaTeX (booktabs), small enough for a line of `width` on paper, such as "88mm".
+
+    `table` is one of `sheets`; `renderers` are its columns or rows, in this order, and `rows` globs on the first cell
+    of a row: all, if none are named. Without a width the line is that of an article on A4.
+
+    Raises `UnknownNameError` for a table or a renderer that is not there, `NothingSelectedError` for a glob without a
+    row, and as `parse_paper_length` does.
+    """
+    characters = 1.0 if width is None else parse_paper_length(width, option="width") / LINE_WIDTH
+    for name in renderers:
+        if name not in results.renderers:
+            raise UnknownNameError("renderer of these results", name, results.renderers)
+    chosen = results_of(results, renderers) if renderers else results
+    tables = {sheet.name: sheet for sheet in sheets(chosen)}
+    if table not in tables:
+        raise UnknownNameError("table of these results", table, tables)
+    sheet = tables[table]
+    for glob in rows:
+        if not any(fnmatchcase(row[0], glob) for row in sheet.rows):
+            raise NothingSelectedError(
+                f"no row of '{table}' matches {glob!r}",
+                why="a glob is matched against the first cell",
+                todo=f"for instance '{sheet.rows[0][0]}'" if sheet.rows else "",
+            )
+    kept_rows = [row for row in sheet.rows if not rows or any(fnmatchcase(row[0], glob) for glob in rows)]
+    return _latex_text_of(replace(sheet, rows=kept_rows, caption=sheet.caption or "Verdicts"), chosen, characters)
+
+
+def results_of(results: ResultsDocument, renderers: Sequence[str]) -> ResultsDocument:
+    """Return the results of these renderers alone, in this order."""
+    order = {name: number for number, name in enumerate(renderers)}
+
+    def chosen(entries: Sequence[Entry]) -> list[Entry]:
+        return sorted((entry for entry in entries if entry.renderer in order), key=lambda entry: order[entry.renderer])
+
+    verdicts = chosen(results.verdicts)
+
+    def columns(table: Table) -> Table:
+        return {title: {name: row[name] for name in renderers if name in row} for title, row in table.items()}
+
+    suites = [
+        msgspec.structs.replace(suite, renderers=[name for name in renderers if name in suite.renderers])
+        for suite in results.suites
+    ]
+    return msgspec.structs.replace(
+        results, runs=chosen(results.runs), verdicts=verdicts, table=columns(results.table), suites=suites,
+        published_table=columns(results.published_table), ran=len(verdicts),
+        commits={name: commit for name, commit in results.commits.items() if name in order},
+        planned=len(verdicts) + results.planned - results.ran,
+    )  # fmt: skip
+
+
+Entry = TypeVar("Entry", RunEntry, VerdictEntry)
+
+
+def _latex_text_of(sheet: Sheet, results: ResultsDocument, line: float = 1.0) -> str:
+    """Return a table as LaTeX with the packages that it needs, in several parts where its columns do not fit.
+
+    `line` is the width of a line as a share of `LINE_WIDTH`.
+    """
+    import pandas as pd
+
+    parts = []
+    for part in _parts_that_fit(sheet, line):
+        frame = pd.DataFrame(part.rows, columns=range(len(part.header)), dtype=str)
+        frame.columns = pd.Index(part.header)
+        parts.append(_latex_table(part, frame, line))
+    head = f"% {provenance(results)}\n% \\usepackage{{booktabs,array,longtable}}\n"
+    return head + "\n".join(parts)
+
+
+def _parts_that_fit(sheet: Sheet, line: float) -> Iterator[Sheet]:
+    """Yield the table, or parts of it whose columns fit into a line by their longest words, each with the first one."""
+    width = line * LINE_CHARACTERS[SMALLEST_SIZE]
+    words = [_longest_word(column) + COLUMN_GAP for column in _columns_of(sheet)]
+    groups: list[list[int]] = [[]]
+    for column in range(1, len(words)):
+        if groups[-1] and words[0] + sum(words[other] for other in groups[-1]) + words[column] > width:
+            groups.append([])
+        groups[-1].append(column)
+    for number, group in enumerate(groups):
+        columns = [0, *group]
+        count = f" ({number + 1} of {len(groups)})" if len(groups) > 1 else ""
+        yield replace(
+            sheet,
+            name=f"{sheet.name}-{number + 1}" if count else sheet.name,
+            header=[sheet.header[column] for column in columns],
+            rows=[[row[column] for column in columns] for row in sheet.rows],
+            caption=sheet.caption + count,
+        )
+
+
+def _columns_of(sheet: Sheet) -> list[tuple[str, ...]]:
+    return list(zip(sheet.header, *sheet.rows, strict=True))
+
+
+def _longest_word(column: Sequence[str]) -> int:
+    """Return the longest part of a column's cells that is not broken: at spaces, and after signs of LATEX_ESCAPES."""
+    return max(len(word) for cell in column for word in re.split(r"\s|(?<=\w)[-+@/]", cell))
+
+
+def _latex_table(sheet: Sheet, frame: pd.DataFrame, line: float) -> str:
+    """Return a table as LaTeX, small enough for a line. What is set before a float does not reach into it."""
+    columns, size = _latex_columns(sheet, line)
     # A float fits one page at most.
     environment = "longtable" if len(sheet.rows) > LONG_TABLE_ROWS else "tabular"
     cells = frame.map(_latex_text).rename(columns=_latex_text)
@@ -162,33 +282,40 @@ def _latex_table(sheet: Sheet, frame: pd.DataFrame) -> str:
 LONG_TABLE_ROWS = 40
 """Rows from which on a table goes over several pages."""
 
-LINE_CHARACTERS = {"": 66, r"\scriptsize": 88, r"\tiny": 112}
-"""Characters that fit beside each other into the text of an article on A4, by the size of the letters."""
+LINE_WIDTH = 0.1214
+"""Metres of a line of an article on A4 with letters of 10 points: 345 points."""
+
+LINE_CHARACTERS = {"": 66, r"\footnotesize": 78, r"\scriptsize": 88}
+"""Characters that fit beside each other into such a line, by the size of the letters."""
+
+SMALLEST_SIZE = r"\scriptsize"
+"""The smallest letters that are used: of 7 points where the text has 10."""
 
 COLUMN_GAP = 2
 """Characters that the gap between two columns takes."""
 
 
-def _latex_columns(sheet: Sheet) -> tuple[str, str]:
+def _latex_columns(sheet: Sheet, line: float) -> tuple[str, str]:
     """Return the columns of a table for LaTeX, and the size of its letters.
 
     Those of a wide one are as wide as their longest words, and share what is left by how much they hold.
     """
-    columns = list(zip(sheet.header, *sheet.rows, strict=True))
+    columns = _columns_of(sheet)
     longest = [max(map(len, column)) for column in columns]
-    # All cells fit on a line each, at the size of the text.
-    if sum(longest) + COLUMN_GAP * len(columns) <= LINE_CHARACTERS[""]:
-        return "l" * len(columns), ""
-    # A cell may be broken at spaces and after the signs that LATEX_ESCAPES lets break.
-    parts = ([word for cell in column for word in re.split(r"\s|(?<=\w)[-+@/]", cell)] for column in columns)
-    words = [max(map(len, words_of_column)) + COLUMN_GAP for words_of_column in parts]
-    size = r"\scriptsize" if sum(words) <= LINE_CHARACTERS[r"\scriptsize"] else r"\tiny"
+    # All cells fit on a line each: as large as they may be.
+    for size, characters in LINE_CHARACTERS.items():
+        if sum(longest) + COLUMN_GAP * len(columns) <= line * characters:
+            return "l" * len(columns), size
+    words = [_longest_word(column) + COLUMN_GAP for column in columns]
+    small = [size for size in LINE_CHARACTERS if size and sum(words) <= line * LINE_CHARACTERS[size]]
+    size = small[0] if small else SMALLEST_SIZE
+    characters = line * LINE_CHARACTERS[size]
     room = [max(cell_width + COLUMN_GAP - word_width, 0) for cell_width, word_width in zip(longest, words, strict=True)]
     # What is left of the line, as a share of what the cells would still take.
-    free = max(LINE_CHARACTERS[size] - sum(words), 0) / max(sum(room), 1)
+    free = max(characters - sum(words), 0) / max(sum(room), 1)
     widths = [word_width + min(free, 1.0) * extra - COLUMN_GAP for word_width, extra in zip(words, room, strict=True)]
     # From characters to shares of the line.
-    scale = 1.0 / max(LINE_CHARACTERS[size], sum(words))
+    scale = 1.0 / max(characters, sum(words))
     return "".join(rf">{{\raggedright\arraybackslash}}p{{{scale * width:.3f}\linewidth}}" for width in widths), size
 
 

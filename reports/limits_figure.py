@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,12 +10,33 @@ import numpy as np
 
 from hapticeval.files import file_stem
 from hapticeval.reports.canvas import INK, PALETTE, QUIET, figure, save_figure
+from hapticeval.reports.paper import PaperFigure, paper_page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SAMPLING_TIME_COLOURS = ("#56b4e9", "#0072b2", "#1c1f23", "#d55e00")
 """One colour per sampling time, from the shortest."""
+
+
+def paper_limits(
+    document: Mapping[str, Any],
+    *,
+    width: str | None = None,
+    height: str | None = None,
+    font_size: float | None = None,
+) -> PaperFigure:
+    """Draw the document of `study_limits` for a paper: its panels below each other. Raises as `paper_page` does."""
+    panels = _panels(document)
+    with paper_page(width, height, font_size, natural=lambda across: 0.8 * across * len(panels)) as fig:
+        for axes, draw in zip(fig.subplots(len(panels), 1, squeeze=False)[:, 0], panels, strict=True):
+            draw(axes, document)
+            axes.legend(loc="upper right" if draw is _draw_workspace else "best", handlelength=1.6, labelspacing=0.3)
+        return fig
+
+
+def _panels(document: Mapping[str, Any]) -> list[Callable[[Axes, Mapping[str, Any]], None]]:
+    return [_draw_z_width, _draw_delay, *([_draw_workspace] if document["workspace"] else [])]
 
 
 def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:
@@ -50,7 +71,7 @@ def _draw_z_width(axes: Axes, document: Mapping[str, Any]) -> None:
         axes.plot(curve["damping"], _thousands(curve["eigenvalues"]), color=colour, label=label)
         axes.plot(curve["damping"], _thousands(curve["passive"]), color=colour, **passive)
     if document["passive"] is not None:
-        axes.plot([], [], color=QUIET, label="passive (2.40)", **passive)
+        axes.plot([], [], color=QUIET, label="passive", **passive)
     place = [document["damping"]], [1e-3 * document["stiffness"]]
     axes.plot(*place, "o", color=PALETTE["jump"], label="the scene", zorder=5, clip_on=False)
     # kN/m: linear below, so that zero stiffness has a place.
@@ -68,17 +89,17 @@ def _draw_delay(axes: Axes, document: Mapping[str, Any]) -> None:
     curve = document["delay"]
     # ms and kN/m.
     delay, limit = 1e3 * np.array(curve["delay"]), _thousands(curve["eigenvalues"])
-    axes.plot(delay, limit, color=SAMPLING_TIME_COLOURS[0], linewidth=3.5, label="eigenvalues", clip_on=False)
+    axes.plot(delay, limit, color=SAMPLING_TIME_COLOURS[0], linewidth=3.5, label="stable", clip_on=False)
     axes.axhline(1e-3 * document["stiffness"], color=PALETTE["jump"], linewidth=1.0, linestyle="-.", label="the scene")
     if document["passive"] is not None:
         style: dict[str, Any] = {"color": SAMPLING_TIME_COLOURS[2], "linestyle": "--", "linewidth": 1.2}
-        axes.plot(delay, _thousands(curve["passive"]), label="passive (2.40)", clip_on=False, **style)
+        axes.plot(delay, _thousands(curve["passive"]), label="passive", clip_on=False, **style)
     if curve["closed_form"] is not None:
         line = _thousands(curve["closed_form"])
         axes.plot(delay, line, color=INK, linestyle=":", linewidth=1.5, label="(b + B) / (T / 2 + d), Gil 2009")
     # None stands for no limit: any stiffness is stable.
     if not any(value is None or value > 0.0 for value in curve["eigenvalues"]):
-        axes.text(0.5, 0.5, "no stiffness is stable at any delay", transform=axes.transAxes, ha="center", fontsize=9)
+        axes.text(0.5, 0.5, "no stiffness is stable at any delay", transform=axes.transAxes, ha="center")
     axes.set_ylim(bottom=0.0)
     axes.set_xlim(left=0.0)
     axes.set(xlabel="computation delay (ms)", ylabel="stiffness K (kN/m)", title="Delay")

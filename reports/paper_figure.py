@@ -11,14 +11,12 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from hapticeval.errors import InputError
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.canvas import CURVES, MM, colour_of, draw_over_time, in_style
+from hapticeval.reports.canvas import CURVES, MM, colour_of, draw_over_time
+from hapticeval.reports.paper import PaperFigure, add_legend, paper_page
 from hapticeval.reports.plane import aspect_of, box_round, draw_body, name_axes, samples_along_path
 from hapticeval.reports.run_figure import include_zero
 from hapticeval.runner.results import VerdictEntry
@@ -27,20 +25,11 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INCH = 0.0254
-"""Metres in an inch, in which matplotlib measures paper."""
-
-SMALLEST, LARGEST = 0.03, 1.2
-"""Metres of a side of a figure: axes and labels need the least, a poster the most."""
-
 TALLEST = 0.12
 """Metres of height that the axes of a figure have at most where no height is asked for."""
 
 DETAIL = 20_000.0
 """Width of the view over what is left out of the model's outline: not to be seen in print."""
-
-WIDTH, FONT_SIZE = 0.088, 8.0
-"""Width (m), of a column of most journals, and points of all text of a figure, where none are asked for."""
 
 ROLES = tuple(role for role in CURVES if role != "ink")
 """Roles of the renderers' curves: ink is the HIP's."""
@@ -83,46 +72,27 @@ class PaperRun:
         return None
 
 
-class PaperFigure(Figure):
-    """A figure that is saved at its real size and in TrueType fonts (Type 42), whatever matplotlib's settings are."""
-
-    def savefig(self, fname: Any, **options: Any) -> None:
-        """Save it as matplotlib does; an image has 300 dots an inch if nothing else is said."""
-        with in_style({"pdf.fonttype": 42, "ps.fonttype": 42, "savefig.bbox": None}):
-            super().savefig(fname, **{"dpi": 300, **options})
-
-
 def paper_figure(
     runs: Sequence[PaperRun],
     model: Model | None,
     *,
-    width: float = WIDTH,
-    height: float | None = None,
-    font_size: float = FONT_SIZE,
+    width: str | None = None,
+    height: str | None = None,
+    font_size: float | None = None,
 ) -> PaperFigure:
-    """Draw the runs of one case over each other; `width` and `height` are m on paper, `font_size` points.
+    """Draw the runs of one case over each other; see `paper_page` for sizes.
 
     Runs in space are drawn in their `clearest_coordinates`. A ring and a line in time stand where the verdict of a run
-    points. Raises `InputError` for a size that no figure can have.
+    points. Raises as `paper_page` does.
     """
-    room = min(width, max(TALLEST, 0.6 * width)) if height is None else height
-    for name, size in (("width", width), ("height", room)):
-        if not SMALLEST <= size <= LARGEST:
-            limits = f"{MM * SMALLEST:g} to {MM * LARGEST:g} mm"
-            raise InputError(f"a figure of {MM * size:.4g} mm {name}", why=f"a side is {limits} long")
-    if not 3.0 <= font_size <= 40.0:
-        raise InputError(f"a font of {font_size:g} points", why="it is 3 to 40 points high")
-    sizes = ("font.size", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
-    with in_style(dict.fromkeys(sizes, font_size)):
-        margins = ConstrainedLayoutEngine(w_pad=0.02, h_pad=0.02)
-        fig = PaperFigure(figsize=(width / INCH, room / INCH), facecolor="white", layout=margins)
+    with paper_page(width, height, font_size, natural=_natural_height) as fig:
         plane, force = fig.subplots(2, 1, height_ratios=(2.6, 1.0))
         _draw_forces(force, runs)
         coordinates = clearest_coordinates([run.recording for run in runs])
         low, high = _draw_paths(plane, runs, coordinates)
-        legend_height = _add_legend(fig, runs)
+        legend_height = add_legend(fig, _legend_handles(runs))
         if height is None:
-            fig.set_figheight(room / INCH + legend_height)
+            fig.set_figheight(fig.get_figheight() + legend_height)
         fig.align_ylabels()
         # How wide the numbers at the axes are depends on what is in view, and that on the room which they leave.
         for _ in range(2):
@@ -133,6 +103,10 @@ def paper_figure(
         if model is not None:
             draw_body(plane, model, view, coordinates, detail=DETAIL)
         return fig
+
+
+def _natural_height(width: float) -> float:
+    return min(width, max(TALLEST, 0.6 * width))
 
 
 def _curve_style(number: int, count: int) -> dict[str, Any]:
@@ -230,8 +204,8 @@ def _draw_forces(axes: Axes, runs: Sequence[PaperRun]) -> None:
     include_zero(axes, *sizes)
 
 
-def _add_legend(fig: Figure, runs: Sequence[PaperRun]) -> float:
-    """Put names of all that is drawn above the axes, in as many columns as fit; return the height in inches."""
+def _legend_handles(runs: Sequence[PaperRun]) -> list[Any]:
+    """Return the names of all that is drawn."""
     from matplotlib.lines import Line2D
 
     colour, words = (colour_of("ink"), "HIP") if _have_one_path(runs) else (colour_of("quiet"), "HIP of each renderer")
@@ -244,13 +218,4 @@ def _add_legend(fig: Figure, runs: Sequence[PaperRun]) -> float:
         fails = all(verdict.outcome is Outcome.FAIL for verdict in marked)
         words = f"where {marked[0].check} fails" if fails else f"worst place of {marked[0].check}"
         handles.append(Line2D([], [], label=words, **_ring("ink")))
-    for columns in range(len(handles), 0, -1):
-        legend = fig.legend(
-            handles=handles, loc="outside upper left", ncols=columns, borderaxespad=0.2, handlelength=2.2,
-            columnspacing=1.2, handletextpad=0.5, borderpad=0.1, labelspacing=0.3,
-        )  # fmt: skip
-        box = legend.get_window_extent()
-        if columns == 1 or box.width < 0.98 * fig.bbox.width:
-            break
-        legend.remove()
-    return float(box.height / fig.dpi)
+    return handles

@@ -1,16 +1,18 @@
-"""The command that draws a figure for a paper: several renderers on one case, over each other."""
+"""The command that draws figures for a paper: renderers on cases, over each other, and what studies found."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
-
-import typer
+from typing import TYPE_CHECKING, Annotated
 
 from hapticeval.commands.arguments import argument, option, renderers_option
 from hapticeval.commands.terminal import Terminal, lines, say, wrote_lines
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import file_stem
+
+if TYPE_CHECKING:
+    from hapticeval.api import Results
 
 EXIT_CODES = """\b
 Exit codes:
@@ -25,69 +27,127 @@ KINDS = (".pdf", ".svg", ".png")
 
 
 def figure(
-    case: Annotated[str, argument(metavar="CASE", help="SUITE/CASE, FILE.toml/CASE, or a case of thesis.")],
+    subjects: Annotated[
+        list[str],
+        argument(
+            metavar="CASE...",
+            help="SUITE/CASE, FILE.toml/CASE, or a case of thesis; or a document: results.json for the grid of "
+            "renderers by phenomena, bench.json, or limits-*.json of `study limits`.",
+        ),
+    ],
     renderers: Annotated[list[str] | None, renderers_option("those that `run` takes, or that DIR has")] = None,
     check: Annotated[
         str | None, option("--check", metavar="CHECK", help="Mark where the verdicts of this check point.")
     ] = None,
-    width: Annotated[str, typer.Option(metavar="LENGTH", help="Width on paper: mm, cm, in or pt.")] = "88mm",
+    width: Annotated[str | None, option(metavar="LENGTH", help="Width on paper: mm, cm, in or pt; else 88mm.")] = None,
     height: Annotated[str | None, option(metavar="LENGTH", help="Height on paper; by the width if not given.")] = None,
-    font_size: Annotated[float, typer.Option(metavar="POINTS", help="Size of all text.")] = 8.0,
+    font_size: Annotated[float | None, option(metavar="POINTS", help="Size of all text; 8 if not given.")] = None,
     source: Annotated[
         Path | None, option("--from", metavar="DIR", help="Take the recordings of an earlier run; run nothing.")
     ] = None,
     output: Annotated[
         Path | None,
-        option("-o", "--output", metavar="FILE", help="A .pdf, .svg or .png; figure-CASE.pdf if not given."),
+        option(
+            "-o", "--output", metavar="FILE",
+            help="A .pdf, .svg or .png, or a folder, which several figures need; figure-CASE.pdf if not given.",
+        ),
     ] = None,
-) -> None:
-    """Draw a figure for a paper: renderers on one case, over each other, at its real size.
+) -> None:  # fmt: skip
+    """Draw figures for a paper, at their real size, with text in TrueType fonts (Type 42).
 
-    Above are the model, the path of the hand (HIP) and that of each renderer's tool (IHIP); below is the size of the
-    force against time. A case in space is drawn in the coordinate plane in which the paths spread most: the axes say
-    which. Text in a PDF is in TrueType fonts (Type 42).
+    Of a case: above are the model, the path of the hand (HIP) and that of each renderer's tool (IHIP), over each other;
+    below is the size of the force against time. A case in space is drawn in the coordinate plane in which the paths
+    spread most: the axes say which. Several cases are run and drawn together, which takes less time.
 
     \b
     Examples:
       hapticeval figure cassinian-deep-slide -r minimum-distance -r constraint
       hapticeval figure solids/cube-vertex -r minimum-distance -r constraint --width 3.5in -o cube.svg
       hapticeval figure star-convex-corner --check continuous-contact --from results -o corner.pdf
+      hapticeval figure results/results.json results/bench.json limits-plane-press-point-mass.json -o figures
     """
     from hapticeval import api
     from hapticeval.quantity import parse_paper_length
     from hapticeval.reports.canvas import save_figure
-    from hapticeval.suite.reading import load_suite
 
     for name, size in (("--width", width), ("--height", height)):
         if size is not None:  # before anything runs
             parse_paper_length(size, option=name)
-    suite_name, _, case_name = case.rpartition("/")
-    output = output or Path(f"figure-{file_stem(case_name)}.pdf")
-    if output.suffix not in KINDS:
+    paths = _paths_of(subjects, output)
+    sizes = {"width": width, "height": height, "font_size": font_size}
+    cases = [subject for subject in paths if not subject.endswith(".json")]
+    results = _results_of(cases, renderers or (), check, source) if cases else None
+    drawings = {
+        subject: api.plot_document(subject, renderers=renderers or (), **sizes)
+        if results is None or subject not in cases
+        # Results name a suite by its file's stem.
+        else results.plot(_place(subject), renderers=renderers or (), check=check, **sizes)
+        for subject in paths
+    }
+    written: list[Path] = []
+    # Written when all are drawn: one that cannot be leaves no half of them.
+    for subject, drawing in drawings.items():
+        path = paths[subject]
+        written += save_figure(drawing, path.parent, path.stem, kinds=(path.suffix[1:],), dpi=300)
+    refused = [] if source or results is None else [run for run in results.document.runs if run.refusal]
+    notes = [f"not drawn: {run.renderer} refuses {run.suite}/{run.case}" for run in refused]
+    say(lines([*notes, wrote_lines(written)]))
+
+
+def _paths_of(subjects: list[str], output: Path | None) -> dict[str, Path]:
+    """Return the file of each figure. Raises `InputError` for an ending that none has, and one file for several."""
+    names = {subject: f"figure-{file_stem(Path(subject).name.removesuffix('.json'))}.pdf" for subject in subjects}
+    if output is None:
+        return {subject: Path(name) for subject, name in names.items()}
+    if output.suffix in KINDS:
+        if len(names) > 1:
+            raise InputError(
+                f"-o {output}", why=f"{len(names)} figures do not fit into one file", todo="name a folder: -o figures"
+            )
+        return dict.fromkeys(subjects, output)
+    if output.suffix and not output.is_dir():
         raise InputError(f"-o {output}", why=f"a figure is {', '.join(KINDS)}", todo="name a file with such an ending")
+    return {subject: output / name for subject, name in names.items()}
+
+
+def _place(subject: str) -> str:
+    suite, _, case = subject.rpartition("/")
+    return f"{Path(suite).stem}/{case}" if suite else case
+
+
+def _results_of(cases: list[str], renderers: Sequence[str], check: str | None, source: Path | None) -> Results:
+    """Return an earlier run, or run the cases, with as few checks as a run takes.
+
+    Raises `UnknownNameError` for a check that a case has not, what stopped a renderer, and `KeyboardInterrupt` where
+    the run was.
+    """
+    from hapticeval import api
+    from hapticeval.suite.reading import load_suite
+
     if source is not None:
-        results = api.Results.read(source)
-    else:
-        suite = load_suite(suite_name or api.DEFAULT_SUITE)
+        return api.Results.read(source)
+    suites = {}
+    selected = []
+    for subject in cases:
+        suite_name, _, case_name = subject.rpartition("/")
+        suite = suites.setdefault(suite_name, load_suite(suite_name or api.DEFAULT_SUITE))
         checks = tuple(suite.case(case_name).checks)
         if check is not None and check not in checks:
-            raise UnknownNameError(f"check of {case}", check, checks)
+            raise UnknownNameError(f"check of {subject}", check, checks)
         # One check is enough to have the case run.
-        select = f"{suite.name}/{case_name}/{check or checks[0]}"
-        with Terminal() as terminal:
-            results = api.run(renderers or (), suites=suite, select=select, watch=terminal)
-    # Results name a suite by its file's stem.
-    case = f"{Path(suite_name).stem}/{case_name}" if suite_name else case_name
+        selected.append(f"{suite.name}/{case_name}/{check or checks[0]}")
+    with Terminal() as terminal:
+        results = api.run(
+            renderers, suites=tuple({suite.name: suite for suite in suites.values()}.values()),
+            select=" or ".join(selected), watch=terminal,
+        )  # fmt: skip
     for run in results.document.runs:
-        if source is None and run.error is not None:
+        if run.error is not None:
             error = HapticevalError(
-                f"{run.renderer} on {case}: {run.error.what}", why=run.error.why, todo=run.error.todo
+                f"{run.renderer} on {run.suite}/{run.case}: {run.error.what}", why=run.error.why, todo=run.error.todo
             )
             error.exit_code = run.error.exit_code
             raise error
-    if source is None and not results.complete:
+    if not results.complete:
         raise KeyboardInterrupt
-    drawn = results.plot(case, renderers=renderers or (), check=check, width=width, height=height, font_size=font_size)
-    written = save_figure(drawn, output.parent, output.stem, kinds=(output.suffix[1:],), dpi=300)
-    refused = [run.renderer for run in results.document.runs if source is None and run.refusal]
-    say(lines([*(f"not drawn: {name} refuses the case" for name in refused), wrote_lines(written)]))
+    return results

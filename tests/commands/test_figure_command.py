@@ -53,6 +53,43 @@ def test_what_cannot_be_drawn_says_why_and_writes_nothing(here, capsys, argument
     assert not list(here.glob("*.pdf"))
 
 
+def test_several_cases_are_run_and_drawn_together(here, capsys):
+    assert main(["figure", "slides.toml/flat", "slides.toml/flat-back", *TWO, "-o", "figures"]) == 0
+    assert capsys.readouterr().out == "wrote figures/figure-flat.pdf\nwrote figures/figure-flat-back.pdf\n"
+    assert main(["figure", "slides.toml/flat", "slides.toml/flat-back", *TWO, "-o", "one.pdf"]) == 2
+    assert "2 figures do not fit into one file" in capsys.readouterr().err
+
+
+def test_the_grid_of_a_run_and_what_is_no_document(here, capsys):
+    main(["run", "slides.toml", "--no-report", *TWO])
+    assert main(["figure", "results/results.json", "-o", "grid.pdf", "-r", "local_mine:Jumps"]) == 0
+    assert b"/Type3" not in (here / "grid.pdf").read_bytes()
+    assert main(["figure", "results/results.json", "-r", "local_mine:Absent"]) == 2
+    assert "renderer of these results" in capsys.readouterr().err
+    for name, content in (("other.json", "[]"), ("limits-x.json", '{"workspace": null}'), ("cut.json", '{"a"')):
+        (here / name).write_text(content)
+        assert main(["figure", name]) == 2
+        assert name in capsys.readouterr().err
+    assert [path.name for path in here.glob("*.pdf")] == ["grid.pdf"]
+
+
+def test_a_table_for_a_paper_has_the_renderers_in_their_order(here, capsys):
+    main(["run", "slides.toml", "--no-report", *TWO])
+    assert main(["table", "results", "-r", "local_mine:Jumps", "-r", "local_mine:Good", "--width", "88mm"]) == 0
+    text = (here / "phenomena.tex").read_text()
+    assert re.search(r"phenomenon & local\\_mine:Jumps & local\\_mine:Good", text)
+    assert "\\toprule" in text
+    assert main(["table", "results", "phenomena", "--row", "Continuous*", "-o", "one.tex"]) == 0
+    assert (here / "one.tex").read_text().count(r"\\") == 2, "head and one row"
+    for arguments, code, what in (
+        (["-r", "local_mine:Absent"], 2, "local_mine:Jumps"),
+        (["phenomenon"], 2, "did you mean phenomena"),
+        (["--row", "Nothing*"], 4, "no row of 'phenomena' matches"),
+    ):
+        assert main(["table", "results", *arguments]) == code
+        assert what in capsys.readouterr().err
+
+
 def test_the_same_from_python(here):
     results = api.run(["local_mine:Good", "local_mine:Jumps"], suites="slides.toml", workers=0)
     fig = results.plot("flat", renderers=["local_mine:Jumps"], check="continuous-contact", width="120mm", font_size=7)

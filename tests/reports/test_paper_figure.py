@@ -28,7 +28,7 @@ def texts(fig):
 
 @pytest.mark.parametrize("width", [0.088, 0.1778])
 def test_a_pdf_has_its_real_size_and_truetype_fonts(tmp_path, width):
-    fig = paper_figure(two_runs(time=0.5), make_model("cassinian"), width=width, height=0.1)
+    fig = paper_figure(two_runs(time=0.5), make_model("cassinian"), width=f"{1e3 * width}mm", height="10cm")
     fig.savefig(tmp_path / "fig.pdf")
     content = (tmp_path / "fig.pdf").read_bytes()
     assert re.search(rb"/CIDFontType2|/TrueType", content)
@@ -72,7 +72,7 @@ def test_a_place_without_a_time_is_found_by_its_hip():
 
 
 @pytest.mark.parametrize(
-    ("options", "what"), [({"width": 0.01}, "width"), ({"height": 2.0}, "height"), ({"font_size": 1.0}, "font")]
+    ("options", "what"), [({"width": "10mm"}, "width"), ({"height": "200cm"}, "height"), ({"font_size": 1.0}, "font")]
 )
 def test_a_size_that_no_figure_can_have_is_refused(options, what):
     with pytest.raises(InputError, match=what):

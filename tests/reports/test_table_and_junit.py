@@ -22,7 +22,14 @@ from hapticeval.effects.viscosity import Viscosity
 from hapticeval.files import csv_cell
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.reports import ReportView, junit, markdown, render_pages, summaries
-from hapticeval.reports.exports import Sheet, _latex_table, write_tables
+from hapticeval.reports.exports import (
+    LINE_CHARACTERS,
+    SMALLEST_SIZE,
+    Sheet,
+    _latex_table,
+    _parts_that_fit,
+    write_tables,
+)
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.table import LIMIT
 from hapticeval.runner.results import Ended, Robot
@@ -267,10 +274,23 @@ def test_a_run_that_ended_early_is_told_in_every_report(results):
 @pytest.mark.parametrize("count", [2, 9])
 def test_a_wide_table_is_set_small_in_columns_that_share_the_page(count):
     sheet = Sheet("t", [f"one+{k}" for k in range(count)], [["-0.25", *["known, 10 of 83"] * (count - 1)]], "Title")
-    text = _latex_table(sheet, pd.DataFrame(sheet.rows, columns=sheet.header))
+    text = _latex_table(sheet, pd.DataFrame(sheet.rows, columns=sheet.header), 1.0)
     assert "$-$0.25" in text
     assert "one+\\allowbreak{}1" in text
     widths = [float(each) for each in re.findall(r"p{([\d.]+)\\linewidth}", text)]
     assert len(widths) == (9 if count == 9 else 0)
     assert sum(widths) < 0.95
-    assert (r"{\scriptsize" in text or r"{\tiny" in text) == (count == 9)
+    assert (r"{\scriptsize" in text or r"{\footnotesize" in text) == (count == 9)
+
+
+@pytest.mark.parametrize("line", [0.5, 1.0])
+def test_a_table_that_is_too_wide_is_cut_into_parts_that_fit(line):
+    """Each column of words of 20 characters; 88 fit into a line of the smallest letters."""
+    sheet = Sheet("t", ["x", *(f"renderer{k:012d}" for k in range(9))], [["a", *["pass"] * 9]], "Title")
+    parts = list(_parts_that_fit(sheet, line))
+    assert [name for part in parts for name in part.header[1:]] == sheet.header[1:]
+    assert {part.header[0] for part in parts} == {"x"}
+    assert [part.caption for part in parts] == [f"Title ({k + 1} of {len(parts)})" for k in range(len(parts))]
+    for part in parts:
+        assert sum(map(len, part.header)) <= line * LINE_CHARACTERS[SMALLEST_SIZE]
+    assert len(parts) == (3 if line == 1.0 else 9)

@@ -1,0 +1,88 @@
+"""Figures for papers of studies: every mark has its key, in fonts that journals take."""
+
+import pytest
+from matplotlib.colors import to_hex
+from reports_synthetic import synthetic_results
+
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.reports.grid import Grid, phenomenon_grid
+from hapticeval.reports.paper_studies import _looks_of, paper_fronts, paper_grid
+from hapticeval.study.bench.document import BenchResults, SettingEntry, Times
+
+
+def bench(*settings):
+    return BenchResults(
+        complete=True, reason=None, quick=True, seed=1, rounds=8, environment={}, machine={}, command={},
+        references=[], settings=list(settings), orders=[], answers=[], timing={},
+    )  # fmt: skip
+
+
+def setting(renderer, time=2e-6, error=2e-5, **changes):
+    times = Times(median=time, p99=time, p999=time, max=time, tick_share=4e-3)
+    errors = {name: dict.fromkeys(("rms", "p99", "max"), error) for name in ("ihip", "normal", "force")}
+    given = {
+        "renderer": renderer, "model": "circle", "settings": {}, "label": renderer, "errors": errors, "claims": errors,
+        "proven": True, "step": times, "batch": None, "memory_bytes": 1, "build_seconds": [], "key": renderer,
+        "front": [], "problem": None,
+    }  # fmt: skip
+    return SettingEntry(**{**given, **changes})
+
+
+def key_of(fig):
+    return [text.get_text() for text in fig.legends[0].get_texts()]
+
+
+def test_a_front_names_every_renderer_and_what_hollow_means(tmp_path):
+    fig = paper_fronts(bench(setting("a@curve"), setting("b", 3e-6, 1e-6, proven=False)), width="88mm")
+    assert key_of(fig) == ["a@curve", "b", "Pareto front", "hollow: an upper bound"]
+    fig.savefig(tmp_path / "front.pdf")
+    assert b"/Type3" not in (tmp_path / "front.pdf").read_bytes()
+    assert "hollow: an upper bound" not in key_of(paper_fronts(bench(setting("a@curve"))))
+
+
+def test_the_front_is_of_what_is_drawn():
+    """The quickest and the most accurate are on it; one that is beaten in both is not."""
+    given = bench(setting("a", 1e-6, 3e-5), setting("b", 2e-6, 4e-5), setting("c", 3e-6, 1e-5))
+    for names, times in (((), [1.0, 3.0]), (("b", "c"), [2.0, 3.0])):
+        front = paper_fronts(given, names).axes[0].lines[0]
+        assert list(front.get_xdata()) == pytest.approx(times)
+
+
+def test_a_renderer_is_named_with_or_without_its_representation():
+    given = bench(setting("a@curve"), setting("a@lut"), setting("b"))
+    assert key_of(paper_fronts(given, ["a"]))[:2] == ["a@curve", "a@lut"]
+    assert key_of(paper_fronts(given, ["a@lut"]))[:2] == ["a@lut", "Pareto front"]
+    with pytest.raises(UnknownNameError):
+        paper_fronts(given, ["c"])
+    with pytest.raises(InputError, match="nothing to draw"):
+        paper_fronts(bench(setting("a", claims=None)))
+
+
+def test_no_two_of_49_renderers_look_alike():
+    assert len(set(_looks_of([str(number) for number in range(49)]).values())) == 49
+
+
+def test_a_grid_has_a_sign_a_cell_and_the_key_of_each(tmp_path):
+    grid = phenomenon_grid(synthetic_results())
+    fig = paper_grid(grid)
+    signs = {tile.standing.symbol for _, tiles in grid.rows for tile in tiles if tile}
+    assert {text.get_text() for text in fig.axes[0].texts} == signs
+    assert len(key_of(fig)) == len(signs)
+    fig.draw_without_rendering()
+    box, inside = fig.axes[0].get_tightbbox(), fig.bbox.padded(1.0)
+    assert (inside.x0 <= box.x0, inside.y0 <= box.y0, box.x1 <= inside.x1, box.y1 <= inside.y1) == (True,) * 4
+    (tmp_path / "x").mkdir()
+    fig.savefig(tmp_path / "grid.pdf")
+    assert b"/Type3" not in (tmp_path / "grid.pdf").read_bytes()
+    name = grid.rows[0][0]
+    assert [label.get_text() for label in paper_grid(grid, [name]).axes[0].get_yticklabels()] == [name]
+    with pytest.raises(UnknownNameError):
+        paper_grid(grid, ["absent"])
+    with pytest.raises(InputError, match="no grid to draw"):
+        paper_grid(Grid([], []))
+
+
+def test_darker_is_worse():
+    fig = paper_grid(phenomenon_grid(synthetic_results()))
+    shades = {to_hex(patch.get_facecolor()[0]) for patch in fig.axes[0].collections}
+    assert len(shades) >= 2
