@@ -61,7 +61,7 @@ def paper_page(
 
 def add_legend(fig: Figure, handles: list[Any], *, below: bool = False) -> float:
     """Put the key of all that is drawn above or below the axes, in as many columns as fit; return its height (in)."""
-    place = "outside lower left" if below else "outside upper left"
+    place: Any = "outside lower left" if below else "outside upper left"
     for columns in range(len(handles), 0, -1):
         legend = fig.legend(
             handles=handles, loc=place, ncols=columns, borderaxespad=0.2, handlelength=2.2, columnspacing=1.2,

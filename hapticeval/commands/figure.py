@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from hapticeval.commands.arguments import argument, option, renderers_option
 from hapticeval.commands.terminal import Terminal, lines, say, wrote_lines
@@ -13,6 +13,7 @@ from hapticeval.files import file_stem
 
 if TYPE_CHECKING:
     from hapticeval.api import Results
+    from hapticeval.suite.suite import Suite
 
 EXIT_CODES = """\b
 Exit codes:
@@ -74,7 +75,7 @@ def figure(
         if size is not None:  # before anything runs
             parse_paper_length(size, option=name)
     paths = _paths_of(subjects, output)
-    sizes = {"width": width, "height": height, "font_size": font_size}
+    sizes: dict[str, Any] = {"width": width, "height": height, "font_size": font_size}
     cases = [subject for subject in paths if not subject.endswith(".json")]
     results = _results_of(cases, renderers or (), check, source) if cases else None
     drawings = {
@@ -126,7 +127,7 @@ def _results_of(cases: list[str], renderers: Sequence[str], check: str | None, s
 
     if source is not None:
         return api.Results.read(source)
-    suites = {}
+    suites: dict[str, Suite] = {}
     selected = []
     for subject in cases:
         suite_name, _, case_name = subject.rpartition("/")
