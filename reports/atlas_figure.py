@@ -67,9 +67,9 @@ def atlas_svg(recording: Recording, model: Model, *, prefix: str, title: str) ->
     frame = model.boundary.closest_point(recording.hip)
     # xi_2, the derivative of the distance: the velocity's part along the outward normal.
     rate = np.sum(recording.velocity * frame.normal, axis=1)
-    with figure(8.0, 7.2, page=True) as fig:
+    with figure(7.0, 8.0, page=True) as fig:
         distance, first, second, torques = fig.subplots(4, 1, sharex=True)
-        fig.subplots_adjust(left=0.10, right=0.90, top=0.97, bottom=0.07, hspace=0.30)
+        fig.subplots_adjust(left=0.12, right=0.89, top=0.97, bottom=0.07, hspace=0.34)
         draw_over_time(distance, recording, MM * frame.distance, "hip", label="ξ₁, distance")
         distance.set_ylabel("distance (mm)")
         rate_axes = distance.twinx()

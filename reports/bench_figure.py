@@ -14,11 +14,8 @@ if TYPE_CHECKING:
 MICROSECONDS = 1e6
 """Microseconds in a second."""
 
-ROW_HEIGHT = 0.2
+ROW_HEIGHT = 0.24
 """Height (in) of a row of a figure with a row per setting."""
-
-PANELS_IN_ROW = 2
-"""Models whose panels stand beside each other."""
 
 TARGET_ERROR = 0.1
 """Error (mm) that a line is drawn at."""
@@ -46,9 +43,8 @@ def bench_plots(bench: BenchResults, looks: Mapping[str, Look]) -> list[tuple[st
     for kind, title in TITLES.items():
         placed = {model: plotted_settings(settings, kind) for model, settings in bench.by_model().items()}
         drawable = [(model, plotted) for model, plotted in placed.items() if plotted]
-        # One figure for each row of panels: a figure as wide as the page stays readable.
-        for first in range(0, len(drawable), PANELS_IN_ROW):
-            plots.append((title, _precision_svg(dict(drawable[first : first + PANELS_IN_ROW]), kind, looks, first)))
+        for number, (model, plotted) in enumerate(drawable):
+            plots.append((f"{model}, {title}", _precision_svg(plotted, kind, looks, f"b{kind}{number}")))
     if any(setting.build_seconds for setting in bench.settings):
         plots.append(("memory, and time to build", _costs_svg(bench.settings, looks)))
     if any(change.low is not None for change in bench.comparison):
@@ -70,7 +66,7 @@ def _costs_svg(settings: Sequence[SettingEntry], looks: Mapping[str, Look]) -> s
             ("least time to build (s)", lambda setting: min(setting.build_seconds)),
         )
         for k, (words, cost) in enumerate(panels):
-            axes = fig.add_axes((0.28 + 0.36 * k, 0.55 / height, 0.34, 1.0 - 0.75 / height))
+            axes = fig.add_axes((0.40 + 0.30 * k, 0.55 / height, 0.28, 1.0 - 0.75 / height))
             for row, entries in zip(rows, settings_by_label.values(), strict=True):
                 look = looks[entries[0].renderer]
                 # Of several models the dearest counts, in memory as in time.
@@ -94,7 +90,7 @@ def _changes_svg(comparison: Sequence[Change]) -> str:
     height = 0.9 + ROW_HEIGHT * len(timed)
     roles = {"better": ("one", "v"), "worse": ("mark", "^"), "not significant": ("quiet", "o")}
     with figure(10.0, height, page=True) as fig:
-        axes = fig.add_axes((0.38, 0.55 / height, 0.6, 1.0 - 0.75 / height))
+        axes = fig.add_axes((0.5, 0.55 / height, 0.48, 1.0 - 0.75 / height))
         for row, (change, ratio, low) in enumerate(timed):
             role, marker = roles[change.verdict]
             # The ratio's interval as a line, the ratio as a mark on it.
@@ -105,7 +101,6 @@ def _changes_svg(comparison: Sequence[Change]) -> str:
         axes.set_yticks(range(len(timed)), [f"{change.label}, {change.model}, {change.what}" for change, *_ in timed])
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.xaxis.set_minor_formatter(lambda value, _: f"{value:g}")
-        axes.tick_params(axis="x", which="minor", labelsize=7)
         return page_svg(fig, prefix="bchange", title="Times against those of the earlier bench")
 
 
@@ -119,30 +114,19 @@ def plotted_settings(settings: Sequence[SettingEntry], kind: Kind) -> PlottedSet
     ]
 
 
-def _precision_svg(models: Mapping[str, PlottedSettings], kind: Kind, looks: Mapping[str, Look], first: int) -> str:
-    """Draw error against time, one panel per model; `first` is the number of the first model among all."""
-    names = {setting.renderer for plotted in models.values() for setting, _ in plotted}
-    # A row of four names, and one more for the front.
-    below = 0.2 * (len(names) // 4 + 1)
-    with figure(10.0, 4.6 + below, page=True) as fig:
+def _precision_svg(plotted: PlottedSettings, kind: Kind, looks: Mapping[str, Look], prefix: str) -> str:
+    """Draw error against time of the settings on one model."""
+    names = {setting.renderer for setting, _ in plotted}
+    # Inches of the legend: a row of two names, and one more for the front.
+    below = 0.22 * (len(names) // 2 + 1)
+    with figure(7.0, 4.6 + below, page=True) as fig:
         low = (0.62 + below) / (4.6 + below)
-        width = 0.93 / len(models)
-        handles: dict[str, Any] = {}
-        for k, (model, plotted) in enumerate(models.items()):
-            axes = fig.add_axes((0.065 + k * width, low, width - 0.055, 0.93 - low))
-            _draw_panel(axes, plotted, kind, looks)
-            axes.set_title(model, loc="left")
-            if k == 0:
-                axes.set_ylabel("IHIP error, 99 % (mm)")
-            drawings, labels = axes.get_legend_handles_labels()
-            # The panels share one legend: each name once, from the first panel that has it.
-            handles |= {label: drawing for label, drawing in zip(labels, drawings, strict=True) if label not in handles}
-        fig.legend(
-            handles.values(), handles.keys(), loc="lower center", ncols=4, fontsize=8, handlelength=1.2,
-            columnspacing=1.6,
-        )  # fmt: skip
+        axes = fig.add_axes((0.12, low, 0.86, 0.94 - low))
+        _draw_panel(axes, plotted, kind, looks)
+        axes.set_ylabel("IHIP error, 99 % (mm)")
+        fig.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=2, handlelength=1.2, columnspacing=1.6)
         title = f"Work-precision plot, {TITLES[kind]}: IHIP error against time a step"
-        return page_svg(fig, prefix=f"b{kind}{first or ''}", title=title)
+        return page_svg(fig, prefix=prefix, title=title)
 
 
 def _draw_panel(axes: Axes, plotted: PlottedSettings, kind: Kind, looks: Mapping[str, Look]) -> None:
@@ -176,17 +160,16 @@ def _draw_panel(axes: Axes, plotted: PlottedSettings, kind: Kind, looks: Mapping
     _set_axis_limits(axes, plotted)
     _label_settings(axes, labelled)
     axes.axhline(TARGET_ERROR, color=colour_of("mark"), linewidth=1.0, zorder=1.5)
-    small: dict[str, Any] = {"fontsize": 7}
-    axes.annotate("0.1 mm", (1.0, TARGET_ERROR), xycoords=("axes fraction", "data"), ha="right", va="bottom", **small)
+    axes.annotate("0.1 mm", (1.0, TARGET_ERROR), xycoords=("axes fraction", "data"), ha="right", va="bottom")
     low, high = axes.get_xlim()
     for limit, text in TIME_LIMITS:
         if low < limit < high:
             axes.axvline(limit, color=colour_of("quiet"), linewidth=0.9, linestyle=(0, (4, 2)), zorder=1.5)
             where: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
-            axes.annotate(text, (limit, 1.0), xytext=(3, -2), va="top", **where, **small)
+            axes.annotate(text, (limit, 1.0), xytext=(3, -2), va="top", **where)
         elif limit >= high:
             words = f"{text} lies {limit / high:.2g} times further right →"
-            axes.annotate(words, (1.0, 1.01), xycoords="axes fraction", ha="right", va="bottom", **small)
+            axes.annotate(words, (1.0, 1.01), xycoords="axes fraction", ha="right", va="bottom")
 
 
 def _is_foreign(name: str) -> bool:
@@ -210,7 +193,7 @@ def _set_axis_limits(axes: Axes, plotted: PlottedSettings) -> None:
         axes.axhspan(EXACT_ERROR / 2.0, EXACT_ERROR * 2.0, color=colour_of("grid"), alpha=0.6, zorder=0.1)
         axes.annotate(
             "exact, or below 10 nm", (0.01, EXACT_ERROR * 2.0), xycoords=("axes fraction", "data"), xytext=(0, 2),
-            textcoords="offset points", fontsize=7,
+            textcoords="offset points",
         )  # fmt: skip
 
 
@@ -220,7 +203,7 @@ def _label_settings(axes: Axes, labelled: PlottedSettings) -> None:
     for setting, place in labelled:
         text = setting.label if _is_foreign(setting.renderer) else setting.label.removeprefix(setting.renderer).strip()
         x, y = axes.transData.transform(place)
-        # In pixels: a character is about 4 wide, a line 9 high; what would cover an earlier label is left out.
-        if text and not any(abs(x - a) < 4.0 * len(text) and abs(y - b) < 9.0 for a, b in occupied):
+        # In pixels: a character is about 7 wide, a line 15 high; what would cover an earlier label is left out.
+        if text and not any(abs(x - a) < 7.0 * len(text) and abs(y - b) < 15.0 for a, b in occupied):
             occupied.append((x, y))
-            axes.annotate(text, place, xytext=(5, 3), textcoords="offset points", fontsize=6.5, zorder=6)
+            axes.annotate(text, place, xytext=(5, 3), textcoords="offset points", zorder=6)

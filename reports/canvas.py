@@ -139,6 +139,15 @@ STYLE: Mapping[str, Any] = {
 }
 """matplotlib's settings. Curves are simplified to half a point, which keeps every peak and a long recording small."""
 
+PAGE_FONT = 11.0
+"""Points of all text of a figure on a page, which is never shown smaller than a pixel a point."""
+
+FONT_SIZES = ("font.size", "axes.labelsize", "axes.titlesize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
+"""matplotlib's settings for the sizes of text."""
+
+PAGE_STYLE: Mapping[str, Any] = dict.fromkeys(FONT_SIZES, PAGE_FONT)
+"""matplotlib's settings of figures on pages, on top of `STYLE`."""
+
 UNDATED: Mapping[str, dict[str, None]] = MappingProxyType({".svg": {"Date": None}, ".pdf": {"CreationDate": None}})
 """Metadata that leave out when a file was made."""
 
@@ -157,7 +166,7 @@ def figure(
     """
     from matplotlib.figure import Figure
 
-    with in_style(settings):
+    with in_style({**(PAGE_STYLE if page else {}), **(settings or {})}):
         fig = Figure(figsize=(width, height), facecolor="white", **options)
         # On a page its background shows through.
         fig.patch.set_visible(not page)
@@ -207,7 +216,11 @@ def svg_element(svg: str, *, prefix: str, title: str) -> str:
     # Each role has a colour of its own, so that a colour in the file tells its role.
     for role, colour in THEME.items():
         body = body.replace(colour, f"var(--fig-{role})")
-    head = f'<svg viewBox="{box[1]}" class="figure" role="img" aria-label="{escape(title, quote=True)}">'
+    # Of the box (x, y, width, height) the width: a pixel a point at least.
+    width = f"min-width:{box[1].split()[2]}px"
+    head = (
+        f'<svg viewBox="{box[1]}" class="figure" style="{width}" role="img" aria-label="{escape(title, quote=True)}">'
+    )
     return f"{head}{body}</svg>"
 
 

@@ -133,8 +133,8 @@ def plane_svg(
     space = tracks[0].hip.shape[1] == 3
     # (N, 2), mm/m: in space the projection along the direction to the eye.
     projection = MM * (EYE_AXES[:2].T if space else np.eye(2))
-    with figure(5.0, 4.6, page=True) as fig:
-        axes = fig.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.14, 0.1, 0.85, 0.89))
+    with figure(4.4, 4.1, page=True) as fig:
+        axes = fig.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.17, 0.12, 0.82, 0.87))
         view = view_of(tracks, model, projection, aspect_of(axes))
         if model is not None and space:
             _draw_solid(axes, model)
@@ -175,13 +175,13 @@ def plane_svg(
                 zorder=5,
             )
         for point, text in labels([place.number for place in places], ringed_points, 0.05 * (view[2] - view[0])):
-            axes.annotate(text, tuple(point), xytext=(5.5, 3.5), textcoords="offset points", fontsize=8, zorder=6)
+            axes.annotate(text, tuple(point), xytext=(5.5, 3.5), textcoords="offset points", zorder=6)
         axes.set(xlim=view[::2], ylim=view[1::2], aspect="auto")
         if space:
             _draw_directions(axes, view)
         else:
             name_axes(axes, (0, 1), 2)
-            axes.yaxis.set_label_coords(-0.12, 0.5)
+            axes.yaxis.set_label_coords(-0.15, 0.5)
         return page_svg(fig, prefix=prefix, title=title)
 
 
@@ -259,14 +259,14 @@ def _draw_directions(axes: Axes, view: Box) -> None:
     for k, name in enumerate("₁₂₃"):
         tip = origin + size * EYE_AXES[:2, k]
         axes.plot(*np.stack([origin, tip]).T, color=colour_of("quiet"), linewidth=0.8)
-        axes.annotate(f"y{name}", tuple(origin + 1.35 * size * EYE_AXES[:2, k]), ha="center", va="center", fontsize=8)
+        axes.annotate(f"y{name}", tuple(origin + 1.35 * size * EYE_AXES[:2, k]), ha="center", va="center")
     # mm: the bar is the largest of 1, 2, 5 times a power of ten below a third of the width.
     longest = 0.3 * (view[2] - view[0])
     power = 10.0 ** np.floor(np.log10(longest))
     length = max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= longest)
     start = np.array([view[0] + 0.4 * size, view[1] + 0.5 * size])
     axes.plot([start[0], start[0] + length], [start[1]] * 2, color=colour_of("quiet"), linewidth=1.4)
-    axes.annotate(f"{length:g} mm", tuple(start), xytext=(0, 3), textcoords="offset points", fontsize=8)
+    axes.annotate(f"{length:g} mm", tuple(start), xytext=(0, 3), textcoords="offset points")
     axes.set_axis_off()
 
 
@@ -306,7 +306,7 @@ def panels_svg(
 ) -> str:
     """Return the panels, one above the other, as an SVG element."""
     height = 1.55 if len(panels) > 2 else 2.1
-    with figure(5.0, 0.5 + height * len(panels), page=True) as fig:
+    with figure(4.4, 0.5 + height * len(panels), page=True) as fig:
         # Heights as shares of the figure, above the room for the time axis.
         share = 1.0 / len(panels)
         below = 0.42 / (0.5 + height * len(panels))
@@ -314,11 +314,11 @@ def panels_svg(
         start = min(float(track.time[0]) for track in tracks)
         end = max(float(track.time[-1]) for track in tracks)
         for k, panel in enumerate(panels):
-            axes = fig.add_axes((0.135, below + free * (1.0 - (k + 1) * share) + 0.02, 0.855, free * share - 0.05))
+            axes = fig.add_axes((0.175, below + free * (1.0 - (k + 1) * share) + 0.02, 0.78, free * share - 0.05))
             _draw_panel(axes, tracks, panel, looks, alone=len(tracks) == 1)
             axes.set_xlim(start, end if end > start else start + 1e-3)
             axes.set_ylabel(panel.label)
-            axes.yaxis.set_label_coords(-0.115, 0.5)
+            axes.yaxis.set_label_coords(-0.15, 0.5)
             axes.grid(True)
             last = k == len(panels) - 1
             axes.tick_params(labelbottom=last, bottom=False, left=False, which="both")
@@ -338,7 +338,7 @@ def panels_svg(
             if k == 0:
                 for time, text in labels([place.number for place in places], times, 0.03 * (end - start)):
                     axes.annotate(text, (float(time[0]), 1.0), xycoords=("data", "axes fraction"), xytext=(0, 1),
-                                  textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
+                                  textcoords="offset points", ha="center")  # fmt: skip
         return page_svg(fig, prefix=prefix, title=title)
 
 

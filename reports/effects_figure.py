@@ -37,10 +37,10 @@ ROUNDING_SHARE = 1e-9
 SECONDS_BEFORE, SECONDS_AFTER = 0.005, 0.12
 """Seconds before and after the start of a contact that are drawn of a transient."""
 
-WIDTH, HEIGHT = 4.2, 2.6
+WIDTH, HEIGHT = 4.2, 3.0
 """Inches of a panel."""
 
-PANEL_AREA = (0.15, 0.18, 0.82, 0.76)
+PANEL_AREA = (0.18, 0.18, 0.79, 0.74)
 """Left, bottom, width and height of a panel's axes, as shares of the figure."""
 
 
@@ -233,7 +233,7 @@ def _draw_transient(axes: Axes, recording: Recording, model: Model, effect: Effe
     time = 1e3 * (recording.time[in_window] - start)
     axes.step(time, across[in_window], where="post", color=colour_of("hip"), label="force across")
     # Narrower, with room for the second axis on the right.
-    axes.set_position((*PANEL_AREA[:2], 0.72, PANEL_AREA[3]))
+    axes.set_position((*PANEL_AREA[:2], 0.64, PANEL_AREA[3]))
     depth_axes = axes.twinx()
     depth_axes.plot(
         time, MM * depth[in_window], color=colour_of("ihip"), linestyle=(0, (4, 1.2)), label="depth of the hand"
@@ -264,8 +264,8 @@ def cost_svg(document: EffectsDocument) -> str:
     """Return the cost of an answer by the number of effects called for, as an SVG element; "" without a ladder."""
     if document.ladder is None:
         return ""
-    with figure(6.4, 3.2, page=True) as fig:
-        axes = fig.add_axes((0.1, 0.24, 0.87, 0.72))
+    with figure(6.4, 3.8, page=True) as fig:
+        axes = fig.add_axes((0.12, 0.34, 0.86, 0.62))
         _draw_cost(axes, document.ladder)
         return page_svg(fig, prefix="ec", title="Time of an answer by the number of effects that a scene calls for")
 
@@ -287,7 +287,7 @@ def _draw_cost(axes: Axes, ladder: Ladder) -> None:
             label=label,
         )
     axes.set_xticks(list(counts), [f"+ {rung.kinds[-1]}" if rung.kinds else "none" for rung in ladder.rungs])
-    axes.tick_params(axis="x", labelsize=6.5, labelrotation=25.0)
+    axes.tick_params(axis="x", labelrotation=25.0)
     # Slanted names end at their tick.
     for text in axes.get_xticklabels():
         text.set(ha="right", rotation_mode="anchor")

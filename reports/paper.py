@@ -11,7 +11,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from hapticeval.errors import InputError
 from hapticeval.quantity import parse_paper_length
-from hapticeval.reports.canvas import MM, in_style
+from hapticeval.reports.canvas import FONT_SIZES, MM, in_style
 
 INCH = 0.0254
 """Metres in an inch, in which matplotlib measures paper."""
@@ -21,10 +21,6 @@ SMALLEST, LARGEST = 0.03, 1.2
 
 WIDTH, FONT_SIZE = "88mm", 8.0
 """Width, of a column of most journals, and points of all text of a figure, where none are asked for."""
-
-TEXT_SIZES = (
-    "font.size", "axes.labelsize", "axes.titlesize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize",
-)  # fmt: skip
 
 
 class PaperFigure(Figure):
@@ -54,7 +50,7 @@ def paper_page(
             raise InputError(f"a figure of {MM * size:.4g} mm {name}", why=f"a side is {limits} long")
     if not 3.0 <= points <= 40.0:
         raise InputError(f"a font of {points:g} points", why="it is 3 to 40 points high")
-    with in_style(dict.fromkeys(TEXT_SIZES, points)):
+    with in_style(dict.fromkeys(FONT_SIZES, points)):
         margins = ConstrainedLayoutEngine(w_pad=0.02, h_pad=0.02)
         yield PaperFigure(figsize=(across / INCH, up / INCH), facecolor="white", layout=margins)
 

@@ -64,7 +64,7 @@ def draw_plane(
         _draw_mark(axes, recording, tick, failed=number in failed)
     places = [MM * recording.ihip[tick] for tick in ticks.values()]
     for label_place, text in labels(list(ticks), places, 0.05 * (view[2] - view[0])):
-        axes.annotate(text, tuple(label_place), xytext=(5.5, 3.5), textcoords="offset points", fontsize=7.5, zorder=6)
+        axes.annotate(text, tuple(label_place), xytext=(5.5, 3.5), textcoords="offset points", zorder=6)
     axes.set(xlim=view[::2], ylim=view[1::2])
     legend_above(
         axes, loc="lower left", bbox_to_anchor=(0.0, 0.985), handlelength=1.4, columnspacing=1.2, handletextpad=0.4
@@ -334,7 +334,7 @@ def _draw_lens(
     times = np.ptp(axes.get_xlim()) * INSET_SIDE / (box[2] - box[0])
     paper = {"facecolor": colour_of("paper"), "edgecolor": "none", "pad": 1.0}
     text = f"× {float(f'{times:.2g}'):g}"  # noqa: RUF001
-    inset.text(0.05, 0.95, text, fontsize=7.5, va="top", transform=inset.transAxes, zorder=6, bbox=paper)
+    inset.text(0.05, 0.95, text, va="top", transform=inset.transAxes, zorder=6, bbox=paper)
     axes.indicate_inset(
         (box[0], box[1], box[2] - box[0], box[3] - box[1]), inset, edgecolor=colour_of("quiet"), alpha=1.0
     )

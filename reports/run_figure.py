@@ -20,6 +20,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import continuing_steps
 from hapticeval.reports.canvas import (
     MM,
+    PAGE_STYLE,
     Look,
     clear_axes,
     colour_of,
@@ -49,9 +50,9 @@ AREAS_SIDE_BY_SIDE: tuple[Area, Area, Area] = (
     (0.59, 0.12, 0.39, 0.225),
 )
 AREAS_STACKED: tuple[Area, Area, Area] = (
-    (0.16, 0.50, 0.805, 0.46),
-    (0.16, 0.225, 0.805, 0.17),
-    (0.16, 0.075, 0.805, 0.105),
+    (0.175, 0.53, 0.775, 0.43),
+    (0.175, 0.28, 0.775, 0.155),
+    (0.175, 0.085, 0.775, 0.135),
 )
 """Where plane, force and what is below it lie: side by side on paper, one above the other on a page."""
 
@@ -102,7 +103,7 @@ def figure_svg(
     Of a recording in 3D the two coordinates in which it moves most are drawn, and all three force components.
     """
     fig, axes = _page_figure()
-    with in_style():
+    with in_style(PAGE_STYLE):
         try:
             _draw(axes, recording, model, marks)
             svg = page_svg(fig, prefix=prefix, title=title)
@@ -119,7 +120,7 @@ def figure_svg(
 @cache
 def _page_figure() -> tuple[Figure, Frame]:
     """Make the figure that all figures of pages are drawn in, once: its axes take as long to make as their content."""
-    with figure(4.4, 5.2, page=True) as fig:
+    with figure(4.4, 6.6, page=True) as fig:
         return fig, _add_frame(fig, AREAS_STACKED)
 
 
@@ -173,7 +174,7 @@ def _draw(frame: Frame, recording: Recording, model: Model | None, marks: Sequen
     for time, text in labels([mark.number for mark in marks], times, 0.03 * (end - start)):
         force.annotate(
             text, (float(time[0]), 0.0), xycoords=("data", "axes fraction"), xytext=(0, -1.5),
-            textcoords="offset points", ha="center", va="top", fontsize=7.5, annotation_clip=False,
+            textcoords="offset points", ha="center", va="top", annotation_clip=False,
         )  # fmt: skip
 
 
@@ -185,7 +186,7 @@ def _draw_force(axes: Axes, recording: Recording) -> None:
         recording.force.T, ("one", "two", "three"), ("-", DASHED, DOTTED), "₁₂₃", strict=False
     ):
         draw_over_time(axes, recording, column, role, label=f"F{name}", linestyle=style)
-    axes.set_ylabel("response force (N)")
+    axes.set_ylabel("force (N)")
     include_zero(axes, recording.force, magnitude)
     _legend(axes)
 
@@ -195,16 +196,17 @@ def _draw_below(axes: Axes, recording: Recording) -> None:
     # On a given path the hand's steps do not depend on the renderer.
     if recording.meta.get("source") in ("playback", "replay") and len(recording) > 2:
         ihip, hip = (_step_lengths(recording, points) for points in (recording.ihip, recording.hip))
-        draw_over_time(axes, recording, ihip, "ihip", label="IHIP")
+        draw_over_time(axes, recording, ihip, "ihip", label="IHIP, step a tick")
         draw_over_time(axes, recording, hip, "hip", label="HIP", linestyle=DASHED)
-        axes.set_ylabel("step a tick\n(mm)")
+        axes.set_ylabel("step (mm)")
         include_zero(axes, ihip, hip)
         _legend(axes)
         return
     depth = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)
-    draw_over_time(axes, recording, depth, "ihip")
-    axes.set_ylabel("|IHIP − HIP|\n(mm)")  # noqa: RUF001
+    draw_over_time(axes, recording, depth, "ihip", label="|IHIP − HIP|")  # noqa: RUF001
+    axes.set_ylabel("depth (mm)")
     include_zero(axes, depth)
+    _legend(axes)
 
 
 def _step_lengths(recording: Recording, points: Array) -> Array:

@@ -11,6 +11,21 @@ from playwright.sync_api import sync_playwright
 
 COMMANDS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 OWN_SCHEMES = ("file:", "about:", "data:", "blob:")
+AXE = Path(__file__).parents[1] / ".venv" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
+AXE_FINDINGS = """axe.run(document, {preload: false}).then(found => JSON.stringify(
+    found.violations.map(violation => [violation.id, violation.impact, violation.nodes.map(node => node.html)])))"""
+"""What axe finds in a page that has run `AXE`, as JSON."""
+
+SMALL_TEXT = """(() => { const small = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+    while (walk.nextNode()) {
+        const owner = walk.currentNode.parentElement, box = owner.getBoundingClientRect();
+        if (!walk.currentNode.textContent.trim() || !box.width || owner.closest('script, .hidden, tspan')) continue;
+        const scale = owner.getScreenCTM ? owner.getScreenCTM().d : 1;
+        const size = parseFloat(getComputedStyle(owner).fontSize) * Math.abs(scale || 1);
+        if (size < 10.95) small.push([walk.currentNode.textContent.trim(), size]);
+    }
+    return JSON.stringify(small); })()"""
+"""Texts that are shown less than eleven pixels high, but for exponents, as JSON."""
 
 
 class Chromium:

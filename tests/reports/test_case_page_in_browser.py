@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-from chromium import Chromium
+from chromium import AXE, AXE_FINDINGS, SMALL_TEXT, Chromium
 from reports_synthetic import jump_tick, lobe_recording, synthetic_run, verdicts
 
 from hapticeval.geometry.catalogue import make_model
@@ -16,9 +15,6 @@ from hapticeval.reports.case_page import write_assets, write_case_page
 from hapticeval.reports.places import case_file
 
 pytestmark = pytest.mark.browser
-AXE = Path(__file__).parents[2] / ".venv" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
-ASK = """axe.run(document, {preload: false}).then(found => JSON.stringify(
-    found.violations.map(each => [each.id, each.impact, each.nodes.map(node => node.html)])))"""
 READY = "document.documentElement.dataset.ready"
 
 
@@ -210,17 +206,6 @@ def test_a_solid_turns_with_the_tool_until_it_is_turned_by_hand(opened):
     assert browser.run(pressed) == "true"
 
 
-SMALL_TEXT = """(() => { const small = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-    while (walk.nextNode()) {
-        const owner = walk.currentNode.parentElement, box = owner.getBoundingClientRect();
-        if (!walk.currentNode.textContent.trim() || !box.width || owner.closest('script, .hidden')) continue;
-        const scale = owner.getScreenCTM ? owner.getScreenCTM().d : 1;
-        const size = parseFloat(getComputedStyle(owner).fontSize) * Math.abs(scale || 1);
-        if (size < 10.95) small.push([walk.currentNode.textContent.trim(), size]);
-    }
-    return JSON.stringify(small); })()"""
-
-
 @pytest.mark.parametrize("name", ["plane", "space", "many"])
 @pytest.mark.parametrize("width", [1440, 390])
 def test_no_text_is_smaller_than_eleven_pixels(opened, name, width):
@@ -236,7 +221,7 @@ def test_no_page_overflows_and_axe_finds_nothing(opened, name, width, dark):
     if not AXE.exists():
         pytest.skip("needs axe-core: make browser installs it")
     browser.run(AXE.read_text(encoding="utf-8") + ";0")
-    assert json.loads(browser.run(ASK)) == []
+    assert json.loads(browser.run(AXE_FINDINGS)) == []
 
 
 def test_without_script_figures_and_verdicts_are_there(browser, pages, tmp_path):

@@ -6,12 +6,11 @@ import base64
 import io
 import json
 import re
-from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
-from chromium import Chromium
+from chromium import AXE, AXE_FINDINGS, SMALL_TEXT, Chromium
 from reports_synthetic import lobe_recording, synthetic_results, tip_recording, verdicts
 from result_entries import changed
 
@@ -20,9 +19,6 @@ from hapticeval.reports import write_reports
 from hapticeval.runner.results import write_results
 
 pytestmark = pytest.mark.browser
-AXE = Path(__file__).parents[2] / ".venv" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
-ASK = """axe.run(document, {preload: false}).then(found => JSON.stringify(
-    found.violations.map(each => [each.id, each.impact, each.nodes.map(node => node.html)])))"""
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +60,7 @@ def opened(browser, report):
 def test_it_has_no_fault_for_people_who_do_not_see_or_point_well(opened, name, width, dark):
     browser = opened(name, width=width, dark=dark)
     browser.run(AXE.read_text(encoding="utf-8") + ";0")
-    assert json.loads(browser.run(ASK)) == []
+    assert json.loads(browser.run(AXE_FINDINGS)) == []
 
 
 @pytest.mark.parametrize("width", [1440, 390])
@@ -74,6 +70,12 @@ def test_nothing_reaches_beyond_the_window(opened, width):
     assert browser.run(
         "[...document.querySelectorAll('#phenomena .tile')].every(tile => tile.scrollWidth <= tile.clientWidth + 1)"
     )
+
+
+@pytest.mark.parametrize("width", [1440, 390])
+@pytest.mark.parametrize("name", ["first", "summary", "hard-cases", "reading", "checks"])
+def test_no_text_is_smaller_than_eleven_pixels(opened, name, width):
+    assert json.loads(opened(name, width=width).run(SMALL_TEXT)) == []
 
 
 def test_on_a_phone_the_whole_grid_is_in_sight(opened):
