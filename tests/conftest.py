@@ -42,5 +42,5 @@ def pytest_collection_finish():
 @pytest.fixture
 def in_process(monkeypatch):
     """Commands judge and report in this process, where the kernels are loaded; for tests that are not of processes."""
-    for module in ("api", "workers"):
+    for module in ("api", "runner.execution", "workers"):
         monkeypatch.setattr(f"hapticeval.{module}.default_workers", lambda: 0)

@@ -74,6 +74,30 @@ RESULTS = {
 REPORTS_MAY = (set().union(*LAYERS) - RUNNING) | RESULTS
 """Reports read results and never run anything."""
 
+SATELLITES = {
+    "lab": (
+        "hardware",
+        "recordings.compare",
+        "recordings.formats",
+        "recordings.importing",
+        "recordings.integrity",
+        "recordings.journal",
+        "recordings.recorder",
+        "replay",
+    ),
+    "study": ("study",),
+    "maps": ("geometry.maps",),
+    "cluster": ("runner.cluster",),
+}
+"""Rooms beside the core, which imports none of them: whoever follows a verdict from a suite to a report reads none."""
+
+DOORS = {
+    ("runner.execution", "runner.cluster"): "where a scheduler is named",
+    ("effects.height_map", "recordings.formats"): "where an effect names a file, of whatever format",
+    ("effects.recorded_impulse", "recordings.formats"): "likewise",
+}
+"""What the core opens on demand, inside a function; the commands of a satellite do so too."""
+
 SOURCES = [
     (file, file.relative_to(ROOT / folder).parts[0].removesuffix(".py") if folder == "hapticeval" else folder)
     for folder in ("hapticeval", "renderers", "reports")
@@ -135,6 +159,56 @@ def _lazy_reports(tree: ast.AST, text: str, unit: str) -> bool:
 @pytest.mark.parametrize(("file", "unit"), SOURCES, ids=[str(file.relative_to(ROOT)) for file, _ in SOURCES])
 def test_imports_point_downwards(file: Path, unit: str) -> None:
     assert violations(file.read_text(encoding="utf-8"), unit) == []
+
+
+def satellite_of(module: str) -> str | None:
+    """The satellite that a module of the package belongs to; None in the core."""
+    return next(
+        (name for name, rooms in SATELLITES.items() for room in rooms if f"{module}.".startswith(f"{room}.")), None
+    )
+
+
+def opened_satellites(source: str) -> Iterator[tuple[str, bool]]:
+    """Yield the modules of satellites that a source imports, and whether it does so at once, when it is imported."""
+    tree = ast.parse(source)
+    # Within a function, or for types alone: not when the module is imported.
+    late = {
+        line
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test))
+        for line in range(node.lineno, (node.end_lineno or 0) + 1)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("hapticeval."):
+            module = (node.module or "").removeprefix("hapticeval.")
+            # A module may be named in what is imported: from hapticeval.recordings import formats.
+            names = [module, *(f"{module}.{alias.name}" for alias in node.names)]
+            named = next((name for name in names if satellite_of(name)), None)
+            if named is not None:
+                yield named, node.lineno not in late
+
+
+CORE = [file for file, unit in SOURCES if unit not in ("renderers", "reports")]
+
+
+@pytest.mark.parametrize("file", CORE, ids=[str(file.relative_to(ROOT)) for file in CORE])
+def test_the_core_imports_no_satellite(file: Path) -> None:
+    module = ".".join(file.relative_to(ROOT / "hapticeval").with_suffix("").parts)
+    if satellite_of(module):
+        return
+    opened = list(opened_satellites(file.read_text(encoding="utf-8")))
+    assert [room for room, at_once in opened if at_once] == []
+    if not module.startswith("commands."):
+        doors = {room for opener, room in DOORS if opener == module}
+        # What only holds results may be read by anyone who shows them.
+        assert {room for room, _ in opened} - RESULTS == doors
+
+
+def test_a_satellite_in_the_core_is_seen() -> None:
+    at_once = "from hapticeval.recordings.integrity.report import examine"
+    assert list(opened_satellites(at_once)) == [("recordings.integrity.report", True)]
+    assert list(opened_satellites(f"def f():\n    {at_once}")) == [("recordings.integrity.report", False)]
+    assert list(opened_satellites("from hapticeval.recordings import formats")) == [("recordings.formats", True)]
 
 
 @pytest.mark.parametrize("name", sorted(RESULTS))

@@ -15,7 +15,7 @@ from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.quantity import align_columns
 from hapticeval.recordings.channels import REQUIRED
-from hapticeval.recordings.compare.difference import Apart, Difference, difference
+from hapticeval.recordings.difference import Apart, Difference, difference
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import describe_clock
 from hapticeval.replay import OPEN_LOOP, RECORDED

@@ -383,7 +383,7 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     """
     ended = runs.base.meta.get("ended")
     try:
-        finding = _with_region(CHECKS[check](runs, scene), runs.base, scene)
+        finding = CHECKS[check](runs, scene)
         cut_standoff = note_cut_standoff(runs.base.standoff, scene)
         if finding.outcome is Outcome.FAIL and cut_standoff:
             finding = replace(finding, message=f"{finding.message}; {cut_standoff}")
@@ -397,6 +397,8 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
         raise
     except Exception as defect:  # the boundary behind which one faulty check must not take the run along
         finding = Finding(Outcome.ERROR, f"the check itself failed: {describe_error(defect)}")
+    # Outside of the boundary above: a fault in here is ours, and not the check's.
+    finding = _with_region(finding, runs.base, scene)
     # Nothing is to be added where the run went to its end, or where the check could not be asked.
     if ended is None or finding.outcome in (Outcome.NOT_APPLICABLE, Outcome.ERROR):
         return finding

@@ -24,7 +24,7 @@ from hapticeval.errors import HapticevalError, InputError, RefusalError, Rendere
 from hapticeval.files import digest_of, plain, read_json, without_non_finite, write_json
 from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
 from hapticeval.quantity import format_quantity
-from hapticeval.recordings.compare.difference import Difference
+from hapticeval.recordings.difference import Difference
 from hapticeval.runner.standing import Standing
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hapticeval.cli import main
+from hapticeval.recordings.energy_balance import balance
 from hapticeval.recordings.hdf5 import write_recording
-from hapticeval.recordings.integrity.force_sign import balance, force_signs
+from hapticeval.recordings.integrity.force_sign import force_signs
 from hapticeval.recordings.integrity.report import examine
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import LAG_TICKS

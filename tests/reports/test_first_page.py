@@ -14,7 +14,7 @@ from result_entries import changed
 
 from hapticeval.errors import InputError
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
-from hapticeval.recordings.compare.difference import Apart, Difference
+from hapticeval.recordings.difference import Apart, Difference
 from hapticeval.replay import OPEN_LOOP
 from hapticeval.reports import ReportView, markdown, render_pages, write_reports
 from hapticeval.reports.canvas import THEME

@@ -18,7 +18,7 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.errors import InputError
 from hapticeval.files import digest_of, file_stem, replacing
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
-from hapticeval.recordings.compare.difference import Apart, Difference
+from hapticeval.recordings.difference import Apart, Difference
 from hapticeval.recordings.recording import Recording
 from hapticeval.runner.results import (
     Ended,

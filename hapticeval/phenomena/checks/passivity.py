@@ -26,7 +26,7 @@ from hapticeval.phenomena.decisions import (
 from hapticeval.phenomena.lag import find_lag, resting_ticks
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
-from hapticeval.recordings.integrity.force_sign import balance
+from hapticeval.recordings.energy_balance import balance
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -533,7 +533,7 @@ def _millijoules(energy: float) -> str:
 
 
 def _judge_fixed(base: Recording) -> Finding:
-    """Apply the weaker test, of a recording that cannot be refined: see `recordings.integrity.force_sign`."""
+    """Apply the weaker test, of a recording that cannot be refined: see `recordings.energy_balance`."""
     note = "judged on one sampling only, which is the weaker test"
     balances = balance(base.hip, base.force, base.time)
     if not balances:
