@@ -20,7 +20,7 @@ from hapticeval.recordings.provenance import before_the_wall
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.recordings.stretches import continuing_steps
 from hapticeval.reports.canvas import MM
-from hapticeval.reports.plane import Box, filled_part
+from hapticeval.reports.plane import Box, filled_part, solid_mesh
 from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
@@ -43,9 +43,6 @@ MOST_EVENTS = 200
 
 JUMP_RATIO = 4.0
 """An IHIP step this many times as long as the HIP's, and as the IHIP steps on both sides of it, is kept: a jump."""
-
-FACET_SHARE = 1.0 / 400.0
-"""Share of a solid's size that its triangles may lie off it: half a pixel of a picture of it."""
 
 MOST_CONTACTS = 40
 """Of a run with more contacts than this, beginnings and ends are not marked: nothing else would be seen."""
@@ -478,21 +475,19 @@ def model_document(model: Model | None, tracks: Sequence[Track]) -> dict[str, An
     if model is None:
         return None
     if model.dimension == 3:
-        vertices, triangles = solid_triangles(model)
-        return {"closed": True, "vertices": floats(vertices), "triangles": triangles.ravel().tolist(),
-                "turn": EYE_AXES.tolist()}  # fmt: skip
+        mesh = solid_mesh(model)
+        return {
+            "closed": True,
+            "vertices": floats(mesh.vertices),
+            "triangles": mesh.triangles.ravel().tolist(),
+            "turn": EYE_AXES.tolist(),
+        }
     import shapely
 
     # Holes are rings of their own; the script fills by the even-odd rule.
     parts = shapely.get_parts(_outline(model, tracks))
     rings = [ring for part in parts if part.geom_type == "Polygon" for ring in (part.exterior, *part.interiors)]
     return {"closed": model.boundary.closed, "rings": [floats(shapely.get_coordinates(ring) / MM) for ring in rings]}
-
-
-def solid_triangles(model: Model) -> tuple[Array, IntArray]:
-    """Return vertices (v, 3), m, and triangles (t, 3) of a solid, anticlockwise seen from outside."""
-    facets = model.mesh(max_error=FACET_SHARE * model.size)
-    return facets.vertices, facets.cells
 
 
 def _outline(model: Model, tracks: Sequence[Track]) -> Geometry:

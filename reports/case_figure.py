@@ -13,8 +13,18 @@ import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.reports.canvas import DASHES, MM, Look, colour_of, figure, page_svg
-from hapticeval.reports.case_data import EYE_AXES, Track, solid_triangles
-from hapticeval.reports.plane import Box, aspect_of, box_round, draw_body, labels, name_axes
+from hapticeval.reports.case_data import EYE_AXES, Track
+from hapticeval.reports.plane import (
+    Box,
+    aspect_of,
+    box_round,
+    draw_geometry,
+    filled_part,
+    labels,
+    name_axes,
+    solid_mesh,
+    solid_shadow,
+)
 from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
@@ -28,9 +38,6 @@ PLOT_COLUMNS = 150
 
 SMALLEST_DISTANCE = 1e-12
 """Distances (m) below this are rounding errors, and lie on the floor of a logarithmic panel."""
-
-SHARP_TURN = 0.5
-"""Turn (rad) of the faces at an edge of a solid that is drawn: round ones of few triangles have none."""
 
 PATH_MARKERS = 12
 """A path bears about so many markers."""
@@ -136,10 +143,8 @@ def plane_svg(
     with figure(4.4, 4.1, page=True) as fig:
         axes = fig.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.17, 0.12, 0.82, 0.87))
         view = view_of(tracks, model, projection, aspect_of(axes))
-        if model is not None and space:
-            _draw_solid(axes, model)
-        elif model is not None:
-            draw_body(axes, model, view)
+        if model is not None:
+            draw_geometry(axes, solid_shadow(model, EYE_AXES) if space else filled_part(model, view), view)
         # Runs on one hand path share its line; a path of one run alone has that run's colour.
         hands: dict[bytes, list[Track]] = {}
         for track in tracks:
@@ -222,36 +227,6 @@ def _hidden_behind_model(track: Track, model: Model | None) -> BoolArray | None:
     return np.asarray(model.boundary.closest_point(track.ihip).normal @ EYE_AXES[2] < 0.0)
 
 
-def _draw_solid(axes: Axes, model: Model) -> None:
-    """Draw what a solid covers, and the edges at which it turns away from the eye or is sharp."""
-    import shapely
-
-    vertices, rows = solid_triangles(model)
-    corners = MM * vertices @ EYE_AXES[:2].T
-    a, b, c = vertices[rows.T]
-    # Normals of the triangles, outwards since corners are anticlockwise; 1e-300 saves degenerate ones.
-    across = np.cross(b - a, c - a)
-    normals = across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
-    facing = normals @ EYE_AXES[2] > 0.0
-    # Faces towards the eye cover all that the solid covers; joined on a grid of 1 um.
-    shadow = shapely.union_all(shapely.polygons(corners[rows[facing]]), grid_size=1e-3)
-    for part in shapely.get_parts(shadow):
-        axes.fill(*shapely.get_coordinates(part.exterior).T, facecolor=colour_of("model"), edgecolor="none", zorder=0.5)
-    # Every edge of a closed mesh belongs to two triangles: sorted by its corners, the two are neighbours.
-    ends = np.sort(np.concatenate([rows[:, [0, 1]], rows[:, [1, 2]], rows[:, [2, 0]]]), axis=1)
-    owner = np.tile(np.arange(len(rows)), 3)
-    order = np.lexsort(ends.T)
-    first, second = owner[order[::2]], owner[order[1::2]]
-    # The cosine of the turn from one face to the other.
-    sharp = np.sum(normals[first] * normals[second], axis=1) < np.cos(SHARP_TURN)
-    # The outline, where one face looks at the eye and the other away, and sharp edges in sight.
-    drawn_edges = (facing[first] != facing[second]) | (sharp & (facing[first] | facing[second]))
-    lines = corners[ends[order[::2][drawn_edges]]]
-    # All edges as one line, with NaN between them.
-    separated = np.concatenate([lines, np.full((len(lines), 1, 2), np.nan)], axis=1).reshape(-1, 2)
-    axes.plot(*separated.T, color=colour_of("ink"), linewidth=0.8, zorder=1)
-
-
 def _draw_directions(axes: Axes, view: Box) -> None:
     """Draw three arrows for the coordinates in a corner, and a scale bar with its length."""
     size = 0.07 * (view[2] - view[0])
@@ -287,7 +262,7 @@ def view_of(tracks: Sequence[Track], model: Model | None, projection: Array, asp
     ]
     points = np.vstack([np.vstack([track.hip, track.ihip]) for track in in_sight]) @ projection
     if model is not None and (model.dimension == 3 or model.boundary.closed):
-        solid = (solid_triangles(model)[0] if model.dimension == 3 else model.boundary.points(200)) @ projection
+        solid = (solid_mesh(model).vertices if model.dimension == 3 else model.boundary.points(200)) @ projection
         # The whole solid is in view where the paths still fill two fifths of it.
         if np.all(np.ptp(solid, axis=0) < 2.5 * np.ptp(points, axis=0).max()):
             points = np.vstack([points, solid])

@@ -30,14 +30,14 @@ LENS_BELOW = 0.025
 """Depth as a share of the view below which the points cannot be told apart without a lens."""
 INSET_SIDE = 0.31
 """Side of a small picture, as a share of the axes."""
-SHADOW_POINTS = 4000
-"""Points of a round solid, of which the hull is drawn as its shadow."""
+FACET_SHARE = 1.0 / 400.0
+"""Share of a solid's size that its triangles may lie off it: half a pixel of a picture of it."""
 
 DETAIL = 1500.0
 """Width of the view over what is left out of an outline: finer than a pixel of a figure as wide as a page."""
 
-SHARP_TURN = 0.1
-"""Turn (rad) of the faces at an edge of a mesh that is drawn."""
+SHARP_TURN = 0.5
+"""Turn (rad) of the faces at an edge of a solid that is drawn: round ones of few triangles have none."""
 
 Box = tuple[float, float, float, float]
 """(xmin, ymin, xmax, ymax), mm."""
@@ -57,7 +57,7 @@ def draw_plane(
     points = MM * np.vstack([recording.hip, recording.ihip])
     view = box_round(0.5 * (points.min(axis=0) + points.max(axis=0)), 1.24 * np.ptp(points, axis=0), aspect_of(axes))
     body = None if model is None else model_shadow(model, coordinates, view)
-    _draw_body(axes, body, view)
+    draw_geometry(axes, body, view)
     chosen = samples_along_path(recording, SAMPLES, keep=ticks.values())
     _draw_samples(axes, recording, chosen)
     for number, tick in ticks.items():
@@ -147,33 +147,35 @@ def box_round(centre: Array, size: Array, aspect: float) -> Box:
 
 
 def model_shadow(model: Model, coordinates: tuple[int, int], view: Box, *, detail: float = DETAIL) -> Geometry:
-    """Return what to draw of a model, mm: what it fills in the plane, or its shadow on the two coordinates.
+    """Return what to draw of a model, mm: what it fills in the plane, or its shadow on the two coordinates."""
+    if model.dimension == 2:
+        return filled_part(model, view, detail=detail)
+    right, up = np.eye(3)[list(coordinates)]
+    return solid_shadow(model, np.stack([right, up, np.cross(right, up)]))
 
-    That of a mesh is the union of its triangles, with its sharp edges that face the eye; other models in space are
-    round enough for the hull of their points.
+
+def solid_mesh(model: Model) -> Mesh:
+    """Return a model in space as a mesh of triangles that is as fine as a picture of it shows."""
+    from hapticeval.geometry.mesh import Mesh
+
+    mesh = model.mesh(max_error=FACET_SHARE * model.size).boundary
+    assert isinstance(mesh, Mesh), "a model in space has no edges"
+    return mesh
+
+
+def solid_shadow(model: Model, frame: Array) -> Geometry:
+    """Return the shadow of a solid and its sharp edges in sight, mm: the union of the triangles that face the eye.
+
+    The rows of `frame` (3, 3) are unit vectors to the right, up, and to the eye.
     """
     import shapely
 
-    if model.dimension == 2:
-        return filled_part(model, view, detail=detail)
-    from hapticeval.geometry.mesh import Mesh
-
-    if isinstance(model.boundary, Mesh):
-        return _mesh_shadow(model.boundary, coordinates)
-    return shapely.MultiPoint(MM * model.boundary.points(SHADOW_POINTS)[:, list(coordinates)]).convex_hull
-
-
-def _mesh_shadow(mesh: Mesh, coordinates: tuple[int, int]) -> Geometry:
-    """Return the shadow of a mesh and the edges that are seen, mm: the first coordinate to the right, the second up."""
-    import shapely
-
-    # To the eye: right-handed with what lies to the right and up.
-    eye = np.cross(*np.eye(3)[list(coordinates)])
+    mesh, eye = solid_mesh(model), frame[2]
+    corners = MM * mesh.vertices @ frame[:2].T
     facing = mesh.normals @ eye > 0.0
-    corners = MM * mesh.vertices[:, list(coordinates)]
-    shadow = shapely.union_all(shapely.polygons(corners[mesh.triangles[facing]]))
-    # Sharp edges in sight, mm.
-    edges = shapely.MultiLineString(list(MM * mesh.edges(SHARP_TURN, eye)[..., list(coordinates)]))
+    # Joined on a grid of 1 um.
+    shadow = shapely.union_all(shapely.polygons(corners[mesh.triangles[facing]]), grid_size=1e-3)
+    edges = shapely.MultiLineString(list(MM * mesh.edges(SHARP_TURN, eye) @ frame[:2].T))
     return shapely.GeometryCollection([*shapely.get_parts(shadow), edges])
 
 
@@ -208,7 +210,7 @@ def _outline(model: Model, view: Box, detail: float) -> Array:
     return np.asarray(point + reach * np.array([-tangent, tangent, tangent + left, left - tangent]))
 
 
-def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float = 1.1) -> None:
+def draw_geometry(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float = 1.1) -> None:
     """Draw a body's polygons filled, with their holes, and its lines thinner; set the view (mm)."""
     import shapely
     from matplotlib.collections import LineCollection
@@ -233,7 +235,7 @@ def draw_body(
     axes: Axes, model: Model, view: Box, coordinates: tuple[int, int] = (0, 1), *, detail: float = DETAIL
 ) -> None:
     """Draw what the model fills of `view`, mm, in the two coordinates; see `filled_part` for `detail`."""
-    _draw_body(axes, model_shadow(model, coordinates, view, detail=detail), view)
+    draw_geometry(axes, model_shadow(model, coordinates, view, detail=detail), view)
 
 
 def samples_along_path(recording: Recording, count: int, *, keep: Collection[int] = ()) -> IntArray:
@@ -310,7 +312,7 @@ def _draw_overview(axes: Axes, corner: Corner, model: Model, view: Box) -> None:
     inset = _add_inset(axes, corner)
     bounds = MM * np.array(model.boundary.bounds)
     model_box = box_round(0.5 * (bounds[:2] + bounds[2:]), 1.15 * (bounds[2:] - bounds[:2]), aspect_of(axes))
-    _draw_body(inset, filled_part(model, model_box), model_box, linewidth=0.8)
+    draw_geometry(inset, filled_part(model, model_box), model_box, linewidth=0.8)
     width, height = view[2] - view[0], view[3] - view[1]
     inset.add_patch(
         Rectangle(view[:2], width, height, fill=False, edgecolor=colour_of("ihip"), linewidth=1.0, zorder=3)
@@ -324,7 +326,7 @@ def _draw_lens(
     inset = _add_inset(axes, corner)
     centre = MM * 0.5 * (recording.hip[tick] + recording.ihip[tick])
     box = box_round(centre, np.full(2, 3.2 * depth), aspect_of(axes))
-    _draw_body(inset, body, box)
+    draw_geometry(inset, body, box)
     points = MM * recording.hip
     # Up to 7 samples in the lens, evenly spaced.
     inside = np.flatnonzero(np.all((points > box[:2]) & (points < box[2:]), axis=1))

@@ -31,7 +31,6 @@ from hapticeval.reports.case_data import (
     jump_rows,
     model_document,
     sample_tracks,
-    solid_triangles,
     step_lengths,
     surface_motion,
     thinned_rows,
@@ -47,6 +46,7 @@ from hapticeval.reports.case_page import (
     write_view,
 )
 from hapticeval.reports.places import case_file
+from hapticeval.reports.plane import solid_mesh
 from hapticeval.reports.templates import environment, evidence_words
 from hapticeval.runner.results import Measure, Refusal
 
@@ -249,7 +249,7 @@ def test_the_foot_of_an_orbit_moves_slower_outside_and_faster_inside(radius):
 @pytest.mark.parametrize("kind", ["sphere", "ellipsoid", "torus", "icosphere", "box"])
 def test_a_solid_becomes_closed_triangles_that_face_outwards(kind):
     model = make_model(kind)
-    vertices, rows = solid_triangles(model)
+    vertices, rows = solid_mesh(model).vertices, solid_mesh(model).triangles
     corners = vertices[rows]
     volume = np.sum(np.cross(corners[:, 0], corners[:, 1]) * corners[:, 2]) / 6.0
     assert volume > 0.0
