@@ -18,14 +18,14 @@ from hapticeval.runner.standing import Standing
 def write_history(path: Path, histories: Sequence[History]) -> Path:
     """Write the page, which needs no other file, and return its path. Raises `HapticevalError` where that fails."""
     editions = {id(edition): edition for history in histories for edition in history.editions}.values()
-    states = {
+    standings = {
         stand.gravest.standing for history in histories for check in history.checks for stand in check.stands if stand
     }
     text = environment().get_template("history.html.j2").render(
         histories=histories,
         style=asset("report.css").decode(),
         links={edition.folder: link for edition in editions if (link := _report_of(edition, path))},
-        states=[standing for standing in Standing if standing in states],
+        standings=[standing for standing in Standing if standing in standings],
     )  # fmt: skip
     try:
         with replacing(path) as temporary:
