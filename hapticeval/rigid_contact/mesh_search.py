@@ -13,7 +13,7 @@ from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh_kernels import CORNER, _cross, _minus, normal_of, position_of
 from hapticeval.geometry.surface_kernels import Triple, dot, plus
 from hapticeval.rigid_contact.force import CONTACT_HOP, MASS, SKIN_DEPTH, guess_between
-from hapticeval.rigid_contact.mesh_terrain import MeshTerrain, edge_direction
+from hapticeval.rigid_contact.mesh_terrain import MeshTerrain, edge_direction, turns_at_corner
 from hapticeval.rigid_contact.space import fly_in_space, force_in_space
 from hapticeval.types import Array, IntArray
 
@@ -175,16 +175,25 @@ def near_triangles(terrain: MeshTerrain, low: Triple, high: Triple, near: IntArr
 
 @inner
 def _lies_over(terrain: MeshTerrain, k: int, p: Triple) -> bool:
-    """Whether a point (m) on the plane of triangle k lies on the triangle, within its reach beyond each edge."""
+    """Whether a point (m) on the plane of triangle k lies on the triangle, within its reach beyond each edge.
+
+    Past a corner with a convex edge it does not reach: along a concave edge that ends there nothing is left to be hit.
+    """
     for i in range(3):
         a, e = (
             position_of(terrain.vertices, terrain.faces[k, CORNER + i]),
             edge_direction(terrain.faces, terrain.vertices, k, i),
         )
-        reach = terrain.tip_reach if terrain.turns[k, i] > 0.0 else SEAM_REACH
         # n x e points into the triangle
-        if dot(_cross(normal_of(terrain.faces, k), e), _minus(p, a)) < -reach:
+        inside = dot(_cross(normal_of(terrain.faces, k), e), _minus(p, a))
+        if inside >= -terrain.tip_reach:
+            continue
+        if terrain.turns[k, i] > 0.0 or inside < -SEAM_REACH:
             return False
+        b = position_of(terrain.vertices, terrain.faces[k, CORNER + (i + 1) % 3])
+        for corner, past in ((i, -dot(e, _minus(p, a))), ((i + 1) % 3, dot(e, _minus(p, b)))):
+            if past > 0.0 and turns_at_corner(terrain, k, corner)[1] > 0.0:
+                return False
     return True
 
 

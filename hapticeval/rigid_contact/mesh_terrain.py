@@ -149,7 +149,7 @@ def feature_at(terrain: MeshTerrain, k: int, p: Triple, reach: float, convex_rea
     faces, vertices, normal = terrain.faces, terrain.vertices, normal_of(terrain.faces, k)
     for i in range(3):
         apex = position_of(vertices, faces[k, CORNER + i])
-        off, (lowest, highest) = _minus(p, apex), _turns_at_corner(terrain, k, i)
+        off, (lowest, highest) = _minus(p, apex), turns_at_corner(terrain, k, i)
         corner_reach = reach if lowest < 0.0 else convex_reach
         if lowest < highest and dot(off, off) <= corner_reach * corner_reach:
             return VERTEX + i, apex
@@ -164,7 +164,7 @@ def feature_at(terrain: MeshTerrain, k: int, p: Triple, reach: float, convex_rea
 
 
 @inner
-def _turns_at_corner(terrain: MeshTerrain, k: int, i: int) -> tuple[float, float]:
+def turns_at_corner(terrain: MeshTerrain, k: int, i: int) -> tuple[float, float]:
     """Return the least and the largest turn of the edges at corner i of triangle k, and of zero: both 0 in a face."""
     lowest, highest = 0.0, 0.0
     j, h = k, i

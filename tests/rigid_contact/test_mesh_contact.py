@@ -294,3 +294,15 @@ def test_what_it_cannot_do_is_refused_by_name():
         contact(CUBE).simulate(Experiment(0.1, [0, 0, 0], [0, 0, 0], [0.0], [[0, 0, 0]]), 1e-3)
     with pytest.raises(InputError, match="2 dimensions"):
         contact(CUBE).simulate(Path([0.0, 1.0], np.zeros((2, 2))), 1e-3)
+
+
+@pytest.mark.parametrize("speed", [1e-4, 0.015, 0.5])
+def test_past_the_end_of_a_concave_edge_nothing_is_left_to_push(speed):
+    """Along the notch of an L and off over its end face, drawn aside: the seam of its faces ends with the edge."""
+    experiment = Experiment(0.2, [-0.01, -0.01, 0.05 - 0.05 * speed], [0.0, 0.0, speed], [0.0], [[-20.2, -6.9, 0.0]])
+    recording = contact(make_model("l-block")).simulate(experiment, 1e-3)
+    leave = next(event for event in recording.meta["events"] if event["kind"] == "leave")
+    np.testing.assert_allclose(leave["position"], [-0.01, -0.01, 0.05], atol=1e-9)
+    assert recording.meta["events"][-1] == leave
+    assert np.all(recording.force[recording.time > leave["time"]] == 0.0)
+    assert recording.hip[-1, 0] < -0.1
