@@ -10,6 +10,7 @@
 # make bench   time the renderers            make study   the longer studies
 # make browser look at the report's pages in a headless Chromium: needs chromium and npm
 # make docs    run the pages of documentation and the notebooks, and build the site of them into build/site
+# make site    the same with the report of the built-in renderers in it
 # make lint    ruff, and mypy on an installed copy
 # make clean   remove what these made; results/ stays
 
@@ -19,7 +20,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start many interpreters, each of which would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test system tables fuzz mutants counterexamples bench study browser docs lint clean
+.PHONY: run test system tables fuzz mutants counterexamples bench study browser docs site lint clean
 
 # What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page. What goes
 # wrong with these two says so, and stops nothing.
@@ -68,6 +69,8 @@ browser: .venv/dev.stamp .venv/kernels.stamp .venv/browser/node_modules/axe-core
 docs: .venv/dev.stamp .venv/kernels.stamp
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pytest -n 2 -m docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+site: run docs
 
 lint: .venv/dev.stamp
 	$(BIN)/ruff check .

@@ -166,6 +166,8 @@ def workflows():
         for number, block in enumerate(re.findall(r"```yaml\n(.*?)```", (ROOT / name).read_text(), re.DOTALL)):
             if re.search("^jobs:", block, re.MULTILINE):
                 yield f"{name}-{number}", block
+    for file in sorted((ROOT / ".github" / "workflows").glob("*.yml")):
+        yield file.name, file.read_text()
     for kind in STARTERS:
         with tempfile.TemporaryDirectory() as folder:
             write_starter(kind, Path(folder) / "mine")
