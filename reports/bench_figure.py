@@ -203,7 +203,7 @@ def _label_settings(axes: Axes, labelled: PlottedSettings) -> None:
     for setting, place in labelled:
         text = setting.label if _is_foreign(setting.renderer) else setting.label.removeprefix(setting.renderer).strip()
         x, y = axes.transData.transform(place)
-        # In pixels: a character is about 7 wide, a line 15 high; what would cover an earlier label is left out.
-        if text and not any(abs(x - a) < 7.0 * len(text) and abs(y - b) < 15.0 for a, b in occupied):
+        # In pixels: a character is about 8 wide, a line 19 high; what would cover an earlier label is left out.
+        if text and not any(abs(x - a) < 8.0 * len(text) and abs(y - b) < 19.0 for a, b in occupied):
             occupied.append((x, y))
             axes.annotate(text, place, xytext=(5, 3), textcoords="offset points", zorder=6)

@@ -99,13 +99,13 @@ class Look:
 
 
 def looks_of(names: Iterable[str]) -> dict[str, Look]:
-    """Return the look of each renderer of a report, in their order: no two alike of 28.
+    """Return the look of each renderer of a report, in their order: no two of 49 share both colour and marker.
 
-    7 colours and markers, with one of 4 dashes: neighbours differ in all three.
+    Neighbours differ in colour, marker and dashes. Each time the colours begin anew, the markers go on by one.
     """
-    shapes = tuple(MARKERS)
+    count, shapes = len(CURVES), tuple(MARKERS)
     return {
-        name: Look(CURVES[k % len(CURVES)], DASHES[k % len(DASHES)], shapes[k % len(shapes)])
+        name: Look(CURVES[k % count], DASHES[k % len(DASHES)], shapes[(k + k // count) % len(shapes)])
         for k, name in enumerate(dict.fromkeys(names))
     }
 
