@@ -26,6 +26,7 @@ import importlib.machinery
 import importlib.util
 import inspect
 import itertools
+import mmap
 import os
 import pickle
 import random
@@ -55,6 +56,8 @@ SECONDS = 60.0
 """So many seconds of tests are run of a mutant."""
 PATIENCE = 5.0, 10.0
 """A mutant whose test takes so many times what it takes as it is, and so many seconds more, is killed: it hangs."""
+KILLED = 3
+"""What a process returns in which a test failed."""
 WARMED_BY = 0.05, 0.5, 15.0
 """Tests that take between so many seconds, up to so many in all, load the kernels before mutants are tried."""
 
@@ -81,6 +84,8 @@ OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.And: ast.Or,
     ast.Or: ast.And,
 }
+SHOWN = ast.expr | ast.Assign | ast.AnnAssign | ast.AugAssign
+"""What a mutant is shown in."""
 OPPOSITES = {"min": "max", "any": "all", "argmin": "argmax", "minimum": "maximum", "less": "greater", "floor": "ceil"}
 OPPOSITES |= {opposite: name for name, opposite in OPPOSITES.items()}
 
@@ -150,8 +155,8 @@ def places(tree: ast.AST) -> Iterator[Place]:
     while stack:
         node, line, shown, function, prefix = stack.pop()
         line = getattr(node, "lineno", line) if not isinstance(shown, ast.JoinedStr) else line
-        small = isinstance(node, ast.Constant | ast.Name) and isinstance(shown, ast.expr | ast.Assign | ast.AnnAssign)
-        if isinstance(node, ast.expr | ast.Assign | ast.AnnAssign) and not (small or isinstance(shown, ast.JoinedStr)):
+        small = isinstance(node, ast.Constant | ast.Name) and isinstance(shown, SHOWN)
+        if isinstance(node, SHOWN) and not (small or isinstance(shown, ast.JoinedStr)):
             shown = node
         yield Place(node, line, shown, function)
         for name, value in ast.iter_fields(node):
@@ -327,8 +332,8 @@ class Loaded:
                     self.caches.append(thing)
 
 
-def put_in_place(mutant: Mutant, loaded: Loaded) -> None:
-    """Give the function that a mutant changes the mutant's code."""
+def replacements(mutant: Mutant, loaded: Loaded) -> list[tuple[FunctionType, CodeType]]:
+    """Return the functions that a mutant changes with their new code; none where they are not loaded as defined."""
     file = str(ROOT / mutant.file)
     whole = compile(mutant.source, file, "exec", dont_inherit=True)
     # A property and its setter have one name, and follow each other in both.
@@ -337,10 +342,9 @@ def put_in_place(mutant: Mutant, loaded: Loaded) -> None:
     for function in loaded.functions[file, mutant.function or ""]:
         by_line[function.__code__.co_firstlineno].append(function)
     if len(by_line) != len(changed):
-        raise LookupError(f"{mutant.function} of {mutant.file} is not loaded as it is defined")
-    for code, (_, alike) in zip(changed, sorted(by_line.items()), strict=True):
-        for function in alike:
-            function.__code__ = code
+        return []
+    pairs = zip(changed, sorted(by_line.items()), strict=True)
+    return [(function, code) for code, (_, alike) in pairs for function in alike]
 
 
 def run_item(item: Any, following: Any) -> bool:
@@ -391,27 +395,32 @@ def in_child(work: Callable[[], int], seconds: float = 600.0, *, alone: bool = T
         if not done:
             (os.killpg if alone else os.kill)(child, signal.SIGKILL)
             os.waitpid(child, 0)
-    return 1
+    return -signal.SIGKILL
 
 
-def all_pass(items: Sequence[Any], seconds: dict[str, float]) -> int:
-    """Run tests in this process until one fails; return 0 where none does. One that hangs ends the process."""
+def fail(items: Sequence[Any], seconds: dict[str, float], reached: Any) -> int:
+    """Run tests in this process until one fails; return `KILLED` then, and 0 where none does.
+
+    `reached` is memory that is shared with the process that asks: the number of the test that runs is written there.
+    One that hangs ends the process.
+    """
     factor, more = PATIENCE
-    for item, following in itertools.zip_longest(items, items[1:]):
+    for number, (item, following) in enumerate(itertools.zip_longest(items, items[1:])):
+        reached[:4] = number.to_bytes(4, "little")
         _, hard = resource.getrlimit(resource.RLIMIT_CPU)
         limit = int(time.process_time() + factor * seconds[item.nodeid] + more) + 1
         resource.setrlimit(resource.RLIMIT_CPU, (limit, hard))
         if not run_item(item, following):
-            return 1
+            return KILLED
     return 0
 
 
 class Trial:
     """A pytest plugin that tries mutants on the tests that were collected, in place of running them."""
 
-    def __init__(self, work: Callable[[dict[str, Any], Loaded], int], files: Iterable[Path]) -> None:
+    def __init__(self, work: Callable[[dict[str, Any], Loaded], int], files: Iterable[Path], missing: int) -> None:
         self.work, self.files = work, files
-        self.code = 1
+        self.code = missing
 
     def pytest_collection_modifyitems(self, items: list[Any]) -> None:
         self.loaded = Loaded(self.files)
@@ -421,11 +430,20 @@ class Trial:
         return True
 
 
-def with_tests(tests: Iterable[str], work: Callable[[dict[str, Any], Loaded], int], files: Iterable[Path] = ()) -> int:
-    """Collect tests, and return what `work` returns, given them by name and what of `files` is loaded."""
+def with_tests(
+    tests: Iterable[str],
+    work: Callable[[dict[str, Any], Loaded], int],
+    files: Iterable[Path] = (),
+    *,
+    missing: int = 1,
+) -> int:
+    """Collect tests, and return what `work` returns, given them by name and what of `files` is loaded.
+
+    It is `missing` where they cannot be collected.
+    """
     import pytest
 
-    trial = Trial(work, files)
+    trial = Trial(work, files, missing)
     options = ["-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:faulthandler", "--assert=plain"]
     pytest.main([*options, "-m", MARKED, "-o", "timeout=0", *tests], plugins=[trial])
     return trial.code
@@ -465,33 +483,48 @@ def ordered_tests(mutant: Mutant, reach: Reach) -> list[str]:
     return [test for test, end in zip(ordered, ends, strict=True) if end <= SECONDS]
 
 
-def survives_there(mutant: Mutant, reach: Reach, items: dict[str, Any], loaded: Loaded) -> bool | None:
-    """Return whether all tests that reach a mutant of a function pass; None where no test reaches it."""
-    tests = [items[test] for test in ordered_tests(mutant, reach) if test in items]
-    if not tests:
-        return None
-
-    def work() -> int:
-        be_silent()
-        put_in_place(mutant, loaded)
-        return all_pass(tests, reach.seconds)
-
-    return in_child(work) == 0
+Run = Callable[[Sequence[str], Mutant | None, Any], int]
+"""Runs tests on a mutant, or as all is, in this process; see `fail` for what it is given and returns."""
 
 
-def survives_import(mutant: Mutant, reach: Reach) -> bool | None:
-    """Return the same of a mutant that changes what is imported: this process must not have imported it."""
-    tests = ordered_tests(mutant, reach)
-    if not tests:
-        return None
+class Court:
+    """Tells of mutants whether they survive their tests. A test that fails as all is kills nothing."""
 
-    def work() -> int:
-        be_silent()
-        sys.meta_path.insert(0, Finder(mutant))
-        files = sorted({test.partition("::")[0] for test in tests})
-        return with_tests(files, lambda items, _: all_pass([items[test] for test in tests], reach.seconds))
+    def __init__(self, reach: Reach, run: Run) -> None:
+        self.reach, self.run = reach, run
+        self.trusted: set[str] = set()
 
-    return in_child(work) == 0
+    def survives(self, mutant: Mutant) -> bool | None:
+        """Return whether all tests that reach a mutant pass; None where no test reaches it."""
+        while True:
+            tests = ordered_tests(mutant, self.reach)
+            if not tests:
+                return None
+            failed = self.failed(tests, mutant)
+            if failed is None:
+                return True
+            test = tests[failed]
+            if test in self.trusted or self.failed(tests[: failed + 1], None) is None:
+                self.trusted.add(test)
+                return False
+            print(f"fails there as it is, and is left out: {test}", flush=True)
+            self.reach.failed.add(test)
+
+    def failed(self, tests: Sequence[str], mutant: Mutant | None) -> int | None:
+        """Return which of the tests fails first, and None where none does."""
+        reached = mmap.mmap(-1, 4)
+
+        def work() -> int:
+            be_silent()
+            return self.run(tests, mutant, reached)
+
+        code = in_child(work)
+        # What ends the process, as a hang does, is no failure of a test, and kills a mutant all the same.
+        if code != KILLED and code >= 0:
+            if code > 0:
+                raise SystemExit(f"cannot be tried: {'the tests as they are' if mutant is None else mutant.words}")
+            return None
+        return int.from_bytes(reached[:4], "little")
 
 
 def listed() -> dict[tuple[str, str, str], str]:
@@ -546,34 +579,52 @@ def main(arguments: list[str]) -> int:
         drawn = random.Random(options.seed).sample(drawn, min(options.sample, len(drawn)))
     mutants = [mutant_of(*place) for place in drawn]
     print(f"{len(mutants)} mutants of {len(files)} modules", flush=True)
-    tally = Tally(len(mutants))
+    tally, left = Tally(len(mutants)), []
     reach = Reach(str(file) for file in modules(TARGETS) + files)
 
     def try_those_in_functions(items: dict[str, Any], loaded: Loaded) -> int:
+        def run_here(tests: Sequence[str], mutant: Mutant | None, reached: Any) -> int:
+            for function, code in () if mutant is None else replacements(mutant, loaded):
+                function.__code__ = code
+            return fail([items[test] for test in tests], reach.seconds, reached)
+
         if in_child(lambda: know_tests(reach, items), seconds=7200.0):
             raise SystemExit("the tests cannot be run")
         reach.load()
-        for test in sorted(reach.failed):
+        reach.failed |= reach.seconds.keys() - items.keys()  # those that are not collected
+        for test in sorted(reach.failed & items.keys()):
             print(f"fails as it is, and is left out: {test}", flush=True)
         warm_up(reach, items, loaded)
+        court = Court(reach, run_here)
         for mutant in mutants:
-            if mutant.function is not None:
+            if replacements(mutant, loaded):
                 began = time.monotonic()
-                tally.tell(mutant, survives_there(mutant, reach, items, loaded), time.monotonic() - began)
-        told.write_bytes(pickle.dumps((tally.told, tally.killed, tally.survivors)))
+                tally.tell(mutant, court.survives(mutant), time.monotonic() - began)
+            else:
+                left.append(mutant)
+        told.write_bytes(pickle.dumps((tally.told, tally.killed, tally.survivors, reach.failed, left)))
         return 0
+
+    def run_anew(tests: Sequence[str], mutant: Mutant | None, reached: Any) -> int:
+        if mutant is not None:
+            sys.meta_path.insert(0, Finder(mutant))
+        names = sorted({test.partition("::")[0] for test in tests})
+        return with_tests(
+            names, lambda items, _: fail([items[test] for test in tests], reach.seconds, reached), missing=KILLED
+        )
 
     with tempfile.TemporaryDirectory() as folder:
         told = Path(folder) / "told"
         # This process imports nothing that is changed.
         if in_child(lambda: with_tests(options.tests, try_those_in_functions, files), seconds=1e6, alone=False):
             return 2
-        tally.told, tally.killed, tally.survivors = pickle.loads(told.read_bytes())
+        tally.told, tally.killed, tally.survivors, gone, left = pickle.loads(told.read_bytes())
     reach.load()
-    for mutant in mutants:
-        if mutant.function is None:
-            began = time.monotonic()
-            tally.tell(mutant, survives_import(mutant, reach), time.monotonic() - began)
+    reach.failed |= gone
+    court = Court(reach, run_anew)
+    for mutant in left:
+        began = time.monotonic()
+        tally.tell(mutant, court.survives(mutant), time.monotonic() - began)
     tally.tell_all()
     return int(bool(tally.survivors))
 

@@ -238,7 +238,9 @@ def _interrupted_words(event: Interrupted) -> str:
         return f"stopped: {runs} given up; {kept_words}"
     if not event.begun:
         return f"interrupted: {kept_words}"
-    return f"interrupted: {runs} being finished, {kept_words}; press Ctrl-C again to stop at once"
+    # How long the rest takes is not known, but what a run that is slow has taken already.
+    since = f", the first at work for {event.seconds:.0f} s" * (event.seconds >= SILENCE_SECONDS)
+    return f"interrupted: {runs} being finished{since}, {kept_words}; press Ctrl-C again to stop at once"
 
 
 def plural(count: int, noun: str) -> str:

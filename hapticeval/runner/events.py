@@ -46,10 +46,14 @@ class AtWork:
 
 @dataclass(frozen=True)
 class Interrupted:
-    """The user has interrupted: no further job begins, those that have `begun` are finished, or killed `at_once`."""
+    """The user has interrupted: no further job begins, those that have `begun` are finished, or killed `at_once`.
+
+    The first of them has been at work for `seconds`.
+    """
 
     begun: int
     at_once: bool = False
+    seconds: float = field(default=0.0, compare=False)
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,8 @@ class _Execution:
             yield from self._reported(self.reported_count)
         if self.interrupts.count and not self.warned:
             self.warned = True
-            yield Interrupted(self.crew.busy)
+            now = time.monotonic()
+            yield Interrupted(self.crew.busy, seconds=now - min(self.begun_at.values(), default=now))
 
     def report_behind_gaps(self) -> Iterator[Event]:
         """Yield what has finished behind a job that never did."""

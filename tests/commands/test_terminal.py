@@ -103,6 +103,10 @@ def test_a_strict_run_lets_warnings_count(outcome, published, code):
     [
         (Interrupted(2), f"interrupted: 2 runs that had begun are being finished, {AGAIN}"),
         (Interrupted(1), f"interrupted: 1 run that had begun is being finished, {AGAIN}"),
+        (
+            Interrupted(2, seconds=83.0),
+            f"interrupted: 2 runs that had begun are being finished, the first at work for 83 s, {AGAIN}",
+        ),
         (Interrupted(0), "interrupted: what is done is kept"),
         (Interrupted(2, at_once=True), "stopped: 2 runs that had begun are given up; what is done is kept"),
     ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import measured
 import numpy as np
 
 from hapticeval.phenomena.check import Runs
@@ -34,7 +35,9 @@ def changed(recording: Recording, meta: Any = None, rows: slice = slice(None), *
 
 def found(check: str, runs: Runs | Recording, scene: Scene) -> Finding:
     """What a check finds."""
-    return CHECKS[check](runs if isinstance(runs, Runs) else Runs(runs), scene)
+    finding = CHECKS[check](runs if isinstance(runs, Runs) else Runs(runs), scene)
+    measured.compare_asked(check, finding)
+    return finding
 
 
 def outcome(check: str, runs: Runs | Recording, scene: Scene) -> Outcome:

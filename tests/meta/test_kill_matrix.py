@@ -8,6 +8,7 @@ from pathlib import Path
 
 import felt
 import lawbreakers
+import measured
 import mutants
 import outsiders
 import pytest
@@ -117,6 +118,11 @@ def test_what_an_outsider_breaks_is_found(name):
 
 def test_no_check_is_without_a_renderer_that_it_stops():
     assert set(BROKEN.values()) | {check for each in FAULTY.values() for check in each.fails} == set(OWN)
+
+
+@pytest.mark.parametrize("name", ["ideal", *MUTANTS, *DYNAMIC, *HONEST, *FAULTY])
+def test_what_is_measured_is_as_recorded(name):
+    measured.compare("faults", name, findings(name))
 
 
 HEAD = """# Kill matrix

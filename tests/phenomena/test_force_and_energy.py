@@ -273,13 +273,18 @@ ONE_WAY = Path([0.0, 0.1, 4.0], [[0.0, 4e-3], [0.0, -4e-3], [0.02, -4e-3]])
 SHORT_WAY_OUT = Path([0.0, 0.8, 0.84], [[0.0, 4e-3], [0.0, -4e-3], [0.0, 4e-3]])
 
 
-SIZED = {**force_sizes.FAULTS, "weak-stretch": scaled(lambda tick: 0.5 if 1000 <= tick.number < 1057 else 1.0)}
+SIZED = {
+    **force_sizes.FAULTS,
+    "weak-stretch": scaled(lambda tick: 0.5 if 1000 <= tick.number < 1057 else 1.0),
+    "pulls": scaled(lambda tick: -2.0),
+}
 
 
 @pytest.mark.parametrize(
     ("name", "path", "words"),
     [
         ("third", IN_AND_OUT, "softer throughout, by 66.7 per cent"),
+        ("pulls", IN_AND_OUT, "it pulls where it should push, 2 times as hard"),
         ("stiffer", IN_AND_OUT, "stiffer throughout, by 5 per cent"),
         ("spikes", IN_AND_OUT, "spikes: 7 ticks off, every 50 ticks"),
         ("kicks", IN_AND_OUT, "it depends on the direction (1 of the scene's stiffness on the way in, 1.1"),

@@ -199,6 +199,7 @@ def test_an_interrupt_lets_what_has_begun_finish(short, tmp_path):
     signal.raise_signal(signal.SIGINT)
     interrupted, finished, end = stream
     assert interrupted == Interrupted(begun=1)
+    assert 0.0 < interrupted.seconds < 600.0, "since the second began"
     assert finished.run.key == ("short", "press", "minimum-distance")
     assert isinstance(end, RunFinished)
     results = read_results(tmp_path / "out")

@@ -17,13 +17,16 @@ from typing import NamedTuple
 
 import pytest
 
-from hapticeval.phenomena.verdict import Verdict
+from hapticeval.phenomena.verdict import Outcome, Verdict
 from hapticeval.runner.known import Known
 from hapticeval.runner.results import VerdictEntry
 from hapticeval.suite.suite import Suite
 
 CLOSE = 1e-3
 """Share of a metric, or of its bound, by which two machines may differ."""
+
+CHAOTIC = "comes-to-rest"
+"""Where a tool does not come to rest rounding grows without bound: how fast it still is differs between machines."""
 
 Place = tuple[str, str]
 """Case and check."""
@@ -129,4 +132,6 @@ def compare(suite: Suite, renderers: Sequence[str], name: str, verdicts: Sequenc
     for verdict in verdicts:
         place = verdict.case, verdict.check
         cell, text = Cell.of_verdict(verdict), table[place][name]
+        if verdict.check == CHAOTIC and cell.outcome == Cell.read(text).outcome == Outcome.FAIL:
+            continue
         assert cell.agrees(Cell.read(text)), (place, f"recorded: {text}", f"now: {cell.text}", verdict.finding.message)

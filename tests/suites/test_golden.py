@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import golden
+import measured
 import pytest
 
 from hapticeval.discovery import own_renderers, resolve
@@ -34,6 +35,8 @@ def test_every_verdict_is_the_recorded_one(suite, name, case):
     judged = judge(resolve(name), name, suite.name, case)
     assert judged.error is None
     golden.compare(suite, renderers_of(suite), name, judged.verdicts)
+    findings = {(verdict.case, verdict.check): verdict.finding for verdict in judged.verdicts}
+    measured.compare(suite.name, name, findings)
     assert [entry.message for entry in golden.unexpected(judged.verdicts) if entry.published is not None] == []
 
 

@@ -6,6 +6,7 @@ from functools import cache
 
 import golden
 import honest
+import measured
 import pytest
 from msgspec.structs import replace
 
@@ -37,6 +38,7 @@ def verdicts(name: str) -> tuple[Verdict, ...]:
 @pytest.mark.parametrize("name", COLUMNS)
 def test_every_verdict_is_the_recorded_one_and_as_required_or_as_published(name):
     golden.compare(SUITE, own_renderers(), name, verdicts(name))
+    measured.compare(SUITE.name, name, {(verdict.case, verdict.check): verdict.finding for verdict in verdicts(name)})
     assert golden.unexpected(verdicts(name)) == []
     table = fill_table([ENTRY], verdicts(name))
     published = {row.title: row.published[name] for row in SUITE.rows if name in row.published}

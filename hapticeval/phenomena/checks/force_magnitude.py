@@ -418,6 +418,8 @@ def _describe_pattern(
     if deviates.mean() <= SPIKE_SHARE and (uniform or explained[cause] < CAUSE_SHARE):
         return _describe_rare(base, inner.ticks[deviates]), numbers | {"spikes": ticks.size}
     numbers |= {f"share_{key}": share for key, share in medians.items()}
+    if uniform and middle < 0.0:
+        return f"it pulls where it should push, {abs(middle):.3g} times as hard", numbers
     if uniform:
         percent = abs(1e2 * (middle - 1.0))
         return f"{'stiffer' if middle > 1.0 else 'softer'} throughout, by {percent:.3g} per cent", numbers
