@@ -347,6 +347,14 @@ def replacements(mutant: Mutant, loaded: Loaded) -> list[tuple[FunctionType, Cod
     return [(function, code) for code, (_, alike) in pairs for function in alike]
 
 
+def put_in_place(function: FunctionType, code: CodeType) -> None:
+    """Give a function other code; one that is compiled is called without being compiled from then on."""
+    function.__code__ = code
+    module = sys.modules[function.__module__]
+    if getattr(getattr(module, function.__name__, None), "py_func", None) is function:
+        setattr(module, function.__name__, function)
+
+
 def run_item(item: Any, following: Any) -> bool:
     """Run a test that was collected, and return whether it passed; `following` comes next, None for the last."""
     reports: list[Any] = []
@@ -585,7 +593,7 @@ def main(arguments: list[str]) -> int:
     def try_those_in_functions(items: dict[str, Any], loaded: Loaded) -> int:
         def run_here(tests: Sequence[str], mutant: Mutant | None, reached: Any) -> int:
             for function, code in () if mutant is None else replacements(mutant, loaded):
-                function.__code__ = code
+                put_in_place(function, code)
             return fail([items[test] for test in tests], reach.seconds, reached)
 
         if in_child(lambda: know_tests(reach, items), seconds=7200.0):

@@ -28,6 +28,8 @@ EACH = 2
 CLOSE, ROUNDING = 2e-3, 1e-9
 """Share by which numbers may differ between two machines, and size, in SI units, under which they are rounding."""
 
+CHAOTIC = "comes-to-rest"
+"""A loop that does not come to rest makes rounding grow: no number of it is the same on another machine."""
 FIRST_CALLS = 4
 """Findings of a check that one test may record: a property asks for many."""
 
@@ -46,6 +48,12 @@ class Row(NamedTuple):
 
     kind: str
     numbers: dict[str, float]
+
+    @property
+    def tells(self) -> bool:
+        """Whether its worst place is one: of a metric that is rounding it is another on another machine."""
+        least = max(ROUNDING, 1e-6 * abs(self.numbers.get("bound", 0.0)))
+        return bool(self.numbers) and abs(self.numbers.get("metric", 1.0)) > least
 
     @property
     def text(self) -> str:
@@ -116,8 +124,7 @@ def publish(rows: Mapping[Place, Row]) -> None:
     table = recorded()
     for place, row in rows.items():
         alike = sum(other.kind == row.kind and there.check == place.check for there, other in table.items())
-        # Of a loop that does not come to rest no number is the same on another machine.
-        if place.check != "comes-to-rest" and row.numbers and (place in table or alike < EACH):
+        if row.tells and place.check != CHAOTIC and (place in table or alike < EACH):
             table[place] = row
     write(table.items())
 

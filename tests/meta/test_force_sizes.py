@@ -6,6 +6,7 @@ import force_sizes
 import honest
 import numpy as np
 import pytest
+from broken import scaled, spoiled
 from honest import Spring
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -117,6 +118,18 @@ def test_a_kick_of_a_thrown_tool_is_not_declared_away_by_a_range_that_says_somet
     assert verdict(declaring, thrown, "passivity").outcome is outcome
     said = verdict(declaring, thrown).finding.message
     assert ("of the scene's, which asks next to nothing" in said) == (outcome is PASS), said
+
+
+@pytest.mark.parametrize(("times", "edge"), [(3.0, 0.8), (0.2, 0.6)])
+def test_the_bound_is_the_edge_of_the_declared_range_that_is_left(times, edge):
+    def declaring(scene):
+        renderer = spoiled(scaled(lambda tick: times), Spring)(scene)
+        renderer.declares = Declaration(stiffness_range=(0.4, 1.8))
+        return renderer
+
+    finding = verdict(declaring, CASES["slide"]).finding
+    assert finding.outcome is FAIL
+    assert finding.bound == pytest.approx(edge, abs=0.05)
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,24 @@ from scipy.linalg import expm
 from test_corners import NOTCH, SCENE, round_the_notch
 from test_dynamic_checks import CIRCLE, EXPERIMENT, LINE
 from test_dynamic_checks import run as run_law
-from test_forces import ROUND, collision, orbit
+from test_forces import PLANE, ROUND, collision, orbit
 
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.centripetal_force import _assigned_response
-from hapticeval.phenomena.decisions import DIED_OUT_SHARE, HOLD_TICKS, RETURN_RATIO, SLIDE_SHARE, TELLING_SHARE
+from hapticeval.phenomena.decisions import (
+    DIED_OUT_SHARE,
+    HOLD_TICKS,
+    RETURN_RATIO,
+    SLIDE_SHARE,
+    STATIC_SHARE,
+    TELLING_SHARE,
+)
+from hapticeval.phenomena.jumps import largest_jump
+from hapticeval.phenomena.lag import find_lag
 from hapticeval.phenomena.regions import Region, region_of
+from hapticeval.phenomena.sampling import hip_step, off_surface
 from hapticeval.phenomena.surface_motion import SurfaceMotion
+from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 
 
@@ -276,3 +287,77 @@ def test_a_corner_is_as_near_as_a_contact_point_can_be_placed(steps, there):
     hip = TIP.position - steps * 1e-4 * TIP.tangent_pre - 1e-5 * TIP.normal_pre
     hips = np.array([hip + 1e-4 * TIP.tangent_pre, hip])
     assert (region_of(recorded(hips), SCENE, 1) is Region.CONVEX) is there
+
+
+@pytest.mark.parametrize(("push", "share", "judged"), [(4.0, 0.09, True), (4.0, 0.11, False), (0.25, 0.09, True)])
+def test_a_tool_rests_whose_momentum_may_hide_less_than_a_tenth_of_the_push(push, share, judged):
+    """A tool that trembles at v may be given 2 m v in the window of the last rows."""
+    rows, window = 1000, int(STATIC_SHARE * 1000)
+    trembling = 0.5 * share * push * (window - 1) * 1e-3 / PLANE.mass * np.where(np.arange(rows) % 2, 1.0, -1.0)
+    up = np.tile([0.0, 1.0], (rows, 1))
+    base = recorded(
+        -push / 1e3 * up,
+        0.0 * up,
+        push * up,
+        meta={"source": "experiment"},
+        velocity=trembling[:, np.newaxis] * up,
+        operator_force=-push * up,
+    )
+    finding = found("contact-normal-force", base, PLANE)
+    assert finding.outcome is PASS
+    assert ("equal at rest" in finding.message) is judged
+
+
+def test_the_step_of_a_hand_is_that_in_contact():
+    """1 mm a tick in free space and into contact, 0.1 mm in it."""
+    height = np.array([3.0, 2.0, 1.0, -0.5, -0.6, -0.7, -0.6])
+    hip = 1e-3 * np.column_stack([np.zeros(7), height])
+    ihip = np.where(hip[:, 1:] < 0.0, 0.0, hip)
+    assert hip_step(recorded(hip, ihip), PLANE) == pytest.approx(1e-4)
+    assert hip_step(recorded(hip[:4], ihip[:4]), PLANE) == pytest.approx(1.5e-3), "one sample in contact is no step"
+    assert largest_jump(recorded(hip[:4], ihip[:4]), PLANE) == (0.0, 0)
+
+
+@pytest.mark.parametrize("lowest", [0.1, 0.5])
+def test_the_viscosity_that_explains_a_loss_of_speed_is_told_from_first_sample_to_last(lowest):
+    """From 1 m/s to `lowest` in 21 samples of constant deceleration a: b = m a t / (the way slid)."""
+    speed = np.linspace(1.0, lowest, 21)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * 0.02)])
+    hip = np.column_stack([way, np.zeros(21)])
+    base = recorded(hip, force=0.0 * hip, dt=0.02, meta=EXPERIMENT, velocity=np.column_stack([speed, 0.0 * way]))
+    slid = float(np.sum(0.01 * (speed[1:] ** 2 + speed[:-1] ** 2)))
+    evidence = found("tangential-dynamics", Runs(base, refine=lambda factor: base), LINE).evidence
+    assert evidence["apparent_viscosity_kg_s"] == pytest.approx(0.5 * LINE.mass * (1.0 - lowest**2) / slid, rel=1e-9)
+
+
+@pytest.mark.parametrize(("renderer", "expected"), [("minimum-distance+pp@curve", FAIL), ("constraint", UNDECIDED)])
+@pytest.mark.parametrize("tilt", [0.0, 0.1])
+def test_without_an_ihip_the_nearest_point_is_that_of_one_renderer_alone(renderer, expected, tilt):
+    rows = np.zeros((100, 2))
+    force = rows + 2.0 * np.array([np.sin(tilt), np.cos(tilt)])
+    hip = rows + np.array([0.0, -2e-3])
+    base = Recording(1e-3 * np.arange(100), {"hip": hip, "force": force}, {"source": "playback", "renderer": renderer})
+    finding = found("contact-normal-force", base, PLANE)
+    assert finding.outcome is (expected if tilt or expected is UNDECIDED else PASS)
+    assert finding.metric.value == pytest.approx(np.degrees(tilt), abs=1e-6)
+    assert "nearest" in finding.evidence
+    assert "ihip" not in finding.evidence
+
+
+def test_who_never_touches_is_nowhere_off_the_surface():
+    free = np.tile([0.0, 1e-3], (5, 1))
+    assert off_surface(recorded(free), PLANE) == (0.0, 0)
+    pressed_once = np.where(np.arange(5)[:, np.newaxis] == 3, [[0.0, -1e-3]], free)
+    ihip = np.where(pressed_once < 0.0, 2e-4, pressed_once)
+    assert off_surface(recorded(pressed_once, ihip), PLANE) == (pytest.approx(2e-4), 3)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_on_a_constraint_that_holds_from_both_sides_a_late_point_is_found_on_either(side):
+    time = 1e-3 * np.arange(300)
+    angle = 2.0 * time + 3.0 * time**2
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    scene = Scene(model=ROUND.model, stiffness=1000.0, bilateral=True)
+    ihip = 0.1 * out[np.maximum(np.arange(300) - 2, 0)]
+    base = recorded((0.1 + side * 2e-3) * out, ihip)
+    assert find_lag(base, scene).ihip == pytest.approx(2.0, abs=0.02)

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import measured
 import pytest
 
 from hapticeval.phenomena.verdict import Outcome, Verdict
@@ -24,9 +25,6 @@ from hapticeval.suite.suite import Suite
 
 CLOSE = 1e-3
 """Share of a metric, or of its bound, by which two machines may differ."""
-
-CHAOTIC = "comes-to-rest"
-"""Where a tool does not come to rest rounding grows without bound: how fast it still is differs between machines."""
 
 Place = tuple[str, str]
 """Case and check."""
@@ -132,6 +130,6 @@ def compare(suite: Suite, renderers: Sequence[str], name: str, verdicts: Sequenc
     for verdict in verdicts:
         place = verdict.case, verdict.check
         cell, text = Cell.of_verdict(verdict), table[place][name]
-        if verdict.check == CHAOTIC and cell.outcome == Cell.read(text).outcome == Outcome.FAIL:
+        if verdict.check == measured.CHAOTIC and cell.outcome == Cell.read(text).outcome == Outcome.FAIL:
             continue
         assert cell.agrees(Cell.read(text)), (place, f"recorded: {text}", f"now: {cell.text}", verdict.finding.message)

@@ -79,10 +79,8 @@ def _apparent_viscosity(motion: SurfaceMotion) -> float:
     scene, recording = motion.scene, motion.recording
     speed2 = motion.foot_speed**2
     step = np.diff(recording.time)
-    viscous = (scene.viscosity / scene.mass) * motion.foot_velocity
-    driven = -viscous + _pushed_along(motion) + viscous
     # <p', dp'> = d|p'|^2 / 2 = <p', push / m> dt - (b / m) |p'|^2 dt, summed and solved for b.
-    work = float(np.sum(step * np.sum(motion.foot_velocity * driven, axis=1)[:-1]))
+    work = float(np.sum(step * np.sum(motion.foot_velocity * _pushed_along(motion), axis=1)[:-1]))
     slid = float(np.sum(step * 0.5 * (speed2[:-1] + speed2[1:])))
     return scene.mass * (work - 0.5 * float(speed2[-1] - speed2[0])) / slid if slid > 0.0 else 0.0
 

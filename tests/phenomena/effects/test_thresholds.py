@@ -172,6 +172,11 @@ def test_a_rest_is_judged_after_a_quarter_of_a_second(rest, expected):
     assert outcome("texture-rest", runs, scene) is expected
 
 
+@pytest.mark.parametrize(("rest", "expected"), [(0.25, UNDECIDED), (0.251, PASS)])
+def test_a_hand_that_rests_from_the_start_rests_from_its_first_sample(rest, expected):
+    assert outcome("texture-rest", *strokes(0.0, 0.1, seconds=rest)) is expected
+
+
 @pytest.mark.parametrize(("change", "words"), [({"variance": 0.1}, "shakes a hand that rests"), (RINGS, "still ring")])
 def test_a_texture_that_does_not_come_to_rest_decides_nothing(change, words):
     model = StochasticTexture(mass=0.05, texture="ribbed").model
