@@ -24,7 +24,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page. What goes
 # wrong with these two says so, and stops nothing.
-run: .venv/run.stamp .venv/kernels.stamp
+run: .venv/run.stamp
 	@$(BIN)/hapticeval bench --quick -o results || true
 	@rm -rf results/robot.h5 results/replay
 	@$(BIN)/hapticeval record --model cassinian --seconds 5 -o results/robot.h5 || true
@@ -33,40 +33,40 @@ run: .venv/run.stamp .venv/kernels.stamp
 	  echo "hapticeval ended with exit code $$code, see 'Exit codes' in the README; what was written is in results/" >&2; \
 	  exit $$code; }
 
-test: .venv/dev.stamp .venv/kernels.stamp
+test: .venv/dev.stamp
 	$(BIN)/pytest -n 2 --dist worksteal
 
-system: .venv/dev.stamp .venv/kernels.stamp
+system: .venv/dev.stamp
 	$(BIN)/pytest -n 2 --dist worksteal -m 'system and not slow'
 
 # Cells that say the same stay as they are, to the digit. In one process: each table is one file.
-tables: .venv/dev.stamp .venv/kernels.stamp
+tables: .venv/dev.stamp
 	HAPTICEVAL_PUBLISH=1 $(BIN)/pytest -q -m '' -k 'recorded or published or page_counts or page_is_the_table' tests/phenomena/test_decisions.py \
 	  tests/meta/test_kill_matrix.py tests/suites
 
-fuzz: .venv/dev.stamp .venv/kernels.stamp
+fuzz: .venv/dev.stamp
 	$(BIN)/python tests/fuzz.py ideal $$(date +%s) $(or $(EXAMPLES),300)
 	$(BIN)/python tests/fuzz.py $(or $(MINUTES),30)
 
-mutants: .venv/dev.stamp .venv/kernels.stamp
+mutants: .venv/dev.stamp
 	$(BIN)/python tests/mutate.py $(if $(SAMPLE),--sample $(SAMPLE)) --seed $(or $(SEED),0) $(TARGETS)
 
 # What is kept is tried first the next time, and stays as it is while it fails. A minute for each renderer at the most.
-counterexamples: .venv/run.stamp .venv/kernels.stamp
+counterexamples: .venv/run.stamp
 	@$(BIN)/hapticeval search -r constraint -r conformal -r mapping -r minimum-distance -r set-stabilisation \
 	  --check continuous-contact --check broken-contact --check abrupt-switch --check impulsive-collision \
 	  --check memoryless -o results/counterexamples || [ $$? = 1 ]
 
-bench: .venv/dev.stamp .venv/kernels.stamp
+bench: .venv/dev.stamp
 	$(BIN)/pytest benchmarks/
 
-study: .venv/dev.stamp .venv/kernels.stamp
+study: .venv/dev.stamp
 	$(BIN)/pytest -n 2 --dist worksteal -m slow
 
-browser: .venv/dev.stamp .venv/kernels.stamp .venv/browser/node_modules/axe-core/axe.min.js
+browser: .venv/dev.stamp .venv/browser/node_modules/axe-core/axe.min.js
 	$(BIN)/pytest -m browser
 
-docs: .venv/dev.stamp .venv/kernels.stamp
+docs: .venv/dev.stamp
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pytest -n 2 -m docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
@@ -78,11 +78,6 @@ lint: .venv/dev.stamp
 	rm -rf build
 	$(BIN)/pip install --quiet --no-deps --target build/typecheck .
 	cd build/typecheck && ../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache -p hapticeval
-
-# Compiled kernels are cached in the user's cache folder, and a cache does not see that a kernel it calls has changed.
-.venv/kernels.stamp: $(shell grep -rl --include=*.py compiled hapticeval renderers) | .venv/bin/pip
-	@$(BIN)/python -m hapticeval cache --clear >&2
-	@touch $@
 
 # The install is editable: changes to the code need no new one. A change of pyproject.toml does.
 .venv/run.stamp: pyproject.toml | .venv/bin/pip

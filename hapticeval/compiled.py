@@ -6,10 +6,8 @@ Compiling all kernels takes longer than most runs. So each is compiled once: for
 
 from __future__ import annotations
 
-import hashlib
-import os
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
@@ -23,14 +21,9 @@ from numba.core.typing.typeof import typeof_impl
 from numba.experimental.function_type import _get_wrapper_address
 from numba.extending import intrinsic
 from numpy.typing import ArrayLike, NDArray
-from platformdirs import user_cache_path
 
+from hapticeval.kernel_cache import folder_of, lock_file
 from hapticeval.pulse import compiling
-
-try:
-    import fcntl
-except ImportError:  # not on Windows
-    fcntl = None  # type: ignore[assignment]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -212,23 +205,9 @@ def borrowing(function: Callable[P, R]) -> Callable[P, R]:
     return _compile_once_on_disk(function, _nrt=False)
 
 
-def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function that borrows its arrays, by itself and into the kernels that call it by its name."""
-    return _compile_once_on_disk(function, _nrt=False, forceinline=True)
-
-
 def inner(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function that borrows its arrays, into the kernels that call it: it has no way in from Python."""
-    return _compile_once_on_disk(function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-
-
-def kernel_folder() -> Path:
-    """Return where the compiled kernels of this installation are kept.
-
-    That is a folder of its own in the user's cache folder, or in the one that NUMBA_CACHE_DIR names.
-    """
-    all_installations = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("hapticeval") / "kernels")
-    return all_installations / hashlib.sha256(str(Path(__file__).parent).encode()).hexdigest()[:12]
+    """Compile a function that borrows its arrays, as a part of the kernels that call it by its name."""
+    return _compile_once_on_disk(function, _nrt=False, forceinline=True)
 
 
 @contextmanager
@@ -243,10 +222,23 @@ def _cached_in(folder: Path) -> Iterator[None]:
 
 
 def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[P, R]:
-    with _cached_in(kernel_folder()):  # numba settles where it caches a kernel when it decorates it
-        kernel: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
+    folder = folder_of(function.__module__)
+    kernel = _dispatcher(function, folder, **options)
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT is set
         return function
+    # Other kernels call code without the ways in from Python and from C, which are a third of the work of compiling.
+    called = _dispatcher(function, folder / "called", **options, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    kernel.called = called
+    kernel.get_call_template, kernel.get_overload = called.get_call_template, called.get_overload
+    return kernel  # type: ignore[no-any-return]
+
+
+def _dispatcher(function: Callable[..., Any], folder: Path, **options: Any) -> Any:
+    """Return what compiles a function for the types of its arguments, and keeps the code below a folder."""
+    with _cached_in(folder):  # numba settles where it caches a kernel when it decorates it
+        kernel: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
+    if not hasattr(kernel, "compile"):
+        return kernel
     compile_ = kernel.compile
     lock = Path(kernel.stats.cache_path, f"{function.__module__}.{function.__qualname__}.lock")
 
@@ -256,11 +248,11 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
             return compile_(signature)
         # A process that compiles a kernel waits for nothing but what that calls: no two wait for each other. Nor do two
         # threads of one, which take numba's own lock first.
-        with global_compiler_lock, compiling(), _lock_file(lock):
+        with global_compiler_lock, compiling(), lock_file(lock):
             return compile_(signature)
 
     kernel.compile = compile_alone
-    return kernel  # type: ignore[no-any-return]
+    return kernel
 
 
 def specialised(kernel: Callable[P, R], *arguments: Any) -> Callable[P, R]:
@@ -288,20 +280,6 @@ def machine_code(kernel: Callable[..., Any], *arguments: Any) -> bytes:
     cache_entry = own._cache._cache_file.load(own._cache._index_key(signature, own.targetctx.codegen()))
     (_, _, (code, _)), *_ = cache_entry
     return b"".join(section.data() for section in ObjectFileRef.from_data(code).sections() if section.is_text())
-
-
-@contextmanager
-def _lock_file(path: Path) -> Iterator[None]:
-    """Hold a lock on a file, at which other processes wait. The system lets go of it when the process ends.
-
-    Where a file system has no locks, nobody waits.
-    """
-    with ExitStack() as stack:
-        if fcntl is not None:
-            with suppress(OSError):
-                path.parent.mkdir(parents=True, exist_ok=True)
-                fcntl.flock(stack.enter_context(path.open("a")), fcntl.LOCK_EX)
-        yield
 
 
 def for_kernels(values: NDArray[T]) -> NDArray[T]:

@@ -11,7 +11,7 @@ Zilles and Salisbury's god-object, or proxy.
 
 from __future__ import annotations
 
-from hapticeval.compiled import LawData, borrowing, inlined
+from hapticeval.compiled import LawData, borrowing, inner
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, move_on, regulate, release
@@ -62,7 +62,7 @@ def begin(data: LawData, hip: Array) -> None:
     state[PIECE], state[AT], state[HIP_X], state[HIP_Y] = piece, u, hip[0], hip[1]
 
 
-@inlined
+@inner
 def follow(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip

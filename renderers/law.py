@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from hapticeval.compiled import LAW, LawData, borrowing, first_class, for_kernels, inlined, inner
+from hapticeval.compiled import LAW, LawData, borrowing, first_class, for_kernels, inner
 from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
@@ -195,7 +195,7 @@ def release(state: Array, hip: Array, ihip: Array, force: Array) -> int:
     return 0
 
 
-@inlined
+@inner
 def regulate(
     params: Array, state: Array, hip: Array, velocity: Array, known: float, dt: float, ihip: Array, force: Array
 ) -> int:

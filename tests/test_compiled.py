@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+from hapticeval import kernel_cache
 from hapticeval.compiled import for_kernels
 
 KERNEL = """
@@ -73,7 +74,7 @@ kernels = {
     for name, module in list(sys.modules.items()) if name.startswith("hapticeval.")
     for kernel in vars(module).values() if isinstance(kernel, Dispatcher)
 }
-signatures = [(kernel.__name__, each) for kernel in kernels for each in kernel.signatures]
+signatures = [(kernel.__name__, each) for kernel in kernels for each in kernel.signatures + kernel.called.signatures]
 print(len(signatures))
 odd = lambda kind: isinstance(kind, Array) and not (kind.mutable and kind.layout == "C")
 print([(name, kinds) for name, kinds in signatures if any(map(odd, kinds))])
@@ -103,6 +104,57 @@ def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(tmp_path):
         process.stdin.flush()
     answers = sorted(process.communicate()[0].split() for process in processes)
     assert answers == [["6.0", "0", "1"], ["6.0", "0", "1"], ["6.0", "1", "0"]]
+
+
+CALLING = """
+from hapticeval.compiled import compiled
+from called import doubled
+from constants import SHIFT
+
+@compiled
+def kernel(value):
+    return doubled(value) + SHIFT
+
+print(kernel(4.0), len(kernel.stats.cache_hits))
+"""
+
+CALLED = """
+from hapticeval.compiled import compiled
+
+@compiled
+def doubled(value):
+    return 2.0 * value
+"""
+
+
+def test_a_kernel_is_compiled_anew_when_what_it_calls_or_a_number_in_it_changes(tmp_path):
+    environment = with_kernel(tmp_path)
+    files = {"calling": CALLING, "called": CALLED, "constants": "SHIFT = 1.0"}
+
+    def answer(**changed):
+        for name, text in {**files, **changed}.items():
+            if not (file := tmp_path / f"{name}.py").exists() or file.read_text() != text:
+                file.write_text(text)
+        command = [sys.executable, "-B", "-c", "import calling"]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
+
+    assert answer() == ["9.0", "0"]
+    assert answer() == ["9.0", "1"]
+    assert answer(called=CALLED.replace("2.0", "3.0")) == ["13.0", "0"]
+    assert answer(constants="SHIFT = 2.5") == ["10.5", "0"]
+    assert answer() == ["9.0", "1"]
+
+
+def test_folders_that_nobody_uses_any_more_are_removed(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    digests = iter(["first", "second", "third"])
+    monkeypatch.setattr(kernel_cache, "digest_of", lambda module: next(digests))
+    for remaining in (["m-first"], ["m-first", "m-second"]):
+        kernel_cache.folder_of("m").mkdir(parents=True)
+        assert sorted(folder.name for folder in kernel_cache.kernel_folder().iterdir()) == remaining
+    os.utime(kernel_cache.kernel_folder() / "m-first", (0, 0))
+    kernel_cache.folder_of("m").mkdir()
+    assert sorted(folder.name for folder in kernel_cache.kernel_folder().iterdir()) == ["m-second", "m-third"]
 
 
 def test_who_waits_is_told_while_a_kernel_is_compiled(tmp_path):

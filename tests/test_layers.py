@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LAYERS = (
-    {"types", "pulse"},
+    {"types", "pulse", "kernel_cache"},
     {"errors", "compiled", "extras"},
     {"documents"},
     {"files", "geometry", "knob", "quantity", "workers"},

@@ -30,7 +30,7 @@ def cache(
       hapticeval cache
       hapticeval cache --clear
     """
-    from hapticeval.compiled import kernel_folder
+    from hapticeval.kernel_cache import kernel_folder
 
     folder = kernel_folder()
     files = [file for file in folder.rglob("*") if file.is_file()]

@@ -288,7 +288,7 @@ def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts,
 
 def kernels_are_new() -> bool:
     """Return whether none is compiled yet."""
-    from hapticeval.compiled import kernel_folder
+    from hapticeval.kernel_cache import kernel_folder
 
     return next(kernel_folder().rglob("*.nbi"), None) is None
 

@@ -13,7 +13,7 @@ import pytest
 from hapticeval import __version__
 from hapticeval.cli import main
 from hapticeval.commands import judging
-from hapticeval.compiled import kernel_folder
+from hapticeval.kernel_cache import kernel_folder
 from hapticeval.phenomena.pages import page_file, read_page
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.runner.folder import prepared_folder

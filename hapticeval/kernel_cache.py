@@ -1,0 +1,105 @@
+"""Where compiled kernels are kept on disk, so that none is compiled twice and none outlives the code that it came from.
+
+Numba looks at the file of a kernel alone: not at the files of the kernels that it calls, and not at the constants that
+it was compiled with. So each module has a folder of its own, named by a digest of all that goes into its kernels.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from platformdirs import user_cache_path
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None  # type: ignore[assignment]
+
+IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)$", re.MULTILINE)
+"""An import at the top of a module: the package, and the names."""
+
+UNUSED = 7 * 86400.0
+"""Seconds after which a folder that nothing was written to is removed, when its module has another: a week, chosen.
+
+Who goes to and fro between two states of the code compiles each of them once.
+"""
+
+
+def kernel_folder() -> Path:
+    """Return where the compiled kernels of this installation are kept.
+
+    That is a folder of its own in the user's cache folder, or in the one that NUMBA_CACHE_DIR names.
+    """
+    all_installations = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("hapticeval") / "kernels")
+    return all_installations / hashlib.sha256(str(Path(__file__).parent).encode()).hexdigest()[:12]
+
+
+def folder_of(module: str) -> Path:
+    """Return the folder for the kernels of a module, by its name: another as soon as what goes into them changes.
+
+    Folders that code of before left behind are removed, unless they were used not long ago.
+    """
+    folder = kernel_folder() / f"{module}-{digest_of(module)}"
+    if not folder.exists():
+        for other in folder.parent.glob(f"{module}-*"):
+            with suppress(OSError):
+                if time.time() - other.stat().st_mtime > UNUSED:
+                    shutil.rmtree(other)
+    return folder
+
+
+@cache
+def digest_of(module: str) -> str:
+    """Return a digest of what the kernels of a module, which is imported by name, are compiled from.
+
+    That is its source, that of modules with kernels which it imports from, and of those they import from, and the
+    numbers that they import, which numba takes as constants.
+    """
+    digest = hashlib.sha256()
+    seen, to_do = {module}, [module]
+    while to_do:
+        name = to_do.pop()
+        source = _source(name)
+        digest.update(f"{name}\n{source}".encode())
+        for package, names in IMPORT.findall(source):
+            for imported in re.findall(r"\w+", names):
+                value = getattr(sys.modules.get(name), imported, None)
+                if isinstance(value, bool | int | float | str | tuple | np.ndarray):
+                    digest.update(f"{imported} = {value!r}\n".encode())
+            modules = {package, *(f"{package}.{imported}" for imported in re.findall(r"\w+", names))} - seen
+            with_kernels = sorted(other for other in modules if "compiled" in _source(other))
+            seen.update(with_kernels)
+            to_do.extend(with_kernels)
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _source(module: str) -> str:
+    """Return the source of an imported module; nothing for what has none, such as a session at a prompt."""
+    with suppress(OSError, TypeError, UnicodeDecodeError):
+        return Path(getattr(sys.modules.get(module), "__file__", None)).read_text()  # type: ignore[arg-type]
+    return ""
+
+
+@contextmanager
+def lock_file(path: Path) -> Iterator[None]:
+    """Hold a lock on a file, at which other processes wait. The system lets go of it when the process ends.
+
+    Where a file system has no locks, nobody waits.
+    """
+    with ExitStack() as stack:
+        if fcntl is not None:
+            with suppress(OSError):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                fcntl.flock(stack.enter_context(path.open("a")), fcntl.LOCK_EX)
+        yield
