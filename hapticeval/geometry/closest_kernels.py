@@ -9,7 +9,7 @@ import numpy as np
 
 from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled, law_data
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.geometry.curve_kernels import locate_point, speed_integral
+from hapticeval.geometry.curve_kernels import locate_on_outline, project, speed_integral
 from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED, evaluate, piece_index
 from hapticeval.geometry.mesh_kernels import closest_on_mesh as nearest_on_mesh
 from hapticeval.geometry.surface_kernels import apply_matrix, closest_on_surface, shape_operator
@@ -44,7 +44,8 @@ def closest_of_curve(pieces: Array, samples: Array, vertices: Array, tree: Array
 
     `pieces` (n, 9), `samples` (m, 8), `vertices` (v, 2), m, and `tree` (k, 6): tables that do not apply are empty.
     """
-    return Closest(closest_in_plane, law_data(segments=pieces, lookup=samples, vertices=vertices, tree=tree))
+    closest = closest_on_curve if tree.shape[0] == 0 else closest_on_outline
+    return Closest(closest, law_data(segments=pieces, lookup=samples, vertices=vertices, tree=tree))
 
 
 def closest_of_surface(row: Array) -> Closest:
@@ -53,10 +54,25 @@ def closest_of_surface(row: Array) -> Closest:
 
 
 @compiled
-def closest_in_plane(data: LawData, point: Array, frame: Array) -> float:
-    """Answer `CLOSEST` for a point (2,), m, on a curve, or on a polygon by its tree, into rows of `frame` (k, 2)."""
+def closest_on_curve(data: LawData, point: Array, frame: Array) -> float:
+    """Answer `CLOSEST` for a point (2,), m, on a curve, into rows of `frame` (k, 2)."""
+    u, distance, side = project(data.segments, data.lookup, point[0], point[1])
+    _write_frame(data, u, frame)
+    return distance * side
+
+
+@compiled
+def closest_on_outline(data: LawData, point: Array, frame: Array) -> float:
+    """Answer `CLOSEST` for a point (2,), m, on a curve of straight edges by its tree, into rows of `frame` (k, 2)."""
+    u, distance, side = locate_on_outline(data.segments, data.vertices, data.tree, point[0], point[1])
+    _write_frame(data, u, frame)
+    return distance * side
+
+
+@compiled
+def _write_frame(data: LawData, u: float, frame: Array) -> None:
+    """Write the rows of `frame` (k, 2), see `CLOSEST`, at the parameter u of a curve."""
     pieces = data.segments
-    u, distance, side = locate_point(pieces, data.lookup, data.vertices, data.tree, point[0], point[1])
     # the end of a closed curve is its start
     if pieces[0, KIND] != UNBOUNDED and not u < pieces[pieces.shape[0] - 1, U1]:
         u = pieces[0, U0]
@@ -78,7 +94,6 @@ def closest_in_plane(data: LawData, point: Array, frame: Array) -> float:
             i = max(int(np.searchsorted(data.lookup[:, 0], u, side="right")) - 1, 0)
             along = data.lookup[i, 1] + speed_integral(pieces[0], data.lookup[i, 0], u)
         frame[SHAPE + 2, 0], frame[SHAPE + 2, 1] = along, 0.0
-    return distance * side
 
 
 @compiled

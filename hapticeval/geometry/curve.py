@@ -155,16 +155,22 @@ class Curve:
         """The joints that turn by more than 1e-9 rad, in order of u."""
         if not self.closed or self._smooth:
             return ()
-        joints = curve_kernels.joints(self._rows)
-        turning = np.abs(joints[:, 6]) > curve_kernels.SMOOTH_TURN
-        joints, us = joints[turning], self.pieces[turning, U0]
-        # (ty, -tx) of the tangents before and after; these are unit vectors on lines and arcs
-        normals = np.stack([joints[:, [3, 5]], -joints[:, [2, 4]]], axis=2)
-        rows = zip(us.tolist(), (us - self.pieces[0, U0]).tolist(), joints, normals, strict=True)
+        points, after = _evaluate_ends(self.pieces, U0)
+        before = np.roll(_evaluate_ends(self.pieces, U1)[1], 1, axis=0)
+        # the angle from the tangent of the piece before to that of the one after
+        turns = [
+            math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+            for (ax, ay), (bx, by) in zip(before.tolist(), after.tolist(), strict=True)
+        ]
         return tuple(
-            Corner(u, s, row[:2], row[2:4], row[4:6], before, after, float(row[6]))
-            for u, s, row, (before, after) in rows
-        )
+            # (ty, -tx) of the tangents before and after; these are unit vectors on lines and arcs
+            Corner(
+                u, u - float(self.pieces[0, U0]), points[k], before[k], after[k],
+                before[k, ::-1] * (1.0, -1.0), after[k, ::-1] * (1.0, -1.0), turn,
+            )
+            for k, (u, turn) in enumerate(zip(self.pieces[:, U0].tolist(), turns, strict=True))
+            if abs(turn) > curve_kernels.SMOOTH_TURN
+        )  # fmt: skip
 
     def nearest(self, points: ArrayLike) -> Array:
         """Return the parameters (n,) of the globally nearest curve points, to rounding, for points (n, 2), m."""
@@ -198,7 +204,10 @@ class Curve:
     def walk(self, start: Array, lengths: Array) -> ClosestPoint:
         """Return the points (k, 2), m, at `lengths` (k,), m, along the curve from that nearest to `start` (2,), m."""
         us = np.atleast_1d(self.parameter(self.arc_length(self.nearest(start[np.newaxis])) + lengths))
-        return curve_kernels.closest_points_at(self._rows, us, np.zeros(us.size))
+        tangent, curvature = self.tangent(us), self.curvature(us)
+        # W = κ t t^T
+        shape = curvature[:, np.newaxis, np.newaxis] * tangent[:, :, np.newaxis] * tangent[:, np.newaxis, :]
+        return ClosestPoint(self.position(us), self.normal(us), np.zeros(us.size), shape)
 
     def around(self, point: Array, reach: float) -> Array:
         """Return the boundary points (2, 2), m, at `reach` (m) along the curve to either side of `point` (2,), m."""
@@ -301,16 +310,18 @@ class Curve:
         return for_kernels(self.pieces)
 
     @cached_property
-    def _lookup_tables(self) -> tuple[Array, Array, Array, Array]:
-        """What `curve_kernels.locate_point` looks a point up in."""
-        return self._rows, self.samples, for_kernels(self.pieces[:, A : B + 1]), self.tree
+    def _lookup_tables(self) -> tuple[Array, Array | None, Array | None, Array | None, Array | None]:
+        """What `curve_kernels.locate_point` looks a point up in: None for what the curve's kind has no use for."""
+        if self.straight:
+            return self._rows, None, None, for_kernels(self.pieces[:, A : B + 1]), self.tree
+        return self._rows, None if self._smooth else self._rows, self.samples if self._smooth else None, None, None
 
     @cached_property
     def compiled_closest(self) -> Closest:
         """The closest point as compiled code, for what is composed into a step: see `closest_of`."""
         from hapticeval.geometry.closest_kernels import closest_of_curve
 
-        return closest_of_curve(*self._lookup_tables)
+        return closest_of_curve(self._rows, self.samples, for_kernels(self.pieces[:, A : B + 1]), self.tree)
 
     @cached_property
     def _normals(self) -> NormalCone:
@@ -340,6 +351,8 @@ class Curve:
             wrapped = start + np.mod(u - start, end - start)
             # rounding may wrap u onto the end itself: that is the start
             u = np.where((u >= start) & (u < end), u, np.where(wrapped < end, wrapped, start))
+        if self.straight:
+            return _evaluate_lines(self.pieces, np.ravel(u)).reshape((*u.shape, 6))
         return evaluate_many(self._rows, for_kernels(np.ravel(u))).reshape((*u.shape, 6))
 
     def _project(self, points: ArrayLike) -> Array:
@@ -373,6 +386,30 @@ class Curve:
                 points.append(evaluate(self._rows[0], u)[:2])
         # the samples too: no extreme is lost where Newton left its place
         return np.array([*points, *samples[:, 2:4]])
+
+
+def _evaluate_lines(pieces: Array, us: Array) -> Array:
+    """Return what `evaluate_many` gives of LINE pieces (k, 9), m, at `us` (n,), m, without compiled code: (n, 6)."""
+    rows = pieces[np.maximum(np.searchsorted(pieces[:, U0], us, "right") - 1, 0)]
+    along = us - rows[:, U0]
+    values = np.zeros((us.size, 6))
+    values[:, 0], values[:, 1] = rows[:, A] + along * rows[:, C], rows[:, B] + along * rows[:, D]
+    values[:, 2:4] = rows[:, C : D + 1]
+    return values
+
+
+def _evaluate_ends(pieces: Array, end: int) -> tuple[Array, Array]:
+    """Return points (n, 2), m, and unit tangents (n, 2) where LINE and ARC pieces (n, 9) start (U0) or end (U1)."""
+    along = pieces[:, end] - pieces[:, U0]
+    points = pieces[:, A : B + 1] + along[:, np.newaxis] * pieces[:, C : D + 1]
+    tangents = np.array(pieces[:, C : D + 1])
+    for k in np.flatnonzero(pieces[:, KIND] == ARC):
+        radius, sense = pieces[k, C], pieces[k, E]
+        angle = pieces[k, D] + sense * along[k] / radius
+        cos, sin = math.cos(angle), math.sin(angle)
+        points[k] = pieces[k, A] + radius * cos, pieces[k, B] + radius * sin
+        tangents[k] = -sense * sin, sense * cos
+    return points, tangents
 
 
 def _piece_from_zero(row: Array) -> Array:

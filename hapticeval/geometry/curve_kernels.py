@@ -16,7 +16,22 @@ import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.boundary import ClosestPoint
-from hapticeval.geometry.kernels import ARC, U0, U1, UNBOUNDED, A, B, C, D, E, check_finite, evaluate, piece_index
+from hapticeval.geometry.kernels import (
+    ARC,
+    U0,
+    U1,
+    UNBOUNDED,
+    A,
+    B,
+    C,
+    D,
+    E,
+    Values,
+    check_finite,
+    evaluate,
+    evaluate_line,
+    piece_index,
+)
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
 from hapticeval.types import Array
 
@@ -345,39 +360,35 @@ def joint_turn(pieces: Array, k: int) -> float:
 
 
 @compiled
-def joints(pieces: Array) -> Array:
-    """Return where each of `pieces` (n, 9) starts, as rows (n, 7).
-
-    A row is the position (m), the tangents (not of unit length) before and after, and the turn (rad).
-    """
-    count = pieces.shape[0]
-    out = np.empty((count, 7))
-    for k in range(count):
-        before = pieces[k - 1] if k > 0 else pieces[count - 1]
-        _, _, out[k, 2], out[k, 3], _, _ = evaluate(before, before[U1])
-        out[k, 0], out[k, 1], out[k, 4], out[k, 5], _, _ = evaluate(pieces[k], pieces[k, U0])
-        out[k, 6] = joint_turn(pieces, k)
-    return out
-
-
-@compiled
-def nearest_with_values(
-    pieces: Array, samples: Array, x: float, y: float
-) -> tuple[int, float, float, float, tuple[float, float, float, float, float, float]]:
+def nearest_with_values(pieces: Array, samples: Array, x: float, y: float) -> tuple[int, float, float, float, Values]:
     """Return the nearest point of a curve to (x, y), m: (piece, u, distance (m), side, what `evaluate` gives there).
 
     `pieces` (n, 9) and `samples` (m, 8), see the module. The side is -1.0 inside, 1.0 outside or on the curve.
+    """
+    if samples.shape[0] > 0:
+        return _nearest_on_smooth_with_values(pieces[0], samples, x, y)
+    return _nearest_on_pieces_with_values(pieces, x, y)
+
+
+@compiled
+def _nearest_on_smooth_with_values(
+    piece: Array, samples: Array, x: float, y: float
+) -> tuple[int, float, float, float, Values]:
+    """Answer `nearest_with_values` for one smooth closed piece (9,), m, and its table (m, 8): left of it is inside."""
+    u = nearest_on_smooth(piece, samples, x, y)
+    values = evaluate(piece, u)
+    ex, ey = x - values[0], y - values[1]
+    return 0, u, math.hypot(ex, ey), -1.0 if ex * values[3] - ey * values[2] < 0.0 else 1.0, values
+
+
+@compiled
+def _nearest_on_pieces_with_values(pieces: Array, x: float, y: float) -> tuple[int, float, float, float, Values]:
+    """Answer `nearest_with_values` for LINE, ARC and UNBOUNDED pieces (n, 9), m.
 
     Where the nearest point is a corner, the corner alone decides: only points outside are nearest to a convex one, only
     points inside to a concave one.
     """
     count = pieces.shape[0]
-    # one smooth piece: left of its tangent is inside
-    if samples.shape[0] > 0:
-        u = nearest_on_smooth(pieces[0], samples, x, y)
-        values = evaluate(pieces[0], u)
-        ex, ey = x - values[0], y - values[1]
-        return 0, u, math.hypot(ex, ey), -1.0 if ex * values[3] - ey * values[2] < 0.0 else 1.0, values
     u, distance, k, best_is_within = 0.0, np.inf, 0, False
     for i in range(count):
         piece_u, piece_distance = _nearest_on_piece(pieces[i], x, y)
@@ -416,15 +427,11 @@ def project(pieces: Array, samples: Array, x: float, y: float) -> tuple[float, f
 
 
 @compiled
-def locate_point(
-    pieces: Array, samples: Array, vertices: Array, tree: Array, x: float, y: float
-) -> tuple[float, float, float]:
-    """Return (u, distance (m), side) of one point (x, y), m: by the tree of straight pieces, else by `project`.
+def locate_on_outline(pieces: Array, vertices: Array, tree: Array, x: float, y: float) -> tuple[float, float, float]:
+    """Return the nearest point of a straight-edged curve to (x, y), m, as (u, distance (m), side), by its tree.
 
-    `pieces` (n, 9), `samples` (m, 8), `vertices` (v, 2), m, and `tree` (k, 6): tables that do not apply are empty.
+    `pieces` (n, 9), `vertices` (n, 2), m, and `tree` (k, 6).
     """
-    if tree.shape[0] == 0:
-        return project(pieces, samples, x, y)
     edge, along, distance_squared = nearest_kernel(vertices, tree, x, y)
     distance = math.sqrt(distance_squared)
     side = -1.0 if distance > 0.0 and side_kernel(vertices, edge, along, x, y) < 0.0 else 1.0
@@ -433,7 +440,46 @@ def locate_point(
 
 
 @compiled
-def locate_points(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> Array:
+def locate_point(
+    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array | None, tree: Array | None,
+    x: float, y: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Return (u, distance (m), side) of one point (x, y), m, in the way for the curve's kind.
+
+    `pieces` (n, 9) are the curve's; `arcs`, the same again, `samples` (m, 8), `vertices` (v, 2), m, and `tree` (k, 6)
+    are None for a curve of another kind, and what would look into them is not compiled.
+    """
+    if arcs is None:
+        return _locate_on_smooth(pieces, samples, vertices, tree, x, y)
+    _, u, distance, side, _ = _nearest_on_pieces_with_values(arcs, x, y)
+    return u, distance, side
+
+
+@compiled
+def _locate_on_smooth(
+    pieces: Array, samples: Array | None, vertices: Array | None, tree: Array | None, x: float, y: float
+) -> tuple[float, float, float]:
+    """Answer `locate_point` for one smooth piece, or for straight edges."""
+    if samples is None:
+        return _locate_on_edges(pieces, vertices, tree, x, y)
+    _, u, distance, side, _ = _nearest_on_smooth_with_values(pieces[0], samples, x, y)
+    return u, distance, side
+
+
+@compiled
+def _locate_on_edges(
+    pieces: Array, vertices: Array | None, tree: Array | None, x: float, y: float
+) -> tuple[float, float, float]:
+    """Answer `locate_point` for straight edges; without their tree it is not asked."""
+    if tree is None:
+        return 0.0, 0.0, 0.0
+    return locate_on_outline(pieces, vertices, tree, x, y)
+
+
+@compiled
+def locate_points(
+    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array | None, tree: Array | None, points: Array
+) -> Array:
     """Return `locate_point` for each row of points (n, 2), m: rows (n, 3) of u, distance (m) and side.
 
     Raises as `check_finite` does.
@@ -441,38 +487,43 @@ def locate_points(pieces: Array, samples: Array, vertices: Array, tree: Array, p
     check_finite(points)
     out = np.empty((points.shape[0], 3))
     for i in range(points.shape[0]):
-        out[i, 0], out[i, 1], out[i, 2] = locate_point(pieces, samples, vertices, tree, points[i, 0], points[i, 1])
+        out[i, 0], out[i, 1], out[i, 2] = locate_point(
+            pieces, arcs, samples, vertices, tree, points[i, 0], points[i, 1]
+        )
     return out
 
 
 @compiled
-def signed_distances(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> Array:
+def signed_distances(
+    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array | None, tree: Array | None, points: Array
+) -> Array:
     """Return the signed distances (n,), m, of points (n, 2), m. Raises as `check_finite` does."""
     check_finite(points)
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
-        _, distance, side = locate_point(pieces, samples, vertices, tree, points[i, 0], points[i, 1])
+        _, distance, side = locate_point(pieces, arcs, samples, vertices, tree, points[i, 0], points[i, 1])
         out[i] = distance * side
     return out
 
 
 @compiled
-def closest_points_at(pieces: Array, us: Array, distances: Array) -> ClosestPoint:
-    """Return the `ClosestPoint` of n points with their feet at the parameters `us` (n,), and signed distances (n,), m.
-
-    `pieces` (k, 9) are the curve's.
-    """
-    n = us.shape[0]
-    feet, normals, shapes = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2, 2))
+def closest_points(
+    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array | None, tree: Array | None, points: Array
+) -> ClosestPoint:
+    """Return the `ClosestPoint` of points (n, 2), m; the tables as in `locate_point`. Raises as `check_finite` does."""
+    check_finite(points)
+    n = points.shape[0]
+    feet, normals, distances, shapes = np.empty((n, 2)), np.empty((n, 2)), np.empty(n), np.empty((n, 2, 2))
     closed = pieces[0, 0] != UNBOUNDED
     start, end = pieces[0, U0], pieces[pieces.shape[0] - 1, U1]
     for i in range(n):
-        u = us[i]
+        u, distance, side = locate_point(pieces, arcs, samples, vertices, tree, points[i, 0], points[i, 1])
+        distances[i] = distance * side
         # u wraps on a closed curve, and rounding may wrap it onto the end
         if closed and not start <= u < end:
             u = start + (u - start) % (end - start)
             u = u if u < end else start
-        x, y, dx, dy, ddx, ddy = evaluate(pieces[piece_index(pieces, u)], u)
+        x, y, dx, dy, ddx, ddy = _values_at(pieces, arcs, samples, u)
         speed = math.hypot(dx, dy)
         tx, ty = dx / speed, dy / speed
         # κ = (x' y'' - y' x'') / |c'|^3, and W = κ t t^T
@@ -484,14 +535,20 @@ def closest_points_at(pieces: Array, us: Array, distances: Array) -> ClosestPoin
 
 
 @compiled
-def closest_points(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> ClosestPoint:
-    """Return the `ClosestPoint` of points (n, 2), m; the tables as in `locate_point`. Raises as `check_finite` does."""
-    check_finite(points)
-    us, signed = np.empty(points.shape[0]), np.empty(points.shape[0])
-    for i in range(points.shape[0]):
-        us[i], distance, side = locate_point(pieces, samples, vertices, tree, points[i, 0], points[i, 1])
-        signed[i] = distance * side
-    return closest_points_at(pieces, us, signed)
+def _values_at(pieces: Array, arcs: Array | None, samples: Array | None, u: float) -> Values:
+    """Return `evaluate` at u of a curve of `pieces` (n, 9), m; the tables as in `locate_point`."""
+    if arcs is None:
+        return _values_on_smooth(pieces, samples, u)
+    return evaluate(arcs[piece_index(arcs, u)], u)
+
+
+@compiled
+def _values_on_smooth(pieces: Array, samples: Array | None, u: float) -> Values:
+    """Answer `_values_at` for one smooth piece, or for straight edges."""
+    piece = pieces[piece_index(pieces, u)]
+    if samples is None:
+        return evaluate_line(piece, u - piece[U0])
+    return evaluate(piece, u)
 
 
 @compiled

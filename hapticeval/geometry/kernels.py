@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -29,6 +30,9 @@ LINE, ARC, CASSINIAN, ELLIPSE, UNBOUNDED = 0.0, 1.0, 2.0, 3.0, 4.0
 KIND, U0, U1, A, B, C, D, E = range(8)
 """Columns of a piece, see the table above."""
 PIECE_COLUMNS = 9
+
+Values: TypeAlias = tuple[float, float, float, float, float, float]
+"""Position (m) and its first two derivatives by the parameter: x, y, x', y', x'', y''."""
 
 
 @compiled
@@ -55,18 +59,23 @@ def cassinian_root(lobes: float, above: float, u: float) -> tuple[float, float, 
 
 
 @compiled
-def evaluate(piece: Array, u: float) -> tuple[float, float, float, float, float, float]:
+def evaluate_line(piece: Array, along: float) -> Values:
+    """Return what `evaluate` gives on a straight piece (9,), m, `along` (m) from its start."""
+    return piece[A] + along * piece[C], piece[B] + along * piece[D], piece[C], piece[D], 0.0, 0.0
+
+
+@compiled
+def evaluate(piece: Array, u: float) -> Values:
     """Return position and its first two derivatives by u on one piece (9,): (x, y, x', y', x'', y'').
 
     Positions are in m, derivatives in m per unit of u: arc length (m) on lines and arcs, an angle (rad) on the others.
     """
     kind = piece[KIND]
-    if kind in (LINE, UNBOUNDED):
-        along = u - piece[U0]
-        # its range begins at -infinity: u itself is the arc length from its point
-        if kind == UNBOUNDED:
-            along = u
-        return piece[A] + along * piece[C], piece[B] + along * piece[D], piece[C], piece[D], 0.0, 0.0
+    if kind == LINE:
+        return evaluate_line(piece, u - piece[U0])
+    # its range begins at -infinity: u itself is the arc length from its point
+    if kind == UNBOUNDED:
+        return evaluate_line(piece, u)
     if kind == ARC:
         radius = piece[C]
         angle = piece[D] + piece[E] * (u - piece[U0]) / radius

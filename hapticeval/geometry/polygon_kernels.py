@@ -36,7 +36,6 @@ The second is the rounding of coordinates and of a few sums of them: far from th
 """
 
 
-@compiled
 def build_tree(vertices: Array) -> Array:
     """Return the tree (2 m, 6) of capsules over the edges of vertices (n, 2), m: see the module's text for its rows."""
     n = vertices.shape[0]
@@ -44,30 +43,35 @@ def build_tree(vertices: Array) -> Array:
     while m * 2 * EDGES_PER_LEAF <= n:
         m *= 2
     tree = np.zeros((2 * m, 6))
-    level, first = m, m
-    # level by level from the leaves up: `first` is the row of a level's first run
-    while first >= 1:
-        for i in range(first, first + level):
-            j = i - first
-            start, end = j * n // level, (j + 1) * n // level
-            x, y = vertices[start, 0], vertices[start, 1]
-            dx, dy = vertices[end % n, 0] - x, vertices[end % n, 1] - y
-            length_squared = dx * dx + dy * dy
-            # 0 for a run that closes on itself: its chord is a point
-            inverse = 1.0 / length_squared if length_squared > 0.0 else 0.0
-            farthest, reach = 0.0, abs(x) + abs(y)
-            for k in range(start, end + 1):
-                px, py = vertices[k % n, 0] - x, vertices[k % n, 1] - y
-                # the run strays no farther from its chord than its vertices do
-                t = min(max((px * dx + py * dy) * inverse, 0.0), 1.0)
-                farthest = max(farthest, (px - t * dx) ** 2 + (py - t * dy) ** 2)
-            # the slack covers the rounding of chord distances, so that pruning never loses the nearest edge
-            radius = math.sqrt(farthest) * (1.0 + 1e-14) + 1e-15 * (reach + math.sqrt(length_squared))
-            tree[i, 0], tree[i, 1], tree[i, 2], tree[i, 3] = x, y, dx, dy
-            tree[i, 4], tree[i, 5] = inverse, radius
-        first //= 2
+    level = m
+    # level by level from the leaves up: the runs of a level stand in the rows from `level` on
+    while level >= 1:
+        stops = np.arange(level + 1) * n // level
+        start, end = vertices[stops[:-1]], vertices[stops[1:] % n]
+        chord = end - start
+        length_squared = chord[:, 0] * chord[:, 0] + chord[:, 1] * chord[:, 1]
+        # 0 for a run that closes on itself: its chord is a point
+        inverse = np.divide(1.0, length_squared, out=np.zeros(level), where=length_squared > 0.0)
+        # the run strays no farther from its chord than its vertices do, the last of them included
+        run = np.repeat(np.arange(level), np.diff(stops))
+        strays = _squares_from_chords(vertices - start[run], chord[run], inverse[run])
+        farthest = np.maximum(np.maximum.reduceat(strays, stops[:-1]), _squares_from_chords(chord, chord, inverse))
+        # the slack covers the rounding of chord distances, so that pruning never loses the nearest edge
+        reach = np.abs(start[:, 0]) + np.abs(start[:, 1])
+        radius = np.sqrt(farthest) * (1.0 + 1e-14) + 1e-15 * (reach + np.sqrt(length_squared))
+        tree[level : 2 * level] = np.column_stack([start, chord, inverse, radius])
         level //= 2
     return tree
+
+
+def _squares_from_chords(points: Array, chords: Array, inverse: Array) -> Array:
+    """Return the squared distances (n,), m^2, of points (n, 2) from chords (n, 2), m, that begin at the origin.
+
+    `inverse` (n,), 1/m^2, is one over a chord's squared length.
+    """
+    share = np.clip((points[:, 0] * chords[:, 0] + points[:, 1] * chords[:, 1]) * inverse, 0.0, 1.0)
+    aside = points - share[:, np.newaxis] * chords
+    return np.asarray(aside[:, 0] ** 2 + aside[:, 1] ** 2)
 
 
 @compiled

@@ -59,10 +59,10 @@ def checked_points(points: object) -> Array:
     return array
 
 
-def answer_by_kernel(kernel: Callable[..., R], tables: Sequence[Array], points: object, dimension: int) -> R:
+def answer_by_kernel(kernel: Callable[..., R], tables: Sequence[Array | None], points: object, dimension: int) -> R:
     """Return what a kernel that calls `check_finite` gives of points (n, `dimension`), m: one compiled call.
 
-    `known` are the tables of the boundary, such as faces (t, 9) and vertices (v, 6), that the kernel takes before the
+    `tables` are those of the boundary, such as faces (t, 9) and vertices (v, 6), that the kernel takes before the
     points. Raises `InputError` for points of another shape, and, naming the row, for one that is not finite.
     """
     array = points_for_kernels(points, dimension)
