@@ -310,11 +310,11 @@ class Curve:
         return for_kernels(self.pieces)
 
     @cached_property
-    def _lookup_tables(self) -> tuple[Array, Array | None, Array | None, Array | None, Array | None]:
+    def _lookup_tables(self) -> tuple[Array, Array | None, Array | None, Array, Array | None]:
         """What `curve_kernels.locate_point` looks a point up in: None for what the curve's kind has no use for."""
-        if self.straight:
-            return self._rows, None, None, for_kernels(self.pieces[:, A : B + 1]), self.tree
-        return self._rows, None if self._smooth else self._rows, self.samples if self._smooth else None, None, None
+        arcs = None if self.straight or self._smooth else self._rows
+        samples, tree = self.samples if self._smooth else None, self.tree if self.straight else None
+        return self._rows, arcs, samples, for_kernels(self.pieces[:, A : B + 1]), tree
 
     @cached_property
     def compiled_closest(self) -> Closest:

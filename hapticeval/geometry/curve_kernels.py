@@ -441,13 +441,14 @@ def locate_on_outline(pieces: Array, vertices: Array, tree: Array, x: float, y: 
 
 @compiled
 def locate_point(
-    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array | None, tree: Array | None,
+    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array, tree: Array | None,
     x: float, y: float,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Return (u, distance (m), side) of one point (x, y), m, in the way for the curve's kind.
 
-    `pieces` (n, 9) are the curve's; `arcs`, the same again, `samples` (m, 8), `vertices` (v, 2), m, and `tree` (k, 6)
-    are None for a curve of another kind, and what would look into them is not compiled.
+    `pieces` (n, 9) are the curve's, and `vertices` (n, 2), m, where straight ones start. `arcs`, the same pieces again,
+    `samples` (m, 8) and `tree` (k, 6) are None for a curve of another kind, and what would look into them is not
+    compiled.
     """
     if arcs is None:
         return _locate_on_smooth(pieces, samples, vertices, tree, x, y)
@@ -457,7 +458,7 @@ def locate_point(
 
 @compiled
 def _locate_on_smooth(
-    pieces: Array, samples: Array | None, vertices: Array | None, tree: Array | None, x: float, y: float
+    pieces: Array, samples: Array | None, vertices: Array, tree: Array | None, x: float, y: float
 ) -> tuple[float, float, float]:
     """Answer `locate_point` for one smooth piece, or for straight edges."""
     if samples is None:
@@ -468,7 +469,7 @@ def _locate_on_smooth(
 
 @compiled
 def _locate_on_edges(
-    pieces: Array, vertices: Array | None, tree: Array | None, x: float, y: float
+    pieces: Array, vertices: Array, tree: Array | None, x: float, y: float
 ) -> tuple[float, float, float]:
     """Answer `locate_point` for straight edges; without their tree it is not asked."""
     if tree is None:
@@ -478,7 +479,7 @@ def _locate_on_edges(
 
 @compiled
 def locate_points(
-    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array | None, tree: Array | None, points: Array
+    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array, tree: Array | None, points: Array
 ) -> Array:
     """Return `locate_point` for each row of points (n, 2), m: rows (n, 3) of u, distance (m) and side.
 
@@ -495,7 +496,7 @@ def locate_points(
 
 @compiled
 def signed_distances(
-    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array | None, tree: Array | None, points: Array
+    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array, tree: Array | None, points: Array
 ) -> Array:
     """Return the signed distances (n,), m, of points (n, 2), m. Raises as `check_finite` does."""
     check_finite(points)
@@ -508,7 +509,7 @@ def signed_distances(
 
 @compiled
 def closest_points(
-    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array | None, tree: Array | None, points: Array
+    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array, tree: Array | None, points: Array
 ) -> ClosestPoint:
     """Return the `ClosestPoint` of points (n, 2), m; the tables as in `locate_point`. Raises as `check_finite` does."""
     check_finite(points)
