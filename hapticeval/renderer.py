@@ -263,6 +263,10 @@ _KNOWN_ABILITIES: dict[int, tuple[weakref.ref[object], Abilities]] = {}
 
 
 def _read_abilities(renderer: object) -> Abilities:
+    # A renderer around another one has made them of the other's; its own, for one may pass all attributes on.
+    ready = getattr(renderer, "__dict__", {}).get("abilities")
+    if isinstance(ready, Abilities):
+        return ready
     # One with both reset and step, and simulate, is asked tick by tick.
     steps = _has_method(renderer, "reset") and _has_method(renderer, "step")
     if not steps and not _has_method(renderer, "simulate"):

@@ -1,8 +1,8 @@
 """Jumps of the IHIP: where a recording has any, and which of them stay when their place is looked at in finer steps.
 
 1. `_suspect_stretches` finds the ticks at which the IHIP moves farther than its bound.
-2. Each stretch is run again in 4, 4 and then up to 64 parts of a tick. `_leads_the_same_way` makes sure that the finer
-   run follows the coarse one, before it is trusted.
+2. `_JumpSearch` runs each stretch again in 4, 4 and then up to 64 parts of a tick. `_leads_the_same_way` makes sure
+   that the finer run follows the coarse one, before it is trusted.
 3. `_judge_scales` reads off how the IHIP's spread falls with the HIP's step h: where it does not fall the jump STAYS;
    where it falls as h^a with a small a the place is STEEP; else it is continuous.
 4. A renderer may compute in single precision. Below what that resolves of the coordinates its rounding looks like a
@@ -12,10 +12,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import partial
 
 import numpy as np
 
@@ -177,9 +176,7 @@ def look_closer(look: Closer, scene: Scene, *, bounds: Array, standoff: float) -
     `standoff` (m) is how far the rendered surface may lie off the model. A place that is steep is the answer only where
     no other stays or is unresolved.
     """
-    # What single precision resolves of the whole path's coordinates: those of a place may be as near to 0 as one looks.
-    rounded = SINGLE_ROUNDINGS * SINGLE * float(np.max(np.abs(look.recording.hip)))
-    place = _look_into_stretches(look, scene, bounds, standoff, rounded, (), lambda row: row)
+    place = _JumpSearch(look, scene, bounds, standoff).run()
     if place is None:
         return None
     # A proxy that lags moves later than the hand that made it.
@@ -188,71 +185,122 @@ def look_closer(look: Closer, scene: Scene, *, bounds: Array, standoff: float) -
     return replace(place, tick=tick + int(np.argmax(steps)))
 
 
-def _look_into_stretches(
-    look: Closer,
-    scene: Scene,
-    bounds: Array,
-    standoff: float,
-    rounded: float,
-    before: tuple[Scale, ...],
-    tick_of: Callable[[int], int],
-) -> JumpPlace | None:
-    """Return what finer steps leave of the steps of `look` that are above `bounds` (n,), m; None where nothing is.
+class _Look:
+    """A part of the path in finer steps than the look before has it; the first is the recording itself.
 
-    It calls itself for each stretch of such steps, with the scales that it has seen `before`. `rounded` (m) is what
-    single precision resolves of the coordinates. `tick_of` gives the base's tick of a row. In finer steps the bound of
-    a place stays the recording's.
+    - `closer` made it, and can run any part of it again; `bounds` (n,), m, are what its IHIP `steps` (n,), m, may be.
+      In finer steps the bound of a place stays the recording's.
+    - `scales`: how the place looked in the looks before.
+    - `coarser`: the look before, of which this begins at the row `begin`, each step in `factor`.
+    - `steep`: the first of its stretches that is steep, kept until another one decides.
     """
-    recording = look.recording
-    depth = len(before)
-    steps = contact_steps(recording, scene)
-    steep = None
-    # Below single precision even a true jump may look smeared: from here on all scales of a place decide.
-    below_single = depth > 0 and before[-1].hip_step < 2.0 * rounded
-    for first, last in _suspect_stretches(steps, bounds, ROWS_OF_A_LOOK // (FEW_PARTS if depth < 2 else MANY_PARTS)):
-        worst = first + int(np.argmax((steps - bounds)[first : last + 1]))
-        scales = (*before, _measure_scale(recording, scene, steps, worst, before))
-        # The scale says how much finer the next look may be before coordinates are too coarse for it.
-        factor = _sub_steps(depth, scales[-1].hip_step, rounded)
-        place: JumpPlace | None
-        if scales[-1].hip_step == 0.0:
-            # No way of the hand to divide: in time alone it is divided where the run is refined as a whole.
-            place = JumpPlace(
-                Remains.STAYS if depth else Remains.UNRESOLVED, tick_of(worst), scales[-1].jump, 0.0, scales
-            )
-        elif (
-            # Looked at below single precision often enough, or double precision ends: it is judged by its scales.
-            sum(scale.hip_step < rounded for scale in scales) == LOOKS_BELOW_SINGLE
-            or scales[-1].hip_step / factor < COARSER_THAN_DOUBLE * rounded
-        ):
-            place = _judge_scales(scales, tick_of(worst), float(bounds[worst]), rounded)
-        else:
-            # Begun early enough for a late proxy to have the state that it had.
-            begin = max(first - 1 - LAG_TICKS, 0)
-            closer = look.closer(begin, last, factor, lag=LAG_TICKS)
-            tolerance = standoff + rounded
-            if _leads_the_same_way(recording, closer.recording, scene, steps > bounds, (first, last, begin), tolerance):
-                # The row of the coarse look that ends the step in which each fine row lies.
-                rows = begin - (-np.arange(len(closer.recording)) // factor)
-                within = bounds[np.minimum(rows, last)]
-                place = _look_into_stretches(
-                    closer, scene, within, standoff, rounded, scales, partial(_parent_tick, tick_of, begin, factor)
-                )
+
+    def __init__(
+        self,
+        closer: Closer,
+        scene: Scene,
+        bounds: Array,
+        scales: tuple[Scale, ...] = (),
+        coarser: _Look | None = None,
+        *,
+        begin: int = 0,
+        factor: int = 1,
+        rounded: float,
+    ) -> None:
+        self.closer, self.bounds, self.scales = closer, bounds, scales
+        self.coarser, self.begin, self.factor = coarser, begin, factor
+        self.steps = contact_steps(closer.recording, scene)
+        # Below single precision even a true jump may look smeared: from here on all scales of a place decide.
+        self.below_single = bool(scales) and scales[-1].hip_step < 2.0 * rounded
+        longest = ROWS_OF_A_LOOK // (FEW_PARTS if len(scales) < 2 else MANY_PARTS)
+        self.stretches = _suspect_stretches(self.steps, bounds, longest)
+        self.steep: JumpPlace | None = None
+
+    def tick(self, row: int) -> int:
+        """Return the recording's tick that ends the step in which a row lies."""
+        look = self
+        while look.coarser is not None:
+            row = look.begin + -(-row // look.factor)
+            look = look.coarser
+        return row
+
+    def goes_on(self, place: JumpPlace | None) -> bool:
+        """Whether more stretches are to be looked into after one in which finer steps leave `place`."""
+        # Below single precision one stretch is enough; above it one that is steep may yet be outdone.
+        if self.below_single or (place is not None and place.kind is not Remains.STEEP):
+            return False
+        self.steep = self.steep or place
+        return True
+
+
+class _JumpSearch:
+    """The search for a jump that stays: `looks` are those that are open, each into a stretch of the one before it."""
+
+    def __init__(self, look: Closer, scene: Scene, bounds: Array, standoff: float) -> None:
+        self.scene = scene
+        # What single precision resolves of the whole path's coordinates: those of a place may be near to 0.
+        self.rounded = SINGLE_ROUNDINGS * SINGLE * float(np.max(np.abs(look.recording.hip)))
+        self.tolerance = standoff + self.rounded
+        self.looks = [_Look(look, scene, bounds, rounded=self.rounded)]
+
+    def run(self) -> JumpPlace | None:
+        """Return what finer steps leave of the steps that are above their bounds; None where nothing is left."""
+        place: JumpPlace | None = None
+        while self.looks:
+            look = self.looks[-1]
+            stretch = next(look.stretches, None)
+            if stretch is None:
+                # No stretch is left that could decide.
+                place = self._judge_worst(look) if look.below_single else look.steep
+                self.looks.pop()
             else:
-                place = JumpPlace(Remains.UNRESOLVED, tick_of(worst), scales[-1].jump, math.nan, scales)
-        if below_single or (place is not None and place.kind is not Remains.STEEP):
-            return place  # below single precision one stretch is enough; above it one that is steep may yet be outdone
-        # Kept, and given only where no later stretch stays.
-        steep = steep or place
-    if below_single:
-        worst = int(np.argmax(steps))
-        scales = (*before, _measure_scale(recording, scene, steps, worst, before))
-        return _judge_scales(scales, tick_of(worst), float(bounds[worst]), rounded)
-    return steep
+                settled = self._look_into(look, *stretch)
+                if isinstance(settled, _Look):
+                    self.looks.append(settled)
+                    continue
+                place = settled
+            # What is settled counts for the look that it is in, and for those before it, up to one that goes on.
+            while self.looks and not self.looks[-1].goes_on(place):
+                self.looks.pop()
+        return place
 
+    def _look_into(self, look: _Look, first: int, last: int) -> JumpPlace | _Look | None:
+        """Return what is left of a stretch of steps above their bounds, or the finer look that has to tell."""
+        recording = look.closer.recording
+        worst = first + int(np.argmax((look.steps - look.bounds)[first : last + 1]))
+        scales = self._scales_with(look, worst)
+        # The scale says how much finer the next look may be before coordinates are too coarse for it.
+        hip_step = scales[-1].hip_step
+        factor = _sub_steps(len(look.scales), hip_step, self.rounded)
+        if hip_step == 0.0:
+            # No way of the hand to divide: in time alone it is divided where the run is refined as a whole.
+            kind = Remains.STAYS if look.scales else Remains.UNRESOLVED
+            return JumpPlace(kind, look.tick(worst), scales[-1].jump, 0.0, scales)
+        # Looked at below single precision often enough, or double precision ends: it is judged by its scales.
+        often_enough = sum(scale.hip_step < self.rounded for scale in scales) == LOOKS_BELOW_SINGLE
+        if often_enough or hip_step / factor < COARSER_THAN_DOUBLE * self.rounded:
+            return _judge_scales(scales, look.tick(worst), float(look.bounds[worst]), self.rounded)
+        # Begun early enough for a late proxy to have the state that it had.
+        begin = max(first - 1 - LAG_TICKS, 0)
+        closer = look.closer.closer(begin, last, factor, lag=LAG_TICKS)
+        above, part = look.steps > look.bounds, (first, last, begin)
+        if not _leads_the_same_way(recording, closer.recording, self.scene, above, part, self.tolerance):
+            return JumpPlace(Remains.UNRESOLVED, look.tick(worst), scales[-1].jump, math.nan, scales)
+        # The row of the coarse look that ends the step in which each fine row lies.
+        rows = begin - (-np.arange(len(closer.recording)) // factor)
+        bounds = look.bounds[np.minimum(rows, last)]
+        return _Look(closer, self.scene, bounds, scales, look, begin=begin, factor=factor, rounded=self.rounded)
 
-def _parent_tick(tick_of: Callable[[int], int], begin: int, factor: int, row: int) -> int:
-    return tick_of(begin + -(-row // factor))
+    def _judge_worst(self, look: _Look) -> JumpPlace | None:
+        """Judge the largest step of a look below single precision in which none is above its bound."""
+        worst = int(np.argmax(look.steps))
+        scales = self._scales_with(look, worst)
+        return _judge_scales(scales, look.tick(worst), float(look.bounds[worst]), self.rounded)
+
+    def _scales_with(self, look: _Look, row: int) -> tuple[Scale, ...]:
+        """Return the scales that were seen before with that of a row of this look."""
+        scale = _measure_scale(look.closer.recording, self.scene, look.steps, row, look.scales)
+        return (*look.scales, scale)
 
 
 def _sub_steps(depth: int, hip_step: float, rounded: float) -> int:

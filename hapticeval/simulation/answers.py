@@ -6,7 +6,7 @@ of the effects, in the order of the catalogue: the same compiled code from Pytho
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy, deepcopy
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self, cast
@@ -23,6 +23,8 @@ from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from hapticeval.compiled import Change, Closest
+    from hapticeval.recordings.channels import Signal
+    from hapticeval.recordings.recording import Recording
 
 
 def with_effects(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> Renderer | TrajectoryRenderer:
@@ -56,20 +58,8 @@ class Affected:
         from hapticeval.geometry.closest_kernels import closest_of
         from hapticeval.simulation.answer_kernels import REFUSALS_PER_EFFECT, change_rows
 
-        abilities = abilities_of(renderer)
         self.base = renderer
         self.effects = tuple(effects)
-        # everything that checks ask of a renderer is the base's, but for its stiffness, which the effects change
-        self.surface, self.resolution, self.standoff, self.supports = (
-            abilities.surface, abilities.resolution, abilities.standoff, abilities.supports,
-        )  # fmt: skip
-        self.pieces = abilities.pieces
-        if abilities.observe_force:
-            self.observe_force = renderer.observe_force  # type: ignore[attr-defined]
-        if abilities.diagnostics:
-            self.diagnostics = renderer.diagnostics  # type: ignore[attr-defined]
-        if abilities.declares is not None:
-            self.declares = replace(abilities.declares, spring=None, stiffness_range=None)
         self.refusals = {
             REFUSALS_PER_EFFECT * k + number: words
             for k, effect in enumerate(effects, 1)
@@ -87,7 +77,10 @@ class Affected:
             # To look the types of nested arrays up takes a hundred times as long as a tick.
             row = np.empty((1, scene.model.dimension))
             self._change_rows = specialised(change_rows, self._changes, self._closest, row, row, 0.0, row, row)
-        self.law = self._composed(abilities.law)
+        base = abilities_of(renderer)
+        # What checks and loops ask of a renderer is the base's, but for its stiffness, which the effects change.
+        declares = None if base.declares is None else replace(base.declares, spring=None, stiffness_range=None)
+        self.abilities = replace(base, run=True, lead=False, declares=declares, law=self._composed(base.law))
         self.contact: Any = None
 
     def reset(self, hip: Array) -> None:
@@ -129,6 +122,14 @@ class Affected:
         ihips, forces = (np.array(rows, dtype=np.float64, order="C") for rows in answers)
         self._change(hips, velocities, dt, ihips, forces)
         return ihips, forces
+
+    def observe_force(self, push: Array) -> None:
+        """Hand the hand's measured force (N,), N, on; asked where the base observes it."""
+        self.base.observe_force(push)  # type: ignore[attr-defined]
+
+    def diagnostics(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
+        """Return the base's own channels of a run; asked where it has any."""
+        return self.base.diagnostics(recording)  # type: ignore[attr-defined, no-any-return]
 
     def _reported_contact(self) -> Any:
         """Return what the renderer reports of the contact in its last answers."""
@@ -177,11 +178,8 @@ class Affected:
             change._replace(numbers=change.numbers._replace(state=change.numbers.state.copy()))
             for change in self._changes
         )
-        for name in ("observe_force", "diagnostics"):
-            if hasattr(self, name):
-                setattr(twin, name, getattr(twin.base, name))
-        # the bound methods and the law of the copy, not of the original
-        twin.law = twin._composed(abilities_of(twin.base).law)
+        # the law of the copy, not of the original
+        twin.abilities = replace(self.abilities, law=twin._composed(abilities_of(twin.base).law))
         return twin
 
 

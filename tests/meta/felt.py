@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -223,7 +224,7 @@ class Composed:
         if not scene.effects:
             return Spring(scene)
         shown = Affected(Spring(scene), scene.effects[:: -1 if backwards else 1], scene)
-        shown.supports = cls.supports
+        shown.abilities = replace(shown.abilities, supports=cls.supports)
         return shown
 
 

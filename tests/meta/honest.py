@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.renderer import Renderer, RendererFactory, Response
+from hapticeval.renderer import Renderer, RendererFactory, Response, abilities_of
 from hapticeval.scene import Scene
 
 STANDOFF = 1e-4
@@ -56,8 +56,11 @@ class Changed:
         self.inner = inner
 
     def __getattr__(self, name: str) -> Any:
-        if name in ("surface", "resolution", "standoff", "supports", "observe_force", "declares"):
-            return getattr(self.inner, name)
+        abilities = abilities_of(self.inner)
+        if name == "observe_force" and abilities.observe_force:
+            return self.inner.observe_force  # type: ignore[attr-defined]
+        if name in ("surface", "resolution", "standoff", "supports", "declares"):
+            return getattr(abilities, name)
         raise AttributeError(name)
 
     def reset(self, hip: np.ndarray) -> None:
