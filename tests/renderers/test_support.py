@@ -153,7 +153,7 @@ def test_abilities_are_read_once():
 
 
 SUPPORTED = {
-    "ideal": {"plane", "bilateral", "force-sensor"},
+    "ideal": {"plane", "space", "bilateral", "force-sensor"},
     "conformal": {"plane", "bilateral", "force-sensor"},
     "mapping": {"plane", "bilateral", "force-sensor"},
     "constraint": {"plane", "bilateral", "force-sensor"},
