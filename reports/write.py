@@ -48,6 +48,9 @@ MOST_DRAWN = 200
 NOT_DRAWN = f"of many cases {MOST_DRAWN} are drawn, the worst first: `hapticeval report DIR --figures` draws others"
 """Stands in the figure's place on the page of a case that is not drawn."""
 
+DRAWING_STOPPED = "not drawn, as the drawing was interrupted: hapticeval report draws it"
+"""Stands in the figure's place where the user has stopped the drawing."""
+
 DRAWING_DIED = "the process that drew this figure has ended, for lack of memory perhaps"
 """Stands in the figure's place where the process that drew it has ended."""
 
@@ -78,9 +81,9 @@ class Page:
             {run.renderer: _recording_or_problem(self.directory, run) for run in self.runs if not run.error}
         )
 
-    def fallback(self) -> str:
-        """Write the page without figures, where the process that drew them has ended."""
-        return self._write_section({run.renderer: DRAWING_DIED for run in self.runs if not run.error})
+    def fallback(self, why: str) -> str:
+        """Write the page with `why` in place of its figures."""
+        return self._write_section({run.renderer: why for run in self.runs if not run.error})
 
     def _write_section(self, recordings: Mapping[str, Recording | str]) -> str:
         """Return the case's section of a single page, or write its own page, from these recordings."""
@@ -126,9 +129,9 @@ class Picture:
         marks = tuple(marks_of(self.verdicts).values())
         return Drawing(svg=figure_svg(recording, model, marks=marks, prefix=self.prefix, title=title, look=self.look))
 
-    def fallback(self) -> Drawing:
-        """Return the reason that stands in the figure's place where the process that drew it has ended."""
-        return Drawing(problem=DRAWING_DIED)
+    def fallback(self, why: str) -> Drawing:
+        """Return `why` for the figure's place."""
+        return Drawing(problem=why)
 
 
 def write_reports(
@@ -147,7 +150,7 @@ def write_reports(
     - `single_file`: report.html holds all pages instead
     - `progress`: called with how many of how many cases are drawn, which takes nearly all of the time
     - `workers`: the processes over which the drawing is spread
-    - `stopped`: asked again and again whether to give up, which then raises `KeyboardInterrupt` as Ctrl-C does
+    - `stopped`: asked again and again whether to give up drawing; the pages are then written without what is left
     - `counterexamples`: shown on the first page, as is what a recording gave that was replayed into replay/
 
     A recording that is missing or damaged is reported in its figure's place. Raises `InputError` as `read_results`
@@ -298,13 +301,18 @@ def _carry_out(
             for number, order in islice(remaining, crew.free):
                 crew.begin(number, order)
             if stopped is not None and stopped():
-                raise KeyboardInterrupt
+                break
             # Nothing is at work and nothing waits: results in the order of the orders.
             if not crew.busy:
                 return [outcome_by_number[number] for number in range(len(orders))]
             for answer in crew.answers(WAIT_SECONDS):
                 outcome_by_number[answer.call] = _outcome_of(answer, orders[answer.call])
                 progress(len(outcome_by_number), len(orders))
+    # Behind the processes: none of them still writes a page.
+    return [
+        outcome_by_number[number] if number in outcome_by_number else order.fallback(DRAWING_STOPPED)
+        for number, order in enumerate(orders)
+    ]
 
 
 def draw(order: Page | Picture) -> str | Drawing:
@@ -316,7 +324,7 @@ def _outcome_of(answer: Answer[str | Drawing], order: Page | Picture) -> str | D
     """Return what a process made of an order; what stands in its place where the process died."""
     # The process died: the page is written without its figures, here.
     if isinstance(answer.error, Ended):
-        return order.fallback()
+        return order.fallback(DRAWING_DIED)
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None

@@ -43,6 +43,9 @@ DEFAULT_SUITE = "thesis"
 TIMEOUT = 600.0
 """Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""
 
+COMPILING = "compiling kernels as they are first used, once: some 10 s of a processor for --quick and one renderer, more for all"
+"""What a run says first where no kernel is compiled yet: measured with a renderer in Python, 7.6 s."""
+
 loop_option = partial(option, rich_help_panel="While you work on a renderer")
 gate_option = partial(option, rich_help_panel="Gate")
 long_run_option = partial(option, rich_help_panel="Long runs")
@@ -86,7 +89,7 @@ Exit codes:
 REPORT_CODES = """\b
 Exit codes:
   0  the reports are written, whatever they say
-  1  interrupted: no reports are written
+  1  interrupted: pages are without the figures that were not drawn yet
   2  wrong usage, no results in the folder, or no reports can be written there
   4  --figures: no run matches
 """
@@ -137,6 +140,16 @@ def run(
         Path | None,
         gate_option(
             "--write-known", metavar="TOML", help="Make or renew that list from what fails now; its reasons stay."
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "-j",
+            metavar="N",
+            min=0,
+            show_default=False,
+            help="Share the work among N processes: one a processor if not given, this one alone with 0.",
         ),
     ] = None,
     timeout: Timeout = TIMEOUT,
@@ -193,6 +206,7 @@ def run(
             quick=quick,
             exit_first=exit_first,
             failed_first=failed_first,
+            workers=workers,
             timeout=timeout,
             watch=terminal,
             resume=resume,
@@ -251,24 +265,25 @@ def judge_and_summarise(
 
     with Interrupts(to_the_end=True) as interrupts, Terminal(verbose=verbose) as terminal:
         if kernels_are_new():
-            terminal.line("compiling kernels as they are first used, once: this run takes longer than later ones")
+            terminal.line(COMPILING)
         # Progress goes to stderr while it runs; stdout has the summary alone, at the end.
         results = judge(terminal)
-        # None where they were interrupted: then the exit code is 1 at least.
+        # None where the run was given up.
         reports = _write_reports(results, terminal, interrupts) if report else [results.file]
         opening = "" if opening_text is None else opening_text(results)
         written = [*(reports or [results.file]), *([other_file] if other_file else [])]
         say(paragraphs(opening, summary(results.document, written, verbose=verbose, width=terminal_width())))
         if os.environ.get("GITHUB_ACTIONS") == "true":
             say(github_annotations(results.document))
-    return max(results.exit_code, int(reports is None))
+    return max(results.exit_code, int(interrupts.count > 0))
 
 
 def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts, **options: Any) -> list[Path] | None:
     """Write the reports of results, with the `options` of `Results.report`, and return all paths.
 
-    Where the user has stopped the run at once, or stops the drawing, it says how to have them later, and returns None.
-    A first interrupt that has ended the run early does not stop the drawing as well.
+    Where the user has stopped the run at once it says how to have them later, and returns None. Where the user stops
+    the drawing, the pages are without the figures that are left, and it says so. A first interrupt that has ended the
+    run early does not stop the drawing as well.
     """
     # An interrupt that has ended the run early was not meant for the reports.
     interrupts_of_run = int(terminal.interrupted)
@@ -277,13 +292,13 @@ def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts,
         return interrupts.count > interrupts_of_run
 
     # A second interrupt ends the run at once, and no report is drawn.
-    if not stopped():
-        try:
-            return results.report(progress=terminal.drawn, stopped=stopped, **options)
-        except KeyboardInterrupt:
-            pass
-    terminal.line(f"no reports are written: hapticeval report {results.folder} makes them of what is kept")
-    return None
+    if stopped():
+        terminal.line(f"no reports are written: hapticeval report {results.folder} makes them of what is kept")
+        return None
+    written = results.report(progress=terminal.drawn, stopped=stopped, **options)
+    if stopped():
+        terminal.line(f"interrupted: figures are left out; hapticeval report {results.folder} draws them")
+    return written
 
 
 def kernels_are_new() -> bool:
@@ -323,7 +338,7 @@ def report(
         written = _write_reports(results, terminal, interrupts, single_file=single_file, figures=figures or ())
     if written is not None:
         say(wrote_lines(written[1:]))
-    raise typer.Exit(int(written is None))
+    raise typer.Exit(int(interrupts.count > 0))
 
 
 def replay(

@@ -168,11 +168,18 @@ sys.exit(main())
 """
 
 NO_REPORTS = "no reports are written: hapticeval report results makes them of what is kept"
+NO_FIGURES = "interrupted: figures are left out; hapticeval report results draws them"
 ONCE = ["run", "slides.toml", "-r", "constraint", "-k", "flat*"]
 
 
+def page_of(here):
+    """What the page of a case says; its address is there."""
+    (page,) = (here / "results" / "report").glob("**/flat.html")
+    return page.read_text()
+
+
 @pytest.mark.parametrize("arguments", [ONCE, ["report", "results"]])
-def test_ctrl_c_while_figures_are_drawn_keeps_the_results(here, arguments):
+def test_ctrl_c_while_figures_are_drawn_keeps_the_page_without_them(here, arguments):
     assert main(ONCE) == 0
     with command(arguments, program=["-c", DRAWS]) as run:
         run.until((here / "drawing").exists)
@@ -180,8 +187,9 @@ def test_ctrl_c_while_figures_are_drawn_keeps_the_results(here, arguments):
         code, err, out = run.ends()
         assert not run.leaves()
     assert code == 1, err
-    assert NO_REPORTS in err
+    assert NO_FIGURES in err
     assert "Traceback" not in err
+    assert "not drawn, as the drawing was interrupted" in page_of(here)
     assert arguments != ONCE or "4 of 4 planned verdicts ran: 3 passed" in out
     assert read_results(here / "results").complete
 
@@ -207,7 +215,7 @@ def test_an_impatient_user_sees_no_traceback(here, stops):
         code, err, out = run.ends()
         assert not run.leaves()
     assert code == 1, err
-    assert NO_REPORTS in err
+    assert (NO_REPORTS if stops == "waiting" else NO_FIGURES) in err
     assert "Traceback" not in err
     assert "KeyboardInterrupt" not in err
     ran = {"waiting": 2, "drawing": 4}.get(stops, 3)
