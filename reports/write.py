@@ -150,7 +150,8 @@ def write_reports(
     - `single_file`: report.html holds all pages instead
     - `progress`: called with how many of how many cases are drawn, which takes nearly all of the time
     - `workers`: the processes over which the drawing is spread
-    - `stopped`: asked again and again whether to give up drawing; the pages are then written without what is left
+    - `stopped`: asked again and again whether to give up drawing; the pages are then written without what is left, or,
+      where an earlier report is there, that stays and `KeyboardInterrupt` is raised
     - `counterexamples`: shown on the first page, as is what a recording gave that was replayed into replay/
 
     A recording that is missing or damaged is reported in its figure's place. Raises `InputError` as `read_results`
@@ -168,7 +169,8 @@ def write_reports(
     with _replacing_folder(directory / FOLDER, single_file) as pages:
         orders: list[Page | Picture] = [*_case_pages(directory, results, None if single_file else pages)]
         orders += _failure_pictures(directory, results)
-        outcomes = _carry_out(orders, progress or (lambda *_: None), workers, stopped)
+        is_first = not (directory / (SINGLE_FILE if single_file else FOLDER)).exists()
+        outcomes = _carry_out(orders, progress or (lambda *_: None), workers, stopped, without_figures=is_first)
         drawings = {
             order.run.key: drawing
             for order, drawing in zip(orders, outcomes, strict=True)
@@ -290,8 +292,13 @@ def _carry_out(
     progress: Callable[[int, int], None],
     workers: int,
     stopped: Callable[[], bool] | None,
+    *,
+    without_figures: bool,
 ) -> list[str | Drawing]:
-    """Spread the orders over processes, and return what came of each in their order."""
+    """Spread the orders over processes, and return what came of each in their order.
+
+    Once it is `stopped`, what is left is made `without_figures`, or else `KeyboardInterrupt` is raised.
+    """
     progress(0, len(orders))
     outcome_by_number: dict[int, str | Drawing] = {}
     remaining = iter(enumerate(orders))
@@ -301,6 +308,8 @@ def _carry_out(
             for number, order in islice(remaining, crew.free):
                 crew.begin(number, order)
             if stopped is not None and stopped():
+                if not without_figures:
+                    raise KeyboardInterrupt
                 break
             # Nothing is at work and nothing waits: results in the order of the orders.
             if not crew.busy:

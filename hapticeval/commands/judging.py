@@ -43,7 +43,9 @@ DEFAULT_SUITE = "thesis"
 TIMEOUT = 600.0
 """Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""
 
-COMPILING = "compiling kernels as they are first used, once: some 10 s of a processor for --quick and one renderer, more for all"
+COMPILING = (
+    "compiling kernels as they are first used, once: some 10 s of a processor for --quick, more for a whole suite"
+)
 """What a run says first where no kernel is compiled yet: measured with a renderer in Python, 7.6 s."""
 
 loop_option = partial(option, rich_help_panel="While you work on a renderer")
@@ -282,8 +284,8 @@ def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts,
     """Write the reports of results, with the `options` of `Results.report`, and return all paths.
 
     Where the user has stopped the run at once it says how to have them later, and returns None. Where the user stops
-    the drawing, the pages are without the figures that are left, and it says so. A first interrupt that has ended the
-    run early does not stop the drawing as well.
+    the drawing, the pages are without the figures that are left, and it says so; an earlier report stays as it is. A
+    first interrupt that has ended the run early does not stop the drawing as well.
     """
     # An interrupt that has ended the run early was not meant for the reports.
     interrupts_of_run = int(terminal.interrupted)
@@ -292,13 +294,17 @@ def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts,
         return interrupts.count > interrupts_of_run
 
     # A second interrupt ends the run at once, and no report is drawn.
-    if stopped():
-        terminal.line(f"no reports are written: hapticeval report {results.folder} makes them of what is kept")
-        return None
-    written = results.report(progress=terminal.drawn, stopped=stopped, **options)
-    if stopped():
-        terminal.line(f"interrupted: figures are left out; hapticeval report {results.folder} draws them")
-    return written
+    if not stopped():
+        try:
+            written = results.report(progress=terminal.drawn, stopped=stopped, **options)
+        except KeyboardInterrupt:
+            pass
+        else:
+            if stopped():
+                terminal.line(f"interrupted: figures are left out; hapticeval report {results.folder} draws them")
+            return written
+    terminal.line(f"no reports are written: hapticeval report {results.folder} makes them of what is kept")
+    return None
 
 
 def kernels_are_new() -> bool:
