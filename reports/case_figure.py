@@ -25,16 +25,13 @@ from hapticeval.reports.plane import (
     solid_mesh,
     solid_shadow,
 )
-from hapticeval.types import Array, BoolArray, IntArray
+from hapticeval.types import Array, BoolArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 RUNAWAY_RATIO = 3.0
 """A run that goes this many times as far as the median run leaves the picture, which would show nothing else."""
-
-PLOT_COLUMNS = 150
-"""Columns of a plot on a page without script, two points wide each: what is finer cannot be seen."""
 
 SMALLEST_DISTANCE = 1e-12
 """Distances (m) below this are rounding errors, and lie on the floor of a logarithmic panel."""
@@ -317,17 +314,6 @@ def panels_svg(
         return page_svg(fig, prefix=prefix, title=title)
 
 
-def _envelope_rows(time: Array, values: Array, starts: IntArray) -> IntArray:
-    """Return the rows that a panel shows: least and largest of each of `PLOT_COLUMNS`, and the ends of stretches."""
-    # The column of the plot that each sample falls into.
-    column = (PLOT_COLUMNS * (time - time[0]) / max(float(time[-1] - time[0]), 1e-300)).astype(np.int64)
-    edges = np.union1d(np.flatnonzero(np.diff(column)) + 1, starts)
-    # Least and largest of each column: the line covers the same pixels as all samples would.
-    parts = zip(np.append(0, edges), np.append(edges, len(time)), strict=True)
-    rows = [begin + int(pick(values[begin:end])) for begin, end in parts for pick in (np.argmin, np.argmax)]
-    return np.unique([0, len(time) - 1, *(starts - 1), *starts, *rows]).astype(np.int64)
-
-
 def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mapping[str, Look], *, alone: bool) -> None:
     """Draw one panel over time: its first term of every run, all terms of a run that is alone."""
     # Zero is always in view.
@@ -341,12 +327,9 @@ def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mappin
             if panel.powers:
                 # What lies below a logarithmic panel runs along its floor.
                 values = np.maximum(values, panel.powers[0])
-            time = track.time
             colour, dash = (look.role, look.dash) if k == 0 else (("one", "two", "three")[k - 1], DASHES[k])
-            rows = _envelope_rows(time, values, track.starts)
-            starts = np.searchsorted(rows, track.starts)
             axes.plot(
-                np.insert(time[rows], starts, np.nan), _with_gaps(values[rows], starts), color=colour_of(colour),
+                *(_with_gaps(numbers, track.starts) for numbers in (track.time, values)), color=colour_of(colour),
                 dashes=dash or (None, None), linewidth=1.1,
             )  # fmt: skip
             highs.append(float(values.max()))
