@@ -14,7 +14,7 @@ from test_dynamic_checks import run as run_law
 from test_forces import PLANE, ROUND, collision, orbit
 
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks.centripetal_force import _assigned_response
+from hapticeval.phenomena.checks.centripetal_force import _assigned_response, _ringing_columns
 from hapticeval.phenomena.decisions import (
     DIED_OUT_SHARE,
     HOLD_TICKS,
@@ -361,3 +361,11 @@ def test_on_a_constraint_that_holds_from_both_sides_a_late_point_is_found_on_eit
     ihip = 0.1 * out[np.maximum(np.arange(300) - 2, 0)]
     base = recorded((0.1 + side * 2e-3) * out, ihip)
     assert find_lag(base, scene).ihip == pytest.approx(2.0, abs=0.02)
+
+
+@pytest.mark.parametrize("start", [0.0, 5.0])
+@pytest.mark.parametrize(("periods", "columns"), [(0.99, 0), (1.01, 2)])
+def test_a_spring_rings_on_if_a_period_of_it_is_seen_whenever_that_begins(start, periods, columns):
+    period = 2.0 * np.pi * np.sqrt(LINE.mass / LINE.stiffness)
+    time = start + np.linspace(0.0, periods * period, 50)
+    assert _ringing_columns(time, LINE).shape == (50, columns)

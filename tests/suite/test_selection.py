@@ -83,6 +83,8 @@ def test_what_is_not_selected_is_what_not_selects(expression):
         ("star-convx-corner/memoryless", "did you mean star-convex-corner"),
         ("not memoriless", "nothing matches 'memoriless' of -k 'not memoriless'"),
         ("*xyz*", "a glob is matched against the whole name"),
+        ("impact*", "nothing matches -k 'impact*'"),
+        ("ess/contact-kept", "nothing matches -k 'ess/contact-kept'"),
         ("plane-press and star-*", "nothing is left by -k"),
     ],
 )
