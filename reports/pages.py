@@ -273,7 +273,7 @@ class ReportView:
     @property
     def worst_words(self) -> str:
         """The title of what is shown as the worst."""
-        return worst_words({shown.verdict.standing for shown in self.worst})
+        return worst_words({worst.verdict.standing for worst in self.worst})
 
     @property
     def unlisted_count(self) -> int:
@@ -300,7 +300,7 @@ class ReportView:
     @cached_property
     def pages(self) -> Sequence[SubPage]:
         """The pages that have something to show."""
-        return [page for page in SUB_PAGES if page.shown(self)]
+        return [page for page in SUB_PAGES if page.is_needed(self)]
 
     @cached_property
     def summaries(self) -> Sequence[Summary]:
@@ -406,11 +406,11 @@ class ReportView:
 
 
 class SubPage(NamedTuple):
-    """A page one click from the first: its name, which its template and its file have, and where it is shown."""
+    """A page one click from the first: its name, also of its template and file, and whether it has anything to show."""
 
     name: str
     title: str
-    shown: Callable[[ReportView], bool]
+    is_needed: Callable[[ReportView], bool]
 
 
 SUB_PAGES: Sequence[SubPage] = (
