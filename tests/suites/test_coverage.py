@@ -60,9 +60,9 @@ def table() -> str:
 
 HEAD = """# Coverage
 
-How many judged cases of the suites that come with the package ask each check: of plane models and in space; where
-the hand is *led* along a path, where a point mass moves in a closed *loop*, and where the *robot* does. A dot marks
-what cannot be asked there, by what the check itself needs; an empty cell is one that no suite visits.
+How many judged cases of the suites that come with the package ask each check, of plane models and in space. It says
+where the hand is *led* along a path, where a point mass moves in a closed *loop*, and where the *robot* does.
+A dot marks what cannot be asked there, by what the check itself needs; an empty cell is one that no suite visits.
 
 `tests/suites/test_coverage.py` compares this page with the suites; `HAPTICEVAL_PUBLISH=1` writes it anew.
 
