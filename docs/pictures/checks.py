@@ -10,6 +10,7 @@ from typing import Any
 
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "meta"))
 
+import field_bugs
 import lawbreakers
 import mutants
 import numpy as np
@@ -31,7 +32,7 @@ from hapticeval.suite.suite import Suite
 
 PICTURES = Path("pictures")
 PICTURES.mkdir(exist_ok=True)
-GROUPS = (outsiders, rubbing, struck_and_shaded, textured)
+GROUPS = (outsiders, rubbing, struck_and_shaded, textured, field_bugs)
 
 Contest = tuple[Any, str, Any, tuple[Case, ...]]
 """What is right, the name of what is broken, what is broken, and the cases that may show it."""

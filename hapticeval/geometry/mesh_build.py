@@ -39,6 +39,25 @@ SEPARATION_ROUNDING = 1e-14
 """Gap between two triangles, as a share of their extent, that is no rounding."""
 
 
+def cut_triangles(vertices: Array, triangles: IntArray) -> tuple[Array, IntArray]:
+    """Return vertices (w, 3), m, and triangles (6 t, 3) with each of (t, 3) cut into six unequal ones in its plane.
+
+    Each edge is cut at three tenths from its earlier vertex of (v, 3), and the pieces fan out from a point inside.
+    """
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    ends, edge_of = np.unique(edges, axis=0, return_inverse=True)
+    first, second = vertices[ends[:, 0]], vertices[ends[:, 1]]
+    on_edges = first + 0.3 * (second - first)
+    inside = np.einsum("k,tkn->tn", np.array([0.5, 0.3, 0.2]), vertices[triangles])
+    count = len(triangles)
+    cuts = len(vertices) + edge_of.reshape(3, count).T
+    # a, the cut of ab, b, the cut of bc, c, the cut of ca
+    ring = np.stack([triangles, cuts], axis=2).reshape(count, 6)
+    centre = np.repeat(len(vertices) + len(ends) + np.arange(count), 6).reshape(count, 6)
+    cells = np.stack([ring, np.roll(ring, -1, axis=1), centre], axis=2).reshape(-1, 3)
+    return np.concatenate([vertices, on_edges, inside]), cells
+
+
 @inner
 def _difference(a: float, b: float) -> tuple[float, float]:
     """Return a - b as the rounded difference and what that lost (Knuth's two-sum)."""

@@ -114,6 +114,14 @@ class Model:
         other: Model | None = self._prepared["reordered"]
         return other
 
+    def cut(self) -> Model | None:
+        """Return the model with its faces cut into other triangles; None where its boundary does not offer `cut`."""
+        if "cut" not in self._prepared:
+            cut_boundary = getattr(self.boundary, "cut", None)
+            self._prepared["cut"] = self._with_boundary(None if cut_boundary is None else cut_boundary())
+        other: Model | None = self._prepared["cut"]
+        return other
+
     def _with_boundary(self, boundary: Boundary | None) -> Model | None:
         """Return this model with another boundary; None if there is none."""
         return None if boundary is None else Model(self.name, self.parameters, boundary)

@@ -17,6 +17,7 @@ from hapticeval.phenomena.sampling import LED, above_force_floor, declares_force
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
+from hapticeval.types import Array
 
 
 class Closer(Protocol):
@@ -45,6 +46,9 @@ class Runs:
     - `led_on(laps, first, period)`: the path up to row `first`, and then its lap of `period` rows so many times.
     - `without(kind)`: the same path, of a closed loop the recorded HIPs, without the effect of that kind.
     - `reordered()`: the path with the model's vertices in another order; None like `moved`.
+    - `cut()`: the path on the mesh with its faces cut into other triangles; None like `moved`.
+    - `dropped_out(tick)`: the forces (N,), N, in a tick whose HIP is not finite, and in the next, which has the HIP of
+      the path again; None for one that is refused.
     - `subdivided()`: each step of the hand in two of half the time; both rows of a step are returned.
     - `in_turns()`: the path through a renderer that takes turns with another of the same factory, which is led
       backwards on a model of half the size.
@@ -64,6 +68,8 @@ class Runs:
     led_on: Callable[[int, int, int], Runs] | None = None
     without: Callable[[str], Recording] | None = None
     reordered: Callable[[], Recording | None] | None = None
+    cut: Callable[[], Recording | None] | None = None
+    dropped_out: Callable[[int], tuple[Array | None, Array | None]] | None = None
     subdivided: Callable[[], Recording] | None = None
     in_turns: Callable[[], Recording] | None = None
     pieces: Boundary | None = None
@@ -98,6 +104,8 @@ class Sibling(StrEnum):
     LED_ON = "led_on"
     WITHOUT = "without"
     REORDERED = "reordered"
+    CUT = "cut"
+    DROPPED_OUT = "dropped_out"
     SUBDIVIDED = "subdivided"
     IN_TURNS = "in_turns"
     PIECES = "pieces"

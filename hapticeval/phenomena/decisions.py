@@ -477,6 +477,12 @@ SLIDE_SHARE = 1e-3
 """Share of the model's size that a tool must have slid at its top speed for its sliding to be judged. *Chosen*:
 doubled, a tool that slides 0.3 mm on 200 mm is not judged."""
 
+# update_rate
+
+FEWEST_RENEWALS = 20
+"""Ticks that call for another force without which no rate is told. *Chosen*: 20 ms at 1 kHz hold a renewal of a loop of
+60 Hz. Doubled, touches of 20 to 40 ms are undecided."""
+
 # under_the_hand
 
 ASIDE_DEPTHS = 10.0

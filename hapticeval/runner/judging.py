@@ -98,9 +98,9 @@ class _RunFactory:
             backward_path = Path(times, hips[::-1])
             siblings |= {"reverse": lambda: self.record(backward_path, dt), "look": self.closeup(base)}
             siblings |= {"without": lambda kind: self.without(kind, stimulus), "moved": self.moved}
-            siblings |= {"reordered": self.reordered, "in_turns": self.in_turns}
+            siblings |= {"reordered": self.reordered, "cut": self.cut, "in_turns": self.in_turns}
             if isinstance(self.renderer, Renderer):
-                siblings |= {"subdivided": self.subdivided, "led_on": self.led_on}
+                siblings |= {"subdivided": self.subdivided, "led_on": self.led_on, "dropped_out": self.dropped_out}
         return Runs(base, **siblings).remembered()
 
     def moved(self, motion: Motion, nudge: tuple[float, ...]) -> Recording | None:
@@ -126,6 +126,27 @@ class _RunFactory:
         """Record the path on the model with its vertices in another order; see `Runs.reordered`."""
         scene, renderer = self._with_model(self.scene.model.reordered())
         return None if renderer is None else self._played(renderer, scene, self.path())
+
+    def cut(self) -> Recording | None:
+        """Record the path on the mesh with its faces cut into other triangles; see `Runs.cut`."""
+        scene, renderer = self._with_model(self.scene.model.cut())
+        return None if renderer is None else self._played(renderer, scene, self.path())
+
+    def dropped_out(self, tick: int) -> tuple[Array | None, Array | None]:
+        """Ask for a tick without a HIP, and for the one after it; see `Runs.dropped_out`."""
+        dt, hips = self.scene.sampling_time, self.path().points
+        renderer = cast("Renderer", self.renderer)
+        before = Path(dt * np.arange(tick, dtype=np.float64), hips[:tick])
+        self.record(before, dt)
+        missing = np.full_like(hips[tick], np.nan)
+
+        def force_for(hip: Array, velocity: Array) -> Array | None:
+            try:
+                return np.asarray(renderer.step(hip, velocity, dt)[1], dtype=np.float64)
+            except Exception:  # a refusal is what a renderer of any kind may raise
+                return None
+
+        return force_for(missing, missing), force_for(hips[tick], np.zeros_like(hips[tick]))
 
     def subdivided(self) -> Recording:
         """Record the path with another HIP half way between each two, at half the time step; see `Runs.subdivided`."""

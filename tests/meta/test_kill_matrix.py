@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import felt
+import field_bugs
 import lawbreakers
 import measured
 import mutants
@@ -34,7 +35,7 @@ FAULTLESS = "faultless"
 
 DYNAMIC = (FAULTLESS, *LAWBREAKERS)
 BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS).items()}
-GROUPS = (outsiders, felt, rubbing, struck_and_shaded, textured)
+GROUPS = (outsiders, felt, rubbing, struck_and_shaded, textured, field_bugs)
 FAULTY = {name: each for group in GROUPS for name, each in group.BROKEN.items()}
 HONEST = {name: each for group in GROUPS for name, each in group.HONEST.items()}
 OUTSIDERS = FAULTY | HONEST
@@ -139,6 +140,8 @@ The checks that each renderer fails in at least one case. Written by `test_kill_
   (`struck_and_shaded.py`): round a loop under a facet of an octagon, over its edges, and in taps on a line.
 - The same spring with a height map or a stochastic texture, and broken ones that claim to show that (`textured.py`):
   in cases of `effects-texture`.
+- What users of renderers and engines report, each in a few lines, and honest relatives (`field_bugs.py`): in cases of
+  the suites `field` and `seams`.
 - Effects that renderers show by code of their own (`felt.py`), right and wrong: in cases of the suites of effects.
 
 Why one fails a check besides the one that has to stop it is given beside it.

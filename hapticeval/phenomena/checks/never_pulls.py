@@ -1,0 +1,84 @@
+"""Never pulls: a surface that only pushes never draws the hand in, also while it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hapticeval.effects.effect import Alters
+from hapticeval.phenomena.check import Check, Runs, Situation
+from hapticeval.phenomena.checks.passivity import force_lag
+from hapticeval.phenomena.lag import largest_in_lag
+from hapticeval.phenomena.sampling import (
+    above_force_floor,
+    believed_standoff,
+    evidence_at,
+    force_floor,
+    hip_steps,
+    rounding,
+)
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+
+def find_outward(recording: Recording, scene: Scene) -> Array:
+    """Return the unit vector from the hand to its contact point in each row, (n, N); the normal where both are one."""
+    normal = scene.model.boundary.closest_point(recording.hip).normal
+    if "ihip" not in recording.channels:
+        return normal
+    stretch = recording.ihip - recording.hip
+    length = np.linalg.norm(stretch, axis=1, keepdims=True)
+    return np.where(length > rounding(scene), stretch / np.where(length > 0.0, length, 1.0), normal)
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Find the largest part of the force that draws the hand away from its contact point, deeper in."""
+    base = runs.base
+    rows = np.flatnonzero(above_force_floor(base, scene) & (scene.model.boundary.signed_distance(base.hip) < 0.0))
+    if rows.size == 0:
+        return undecided("the hand never feels a force inside of the model")
+    outward = find_outward(base, scene)
+    pull = np.maximum(-np.sum(base.force * outward, axis=1), 0.0)
+    lag = force_lag(base, scene)
+    # A force of the IHIP and the HIP of L ticks ago may be off by as much as each of them has moved since.
+    moved = lag * largest_in_lag(np.concatenate([[0.0], hip_steps(base)]))
+    allowed = force_floor(scene) + scene.stiffness * (2.0 * moved + rounding(scene) + believed_standoff(base, scene))
+    worst = int(rows[np.argmax((pull - allowed)[rows])])
+    # How fast the hand goes outwards, m/s: (n,).
+    leaving = np.sum(np.gradient(base.hip, base.time, axis=0) * outward, axis=1)
+    speed = float(leaving[worst])
+    where = f"at t = {base.time[worst]:.4g} s, while the hand {'leaves' if speed > 0.0 else 'enters'} at "
+    where += f"{abs(speed):.3g} m/s"
+    metric = Metric(CHECK.metric, float(pull[worst]), "N")
+    finding = compared(
+        metric,
+        float(allowed[worst]),
+        {**evidence_at(base, worst), "leaving_m_per_s": speed, "lag_ticks": lag},
+        passes="the force never draws the hand in",
+        fails=f"the force draws the hand in by {metric.value:.3g} N {where}"
+        + (": a damper that is not clipped does that" if speed > 0.0 else ""),
+    )
+    if finding.outcome is Outcome.FAIL and "spring" in base.meta:
+        return replace(finding, level=Level.MUST)
+    if finding.outcome is Outcome.PASS and not np.any(leaving[rows] > 0.0):
+        return undecided("the hand never leaves: whether it is let go of freely is not known")
+    return finding
+
+
+CHECK = Check(
+    id="never-pulls",
+    phenomenon="Contact Normal Force: a surface that only pushes (3.2)",
+    formula="F . (IHIP - HIP) >= 0 while the hand is inside",
+    citation="thesis 3.2, (3.2) with a normal force that is never negative",
+    channels=("hip", "force"),
+    reads_also=("ihip",),
+    not_for={Situation.BILATERAL: "a surface that holds the tool from both sides pulls as well"},
+    not_with=(Alters.FREE_SPACE, Alters.CONTACT_POINT, Alters.MOTION),
+    metric="force that draws the hand in",
+    unit="N",
+    level=Level.SHOULD,
+    judge=judge,
+)
