@@ -57,6 +57,13 @@ def test_what_is_published_could_be_contradicted():
     assert all(v.finding.metric is not None for v in published)
 
 
+def test_a_failure_names_whom_the_suite_has_failing_alike_and_not_the_renderer_itself():
+    (failed,) = [
+        v for v in verdicts("minimum-distance") if v.finding.outcome is Outcome.FAIL and v.check == "broken-contact"
+    ]
+    assert failed.alike == ("mapping", "conformal", "homothetic", "combescure")
+
+
 @cache
 def judged(name: str, *checks: str, change: str = "", base: str) -> dict[str, Outcome]:
     """The outcomes of some checks of a case, as a path in 2 s, on a reference renderer or one changed honestly."""
