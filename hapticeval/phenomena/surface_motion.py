@@ -125,11 +125,16 @@ class SurfaceMotion:
 
     @property
     def pushed(self) -> BoolArray:
-        """Return where the operator's force is felt, (k,); nowhere where it was not recorded."""
+        """Return where the operator's force is felt, (k,); nowhere where it was not recorded.
+
+        Not where all that it adds up to is the rounding of the tool's momentum, as in a force told from its change.
+        """
         force = self.recording.channels.get("operator_force")
         if force is None:
             return np.zeros(len(self.recording), dtype=bool)
-        return np.asarray(np.any(force != 0.0, axis=1))
+        impulses = np.linalg.norm(force, axis=1) * self.recording.dt
+        momentum = self.scene.mass * float(np.linalg.norm(self.recording.velocity, axis=1).max())
+        return np.asarray((impulses > 0.0) & (impulses.sum() > SPEED_ROUNDING * momentum))
 
     @property
     def starts_on_surface(self) -> bool:

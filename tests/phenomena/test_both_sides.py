@@ -223,6 +223,16 @@ def test_rounding_is_no_motion_across(off, asked):
     assert (found("decoupling", base, LINE).message != "the tool does not move across the surface") is asked
 
 
+@pytest.mark.parametrize(("share", "felt"), [(0.0, False), (0.9e-9, False), (1.1e-9, True)])
+def test_an_operators_force_that_adds_up_to_rounding_is_not_felt(share, felt):
+    """A billionth of the momentum, in all of the run: a force that is told from its change has its rounding."""
+    base = moves_across(1e-4)
+    momentum = CIRCLE.mass * np.linalg.norm(base.velocity, axis=1).max()
+    push = np.zeros_like(base.hip)
+    push[:, 0] = share * momentum / (len(base) * base.dt)
+    assert SurfaceMotion(changed(base, operator_force=push), CIRCLE).pushed.any() == felt
+
+
 def test_what_the_sensors_are_wrong_by_is_no_motion_across():
     base = moves_across(1e-3)
     farther = changed(base, measured_hip=base.hip + np.array([2e-3, 0.0]))
