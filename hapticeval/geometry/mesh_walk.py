@@ -38,6 +38,9 @@ MOST_STALLS = 16
 DIRECTION_ROUNDING = 1e-14
 """Share of a vector below which a part of it is rounding."""
 
+PLACE_ROUNDING = 4e-16
+"""Share of its coordinates by which a place is off: two roundings of a double."""
+
 
 @compiled
 def walk_downhill(
@@ -137,7 +140,8 @@ def _choose_at_edge(faces: Array, vertices: Array, free: bool, k: int, i: int, d
     """
     j = int(faces[k, ACROSS + i])
     n, p = normal_of(faces, k), normal_of(faces, j)
-    e = _minus(position_of(vertices, faces[k, CORNER + (i + 1) % 3]), position_of(vertices, faces[k, CORNER + i]))
+    a, b = position_of(vertices, faces[k, CORNER + i]), position_of(vertices, faces[k, CORNER + (i + 1) % 3])
+    e = _minus(b, a)
     e = _scaled(1.0 / math.sqrt(dot(e, e)), e)
     # directions in each face, square to the edge and away from it
     inward_here, inward_beyond = _cross(n, e), _cross(e, p)
@@ -147,7 +151,9 @@ def _choose_at_edge(faces: Array, vertices: Array, free: bool, k: int, i: int, d
     # outside of both planes, or at a convex edge of either: the goal is open
     if free and ((rise_here >= 0.0 and rise_beyond >= 0.0) or (convex and (rise_here >= 0.0 or rise_beyond >= 0.0))):
         return True, k, EDGE + i
-    rounding = DIRECTION_ROUNDING * math.sqrt(dot(d, d))
+    # d is a difference of places, each off by its rounding: what of it leads along the edge goes neither way
+    places = math.sqrt(dot(a, a)) + math.sqrt(dot(b, b))
+    rounding = DIRECTION_ROUNDING * math.sqrt(dot(d, d)) + PLACE_ROUNDING * places
     gain_here, gain_beyond = dot(inward_here, d), dot(inward_beyond, d)
     # at a concave edge a face that the goal is outside of holds nothing
     if free and rise_here >= 0.0:

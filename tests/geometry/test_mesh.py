@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from hapticeval.compiled import CLOSEST, first_class
 from hapticeval.errors import InputError
@@ -431,3 +432,20 @@ class TestAMillion:
         hits, shares = kernels.first_entries(*mesh.tables, starts, inner, mesh.touch)
         assert (hits >= 0).all()
         assert (shares < 1.0).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_along_the_diagonal_of_a_flat_face_the_tool_keeps_up_with_the_hand(seed):
+    """Turned and shifted, rounding decides at each step on which of both triangles it is, and on neither it gains."""
+    rng = np.random.default_rng(seed)
+    turn, shift = Rotation.random(random_state=seed).as_matrix(), rng.uniform(-0.5, 0.5, 3)
+    cube = make_model("cube")
+    boundary = Mesh("cube", cube.boundary.vertices @ turn.T + shift, cube.boundary.triangles)
+    along = np.linspace(-0.045, 0.045, 2001) ** 3 / 0.045**2
+    # Both diagonals of the top: one of them is an edge of its triangles.
+    for sign in (1.0, -1.0):
+        hips = np.column_stack([along, sign * along, np.full(along.size, 0.05 - 7e-4)])
+        hips[0, 2] = 0.051
+        tools = boundary.rigid_tool(hips @ turn.T + shift)[2]
+        feet = np.column_stack([along, sign * along, np.full(along.size, 0.05)])
+        assert np.abs((tools - shift) @ turn - feet)[1:].max() < 1e-12
