@@ -73,9 +73,13 @@ class WorstVerdict(NamedTuple):
 
 @dataclass(frozen=True)
 class SuiteSection:
-    """A suite with the grid of its cases by renderers, and how many of its verdicts have each standing."""
+    """A suite with the grid of its cases by renderers, and how many of its verdicts have each standing.
+
+    `label` is its name with its version, as it is cited.
+    """
 
     name: str
+    label: str
     title: str
     citation: str
     grid: Grid
@@ -291,7 +295,9 @@ class ReportView:
             counts = Counter(verdict.standing for verdict in self.results.verdicts if verdict.suite == name)
             ordered = [(standing, counts[standing]) for standing in Standing if counts[standing]]
             sections.append(
-                SuiteSection(name, suite.title or name, suite.citation, case_grid(self.results, name), ordered)
+                SuiteSection(
+                    name, suite.label, suite.title or name, suite.citation, case_grid(self.results, name), ordered
+                )
             )
         return sections
 

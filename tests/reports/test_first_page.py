@@ -485,3 +485,10 @@ def test_where_nothing_was_compared_there_is_no_table(results):
         page = render(none, "replay")
         assert "Distance from the recorded run" not in page
         assert bool(page) is any(run.replay for run in none.runs)
+
+
+def test_a_suite_stands_on_the_first_page_with_its_version():
+    results = synthetic_results()
+    suites = [changed(suite, version="1.2") for suite in results.suites]
+    label = f">{suites[0].name} 1.2</span>"
+    assert label in render_pages(ReportView(changed(results, suites=suites)))["index.html"]
