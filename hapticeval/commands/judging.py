@@ -219,7 +219,7 @@ def run(
 
     # Once, or again after each change with --watch.
     def once() -> int:
-        return judge_and_summarise(judged, verbose=verbose, report=not (quick or no_report), other_file=write_known)
+        return judge_and_summarise(judged, verbose=verbose, report=not (quick or no_report), known_file=write_known)
 
     if not watch:
         raise typer.Exit(once())
@@ -257,15 +257,19 @@ def judge_and_summarise(
     *,
     verbose: bool = False,
     report: bool = True,
-    other_file: Path | None = None,
+    known_file: Path | None = None,
 ) -> int:
     """Have renderers judged, print the summary, below the `opening_text` of the results, and return the exit code.
 
-    Reports are written if wanted; `other_file` is named among them.
+    Reports are written if wanted. `known_file` is named among them: the list that `judge` writes of what fails. What a
+    failure amounts to is then settled by that list, so the summary alone counts.
     """
     from hapticeval.runner.interrupts import Interrupts
 
-    with Interrupts(to_the_end=True) as interrupts, Terminal(verbose=verbose) as terminal:
+    with (
+        Interrupts(to_the_end=True) as interrupts,
+        Terminal(verbose=verbose, counts=known_file is None) as terminal,
+    ):
         if kernels_are_new():
             terminal.line(COMPILING)
         # Progress goes to stderr while it runs; stdout has the summary alone, at the end.
@@ -273,7 +277,7 @@ def judge_and_summarise(
         # None where the run was given up.
         reports = _write_reports(results, terminal, interrupts) if report else [results.file]
         opening = "" if opening_text is None else opening_text(results)
-        written = [*(reports or [results.file]), *([other_file] if other_file else [])]
+        written = [*(reports or [results.file]), *([known_file] if known_file else [])]
         say(paragraphs(opening, summary(results.document, written, verbose=verbose, width=terminal_width())))
         if os.environ.get("GITHUB_ACTIONS") == "true":
             say(github_annotations(results.document))

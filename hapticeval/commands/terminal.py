@@ -52,12 +52,15 @@ class Terminal:
     - a line a job if it is `verbose`, else one for the first job in which a renderer breaks in some way
     - what is at work, after a silence of `SILENCE_SECONDS`
 
+    Lines of jobs and suites count verdicts, unless `counts` is false: where the end settles what they amount to.
+
     A context manager, so that the bar leaves the terminal as it found it whatever happens.
     """
 
-    def __init__(self, stream: TextIO | None = None, *, verbose: bool = False) -> None:
+    def __init__(self, stream: TextIO | None = None, *, verbose: bool = False, counts: bool = True) -> None:
         self._stream = sys.stderr if stream is None else stream
         self._verbose = verbose
+        self._counts = counts
         self._suites: dict[str, _SuiteProgress] = {}
         self._broken: set[tuple[str, tuple[str, str]]] = set()
         self._begun = time.monotonic()
@@ -95,7 +98,7 @@ class Terminal:
                 self._advance(self._finished_jobs, self._planned_jobs, f"{event.run.renderer} on {event.run.case}")
             elif self._verbose or self._breaks_anew(event):
                 count = f"[{self._finished_jobs}/{self._planned_jobs}]"
-                self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}: {_job_words(event)}")
+                self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}{self._job_words(event)}")
             if not self._stream.isatty() and not self._verbose:
                 self._add(event)
         elif isinstance(event, AtWork):
@@ -136,7 +139,19 @@ class Terminal:
             runs = f"{suite.finished} of {plural(suite.planned, 'run')}"
         refused = f", {suite.refused} refused" * bool(suite.refused)
         count = f"[{self._finished_jobs}/{self._planned_jobs}]"
-        self.line(f"{count} {name}: {runs}{refused}: {_verdicts_words(suite.verdicts)}")
+        self.line(f"{count} {name}: {runs}{refused}{self._verdicts_words(suite.verdicts)}")
+
+    def _job_words(self, event: JobFinished) -> str:
+        """Return what came of one run: that it broke, was refused, or its verdicts."""
+        if event.error is not None:
+            return f": broke: {event.error.what}"
+        if event.run.refusal is not None:
+            return f": refuses: {event.run.refusal.what}"
+        return self._verdicts_words(event.verdicts)
+
+    def _verdicts_words(self, verdicts: Sequence[VerdictEntry]) -> str:
+        """Return how many verdicts have each standing, in words; nothing where they are counted at the end only."""
+        return f": {counts_in_words(verdict.standing for verdict in verdicts)}" if self._counts else ""
 
     def working(self, done: int, total: int, what: str) -> None:
         """Take how much of a bench is done and what comes next: a bar on a terminal, elsewhere a line each."""
@@ -208,20 +223,6 @@ class Terminal:
         self.clear()
         self._spoke = time.monotonic()
         print(printable(text), file=self._stream, flush=True)
-
-
-def _job_words(event: JobFinished) -> str:
-    """Return what came of one run: that it broke, was refused, or its verdicts."""
-    if event.error is not None:
-        return f"broke: {event.error.what}"
-    if event.run.refusal is not None:
-        return f"refuses: {event.run.refusal.what}"
-    return _verdicts_words(event.verdicts)
-
-
-def _verdicts_words(verdicts: Sequence[VerdictEntry]) -> str:
-    """Return how many verdicts have each standing, in words."""
-    return counts_in_words(verdict.standing for verdict in verdicts)
 
 
 def _at_work_words(event: AtWork) -> str:

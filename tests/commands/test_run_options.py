@@ -1,6 +1,7 @@
 """The options of `run` for the work on a renderer, and for a gate: what runs, what is written, the exit code."""
 
 import os
+import re
 import signal
 import sys
 import threading
@@ -71,7 +72,11 @@ def test_known_failures_are_listed_excused_and_dropped(here, capsys):
     assert main([*JUMPS, "--write-known", "known.toml"]) == 0
     listed = read_known(here / "known.toml").entries
     assert {place for _, place in listed} >= PLACES
-    assert capsys.readouterr().out.endswith("wrote results/results.json\nwrote known.toml\n")
+    shown = capsys.readouterr()
+    assert shown.out.endswith("wrote results/results.json\nwrote known.toml\n")
+    assert re.findall(r"\d+ failed[a-z ]*", shown.out + shown.err) == [f"{len(listed)} failed as known"], "counted once"
+    assert main([*JUMPS, "--write-known", "other.toml", "--verbose"]) == 0
+    assert " failed" not in capsys.readouterr().err
     assert {each.standing for each in read_results(here / "results").verdicts} <= {"known", "pass", "not-judged"}
 
     text = (here / "known.toml").read_text().replace("not explained yet", "a renderer that jumps")
