@@ -7,13 +7,14 @@ import shutil
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import typer
 
 from hapticeval.commands.terminal import annotation, lines, paragraphs, plural, wrote_lines
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.quantity import align_columns
+from hapticeval.quantity import align_columns, format_duration
 from hapticeval.runner.known import describe_outdated
 from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
 from hapticeval.runner.standing import Standing, counts_in_words
@@ -31,6 +32,10 @@ LEGEND = {
     "?": "?n warn",
 }
 """What the marks behind a cell's numbers mean."""
+
+
+duration = partial(format_duration, micro="u")
+"""On a terminal, units are spelt as options take them."""
 
 
 def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool = False, width: int = 0) -> str:
@@ -62,6 +67,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
         lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing.excused) if verbose else "",
         lines(_not_applicable_reasons(results)) if verbose else "",
         _totals_words(results, verbose=verbose),
+        lines(_too_slow_words(results)),
         wrote_lines(written),
     )
 
@@ -273,6 +279,22 @@ def _totals_words(results: ResultsDocument, *, verbose: bool) -> str:
         ran += f" (incomplete: {results.reason})"
     counts = f"{ran}: {counts_in_words(standings)}; {unexpected or 'none'} not as expected{counting}{hidden}"
     return f"{counts}\n{_time_words(results.timing)}"
+
+
+def _too_slow_words(results: ResultsDocument) -> Iterator[str]:
+    """Yield a line for each renderer whose steps take longer than the sampling time, in the case where it is worst."""
+    slow_runs: dict[str, list[tuple[float, RunEntry]]] = {}
+    for run in results.runs:
+        if run.step_seconds is not None and run.step_seconds > run.scene.sampling_time:
+            slow_runs.setdefault(run.renderer, []).append((run.step_seconds / run.scene.sampling_time, run))
+    for renderer, slow in slow_runs.items():
+        times, worst = max(slow, key=lambda pair: pair[0])
+        others = f", and too slow in {plural(len(slow) - 1, 'other case')}" * (len(slow) > 1)
+        yield (
+            f"too slow: half of the steps of {renderer} take {duration(worst.step_seconds or 0.0)} or more, "
+            f"{times:.3g} times the sampling time of {duration(worst.scene.sampling_time)}, "
+            f"on {worst.suite}/{worst.case}{others}; timed beside the other work of this run"
+        )
 
 
 def _time_words(timing: Timing) -> str:

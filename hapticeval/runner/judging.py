@@ -27,10 +27,13 @@ from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.simulation.playback import Closeup, compare_batch, play, play_in_turns, play_while_defined
+from hapticeval.simulation.playback import Closeup, compare_batch, play, play_in_turns, play_while_defined, timed_steps
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
 from hapticeval.types import Array
+
+FEWEST_TIMED_STEPS = 100
+"""Steps whose median says how long one takes: what is compiled on first use slows the first of them alone."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,9 @@ class Judged:
 
     `closed_form` names the closed form of the renderer's law in this scene, if it has one. Of a run that ended early,
     since device or law left its domain or the loop ran away, `ended` has tick and time (s), what and why.
+
+    `step_seconds` is the median time of a step of the run that is judged, s. It is None where fewer than
+    `FEWEST_TIMED_STEPS` were asked for one by one.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -50,6 +56,7 @@ class Judged:
     ended: Mapping[str, Any] | None = None
     replay: Replay | None = None
     closed_form: str | None = None
+    step_seconds: float | None = None
 
 
 class _RunFactory:
@@ -60,6 +67,7 @@ class _RunFactory:
         # By motion: checks ask for several nudges of one, and preparing a renderer may take seconds.
         self._moved: dict[Motion, tuple[Scene, Renderer | TrajectoryRenderer | None]] = {}
         self.simulated = 0.0
+        self.step_seconds: float | None = None
         self.renderer = make_renderer(factory, scene)
         self.stimulus = case.build_stimulus(scene, self.renderer)
         self.law = case.closed_form.get(name) or _declared_form(self.renderer, scene)
@@ -76,7 +84,10 @@ class _RunFactory:
     def runs(self) -> Runs:
         """Return the base recording, with its siblings, further recordings that a check may ask for, made on demand."""
         dt, stimulus = self.scene.sampling_time, self.stimulus
-        base = self.record(stimulus, dt, lead=play_while_defined)
+        with timed_steps() as seconds:
+            base = self.record(stimulus, dt, lead=play_while_defined)
+        if len(seconds) >= FEWEST_TIMED_STEPS:
+            self.step_seconds = float(np.median(seconds))
         # The law has left its domain: siblings follow only the HIPs that it has answered.
         if isinstance(stimulus, Path) and "ended" in base.meta:
             self.stimulus = stimulus = Path(base.time, base.hip)
@@ -292,13 +303,14 @@ class Recorded:
     """What there is to judge: the `recording` as it is stored, and the `runs` that checks may read.
 
     A recording with gaps has several runs: each check judges every one, and `merge` of `judge_recorded` makes one
-    finding of them. `replay` goes into the results; `simulated` returns the seconds simulated so far.
+    finding of them. `replay` and `step_seconds` go into the results; `simulated` returns the seconds simulated so far.
     """
 
     recording: Recording
     runs: tuple[Runs, ...]
     replay: Replay | None = None
     simulated: Callable[[], float] = float
+    step_seconds: float | None = None
 
 
 def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Judged:
@@ -310,7 +322,7 @@ def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Ju
     def record(scene: Scene) -> Recorded:
         bench = _RunFactory(factory, scene, case, renderer)
         runs = bench.runs()
-        return Recorded(runs.base, (runs,), simulated=lambda: bench.simulated)
+        return Recorded(runs.base, (runs,), simulated=lambda: bench.simulated, step_seconds=bench.step_seconds)
 
     return judge_recorded(record, lambda findings: findings[0], renderer, suite, case)
 
@@ -358,6 +370,7 @@ def judge_recorded(
         ended,
         None if recorded is None else recorded.replay,
         None if recorded is None else next((runs.law for runs in recorded.runs), None),
+        None if recorded is None else recorded.step_seconds,
     )
 
 

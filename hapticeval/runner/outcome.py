@@ -103,6 +103,7 @@ def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
         error=None if error is None else Problem.of(error),
         refusal=None if judged.refusal is None else Refusal.of(judged.refusal, position=_position(judged.refusal)),
         replay=judged.replay,
+        step_seconds=judged.step_seconds,
     )
 
 

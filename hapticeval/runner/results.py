@@ -176,7 +176,10 @@ class Replay(Entry, frozen=True, kw_only=True):
 
 
 class RunEntry(Entry, frozen=True, kw_only=True):
-    """One renderer in one case. `closed_form` names the formula that its law follows there, if it has one."""
+    """One renderer in one case. `closed_form` names the formula that its law follows there, if it has one.
+
+    `step_seconds` is the median time of a step, where steps were asked for one by one.
+    """
 
     suite: str
     case: str
@@ -213,6 +216,7 @@ class RunEntry(Entry, frozen=True, kw_only=True):
     error: Problem | None
     refusal: Refusal | None
     replay: Replay | None = None
+    step_seconds: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.model.get("kind"), str):

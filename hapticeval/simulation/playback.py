@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from copy import deepcopy
 from dataclasses import dataclass
+from time import perf_counter
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -323,6 +324,21 @@ def observe_force_checked(renderer: Renderer, tick: int, hip: Array, push: Array
         renderer.observe_force(push.copy())  # type: ignore[attr-defined]
 
 
+_step_seconds: list[float] | None = None
+
+
+@contextmanager
+def timed_steps() -> Iterator[list[float]]:
+    """Yield a list that takes the seconds of every step that `step_checked` asks for within the block."""
+    global _step_seconds
+    seconds: list[float] = []
+    _step_seconds = seconds
+    try:
+        yield seconds
+    finally:
+        _step_seconds = None
+
+
 def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
     """Return IHIP (N,), m, and force (N,), N, of `renderer.step(hip, velocity, dt)`, in copies of their own.
 
@@ -331,7 +347,10 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
     """
     note_pending(tick, hip.tolist())
     try:
+        begun = perf_counter()
         answer = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
+        if _step_seconds is not None:
+            _step_seconds.append(perf_counter() - begun)
         count_answer()
     except RendererError as error:
         raise error.placed(tick, hip) from error

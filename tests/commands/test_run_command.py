@@ -95,6 +95,35 @@ def test_the_summary_and_the_exit_code(here, capsys, arguments, code, expected):
     assert "error: local_mine:Breaks" not in shown.out, "a run that broke is shown once, not once per check"
 
 
+PACES = """
+import time
+from local_mine import Good
+class Slow(Good):
+    def step(self, hip, velocity, dt):
+        time.sleep(1.5e-3)
+        return super().step(hip, velocity, dt)
+class SlowAtFirst(Good):
+    warm = False
+    def step(self, hip, velocity, dt):
+        if not self.warm:
+            time.sleep(0.3)
+        self.warm = True
+        return super().step(hip, velocity, dt)
+"""
+
+
+def test_a_renderer_that_is_too_slow_is_named_and_one_that_begins_slowly_is_not(here, capsys):
+    (here / "local_paces.py").write_text(PACES)
+    assert run("-r", "local_paces:Slow", "-r", "local_paces:SlowAtFirst", "-k", "flat/continuous-contact") == 0
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if "too slow" in line)
+    times = re.fullmatch(
+        r"too slow: half of the steps of local_paces:Slow take .* ms or more, (.*) times the sampling time of 1 ms, "
+        r"on slides/flat; timed beside the other work of this run",
+        line,
+    )
+    assert float(times[1]) > 1.5, "what it sleeps"
+
+
 def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(here, capsys):
     alone = ["run", "--no-report", "-k", "star-convex-corner", "-r", "set-stabilisation"]
     assert main(alone) == 2

@@ -180,3 +180,17 @@ def test_what_stops_a_gate_is_an_annotation_of_a_job_the_worst_first():
         "::error title=r on s/d/memoryless::fail: what was seen; jump = 100 mm, bound 1 mm",
         "::error title=r on s/c/memoryless::fail: what was seen; jump = 2 mm, bound 1 mm",
     ]
+
+
+def test_a_renderer_that_is_too_slow_for_the_sampling_rate_is_named():
+    runs = [
+        run_entry(renderer="slow", case="a", step_seconds=1.5e-3),
+        run_entry(renderer="slow", case="b", step_seconds=2.5e-3),
+        run_entry(renderer="quick", case="a", step_seconds=0.9e-3),
+        run_entry(renderer="in-batch", case="a"),
+    ]
+    shown = summary(results_of(verdict(Outcome.PASS), runs=runs), [])
+    assert [line for line in shown.splitlines() if "too slow" in line] == [
+        "too slow: half of the steps of slow take 2.5 ms or more, 2.5 times the sampling time of 1 ms, on s/b, "
+        "and too slow in 1 other case; timed beside the other work of this run"
+    ]

@@ -80,7 +80,7 @@ def write(folder: Path, cases: int) -> str:
 def found(folder: Path) -> bytes:
     """All that a run found, without the seconds that it took, as bytes; each recording too."""
     results = read_results(folder)
-    runs = [msgspec.structs.replace(run, wall_seconds=0.0) for run in results.runs]
+    runs = [msgspec.structs.replace(run, wall_seconds=0.0, step_seconds=None) for run in results.runs]
     files = [(folder / run.recording).read_bytes() for run in results.runs if run.recording]
     return msgspec.json.encode(
         [results.planned, results.ran, results.complete, results.table, results.suites, runs, results.verdicts]
