@@ -1,8 +1,8 @@
 """What users of renderers and physics engines report, as renderers of some ten lines that have it, and relatives.
 
 Each is the nearest point and a spring with one fault, written anew from what its thread describes. `BROKEN` and
-`HONEST` are as in `outsiders`, and led along `CASES`: those of the suites `field` and `seams`. The first check that one
-fails is the one that has to name it; `THREADS` says where each was reported.
+`HONEST` are as in `outsiders`, and led along `CASES`: those in space of the suites `field` and `seams`. The first check
+that one fails is the one that has to name it; `THREADS` says where each was reported.
 """
 
 from __future__ import annotations
@@ -19,7 +19,13 @@ from hapticeval.renderers.field.passivity_control import passivity_controlled
 from hapticeval.scene import Scene
 from hapticeval.suite.reading import load_suite
 
-CASES = {case.name: case for suite in ("field", "seams") for case in load_suite(suite).cases}
+CASES = {
+    case.name: case
+    for suite in ("field", "seams")
+    for case in load_suite(suite).cases
+    # the renderers here are for solids
+    if case.build_scene().model.dimension == 3
+}
 
 THREADS: Mapping[str, str] = {
     "internal-edges": "github.com/bulletphysics/bullet3 issue 288; dimforge/rapier issue 95",

@@ -85,5 +85,8 @@ def test_each_check_is_asked_in_the_plane_and_in_space_wherever_it_can_be():
     assert missing == set(MISSING)
 
 
-MISSING = {"texture-amplitude, space": "speed and press are those of texture-spectrum, which is asked there"}
+MISSING = {
+    "texture-amplitude, space": "speed and press are those of texture-spectrum, which is asked there",
+    "seams, plane": "a curve has no triangles",
+}
 """Checks without a case in the plane or in space, with the reason."""
