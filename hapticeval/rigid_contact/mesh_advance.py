@@ -51,7 +51,7 @@ from hapticeval.rigid_contact.force import (
 from hapticeval.rigid_contact.force import (
     CORNER as AT_CORNER,
 )
-from hapticeval.rigid_contact.mesh_search import Way, first_edge, first_face, first_fall, follow
+from hapticeval.rigid_contact.mesh_search import ToolPath, first_edge, first_face, first_fall, follow
 from hapticeval.rigid_contact.mesh_terrain import (
     MeshTerrain,
     edge_direction,
@@ -101,11 +101,11 @@ def meet(terrain: MeshTerrain, tool: Tool, tau: float, kind: int) -> None:
     mass, rebound, p, v = load[MASS], load[RESTITUTION], triple_at(state, POSITION), triple_at(state, VELOCITY)
     # normal velocities below this are rounding, and below a thousand of it the tool is at rest
     rounding = ALIGNED_SHARE * math.sqrt(dot(v, v))
-    rest = 1e3 * rounding
+    rest_speed = 1e3 * rounding
     hits = 0
     while True:
         depth, face, nearest, _ = nearest_around(terrain, k, feature, v)
-        if depth >= -rounding or dot(v, v) <= rest * rest:
+        if depth >= -rounding or dot(v, v) <= rest_speed * rest_speed:
             break
         # each hit of so many took speed: none is left
         if hits == MOST_CORNER_HITS:
@@ -117,10 +117,10 @@ def meet(terrain: MeshTerrain, tool: Tool, tau: float, kind: int) -> None:
         # (3.5) on that face
         v, bounce = plus(v, -across, normal), -rebound * across
         contact = -dot(force_in_space(load, tau, p, v), normal)
-        # a bounce that the force ends within CONTACT_HOP is left out
+        # a bounce that the force ends within CONTACT_HOP, of height m u^2 / (2 N), is left out
         if contact <= 0.0 or mass * bounce * bounce >= 2.0 * contact * CONTACT_HOP:
             v = plus(v, bounce, normal)
-    if dot(v, v) <= rest * rest:
+    if dot(v, v) <= rest_speed * rest_speed:
         v = NOWHERE
     if feature != FACE:
         v = _without_hops(terrain, k, feature, v, force_in_space(load, tau, p, v), mass)
@@ -139,6 +139,7 @@ def _without_hops(terrain: MeshTerrain, k: int, feature: int, v: Triple, force: 
     if terrain.turns[k, feature - EDGE] >= 0.0:
         return v
     e = edge_direction(terrain.faces, terrain.vertices, k, feature - EDGE)
+    # what is along the edge stays; a hop of what is square to it, m u^2 / (2 F) high, is left out
     along = _scaled(dot(v, e), e)
     aside, pull = _minus(v, along), pull_into(terrain, k, feature, force)
     return along if pull > 0.0 and mass * dot(aside, aside) < 2.0 * pull * CONTACT_HOP else v
@@ -161,6 +162,7 @@ def settle(terrain: MeshTerrain, tool: Tool, tau: float) -> None:
             let_go(tool, tau)
             return
         strike_tool(tool, v)
+    # of that boundary, feature of k, what is closest to the force
     force = force_in_space(tool.load, tau, p, v)
     height, j, nearest, _ = nearest_around(terrain, k, feature, force)
     if height > 0.0 and (feature == FACE or height > ALIGNED_SHARE * math.sqrt(dot(force, force))):
@@ -201,10 +203,10 @@ def advance_flight(
     """
     load, state = tool.load, tool.state
     h = longest_flight_step(load, time_left)
-    way = Way(triple_at(state, POSITION), triple_at(state, VELOCITY), tau, NOWHERE)
-    time, k, _ = first_face(terrain, way, h, load, free, near)
+    path = ToolPath(triple_at(state, POSITION), triple_at(state, VELOCITY), tau, NOWHERE)
+    time, k, _ = first_face(terrain, path, h, load, free, near)
     h = min(time, h)
-    p, v = follow(way, h, load)
+    p, v = follow(path, h, load)
     move_tool(tool, p, v, NOWHERE)
     if k >= 0:
         # a convex edge is hit only by what falls on neither of its faces
@@ -228,15 +230,17 @@ def advance_on_face(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
         let_go(tool, tau)
         return 0.0
     h = longest_flight_step(load, time_left)
+    # N reaches zero within the step: the tool lifts off there
     lifts = contact + rate * h < 0.0
     if lifts:
         h = contact / -rate
-    way = Way(p, v, tau, normal)
-    time, edge_triangle, _ = first_edge(terrain, k, way, h, load, near)
+    path = ToolPath(p, v, tau, normal)
+    time, edge_triangle, _ = first_edge(terrain, k, path, h, load, near)
     h = min(time, h)
-    p, v = follow(way, h, load)
+    p, v = follow(path, h, load)
     # back onto the plane, by rounding
     p = plus(p, -height_over_face(terrain, k, p), normal)
+    # the contact's impulse: N integrated over the step, h (N + N' h / 2)
     move_tool(tool, p, v, _scaled(h * (contact + 0.5 * rate * h), normal))
     if edge_triangle >= 0:
         reach_place(terrain, tool, edge_triangle, CONTACT_HOP)
@@ -266,20 +270,21 @@ def advance_on_edge(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
             h, onto = 0.0, face
         elif drive + growth * h > 0.0:
             h, onto = -drive / growth, face
-    way = Way(p, v, tau, NOWHERE)
+    path = ToolPath(p, v, tau, NOWHERE)
     a, b = (
         position_of(terrain.vertices, terrain.faces[k, CORNER + i]),
         position_of(terrain.vertices, terrain.faces[k, CORNER + (i + 1) % 3]),
     )
     # past either end
     end = VERTEX + i
-    time = first_fall(e, a, way, 0.0, h, load)
-    other = first_fall(_scaled(-1.0, e), b, way, 0.0, min(time, h), load)
+    time = first_fall(e, a, path, 0.0, h, load)
+    other = first_fall(_scaled(-1.0, e), b, path, 0.0, min(time, h), load)
     if other < time:
         time, end = other, VERTEX + (i + 1) % 3
     ends = time <= h
     h = min(time, h)
-    p, v = follow(way, h, load)
+    p, v = follow(path, h, load)
+    # of the flight what is along the edge: the spring is the same on all axes, so that this moves as if alone
     p, v = plus(a, dot(_minus(p, a), e), e), _scaled(dot(v, e), e)
     # both contacts take what of the force is square to the edge, linear in time
     mean = plus(force, 0.5 * h, rate)
@@ -304,24 +309,25 @@ def advance_at_rest(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     k, i = int(state[TRIANGLE]), int(state[FEATURE]) - VERTEX
     p = triple_at(state, POSITION)
     force, rate = force_in_space(load, tau, p, NOWHERE), triple_at(load, RATE)
-    h, way_out, edge = time_left, -1, 0
+    h, exit_triangle, edge = time_left, -1, 0
     j, corner = k, i
     while True:
         e = edge_direction(terrain.faces, terrain.vertices, j, corner)
         drive, growth = dot(e, force), dot(e, rate)
         if drive > 0.0:
-            h, way_out, edge = 0.0, j, corner
+            h, exit_triangle, edge = 0.0, j, corner
+        # e.(F + F' t) = 0
         elif drive + growth * h > 0.0:
-            h, way_out, edge = -drive / growth, j, corner
+            h, exit_triangle, edge = -drive / growth, j, corner
         j, corner = next_in_fan(terrain, j, corner)
         if j == k:
             break
     # three contacts or more take all of the force
     move_tool(tool, p, NOWHERE, _scaled(-h, plus(force, 0.5 * h, rate)))
-    if way_out >= 0:
+    if exit_triangle >= 0:
         # an edge within a flat face is that face
-        state[TRIANGLE] = way_out
-        state[FEATURE] = FACE if terrain.turns[way_out, edge] == 0.0 else EDGE + edge
+        state[TRIANGLE] = exit_triangle
+        state[FEATURE] = FACE if terrain.turns[exit_triangle, edge] == 0.0 else EDGE + edge
         settle(terrain, tool, tau + h)
     return h
 

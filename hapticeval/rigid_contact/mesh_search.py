@@ -24,58 +24,60 @@ FALL_GAP = 1e-9
 """Share of a step after a fall through a plane, from where on the next is looked for."""
 
 HEIGHT, CLIMB, LIFT = range(3)
-"""What is watched along a way: the height over a plane (m), its rate (m/s) and the rate of that (m/s^2)."""
+"""What is watched along a path: the height over a plane (m), its rate (m/s) and the rate of that (m/s^2)."""
 
 
-class Way(NamedTuple):
-    """A way under the operator's force: where it begins (m), with what velocity (m/s), when (s) in the stretch.
+class ToolPath(NamedTuple):
+    """A path of the tool under the operator's force: where it begins (m), how fast (m/s), when (s) in the stretch.
 
-    It is a flight's, or if `held` is a unit normal, that of a slide square to it.
+    It is a flight's where `contact_normal` is zero, or if that is a unit vector, that of a slide square to it.
     """
 
     p: Triple
     v: Triple
     tau: float
-    held: Triple
+    contact_normal: Triple
 
 
 @compiled
-def follow(way: Way, h: float, load: Array) -> tuple[Triple, Triple]:
-    """Return position (m) and velocity (m/s) h seconds along a way, under a `load` (12,).
+def follow(path: ToolPath, h: float, load: Array) -> tuple[Triple, Triple]:
+    """Return position (m) and velocity (m/s) h seconds along a path, under a `load` (12,).
 
     Under a force that is the same on all axes but for a push, what lies along a plane moves as if alone: a slide is a
     flight whose part along the normal is left out.
     """
-    p, v = fly_in_space(way.p, way.v, way.tau, h, load)
-    p = plus(p, -dot(_minus(p, way.p), way.held), way.held)
-    return p, plus(v, -dot(v, way.held), way.held)
+    p, v = fly_in_space(path.p, path.v, path.tau, h, load)
+    # without what lies along the normal: p - (n.(p - p0)) n, and v - (n.v) n; in flight n is zero
+    p = plus(p, -dot(_minus(p, path.p), path.contact_normal), path.contact_normal)
+    return p, plus(v, -dot(v, path.contact_normal), path.contact_normal)
 
 
 @compiled
-def watch(what: int, normal: Triple, anchor: Triple, way: Way, h: float, load: Array) -> float:
-    """Return what is watched, h seconds along a way, over the plane with this unit normal through `anchor` (m)."""
-    p, v = follow(way, h, load)
+def watch(what: int, normal: Triple, anchor: Triple, path: ToolPath, h: float, load: Array) -> float:
+    """Return what is watched, h seconds along a path, over the plane with this unit normal through `anchor` (m)."""
+    p, v = follow(path, h, load)
     if what == HEIGHT:
         return dot(normal, _minus(p, anchor))
     if what == CLIMB:
         return dot(normal, v)
-    force = force_in_space(load, way.tau + h, p, v)
-    return float(dot(normal, plus(force, -dot(force, way.held), way.held)) / load[MASS])
+    # n.a = n.F / m, without the part of F that the contact takes
+    force = force_in_space(load, path.tau + h, p, v)
+    return float(dot(normal, plus(force, -dot(force, path.contact_normal), path.contact_normal)) / load[MASS])
 
 
 @compiled
 def root_between(
-    what: int, level: float, normal: Triple, anchor: Triple, way: Way, low: float, high: float, load: Array
+    what: int, level: float, normal: Triple, anchor: Triple, path: ToolPath, low: float, high: float, load: Array
 ) -> float:
     """Return the time (s) at which what is watched passes -level, to rounding: it does between `low` and `high`."""
-    a = watch(what, normal, anchor, way, low, load) + level
-    b = watch(what, normal, anchor, way, high, load) + level
+    a = watch(what, normal, anchor, path, low, load) + level
+    b = watch(what, normal, anchor, path, high, load) + level
     positive, side_kept = a > 0.0, 0
     for i in range(120):
         middle = guess_between(low, high, a, b, i)
         if not low < middle < high:
             break
-        f = watch(what, normal, anchor, way, middle, load) + level
+        f = watch(what, normal, anchor, path, middle, load) + level
         if f == 0.0:
             return middle
         # the Illinois rule: the value of an end that stays twice is halved
@@ -87,54 +89,58 @@ def root_between(
 
 
 @compiled
-def first_fall(normal: Triple, anchor: Triple, way: Way, begin: float, h: float, load: Array) -> float:
-    """Return when the way first falls through a plane, from `begin` to h (s); infinite if it does not.
+def first_fall(normal: Triple, anchor: Triple, path: ToolPath, begin: float, h: float, load: Array) -> float:
+    """Return when the path first falls through a plane, from `begin` to h (s); infinite if it does not.
 
-    A way that begins within the skin was on this plane: it falls where it leaves the skin, as its first crossing of the
-    plane is rounding.
+    A path that begins within the skin was on this plane: it falls where it leaves the skin, as its first crossing of
+    the plane is rounding.
     """
     # The acceleration changes its sign once at the most within a step, and so the climb on either side of that.
     bend = h
-    if watch(LIFT, normal, anchor, way, begin, load) * watch(LIFT, normal, anchor, way, h, load) < 0.0:
-        bend = root_between(LIFT, 0.0, normal, anchor, way, begin, h, load)
+    if watch(LIFT, normal, anchor, path, begin, load) * watch(LIFT, normal, anchor, path, h, load) < 0.0:
+        bend = root_between(LIFT, 0.0, normal, anchor, path, begin, h, load)
+    # where the climb changes its sign, before the bend and after it: there the height has an extremum
     first, second = begin, bend
-    if watch(CLIMB, normal, anchor, way, begin, load) * watch(CLIMB, normal, anchor, way, bend, load) < 0.0:
-        first = root_between(CLIMB, 0.0, normal, anchor, way, begin, bend, load)
+    if watch(CLIMB, normal, anchor, path, begin, load) * watch(CLIMB, normal, anchor, path, bend, load) < 0.0:
+        first = root_between(CLIMB, 0.0, normal, anchor, path, begin, bend, load)
     third = bend
-    if bend < h and watch(CLIMB, normal, anchor, way, bend, load) * watch(CLIMB, normal, anchor, way, h, load) < 0.0:
-        third = root_between(CLIMB, 0.0, normal, anchor, way, bend, h, load)
+    if bend < h and watch(CLIMB, normal, anchor, path, bend, load) * watch(CLIMB, normal, anchor, path, h, load) < 0.0:
+        third = root_between(CLIMB, 0.0, normal, anchor, path, bend, h, load)
     cuts = (begin, first, second, third, h)
-    height = watch(HEIGHT, normal, anchor, way, begin, load)
+    height = watch(HEIGHT, normal, anchor, path, begin, load)
     # between two cuts the height rises or falls
     for part in range(4):
         low, high = cuts[part], cuts[part + 1]
         if high <= low:
             continue
-        end_height = watch(HEIGHT, normal, anchor, way, high, load)
+        end_height = watch(HEIGHT, normal, anchor, path, high, load)
         if height >= -SKIN_DEPTH and end_height < -SKIN_DEPTH:
-            time = root_between(HEIGHT, SKIN_DEPTH, normal, anchor, way, low, high, load)
+            # height = -SKIN_DEPTH: it is surely inside
+            time = root_between(HEIGHT, SKIN_DEPTH, normal, anchor, path, low, high, load)
+            # it came from outside: back to where the height is zero
             if height > SKIN_DEPTH:
-                time = root_between(HEIGHT, 0.0, normal, anchor, way, low, time, load)
+                time = root_between(HEIGHT, 0.0, normal, anchor, path, low, time, load)
             return time
         height = end_height
     return math.inf
 
 
 @compiled
-def _box_of_way(way: Way, h: float, load: Array) -> tuple[Triple, Triple]:
-    """Return the least and largest corner (m) of a box that holds the way of a step of h seconds."""
-    p, v = follow(way, h, load)
-    # the path's control polygon (cubic; the spring's exponential differs from it by far less than the margin)
-    out, back = plus(way.p, h / 3.0, way.v), plus(p, -h / 3.0, v)
+def _box_of_path(path: ToolPath, h: float, load: Array) -> tuple[Triple, Triple]:
+    """Return the least and largest corner (m) of a box that holds the path of a step of h seconds."""
+    p, v = follow(path, h, load)
+    # the path's control polygon: p0, p0 + v0 h / 3, p1 - v1 h / 3, p1, in whose hull a cubic lies (the spring's
+    # exponential differs from it by far less than the margin)
+    out, back = plus(path.p, h / 3.0, path.v), plus(p, -h / 3.0, v)
     low = (
-        min(way.p[0], p[0], out[0], back[0]),
-        min(way.p[1], p[1], out[1], back[1]),
-        min(way.p[2], p[2], out[2], back[2]),
+        min(path.p[0], p[0], out[0], back[0]),
+        min(path.p[1], p[1], out[1], back[1]),
+        min(path.p[2], p[2], out[2], back[2]),
     )
     high = (
-        max(way.p[0], p[0], out[0], back[0]),
-        max(way.p[1], p[1], out[1], back[1]),
-        max(way.p[2], p[2], out[2], back[2]),
+        max(path.p[0], p[0], out[0], back[0]),
+        max(path.p[1], p[1], out[1], back[1]),
+        max(path.p[2], p[2], out[2], back[2]),
     )
     margin = 0.05 * (high[0] - low[0] + high[1] - low[1] + high[2] - low[2]) + SEAM_REACH
     return plus(low, -margin, (1.0, 1.0, 1.0)), plus(high, margin, (1.0, 1.0, 1.0))
@@ -150,6 +156,7 @@ def near_triangles(terrain: MeshTerrain, low: Triple, high: Triple, near: IntArr
     count, room = 0, math.inf
     i = 1
     while i > 0:
+        # the largest gap of the two boxes along an axis; negative where they overlap along all three
         gap = max(
             max(tree[i, 0] - high[0], low[0] - tree[i, 3]),
             max(tree[i, 1] - high[1], low[1] - tree[i, 4]),
@@ -162,6 +169,7 @@ def near_triangles(terrain: MeshTerrain, low: Triple, high: Triple, near: IntArr
             i *= 2
             continue
         else:
+            # leaf i - m: its run of triangles
             room = 0.0
             for k in range((i - m) * n // m, (i - m + 1) * n // m):
                 near[count] = k
@@ -191,6 +199,7 @@ def _lies_over(terrain: MeshTerrain, k: int, p: Triple) -> bool:
         if terrain.turns[k, i] > 0.0 or inside < -SEAM_REACH:
             return False
         b = position_of(terrain.vertices, terrain.faces[k, CORNER + (i + 1) % 3])
+        # past a: e.(p - a) < 0; past b: e.(p - b) > 0
         for corner, past in ((i, -dot(e, _minus(p, a))), ((i + 1) % 3, dot(e, _minus(p, b)))):
             if past > 0.0 and turns_at_corner(terrain, k, corner)[1] > 0.0:
                 return False
@@ -199,32 +208,33 @@ def _lies_over(terrain: MeshTerrain, k: int, p: Triple) -> bool:
 
 @compiled
 def first_face(
-    terrain: MeshTerrain, way: Way, h: float, load: Array, free: Array, near: IntArray
+    terrain: MeshTerrain, path: ToolPath, h: float, load: Array, free: Array, near: IntArray
 ) -> tuple[float, int, Triple]:
     """Return when a flight of h seconds first enters the solid, through which triangle, and where (m).
 
     The time is infinite if it stays outside. `free` (6,), m, is a box known to hold no triangle: it spares the search,
     and is renewed here. `near` (t,) is room for the triangles that come near.
     """
-    low, high = _box_of_way(way, h, load)
+    low, high = _box_of_path(path, h, load)
     if (
         low[0] > free[0] and low[1] > free[1] and low[2] > free[2]
         and high[0] < free[3] and high[1] < free[4] and high[2] < free[5]
     ):  # fmt: skip
-        return math.inf, -1, way.p
+        return math.inf, -1, path.p
     count, room = near_triangles(terrain, low, high, near)
+    # the box grows by the room around it; with triangles near it becomes empty, so that no later step is in it
     for axis in range(3):
         free[axis] = low[axis] - (room if count == 0 else -math.inf)
         free[3 + axis] = high[axis] + (room if count == 0 else -math.inf)
-    first, best, place = math.inf, -1, way.p
-    end, end_velocity = follow(way, h, load)
-    out, back = plus(way.p, h / 3.0, way.v), plus(end, -h / 3.0, end_velocity)
+    first, best, place = math.inf, -1, path.p
+    end, end_velocity = follow(path, h, load)
+    out, back = plus(path.p, h / 3.0, path.v), plus(end, -h / 3.0, end_velocity)
     for row in range(count):
         k = near[row]
         normal = normal_of(terrain.faces, k)
         anchor = (terrain.anchors[k, 0], terrain.anchors[k, 1], terrain.anchors[k, 2])
         heights = (
-            dot(normal, _minus(way.p, anchor)),
+            dot(normal, _minus(path.p, anchor)),
             dot(normal, _minus(out, anchor)),
             dot(normal, _minus(back, anchor)),
             dot(normal, _minus(end, anchor)),
@@ -233,44 +243,46 @@ def first_face(
         spread = 0.05 * (max(heights) - min(heights))
         if min(heights) > spread + SKIN_DEPTH or max(heights) < -spread - SKIN_DEPTH:
             continue
-        time = first_fall(normal, anchor, way, 0.0, h, load)
+        time = first_fall(normal, anchor, path, 0.0, h, load)
         while time < first:
-            p, _ = follow(way, time, load)
+            p, _ = follow(path, time, load)
             if _lies_over(terrain, k, p):
                 first, best, place = time, k, p
                 break
             # beside the triangle: it may rise and fall again
-            time = first_fall(normal, anchor, way, time + FALL_GAP * h, h, load)
+            time = first_fall(normal, anchor, path, time + FALL_GAP * h, h, load)
     return first, best, place
 
 
 @compiled
 def first_edge(
-    terrain: MeshTerrain, k: int, way: Way, h: float, load: Array, near: IntArray
+    terrain: MeshTerrain, k: int, path: ToolPath, h: float, load: Array, near: IntArray
 ) -> tuple[float, int, Triple]:
     """Return when a slide of h seconds on the flat face of triangle k first passes an edge of that face.
 
     With the time, infinite if it stays on the face, come the triangle of the face that has the edge, and where (m).
     `near` (t,) is room for the triangles that come near.
     """
-    low, high = _box_of_way(way, h, load)
+    low, high = _box_of_path(path, h, load)
     count, _ = near_triangles(terrain, low, high, near)
-    first, best, place = math.inf, -1, way.p
-    end, end_velocity = follow(way, h, load)
-    out, back = plus(way.p, h / 3.0, way.v), plus(end, -h / 3.0, end_velocity)
+    first, best, place = math.inf, -1, path.p
+    end, end_velocity = follow(path, h, load)
+    out, back = plus(path.p, h / 3.0, path.v), plus(end, -h / 3.0, end_velocity)
     for row in range(count):
         j = near[row]
         if terrain.facets[j] != terrain.facets[k]:
             continue
         for i in range(3):
+            # an edge inside of the face is none
             if terrain.turns[j, i] == 0.0:
                 continue
             e = edge_direction(terrain.faces, terrain.vertices, j, i)
-            inward = _cross(way.held, e)
+            # n x e points into the triangle: to pass the edge is to fall through the plane with that normal
+            inward = _cross(path.contact_normal, e)
             a = position_of(terrain.vertices, terrain.faces[j, CORNER + i])
             b = position_of(terrain.vertices, terrain.faces[j, CORNER + (i + 1) % 3])
             heights = (
-                dot(inward, _minus(way.p, a)),
+                dot(inward, _minus(path.p, a)),
                 dot(inward, _minus(out, a)),
                 dot(inward, _minus(back, a)),
                 dot(inward, _minus(end, a)),
@@ -278,12 +290,12 @@ def first_edge(
             spread = 0.05 * (max(heights) - min(heights))
             if min(heights) > spread + SKIN_DEPTH or max(heights) < -spread - SKIN_DEPTH:
                 continue
-            time = first_fall(inward, a, way, 0.0, h, load)
+            time = first_fall(inward, a, path, 0.0, h, load)
             while time < first:
-                p, _ = follow(way, time, load)
+                p, _ = follow(path, time, load)
                 # past this edge, and not past its ends, where others meet
                 if dot(_minus(p, a), e) >= -CONTACT_HOP and dot(_minus(p, b), e) <= CONTACT_HOP:
                     first, best, place = time, j, p
                     break
-                time = first_fall(inward, a, way, time + FALL_GAP * h, h, load)
+                time = first_fall(inward, a, path, time + FALL_GAP * h, h, load)
     return first, best, place
