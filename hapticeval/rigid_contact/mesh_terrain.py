@@ -82,6 +82,7 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
             _minus(position_of(vertices, faces[k, CORNER + 1]), a),
             _minus(position_of(vertices, faces[k, CORNER + 2]), a),
         )
+        # four squares of the area: only their order matters
         areas[k] = dot(aside, aside)
     facets, anchors, turns = np.full(n, -1), np.empty((n, 3)), np.zeros((n, 3))
     queue, count = np.empty(n, np.int64), 0
@@ -91,6 +92,7 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
             continue
         normal, anchor = normal_of(faces, seed), position_of(vertices, faces[seed, CORNER])
         queue[0], facets[seed] = seed, count
+        # breadth first over the neighbours: queue[:done] has been looked at, queue[done:end] waits
         done, end = 0, 1
         while done < end:
             k = queue[done]
@@ -99,8 +101,10 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
             put_triple(anchors[k], 0, anchor)
             for i in range(3):
                 j = int(faces[k, ACROSS + i])
+                # taken already, or turned by a right angle or more
                 if facets[j] >= 0 or dot(normal_of(faces, j), normal) <= 0.0:
                     continue
+                # the farthest corner from the seed's plane, |n.(q - anchor)|
                 off = 0.0
                 for corner in range(3):
                     q = _minus(position_of(vertices, faces[j, CORNER + corner]), anchor)
@@ -151,6 +155,7 @@ def feature_at(terrain: MeshTerrain, k: int, p: Triple, reach: float, convex_rea
         apex = position_of(vertices, faces[k, CORNER + i])
         off, (lowest, highest) = _minus(p, apex), turns_at_corner(terrain, k, i)
         corner_reach = reach if lowest < 0.0 else convex_reach
+        # both are zero at a corner inside of a flat face
         if lowest < highest and dot(off, off) <= corner_reach * corner_reach:
             return VERTEX + i, apex
     for i in range(3):
@@ -167,10 +172,11 @@ def feature_at(terrain: MeshTerrain, k: int, p: Triple, reach: float, convex_rea
 def turns_at_corner(terrain: MeshTerrain, k: int, i: int) -> tuple[float, float]:
     """Return the least and the largest turn of the edges at corner i of triangle k, and of zero: both 0 in a face."""
     lowest, highest = 0.0, 0.0
-    j, h = k, i
+    # once round the corner, over all triangles that meet there
+    j, corner = k, i
     while True:
-        lowest, highest = min(lowest, terrain.turns[j, h]), max(highest, terrain.turns[j, h])
-        j, h = next_in_fan(terrain, j, h)
+        lowest, highest = min(lowest, terrain.turns[j, corner]), max(highest, terrain.turns[j, corner])
+        j, corner = next_in_fan(terrain, j, corner)
         if j == k:
             return lowest, highest
 
@@ -193,18 +199,20 @@ def nearest_around(terrain: MeshTerrain, k: int, feature: int, d: Triple) -> tup
     i = feature - EDGE
     j = int(terrain.faces[k, ACROSS + i])
     e, p = edge_direction(terrain.faces, terrain.vertices, k, i), normal_of(terrain.faces, j)
-    on_edge, beyond = _scaled(dot(d, e), e), dot(p, d)
+    # d = (d.e) e + what lies in the wedge's section; its heights over the two faces
+    on_edge, height_across = _scaled(dot(d, e), e), dot(p, d)
     # directions from the edge into either face: where d has a part along one, its foot may lie there
-    least, best, foot = math.inf, k, on_edge
+    best_height, best, foot = math.inf, k, on_edge
     if dot(_cross(n, e), d) > 0.0:
-        least, foot = height, plus(d, -height, n)
-    if dot(_cross(e, p), d) > 0.0 and abs(beyond) < abs(least):
-        least, best, foot = beyond, j, plus(d, -beyond, p)
+        best_height, foot = height, plus(d, -height, n)
+    if dot(_cross(e, p), d) > 0.0 and abs(height_across) < abs(best_height):
+        best_height, best, foot = height_across, j, plus(d, -height_across, p)
+    # neither face has a foot, or to rounding it is that on the edge
     aside, apart = _minus(d, on_edge), _minus(foot, on_edge)
     if math.sqrt(dot(apart, apart)) <= ALIGNED_SHARE * math.sqrt(dot(d, d)):
         # the side by the mean of both normals
         return math.copysign(math.sqrt(dot(aside, aside)), dot(plus(n, 1.0, p), aside)), k, feature, on_edge
-    return least, best, FACE, foot
+    return best_height, best, FACE, foot
 
 
 @compiled
@@ -213,8 +221,8 @@ def _nearest_in_fan(terrain: MeshTerrain, k: int, i: int, d: Triple) -> tuple[fl
     faces, vertices = terrain.faces, terrain.vertices
     row, rounding = int(faces[k, CORNER + i]), ALIGNED_SHARE * math.sqrt(dot(d, d))
     apex = position_of(vertices, row)
-    least, best, foot = math.inf, -1, (0.0, 0.0, 0.0)
-    least_off, best_edge, edge_corner, on_edge, edge_side = math.inf, -1, 0, (0.0, 0.0, 0.0), 1.0
+    best_height, best, foot = math.inf, -1, (0.0, 0.0, 0.0)
+    best_edge_square, best_edge, edge_corner, on_edge, edge_side = math.inf, -1, 0, (0.0, 0.0, 0.0), 1.0
     j, h = k, i
     while True:
         n, after, corner_after = normal_of(faces, j), *next_in_fan(terrain, j, h)
@@ -222,24 +230,26 @@ def _nearest_in_fan(terrain: MeshTerrain, k: int, i: int, d: Triple) -> tuple[fl
         q = _minus(position_of(vertices, faces[j, CORNER + (h + 2) % 3]), apex)
         height = dot(n, d)
         # d projects into this triangle: p and q bound it at the apex
-        if abs(height) < abs(least) and dot(_cross(n, p), d) >= 0.0 and dot(_cross(q, n), d) >= 0.0:
-            least, best, foot = height, j, plus(d, -height, n)
+        if abs(height) < abs(best_height) and dot(_cross(n, p), d) >= 0.0 and dot(_cross(q, n), d) >= 0.0:
+            best_height, best, foot = height, j, plus(d, -height, n)
         along = dot(p, d)
         # the edge p, unless it lies inside of a flat face
         if along > 0.0 and terrain.turns[j, h] != 0.0:
+            # (d.p / p.p) p, the foot of d on that edge
             part = _scaled(along / dot(p, p), p)
             aside = _minus(d, part)
-            if dot(aside, aside) < least_off:
-                least_off, best_edge, edge_corner, on_edge = dot(aside, aside), j, h, part
+            if dot(aside, aside) < best_edge_square:
+                best_edge_square, best_edge, edge_corner, on_edge = dot(aside, aside), j, h, part
                 edge_side = dot(plus(n, 1.0, normal_of(faces, after)), aside)
         j, h = after, corner_after
         if j == k:
             break
+    # the edge, where no face has a foot, none as close, or to rounding the same one
     if best_edge >= 0:
         apart = _minus(foot, on_edge)
-        if best < 0 or least_off < least * least or dot(apart, apart) <= rounding * rounding:
-            least, best, h, foot = (
-                math.copysign(math.sqrt(least_off), edge_side),
+        if best < 0 or best_edge_square < best_height * best_height or dot(apart, apart) <= rounding * rounding:
+            best_height, best, h, foot = (
+                math.copysign(math.sqrt(best_edge_square), edge_side),
                 best_edge,
                 EDGE + edge_corner,
                 on_edge,
@@ -248,10 +258,11 @@ def _nearest_in_fan(terrain: MeshTerrain, k: int, i: int, d: Triple) -> tuple[fl
             h = FACE
     else:
         h = FACE
+    # neither face nor edge has a foot, or to rounding it is the corner
     if best < 0 or dot(foot, foot) <= rounding * rounding:
         mean = (vertices[row, PSEUDO], vertices[row, PSEUDO + 1], vertices[row, PSEUDO + 2])
         return math.copysign(math.sqrt(dot(d, d)), dot(mean, d)), k, VERTEX + i, (0.0, 0.0, 0.0)
-    return least, best, h, foot
+    return best_height, best, h, foot
 
 
 @compiled
@@ -260,17 +271,17 @@ def most_opposed_normal(terrain: MeshTerrain, k: int, feature: int, v: Triple) -
     best = normal_of(terrain.faces, k)
     if feature == FACE:
         return best
-    least = dot(best, v)
+    best_speed = dot(best, v)
     i = (feature - EDGE) if feature < VERTEX else (feature - VERTEX)
-    j, h = next_in_fan(terrain, k, i)
+    j, corner = next_in_fan(terrain, k, i)
     # over an edge there is one other face, around a corner all of the fan
     while j != k:
         n = normal_of(terrain.faces, j)
-        if dot(n, v) < least:
-            least, best = dot(n, v), n
+        if dot(n, v) < best_speed:
+            best_speed, best = dot(n, v), n
         if feature < VERTEX:
             break
-        j, h = next_in_fan(terrain, j, h)
+        j, corner = next_in_fan(terrain, j, corner)
     return best
 
 
@@ -286,9 +297,10 @@ def pull_into(terrain: MeshTerrain, k: int, feature: int, force: Triple) -> floa
         e, j = edge_direction(faces, vertices, k, i), int(faces[k, ACROSS + i])
         # square to the edge, up either face
         return -max(dot(_cross(normal_of(faces, k), e), force), dot(_cross(e, normal_of(faces, j)), force))
-    least, j, h = math.inf, k, feature - VERTEX
+    weakest_pull, j, corner = math.inf, k, feature - VERTEX
     while True:
-        least = min(least, -dot(edge_direction(faces, vertices, j, h), force))
-        j, h = next_in_fan(terrain, j, h)
+        # -e.F: what pulls back from moving out along that edge
+        weakest_pull = min(weakest_pull, -dot(edge_direction(faces, vertices, j, corner), force))
+        j, corner = next_in_fan(terrain, j, corner)
         if j == k:
-            return least
+            return weakest_pull
