@@ -38,6 +38,7 @@ class MeshGround:
 
     def in_flight(self, point: Array, velocity: Array) -> Array:
         """Answer `Ground.in_flight` for a point (3,), m, and a velocity (3,), m/s."""
+        # its triangle and feature are those of its first hit: none is read before
         state = np.zeros(STATE_SIZE)
         state[MODE] = FLIGHT
         state[POSITION : POSITION + 3], state[VELOCITY : VELOCITY + 3] = point, velocity
@@ -45,6 +46,7 @@ class MeshGround:
 
     def on_boundary(self, point: Array, velocity: Array) -> Array:
         """Answer `Ground.on_boundary` for a point (3,), m, and a velocity (3,), m/s."""
+        # the search begins at the first triangle, as well as at any
         k, _, foot = closest_feature(*self._mesh.tables, (float(point[0]), float(point[1]), float(point[2])), 0)
         # beside an edge or a corner it starts there, so that these are seen
         feature, place = feature_at(self._terrain, k, foot, ON_BOUNDARY, ON_BOUNDARY)
@@ -60,6 +62,7 @@ class MeshGround:
         Raises `RefusalError`, with time and place, where rounding does not let the contact decide.
         """
         out, log, count, undecided = carry_on_mesh(start, self._terrain, stretches, gains, rows, limit)
+        # time (s) and place (m), (4,), or empty
         if undecided.size:
             time, *place = undecided.tolist()
             raise RefusalError(

@@ -221,48 +221,40 @@ def _nearest_in_fan(terrain: MeshTerrain, k: int, i: int, d: Triple) -> tuple[fl
     faces, vertices = terrain.faces, terrain.vertices
     row, rounding = int(faces[k, CORNER + i]), ALIGNED_SHARE * math.sqrt(dot(d, d))
     apex = position_of(vertices, row)
-    best_height, best, foot = math.inf, -1, (0.0, 0.0, 0.0)
+    best_height, best, best_feature, foot = math.inf, -1, FACE, (0.0, 0.0, 0.0)
     best_edge_square, best_edge, edge_corner, on_edge, edge_side = math.inf, -1, 0, (0.0, 0.0, 0.0), 1.0
-    j, h = k, i
+    j, corner = k, i
     while True:
-        n, after, corner_after = normal_of(faces, j), *next_in_fan(terrain, j, h)
-        p = _minus(position_of(vertices, faces[j, CORNER + (h + 1) % 3]), apex)
-        q = _minus(position_of(vertices, faces[j, CORNER + (h + 2) % 3]), apex)
+        n, after, corner_after = normal_of(faces, j), *next_in_fan(terrain, j, corner)
+        p = _minus(position_of(vertices, faces[j, CORNER + (corner + 1) % 3]), apex)
+        q = _minus(position_of(vertices, faces[j, CORNER + (corner + 2) % 3]), apex)
         height = dot(n, d)
         # d projects into this triangle: p and q bound it at the apex
         if abs(height) < abs(best_height) and dot(_cross(n, p), d) >= 0.0 and dot(_cross(q, n), d) >= 0.0:
             best_height, best, foot = height, j, plus(d, -height, n)
         along = dot(p, d)
         # the edge p, unless it lies inside of a flat face
-        if along > 0.0 and terrain.turns[j, h] != 0.0:
+        if along > 0.0 and terrain.turns[j, corner] != 0.0:
             # (d.p / p.p) p, the foot of d on that edge
             part = _scaled(along / dot(p, p), p)
             aside = _minus(d, part)
             if dot(aside, aside) < best_edge_square:
-                best_edge_square, best_edge, edge_corner, on_edge = dot(aside, aside), j, h, part
+                best_edge_square, best_edge, edge_corner, on_edge = dot(aside, aside), j, corner, part
                 edge_side = dot(plus(n, 1.0, normal_of(faces, after)), aside)
-        j, h = after, corner_after
+        j, corner = after, corner_after
         if j == k:
             break
     # the edge, where no face has a foot, none as close, or to rounding the same one
     if best_edge >= 0:
         apart = _minus(foot, on_edge)
         if best < 0 or best_edge_square < best_height * best_height or dot(apart, apart) <= rounding * rounding:
-            best_height, best, h, foot = (
-                math.copysign(math.sqrt(best_edge_square), edge_side),
-                best_edge,
-                EDGE + edge_corner,
-                on_edge,
-            )
-        else:
-            h = FACE
-    else:
-        h = FACE
+            best_height = math.copysign(math.sqrt(best_edge_square), edge_side)
+            best, best_feature, foot = best_edge, EDGE + edge_corner, on_edge
     # neither face nor edge has a foot, or to rounding it is the corner
     if best < 0 or dot(foot, foot) <= rounding * rounding:
         mean = (vertices[row, PSEUDO], vertices[row, PSEUDO + 1], vertices[row, PSEUDO + 2])
         return math.copysign(math.sqrt(dot(d, d)), dot(mean, d)), k, VERTEX + i, (0.0, 0.0, 0.0)
-    return best_height, best, h, foot
+    return best_height, best, best_feature, foot
 
 
 @compiled
