@@ -316,14 +316,14 @@ def advance_flight(tool: Tool, reals: Array, sharpest: float, tau: float, time_l
         place, velocity = fly_in_space(p, v, tau, h, load)
         change = plus(velocity, -1.0, v)
         # no longer than at the faster end's speed, and what that may have been exceeded by
-        way = h * (math.sqrt(max(dot(v, v), dot(velocity, velocity))) + math.sqrt(dot(change, change)))
+        length_bound = h * (math.sqrt(max(dot(v, v), dot(velocity, velocity))) + math.sqrt(dot(change, change)))
         # clear of the surface: it would have to come down from both ends
-        if height + closest_on_surface(reals, place)[2] > way:
+        if height + closest_on_surface(reals, place)[2] > length_bound:
             break
-        if way * sharpest <= FLIGHT_ANGLE:
+        if length_bound * sharpest <= FLIGHT_ANGLE:
             hit = first_hit(reals, (p, v, tau), h, load)
             break
-        h *= max(0.5 * FLIGHT_ANGLE / (way * sharpest), 0.1)
+        h *= max(0.5 * FLIGHT_ANGLE / (length_bound * sharpest), 0.1)
     if hit <= h:
         h = hit
         place, velocity = fly_in_space(p, v, tau, h, load)
