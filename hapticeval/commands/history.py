@@ -59,17 +59,19 @@ def history(
             raise UnknownNameError("renderer of these runs", name, known)
     histories = histories_of(runs, renderers or ())
     written = write_history(output, histories)
-    say(paragraphs(*(lines(_words_of(history_of_one)) for history_of_one in histories), wrote_lines([written])))
+    say(paragraphs(*(lines(_words_of(renderer_history)) for renderer_history in histories), wrote_lines([written])))
 
 
-def _words_of(shown: History) -> Iterator[str]:
+def _words_of(renderer_history: History) -> Iterator[str]:
     """Yield what is told of a renderer: over what, what is red, and since when."""
-    red = [check for check in shown.checks if check.is_red]
+    red = [check for check in renderer_history.checks if check.is_red]
     state = (
-        f"{plural(len(red), 'check')} red, the first from {shown.first_red.words}" if shown.first_red else "all green"
+        f"{plural(len(red), 'check')} red, the first from {renderer_history.first_red.words}"
+        if renderer_history.first_red
+        else "all green"
     )
-    yield f"{shown.renderer}: {plural(len(shown.editions), 'run')}; now {state}"
-    for check in shown.checks:
+    yield f"{renderer_history.renderer}: {plural(len(renderer_history.editions), 'run')}; now {state}"
+    for check in renderer_history.checks:
         if check.words:
             yield f"  {check.check}: {check.words}"
             if check.is_red and check.first_red is not None:
