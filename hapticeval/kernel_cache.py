@@ -66,7 +66,7 @@ def digest_of(module: str) -> str:
     numbers that they import, which numba takes as constants.
     """
     digest = hashlib.sha256()
-    seen, to_do = {module}, [module]
+    included, to_do = {module}, [module]
     while to_do:
         name = to_do.pop()
         source = _source(name)
@@ -76,9 +76,9 @@ def digest_of(module: str) -> str:
                 value = getattr(sys.modules.get(name), imported, None)
                 if isinstance(value, bool | int | float | str | tuple | np.ndarray):
                     digest.update(f"{imported} = {value!r}\n".encode())
-            modules = {package, *(f"{package}.{imported}" for imported in re.findall(r"\w+", names))} - seen
+            modules = {package, *(f"{package}.{imported}" for imported in re.findall(r"\w+", names))} - included
             with_kernels = sorted(other for other in modules if "compiled" in _source(other))
-            seen.update(with_kernels)
+            included.update(with_kernels)
             to_do.extend(with_kernels)
     return digest.hexdigest()[:16]
 
