@@ -303,8 +303,8 @@ def _latex_columns(sheet: Sheet, line: float) -> tuple[str, str]:
     columns = _columns_of(sheet)
     longest = [max(map(len, column)) for column in columns]
     # All cells fit on a line each: as large as they may be.
-    for size, most in LINE_CHARACTERS.items():
-        if sum(longest) + COLUMN_GAP * len(columns) <= line * most:
+    for size, line_capacity in LINE_CHARACTERS.items():
+        if sum(longest) + COLUMN_GAP * len(columns) <= line * line_capacity:
             return "l" * len(columns), size
     words = [_longest_word(column) + COLUMN_GAP for column in columns]
     small = [size for size in LINE_CHARACTERS if size and sum(words) <= line * LINE_CHARACTERS[size]]

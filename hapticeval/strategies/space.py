@@ -78,11 +78,14 @@ def _nut(draw: st.DrawFn) -> Model:
     # Four rings of corners, one after the other round the nut's section: outside up, inside down.
     rings = ((radius, -half), (radius, half), (bore, half), (bore, -half))
     corners = np.concatenate([r * circle + [0.0, 0.0, z] for r, z in rings])
-    number, following = np.arange(4 * sides), (np.arange(4 * sides) + 1) % sides + np.arange(4 * sides) // sides * sides
+    number, next_on_ring = (
+        np.arange(4 * sides),
+        (np.arange(4 * sides) + 1) % sides + np.arange(4 * sides) // sides * sides,
+    )
     # A quadrilateral between two rings is two triangles.
-    above, following_above = (number + sides) % (4 * sides), (following + sides) % (4 * sides)
+    above, next_above = (number + sides) % (4 * sides), (next_on_ring + sides) % (4 * sides)
     rows = np.concatenate(
-        [np.column_stack([number, following, following_above]), np.column_stack([number, following_above, above])]
+        [np.column_stack([number, next_on_ring, next_above]), np.column_stack([number, next_above, above])]
     )
     return catalogue.mesh(np.round(corners, 6).tolist(), rows.tolist())
 

@@ -126,8 +126,8 @@ class WorstHand(NamedTuple):
     def limit(self, joint_friction: float) -> float:
         """Return the stiffness (N/m) above which one of the hands is given energy, with that friction (N m, or N)."""
         gained = self.gains > 0.0
-        taken = self.losses.friction * joint_friction + self.losses.damping * self.strokes / self.dt
-        return float(np.min(2.0 * taken[gained] / self.gains[gained]))
+        resistance = self.losses.friction * joint_friction + self.losses.damping * self.strokes / self.dt
+        return float(np.min(2.0 * resistance[gained] / self.gains[gained]))
 
 
 def try_hands(factory: RendererFactory, scene: Scene, place: Place, encoder_step: float, losses: Losses) -> WorstHand:
