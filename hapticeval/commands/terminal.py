@@ -173,7 +173,7 @@ class Terminal:
             self.line(f"[{done}/{total}{unit}] {what}")
 
     def waiting(self, what: str, seconds: float, limit: float) -> None:
-        """Take what is waited for since how many of `most` seconds: a bar on a terminal, else a line now and then."""
+        """Take what is waited for since how many of `limit` seconds: a bar on a terminal, else a line now and then."""
         if self._stream.isatty():
             self._advance(int(seconds), int(limit), what)
         elif seconds < self._reminded:  # another wait
