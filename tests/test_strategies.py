@@ -168,7 +168,7 @@ def test_there_is_no_lap_without_a_closed_outline(kind):
 
 @pytest.mark.parametrize("part", PARTS)
 def test_a_part_can_be_asked_for_alone(part):
-    found = examples(hand_paths(MODEL["cube" if part == "vertex" else "star"], parts=[part], most=1), 10)
+    found = examples(hand_paths(MODEL["cube" if part == "vertex" else "star"], parts=[part], most_parts=1), 10)
     assert all(moves.length > 0.0 for moves in found)
 
 
@@ -196,7 +196,7 @@ def test_meshes_of_each_kind_are_sound_print_as_what_makes_them_and_can_be_touch
         assert model.boundary.signed_distance(model.boundary.points(50)) == pytest.approx(np.zeros(50), abs=1e-12)
     model = drawn[-1]
     assert eval(repr(model), NAMES).table == model.table
-    (moves,) = examples(hand_paths(model, most=1), 1)
+    (moves,) = examples(hand_paths(model, most_parts=1), 1)
     assert len(moves.start) == 3
     assert eval(repr(moves), NAMES) == moves
 
@@ -293,8 +293,8 @@ def test_the_examples_of_a_seed_are_the_same_whatever_is_loaded(tmp_path):
         lambda: hand_paths("star"),
         lambda: hand_paths(MODEL["star"], parts="slide"),
         lambda: hand_paths(MODEL["star"], parts=[]),
-        lambda: hand_paths(MODEL["star"], most=0),
-        lambda: hand_paths(MODEL["star"], most=True),
+        lambda: hand_paths(MODEL["star"], most_parts=0),
+        lambda: hand_paths(MODEL["star"], most_parts=True),
         lambda: hand_paths(MODEL["cassinian"], parts=["corner"]),
         lambda: pushes(None),
         lambda: plane_models(kinds=[]),

@@ -28,9 +28,9 @@ PACES = (1.0, 1.0, 1.5, 3.0)
 
 
 def hand_paths(
-    model: Model, *, parts: Sequence[str] = PARTS, most: int = 3, tremor: bool = False
+    model: Model, *, parts: Sequence[str] = PARTS, most_parts: int = 3, tremor: bool = False
 ) -> st.SearchStrategy[Moves]:
-    """Draw paths of a hand on `model`: an approach through free space, a contact, up to `most` parts, a last release.
+    """Draw paths of a hand on `model`: an approach through free space, a contact, several parts, a last release.
 
     A path is a list of moves from rest to rest as a hand makes them (`hapticeval.stimulus.moves`): 99.9 % of the power
     of the acceleration below 10 Hz, at most 1 m/s and 10 m/s^2, or up to three times slower. With `tremor` some paths
@@ -47,8 +47,8 @@ def hand_paths(
     - `focal-point`: to the centre of curvature of a convex place, near it or through it;
     - `through`: straight to another place of the surface, through the model or past it.
 
-    `most` is from 1 to 12. Raises `InputError` for another number and for what is no model, and `UnknownNameError` for
-    an unknown part.
+    A path has up to `most_parts` of them, which is from 1 to 12. Raises `InputError` for another number and for what is
+    no model, and `UnknownNameError` for an unknown part.
     """
     check_model(model)
     if isinstance(parts, str) or not parts:
@@ -56,15 +56,15 @@ def hand_paths(
     for part in parts:
         if part not in PARTS:
             raise UnknownNameError("part of a hand path", str(part), PARTS)
-    if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= MOST_PARTS:
-        raise InputError(f"most = {most!r}", why=f"it is a whole number of parts, from 1 to {MOST_PARTS}")
+    if isinstance(most_parts, bool) or not isinstance(most_parts, int) or not 1 <= most_parts <= MOST_PARTS:
+        raise InputError(f"most_parts = {most_parts!r}", why=f"it is a whole number of parts, from 1 to {MOST_PARTS}")
     targets = {"corner": edges(model), "vertex": vertices(model)}
     possible = tuple(part for part in PARTS if part in parts and targets.get(part, True))
     if not possible:
         raise InputError(
             f"a path past a {' or a '.join(parts)} of model '{model.name}'", why="it has none", todo="add a part"
         )
-    return _hand_paths(model, possible, most, bool(tremor))
+    return _hand_paths(model, possible, most_parts, bool(tremor))
 
 
 class Hand:

@@ -44,7 +44,7 @@ def _path(table: Generated, surface: Boundary) -> Path:
     # Strategies draw on models, and read nothing of one but its boundary.
     model = Model(surface.name, {}, surface)
     drawn = strategies.hand_paths(
-        model, parts=table.parts or strategies.PARTS, most=table.most, tremor=table.strategy == "hand-with-tremor"
+        model, parts=table.parts or strategies.PARTS, most_parts=table.most, tremor=table.strategy == "hand-with-tremor"
     )
     paths = strategies.examples(drawn, table.examples, seed=table.seed)
     moves = list(paths[0].moves)

@@ -31,7 +31,7 @@ def test_a_seed_always_gives_the_same_path_and_another_another(kind):
 
 
 def test_it_leads_through_every_example_from_start_to_end():
-    drawn = examples(hand_paths(make_model("star"), parts=["slide", "graze"], most=2), 4, seed=3)
+    drawn = examples(hand_paths(make_model("star"), parts=["slide", "graze"], most_parts=2), 4, seed=3)
     points = path(examples=4, parts=["slide", "graze"], most=2).points
     for moves in drawn:
         for end in (moves.start, moves.moves[-1].to):
