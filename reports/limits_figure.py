@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,9 +15,13 @@ from hapticeval.reports.paper import PaperFigure, paper_page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SAMPLING_TIME_COLOURS = ("#56b4e9", "#0072b2", "#1c1f23", "#d55e00")
 """One colour per sampling time, from the shortest."""
+
+GIL, ABBOTT = "(b + B) / (T / 2 + d), Gil 2009", "min(2b/T, 2f_c/Δ), Abbott 2005"
+"""Closed forms in print, as legends have them; `_explain_letters` says what their letters are."""
 
 
 def paper_limits(
@@ -32,6 +37,7 @@ def paper_limits(
         for axes, draw in zip(fig.subplots(len(panels), 1, squeeze=False)[:, 0], panels, strict=True):
             draw(axes, document)
             axes.legend(loc="upper right" if draw is _draw_workspace else "best", handlelength=1.6, labelspacing=0.3)
+        _explain_letters(fig)
         return fig
 
 
@@ -58,9 +64,28 @@ def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:
         for axes, draw in zip(fig.subplots(rows, columns, squeeze=False).flat, panels, strict=True):
             draw(axes, document)
             axes.legend(fontsize=8, loc="upper right" if draw is _draw_workspace else "best")
+        _explain_letters(fig)
         title = f"Stable stiffness: {document['scene']}, {document['renderer']} on {document['device']}"
         fig.suptitle(title, fontsize=11, color=INK)
         return save_figure(fig, directory, file_stem(f"limits-{case}-{document['device']}"), document=document)
+
+
+def _explain_letters(fig: Figure) -> None:
+    """Say in small text under the panels what the letters of the closed forms in their legends are."""
+    labels = {text.get_text() for axes in fig.axes if axes.legend_ for text in axes.legend_.get_texts()}
+    meanings = []
+    if GIL in labels:
+        meanings += ["b: damping of the robot along the normal, B: of the renderer", "T: sampling time", "d: delay"]
+    elif ABBOTT in labels:
+        meanings += ["b: damping of the robot along the normal", "T: sampling time"]
+    if ABBOTT in labels:
+        meanings.append("f_c: Coulomb friction, Δ: a count of the encoders, both at the hand")
+    if meanings:
+        from matplotlib import rcParams
+
+        # Letters are about half as wide as high: with a fifth more no line is longer than the figure.
+        line_capacity = int(72.0 * fig.get_figwidth() / (0.6 * rcParams["font.size"]))
+        fig.supxlabel(textwrap.fill("; ".join(meanings), line_capacity), fontsize=rcParams["font.size"], color=QUIET)
 
 
 def _draw_z_width(axes: Axes, document: Mapping[str, Any]) -> None:
@@ -96,7 +121,7 @@ def _draw_delay(axes: Axes, document: Mapping[str, Any]) -> None:
         axes.plot(delay, _thousands(curve["passive"]), label="passive", clip_on=False, **style)
     if curve["closed_form"] is not None:
         line = _thousands(curve["closed_form"])
-        axes.plot(delay, line, color=INK, linestyle=":", linewidth=1.5, label="(b + B) / (T / 2 + d), Gil 2009")
+        axes.plot(delay, line, color=INK, linestyle=":", linewidth=1.5, label=GIL)
     # None stands for no limit: any stiffness is stable.
     if not any(value is None or value > 0.0 for value in curve["eigenvalues"]):
         axes.text(0.5, 0.5, "no stiffness is stable at any delay", transform=axes.transAxes, ha="center")
@@ -113,7 +138,7 @@ def _draw_friction(axes: Axes, document: Mapping[str, Any]) -> None:
     # Straight between its values, one of which is the corner: drawn finely, for the axis is none of equal steps.
     fine = np.linspace(0.0, friction[-1], 500)
     line = np.interp(fine, friction, _thousands(curve["closed_form"]))
-    axes.plot(fine, line, color=INK, label="min(2b/T, 2f_c/Δ), Abbott 2005")
+    axes.plot(fine, line, color=INK, label=ABBOTT)
     points: dict[str, Any] = {"linestyle": "none", "clip_on": False}
     axes.plot(friction, _thousands(curve["worst_hand"]), "o", **points, label="passive with the worst hand tried")
     axes.plot(friction, _thousands(curve["let_go"]), "^", **points, label="comes to rest without a hand")

@@ -245,6 +245,9 @@ def test_the_command_describes_draws_and_ends_with_one_for_an_unstable_scene(tmp
     document = json.loads(next(tmp_path.glob("*.json")).read_text())
     assert document["workspace"]["axes"] == ["y1", "y2"]
     assert {file.suffix for file in tmp_path.iterdir()} == {".svg", ".png", ".json"}
+    picture = next(tmp_path.glob("*.svg")).read_text()
+    for letter in ("b: damping of the robot", "B: of the renderer", "T: sampling time", "d: delay", "f_c: ", "Δ: "):
+        assert letter in picture
 
 
 @pytest.mark.usefixtures("coarse")
@@ -257,7 +260,9 @@ def test_a_device_without_losses_has_a_limit_of_zero_with_its_reason(tmp_path, c
     document = json.loads(next(tmp_path.glob("*.json")).read_text())
     assert (document["eigenvalues"], document["simulated"], document["passive"]) == (0.0, 0.0, 0.0)
     assert max(document["width"][2]["eigenvalues"]) > 1e5, "with damping there is a limit, and the map shows it"
-    assert "no stiffness is stable at any delay" in next(tmp_path.glob("*.svg")).read_text()
+    picture = next(tmp_path.glob("*.svg")).read_text()
+    assert "no stiffness is stable at any delay" in picture
+    assert "f_c" not in picture, "without encoders there is no line with this letter"
 
 
 def test_a_renderer_that_breaks_is_no_unstable_loop():
