@@ -8,7 +8,7 @@ An impact takes its impulse from one normal after the other (thesis (3.5)) until
 - the normal of the face through which that is nearest; at a convex edge or corner this is the least of the impulses
   that free the tool;
 - in a concave edge or corner that of the face which the velocity runs against most, as in the plane. Between faces at
-  right angles the order makes no difference, nor without restitution between any two.
+  right angles the order makes no difference, nor without restitution between two at an acute one. Else it is a choice.
 
 A hop that stays within CONTACT_HOP of where it began is taken as contact: the tool slides or rests.
 """
