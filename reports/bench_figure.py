@@ -134,12 +134,15 @@ def _draw_panel(axes: Axes, plotted: PlottedSettings, kind: Kind, looks: Mapping
     axes.set(xscale="log", yscale="log", xlabel="time a step, median (µs)")
     axes.grid(True, which="major")
     labelled = [(setting, at) for setting, at in plotted if kind in setting.front]
-    if labelled:  # steps from each setting on the front to the next: what is reachable lies above and to the right
-        front = sorted(at for _, at in labelled)
-        label = "Pareto front"
+    label = "Pareto front"
+    # A front a reference: errors that count from different ones cannot be compared.
+    for reference in dict.fromkeys(setting.reference for setting, _ in labelled):
+        # steps from each setting on the front to the next: what is reachable lies above and to the right
+        front = sorted(at for setting, at in labelled if setting.reference == reference)
         axes.step(
             *zip(*front, strict=True), where="post", color=colour_of("ink"), linewidth=1.4, zorder=1.8, label=label
         )
+        label = "_"  # the legend shows one line
     for name in dict.fromkeys(setting.renderer for setting, _ in plotted):
         colour, marker = colour_of(looks[name].role), looks[name].marker
         of_renderer = [(setting, at) for setting, at in plotted if setting.renderer == name]

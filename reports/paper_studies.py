@@ -84,7 +84,7 @@ def paper_fronts(
 
 
 def _draw_front(axes: Axes, plotted: PlottedSettings, looks: Mapping[str, tuple[str, str]]) -> None:
-    """Draw the settings of one model, a curve a renderer, and the steps of the front among them."""
+    """Draw the settings of one model, a curve a renderer, and the steps of the front of each reference among them."""
     axes.set(xscale="log", yscale="log")
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -93,12 +93,14 @@ def _draw_front(axes: Axes, plotted: PlottedSettings, looks: Mapping[str, tuple[
     if min(error for _, (_, error) in plotted) <= EXACT_ERROR:
         axes.annotate("exact, or below 10 nm", (0.02, EXACT_ERROR), xycoords=("axes fraction", "data"), xytext=(0, 3),
                       textcoords="offset points")  # fmt: skip
-    # The front of what is drawn: each setting that is more accurate than all quicker ones.
-    front: list[tuple[float, float]] = []
-    for _, (time, error) in sorted(plotted, key=lambda entry: entry[1]):
-        if not front or error < front[-1][1]:
-            front.append((time, error))
-    axes.step(*zip(*front, strict=True), where="post", color=colour_of("ink"), linewidth=1.2, zorder=1.8)
+    # The fronts of what is drawn: errors that count from different references cannot be compared.
+    for reference in dict.fromkeys(setting.reference for setting, _ in plotted):
+        front: list[tuple[float, float]] = []
+        for time, error in sorted(place for setting, place in plotted if setting.reference == reference):
+            # each setting that is more accurate than all quicker ones
+            if not front or error < front[-1][1]:
+                front.append((time, error))
+        axes.step(*zip(*front, strict=True), where="post", color=colour_of("ink"), linewidth=1.2, zorder=1.8)
     for name in dict.fromkeys(setting.renderer for setting, _ in plotted):
         role, marker = looks[name]
         colour = colour_of(role)

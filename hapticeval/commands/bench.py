@@ -9,13 +9,15 @@ from typing import Annotated
 import typer
 
 from hapticeval.commands.arguments import Folder, Seed, option, parse_knobs, renderers_option
-from hapticeval.commands.terminal import Terminal, paragraphs, say, wrote_lines
+from hapticeval.commands.terminal import Terminal, lines, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError
 
 EXIT_CODES = """\b
 Exit codes:
-  0  measured; with --compare nothing is worse, with --within a setting meets it
-  1  something is significantly worse, no setting meets --within, or the bench was interrupted
+  0  measured; with --compare nothing is worse, with --within every renderer has a setting
+     that meets it (and --budget), on every model that it takes
+  1  something is significantly worse, a renderer has no setting that meets --within,
+     or the bench was interrupted
   2  wrong usage or input, or a setting whose input was not usable
   3  a renderer broke (outranks 1 and 2)
 """
@@ -51,7 +53,11 @@ def bench(
     ] = False,
     within: Annotated[
         str | None,
-        option(metavar="LENGTH", help="Name the cheapest setting whose IHIP error is at most this, such as 0.1mm."),
+        option(
+            metavar="LENGTH",
+            help="Name the cheapest setting whose IHIP error is at most this, such as 0.1mm, of "
+            "those that share a reference.",
+        ),
     ] = None,
     budget: Annotated[
         str | None, option(metavar="TIME", help="Only settings whose step takes at most this, such as 10us.")
@@ -86,7 +92,7 @@ def bench(
     from hapticeval.runner.results import FILE as RESULTS
     from hapticeval.study.bench.compare import compare_benches
     from hapticeval.study.bench.document import join_benches, read_bench, read_samples, write_bench
-    from hapticeval.study.bench.judge import judge_bench
+    from hapticeval.study.bench.judge import describe_missed, judge_bench
     from hapticeval.study.bench.sweep import Sweep, settings_by_model
     from hapticeval.study.bench.text import describe
 
@@ -112,13 +118,12 @@ def bench(
         written = write_bench(directory, results, samples)
     has_results = (directory / RESULTS).exists()
     hint = f"hapticeval report {directory} puts it into the report of the run that lies there" if has_results else ""
-    say(paragraphs(describe(results), wrote_lines(written), hint))
-    # No setting whose single step meets --within.
-    missed = within is not None and any(answer.what == "step" and answer.key is None for answer in results.answers)
+    missed = [] if error_limit is None else list(describe_missed(results, within=error_limit, budget=time_limit))
+    say(paragraphs(describe(results), lines(missed), wrote_lines(written), hint))
     worse = any(change.verdict == "worse" for change in results.comparison)
     raise typer.Exit(
         # A renderer that broke has a higher code than what was found to be worse.
-        max([int(missed or worse or not results.complete), *(failure.exit_code for failure in sweep.failures)])
+        max([int(bool(missed) or worse or not results.complete), *(failure.exit_code for failure in sweep.failures)])
     )
 
 

@@ -48,6 +48,11 @@ def test_the_front_is_of_what_is_drawn():
         assert list(front.get_xdata()) == pytest.approx(times)
 
 
+def test_each_reference_has_a_front_of_its_own():
+    fig = paper_fronts(bench(setting("a", 1e-6, 1e-5, reference="a"), setting("b", 2e-6, 2e-5, reference="b")))
+    assert [list(line.get_xdata()) for line in fig.axes[0].lines[:2]] == [pytest.approx([1.0]), pytest.approx([2.0])]
+
+
 def test_a_renderer_is_named_with_or_without_its_representation():
     given = bench(setting("a@curve"), setting("a@lut"), setting("b"))
     assert key_of(paper_fronts(given, ["a"]))[:2] == ["a@curve", "a@lut"]

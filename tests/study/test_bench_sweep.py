@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from hapticeval.cli import main
 from hapticeval.commands.arguments import parse_knobs
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import star
@@ -30,7 +31,7 @@ from hapticeval.study.bench.accuracy import (
     workload,
 )
 from hapticeval.study.bench.document import FILE, SAMPLES, join_benches, read_bench, read_samples, write_bench
-from hapticeval.study.bench.judge import describe_unproven, judge_bench
+from hapticeval.study.bench.judge import describe_missed, describe_unproven, judge_bench
 from hapticeval.study.bench.measure import array_bytes, batch_times, sample_track, step_times, time_builds
 from hapticeval.study.bench.sweep import (
     Effort,
@@ -196,6 +197,46 @@ def test_a_renderer_without_exact_form_or_knob_has_no_reference_of_its_own(work)
         refinements({"n": Knob(values=(1.0,), unit="", meaning="")})
 
 
+def test_winners_are_among_those_that_share_a_reference_alone(run):
+    named = ["minimum-distance@polygon", "minimum-distance@curve", "constraint@curve"]
+    settings = {"cassinian": settings_of(named, quick=True, chosen={"vertices": (40.0,)})}
+
+    def off(scene):
+        return _Blurred(minimum_distance(scene), 1e-4, scene.stiffness)
+
+    settings["cassinian"].append(Setting("off", {}, off, off))
+    measured = run(settings).results()
+    costs = judge_bench(measured, within=1e-6)
+    sources = {setting.renderer: setting.reference for setting in costs.settings}
+    nearest, proxy = "minimum-distance on the exact curve", "constraint on the exact curve"
+    assert [sources[name] for name in (*named, "off")] == [nearest, nearest, proxy, nearest]
+    steps = {answer.reference: answer.label for answer in costs.answers if answer.what == "step"}
+    assert steps == {nearest: "minimum-distance@curve", proxy: "constraint@curve"}
+    assert all("step" in setting.front for setting in costs.settings if setting.renderer == "constraint@curve")
+    words = describe(costs)
+    assert f"cassinian, off from {proxy}, 1 um, one step at a time: constraint@curve (" in words
+    assert "errors count from 2 references" in words
+    # 40 vertices are off by more than a micrometre, and so is what is off by a tenth of a millimetre.
+    assert list(describe_missed(costs, within=1e-6)) == [
+        "no setting of minimum-distance@polygon on the cassinian meets --within",
+        "no setting of off on the cassinian meets --within",
+    ]
+    assert len(list(describe_missed(costs, within=1.0, budget=1e-12))) == 4
+    assert list(describe_missed(costs, within=1.0)) == []
+    # What an earlier bench has left there neither meets nor misses anything.
+    kept = [msgspec.structs.replace(setting, kept=True) for setting in costs.settings]
+    assert list(describe_missed(msgspec.structs.replace(costs, settings=kept), within=1e-6)) == []
+
+
+def test_the_exit_code_says_whether_every_renderer_meets_what_is_asked_for(run, tmp_path, capsys):
+    named = ["-r", "minimum-distance@polygon", "-r", "minimum-distance@curve", "--knob", "vertices=40"]
+    bench = ["bench", "--quick", "--model", "cassinian", *named, "-o", str(tmp_path)]
+    assert main([*bench, "--within", "20mm"]) == 0
+    assert "meets --within" not in capsys.readouterr().out
+    assert main([*bench, "--within", "1um"]) == 1, "what is exact does not hide what is not"
+    assert "no setting of minimum-distance@polygon on the cassinian meets --within\n" in capsys.readouterr().out
+
+
 def test_the_bench_says_so_and_holds_back_its_answer(run):
     slow = Blurred(lambda n: 1e-3 / n)
     settings = [Setting("blurred", {"n": n}, slow, slow.with_knobs(n=n), {"n": ""}) for n in (1.0, 2.0, 4.0)]
@@ -339,7 +380,7 @@ def test_memory_counts_every_buffer_once():
     ("change", "message"),
     [
         (lambda text: text[: len(text) // 2], "is not JSON"),
-        (lambda text: json.dumps({**json.loads(text), "format_version": 2}), "has format 2"),
+        (lambda text: json.dumps({**json.loads(text), "format_version": 3}), "has format 3"),
         (lambda text: json.dumps({**json.loads(text), "format_version": None}), "has format None"),
         (lambda text: json.dumps({k: v for k, v in json.loads(text).items() if k != "orders"}), "orders"),
         (lambda text: json.dumps({**json.loads(text), "settings": [{}]}), r"settings\[0\]|settings"),

@@ -218,10 +218,12 @@ def _summary(values: Array) -> dict[str, float]:
 class Reference:
     """The answers that errors count from; `disagreement` is how far the last refinement moved them, None if exact.
 
-    `what` names the renderer and its settings.
+    `what` says what it is to the renderer that is measured, `source` names it for all: renderers of one source share a
+    reference.
     """
 
     what: str
+    source: str
     answers: Answers
     disagreement: Errors | None
 
@@ -253,6 +255,16 @@ def on_the_exact_curve(factory: RendererFactory) -> RendererFactory:
     return choices.variant(representation="curve")
 
 
+def own_name(exact: RendererFactory, name: str) -> str:
+    """Return which renderer of ours is `exact` on the exact curve, else the `name` itself."""
+    return next((own for own in own_renderers() if equal_by_value(on_the_exact_curve(resolve(own)), exact)), name)
+
+
+def equal_by_value(one: Any, other: Any) -> bool:
+    """Return whether two factories are one, or equal by value: they share a reference then."""
+    return bool(one is other or (type(one) is type(other) and one == other))
+
+
 def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: bool = False) -> Reference | None:
     """Build the reference of a renderer on a workload; None for one that has neither an exact form nor a knob.
 
@@ -260,15 +272,20 @@ def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: 
     `refinements`.
     """
     exact = on_the_exact_curve(factory)
+    own = own_name(exact, name)
     knobs = choices_of(exact).knobs
     if not knobs:
         known = choices_of(exact).representation == "curve"
-        return Reference("the exact curve", _answers_of_factory(exact, work), None) if known else None
+        if not known:
+            return None
+        return Reference("the exact curve", f"{own} on the exact curve", _answers_of_factory(exact, work), None)
     before, last = refinements(knobs, quick=quick)
     # The change from the last refinement but one to the last bounds the error that is left.
     coarse, fine = (_answers_of_factory(configured(exact, settings, name=name), work) for settings in (before, last))
+    finest = ", ".join(f"{knob} {value:g}" for knob, value in last.items())
     return Reference(
-        f"itself at {', '.join(f'{knob} {value:g}' for knob, value in last.items())}",
+        f"itself at {finest}",
+        f"{own} at {finest}",
         fine,
         errors_against(coarse, fine, floor=force_floor(work.scene)),
     )
@@ -295,7 +312,8 @@ def nearest_of_ours(measured: Answers, work: Workload) -> Reference | None:
         return errors_against(measured, known[name], floor=force_floor(work.scene))["ihip"]["p99"]
 
     nearest = min(known, key=ihip_error)
-    return Reference(f"{nearest} on the exact curve, of ours the nearest to it", known[nearest], None)
+    source = f"{nearest} on the exact curve"
+    return Reference(f"{source}, of ours the nearest to it", source, known[nearest], None)
 
 
 def refinements(knobs: Mapping[str, Knob], *, quick: bool = False) -> tuple[Settings, Settings]:

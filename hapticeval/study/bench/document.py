@@ -20,7 +20,7 @@ from hapticeval.types import IntArray
 
 FILE = "bench.json"
 SAMPLES = "bench_samples.npz"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 Kind = Literal["step", "batch"]
 """A time is of single steps, or of a whole trajectory at once."""
@@ -51,7 +51,8 @@ class SettingEntry(_DocumentPart, frozen=True):
 
     - `errors` count from the reference, and `claims` are those that it can prove; None without a reference;
     - `step` and `batch` are None where not measured;
-    - `front` has the kinds of time on whose Pareto front the setting lies;
+    - `reference` names what they count from: settings can be compared where they share it;
+    - `front` has the kinds of time on whose Pareto front the setting lies, among those that share its reference;
     - `problem` is why an entry has nothing else;
     - `kept` entries are of an earlier bench, see `join_benches`;
     - `build_seconds` are of each build of the renderer;
@@ -75,6 +76,7 @@ class SettingEntry(_DocumentPart, frozen=True):
     kept: bool = False
     # msgspec copies a list that is a default: instances do not share it.
     mesh_seconds: list[float] = []
+    reference: str | None = None
 
     def times(self, kind: Kind) -> Times | None:
         """Return the times of a kind."""
@@ -102,7 +104,10 @@ class OrderEntry(_DocumentPart, frozen=True):
 
 
 class Answer(_DocumentPart, frozen=True):
-    """The cheapest setting within an error (m) and a time (s); `key` and `label` are None where there is none."""
+    """The cheapest setting within an error (m) and a time (s); `key` and `label` are None where there is none.
+
+    It is the cheapest of those whose errors count from the `reference`; None where no setting has one.
+    """
 
     model: str
     what: Kind
@@ -110,6 +115,7 @@ class Answer(_DocumentPart, frozen=True):
     budget_s: float | None
     key: str | None
     label: str | None
+    reference: str | None = None
 
 
 class Change(_DocumentPart, frozen=True):

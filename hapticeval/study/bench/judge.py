@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import product
 
 import numpy as np
 from msgspec.structs import replace
@@ -18,6 +19,7 @@ ALIKE_SHARE = 0.05  # share by which two times of one bench may differ by luck
 def judge_bench(results: BenchResults, *, within: float | None = None, budget: float | None = None) -> BenchResults:
     """Add fronts, orders and answers to the results of a sweep.
 
+    Fronts and answers are among settings on one model whose errors count from one reference: others have no winner.
     Errors are the 99 per cent quantiles of the IHIP error, as far as they are proven. `within` (m) and `budget` (s)
     replace the question that is always answered. Times are medians: what lies far above them is the machine's.
     """
@@ -26,11 +28,15 @@ def judge_bench(results: BenchResults, *, within: float | None = None, budget: f
     # A tolerance of the user's own without a budget has none: the budget belongs to the question that is always asked.
     tolerance, limit = within or WITHIN, budget or (BUDGET if within is None else math.inf)
     for model, settings in results.by_model().items():
-        for kind in KINDS:
+        # A model without any error still has its answer: no setting.
+        references = list(dict.fromkeys(setting.reference for setting in settings if setting.claims)) or [None]
+        for kind, reference in product(KINDS, references):
             usable = [
                 (setting, times.median, setting.claims["ihip"]["p99"])
                 for setting in settings
-                if setting.claims is not None and (times := setting.times(kind)) is not None
+                if setting.claims is not None
+                and setting.reference == reference
+                and (times := setting.times(kind)) is not None
             ]
             medians, claims = [median for _, median, _ in usable], [claim for *_, claim in usable]
             # Step and batch have fronts of their own: one may be quick in one alone.
@@ -46,10 +52,33 @@ def judge_bench(results: BenchResults, *, within: float | None = None, budget: f
                     budget_s=limit if math.isfinite(limit) else None,
                     key=None if entry is None else entry.key,
                     label=None if entry is None else entry.label,
+                    reference=reference,
                 )
             )
     settings = [replace(setting, front=on_front.get(setting.key, [])) for setting in results.settings]
     return replace(results, settings=settings, answers=answers, orders=list(convergence_orders(results.settings)))
+
+
+def describe_missed(results: BenchResults, *, within: float, budget: float | None = None) -> Iterator[str]:
+    """Yield a sentence for each renderer that was measured now, and each model on which no setting of it will do.
+
+    A setting will do where its IHIP error is at most `within` (m) and its single step takes at most `budget` (s). A
+    renderer whose every setting was refused, or broke, is passed over.
+    """
+    will_do: dict[tuple[str, str], bool] = {}
+    for setting in results.settings:
+        if not setting.kept and setting.problem is None:
+            good = (
+                setting.claims is not None
+                and setting.claims["ihip"]["p99"] <= within
+                and setting.step is not None
+                and setting.step.median <= (budget or math.inf)
+            )
+            key = setting.renderer, setting.model
+            will_do[key] = will_do.get(key, False) or good
+    for (renderer, model), good in will_do.items():
+        if not good:
+            yield f"no setting of {renderer} on the {model} meets --within"
 
 
 def convergence_orders(settings: Sequence[SettingEntry]) -> Iterator[OrderEntry]:

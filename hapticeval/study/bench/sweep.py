@@ -28,6 +28,7 @@ from hapticeval.study.bench.accuracy import (
     Reference,
     Workload,
     answers_to,
+    equal_by_value,
     errors_against,
     fresh_scene,
     nearest_of_ours,
@@ -262,6 +263,7 @@ class _Entry:
             memory_bytes=self.memory,
             build_seconds=self.builds,
             mesh_seconds=self.meshes,
+            reference=None if reference is None else reference.source,
             key=self.key,
             front=[],
             problem=self.problem,
@@ -354,7 +356,7 @@ class Sweep:
             shared = [
                 reference
                 for (name, model), reference in self.references.items()
-                if model == work.name and _equal_by_value(base, on_the_exact_curve(self.factories[name]))
+                if model == work.name and equal_by_value(base, on_the_exact_curve(self.factories[name]))
             ]
             if shared:
                 self.references[key] = shared[0]
@@ -429,11 +431,6 @@ class _NotBenched(InputError):
     """A renderer that cannot be stepped: left out, and no fault."""
 
     exit_code = 0
-
-
-def _equal_by_value(one: Any, other: Any) -> bool:
-    """Return whether two factories are one, or equal by value: they share a reference then."""
-    return bool(one is other or (type(one) is type(other) and one == other))
 
 
 def _time_statistics(rounds: Sequence[IntArray], second: float) -> Times | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
@@ -63,7 +64,7 @@ def _tables(results: BenchResults) -> Iterator[str]:
         if not filled:
             continue
         rows = [["-" if cell is None else cell for cell in row] for row in zip(*filled.values(), strict=True)]
-        head = f"{model} (* on the Pareto front, one step at a time; ~ not proven)"
+        head = f"{model} (* on the Pareto front of its reference, one step at a time; ~ not proven)"
         yield "\n".join([head, *quantity.align_columns([list(filled), *rows], left=2)])
 
 
@@ -98,6 +99,7 @@ def _orders(results: BenchResults) -> Iterator[str]:
 def _answers(results: BenchResults) -> Iterator[str]:
     kinds = {"step": "one step at a time", "batch": "in batch"}
     by_key = {setting.key: setting for setting in results.settings}
+    references = Counter(answer.model for answer in results.answers if answer.what == "step")
     for answer in results.answers:
         budget = f" within {duration(answer.budget_s)}" if answer.budget_s else ""
         words = "no setting"
@@ -108,7 +110,14 @@ def _answers(results: BenchResults) -> Iterator[str]:
             if claims is not None and took is not None:
                 error, median, p99 = length(claims["ihip"]["p99"]), duration(took.median), duration(took.p99)
                 words = f"{answer.label} ({error} in {median}, 99 % of steps in {p99})"
-        yield f"{answer.model}, {length(answer.within_m)}{budget}, {kinds[answer.what]}: {words}"
+        reference = f", off from {answer.reference}" if references[answer.model] > 1 else ""
+        yield f"{answer.model}{reference}, {length(answer.within_m)}{budget}, {kinds[answer.what]}: {words}"
+    for model, count in references.items():
+        if count > 1:
+            yield (
+                f"On the {model} errors count from {count} references, and settings are compared only where they share "
+                "one: no renderer is the winner over the others."
+            )
 
 
 def _comparison(changes: Sequence[Change]) -> Iterator[str]:
