@@ -75,7 +75,7 @@ def paper_fronts(
         for axes, (model, plotted) in zip(all_axes, plots.items(), strict=True):
             _draw_front(axes, plotted, looks)
             axes.set_title(model, loc="left")
-            axes.set_ylabel("IHIP error, 99 % (mm)")
+            axes.set_ylabel("largest IHIP error (mm)")
         all_axes[-1].set_xlabel("time of a step, median (µs)")
         legend_height = add_legend(fig, _front_handles(plots.values(), looks))
         if height is None:

@@ -55,7 +55,7 @@ def bench(
         str | None,
         option(
             metavar="LENGTH",
-            help="Name the cheapest setting whose IHIP error is at most this, such as 0.1mm, of "
+            help="Name the cheapest setting whose largest IHIP error is at most this, such as 0.1mm, of "
             "those that share a reference.",
         ),
     ] = None,

@@ -413,7 +413,9 @@ def test_a_bench_is_shown_with_its_front_its_answers_and_what_is_not_proven(resu
         environment={"python": "3.11", "versions": {"numpy": "2", "gone": None}},
         machine={"cores": 2, "clock_ns": 40.0}, command={}, timing={},
         references=[ReferenceEntry(name, "circle", "the exact curve", None) for name in "ab"],
-        settings=[setting("a"), setting("b", proven=False), setting("c", **none, problem="no <room>")],
+        settings=[
+            setting("a"), setting("b", proven=False, worst_at=[1e-3, -2e-3]), setting("c", **none, problem="no <room>"),
+        ],
         orders=[OrderEntry("a", "circle", "vertices", {}, [40.0, 80.0], {"ihip": 2.0, "force": None})],
         answers=[
             Answer("circle", "step", 1e-4, 1e-5, "a", "a vertices 40", "a on the exact curve"),
@@ -424,9 +426,9 @@ def test_a_bench_is_shown_with_its_front_its_answers_and_what_is_not_proven(resu
     page = words(results, "costs", bench=bench)
     for expected in (
         "Incomplete: interrupted <by> the user.",
-        "circle a on the exact curve one step at a time, from Python 0.1 mm within 10 µs a vertices 40 20 µm in 2 µs",
+        "circle a on the exact curve one step at a time, from Python 0.1 mm within 10 µs a vertices 40 30 µm in 2 µs",
         "circle a whole trajectory at once 1 nm no setting",
-        "b vertices 40 ≤ 20 µm ≤ 30 µm 2e-5° 2e-5 N 2 µs 4 µs 0.4 % – 1.2 MB 100 ms",  # noqa: RUF001
+        "b vertices 40 ≤ 30 µm at (1, -2) mm ≤ 20 µm 2e-5° 2e-5 N 2 µs 4 µs 0.4 % – 1.2 MB 100 ms",  # noqa: RUF001
         "worse: a on the circle, step, 1.5 times what it was",
         "a on the circle, by vertices: ihip 2.00",
         "the exact curve: a on the circle, b on the circle",

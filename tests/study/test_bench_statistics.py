@@ -32,7 +32,7 @@ def document(samples, errors=None):
     entries = [
         SettingEntry(
             renderer="r", model="star", settings={}, label=f"r {key}",
-            errors={"ihip": {"p99": (errors or {}).get(key, 0.1)}},
+            errors={"ihip": {"max": (errors or {}).get(key, 0.1)}},
             claims=None, proven=None, step=None, batch=None, memory_bytes=None, build_seconds=[], key=key, front=[],
             problem=None,
         )

@@ -203,6 +203,13 @@ def errors_against(measured: Answers, reference: Answers, *, floor: float) -> Er
     }
 
 
+def worst_place(measured: Answers, reference: Answers, work: Workload) -> Array:
+    """Return the HIP (N,), m, of a workload at which a renderer's IHIP is farthest from the reference's."""
+    # As `answers_to` asks: the points, then the slide.
+    hips = np.vstack([work.points, work.slide.sampled(work.dt)[1]])
+    return cast("Array", hips[np.argmax(np.linalg.norm(measured.ihip - reference.ihip, axis=1))])
+
+
 def _summary(values: Array) -> dict[str, float]:
     if values.size == 0:
         # No pair of forces to compare: no error in direction.

@@ -138,7 +138,7 @@ def _round_medians(samples: Samples, key: str, kind: str) -> Array:
 def _error_change(now: SettingEntry, before: SettingEntry) -> Iterator[Change]:
     if now.errors is None or before.errors is None:
         return
-    new, old = now.errors["ihip"]["p99"], before.errors["ihip"]["p99"]
+    new, old = now.errors["ihip"]["max"], before.errors["ihip"]["max"]
     # Errors are deterministic: a difference beyond rounding is a change, no test is needed.
     if abs(new - old) > ERROR_WORTH * max(new, old) + 1e-12:
         ratio = new / old if old > 0.0 else None

@@ -51,6 +51,7 @@ class SettingEntry(_DocumentPart, frozen=True):
 
     - `errors` count from the reference, and `claims` are those that it can prove; None without a reference;
     - `step` and `batch` are None where not measured;
+    - `worst_at` is the HIP, m, of the largest IHIP error;
     - `reference` names what they count from: settings can be compared where they share it;
     - `front` has the kinds of time on whose Pareto front the setting lies, among those that share its reference;
     - `problem` is why an entry has nothing else;
@@ -77,6 +78,7 @@ class SettingEntry(_DocumentPart, frozen=True):
     # msgspec copies a list that is a default: instances do not share it.
     mesh_seconds: list[float] = []
     reference: str | None = None
+    worst_at: list[float] | None = None
 
     def times(self, kind: Kind) -> Times | None:
         """Return the times of a kind."""

@@ -36,6 +36,7 @@ from hapticeval.study.bench.accuracy import (
     reference_of,
     with_mesh,
     workload,
+    worst_place,
 )
 from hapticeval.study.bench.document import BenchResults, Errors, ReferenceEntry, Samples, SettingEntry, Times
 from hapticeval.study.bench.measure import (
@@ -229,6 +230,7 @@ class _Entry:
     renderer: Renderer | None = None
     reference: Reference | None = None
     errors: Errors | None = None
+    worst_at: list[float] | None = None
     memory: int | None = None
     builds: list[float] = field(default_factory=list)
     meshes: list[float] = field(default_factory=list)
@@ -264,6 +266,8 @@ class _Entry:
             build_seconds=self.builds,
             mesh_seconds=self.meshes,
             reference=None if reference is None else reference.source,
+            # Where nothing is off no place is the worst.
+            worst_at=self.worst_at if rounded is not None and rounded["ihip"]["max"] > 0.0 else None,
             key=self.key,
             front=[],
             problem=self.problem,
@@ -346,6 +350,7 @@ class Sweep:
         entry.reference = self._reference(setting, work, measured)
         if entry.reference is not None:
             entry.errors = errors_against(measured, entry.reference.answers, floor=force_floor(work.scene))
+            entry.worst_at = worst_place(measured, entry.reference.answers, work).tolist()
         entry.memory = array_bytes(entry.renderer)
 
     def _reference(self, setting: Setting, work: Workload, measured: Answers) -> Reference | None:
