@@ -84,8 +84,11 @@ TRIANGLE, FEATURE = OWN, OWN + 1
 """Places in the state (9,) of a tool on a mesh: the triangle and the feature of it that the tool is on."""
 STATE_SIZE = OWN + 2
 
-MOST_TURNS = 1000
-"""Changes of mode in a row that take no time, after which a run is given up: the contact does not decide."""
+MOST_TURNS = MOST_CORNER_HITS
+"""Most steps of one stretch that events cut short, after which a run is given up, however long they took.
+
+As many as one visit to a corner may take hits: neither a shower of hops nor a slide over edges comes near it.
+"""
 
 NOWHERE = (0.0, 0.0, 0.0)
 
@@ -339,18 +342,18 @@ def carry_on_mesh(
     """Carry the tool from `start` (9,), SLIDE where it begins on the mesh, through all stretches, see `Ground.carry`.
 
     `gains` (12,) is a `load` with its constants filled in. The last that is returned is empty, or the time (s) and the
-    place (m) at which the contact did not decide, (4,).
+    place (m) at which the run was given up, (4,), see `MOST_TURNS`.
     """
     tool = Tool(start.copy(), gains.copy(), np.zeros(6), np.zeros((limit, 8)), np.zeros(1, np.int64))
     state, out = tool.state, np.zeros((rows, 12))
     # inside out: no box is known to be free yet
     free = np.array([math.inf, math.inf, math.inf, -math.inf, -math.inf, -math.inf])
-    near, turns, last = np.empty(terrain.faces.shape[0], np.int64), 0, stretches.began.shape[0] - 1
+    near, last = np.empty(terrain.faces.shape[0], np.int64), stretches.began.shape[0] - 1
     for i in range(last + 1):
         begin_stretch(tool, stretches, i, out)
         if i == 0 and state[MODE] == SLIDE:
             meet(terrain, tool, 0.0, IMPACT)
-        tau, length = 0.0, stretches.lasts[i]
+        tau, length, turns = 0.0, stretches.lasts[i], 0
         while tau < length and tool.tally[0] <= limit:
             time_left = length - tau
             if state[MODE] == FLIGHT:
@@ -361,12 +364,13 @@ def carry_on_mesh(
                 h = advance_on_face(terrain, tool, tau, time_left, near)
             else:
                 h = advance_on_edge(terrain, tool, tau, time_left)
-            turns = turns + 1 if h == 0.0 else 0
+            if h < longest_flight_step(tool.load, time_left):
+                turns += 1
             if turns > MOST_TURNS:
-                undecided = np.empty(4)
-                undecided[0] = stretches.began[i] + tau
-                undecided[1:] = state[POSITION : POSITION + 3]
-                return out, tool.log, int(tool.tally[0]), undecided
+                endless = np.empty(4)
+                endless[0] = stretches.began[i] + tau
+                endless[1:] = state[POSITION : POSITION + 3]
+                return out, tool.log, int(tool.tally[0]), endless
             # to the end of the stretch, by rounding too
             if h >= time_left:
                 break

@@ -9,7 +9,7 @@ from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_feature
 from hapticeval.rigid_contact.contact import ON_BOUNDARY
 from hapticeval.rigid_contact.force import FLIGHT, SLIDE, Stretches
-from hapticeval.rigid_contact.mesh_advance import FEATURE, STATE_SIZE, TRIANGLE, carry_on_mesh
+from hapticeval.rigid_contact.mesh_advance import FEATURE, MOST_TURNS, STATE_SIZE, TRIANGLE, carry_on_mesh
 from hapticeval.rigid_contact.mesh_terrain import feature_at, prepare_mesh
 from hapticeval.rigid_contact.space import MODE, POSITION, VELOCITY
 from hapticeval.scene import Scene
@@ -59,15 +59,16 @@ class MeshGround:
     ) -> tuple[Array, Array, int]:
         """Answer `Ground.carry`: samples (rows, 12) and events (k, 8).
 
-        Raises `RefusalError`, with time and place, where rounding does not let the contact decide.
+        Raises `RefusalError`, with time and place, where more events come in one stretch than MOST_TURNS.
         """
-        out, log, count, undecided = carry_on_mesh(start, self._terrain, stretches, gains, rows, limit)
+        out, log, count, endless = carry_on_mesh(start, self._terrain, stretches, gains, rows, limit)
         # time (s) and place (m), (4,), or empty
-        if undecided.size:
-            time, *place = undecided.tolist()
+        if endless.size:
+            time, *place = endless.tolist()
             raise RefusalError(
-                f"the ideal contact with '{self._name}' does not decide {time:.9g} s into the run, at {place} m",
-                why="there the force changes the faces that hold the tool by rounding, again and again",
-                todo="move the stimulus by more than rounding",
+                f"the ideal contact with '{self._name}' changes more than {MOST_TURNS} times within one sample, "
+                f"{time:.9g} s into the run, at {place} m",
+                why="its hops do not come to an end, or rounding changes the faces that hold it again and again",
+                todo="choose a restitution further below 1, or move the stimulus by more than rounding",
             )
         return out, log, count

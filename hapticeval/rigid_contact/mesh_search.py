@@ -10,10 +10,16 @@ import math
 from typing import NamedTuple
 
 from hapticeval.compiled import compiled, inner
-from hapticeval.geometry.mesh_kernels import CORNER, _cross, _minus, normal_of, position_of
+from hapticeval.geometry.mesh_kernels import CORNER, FACE, _cross, _minus, normal_of, position_of
 from hapticeval.geometry.surface_kernels import Triple, dot, plus
-from hapticeval.rigid_contact.force import CONTACT_HOP, MASS, SKIN_DEPTH, guess_between
-from hapticeval.rigid_contact.mesh_terrain import MeshTerrain, edge_direction, turns_at_corner
+from hapticeval.rigid_contact.force import ALIGNED_SHARE, CONTACT_HOP, MASS, SKIN_DEPTH, guess_between
+from hapticeval.rigid_contact.mesh_terrain import (
+    MeshTerrain,
+    edge_direction,
+    feature_at,
+    nearest_around,
+    turns_at_corner,
+)
 from hapticeval.rigid_contact.space import fly_in_space, force_in_space
 from hapticeval.types import Array, IntArray
 
@@ -207,6 +213,21 @@ def _lies_over(terrain: MeshTerrain, k: int, p: Triple) -> bool:
 
 
 @compiled
+def _grazes(terrain: MeshTerrain, k: int, p: Triple, v: Triple) -> bool:
+    """Whether a tool at p (m) on the rim of triangle k, with velocity v (m/s), falls past it and into no solid.
+
+    So does one that comes in over a convex edge along the other face: it falls through the plane of k, and lies beside
+    k by less than rounding. Put back onto that edge it would come to it again and again.
+    """
+    # a convex edge is hit only by what falls on neither of its faces
+    feature, _ = feature_at(terrain, k, p, CONTACT_HOP, 0.0)
+    rounding = ALIGNED_SHARE * math.sqrt(dot(v, v))
+    if feature == FACE or dot(normal_of(terrain.faces, k), v) >= -rounding:
+        return False
+    return nearest_around(terrain, k, feature, v)[0] >= -rounding
+
+
+@compiled
 def first_face(
     terrain: MeshTerrain, path: ToolPath, h: float, load: Array, free: Array, near: IntArray
 ) -> tuple[float, int, Triple]:
@@ -245,8 +266,8 @@ def first_face(
             continue
         time = first_fall(normal, anchor, path, 0.0, h, load)
         while time < first:
-            p, _ = follow(path, time, load)
-            if _lies_over(terrain, k, p):
+            p, v = follow(path, time, load)
+            if _lies_over(terrain, k, p) and not _grazes(terrain, k, p, v):
                 first, best, place = time, k, p
                 break
             # beside the triangle: it may rise and fall again

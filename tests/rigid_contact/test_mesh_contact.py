@@ -306,3 +306,24 @@ def test_past_the_end_of_a_concave_edge_nothing_is_left_to_push(speed):
     assert recording.meta["events"][-1] == leave
     assert np.all(recording.force[recording.time > leave["time"]] == 0.0)
     assert recording.hip[-1, 0] < -0.1
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("lift", [0.0, 1e-30, 1e-18])
+def test_level_with_a_face_a_tool_flies_in_over_its_edge_as_if_there_were_none(lift):
+    """It crosses the plane of the face at the side, beside it by less than rounding: nothing there is in its way."""
+    experiment = Experiment(0.2, [0.06, 0.013, TOP], [-0.1, 0.02, 0.0], [0.0], [[0.0, 0.0, lift]])
+    recording = contact(CUBE).simulate(experiment, 1e-3)
+    straight = experiment.position + recording.time[:, np.newaxis] * experiment.velocity
+    np.testing.assert_allclose(recording.hip, straight, rtol=0.0, atol=1e-12)
+    assert recording.meta["events"] == []
+
+
+@pytest.mark.timeout(60)
+def test_hops_without_number_are_refused_with_time_and_place():
+    """Hops of 0.2 us, which no restitution ends: half a million in one sample."""
+    experiment = Experiment(0.1, [0.01, 0.02, TOP], [0.0, 0.0, 0.01], [0.0], [[0.0, 0.0, -1e4]])
+    with pytest.raises(
+        RefusalError, match=r"more than 100000 times within one sample, 0\.0\d+ s .* at \[0\.01, 0\.02, 0\.05"
+    ):
+        contact(CUBE, restitution=1.0).simulate(experiment, 0.1)
