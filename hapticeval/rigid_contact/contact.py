@@ -98,8 +98,9 @@ class IdealContact:
         `meta["events"]` lists impacts, departures, corners and rests: `time`, `kind`, `position` (N numbers, m),
         `impulse` (N numbers, N s).
 
-        Raises `InputError` for a stimulus of another dimension than the model's, a sampling time that is not positive,
-        and an experiment that starts inside a unilateral model.
+        Raises `InputError` for a stimulus of another dimension than the model's and a sampling time that is not
+        positive, and `RefusalError` for a hand that only brakes and an experiment that starts inside a
+        unilateral model.
         """
         dimension = self.scene.model.dimension
         if not (math.isfinite(dt) and dt > 0.0):
@@ -198,10 +199,10 @@ class IdealContact:
         ]
 
     def _start_of_experiment(self, experiment: Experiment) -> Array:
-        """Return the state in which an experiment starts. Raises `InputError` for one inside the model."""
+        """Return the state in which an experiment starts. Raises `RefusalError` for one inside the model."""
         distance = self._signed_distance(experiment.position)
         if distance < -ON_BOUNDARY and not self.scene.bilateral:
-            raise InputError(
+            raise RefusalError(
                 f"the experiment starts {-distance:.6g} m inside the model '{self.scene.model.name}'",
                 why="a rigid object cannot be entered",
                 todo="start outside or on the boundary",

@@ -290,7 +290,7 @@ def test_it_moves_with_its_scene(name):
 def test_what_it_cannot_do_is_refused_by_name():
     with pytest.raises(RefusalError, match="mesh 'cube' holds the tool from both sides"):
         contact(CUBE, bilateral=True)
-    with pytest.raises(InputError, match=r"0\.05 m inside the model 'cube'"):
+    with pytest.raises(RefusalError, match=r"0\.05 m inside the model 'cube'"):
         contact(CUBE).simulate(Experiment(0.1, [0, 0, 0], [0, 0, 0], [0.0], [[0, 0, 0]]), 1e-3)
     with pytest.raises(InputError, match="2 dimensions"):
         contact(CUBE).simulate(Path([0.0, 1.0], np.zeros((2, 2))), 1e-3)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, line, star
 from hapticeval.renderer import TrajectoryRenderer
 from hapticeval.rigid_contact import ideal
@@ -211,7 +211,7 @@ def test_held_off_the_surface_it_starts_on_the_nearest_point_with_the_tangential
 def test_bad_input_is_refused_with_a_reason():
     contact = ideal(Scene(model=circle()))
     inside = Experiment(0.1, [0.0, 0.0], [0.0, 0.0], [0.0], [[0.0, 0.0]])
-    with pytest.raises(InputError, match=r"0\.1 m inside the model 'circle'"):
+    with pytest.raises(RefusalError, match=r"0\.1 m inside the model 'circle'"):
         contact.simulate(inside, DT)
     assert len(ideal(Scene(model=circle(), bilateral=True)).simulate(inside, DT)) == 101
     with pytest.raises(InputError, match="3 dimensions"):
