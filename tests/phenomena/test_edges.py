@@ -14,7 +14,9 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.mesh_tool import IN_FREE_SPACE
 from hapticeval.phenomena.crossings import find_crossings
 from hapticeval.renderers import constraint
+from hapticeval.rigid_contact import ideal
 from hapticeval.scene import Scene
+from hapticeval.stimulus.stimulus import Path
 
 STEP, DEPTH = 2e-5, 3e-3
 CUBE = Scene(model=make_model("cube"))
@@ -157,3 +159,17 @@ def test_every_face_may_be_the_first_or_the_second_at_a_concave_edge(roll, backw
         patch.setattr(mesh, "facets", facets)
         (crossing,) = find_crossings(recorded(base.hip[rows], base.ihip[rows]), NOTCHED, convex=False)
     assert crossing.turn == pytest.approx(0.5 * np.pi)
+
+
+def test_the_mean_force_of_a_sample_in_which_the_next_contact_begins_does_not_remain_from_the_last():
+    """Off the end of an L's foot, and then against its leg, which has the same normal: within a sample."""
+    corners = np.array([[0.07, -0.03, 0.03], [0.04, -0.02, 0.03], [-0.02, 0.03, 0.02]])
+    recording = ideal(NOTCHED).simulate(Path([0.0, 0.4, 0.8], corners), 1e-3)
+    (crossing,) = find_crossings(recording, NOTCHED, convex=True)
+    pushed = np.linalg.norm(recording.force, axis=1) > 0.0
+    assert not pushed[crossing.crossed : crossing.end - 1].any()
+    assert pushed[crossing.end - 1]
+    assert outcome("broken-contact", recording, NOTCHED) is PASS
+    stays = recording.force.copy()
+    stays[crossing.end - 2] = stays[crossing.first + 10]
+    assert outcome("broken-contact", changed(recording, force=stays), NOTCHED) is FAIL

@@ -70,6 +70,10 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
     early_ticks = first + np.flatnonzero(~holding)
     # `along` is negative before the corner: the distance from it at which n_pre is lost.
     early = -float(along[early_ticks[0]]) if early_ticks.size else 0.0
+    # A simulated tool's force is the mean until the next sample: where it comes to the solid anew within the last one
+    # before that, the force that begins there is the next contact's.
+    if end < len(base) and pushes[end - 1 : end + 1].all() and not pushes[end - 2]:
+        end -= 1
     after = pushes[crossed:end]
     # A force that is only late is gone after a few ticks; up to there it remains wrongly, too.
     ticks_to_zero = int(np.argmax(~after)) if not after.all() else after.size
