@@ -7,6 +7,7 @@
 #              or SAMPLE=60 of them by SEED=1
 # make tables  write anew what tests compare: kill matrix, coverage, decisions, and the recorded verdicts of every suite
 # make counterexamples  search for the smallest path that breaks each built-in renderer, into results/counterexamples
+# make engines judge physics engines as renderers and write docs/engines.md, or of SUITES="solids seams" only
 # make bench   time the renderers            make study   the longer studies
 # make browser look at the report's pages in a headless Chromium: needs chromium and npm
 # make docs    run the pages of documentation and the notebooks, and build the site of them into build/site
@@ -20,7 +21,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start many interpreters, each of which would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test system tables fuzz mutants counterexamples bench study browser docs site lint clean
+.PHONY: run test system tables fuzz mutants counterexamples engines bench study browser docs site lint clean
 
 # What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page. What goes
 # wrong with these two says so, and stops nothing.
@@ -56,6 +57,9 @@ counterexamples: .venv/run.stamp
 	@$(BIN)/hapticeval search -r constraint -r conformal -r mapping -r minimum-distance -r set-stabilisation \
 	  --check continuous-contact --check broken-contact --check abrupt-switch --check impulsive-collision \
 	  --check memoryless -o results/counterexamples || [ $$? = 1 ]
+
+engines: .venv/dev.stamp
+	$(BIN)/python -m hapticeval.examples.engines.measure $(SUITES)
 
 bench: .venv/dev.stamp
 	$(BIN)/pytest benchmarks/

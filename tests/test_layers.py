@@ -257,6 +257,7 @@ def test_every_folder_of_the_package_is_installed() -> None:
     portions = {
         "hapticeval.check_pages",
         "hapticeval.examples",
+        "hapticeval.examples.engines",
         "hapticeval.renderers",
         "hapticeval.renderers.field",
         "hapticeval.reports",

@@ -1,0 +1,71 @@
+"""Why engines fail: a sentence for a column and a check, which docs/engines.md has beside the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+NEAREST_FACE = "The deepest contact is that of the nearest face, so under the bisector of two faces it changes sides."
+THROUGH_IN_A_TICK = "At 2 m/s the hand is past the plate in one tick, and contacts are looked for at ticks only."
+SPRING_IMPACT = "A spring takes the momentum out over its own half period, and not at once."
+SPRING_ORBIT = "A spring holds the hand on its circle by a position error alone."
+FREE_TOOL = "a force that the hand feels of a free tool counts as contact, and in contact the tool sinks in."
+THROWN_OUT = "The run begins inside of the convex hull, in free space of the model, and is thrown out."
+
+QUERY = {
+    "broken-contact": NEAREST_FACE,
+    "centripetal-force": SPRING_ORBIT,
+    "contact-kept": THROUGH_IN_A_TICK,
+    "continuous-contact": NEAREST_FACE,
+    "impulsive-collision": SPRING_IMPACT,
+}
+
+COUPLED = {
+    "broken-contact": "At the start of a path the hand feels the tool's inertia, along no face; past the edge the tool "
+    "swings on.",
+    "centripetal-force": "Hand and tool together weigh twice the scene's mass, and leave the surface.",
+    "contact-normal-force": "The hand feels the tool's inertia and the coupling's damper too, inwards and along the "
+    "surface.",
+    "force-magnitude": "The coupling's damper answers a change of the hand's speed at once: at a path's start by 20 "
+    "times the spring.",
+    "impulsive-collision": SPRING_IMPACT,
+    "never-pulls": "The coupling's damper goes to the hand unclipped: that is the adapter's choice, not the engine's.",
+}
+
+MUJOCO_COUPLED = {
+    **COUPLED,
+    "contact-kept": THROUGH_IN_A_TICK,
+    "continuous-contact": f"{THROWN_OUT} On convex models {FREE_TOOL}",
+    "passivity": THROWN_OUT,
+}
+
+BY_COLUMN: Mapping[str, Mapping[str, str]] = {
+    "mujoco-query": {
+        **QUERY,
+        "contact-normal-force": "In a notch the contact is with the convex hull. Elsewhere the normal is as good as "
+        "`ccd_tolerance`: on a cube 3e-4 degrees off with the default of 1e-6, and 1e-9 with 1e-12.",
+        "continuous-contact": f"{NEAREST_FACE} In a notch it is the convex hull's, off the model.",
+    },
+    "mujoco-coupled": MUJOCO_COUPLED,
+    "mujoco-stiff": MUJOCO_COUPLED,
+    "fcl-triangles": {
+        "abrupt-switch": "Between the faces of the corner the ball touches nothing: triangles have no inside.",
+        "broken-contact": "Where the hand goes out by the other face, the ball touches that one from inside.",
+        "contact-kept": "Triangles have no inside: a ball that is through the surface by its radius touches nothing.",
+        "contact-normal-force": "A triangle has two sides: a ball that comes to it from inside is pushed inwards.",
+        "impulsive-collision": "The ball goes through the surface: triangles have no inside.",
+        "continuous-contact": "A triangle has two sides: the ball jumps by its diameter from one to the other.",
+    },
+    "fcl-convex": {
+        **QUERY,
+        "contact-normal-force": "The depth of a convex body comes from an iteration that ends at a tolerance, "
+        "which python-fcl does not let one set.",
+    },
+    "fcl-coupled": {
+        **COUPLED,
+        "continuous-contact": "Why a steady push slides off the facets of the ellipsoid was not looked into. On models "
+        f"with plane faces {FREE_TOOL}",
+    },
+}
+
+CAUSES = {(column, check): cause for column, causes in BY_COLUMN.items() for check, cause in causes.items()}
+"""The sentence for a column and a check."""

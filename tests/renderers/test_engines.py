@@ -1,0 +1,88 @@
+"""Physics engines as renderers: every adapter is judged without an error, and what an engine documents comes out."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hapticeval import RefusalError, Scene, make_model
+from hapticeval.discovery import resolve
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.runner.judging import judge
+from hapticeval.suite.reading import load_suite
+
+pytest.importorskip("mujoco", reason="make test installs it")
+pytest.importorskip("fcl", reason="make test installs it")
+
+from hapticeval.examples.engines.measure import COLUMNS, failure_line, page
+
+CASES = {case.name: case for case in load_suite("solids").cases}
+CUBE = Scene(model=make_model("box", x=0.1, y=0.1, z=0.1))
+
+
+def outcomes(column: str, case: str) -> dict[str, Outcome]:
+    judged = judge(resolve(COLUMNS[column]), column, "solids", CASES[case])
+    return {verdict.check: verdict.finding.outcome for verdict in judged.verdicts}
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_every_check_of_a_case_can_be_asked_of_an_engine(column):
+    assert Outcome.ERROR not in outcomes(column, "cube-edge").values()
+
+
+def test_a_mesh_of_mujoco_is_its_convex_hull_and_the_notch_names_it():
+    assert outcomes("mujoco-query", "l-block-notch")["continuous-contact"] is Outcome.FAIL
+
+
+def test_a_convex_body_of_fcl_is_refused_for_a_model_that_is_not_convex():
+    with pytest.raises(RefusalError, match="not convex"):
+        resolve(COLUMNS["fcl-convex"])(Scene(model=make_model("l-block")))
+
+
+@pytest.mark.parametrize("column", ["mujoco-query", "fcl-convex"])
+def test_a_query_gives_the_scenes_spring_on_the_depth_and_the_balls_radius(column):
+    renderer = resolve(COLUMNS[column])(CUBE)
+    hip = np.array([0.01, 0.004, 0.049])
+    renderer.reset(hip)
+    ihip, force = renderer.step(hip, np.zeros(3), CUBE.sampling_time)
+    np.testing.assert_allclose(ihip, [0.01, 0.004, 0.05 + renderer.standoff], atol=1e-6)
+    np.testing.assert_allclose(force, CUBE.stiffness * (ihip - hip))
+
+
+@pytest.mark.parametrize(
+    ("column", "depth"),
+    # A contact ten times as stiff as the coupling gives way by an eleventh of what the hand goes in.
+    [("fcl-coupled", 1e-3 / 11.0), ("mujoco-stiff", 0.0)],
+)
+def test_a_tool_at_rest_lies_as_deep_as_its_contact_is_soft(column, depth):
+    renderer = resolve(COLUMNS[column])(CUBE)
+    renderer.reset(np.array([0.0, 0.0, 0.051]))
+    for _ in range(1000):
+        ihip, force = renderer.step(np.array([0.0, 0.0, 0.049]), np.zeros(3), CUBE.sampling_time)
+    assert ihip[2] == pytest.approx(0.05 + renderer.standoff - depth, abs=5e-5)
+    assert force[2] == pytest.approx(CUBE.stiffness * (ihip[2] - 0.049), rel=1e-3)
+
+
+def verdict(column: str, outcome: str, margin: float | None, case: str = "cube", check: str = "passivity"):
+    return SimpleNamespace(
+        renderer=COLUMNS[column], suite="solids", case=case, check=check, level="must", outcome=outcome,
+        margin=margin, message=f"margin {margin}",
+    )  # fmt: skip
+
+
+def test_the_page_counts_what_it_is_given_shows_the_worst_and_says_what_nobody_looked_into():
+    entries = [
+        verdict("mujoco-coupled", "fail", -1.0), verdict("mujoco-coupled", "fail", -3.0, "edge"),
+        verdict("mujoco-coupled", "pass", 1.0, "ball"),
+        verdict("mujoco-stiff", "pass", 1.0), verdict("mujoco-stiff", "fail", -2.0, "edge"),
+    ]  # fmt: skip
+    text = page(entries)
+    assert "3 cases of the suites `solids`: 5 verdicts" in text
+    assert "| [passivity](checks/passivity.md) | - | 1/3 | 1/2 | - | - | - |" in text
+    line = failure_line("mujoco-coupled", "passivity", entries)
+    assert "| 2 | solids/edge: margin -3.0 |" in line
+    assert line.endswith("| 1/2 |")
+    unknown = [verdict("mujoco-coupled", "fail", None, check="no-such-check")]
+    assert "cause not looked into" in failure_line("mujoco-coupled", "no-such-check", unknown)
