@@ -41,6 +41,11 @@ def test_a_convex_body_of_fcl_is_refused_for_a_model_that_is_not_convex():
         resolve(COLUMNS["fcl-convex"])(Scene(model=make_model("l-block")))
 
 
+@pytest.mark.parametrize("case", ["extruded-cassinian-4000", "extruded-cassinian-deep"])
+def test_a_waist_of_many_flat_edges_is_not_convex(case):
+    assert set(outcomes("fcl-convex", case).values()) == {Outcome.NOT_APPLICABLE}
+
+
 @pytest.mark.parametrize("column", ["mujoco-query", "fcl-convex"])
 def test_a_query_gives_the_scenes_spring_on_the_depth_and_the_balls_radius(column):
     renderer = resolve(COLUMNS[column])(CUBE)
