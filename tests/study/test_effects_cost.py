@@ -14,6 +14,7 @@ from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import EFFECTS
 from hapticeval.geometry.catalogue import make_model
+from hapticeval.renderer import abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
@@ -69,7 +70,7 @@ def here(tmp_path, monkeypatch):
 def test_an_engine_that_tests_flags_shows_what_is_on_and_nothing_else(on):
     scene = Scene(model=make_model("circle"), effects=(Suction(0.2),))
     renderer = make_renderer(resolve("minimum-distance"), scene)
-    engine, flags = flagged_law(renderer.law.data)
+    engine, flags = flagged_law(abilities_of(renderer).law.data)
     flags[:] = on
     hips = np.linspace([0.11, 0.0], [0.08, 0.02], 60)
     ihips, forces = np.zeros((2, 60, 2))
