@@ -93,7 +93,13 @@ def test_exit_codes(runs, capsys, arguments, code):
 def bench(folder, factor):
     """A bench of three settings, the first of which takes `factor` times as long."""
     nothing = dict.fromkeys(("claims", "proven", "step", "batch", "memory_bytes", "problem"))
-    some = {"renderer": "r", "model": "star", "settings": {}, "errors": {"ihip": {"p99": 1e-4}}, "build_seconds": []}
+    some = {
+        "renderer": "r",
+        "model": "star",
+        "settings": {},
+        "errors": {"ihip": {"p99": 1e-4, "max": 1e-4}},
+        "build_seconds": [],
+    }
     entries = [SettingEntry(**nothing, **some, label=f"setting {key}", key=f"s{key}", front=[]) for key in range(3)]
     document = BenchResults(
         complete=True, reason=None, quick=True, seed=0, rounds=8, environment={}, machine={}, command={}, references=[],
