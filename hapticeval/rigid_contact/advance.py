@@ -33,6 +33,7 @@ from hapticeval.rigid_contact.force import (
     LEAVE,
     MASS,
     MOST_CORNER_HITS,
+    MOST_GUESSES,
     REST,
     RESTITUTION,
     SLIDE,
@@ -40,6 +41,7 @@ from hapticeval.rigid_contact.force import (
     Stretches,
     guess_between,
     longest_flight_step,
+    narrow_bracket,
 )
 from hapticeval.rigid_contact.motion import (
     G0X,
@@ -328,18 +330,14 @@ def _locate_event(watched: int, piece: Array, slide: Slide, tau: float, h: float
     if a * b >= 0.0:
         return 0.0
     positive, side_kept = a > 0.0, 0
-    for i in range(120):
+    for i in range(MOST_GUESSES):
         middle = guess_between(low, high, a, b, i)
         if not low < middle < high:
             break
         f = _watched_value(watched, piece, slide, tau, middle, end, load)
         if f == 0.0:
             return middle
-        # the Illinois rule: the value of an end that stays twice is halved
-        if (f > 0.0) == positive:
-            low, a, b, side_kept = middle, f, b * (0.5 if side_kept == 1 else 1.0), 1
-        else:
-            high, b, a, side_kept = middle, f, a * (0.5 if side_kept == 2 else 1.0), 2
+        low, high, a, b, side_kept = narrow_bracket(low, high, a, b, side_kept, middle, f, positive)
     return high
 
 

@@ -18,7 +18,7 @@ from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn
 from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, UNBOUNDED, evaluate, evaluate_many
-from hapticeval.rigid_contact.force import SKIN_DEPTH, guess_between
+from hapticeval.rigid_contact.force import MOST_GUESSES, SKIN_DEPTH, guess_between, narrow_bracket
 from hapticeval.rigid_contact.motion import fly_for
 from hapticeval.types import Array
 
@@ -207,21 +207,18 @@ def _crossing_time(
 
     It does so between `low` and `high`.
     """
-    # regula falsi on height + level; the Illinois rule halves the value of an end that stays twice
+    # regula falsi on height + level, which is positive at `low`
     above = _height_in_flight(cell, pieces, flight, low, load)[0] + level
     below = _height_in_flight(cell, pieces, flight, high, load)[0] + level
     side_kept = 0
-    for i in range(120):
+    for i in range(MOST_GUESSES):
         middle = guess_between(low, high, above, below, i)
         if not low < middle < high:
             break
         f = _height_in_flight(cell, pieces, flight, middle, load)[0] + level
         if f == 0.0:
             return middle
-        if f > 0.0:
-            low, above, below, side_kept = middle, f, below * (0.5 if side_kept == 1 else 1.0), 1
-        else:
-            high, below, above, side_kept = middle, f, above * (0.5 if side_kept == 2 else 1.0), 2
+        low, high, above, below, side_kept = narrow_bracket(low, high, above, below, side_kept, middle, f, True)
     return high
 
 

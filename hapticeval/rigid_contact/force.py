@@ -64,6 +64,10 @@ method (six) then leaves errors of some 1e-12 m and 1e-10 m/s on a 0.2 m model.
 """
 
 
+MOST_GUESSES = 120
+"""Most guesses at a change of sign: every fourth halves what is left, and rounding ends it before."""
+
+
 class Stretches(NamedTuple):
     """Stretches of time in which the operator's force is linear: where they `began` and how long each `lasts` (s,), s.
 
@@ -89,6 +93,20 @@ def guess_between(low: float, high: float, a: float, b: float, i: int) -> float:
         if low < by_chord < high:
             return by_chord
     return middle
+
+
+@compiled
+def narrow_bracket(
+    low: float, high: float, a: float, b: float, side_kept: int, middle: float, value: float, positive: bool
+) -> tuple[float, float, float, float, int]:
+    """Return `low`, `high`, their values a and b, and the side kept, after the `value` at `middle` was looked at.
+
+    `positive` says whether the value at the first `low` was. By the Illinois rule the value of an end that is kept
+    twice is halved, so that the chord leaves it; `side_kept` is 1 where `high` was kept last, 2 for `low`, 0 at first.
+    """
+    if (value > 0.0) == positive:
+        return middle, high, value, b * (0.5 if side_kept == 1 else 1.0), 1
+    return low, middle, a * (0.5 if side_kept == 2 else 1.0), value, 2
 
 
 @compiled

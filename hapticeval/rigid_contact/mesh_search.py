@@ -12,7 +12,15 @@ from typing import NamedTuple
 from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh_kernels import CORNER, FACE, _cross, _minus, normal_of, position_of
 from hapticeval.geometry.surface_kernels import Triple, dot, plus
-from hapticeval.rigid_contact.force import ALIGNED_SHARE, CONTACT_HOP, MASS, SKIN_DEPTH, guess_between
+from hapticeval.rigid_contact.force import (
+    ALIGNED_SHARE,
+    CONTACT_HOP,
+    MASS,
+    MOST_GUESSES,
+    SKIN_DEPTH,
+    guess_between,
+    narrow_bracket,
+)
 from hapticeval.rigid_contact.mesh_terrain import (
     MeshTerrain,
     edge_direction,
@@ -79,18 +87,14 @@ def root_between(
     a = watch(what, normal, anchor, path, low, load) + level
     b = watch(what, normal, anchor, path, high, load) + level
     positive, side_kept = a > 0.0, 0
-    for i in range(120):
+    for i in range(MOST_GUESSES):
         middle = guess_between(low, high, a, b, i)
         if not low < middle < high:
             break
         f = watch(what, normal, anchor, path, middle, load) + level
         if f == 0.0:
             return middle
-        # the Illinois rule: the value of an end that stays twice is halved
-        if (f > 0.0) == positive:
-            low, a, b, side_kept = middle, f, b * (0.5 if side_kept == 1 else 1.0), 1
-        else:
-            high, b, a, side_kept = middle, f, a * (0.5 if side_kept == 2 else 1.0), 2
+        low, high, a, b, side_kept = narrow_bracket(low, high, a, b, side_kept, middle, f, positive)
     return high
 
 
@@ -228,6 +232,24 @@ def _grazes(terrain: MeshTerrain, k: int, p: Triple, v: Triple) -> bool:
 
 
 @compiled
+def _stays_on_one_side(normal: Triple, anchor: Triple, start: Triple, out: Triple, back: Triple, end: Triple) -> bool:
+    """Return whether a path stays on one side of the plane through `anchor` (m) with a unit normal.
+
+    A cubic runs in the hull of its control polygon, `start` to `end`. A path under the spring is none: a twentieth of
+    the heights' spread is granted.
+    """
+    heights = (
+        dot(normal, _minus(start, anchor)),
+        dot(normal, _minus(out, anchor)),
+        dot(normal, _minus(back, anchor)),
+        dot(normal, _minus(end, anchor)),
+    )
+    # by more than what the path may differ from the polygon
+    spread = 0.05 * (max(heights) - min(heights))
+    return min(heights) > spread + SKIN_DEPTH or max(heights) < -spread - SKIN_DEPTH
+
+
+@compiled
 def first_face(
     terrain: MeshTerrain, path: ToolPath, h: float, load: Array, free: Array, near: IntArray
 ) -> tuple[float, int, Triple]:
@@ -254,15 +276,7 @@ def first_face(
         k = near[row]
         normal = normal_of(terrain.faces, k)
         anchor = (terrain.anchors[k, 0], terrain.anchors[k, 1], terrain.anchors[k, 2])
-        heights = (
-            dot(normal, _minus(path.p, anchor)),
-            dot(normal, _minus(out, anchor)),
-            dot(normal, _minus(back, anchor)),
-            dot(normal, _minus(end, anchor)),
-        )
-        # the control polygon stays on one side of the plane, by more than what the path may differ from it
-        spread = 0.05 * (max(heights) - min(heights))
-        if min(heights) > spread + SKIN_DEPTH or max(heights) < -spread - SKIN_DEPTH:
+        if _stays_on_one_side(normal, anchor, path.p, out, back, end):
             continue
         time = first_fall(normal, anchor, path, 0.0, h, load)
         while time < first:
@@ -302,14 +316,7 @@ def first_edge(
             inward = _cross(path.contact_normal, e)
             a = position_of(terrain.vertices, terrain.faces[j, CORNER + i])
             b = position_of(terrain.vertices, terrain.faces[j, CORNER + (i + 1) % 3])
-            heights = (
-                dot(inward, _minus(path.p, a)),
-                dot(inward, _minus(out, a)),
-                dot(inward, _minus(back, a)),
-                dot(inward, _minus(end, a)),
-            )
-            spread = 0.05 * (max(heights) - min(heights))
-            if min(heights) > spread + SKIN_DEPTH or max(heights) < -spread - SKIN_DEPTH:
+            if _stays_on_one_side(inward, a, path.p, out, back, end):
                 continue
             time = first_fall(inward, a, path, 0.0, h, load)
             while time < first:

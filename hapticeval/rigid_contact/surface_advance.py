@@ -34,6 +34,7 @@ from hapticeval.rigid_contact.force import (
     IMPACT,
     LEAVE,
     MASS,
+    MOST_GUESSES,
     RESTITUTION,
     SKIN_DEPTH,
     SLIDE,
@@ -68,9 +69,6 @@ The method's error goes with its seventh power: 1e-12 of the speed is left after
 
 FLIGHT_ANGLE = 0.2
 """Longest way of a step in flight near the surface, in its sharpest radii: the height then has one extremum at most."""
-
-MOST_GUESSES = 120
-"""Most guesses at a change of sign: every fourth halves what is left, and rounding ends it before."""
 
 
 @compiled
