@@ -183,6 +183,7 @@ STUDIES: Sequence[tuple[Callable[..., None], str, str]] = (
     (draw.flow, draw.DRAW_CODES, "Draw how a model's outline shrinks to a point."),
     (draw.device, draw.DRAW_CODES, "Show what the hand feels of a device, and its reach."),
     (draw.limits, draw.LIMITS_CODES, "Find the largest stiffness that stays stable."),
+    (draw.plates, draw.DRAW_CODES, "Find the thinnest plate that renderers hold."),
     (draw.integrators, draw.DRAW_CODES, "Draw how exactly a robot's motion is integrated."),
 )
 

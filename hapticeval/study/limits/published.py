@@ -34,12 +34,12 @@ class Losses(NamedTuple):
     """What takes up energy in a straight motion of the hand along the wall's normal n, and what misleads the sensors.
 
     - `damping` b, N s/m: nᵀ J⁻ᵀ D J⁻¹ n, with the viscous losses D of the joints.
-    - `friction` f_c, N, for a friction of 1 N m (or N) in each joint: the sum of |J⁻¹ n|.
+    - `force_per_joint_friction`: f_c in N for a friction of 1 N m (or N) in each joint, the sum of |J⁻¹ n|.
     - `encoder_count` Δ, m: twice the largest shift of the hand along n by rounding: the sum of |Jᵀ n| counts.
     """
 
     damping: float
-    friction: float
+    force_per_joint_friction: float
     encoder_count: float
 
 
@@ -48,7 +48,7 @@ def losses_along(robot: Robot, normal: Array, encoder_step: float) -> Losses:
     joint_motion = np.linalg.solve(robot.jacobian, normal)
     return Losses(
         damping=float(joint_motion @ robot.losses @ joint_motion),
-        friction=float(np.abs(joint_motion).sum()),
+        force_per_joint_friction=float(np.abs(joint_motion).sum()),
         encoder_count=encoder_step * float(np.abs(robot.jacobian.T @ normal).sum()),
     )
 
@@ -59,7 +59,7 @@ def passive_with_encoders(losses: Losses, joint_friction: float, dt: float) -> f
     `joint_friction` in N m, or N, and `dt` = T in s. J. J. Abbott and A. M. Okamura, Effects of Position Quantization
     and Sampling Rate on Virtual-Wall Passivity, IEEE Transactions on Robotics 21(5), 2005.
     """
-    return min(2.0 * losses.damping / dt, 2.0 * losses.friction * joint_friction / losses.encoder_count)
+    return min(2.0 * losses.damping / dt, 2.0 * losses.force_per_joint_friction * joint_friction / losses.encoder_count)
 
 
 def stable_with_delay(damping: float, scene: Scene) -> float:
@@ -92,7 +92,7 @@ def over_friction(factory: RendererFactory, scene: Scene, place: Place) -> Mappi
         return None
     losses = losses_along(robot, place.normal, step)
     # Where 2 f_c / Δ = 2 b / T.
-    corner = losses.damping * losses.encoder_count / (scene.sampling_time * losses.friction)
+    corner = losses.damping * losses.encoder_count / (scene.sampling_time * losses.force_per_joint_friction)
     frictions = np.linspace(0.0, 3.0, FRICTIONS) * corner
     hands = try_hands(factory, scene, place, step, losses)
     return {
@@ -126,7 +126,9 @@ class WorstHand(NamedTuple):
     def limit(self, joint_friction: float) -> float:
         """Return the stiffness (N/m) above which one of the hands is given energy, with that friction (N m, or N)."""
         gained = self.gains > 0.0
-        resistance = self.losses.friction * joint_friction + self.losses.damping * self.strokes / self.dt
+        resistance = (
+            self.losses.force_per_joint_friction * joint_friction + self.losses.damping * self.strokes / self.dt
+        )
         return float(np.min(2.0 * resistance[gained] / self.gains[gained]))
 
 
