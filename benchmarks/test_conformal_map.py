@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from hapticeval.geometry.catalogue import cassinian, star
-from hapticeval.geometry.maps.conformal import conformal_map
 from hapticeval.renderers import conformal
 from hapticeval.renderers.disk import DiskProjection
+from hapticeval.renderers.maps.conformal import conformal_map
 from hapticeval.scene import Scene
 
 TARGET = 2.5

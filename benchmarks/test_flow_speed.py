@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from hapticeval.geometry.catalogue import cassinian, star
-from hapticeval.geometry.maps import flow_map as locator
-from hapticeval.geometry.maps.flow import FlowSettings, run_flow
-from hapticeval.geometry.maps.flow_map import build_chart, flow_map
 from hapticeval.renderers import mapping
+from hapticeval.renderers.maps import flow_map as locator
+from hapticeval.renderers.maps.flow import FlowSettings, run_flow
+from hapticeval.renderers.maps.flow_map import build_chart, flow_map
 from hapticeval.scene import Scene
 
 LOOKUPS = 100_000

@@ -13,7 +13,7 @@ import pytest
 import shapely
 
 from hapticeval.geometry.catalogue import cassinian
-from hapticeval.geometry.polygon import Polygon
+from hapticeval.geometry.representations import Polygon
 
 EDGES = (80, 8_000, 80_000)
 TREE_POINTS = 50_000

@@ -78,6 +78,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Without `arguments` it takes those of the process, which ends after it. Ctrl-C where no command does something about
     it, as before one has begun, is shown in a word, and the code is 1.
     """
+    return _exit_code_of(_typer_command(), arguments, "hapticeval")
+
+
+def run_program(function: Callable[..., None], epilog: str, arguments: Sequence[str] | None = None) -> int:
+    """Run a function as a command of its own, as the programs of `examples/studies` are; return its exit code.
+
+    Its options are read off it as those of `hapticeval` are, and its errors are shown as they are by `main`.
+    """
+    program = typer.Typer(
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        add_completion=False,
+        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    )
+    program.command(cls=SectionedCommand, epilog=epilog)(function)
+    # Run by `python -m`, a module is called __main__, and its spec knows its name.
+    name = getattr(sys.modules[function.__module__].__spec__, "name", function.__module__)
+    return _exit_code_of(typer.main.get_command(program), arguments, f"python -m {name}")
+
+
+def _exit_code_of(command: Callable[..., object], arguments: Sequence[str] | None, name: str) -> int:
+    """Run a command that typer built on `arguments`, those of the process if None, and return its exit code."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # A terminal that lacks a character shows a question mark; no run ends for that.
@@ -85,7 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Commands may change what Ctrl-C does; a caller in Python gets its own handler back.
     interrupted = signal.getsignal(signal.SIGINT)
     try:
-        _typer_command()(args=None if arguments is None else list(arguments), prog_name="hapticeval")
+        command(args=None if arguments is None else list(arguments), prog_name=name)
     except HapticevalError as error:
         # Texts of files and foreign code may hold control characters: written out.
         print(printable(f"error: {error}"), file=sys.stderr)
@@ -180,7 +202,6 @@ STUDIES: Sequence[tuple[Callable[..., None], str, str]] = (
     (effects.effects, effects.EFFECTS_CODES, "Measure what the effects of scenes cost."),
     (texture.texture, texture.TEXTURE_CODES, "Show a texture, or take over a toolkit's."),
     (draw.field, draw.DRAW_CODES, "Draw where a projection leads, and where it jumps."),
-    (draw.flow, draw.DRAW_CODES, "Draw how a model's outline shrinks to a point."),
     (draw.device, draw.DRAW_CODES, "Show what the hand feels of a device, and its reach."),
     (draw.limits, draw.LIMITS_CODES, "Find the largest stiffness that stays stable."),
     (draw.plates, draw.DRAW_CODES, "Find the thinnest plate that renderers hold."),

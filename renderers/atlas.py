@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.compiled import LawData, compiled
-from hapticeval.geometry.surface_kernels import FIRST, Triple, closest_on_surface, dot, plus
+from hapticeval.geometry.surface import FIRST, Triple, closest_on_surface, dot, plus
 from hapticeval.renderers.law import HELD, as_rows, release
 from hapticeval.renderers.stabilisation_laws import (
     BEYOND,

@@ -18,10 +18,9 @@ import numpy as np
 
 from hapticeval.compiled import EMPTY_TABLE, LawData, compiled, for_kernels
 from hapticeval.errors import InputError, RefusalError
-from hapticeval.geometry.level_set import LevelSet
 from hapticeval.geometry.model import Model
-from hapticeval.geometry.polygon import Polygon
 from hapticeval.geometry.polygon_kernels import nearest_kernel
+from hapticeval.geometry.representations import LevelSet, Polygon
 from hapticeval.renderers.law import BILATERAL, ERROR, OWN, once, regulate, release
 from hapticeval.renderers.projective import CompiledProjection
 from hapticeval.types import Array

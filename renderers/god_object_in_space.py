@@ -13,8 +13,7 @@ from __future__ import annotations
 from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_feature, closest_on_mesh, side_and_normal
-from hapticeval.geometry.mesh_tool import fly_to_hand
-from hapticeval.geometry.mesh_walk import RESTS, walk_downhill
+from hapticeval.geometry.mesh_tool import RESTS, fly_to_hand, walk_downhill
 from hapticeval.renderers.law import BILATERAL, ERROR, OWN, ROOM, regulate, release
 from hapticeval.renderers.projective import CompiledProjection
 from hapticeval.scene import Scene

@@ -25,8 +25,7 @@ from hapticeval.compiled import LawData, borrowing
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import ARC, CASSINIAN, ELLIPSE, KIND, U0, U1, A, B, C, E, evaluate, piece_index
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.surface import Surface
-from hapticeval.geometry.surface_kernels import closest_on_surface, dot, plus
+from hapticeval.geometry.surface import Surface, closest_on_surface, dot, plus
 from hapticeval.renderers.law import BILATERAL, ERROR, OWN, once, regulate, release
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
 from hapticeval.renderers.potential import CENTRE, LAST, PARALLEL, REACH, SUPPORT, level_at, level_values, stretch

@@ -12,7 +12,7 @@ from hapticeval.compiled import LawData, borrowing
 from hapticeval.geometry.kernels import evaluate
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_on_mesh
-from hapticeval.geometry.surface_kernels import apply_matrix, closest_on_surface, dot, shape_operator
+from hapticeval.geometry.surface import apply_matrix, closest_on_surface, dot, shape_operator
 from hapticeval.renderers.contour import nearest_on_level_set
 from hapticeval.renderers.family import GRID, VERTICES
 from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, SCHEME, regulate, release

@@ -42,8 +42,8 @@ from hapticeval.geometry.kernels import (
     piece_index,
 )
 from hapticeval.geometry.model import Model
-from hapticeval.geometry.polygon import Polygon
 from hapticeval.geometry.polygon_kernels import first_crossing_kernel, nearest_kernel, side_kernel
+from hapticeval.geometry.representations import Polygon
 from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.law import OWN, once
 from hapticeval.types import Array

@@ -68,7 +68,7 @@ import math
 from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.curve_kernels import nearest_with_values
 from hapticeval.geometry.kernels import curvature_rate
-from hapticeval.geometry.surface_kernels import (
+from hapticeval.geometry.surface import (
     Triple,
     apply_matrix,
     closest_on_surface,

@@ -1,8 +1,7 @@
-"""A projection field as a picture (Figures 4.5 to 4.8 and 5.14), and a flow (Figures 5.3 to 5.13)."""
+"""A projection field as a picture (Figures 4.5 to 4.8 and 5.14)."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,9 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hapticeval.files import file_stem
-from hapticeval.geometry.maps.flow import Flow
-from hapticeval.geometry.model import Model
 from hapticeval.quantity import format_quantity
 from hapticeval.reports.canvas import BOXED, INK, MM, PALETTE, figure, save_figure
 from hapticeval.study.projection_field.field import Field
@@ -31,9 +27,6 @@ LEFT, PLOT, RIGHT, ABOVE = 0.65, 5.5, 0.15, 0.35
 LINE_TOLERANCE = 2e-5
 """How far (m) a drawn line may be from the computed one."""
 
-LEVEL_STRIDE, LINE_STRIDE = 4, 8
-"""Of a flow's levels and lines, those that are drawn."""
-
 
 def write_field(directory: Path, field: Field, document: Mapping[str, Any]) -> list[Path]:
     """Draw a field into `directory`, as SVG and PNG, with its numbers as JSON; return the paths written.
@@ -41,43 +34,16 @@ def write_field(directory: Path, field: Field, document: Mapping[str, Any]) -> l
     `document` is `Field.summary`'s with a `title` and the files' `stem`. The same field gives the same files. Raises
     `HapticevalError` where a file cannot be written.
     """
-    with _model_figure(field.surface, field.lattice.size, document["title"], below=1.4) as (fig, axes, outline):
+    with model_figure(field.surface, field.lattice.size, document["title"], below=1.4) as (fig, axes, outline):
         _draw_field(axes, field, outline)
-        _add_legend(fig, 1.4, ncols=4, handlelength=1.6)
+        add_legend(fig, 1.4, ncols=4, handlelength=1.6)
         place = (0.35 / fig.get_figwidth(), 0.62 / fig.get_figheight())
         fig.text(*place, caption(document), fontsize=8, color=INK, va="top", linespacing=1.5)
         return save_figure(fig, directory, document["stem"], document=document)
 
 
-def write_flow(
-    directory: Path, model: Model, flow: Flow | None, *, title: str, cross: tuple[float, ...] | None = None
-) -> list[Path]:
-    """Draw a flow's levels and lines into `directory` as SVG and PNG; return the paths written.
-
-    Without a flow the outline alone, with a `cross` (m) where the flow failed. Raises `HapticevalError` where a file
-    cannot be written.
-    """
-    xmin, ymin, xmax, ymax = model.boundary.bounds
-    with _model_figure(model.boundary, max(xmax - xmin, ymax - ymin), title, below=0.85) as (fig, axes, _):
-        if flow is not None:
-            points = MM * flow.points
-            # Every fourth level, closed on its first point.
-            levels = [[*level, level[0]] for level in points[LEVEL_STRIDE::LEVEL_STRIDE]]
-            _add_lines(axes, levels, "tool", "levels")
-            _add_lines(
-                axes, [points[:, k] for k in range(0, points.shape[1], LINE_STRIDE)], "line", "transversal lines"
-            )
-        if cross is not None:
-            axes.plot(
-                [MM * cross[0]], [MM * cross[1]], "x", color=PALETTE["jump"], markersize=12, markeredgewidth=2.4,
-                label="no map: here", zorder=5,
-            )  # fmt: skip
-        _add_legend(fig, 0.85, ncols=3)
-        return save_figure(fig, directory, "flow-" + file_stem(re.sub(r"[ :=,]+", "-", title)))
-
-
 @contextmanager
-def _model_figure(surface: Any, size: float, title: str, *, below: float) -> Iterator[tuple[Figure, Axes, Polygon]]:
+def model_figure(surface: Any, size: float, title: str, *, below: float) -> Iterator[tuple[Figure, Axes, Polygon]]:
     """A figure with a model in the plane, to scale; `below` (inches) is the room under its axes. Also its outline."""
     xmin, ymin, xmax, ymax = (MM * bound for bound in surface.bounds)
     pad = MARGIN_SHARE * MM * size
@@ -96,7 +62,7 @@ def _model_figure(surface: Any, size: float, title: str, *, below: float) -> Ite
         yield fig, axes, outline
 
 
-def _add_legend(fig: Figure, below: float, **options: Any) -> None:
+def add_legend(fig: Figure, below: float, **options: Any) -> None:
     """Put the legend 0.42 inches under axes that stand `below` inches above the figure's edge."""
     place = ((LEFT + 0.5 * PLOT) / fig.get_figwidth(), (below - 0.42) / fig.get_figheight())
     fig.legend(loc="upper center", bbox_to_anchor=place, **options)
@@ -139,13 +105,13 @@ def _draw_field(axes: Axes, field: Field, outline: Polygon) -> None:
 
     # Areas first, then lines, then the discontinuity over them.
     _draw_rests(axes, field, outline)
-    _add_lines(axes, [_simplified_line(shapely.LineString(line)) for line in field.lines if len(line) > 1], "line",
+    add_lines(axes, [_simplified_line(shapely.LineString(line)) for line in field.lines if len(line) > 1], "line",
            "constant projection")  # fmt: skip
     jumps = [
         _simplified_line(part) for part in shapely.get_parts(field.discontinuity) if part.geom_type == "LineString"
     ]
     if jumps:
-        _add_lines(axes, jumps, "jump", "discontinuity", linewidths=1.6, zorder=4)
+        add_lines(axes, jumps, "jump", "discontinuity", linewidths=1.6, zorder=4)
     points = MM * field.singular.points
     if len(points):
         # The legend names the discontinuity once.
@@ -156,7 +122,8 @@ def _draw_field(axes: Axes, field: Field, outline: Polygon) -> None:
         axes.plot(*place, "D", color=PALETTE["tool"], markersize=7, zorder=6, linestyle="none", label="previous IHIP")
 
 
-def _add_lines(axes: Axes, lines: Any, colour: str, label: str, *, linewidths: float = 0.7, **style: Any) -> None:
+def add_lines(axes: Axes, lines: Any, colour: str, label: str, *, linewidths: float = 0.7, **style: Any) -> None:
+    """Draw lines, a sequence of arrays (n, 2), mm, in a colour of the palette, named once in the legend."""
     from matplotlib.collections import LineCollection
 
     axes.add_collection(LineCollection(lines, colors=PALETTE[colour], linewidths=linewidths, label=label, **style))

@@ -86,7 +86,6 @@ SATELLITES = {
         "replay",
     ),
     "study": ("study",),
-    "maps": ("geometry.maps",),
     "cluster": ("runner.cluster",),
 }
 """Rooms beside the core, which imports none of them: whoever follows a verdict from a suite to a report reads none."""
@@ -258,8 +257,10 @@ def test_every_folder_of_the_package_is_installed() -> None:
         "hapticeval.check_pages",
         "hapticeval.examples",
         "hapticeval.examples.engines",
+        "hapticeval.examples.studies",
         "hapticeval.renderers",
         "hapticeval.renderers.field",
+        "hapticeval.renderers.maps",
         "hapticeval.reports",
         "hapticeval.suites",
     }

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.geometry.facets import Facets
 from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.representations import Facets
 from hapticeval.recordings.recording import backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array

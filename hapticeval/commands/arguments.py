@@ -169,7 +169,7 @@ def model_named(text: str) -> Model:
     and as the catalogue does.
     """
     from hapticeval.geometry.catalogue import KINDS_FROM_USER, MODELS, from_geojson, from_wkt, make_model
-    from hapticeval.geometry.mesh_files import FILE_ENDINGS
+    from hapticeval.geometry.mesh_input import FILE_ENDINGS
 
     file = Path(text)
     kind, _, entries = text.partition(":")

@@ -1,4 +1,4 @@
-"""The commands that study and draw: fields, flows, devices, limits of stability, integrators."""
+"""The commands that study and draw: fields, devices, limits of stability, integrators."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hapticeval.commands.arguments import (
     renderers_option,
 )
 from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote_lines
-from hapticeval.errors import InputError, RefusalError
+from hapticeval.errors import InputError
 
 if TYPE_CHECKING:
     from hapticeval.devices.criteria import Criteria, Peak, Spread
@@ -106,44 +106,6 @@ def field(
     )
     written = write_field(directory, projection_field, document)
     say(paragraphs(lines([document["title"], caption(document)]), wrote_lines(written)))
-
-
-def flow(
-    model: ModelName,
-    velocity: Annotated[
-        str, typer.Option(metavar="NAME", help="Velocity function: arc, cap, unit or curvature.")
-    ] = "arc",
-    cells: Annotated[int, typer.Option(metavar="N", help="Grid cells along the longer side.", min=20)] = 200,
-    directory: Folder = Path(),
-) -> None:
-    """Draw how a model's outline shrinks to a point, and the grid of levels and lines that this makes.
-
-    A model that the flow cannot map is drawn with a cross where that was seen, and the command ends with 2.
-
-    \b
-    Examples:
-      hapticeval study flow cassinian
-      hapticeval study flow star --velocity cap
-      hapticeval study flow dumbbell:neck=0.3 -o pictures
-    """
-    from hapticeval.geometry.maps.flow import FlowSettings
-    from hapticeval.geometry.maps.flow import run_flow as shrink
-    from hapticeval.reports.fields_figure import write_flow
-
-    shape = model_named(model)
-    title = f"{velocity} flow of {model_title(model)}"
-    try:
-        levels = shrink(shape, FlowSettings(velocity=velocity, cells=cells))
-    except RefusalError as refusal:
-        if refusal.position is None:  # there is no outline that shrinks, as of a line
-            raise
-        say(wrote_lines(write_flow(directory, shape, None, title=title, cross=refusal.position)))
-        raise
-    size_words = (
-        f"{title}: {len(levels.times)} levels, {levels.points.shape[1]} lines, "
-        f"{1e3 * levels.lengths[0]:.4g} mm of outline shrunk to {1e3 * levels.lengths[-1]:.3g} mm"
-    )
-    say(lines([size_words, wrote_lines(write_flow(directory, shape, levels, title=title))]))
 
 
 def device(

@@ -152,7 +152,7 @@ class Relief(Effect):
 
     def _part(self, scene: Calling, function: Callable[..., int]) -> Part:
         """Assemble a change: `params` as `relief_kernels` names them, the spline's cells, and rows of N to work in."""
-        from hapticeval.geometry.closest_kernels import closest_of
+        from hapticeval.geometry.boundary import closest_of
 
         boundary, size = scene.model.boundary, scene.model.dimension
         wavelength, unit = self.wavelength, self._unit

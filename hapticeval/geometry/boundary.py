@@ -11,6 +11,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hapticeval.compiled import Closest
 from hapticeval.types import Array
 
 SEARCH_BATCH = 32
@@ -309,3 +310,26 @@ def spread_over_sphere(n: int) -> Array:
     axis_distance = np.sqrt(1.0 - height * height)
     azimuth = np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
     return np.column_stack([axis_distance * np.cos(azimuth), axis_distance * np.sin(azimuth), height])
+
+
+def closest_of(boundary: Boundary) -> Closest | None:
+    """Return the closest point of a boundary as compiled code; None for one that has none, such as one in Python.
+
+    A boundary offers it as `compiled_closest`, with a function made by `hapticeval.compiled`.
+    """
+    return getattr(boundary, "compiled_closest", None)
+
+
+def closest_in_python(boundary: Boundary) -> Callable[[object, Array, Array], float]:
+    """Return what a boundary answers from Python in the form of `CLOSEST`; the data is not used. No arc length."""
+
+    def closest(_data: object, point: Array, frame: Array) -> float:
+        """Answer `CLOSEST` for a point (N,), m, into the rows of `frame` (k, N)."""
+        closest_point = boundary.closest_point(point[np.newaxis])
+        rows = np.vstack(
+            [closest_point.foot, closest_point.normal, *closest_point.shape, np.full_like(closest_point.foot, np.nan)]
+        )
+        frame[:] = rows[: frame.shape[0]]
+        return float(closest_point.distance[0])
+
+    return closest

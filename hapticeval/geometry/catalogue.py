@@ -19,7 +19,7 @@ from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import CASSINIAN, ELLIPSE, PIECE_COLUMNS, UNBOUNDED
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_checks import checked_positions, checked_triangles
+from hapticeval.geometry.mesh_input import checked_positions, checked_triangles
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.solids import Triangles
 from hapticeval.geometry.surface import Surface
@@ -212,7 +212,7 @@ def mesh(
 
     In a suite the file counts from the suite's folder. Raises `InputError` as `read_mesh` and `Mesh` do.
     """
-    from hapticeval.geometry.mesh_files import metres_per, read_mesh
+    from hapticeval.geometry.mesh_input import metres_per, read_mesh
 
     # exactly one of both ways, and neither half of the second
     inline = vertices is not None and triangles is not None

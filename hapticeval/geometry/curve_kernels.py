@@ -14,10 +14,11 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled, law_data
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.kernels import (
     ARC,
+    KIND,
     U0,
     U1,
     UNBOUNDED,
@@ -567,3 +568,55 @@ def sample_table(piece: Array, panels: Array, cuts: int) -> Array:
         out[i, 0], out[i, 1] = u, panels[k, 1] + speed_integral(piece, panels[k, 0], u)
         out[i, 2], out[i, 3], out[i, 4], out[i, 5], out[i, 6], out[i, 7] = x, y, dx, dy, ddx, ddy
     return out
+
+
+def closest_of_curve(pieces: Array, samples: Array, vertices: Array, tree: Array) -> Closest:
+    """Return the compiled closest point of a plane curve, given what `curve_kernels.locate_point` looks a point up in.
+
+    `pieces` (n, 9), `samples` (m, 8), `vertices` (v, 2), m, and `tree` (k, 6): tables that do not apply are empty.
+    """
+    closest = closest_on_curve if tree.shape[0] == 0 else closest_on_outline
+    return Closest(closest, law_data(segments=pieces, lookup=samples, vertices=vertices, tree=tree))
+
+
+@compiled
+def closest_on_curve(data: LawData, point: Array, frame: Array) -> float:
+    """Answer `CLOSEST` for a point (2,), m, on a curve, into rows of `frame` (k, 2)."""
+    u, distance, side = project(data.segments, data.lookup, point[0], point[1])
+    _write_frame(data, u, frame)
+    return distance * side
+
+
+@compiled
+def closest_on_outline(data: LawData, point: Array, frame: Array) -> float:
+    """Answer `CLOSEST` for a point (2,), m, on a curve of straight edges by its tree, into rows of `frame` (k, 2)."""
+    u, distance, side = locate_on_outline(data.segments, data.vertices, data.tree, point[0], point[1])
+    _write_frame(data, u, frame)
+    return distance * side
+
+
+@compiled
+def _write_frame(data: LawData, u: float, frame: Array) -> None:
+    """Write the rows of `frame` (k, 2), see `CLOSEST`, at the parameter u of a curve."""
+    pieces = data.segments
+    # the end of a closed curve is its start
+    if pieces[0, KIND] != UNBOUNDED and not u < pieces[pieces.shape[0] - 1, U1]:
+        u = pieces[0, U0]
+    k = piece_index(pieces, u)
+    x, y, dx, dy, ddx, ddy = evaluate(pieces[k], u)
+    speed = math.hypot(dx, dy)
+    tx, ty = dx / speed, dy / speed
+    # outward normal: the tangent turned clockwise, as curves run anticlockwise
+    frame[FOOT, 0], frame[FOOT, 1], frame[NORMAL, 0], frame[NORMAL, 1] = x, y, ty, -tx
+    if frame.shape[0] > SHAPE:
+        # W = kappa t t^T
+        curvature = (dx * ddy - dy * ddx) / math.pow(speed, 3.0)
+        frame[SHAPE, 0], frame[SHAPE, 1] = curvature * tx * tx, curvature * tx * ty
+        frame[SHAPE + 1, 0], frame[SHAPE + 1, 1] = curvature * ty * tx, curvature * ty * ty
+    if frame.shape[0] > SHAPE + 2:
+        # arc length: u itself on lines and arcs, else from the row of the table before u
+        along = u if pieces[0, KIND] == UNBOUNDED else u - pieces[0, U0]
+        if data.lookup.shape[0] > 0:
+            i = max(int(np.searchsorted(data.lookup[:, 0], u, side="right")) - 1, 0)
+            along = data.lookup[i, 1] + speed_integral(pieces[0], data.lookup[i, 0], u)
+        frame[SHAPE + 2, 0], frame[SHAPE + 2, 1] = along, 0.0

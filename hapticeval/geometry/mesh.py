@@ -9,22 +9,22 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import Closest, for_kernels
+from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled, for_kernels, law_data
 from hapticeval.geometry import mesh_build as build
 from hapticeval.geometry import mesh_kernels as kernels
 from hapticeval.geometry.boundary import ClosestPoint, SurfaceInSpace
-from hapticeval.geometry.mesh_checks import (
+from hapticeval.geometry.mesh_input import (
     check_closed,
     check_crossings,
     checked_positions,
     checked_triangles,
     refuse_triangle,
 )
-from hapticeval.geometry.mesh_tool import follow_hand
-from hapticeval.geometry.mesh_walk import walk_downhill
+from hapticeval.geometry.mesh_kernels import closest_on_mesh
+from hapticeval.geometry.mesh_tool import follow_hand, walk_downhill
 from hapticeval.geometry.motion import Motion
 from hapticeval.geometry.polygon_kernels import COORDINATE_ROUNDING, TOUCH_SHARE
-from hapticeval.geometry.surface_kernels import Triple
+from hapticeval.geometry.surface import Triple
 from hapticeval.geometry.validate import answer_by_kernel
 from hapticeval.types import Array, IntArray
 
@@ -104,8 +104,6 @@ class Mesh(SurfaceInSpace):
     @property
     def compiled_closest(self) -> Closest:
         """The closest point as compiled code, for what is composed into a step: see `closest_of`."""
-        from hapticeval.geometry.closest_kernels import closest_of_mesh
-
         return closest_of_mesh(*self.tables)
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
@@ -201,3 +199,30 @@ class Mesh(SurfaceInSpace):
 def _triple(point: Array) -> Triple:
     """Return a point (3,) as the kernels take one."""
     return float(point[0]), float(point[1]), float(point[2])
+
+
+def closest_of_mesh(faces: Array, vertices: Array, tree: Array) -> Closest:
+    """Return the compiled closest point of a triangle mesh, given its tables of `mesh_kernels`, which are shared.
+
+    `faces` (t, 9), `vertices` (v, 6), m, and `tree` (k, 11). Its state is the triangle of the last answer.
+    """
+    return Closest(closest_on_triangles, law_data(segments=faces, vertices=vertices, tree=tree, state=1))
+
+
+@compiled
+def closest_on_triangles(data: LawData, point: Array, frame: Array) -> float:
+    """Answer `CLOSEST` for a point (3,), m, on a triangle mesh, into `frame` (k, 3).
+
+    A mesh bends in no face, and has no arc length.
+    """
+    p = (point[0], point[1], point[2])
+    k, foot, normal, distance = closest_on_mesh(data.segments, data.vertices, data.tree, p, int(data.state[0]))
+    # the next point is looked for from here: it saves time and changes no answer
+    data.state[0] = k
+    for i in range(3):
+        frame[FOOT, i], frame[NORMAL, i] = foot[i], normal[i]
+        for row in range(SHAPE, min(frame.shape[0], SHAPE + 3)):
+            frame[row, i] = 0.0
+        if frame.shape[0] > SHAPE + 3:
+            frame[SHAPE + 3, i] = np.nan
+    return distance

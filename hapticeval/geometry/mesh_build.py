@@ -23,11 +23,11 @@ from hapticeval.geometry.mesh_kernels import (
     normal_of,
     position_of,
 )
-from hapticeval.geometry.surface_kernels import Triple, dot, plus
+from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.types import Array, IntArray
 
 SOUND, FLAT_TRIANGLE, OPEN, SHARED, FLIPPED, PINCHED, OTHER_PART, FOLDED = range(8)
-"""What is wrong with a triangle: see `mesh_checks`."""
+"""What is wrong with a triangle: see `mesh_input`."""
 
 THINNEST = 1e-13
 """Least height of a triangle over its longest edge: below, its corners lie on one line to rounding."""

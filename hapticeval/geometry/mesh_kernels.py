@@ -35,7 +35,7 @@ import numpy as np
 from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.kernels import check_finite
-from hapticeval.geometry.surface_kernels import Triple, dot, plus
+from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.types import Array, IntArray
 
 CORNER, ACROSS, NORMAL = 0, 3, 6

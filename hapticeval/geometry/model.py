@@ -14,10 +14,8 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from hapticeval.geometry.boundary import Boundary
     from hapticeval.geometry.curve import Curve
-    from hapticeval.geometry.facets import Facets
-    from hapticeval.geometry.level_set import LevelSet
     from hapticeval.geometry.motion import Motion
-    from hapticeval.geometry.polygon import Polygon
+    from hapticeval.geometry.representations import Facets, LevelSet, Polygon
     from hapticeval.geometry.surface import Surface
 
 
@@ -140,7 +138,7 @@ class Model:
         """
         key = ("polygon", n)
         if key not in self._prepared:
-            from hapticeval.geometry.polygon import Polygon
+            from hapticeval.geometry.representations import Polygon
 
             self._prepared[key] = Polygon(self.curve.position(self._polygon_parameters(n)))
         polygon: Polygon = self._prepared[key]
@@ -153,7 +151,7 @@ class Model:
         (v, N), `cells` (c, N) and the `chord_error` (m) itself. Corners of the model are kept, and what is made of
         edges or triangles is returned as it is. Raises as `facets_of` does.
         """
-        from hapticeval.geometry.facets import CHORD_ERROR_SHARE, facets_of
+        from hapticeval.geometry.representations import CHORD_ERROR_SHARE, facets_of
 
         error = CHORD_ERROR_SHARE[self.dimension] * self.size if max_error is None else max_error
         key = ("mesh", error)
@@ -166,7 +164,7 @@ class Model:
         """Return the signed distance on a grid of `shape` = (nx, ny) nodes that covers the model and a margin."""
         key = ("level set", tuple(shape))
         if key not in self._prepared:
-            from hapticeval.geometry.level_set import sample_level_set
+            from hapticeval.geometry.representations import sample_level_set
 
             self._prepared[key] = sample_level_set(self.curve, shape)
         level_set: LevelSet = self._prepared[key]

@@ -32,7 +32,7 @@ from hapticeval.geometry.mesh_kernels import (
     normal_of,
     position_of,
 )
-from hapticeval.geometry.surface_kernels import Triple, dot, plus
+from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
     CONTACT_HOP,

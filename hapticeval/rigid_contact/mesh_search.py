@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh_kernels import CORNER, FACE, _cross, _minus, normal_of, position_of
-from hapticeval.geometry.surface_kernels import Triple, dot, plus
+from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
     CONTACT_HOP,

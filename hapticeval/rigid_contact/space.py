@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hapticeval.compiled import compiled, inner
-from hapticeval.geometry.surface_kernels import Triple, plus
+from hapticeval.geometry.surface import Triple, plus
 from hapticeval.rigid_contact.force import (
     BEGAN,
     DAMPER,

@@ -1,6 +1,6 @@
 """The tool on a smooth surface in space: it slides, leaves where the contact force reaches zero, flies, and hits.
 
-The surface is f = 0, with f negative inside: a row `reals` of `surface_kernels`. With the normal n = grad f / |grad f|
+The surface is f = 0, with f negative inside: a row `reals` of `geometry.surface`. With the normal n = grad f / |grad f|
 and the shape operator S = P H P / |grad f|, P = I - n n^T, H the second derivatives of f, a sliding tool moves by
 
     m y'' = F_o + N n,      N = -F_o.n - m y'.S y'       thesis (3.1), (3.3), (3.8)
@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from hapticeval.compiled import compiled
-from hapticeval.geometry.surface_kernels import (
+from hapticeval.geometry.surface import (
     FIRST,
     KIND,
     SECOND,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.geometry.surface import Surface
-from hapticeval.geometry.surface_kernels import ELLIPSOID, FIRST, KIND, SECOND, THIRD, TORUS
+from hapticeval.geometry.surface import ELLIPSOID, FIRST, KIND, SECOND, THIRD, TORUS, Surface
 from hapticeval.rigid_contact.force import FLIGHT, SLIDE, Stretches
 from hapticeval.rigid_contact.space import MODE, OWN, POSITION, VELOCITY
 from hapticeval.rigid_contact.surface_advance import carry_on_surface
@@ -39,7 +38,7 @@ class SurfaceGround:
 
 
 def _largest_curvature(row: Array) -> float:
-    """Return the largest |principal curvature| (1/m) of the surface in a row (ROW_LENGTH,) of `surface_kernels`."""
+    """Return the largest |principal curvature| (1/m) of the surface in a row (ROW_LENGTH,) of `geometry.surface`."""
     # round the tube, or round the hole
     if row[KIND] == TORUS:
         return float(max(1.0 / row[SECOND], 1.0 / (row[FIRST] - row[SECOND])))

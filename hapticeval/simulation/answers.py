@@ -55,7 +55,7 @@ class Affected:
 
     def __init__(self, renderer: Renderer, effects: Sequence[Effect], scene: Scene) -> None:
         from hapticeval.compiled import specialised
-        from hapticeval.geometry.closest_kernels import closest_of
+        from hapticeval.geometry.boundary import closest_of
         from hapticeval.simulation.answer_kernels import REFUSALS_PER_EFFECT, change_rows
 
         self.base = renderer
@@ -186,7 +186,7 @@ class Affected:
 def _compile_changes(parts: Sequence[Part], boundary: Boundary) -> tuple[Closest, tuple[Change, ...]]:
     """Return the closest point and the changes as kernels take them; in Python where the boundary is in Python."""
     from hapticeval.compiled import CHANGE, CLOSEST, Change, Closest, Numbers, compiled_once, first_class, law_data
-    from hapticeval.geometry.closest_kernels import closest_in_python, closest_of
+    from hapticeval.geometry.boundary import closest_in_python, closest_of
 
     compiled_closest = closest_of(boundary)
     changes = []

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.compiled import inner, law_data
-from hapticeval.geometry.surface_kernels import Triple, dot, plus
+from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.renderer import CompiledStep, Declaration, Spring
 from hapticeval.renderers.law import LawRenderer, once
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
-    from hapticeval.geometry.facets import Facets
+    from hapticeval.geometry.representations import Facets
     from hapticeval.scene import Scene
 
 FINE = 1e-5

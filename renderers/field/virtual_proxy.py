@@ -51,7 +51,7 @@ import numpy as np
 
 from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.mesh_kernels import closest_in_cone
-from hapticeval.geometry.surface_kernels import Triple, dot, plus
+from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.renderers.field.facets import MIDDLE, REACH, OnFacets, way_off
 from hapticeval.types import Array
 

@@ -137,7 +137,7 @@ def test_an_effect_refuses_by_name():
 
 @pytest.mark.parametrize("kind", ["circle", "star", "cassinian", "line", "ellipse", "sphere", "torus", "ellipsoid"])
 def test_the_compiled_closest_point_is_the_boundary_s(kind):
-    from hapticeval.geometry.closest_kernels import closest_in_python, closest_of
+    from hapticeval.geometry.boundary import closest_in_python, closest_of
 
     boundary = make_model(kind).boundary
     size = boundary.dimension

@@ -18,8 +18,8 @@ from hapticeval.geometry.catalogue import (
     star,
     torus,
 )
-from hapticeval.geometry.facets import HALF_PLANE_EXTENT, MOST_CELLS
 from hapticeval.geometry.model import Model
+from hapticeval.geometry.representations import HALF_PLANE_EXTENT, MOST_CELLS
 
 SMOOTH = {
     "circle": circle(),

@@ -17,11 +17,10 @@ from hapticeval.compiled import CLOSEST, first_class
 from hapticeval.errors import InputError
 from hapticeval.geometry import mesh_kernels as kernels
 from hapticeval.geometry import solids
-from hapticeval.geometry.boundary import march_to_crossing
+from hapticeval.geometry.boundary import closest_of, march_to_crossing
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.geometry.closest_kernels import closest_of
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_checks import meeting_points
+from hapticeval.geometry.mesh_input import meeting_points
 
 FAR = np.array([1e6, -1e6, 1e6])
 ASLANT = np.array([0.013, -0.02, 0.3])

@@ -12,8 +12,8 @@ from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
 from hapticeval.geometry.kernels import U0
-from hapticeval.geometry.polygon import Polygon
 from hapticeval.geometry.polygon_kernels import first_crossing_kernel
+from hapticeval.geometry.representations import Polygon
 
 NOTCHED = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [4, 3], [4, 4], [0, 4]]
 SLIVER = [[0.0, 0.0], [1.0, -1e-6], [2.0, 0.0], [1.0, 1e-6]]

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import circle, ellipsoid, sphere, torus
-from hapticeval.geometry.surface import Surface
-from hapticeval.geometry.surface_kernels import shape_operator_change
+from hapticeval.geometry.surface import Surface, shape_operator_change
 
 MODELS = [
     sphere(0.2),

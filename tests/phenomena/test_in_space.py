@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import circle, sphere
-from hapticeval.geometry.normal_cone import NORMAL_SAMPLES
+from hapticeval.geometry.curve import NORMAL_SAMPLES
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome

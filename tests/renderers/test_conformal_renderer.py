@@ -5,8 +5,8 @@ import pytest
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
-from hapticeval.geometry.maps.conformal import CrowdingError, conformal_map
 from hapticeval.renderers import conformal, minimum_distance
+from hapticeval.renderers.maps.conformal import CrowdingError, conformal_map
 from hapticeval.scene import Scene
 
 MODELS = {

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
-from hapticeval.geometry.maps.flow import FlowError
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderers import conformal, mapping
+from hapticeval.renderers.maps.flow import FlowError
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.suite.reading import load_suite

@@ -18,9 +18,9 @@ from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.geometry.facets import triangulate_surface
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.model import Model
+from hapticeval.geometry.representations import triangulate_surface
 from hapticeval.knob import Knob, Settings
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.sampling import force_floor

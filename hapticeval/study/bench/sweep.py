@@ -13,7 +13,7 @@ import numpy as np
 
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, describe_error
-from hapticeval.geometry.facets import triangulate_surface
+from hapticeval.geometry.representations import triangulate_surface
 from hapticeval.knob import Settings
 from hapticeval.phenomena.sampling import force_floor
 from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured

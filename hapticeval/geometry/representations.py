@@ -1,24 +1,196 @@
-"""A model as straight edges or flat triangles: what a renderer that takes nothing else is given, with its error."""
+"""The coarser representations of a model that renderers hold, each with its error.
+
+A polygon has queries that grow as log n; a level set is what chapter 5's mapping and voxel renderers hold; facets,
+straight edges or flat triangles, are for a renderer that takes nothing else.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry import solids
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.kernels import line_pieces
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.polygon import Polygon
 from hapticeval.geometry.solids import Triangles
 from hapticeval.geometry.surface import Surface
+from hapticeval.geometry.validate import checked_vertices
 from hapticeval.types import Array, IntArray
 
 if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
+
+
+class Polygon(Curve):
+    """A simple polygon: `vertices` (n, 2), m, anticlockwise; edge k runs from vertex k to the next.
+
+    It is the curve of its edges. Raises `InputError` for vertices that are no such outline (see `checked_vertices`).
+    """
+
+    def __init__(self, vertices: ArrayLike) -> None:
+        super().__init__("polygon", line_pieces(checked_vertices(vertices)), True)
+
+    @property
+    def vertices(self) -> Array:
+        """The corners (n, 2), m; they cannot be written to."""
+        return self.pieces[:, 3:5]
+
+    @cached_property
+    def edges(self) -> Array:
+        """From each vertex to the next, (n, 2), m."""
+        return np.asarray(np.roll(self.vertices, -1, axis=0) - self.vertices)
+
+    @cached_property
+    def resolution(self) -> float:
+        """The longest edge (m)."""
+        return float(np.max(np.hypot(self.edges[:, 0], self.edges[:, 1])))
+
+    def standoff_from(self, curve: Curve) -> float:
+        """Return the largest distance (m) between this outline and a closed curve's.
+
+        Measured both ways, from a fine sampling whose peaks are then climbed to rounding.
+        """
+        start, end = curve.u_range
+        feet = np.clip(curve.nearest(self.vertices), start, end)
+        # between two stops the distance is smooth: corners, and feet of vertices, are kinks
+        stops = np.unique(np.concatenate([[start, end], [corner.u for corner in curve.corners], feet]))
+        shares = np.arange(self.vertices.shape[0] + 1.0)
+        return max(
+            # both ways: neither outline may have a part that the other is far from
+            _largest_between(lambda u: np.abs(self.signed_distance(curve.position(u))), stops),
+            _largest_between(lambda share: np.abs(curve.signed_distance(self._along(share))), shares),
+        )
+
+    def _along(self, share: Array) -> Array:
+        """Return the points (n, 2), m, at shares (n,): edge number plus the share of that edge."""
+        edge = np.minimum(share.astype(np.int64), self.vertices.shape[0] - 1)
+        return np.asarray(self.vertices[edge] + (share - edge)[:, np.newaxis] * self.edges[edge])
+
+
+def _largest_between(evaluate: Callable[[Array], Array], stops: Array) -> float:
+    """Return the largest value of a function smooth between `stops` (n,): eight samples each, then golden sections."""
+    cuts = 8
+    step = np.diff(stops)[:, np.newaxis]
+    positions = np.append((stops[:-1, np.newaxis] + step * np.arange(cuts) / cuts).ravel(), stops[-1])
+    values = evaluate(positions)
+    inner = values[1:-1]
+    # each sample no lower than its neighbours brackets a maximum
+    peaks = 1 + np.flatnonzero((inner >= values[:-2]) & (inner >= values[2:]))
+    low, high = positions[peaks - 1], positions[peaks + 1]
+    ratio = (np.sqrt(5.0) - 1.0) / 2.0
+    largest = float(values.max())
+    # 0.618^40 is 4e-9 of the bracket: the error of a maximum goes with its square
+    for _ in range(40):
+        left, right = high - ratio * (high - low), low + ratio * (high - low)
+        value_left, value_right = evaluate(left), evaluate(right)
+        largest = max(largest, float(np.max([value_left, value_right], initial=0.0)))
+        rising = value_right > value_left
+        low, high = np.where(rising, left, low), np.where(rising, high, right)
+    return largest
+
+
+MARGIN_CELLS = 3
+"""Cells between the model's bounds and the edge of the grid."""
+
+
+@dataclass(frozen=True, eq=False)
+class LevelSet:
+    """Signed distance `values` (ny, nx), m, at the equally spaced nodes `x` (nx,) and `y` (ny,), bilinear between."""
+
+    x: Array
+    y: Array
+    values: Array
+
+    @property
+    def cell(self) -> float:
+        """The larger side of a cell (m)."""
+        return max(float((nodes[-1] - nodes[0]) / (nodes.size - 1)) for nodes in (self.x, self.y))
+
+    def without_islands(self) -> LevelSet:
+        """Return the same with an inside of one piece, the largest, and no holes: self if it is so already.
+
+        A tip or slit that is narrower than the diagonal of a cell may have nodes in it that no sides of cells join to
+        the rest, by how the model lies on the grid.
+
+        The sign of such nodes is changed, their distance kept. Nodes that are joined across a cell only count as apart:
+        a contour through the middle of such a cell may touch itself.
+        """
+        from scipy import ndimage
+
+        inside = self.values <= 0.0
+        parts, count = ndimage.label(inside)
+        if count == 0:
+            return self
+        # label 0 is the outside
+        largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
+        solid = ndimage.binary_fill_holes(parts == largest)
+        if np.array_equal(solid, inside):
+            return self
+        # a node whose sign changes must not stay at zero
+        distance = np.maximum(np.abs(self.values), 1e-9 * self.cell)
+        return LevelSet(self.x, self.y, np.where(solid == inside, self.values, np.where(solid, -distance, distance)))
+
+    def contour(self) -> Polygon:
+        """Return the zero set as a polygon.
+
+        Raises `InputError` if it is not one closed curve: the grid is too coarse for a thin part, or does not
+        cover the model.
+        """
+        import contourpy
+
+        lines = contourpy.contour_generator(self.x, self.y, self.values).lines(0.0)
+        if len(lines) != 1:
+            raise InputError(
+                f"the zero set of the level set has {len(lines)} components",
+                why="a model is bounded by one curve",
+                todo=f"refine the grid: its cells are {self.cell:g} m",
+            )
+        outline = np.asarray(lines[0], dtype=np.float64)
+        if not np.array_equal(outline[0], outline[-1]):
+            raise InputError(
+                "the zero set of the level set runs off the grid",
+                why="a polygon encloses a bounded area",
+                todo="use a bounded model, or a grid that covers all of it",
+            )
+        # a node that lies on the curve gives the same crossing for each of its cell sides
+        repeated = np.hypot(*(outline[1:] - outline[:-1]).T) <= 1e-9 * self.cell
+        outline = outline[:-1][~repeated]
+        # the shoelace formula about a corner: negative for a clockwise outline
+        x, y = (outline - outline[0]).T
+        if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0.0:
+            outline = outline[::-1]
+        return Polygon(outline)
+
+
+def sample_level_set(boundary: Boundary, shape: tuple[int, int]) -> LevelSet:
+    """Return the exact signed distance of a plane boundary at `shape` = (nx, ny) nodes over its bounds and a margin.
+
+    Raises `InputError` for a grid too small to have an inside of at least one cell.
+    """
+    # margins on both sides and one cell
+    fewest = 2 * MARGIN_CELLS + 2
+    if len(shape) != 2 or min(shape) < fewest:
+        raise InputError(f"a level set of {shape} nodes", why=f"it needs at least {fewest} each way")
+    xmin, ymin, xmax, ymax = boundary.bounds
+    x, y = _grid_nodes(xmin, xmax, shape[0]), _grid_nodes(ymin, ymax, shape[1])
+    points = np.column_stack([array.ravel() for array in np.meshgrid(x, y)])
+    return LevelSet(x, y, boundary.signed_distance(points).reshape(y.size, x.size))
+
+
+def _grid_nodes(low: float, high: float, count: int) -> Array:
+    """Return `count` equal steps (count,), m, from MARGIN_CELLS before `low` to as many beyond `high`."""
+    step = (high - low) / (count - 1 - 2 * MARGIN_CELLS)
+    return np.asarray(low + step * (np.arange(count) - MARGIN_CELLS))
+
 
 MOST_CELLS = {2: 100_000, 3: 20 * 4**8}
 """Edges, and triangles, that are made at the most: the errors of a model of 0.2 m are then 5e-11 m and 5e-7 m."""

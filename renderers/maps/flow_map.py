@@ -26,9 +26,9 @@ import numpy as np
 from hapticeval.compiled import compiled
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.maps.flow import Flow, FlowSettings, FoldedGridError, run_flow
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.validate import checked_points
+from hapticeval.renderers.maps.flow import Flow, FlowSettings, FoldedGridError, run_flow
 from hapticeval.types import Array, BoolArray, IntArray
 
 Pair: TypeAlias = tuple[float, float]

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, ellipse, star
-from hapticeval.geometry.maps import flow_map as locator
-from hapticeval.geometry.maps.flow import Flow, FlowSettings, FoldedGridError
-from hapticeval.geometry.maps.flow_map import build_chart, flow_map, folded_cells
+from hapticeval.renderers.maps import flow_map as locator
+from hapticeval.renderers.maps.flow import Flow, FlowSettings, FoldedGridError
+from hapticeval.renderers.maps.flow_map import build_chart, flow_map, folded_cells
 
 COARSE = FlowSettings(cells=60, lines=100, levels=20)
 MODELS = {"cassinian": cassinian(), "star": star(), "hexagram": star(6), "ellipse": ellipse(2.0)}

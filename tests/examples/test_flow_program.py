@@ -1,14 +1,14 @@
-"""Pictures of flows, drawn through the command."""
+"""Pictures of flows, drawn through the program."""
 
 from __future__ import annotations
 
 import pytest
 
-from hapticeval.cli import main
+from hapticeval.examples.studies.flow import main
 
 
 def test_a_flow_is_drawn_with_its_levels_and_lines(tmp_path, capsys):
-    assert main(["study", "flow", "circle", "--cells", "40", "-o", str(tmp_path)]) == 0
+    assert main(["circle", "--cells", "40", "-o", str(tmp_path)]) == 0
     svg = (tmp_path / "flow-arc-flow-of-circle.svg").read_text()
     assert "levels" in svg
     assert "transversal lines" in svg
@@ -18,18 +18,18 @@ def test_a_flow_is_drawn_with_its_levels_and_lines(tmp_path, capsys):
 
 def test_the_same_flow_gives_the_same_picture(tmp_path):
     for name in ("a", "b"):
-        assert main(["study", "flow", "circle", "--cells", "30", "-o", str(tmp_path / name)]) == 0
+        assert main(["circle", "--cells", "30", "-o", str(tmp_path / name)]) == 0
     first, second = ((tmp_path / name / "flow-arc-flow-of-circle.svg").read_bytes() for name in ("a", "b"))
     assert first == second
 
 
 def test_a_model_without_a_flow_is_drawn_with_a_cross(tmp_path, capsys):
-    assert main(["study", "flow", "ellipse:ratio=8", "--cells", "60", "-o", str(tmp_path)]) == 2
+    assert main(["ellipse:ratio=8", "--cells", "60", "-o", str(tmp_path)]) == 2
     assert "no map: here" in (tmp_path / "flow-arc-flow-of-ellipse-ratio-8.svg").read_text()
     assert "conformal" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("arguments", [["circel"], ["circle", "--velocity", "ark"], ["line"]])
 def test_what_cannot_flow_is_refused(tmp_path, capsys, arguments):
-    assert main(["study", "flow", *arguments, "-o", str(tmp_path)]) == 2
+    assert main([*arguments, "-o", str(tmp_path)]) == 2
     assert "what to do" in capsys.readouterr().err or arguments == ["line"]

@@ -16,8 +16,8 @@ from types import MappingProxyType
 import numpy as np
 
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
-from hapticeval.geometry.maps import flow_kernels as kernels
 from hapticeval.geometry.model import Model, equal_steps_between
+from hapticeval.renderers.maps import flow_kernels as kernels
 from hapticeval.types import Array
 
 USE_CONFORMAL = "use the renderer 'conformal', which maps every model without holes"

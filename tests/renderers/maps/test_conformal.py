@@ -11,9 +11,9 @@ from scipy.special import ellipj, ellipk
 
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
-from hapticeval.geometry.maps import conformal
-from hapticeval.geometry.maps.conformal import TABLE_STEPS, CrowdingError, conformal_map
-from hapticeval.geometry.maps.conformal_kernels import double_layer_matrix, parameters_at
+from hapticeval.renderers.maps import conformal
+from hapticeval.renderers.maps.conformal import TABLE_STEPS, CrowdingError, conformal_map
+from hapticeval.renderers.maps.conformal_kernels import double_layer_matrix, parameters_at
 
 SQUARE = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
 SHAPES = {

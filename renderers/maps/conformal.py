@@ -51,9 +51,9 @@ from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import ARC, KIND, U0, U1, C, D, E, evaluate_many
-from hapticeval.geometry.maps import conformal_kernels as kernels
-from hapticeval.geometry.maps.conformal_kernels import Complex
 from hapticeval.geometry.validate import checked_points
+from hapticeval.renderers.maps import conformal_kernels as kernels
+from hapticeval.renderers.maps.conformal_kernels import Complex
 from hapticeval.types import Array, IntArray
 
 NODES_IF_SMOOTH, NODES_PER_PIECE, MOST_NODES = 256, 16, 2560

@@ -8,8 +8,8 @@ import pytest
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
-from hapticeval.geometry.maps import flow_kernels as kernels
-from hapticeval.geometry.maps.flow import (
+from hapticeval.renderers.maps import flow_kernels as kernels
+from hapticeval.renderers.maps.flow import (
     FlowCollapseError,
     FlowError,
     FlowSettings,
