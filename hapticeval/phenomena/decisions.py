@@ -65,6 +65,12 @@ bound can tell. *Chosen*; doubled, no lag changes by more than that."""
 LAG_ROWS = 4096
 """Rows, spread over all, in which a lag is looked for: *chosen*, for time. With twice as many it is the same number."""
 
+LIKELY_SHARE = 0.5
+"""Share of what a spring leaves of the force without a lag that it may leave with one, for a law of friction to be
+asked with that lag: a tool that breaks away between two ticks is blurred by a lag between them, and no spring fits it.
+
+*Chosen*: doubled, every law is asked with some lag, and a force that chatters hides in what its kinks leave open."""
+
 # reset_clears
 
 NOTABLE_FORCE_SHARE = 1e-6

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import math
 import weakref
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import BETWEEN_TICKS, LAG_HALVINGS, LAG_ROWS, LAG_STEPS, LAG_TICKS, TELLING_SHARE
+from hapticeval.phenomena.decisions import (
+    BETWEEN_TICKS,
+    LAG_HALVINGS,
+    LAG_ROWS,
+    LAG_STEPS,
+    LAG_TICKS,
+    LIKELY_SHARE,
+    TELLING_SHARE,
+    WHOLE_LAG,
+)
 from hapticeval.phenomena.sampling import above_force_floor, rounding, touching
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
+
+KINDS_OF_LAG = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, -1.0)])
+"""How late a force is behind HIP and IHIP in units of one lag: all of the answer late, the force, the IHIP alone."""
 
 
 class Lag(NamedTuple):
@@ -181,10 +194,48 @@ def _find_force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
     Three kinds are told apart, and of those that fit alike the first counts: the whole answer is late, the force alone
     is, or it is made of an IHIP that is recorded late.
     """
-    ends = np.arange(LAG_TICKS, len(recording) - LAG_TICKS, dtype=np.int64)
-    rows = _spread_rows(ends[above_force_floor(recording, scene)[ends]])
+    rows = _rows_with_force(recording, scene)
     if rows.size == 0:
         return 0.0, 0.0
+    misfit = _spring_misfit(recording, rows)
+    exact = scene.stiffness * rounding(scene)
+    if misfit(0.0, 0.0) <= exact:
+        return 0.0, 0.0
+
+    def fit(kind: Array) -> tuple[float, float]:
+        """Return lag (ticks) and misfit (N) of a `kind` (2,): what the HIP's and the IHIP's lags are in units of it."""
+        return believed_lag(lambda lag: misfit(*(lag * kind)), exact)
+
+    fits = np.array([fit(kind) for kind in KINDS_OF_LAG])
+    alike = fits[:, 1] <= (1.0 + TELLING_SHARE) * max(float(fits[:, 1].min()), exact)
+    first = int(np.argmax(alike))
+    hip, ihip = (fits[first, 0] * KINDS_OF_LAG[first]).tolist()
+    return hip, ihip
+
+
+def likely_force_lags(recording: Recording, scene: Scene) -> list[tuple[float, float]]:
+    """Return the lags (ticks) behind HIP and IHIP that explain half of what is off a spring, of each of `KINDS_OF_LAG`.
+
+    For a law that is no spring in every tick: whether it is kept with one of these lags has to be asked then. Half is
+    `LIKELY_SHARE`.
+    """
+    rows = _rows_with_force(recording, scene)
+    if rows.size == 0:
+        return []
+    misfit = _spring_misfit(recording, rows)
+    best = [least_misfit(lambda lag, kind=kind: misfit(*(lag * kind))) * kind for kind in KINDS_OF_LAG]  # type: ignore[misc]
+    without = misfit(0.0, 0.0)
+    return [(float(hip), float(ihip)) for hip, ihip in best if misfit(hip, ihip) <= LIKELY_SHARE * without]
+
+
+def _rows_with_force(recording: Recording, scene: Scene) -> IntArray:
+    """Return the rows, spread over all, with a force above the floor and three ticks before and after them."""
+    ends = np.arange(LAG_TICKS, len(recording) - LAG_TICKS, dtype=np.int64)
+    return _spread_rows(ends[above_force_floor(recording, scene)[ends]])
+
+
+def _spring_misfit(recording: Recording, rows: IntArray) -> Callable[[float, float], float]:
+    """Return the mean force (N) at `rows` (k,) that a spring does not explain, by the lags (ticks) of HIP and IHIP."""
     force = recording.force[rows]
 
     def misfit(hip: float, ihip: float) -> float:
@@ -199,18 +250,25 @@ def _find_force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
         gains = np.linalg.lstsq(laws.T @ laws, laws.T @ force.ravel(), rcond=1e-9)[0]
         return float(np.linalg.norm(force - (laws @ gains).reshape(force.shape), axis=1).mean())
 
-    exact = scene.stiffness * rounding(scene)
-    if misfit(0.0, 0.0) <= exact:
-        return 0.0, 0.0
-    # Lags of (HIP, IHIP) in units of one: all of the answer late, the force late, the IHIP recorded late.
-    kinds = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, -1.0)])
+    return misfit
 
-    def fit(kind: Array) -> tuple[float, float]:
-        """Return lag (ticks) and misfit (N) of a `kind` (2,): what the HIP's and the IHIP's lags are in units of it."""
-        return believed_lag(lambda lag: misfit(*(lag * kind)), exact)
 
-    fits = np.array([fit(kind) for kind in kinds])
-    alike = fits[:, 1] <= (1.0 + TELLING_SHARE) * max(float(fits[:, 1].min()), exact)
-    first = int(np.argmax(alike))
-    hip, ihip = (fits[first, 0] * kinds[first]).tolist()
-    return hip, ihip
+def with_nearest_points(recording: Recording, scene: Scene) -> Recording:
+    """Return a run of a renderer without a contact point with one: the surface's point nearest to the hand inside."""
+    at = scene.model.boundary.closest_point(recording.hip)
+    inside = scene.bilateral | (at.distance[:, np.newaxis] < 0.0)
+    channels = {**recording.channels, "ihip": np.where(inside, at.foot, recording.hip)}
+    return Recording(recording.time, channels, recording.meta)
+
+
+def force_only_lag(recording: Recording, scene: Scene) -> int:
+    """Return how many whole ticks late a force is at the most that comes with IHIPs of `with_nearest_points`.
+
+    That of the spring from there, linear or a root, that fits it best; between two ticks the later one, for a field
+    need not be such a spring.
+    """
+    rows = _rows_with_force(recording, scene)
+    if rows.size == 0:
+        return 0
+    misfit = _spring_misfit(recording, rows)
+    return math.ceil(least_misfit(lambda lag: misfit(lag, lag)) - WHOLE_LAG)

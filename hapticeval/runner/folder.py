@@ -23,6 +23,9 @@ DOCUMENTS = {
 }
 """What hapticeval leaves in a folder, and entries by which it is recognised, of whatever version."""
 
+LOCK = "run.lock"
+"""The file that locks a folder where the system cannot lock the folder itself; it holds the process that writes."""
+
 REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables", "figures")
 
 
@@ -65,7 +68,8 @@ def _check(directory: Path) -> None:
     """Raise `InputError` for what is no folder, and for a folder with files that are none of ours."""
     if directory.exists() and not directory.is_dir():
         raise InputError(f"'{directory}' is a file", why="results go into a folder", todo="name another with -o")
-    if directory.is_dir() and any(directory.iterdir()) and not any(_ours(directory / name) for name in DOCUMENTS):
+    contents = {path.name for path in directory.iterdir()} - {LOCK} if directory.is_dir() else set()
+    if contents and not any(_ours(directory / name) for name in DOCUMENTS):
         raise InputError(
             f"'{directory}' is not empty and holds no results.json of an earlier run",
             why="files that hapticeval did not write are never overwritten",
@@ -75,9 +79,13 @@ def _check(directory: Path) -> None:
 
 @contextmanager
 def _locked(directory: Path) -> Iterator[None]:
-    """Lock a folder within the block, where the system has locks: Windows cannot even open a folder."""
+    """Lock a folder within the block; by a file in it where the system has no such lock, as Windows.
+
+    Raises `InputError` where another process has locked it.
+    """
     if fcntl is None:
-        yield
+        with _lock_file(directory):
+            yield
         return
     try:
         # The lock belongs to an open descriptor of the folder itself, and leaves no file behind.
@@ -91,6 +99,31 @@ def _locked(directory: Path) -> Iterator[None]:
     finally:
         _open.discard(descriptor)
         os.close(descriptor)  # which gives the lock back, as the end of the process does
+
+
+@contextmanager
+def _lock_file(directory: Path) -> Iterator[None]:
+    """Lock a folder within the block by a file that only one process can make. A run that is killed leaves it behind.
+
+    Raises `InputError` where the file is there, with the process that it names.
+    """
+    path = directory / LOCK
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(f"{os.getpid()}\n")
+    except FileExistsError as error:
+        other = path.read_text(encoding="utf-8", errors="replace").strip()[:20]
+        raise InputError(
+            f"another run writes into '{directory}': process {other}",
+            why="two runs in one folder would mix their results",
+            todo=f"wait until it has ended, or name another folder with -o; if it was killed, remove {path}",
+        ) from error
+    except OSError as error:
+        raise _unwritable(directory, error) from error
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
 
 
 def _lock(directory: Path, descriptor: int) -> None:

@@ -189,6 +189,22 @@ def test_two_runs_in_one_folder_exclude_each_other_and_the_second_names_the_firs
     assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 0
 
 
+def test_two_runs_exclude_each_other_where_the_system_cannot_lock_a_folder(here, capsys, monkeypatch):
+    monkeypatch.setattr("hapticeval.runner.folder.fcntl", None)
+    with prepared_folder(here / "out"):
+        assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 2
+        told = capsys.readouterr().err
+        assert f"another run writes into 'out': process {os.getpid()}" in told
+        assert "remove out/run.lock" in told
+    assert list((here / "out").iterdir()) == []
+    # One that was killed leaves the file behind; who removes it may go on.
+    (here / "out" / "run.lock").write_text("4711\n")
+    assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 2
+    assert "process 4711" in capsys.readouterr().err
+    (here / "out" / "run.lock").unlink()
+    assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 0
+
+
 def test_the_same_command_gives_the_same_verdicts(here, monkeypatch):
     documents = []
     for cores in (1, 2):

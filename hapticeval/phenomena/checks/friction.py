@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from operator import mul
@@ -31,7 +31,7 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
     WHOLE_LAG,
 )
-from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag
+from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag, likely_force_lags
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps, listed, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
@@ -62,7 +62,8 @@ class Load:
       normals.
     - `velocity` (n, N), m/s: the hand's along the surface.
     - `normals` (n, N): the outward unit normals.
-    - `other` (n,), N: what the scene's dampers may add, and rounding.
+    - `other` (n,), N: what the scene's dampers may add, rounding, and `between`.
+    - `between` (n,), N: by how much the force of a channel that is late may be off between two ticks.
     """
 
     pressed: BoolArray
@@ -72,10 +73,14 @@ class Load:
     velocity: Array
     normals: Array
     other: Array
+    between: Array
 
 
-def load_of(base: Recording, scene: Scene) -> Load:
-    """Return the load of every tick; zero where the force is not above the floor."""
+def load_of(base: Recording, scene: Scene, between: Array | None = None) -> Load:
+    """Return the load of every tick; zero where the force is not above the floor.
+
+    `between` (n,), N, is what is not known of the force where a channel was held back by no whole number of ticks.
+    """
     pressed = above_force_floor(base, scene)
     velocity = base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
     rows = np.flatnonzero(pressed)
@@ -111,7 +116,9 @@ def load_of(base: Recording, scene: Scene) -> Load:
         column = np.zeros((len(base), *part.shape[1:]))
         column[rows] = part
         filled.append(column)
-    return Load(pressed, *filled)
+    filled.append(np.zeros(len(base)) if between is None else between)
+    load = Load(pressed, *filled)
+    return replace(load, other=load.other + load.between)
 
 
 def along_surface(vectors: Array, normals: Array) -> Array:
@@ -130,25 +137,53 @@ def ihip_precision(base: Recording) -> float:
     return SINGLE if np.array_equal(base.ihip, base.ihip.astype(np.float32)) else DOUBLE
 
 
-def judge_with_lag(runs: Runs, judge: Callable[[Runs], Finding], on_time: tuple[tuple[str, ...], ...]) -> Finding:
+def judge_with_lag(
+    runs: Runs, judge: Callable[[Runs, Load], Finding], on_time: tuple[tuple[str, ...], ...], scene: Scene
+) -> Finding:
     """Judge a recording, and where it fails, one with channels held back by up to three ticks: a lag is granted.
 
     Each of `on_time` are channels that may be on time where the others are late. A renderer that is late gives and
     takes energy for that alone: see `passivity`. Where all fail, the finding is that without a lag.
     """
-    base, finding = runs.base, judge(runs)
+    base = runs.base
+    finding = judge(runs, load_of(base, scene))
     for lag in range(1, LAG_TICKS + 1):
-        rows = np.maximum(np.arange(len(base)) - lag, 0)
         for names in on_time:
             if finding.outcome is not Outcome.FAIL:
                 return finding
             # Held back by `lag` rows, so that they meet the late ones.
-            held_back = {name: base.channels[name][rows] for name in names if name in base.channels}
-            again = judge(replace(runs, base=Recording(base.time, {**base.channels, **held_back}, base.meta)))
+            late = _held_back(base, dict.fromkeys(names, float(lag)))
+            again = judge(replace(runs, base=late), load_of(late, scene))
             if again.outcome is Outcome.PASS:
-                late = "IHIP" if "force" in names else "force"
-                return replace(again, message=f"{again.message}; the {late} is {lag} ticks late")
-    return finding
+                channel = "IHIP" if "force" in names else "force"
+                return replace(again, message=f"{again.message}; the {channel} is {lag} ticks late")
+    if not on_time or finding.outcome is not Outcome.FAIL:
+        return finding
+    return _judge_between_ticks(runs, judge, scene) or finding
+
+
+def _judge_between_ticks(runs: Runs, judge: Callable[[Runs, Load], Finding], scene: Scene) -> Finding | None:
+    """Return a pass with the answers earlier by one lag between two ticks; None where the law is kept with none.
+
+    The hand stays as it is, so that its laps close.
+    """
+    for hip, ihip in likely_force_lags(runs.base, scene):
+        early = _held_back(runs.base, {"force": -hip, "ihip": ihip - hip})
+        # Between ticks it is not known which values the renderer had.
+        between = np.maximum(
+            *(beside_straight(run.force) + scene.stiffness * beside_straight(run.ihip) for run in (runs.base, early))
+        )
+        finding = judge(replace(runs, base=early), load_of(early, scene, between))
+        if finding.outcome is Outcome.PASS:
+            return replace(finding, message=f"{finding.message}; the answer is {max(hip, -ihip):.2g} ticks late")
+    return None
+
+
+def _held_back(base: Recording, ticks: Mapping[str, float]) -> Recording:
+    """Return a recording with some of its channels held back by so many ticks each; a negative number is earlier."""
+    rows = np.arange(len(base), dtype=np.int64)
+    channels = {name: delayed(base.channels[name], rows, late) for name, late in ticks.items() if name in base.channels}
+    return Recording(base.time, {**base.channels, **channels}, base.meta)
 
 
 def _check_of_friction(
@@ -169,7 +204,7 @@ def _check_of_friction(
         reason = not_alone(scene, *FRICTIONS, because=because) or nothing_pressed(runs.base, scene)
         if reason is None and not damped and scene.damping > 0.0:
             reason = Finding(Outcome.NOT_APPLICABLE, f"a damper of {scene.damping:g} N s/m brakes the tool too")
-        return reason or judge_with_lag(runs, lambda runs: judge(runs, load_of(runs.base, scene), scene), on_time)
+        return reason or judge_with_lag(runs, lambda runs, load: judge(runs, load, scene), on_time, scene)
 
     return Check(
         judge=judge_friction, channels=("hip", "ihip", "force"), reads_also=("velocity",), **{"unit": "", **data}
@@ -583,7 +618,10 @@ def judge_work(runs: Runs, load: Load, scene: Scene) -> Finding:
 
 def _dissipated_work(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
     """Return the work (n - 1,), J, that the laws take over each step `moved` (n - 1, N), m, and its doubt."""
-    dissipated, doubt = np.zeros((2, len(moved)))
+    dissipated = np.zeros(len(moved))
+    # A force that is off by so much between two ticks, over the way of tool and hand.
+    ways = np.linalg.norm(np.diff(base.ihip, axis=0), axis=1) + np.linalg.norm(moved, axis=1)
+    doubt = load.between[1:] * ways
     friction, lugre = scene.effect(FRICTION), scene.effect(LUGRE)
     if friction is not None:
         slip = np.diff(base.ihip, axis=0)
@@ -617,6 +655,7 @@ def _stored_energy(base: Recording, load: Load, scene: Scene) -> Array:
 
 CONE = _check_of_friction(
     judge_cone,
+    on_time=((*HAND, "ihip"), ("force",)),
     id="friction-cone",
     phenomenon="none of the six: static friction, thesis 4.3.3",
     formula="|F_t| <= mu_s F_n at every tick, with F_n = n.F at the IHIP and F_t = F - F_n n",

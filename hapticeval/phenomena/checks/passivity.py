@@ -23,7 +23,7 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
     UNDECLARED_RANGE,
 )
-from hapticeval.phenomena.lag import find_lag, resting_ticks
+from hapticeval.phenomena.lag import find_lag, force_only_lag, resting_ticks, with_nearest_points
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.recordings.energy_balance import balance
@@ -262,10 +262,8 @@ class AtOwnRate:
 def force_lag(base: Recording, scene: Scene) -> float:
     """Return how many ticks late the force is, from 0 to `LAG_TICKS`: by position and force, one number for the run.
 
-    A force that rests while the way to the IHIP changes is as much later. Of one without an IHIP nothing is known.
+    A force that rests while the way to the IHIP changes is as much later. Of a force alone see `force_only_lag`.
     """
-    if lacks_ihip(base, scene) or "ihip" not in base.channels:
-        return float(LAG_TICKS)
     resting = np.maximum(resting_ticks(base.force) - resting_ticks(base.hip - base.ihip), 0)[touching(base, scene)]
     return min(find_lag(base, scene).force + float(resting.mean() if resting.size else 0.0), float(LAG_TICKS))
 
@@ -328,7 +326,10 @@ def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, ways: list
     """
     if scene.effects or declares_wide_range(base) or "ihip" not in base.channels:
         return None
-    lag = force_lag(base, scene)
+    alone = lacks_ihip(base, scene)
+    # Of a force alone the surface's nearest point shows how stiff and how late it is.
+    base = with_nearest_points(base, scene) if alone else base
+    lag = float(force_only_lag(base, scene)) if alone else force_lag(base, scene)
     work, explained = sampled.held, explained_work(base, scene, lag) + _rounding_work(base, sampled, scene)
 
     def largest(span: Span) -> AtOwnRate:
@@ -408,6 +409,9 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene, wa
     if finding.outcome is Outcome.FAIL:
         return finding
     gain = _at_own_rate(base, sampled, scene, ways(sampled.free))
+    if finding.outcome is Outcome.PASS and declares_wide_range(base):
+        words = "what holding the force adds is not asked of a stiffness that is declared to vary by so much"
+        return replace(finding, message=f"{finding.message}; {words}")
     return finding if gain is None or gain.excess <= 0.0 else _hold_failure(base, scene, gain)
 
 
