@@ -18,7 +18,6 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.judging import judge
 from hapticeval.runner.work import seed_all
-from hapticeval.stimulus.moves import Moves
 from hapticeval.suite.case import Case
 from hapticeval.workers import Ended, Overdue, Workers
 
@@ -29,22 +28,10 @@ RENDERER = "renderer"
 
 SUITE = "search"
 
-FIRST_PATIENCE, LATER_PATIENCE = 30.0, 10.0
-"""Seconds for which a renderer may always be silent: in its first case on a model, which it may prepare, and later.
+FIRST_SILENCE, SILENCE = 30.0, 10.0
+"""Seconds without an answer after which a renderer hangs: in its first case on a model, and later.
 
-Time in which its process compiles, or waits for a processor, does not count.
-"""
-
-LEAST_PATIENCE = 2.0
-"""Seconds for which it may always be silent once it is known how long it takes."""
-
-SLOWNESS_FACTOR = 5.0
-"""How many times as slow as in any case before, by the second of path, a renderer may be before it counts as hung."""
-
-FIRST_CASE_FACTOR = 6.0
-"""How many times as long as its first case on a model took it may be silent in a later one.
-
-Checks have the model turned, scaled, mirrored, renumbered and halved too, and it may prepare each of these.
+In its first case it may prepare the model. Time in which its process compiles or waits for a processor does not count.
 """
 
 POLL = 0.1
@@ -78,32 +65,6 @@ class TrialResult(Struct, frozen=True):
     refused: str | None = None
 
 
-class _Watch:
-    """How long (s) the process of a crew has `worked` on its call, and been `silent` since a renderer's last answer.
-
-    A renderer that goes on answering is slow, and does not hang. Time in which the process compiles, or waits for a
-    processor, does not count.
-    """
-
-    def __init__(self, workers: Workers[Any]) -> None:
-        self.worked = self.silent = 0.0
-        self._workers = workers
-        self._last, self._waited = time.monotonic(), workers.starved(0)
-        self._answers, self._compiles = workers.pulse(0)
-
-    def look(self) -> None:
-        """Add the time since the last look. After the call's answer it is not known how much of it was waiting."""
-        now, waited = time.monotonic(), self._workers.starved(0)
-        answers, compiles = self._workers.pulse(0)
-        # Seconds since the last look in which the process could have run.
-        elapsed = now - self._last - max(waited - self._waited, 0.0)
-        compiled = compiles or self._compiles
-        self.worked += 0.0 if compiled else elapsed
-        # Any answer since then shows that the renderer is alive.
-        self.silent = 0.0 if compiled or answers != self._answers else self.silent + elapsed
-        self._last, self._waited, self._answers, self._compiles = now, waited, answers, compiles
-
-
 class Stopped(Exception):
     """The time is over, or the user has stopped the search, before the case was answered."""
 
@@ -120,9 +81,8 @@ class Bench:
         self._seed = seed
         self._over = over
         self._workers: Workers[Any] | None = None
-        self._prepared: dict[str, float] = {}
-        self._warm: set[str] = set()
-        self._slowest = 0.0
+        self._answered_models: set[str] = set()
+        self._longest_silence = 0.0
         self._drawing: Workers[Any] | None = None
         self.tried = 0
 
@@ -141,7 +101,7 @@ class Bench:
         return TrialResult((tried,)) if isinstance(tried, Fault) else tried
 
     def call_in_case(self, case: Case, function: Callable[..., T], *arguments: Any) -> T | None:
-        """Call a function of renderer, seed and more, timed as that case; return None where the renderer dies or hangs.
+        """Call a function of renderer, seed and more, about that case; return None where the renderer dies or hangs.
 
         Raises as `__call__` does.
         """
@@ -170,34 +130,38 @@ class Bench:
         """Call a function in the renderer's process; return its value, or the fault where it dies or hangs."""
         if self._over():  # answers may come faster than one is waited for
             raise Stopped
-        # The first case on a model may take long to prepare: it is known by its table.
+        # Checks have the model turned, scaled and halved too, and the renderer may prepare each of these anew: twice as
+        # long as ever before is no hang.
         model = repr(case.model)
-        patience = patience_for(_seconds(case), self._slowest, self._prepared.get(model))
+        limit = max(SILENCE if model in self._answered_models else FIRST_SILENCE, 2.0 * self._longest_silence)
         if self._workers is None:
             self._workers = Workers(_call_function, 1)
         self._workers.begin(0, function, self._renderer, self._seed, *arguments)
-        watch = _Watch(self._workers)
+        silent = longest = 0.0
+        looked, waited, answered_before = time.monotonic(), self._workers.starved(0), 0
         while True:
             answers = self._workers.answers(POLL)
-            watch.look()
+            now, waited_now = time.monotonic(), self._workers.starved(0)
+            # Seconds since the last look in which the process could have run; waits are counted until it has answered.
+            silent += now - looked - max(waited_now - waited, 0.0)
+            looked, waited, longest = now, waited_now, max(longest, silent)
             for answer in answers:
                 if isinstance(answer.error, Ended):
                     self._end()
                     return Fault(RENDERER, "dies", f"the renderer ends the process that it runs in: {answer.error.how}")
                 if answer.error is not None:
                     raise answer.error
-                # Only a model that is prepared tells how long a second of path takes.
-                if model in self._warm:
-                    self._slowest = max(self._slowest, watch.worked / _seconds(case))
-                else:
-                    self._prepared[model] = watch.worked
-                    self._warm.add(model)
+                self._answered_models.add(model)
+                self._longest_silence = max(self._longest_silence, longest)
                 return cast("T", answer.value)
+            answered, compiles = self._workers.pulse(0)
+            if compiles or answered != answered_before:
+                silent, answered_before = 0.0, answered
             # Silent for too long: the process is ended, and says where it was.
-            for answer in self._workers.give_up(patience) if watch.silent > patience else ():
+            for answer in self._workers.give_up(0.0) if silent > limit else ():
                 self._end()
                 place = place_in_stack(answer.error.stack) if isinstance(answer.error, Overdue) else ""
-                message = f"the renderer gives no answer in {patience:.3g} s{place and f': it is {place}'}"
+                message = f"the renderer gives no answer in {limit:.3g} s{place and f': it is {place}'}"
                 return Fault(RENDERER, "hangs", message)
             if self._over():
                 self._end()
@@ -207,20 +171,6 @@ class Bench:
         if self._workers is not None:
             self._workers.__exit__(None, None, None)
             self._workers = None
-            self._warm.clear()
-
-
-def patience_for(seconds: float, slowest: float, prepared: float | None) -> float:
-    """Return for how many seconds a renderer may be silent in a case of so many `seconds`.
-
-    `slowest` is the longest that it took before for a second of a case, 0.0 if it has answered none on a model that
-    it knew; `prepared` what its first case on that model took, None if there was none.
-    """
-    # patience = a factor x (the slowest seconds for a second of a case so far) x (seconds of this case)
-    expected = SLOWNESS_FACTOR * slowest * seconds
-    if prepared is None:
-        return max(FIRST_PATIENCE, expected)
-    return max(LEAST_PATIENCE if slowest else LATER_PATIENCE, expected, FIRST_CASE_FACTOR * prepared)
 
 
 def _call_function(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -262,13 +212,6 @@ def _try_case(renderer: str, seed: int, case: Case) -> TrialResult:
             )
         )
     return TrialResult(tuple(faults), {verdict.check: str(verdict.outcome) for verdict in judged.verdicts})
-
-
-def _seconds(case: Case) -> float:
-    """Return the duration of a case's path or experiment, s: 0.1 at least, as all else in a trial takes time too."""
-    if isinstance(case.trajectory, Moves):
-        return max(0.1, case.trajectory.seconds)
-    return 1.0 if case.experiment is None else max(0.1, case.experiment.duration)
 
 
 def record_case(renderer: str, seed: int, case: Case) -> Recording | None:
