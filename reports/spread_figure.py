@@ -26,7 +26,6 @@ SHOWN_UNITS = {"rad": (180.0 / math.pi, "degrees"), "m": (1e3, "mm"), "N": (1.0,
 
 TITLES = {
     "direction": "direction of the force",
-    "leaning": "force against the model's normal",
     "magnitude": "size of the force",
     "depth": "distance of IHIP and HIP",
 }
@@ -145,9 +144,7 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
     for comparison in comparisons:
         scale, unit = _shown_unit(COLUMNS[comparison.column][0])
         size = f"{scale * comparison.difference:.3g} {unit}"
-        tested = (
-            f"p = {comparison.p:.2g}, {comparison.repeats[0]} and {comparison.repeats[1]} repeats ({comparison.basis})"
-        )
+        tested = f"p = {comparison.p:.2g}, {comparison.repeats[0]} and {comparison.repeats[1]} repeats"
         spreads = f"which is {comparison.times:.3g} times the repeat spread of {scale * comparison.spread:.3g} {unit}"
         # No ratio to a spread of zero.
         if comparison.spread == 0.0:
@@ -159,12 +156,8 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
                 f"the same to rounding: {scale * comparison.largest:.2g} {unit} apart at most, and no two repeats by "
                 f"more than {comparison.rounding:.2g} of what their numbers resolve; not tested"
             )
-        elif comparison.outcome in ("differs", "the runs differ"):
-            finding = (
-                f"{comparison.outcome} by {size}, {spreads} ({tested}); most at {across * comparison.worst:.4g} {along}"
-            )
-            if comparison.outcome == "the runs differ":
-                finding += ". These are single runs: whether other runs of the same renderers would differ is not known"
+        elif comparison.outcome == "differs":
+            finding = f"differs by {size}, {spreads} ({tested}); most at {across * comparison.worst:.4g} {along}"
         # No more apart than repeats of one renderer: no difference is shown.
         elif comparison.outcome == "within the spread":
             finding = f"within the spread: {size} apart, repeats {scale * comparison.spread:.3g} {unit} ({tested})"

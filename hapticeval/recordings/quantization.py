@@ -10,12 +10,11 @@ A number is known to the largest of these:
 Positions are numbers of the size of the workspace, also where their difference is small. So a depth |IHIP - HIP| is as
 fine as these, and a force K (IHIP - HIP) is no finer than K times that, whatever the spacing at its own size.
 
-A joint's encoder reaches the HIP by the lever arm |dHIP| / |dq| that the run itself shows. With r_F and r_x (N and m,
-of one coordinate) and N dimensions:
+With r_F and r_x (N and m, of one coordinate) and N dimensions:
 
-    magnitude   sqrt(N) r_F                    direction   sqrt(N) r_F / |F|, and the spacing at a turn
-    depth       2 sqrt(N) r_x                  leaning     that of direction, and what r_x turns the normal by:
-                                                           sqrt(N) kappa r_x
+    magnitude   sqrt(N) r_F
+    direction   sqrt(N) r_F / |F|, and the spacing at a turn
+    depth       2 sqrt(N) r_x
 """
 
 from __future__ import annotations
@@ -149,11 +148,10 @@ class Resolution(NamedTuple):
     force: float
     dimension: int
 
-    def of_column(self, column: str, size: Array, curvature: Array | float = 0.0) -> Array:
+    def of_column(self, column: str, size: Array) -> Array:
         """Return the resolution of `column`, one of `compare.align.COLUMNS`, at each place, (m,).
 
-        `size` (m,) is the force there, N, and `curvature` that of the surface, 1/m. Infinite where there is no force,
-        which has no direction.
+        `size` (m,) is the force there, N. Infinite where there is no force, which has no direction.
         """
         root = math.sqrt(self.dimension)
         # rad: rounding of an angle of a full turn.
@@ -164,7 +162,6 @@ class Resolution(NamedTuple):
             "magnitude": np.full(np.shape(size), root * self.force),
             "depth": np.full(np.shape(size), 2.0 * root * self.position),
             "direction": direction,
-            "leaning": direction + root * self.position * np.abs(curvature),
         }
         return kinds[column]
 
@@ -173,8 +170,7 @@ def resolution(recording: Recording) -> Resolution:
     """Return what the numbers of a recording with HIP and force resolve."""
     keep = recording.measured
     places = [recording.channels[name][keep] for name in ("hip", "ihip") if name in recording.channels]
-    # m: the coarsest of HIP, IHIP and what the joints' encoders are worth at the hand.
-    position = max([_own_resolution(values) for values in places] + [_encoder_resolution(recording, places[0], keep)])
+    position = max(map(_own_resolution, places))
     force = recording.force[keep]
     own = _own_resolution(force)
     if len(places) == 2:
@@ -194,15 +190,3 @@ def _own_resolution(values: Array) -> float:
     # whole numbers and short decimals are exact in either precision, and no sign of one
     computed = max((single_precision_step(column) for column in values.T if numeric_step(column) is None), default=0.0)
     return max(ROUNDING_STEPS * max(computed, float(np.spacing(size))), coarsest(values))
-
-
-def _encoder_resolution(recording: Recording, hip: Array, keep: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
-    """What the quantum of the joints' encoders is at the HIP, m; 0 where there are none."""
-    if "joint_position" not in recording.channels:
-        return 0.0
-    joints = recording.channels["joint_position"][keep]
-    step = max((numeric_step(column) or 0.0 for column in joints.T), default=0.0)
-    turned, moved = (np.linalg.norm(np.diff(path, axis=0), axis=1) for path in (joints, hip))
-    some = turned > 0.0
-    # rad per count times the lever arm that the run shows, |dHIP| / |dq|, m/rad.
-    return step * float(np.median(moved[some] / turned[some])) if step > 0.0 and some.any() else 0.0

@@ -100,11 +100,6 @@ class Event(NamedTuple):
     text: str = ""
 
 
-def among(events: Iterable[Event], since: float, until: float) -> tuple[Event, ...]:
-    """Return the events from `since` on and before `until`, s."""
-    return tuple(event for event in events if since <= event.time < until)
-
-
 def _event(fields: Any) -> Event:
     """Return an event of a time (s), a kind and a text. Raises `InputError` for anything else."""
     event = Event(*fields)
@@ -314,7 +309,7 @@ class Recording:
             channels={name: values[rows] for name, values in self.channels.items()},
             clock=None if self.clock is None else self.clock.part(rows),
             valid=None if self.valid is None else self.valid[rows],
-            events=among(self.events, since, until),
+            events=tuple(event for event in self.events if since <= event.time < until),
         )
 
     @property

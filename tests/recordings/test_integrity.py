@@ -430,7 +430,7 @@ def moving(time, position, speed):
 
 
 def fitted(time, position, speed):
-    return derivative_fit(position, speed, time, np.ones(time.size, dtype=bool))
+    return derivative_fit(position, speed, time)
 
 
 @pytest.mark.parametrize("cutoff", [20.0, 100.0, 1e4])

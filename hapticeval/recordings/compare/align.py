@@ -261,9 +261,8 @@ GRID_POINTS = 721
 """Places of the grid over all that the runs cover: half a degree of a full turn."""
 
 COLUMNS: Mapping[str, tuple[str, str]] = {
-    "magnitude": ("N", "size of the force"),
     "direction": ("rad", "direction of the force in the plane, unwrapped along the way"),
-    "leaning": ("rad", "angle of the force from the model's outward normal, anticlockwise"),
+    "magnitude": ("N", "size of the force"),
     "depth": ("m", "distance of the IHIP from the HIP"),
 }
 """What a pass holds, as far as its recording has it, with unit and meaning."""
@@ -429,38 +428,30 @@ def _passes_of(
             continue
         # Linear between neighbours: value = before + share (after - before).
         share = np.clip((places - along[right - 1]) / (along[right] - along[right - 1]), 0.0, 1.0)
-        columns, bent = _columns_at(recording, rows[right - 1], rows[right], share, mask, abscissa.curve)
+        columns = _columns_at(recording, rows[right - 1], rows[right], share, mask)
         # outside there is no force, which has no direction: no repeat may answer for it
-        grains = {name: np.where(mask, fine.of_column(name, columns["magnitude"], bent), 0.0) for name in columns}
+        grains = {name: np.where(mask, fine.of_column(name, columns["magnitude"]), 0.0) for name in columns}
         times = recording.time[np.concatenate([rows[right[mask] - 1], rows[right[mask]]])]
         start, end = float(times.min()), float(times.max())
         yield Pass(number, heading.direction, before + lap - low, start, end, columns, grains, mask)
 
 
 def _columns_at(
-    recording: Recording, before: IntArray, after: IntArray, share: Array, mask: BoolArray, curve: Curve | None
-) -> tuple[dict[str, Array], Array | float]:
-    """Return the columns, and the curvature (m,), 1/m, of the model at their places; 0 where none is known."""
+    recording: Recording, before: IntArray, after: IntArray, share: Array, mask: BoolArray
+) -> dict[str, Array]:
+    """Return the columns (m,) at the places that lie a `share` (m,) of the way from the rows `before` to `after`."""
 
     def at(values: Array) -> Array:
         """Interpolate a channel (n,) or (n, N), in m or N, at the places: (m,) or (m, N)."""
         part = share if values.ndim == 1 else share[:, np.newaxis]
         return np.asarray(values[before] + part * (values[after] - values[before]))
 
-    pushed, hip = at(recording.force), at(recording.hip)
-    ihip = at(recording.ihip) if "ihip" in recording.channels else None
-    bent: Array | float = 0.0
+    pushed = at(recording.force)
     columns = {"magnitude": at(np.linalg.norm(recording.force, axis=1))}
     if pushed.shape[1] == 2:
         direction = np.arctan2(pushed[:, 1], pushed[:, 0])
-        if curve is not None:
-            foot = curve.nearest(hip if ihip is None else ihip)
-            normal, bent = np.asarray(curve.normal(foot)), np.asarray(curve.curvature(foot))
-            around = np.unwrap(np.arctan2(normal[:, 1], normal[:, 0]))
-            # rad, from the outward normal to the force: friction and a rounded edge lean it.
-            columns["leaning"] = _wrapped(direction - around, FULL_TURN)
         direction[mask] = np.unwrap(direction[mask])  # from one place with an answer to the next
         columns["direction"] = direction
-    if ihip is not None:
-        columns["depth"] = np.linalg.norm(ihip - hip, axis=1)
-    return {name: np.where(mask, values, 0.0) for name, values in columns.items()}, bent
+    if "ihip" in recording.channels:
+        columns["depth"] = np.linalg.norm(at(recording.ihip) - at(recording.hip), axis=1)
+    return {name: np.where(mask, values, 0.0) for name, values in columns.items()}

@@ -30,22 +30,19 @@ from hapticeval.types import Array, BoolArray, IntArray
 
 LEAST_COVERAGE = 0.5  # a repeat covers at least this share of what the fullest one does: the end of a last lap is none
 LEAST_COMMON = 0.05  # two curves must share this much of the grid for a distance, and two medians for a difference
-RUNS, LAPS = "runs", "laps of one run"
-COMPARED_COLUMNS = ("direction", "leaning", "magnitude", "depth")
 
 
 class Repeats(NamedTuple):
-    """The repeats of one renderer in one column and direction: `values` and `masks` (k, m), and what they are.
+    """The repeats of one renderer in one column and direction: `values` and `masks` (k, m).
 
-    `grains` (k, m) are what the numbers resolve there, see `resolution`. `units` (k,) number the repeats: the same run,
-    or lap of a single run, has the same number in every column.
+    `grains` (k, m) are what the numbers resolve there, see `resolution`. `runs` (k,) number the repeats: the same run
+    has the same number in every column.
     """
 
     values: Array
     masks: BoolArray
     grains: Array
-    units: IntArray
-    basis: str
+    runs: IntArray
 
     def median(self, at_least: int = 1) -> tuple[Array, BoolArray]:
         """Return the median curve, where `at_least` so many repeats have an answer, else 0, and where that is: (m,)."""
@@ -63,7 +60,7 @@ def groups(aligned: Aligned) -> Iterator[tuple[str, int, Mapping[str, Repeats]]]
     """
     branches: dict[str, tuple[Array, BoolArray]] = {}
     for direction in (1, -1):
-        for column in COMPARED_COLUMNS:
+        for column in COLUMNS:
             passes_of = {}
             for renderer in dict.fromkeys(run.renderer for run in aligned.runs):
                 passes = [pass_ for pass_ in aligned.passes_of(renderer, direction) if column in pass_.columns]
@@ -116,10 +113,10 @@ def _offset_in_turns(one: Array, one_answered: BoolArray, other: Array, other_an
 
 
 def _repeats_of(passes: Sequence[Pass], column: str, branch: Array | None) -> Repeats:
-    """Return what counts as repeats: the runs, at each place with the mean of their laps; of a single run, its laps.
+    """Return the runs as repeats, at each place with the mean of their laps.
 
-    Laps of one run are by one hand in one mood, and no repeats of their own where there are several runs. `branch`
-    (m,) is the one that angles are taken on.
+    Laps of one run are by one hand in one mood, and no repeats of their own. `branch` (m,) is the one that angles are
+    taken on.
     """
     values = np.array([pass_.columns[column] for pass_ in passes])
     if branch is not None:
@@ -127,20 +124,17 @@ def _repeats_of(passes: Sequence[Pass], column: str, branch: Array | None) -> Re
         values = values - FULL_TURN * np.round((values - branch) / FULL_TURN)
     masks = np.array([pass_.mask for pass_ in passes])
     grains = np.array([pass_.grains[column] for pass_ in passes])
-    runs = np.array([pass_.run for pass_ in passes])
-    units, basis = np.unique(runs), RUNS
-    if units.size == 1:
-        # A single run: its laps are the repeats, which say less (see `Comparison.outcome`).
-        units, basis = np.array([pass_.lap for pass_ in passes]), LAPS
-    else:
-        # Mean over the laps of each run; the grain of a mean is taken as coarse as its coarsest lap's.
-        counts = np.array([masks[runs == run].sum(axis=0) for run in units])
-        sums = np.array([np.where(masks[runs == run], values[runs == run], 0.0).sum(axis=0) for run in units])
-        grains = np.array([grains[runs == run].max(axis=0) for run in units])
-        values, masks = sums / np.maximum(counts, 1), counts > 0
+    run_of_pass = np.array([pass_.run for pass_ in passes])
+    runs = np.unique(run_of_pass)
+    of_runs = [run_of_pass == run for run in runs]
+    # Mean over the laps of each run; the grain of a mean is taken as coarse as its coarsest lap's.
+    counts = np.array([masks[laps].sum(axis=0) for laps in of_runs])
+    sums = np.array([np.where(masks[laps], values[laps], 0.0).sum(axis=0) for laps in of_runs])
+    grains = np.array([grains[laps].max(axis=0) for laps in of_runs])
+    values, masks = sums / np.maximum(counts, 1), counts > 0
     coverage = masks.mean(axis=1)
     long_enough = coverage >= LEAST_COVERAGE * coverage.max()
-    return Repeats(values[long_enough], masks[long_enough], grains[long_enough], units[long_enough], basis)
+    return Repeats(values[long_enough], masks[long_enough], grains[long_enough], runs[long_enough])
 
 
 @dataclass(frozen=True)
@@ -177,8 +171,8 @@ def bands(aligned: Aligned) -> tuple[Band, ...]:
 class Comparison:
     """Two renderers in one direction and column: how far apart they are, and whether repeats of one are as far.
 
-    - `repeats`: how many of each there are; `basis`: what they are; `needed`: how many of each it takes at the least to
-      detect a difference among all that are compared (None: no number can).
+    - `repeats`: how many runs of each there are; `needed`: how many of each it takes at the least to detect a
+      difference among all that are compared (None: no number can).
     - `difference`: root mean square of the difference of their medians, over what at least two repeats of each cover;
       `spread`: that between repeats of one renderer; both in the column's unit.
     - `p`: of the permutation test over all columns, times the number of pairs and directions compared; `least`: the
@@ -195,7 +189,6 @@ class Comparison:
     column: str
     repeats: tuple[int, int]
     needed: tuple[int, int] | None
-    basis: str
     difference: float
     spread: float
     p: float
@@ -212,19 +205,14 @@ class Comparison:
 
     @property
     def outcome(self) -> str:
-        """ "differs", "the runs differ", "within the spread", "the same to rounding", "too few repeats", or
-        "too little in common".
-
-        Laps of one run show how far the hand varies within it, and not whether another run of the same renderer would
-        be as far off: all they show is that the runs differ.
-        """
+        """ "differs", "within the spread", "the same to rounding", "too few repeats", or "too little in common"."""
         if math.isnan(self.difference):
             return "too little in common"
         # In units of what the numbers resolve: no two repeats differ by more than rounding.
         if self.rounding <= 1.0:
             return "the same to rounding"
         if self.p < LEVEL:
-            return "differs" if self.basis == RUNS else "the runs differ"
+            return "differs"
         return "within the spread" if self.least < LEVEL else "too few repeats"
 
 
@@ -320,7 +308,7 @@ def _compare_pair(
     for column, pair in columns.items():
         (one, one_answered), (other, other_answered) = (repeats.median(at_least=2) for repeats in pair)
         common = one_answered & other_answered
-        share, basis = float(np.mean(common)), " and ".join(sorted({repeats.basis for repeats in pair}))
+        share = float(np.mean(common))
         sizes = len(pair[0].values), len(pair[1].values)
         enough = needed(*sizes, tests=families, level=LEVEL)
         numbers = (math.nan, math.nan, 1.0, 1.0, math.nan, math.nan, math.nan)
@@ -337,7 +325,7 @@ def _compare_pair(
                 float(grid[worst]),
                 measured[column][1],
             )
-        yield Comparison(first, second, direction, column, sizes, enough, basis, *numbers, share)
+        yield Comparison(first, second, direction, column, sizes, enough, *numbers, share)
 
 
 def _pairwise_distances(one: Repeats, other: Repeats) -> tuple[Distances, float]:
@@ -347,7 +335,7 @@ def _pairwise_distances(one: Repeats, other: Repeats) -> tuple[Distances, float]
     place, in what their numbers resolve there.
     """
     values, masks, grains = (np.vstack(pair) for pair in zip(one[:3], other[:3], strict=True))
-    units = tuple((side, int(unit)) for side, repeats in enumerate((one, other)) for unit in repeats.units)
+    units = tuple((side, int(run)) for side, repeats in enumerate((one, other)) for run in repeats.runs)
     out = np.zeros((len(values), len(values)))
     largest = 0.0
     for i, j in combinations(range(len(values)), 2):

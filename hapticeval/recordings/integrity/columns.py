@@ -20,7 +20,7 @@ from hapticeval.recordings.integrity.issue import Issue, Severity, make_issue, p
 from hapticeval.recordings.provenance import declared_floor
 from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Column, Recording, columns_of, runs_of
-from hapticeval.recordings.stretches import GAP_STEPS
+from hapticeval.recordings.stretches import stretches
 from hapticeval.types import Array, BoolArray
 
 STUCK_ROWS = 10  # so many equal values in a row may be a frozen sensor, where the value jumps when it wakes
@@ -75,8 +75,8 @@ def faults_of_values(recording: Recording) -> Iterator[Issue]:
         # The column's quantum in its own unit; 0 where its values lie on no lattice.
         step, is_force, proxy = numeric_step(values[sound]) or 0.0, unit in FORCE_UNITS, channel == "ihip"
         extremes = (float(values[sound].min()), float(values[sound].max()))
-        for begin, stop in unbroken(sound, recording.time):
-            part = values[begin:stop]
+        for stretch in stretches(recording, sound):
+            begin, part = stretch.first, values[stretch.rows]
             stuck = list(_stuck(part, step))
             # A frozen sensor jumps where it wakes: one finding is enough.
             woken = {end for _, end in stuck}
@@ -106,20 +106,6 @@ MESSAGE_OF = {
     "saturated": "clipped at {at:.6g}",
     "spike": "one row stands out",
 }
-
-
-def unbroken(sound: BoolArray, time: Array) -> list[Span]:
-    """Return the rows [first, end) that follow each other: sound, and without a gap of the clock.
-
-    `sound` is (n,), `time` (n,), s. A gap is more than `GAP_STEPS` of the median step between sound rows.
-    """
-    rows = np.flatnonzero(sound)
-    if rows.size < 2:
-        return []
-    # s from sound row to sound row.
-    steps = np.diff(time[rows])
-    breaks = np.flatnonzero((np.diff(rows) > 1) | (steps > GAP_STEPS * np.median(steps))) + 1
-    return [(int(part[0]), int(part[-1]) + 1) for part in np.split(rows, breaks)]
 
 
 def _constant_runs(values: Array, shortest: int) -> list[Span]:

@@ -28,11 +28,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.integrity.columns import unbroken
 from hapticeval.recordings.integrity.issue import Issue, Severity, make_issue
 from hapticeval.recordings.recording import Recording, columns_of
-from hapticeval.recordings.stretches import LAG_TICKS, nominal_step
-from hapticeval.types import Array, BoolArray
+from hapticeval.recordings.stretches import LAG_TICKS, nominal_step, stretches
+from hapticeval.types import Array
 
 LAGS_TRIED = 20  # ticks over which a lag is looked for
 SHORTEST_WINDOW = 8  # rows of the shortest window
@@ -80,15 +79,14 @@ def correlation(x: Array, y: Array) -> float:
     return float(np.dot(x, y)) / scale if scale > 0.0 else 0.0
 
 
-def derivative_fit(position: Array, speed: Array, time: Array, sound: BoolArray) -> Fit | None:
-    """Fit a velocity (n,), m/s, to its position (n,), m, over the longest stretch of `sound` rows without a gap.
+def derivative_fit(position: Array, speed: Array, time: Array) -> Fit | None:
+    """Fit a velocity (n,), m/s, to its position (n,), m, over rows without a gap.
 
-    Of joints they are in rad/s and rad; `time` (n,) is in s, and `sound` (n,) marks the rows that are measurements.
-    None where too little moves above the noise of the position.
+    Of joints they are in rad/s and rad; `time` (n,) is in s. None where too little moves above the noise of the
+    position.
     """
-    first, end = max(unbroken(sound, time), key=lambda span: span[1] - span[0], default=(0, 0))
-    first += 2 * LAGS_TRIED  # a filter that starts there knows nothing of what was before
-    position, speed, time = position[first:end], speed[first:end], time[first:end]
+    # A filter that starts there knows nothing of what was before.
+    position, speed, time = (values[2 * LAGS_TRIED :] for values in (position, speed, time))
     if position.size == 0:
         return None
     steps = np.abs(np.diff(position))
@@ -131,17 +129,29 @@ PLACES_AND_VELOCITIES = (("hip", "velocity"), ("joint_position", "joint_velocity
 
 
 def velocities(recording: Recording) -> Iterator[Issue]:
-    """Yield velocities whose ratio, correlation or lag to the derivative of their position is wrong."""
+    """Yield velocities whose ratio, correlation or lag to the derivative of their position is wrong.
+
+    They are looked at over the longest stretch without a gap.
+    """
+    rows = _longest_stretch(recording)
+    time = recording.time[rows]
     for place, speed in PLACES_AND_VELOCITIES:
         positions, speeds = recording.channels.get(place), recording.channels.get(speed)
         if positions is None or speeds is None or positions.shape != speeds.shape:
             continue
         names = [name for name, column in columns_of(recording).items() if column.channel == speed]
         for name, position, values in zip(names, positions.T, speeds.T, strict=True):
-            fit = derivative_fit(position, values, recording.time, recording.measured)
+            fit = derivative_fit(position[rows], values[rows], time)
             message = "" if fit is None else _misfit(fit, place)
             if fit is not None and message:
                 yield make_issue(recording, "velocity", message, name, **fit._asdict())
+
+
+def _longest_stretch(recording: Recording) -> slice:
+    """Return the rows of the longest stretch without a gap; none where no two rows follow each other."""
+    return max(
+        (stretch.rows for stretch in stretches(recording)), key=lambda rows: rows.stop - rows.start, default=slice(0)
+    )
 
 
 def _misfit(fit: Fit, place: str) -> str:
@@ -270,10 +280,9 @@ def force_lag(recording: Recording) -> Iterator[Issue]:
     """Yield by how many ticks the force follows IHIP - HIP, of which it is made where no damping is."""
     if not {"hip", "ihip", "force"} <= recording.channels.keys():
         return
-    # The longest run of valid rows: a lag has to be seen without a gap.
-    keep = max(recording.sound_rows(), key=lambda rows: rows.stop - rows.start)
-    force = np.diff(recording.force[keep], axis=0)  # steps show a lag more sharply than the signals
-    reach = np.diff((recording.ihip - recording.hip)[keep], axis=0)
+    rows = _longest_stretch(recording)
+    force = np.diff(recording.force[rows], axis=0)  # steps show a lag more sharply than the signals
+    reach = np.diff((recording.ihip - recording.hip)[rows], axis=0)
     if len(force) < 4 * LAGS_TRIED or not np.any(np.std(force, axis=0)) or not np.any(np.std(reach, axis=0)):
         return
     best, at, unlagged = 0.0, 0, 0.0

@@ -29,10 +29,9 @@ PARTED = "checks, replays and comparisons end before it and begin anew after it"
 
 @dataclass(frozen=True)
 class Timing:
-    """Of `rows` stamps: the median step (s), the mean rate (Hz) of cycles, and the deviation of steps from the median,
-    s, at 50, 95, 99 and 100 per cent; `missing` rows and the seconds that they would have taken."""
+    """The median step (s), the mean rate (Hz) of cycles, and the deviation of steps from the median, s, at 50, 95, 99
+    and 100 per cent; `missing` rows and the seconds that they would have taken."""
 
-    rows: int
     step: float = 0.0
     rate: float = 0.0
     jitter: tuple[float, ...] = (0.0,) * 4
@@ -53,7 +52,7 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
     steps = np.diff(stamps)
     rising = steps[steps > 0]
     if rising.size == 0:
-        return Timing(len(recording)), list(_stated_issues(recording))
+        return Timing(), list(_stated_issues(recording))
     median = float(np.median(rising))
     faults = []
     for row in np.flatnonzero(steps <= 0).tolist():
@@ -87,7 +86,7 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
         # A row after a gap is late as a rule, and the next step short: only all cycles together have no bias.
         mean = 1e-9 * float(stamps[-1] - stamps[0]) / float(sequence[-1] - sequence[0])
     jitter = tuple(np.percentile(off, [50, 95, 99, 100]).tolist())
-    timing = Timing(len(recording), median * 1e-9, 1.0 / mean, jitter, missing, 1e-9 * missing * cycle)
+    timing = Timing(median * 1e-9, 1.0 / mean, jitter, missing, 1e-9 * missing * cycle)
     declared_step = recording.meta.get("dt")
     if isinstance(declared_step, int | float) and abs(mean - declared_step) > RATE_TOLERANCE * declared_step:
         message = f"the loop was meant to take {1e3 * declared_step:.6g} ms, its rows are {1e3 * mean:.6g} ms apart"
