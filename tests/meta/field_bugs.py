@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import msgspec
 import numpy as np
 from honest import Spring, factory
 from outsiders import Outsider
@@ -26,6 +27,10 @@ CASES = {
     # the renderers here are for solids
     if case.build_scene().model.dimension == 3
 }
+# the same where the scene calls for a damper
+CASES["press-and-leave-damped"] = msgspec.structs.replace(
+    CASES["press-and-leave"], name="press-and-leave-damped", scene={"damping": 5.0}
+)
 
 THREADS: Mapping[str, str] = {
     "internal-edges": "github.com/bulletphysics/bullet3 issue 288; dimforge/rapier issue 95",
@@ -284,6 +289,16 @@ class UnclippedDamper(Faulty):
         return Response(ihip, force - self.damping * velocity if force.any() else force)
 
 
+class ClippedDamper(Faulty):
+    """Honest: F = max(K d - K_d v . n, 0) n with the scene's damper: clipped where it would draw the hand in."""
+
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        size = float(np.linalg.norm(force))
+        outward = force / max(size, 1e-300)
+        return Response(ihip, max(size - self.scene.damping * float(velocity @ outward), 0.0) * outward)
+
+
 class Refusing(Spring):
     """Honest: raises for a position that is none."""
 
@@ -387,6 +402,7 @@ HONEST: Mapping[str, Outsider] = {
     "gives-zero": Outsider(Zeroing, cases=PRESSED),
     "two-ticks-late": Outsider(factory("late-2", Spring), cases=("press-and-leave", "round-a-ball", "steady-push")),
     "stands-off": Outsider(factory("standoff", Spring), cases=("press-and-leave", "hover", "deep")),
+    "clipped-damper": Outsider(ClippedDamper, cases=("press-and-leave-damped",)),
     "controlled": Outsider(passivity_controlled(Spring), cases=("press-and-leave", "round-a-ball")),
 }
 """Relatives that are right: no check may blame them."""

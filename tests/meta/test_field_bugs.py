@@ -31,7 +31,7 @@ def test_the_first_check_names_the_fault(name):
 def test_every_fault_has_its_thread_and_every_case_a_fault():
     assert THREADS.keys() == BROKEN.keys()
     assert len(BROKEN) >= 18
-    assert len(HONEST) >= 8
+    assert len(HONEST) >= 9
     asked = {case for outsider in (*BROKEN.values(), *HONEST.values()) for case in outsider.cases}
     assert {name for name, case in CASES.items() if "update-rate" in case.checks} <= asked
 
@@ -41,7 +41,7 @@ def pressed(depths, force_of, *, dt=1e-3):
     depths = np.asarray(depths)
     hip = np.column_stack([np.zeros_like(depths), -depths])
     ihip = np.column_stack([np.zeros_like(depths), np.maximum(-depths, 0.0)])
-    velocity = np.gradient(hip[:, 1], dt)
+    velocity = np.diff(hip[:, 1], prepend=hip[0, 1]) / dt
     force = np.array([force_of(max(d, 0.0), v) if d > 0.0 else 0.0 for d, v in zip(depths, velocity, strict=True)])
     return recorded(hip, ihip, np.column_stack([np.zeros_like(force), force]))
 
@@ -60,6 +60,15 @@ def test_a_damper_that_pulls_is_named(damping, expected):
 def test_a_clipped_damper_does_not_pull():
     run = pressed(IN_AND_OUT, lambda depth, speed: max(1000.0 * depth - 5.0 * speed, 0.0))
     assert outcome("never-pulls", run, FLAT) is PASS
+
+
+@pytest.mark.parametrize(("asked", "expected"), [(5.0, PASS), (0.0, FAIL)])
+@pytest.mark.parametrize("clip", [0.0, -np.inf])
+def test_a_damper_is_right_where_the_scene_asks_for_it_clipped_or_not(asked, expected, clip):
+    """|max(K d - K_d v, 0) - K d| <= K_d |v|: the bound of a damper holds for a clipped one."""
+    run = pressed(IN_AND_OUT, lambda depth, speed: max(1000.0 * depth - 5.0 * speed, clip))
+    finding = found("force-magnitude", run, Scene(model=line(), damping=asked))
+    assert finding.outcome is expected, finding.message
 
 
 def test_who_declares_a_spring_must_not_pull():
