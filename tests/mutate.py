@@ -40,13 +40,21 @@ import traceback
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from types import CodeType, FrameType, FunctionType
+from types import CodeType, FunctionType
 from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
 TARGETS = ("hapticeval/phenomena", "hapticeval/runner/judging.py", "hapticeval/suite", "hapticeval/recordings/*.py")
 """Files, folders with all that is in them, and patterns: of recordings the type and its file, not what others wrote."""
-TESTS = ("tests/phenomena", "tests/meta", "tests/suite", "tests/recordings", "tests/suites", "tests/runner")
+TESTS = (
+    "tests/phenomena",
+    "tests/meta",
+    "tests/suite",
+    "tests/recordings",
+    "tests/suites",
+    "tests/runner",
+    "tests/test_value_types.py",
+)
 SURVIVORS = Path(__file__).with_name("survivors.toml")
 REACHED = ROOT / ".venv" / "reached.pickle"
 """What is known of files of tests, by name and content: see `Reach`."""
@@ -208,27 +216,24 @@ class Reach:
         self.seconds: dict[str, float] = {}
         self.contents: dict[str, str] = {}
         self.failed: set[str] = set()
-        self.reached: set[tuple[str, str, int]] = set()
-
-    def trace(self, frame: FrameType, event: str, argument: Any) -> Any:
-        code = frame.f_code
-        if code.co_filename not in self.files:
-            return None
-        self.reached.add((code.co_filename, outermost(code.co_qualname), frame.f_lineno))
-        return self.trace
+        self.functions = {file: functions_by_line(Path(file).read_text(encoding="utf-8")) for file in self.files}
 
     def measure(self, item: Any, following: Any) -> None:
         """Run a test, and note what it reaches."""
-        self.reached.clear()
+        from coverage import Coverage
+
+        tracer = Coverage(data_file=None, include=list(self.files), messages=False)
         began = time.process_time()
-        sys.settrace(self.trace)
+        tracer.start()
         passed = run_item(item, following)
-        sys.settrace(None)
+        tracer.stop()
         self.seconds[item.nodeid] = time.process_time() - began
         if not passed:
             self.failed.add(item.nodeid)
-        for file, function, number in self.reached:
-            self.lines[self.line(file, function, number)].add(item.nodeid)
+        data = tracer.get_data()
+        for file in data.measured_files():
+            for number in data.lines(file) or ():
+                self.lines[self.line(file, self.functions[file].get(number, ""), number)].add(item.nodeid)
 
     def line(self, file: str, function: str, number: int) -> Line:
         return Line(Path(file).relative_to(ROOT).as_posix(), function, self.files[file][number - 1].strip())
@@ -245,6 +250,7 @@ class Reach:
     def tests_of(self, mutant: Mutant) -> set[str]:
         """Return the tests that reach a mutant: its line, or its function, or what uses its name, or its file."""
         file = str(ROOT / mutant.file)
+        outside: set[str] = set()
         if mutant.function is not None and file in self.files:
             line = self.line(file, mutant.function, mutant.line)
             if tests := self.lines.get(line):
@@ -253,7 +259,9 @@ class Reach:
         else:
             name = mutant.before.partition(" ")[0].rstrip(":")
             tests = self.union(lambda other: name.isupper() and name in other.text)
-        return (tests or self.union(lambda other: other.file == mutant.file)) - self.failed
+            # What is imported is looked at by tests that run none of it: of tables, pages, types.
+            outside = self.seconds.keys() - self.union(lambda _: True)
+        return ((tests or self.union(lambda other: other.file == mutant.file)) | outside) - self.failed
 
     def union(self, chosen: Callable[[Line], bool]) -> set[str]:
         return {test for line, tests in self.lines.items() if chosen(line) for test in tests}
@@ -266,9 +274,19 @@ class Reach:
         REACHED.write_bytes(pickle.dumps((self.lines, self.seconds, self.contents, self.failed)))
 
 
-def outermost(function: str) -> str:
-    """Return the qualified name of the function that another one is defined in."""
-    return function.partition(".<locals>")[0]
+def functions_by_line(source: str) -> dict[int, str]:
+    """Return the qualified name of the outermost function that each line of a module is in."""
+    names: dict[int, str] = {}
+    stack: list[tuple[ast.AST, str]] = [(ast.parse(source), "")]
+    while stack:
+        node, prefix = stack.pop()
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.FunctionDef):
+                lines = range(child.lineno, (child.end_lineno or child.lineno) + 1)
+                names |= dict.fromkeys(lines, prefix + child.name)
+            else:
+                stack.append((child, f"{prefix}{child.name}." if isinstance(child, ast.ClassDef) else prefix))
+    return names
 
 
 def digest(file: str) -> str:

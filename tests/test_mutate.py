@@ -50,6 +50,19 @@ def test_equality_is_asked_of_counts_alone(tmp_path):
         assert mutate.count_in(file) == count
 
 
+def test_a_line_belongs_to_the_outermost_function_around_it():
+    source = "x = 1\nclass A:\n    y = 2\n    def f(self):\n        def g():\n            return 3\n        return g\n"
+    assert mutate.functions_by_line(source) == dict.fromkeys((4, 5, 6, 7), "A.f")
+
+
+def test_a_number_on_import_is_tried_on_tests_that_run_nothing_of_the_targets(tmp_path):
+    reach = mutate.Reach([])
+    reach.seconds = {"reads": 1.0, "uses": 1.0, "other": 1.0}
+    reach.lines[mutate.Line("a.py", "f", "return LIMIT")] = {"uses"}
+    reach.lines[mutate.Line("a.py", "g", "return 1")] = {"other"}
+    assert reach.tests_of(mutate.Mutant("b.py", 1, "LIMIT = 1", "LIMIT = 2", "", None)) == {"reads", "uses"}
+
+
 def test_a_mutant_is_imported_in_place_of_its_module():
     file = mutate.ROOT / "hapticeval" / "quantity.py"
     code = "import sys; sys.path.insert(0, 'tests'); import mutate; sys.meta_path.insert(0, mutate.Finder("

@@ -33,7 +33,7 @@ RESTS = -2
 """In place of a face: the rigid tool rests on an edge or in a corner."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Crossing:
     """A corner that the hand passes, with its faces in the order of travel.
 

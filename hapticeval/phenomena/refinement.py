@@ -14,7 +14,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Extrapolated:
     """A quantity at the base run's samples: `values` (n, ...), in the limit of fast sampling where `settled`.
 

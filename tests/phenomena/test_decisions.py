@@ -97,6 +97,15 @@ def test_the_page_is_the_table():
     assert PAGE.read_text() == page()
 
 
+def test_the_page_has_the_values_that_are_imported():
+    rows = [row.split("`") for row in PAGE.read_text().splitlines() if row.startswith("| `")]
+    assert rows
+    for _, names, _, value, *_ in rows:
+        values = eval(value, dict(vars(decisions)))
+        for name, number in zip(names.split(", "), values if "," in names else (values,), strict=True):
+            assert getattr(decisions, name) == number, name
+
+
 def test_no_check_keeps_a_number_of_its_own():
     """Whatever decides stands in the table; these shape what is shown, mark, or are facts of a double or a unit."""
     shown = {"closed_form.MOMENTS", "crossings.SAMPLES", "crossings.RESTS", "numerical_stability.EPS"}

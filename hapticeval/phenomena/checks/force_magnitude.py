@@ -40,7 +40,7 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Measured:
     """The apparent stiffness, as a share of the scene's, at `ticks` (n,) of a recording; all arrays are (n,).
 

@@ -52,7 +52,7 @@ HAND = ("hip", "velocity")
 """The channels that are of the hand, and so on time."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Load:
     """The force of each tick, (n,), as parts across and along the surface at the IHIP.
 

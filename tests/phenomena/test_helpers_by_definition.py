@@ -1,0 +1,485 @@
+"""What checks are made of, held against its definition, worked out anew, and on each side of every threshold in it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from made import changed, recorded
+from scipy.signal import get_window
+from scipy.special import polygamma
+from scipy.stats import chi2
+
+from hapticeval.geometry.catalogue import circle, line
+from hapticeval.phenomena.checks.continuous_contact import _limit_of_jumps, _shrinking_slope, coarsened_slope
+from hapticeval.phenomena.checks.friction import _curvature, along_surface
+from hapticeval.phenomena.checks.passivity import (
+    LapRun,
+    Span,
+    _largest_of_recent,
+    contact_spans,
+    laps,
+    running_sums,
+)
+from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
+from hapticeval.phenomena.jumps import (
+    Remains,
+    Scale,
+    _judge_scales,
+    _sub_steps,
+    _suspect_stretches,
+    aitken,
+    largest_jump,
+    lets_go,
+    recent_steps,
+    step_bounds,
+    worst_step,
+)
+from hapticeval.phenomena.lag import believed_lag, beside_straight, largest_in_lag, resting_ticks
+from hapticeval.phenomena.nudges import _directions
+from hapticeval.phenomena.sampling import (
+    believed_standoff,
+    clear_of_surface,
+    force_floor,
+    hip_steps,
+    holding,
+    lingering,
+    note_cut_standoff,
+    position_tolerance,
+    resolution,
+    rounding,
+    standoff,
+    touching,
+    trailing,
+)
+from hapticeval.phenomena.surface_motion import _overshoot, decay_rate
+from hapticeval.phenomena.vibration import prony
+from hapticeval.scene import Scene
+
+LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)
+"""Solid below y = 0; its size is 0.2 m."""
+ROUNDED = 1e-9
+STEPS = 1e-4 * 0.5 ** np.arange(30)
+
+
+def scales(spreads, *, jump=None, follows=True):
+    """Scales at halvings of the step; the jump is the spread, but for one that is given of the last."""
+    last = max(spreads)
+    return tuple(
+        Scale(float(k), spread if jump is None or k < last else jump, spread, float(STEPS[k]), follows)
+        for k, spread in spreads.items()
+    )
+
+
+class TestScales:
+    """Single precision resolves the steps 0 to 16 here, and 22 and 28 are below it."""
+
+    @pytest.mark.parametrize(("exponent", "kind"), [(0.0, Remains.STEEP), (0.14, Remains.STEEP), (0.16, None)])
+    def test_a_map_is_continuous_from_an_exponent_on(self, exponent, kind):
+        place = _judge_scales(scales({k: 1e-3 * 2.0 ** (-exponent * k) for k in (0, 2, 4, 10, 16)}), 7, 1e-6, ROUNDED)
+        assert (place.kind if place else None) is kind
+        if place:
+            assert (place.tick, place.slope) == (7, pytest.approx(exponent))
+            assert place.remaining == pytest.approx(1e-3 * 2.0 ** (-exponent * 16))
+
+    @pytest.mark.parametrize(("left", "kind"), [(1.0, Remains.STAYS), (0.91, Remains.STAYS), (0.89, Remains.STEEP)])
+    def test_a_jump_keeps_nine_tenths_of_its_spread_below_what_is_resolved(self, left, kind):
+        place = _judge_scales(scales({0: 1e-3, 16: 1e-3, 22: left * 1e-3}), 7, 1e-6, ROUNDED)
+        assert (place.kind, place.remaining) == (kind, left * 1e-3)
+
+    @pytest.mark.parametrize("jump", [1e-3, 1e-5, 0.0])
+    @pytest.mark.parametrize(("exponent", "smooth"), [(0.45, False), (0.55, True)])
+    def test_a_smooth_way_below_is_a_rounded_jump_where_it_rises_over_less_than_is_resolved(
+        self, exponent, smooth, jump
+    ):
+        below = {0: 1e-3, 16: 1e-3, 22: 1e-3 * 2.0 ** (-exponent * 6)}
+        place = _judge_scales(scales(below, jump=jump), 7, 1e-6, ROUNDED)
+        if not smooth:
+            assert place.kind is Remains.STEEP
+        elif jump and 1e-3 * STEPS[22] / jump < ROUNDED:
+            assert (place.kind, place.remaining) == (Remains.STAYS, 1e-3)
+        else:
+            assert place is None
+
+    @pytest.mark.parametrize(
+        ("limit", "bound", "kind"),
+        [
+            (6e-4, 5.9e-4, Remains.STAYS),
+            (6e-4, 6.1e-4, Remains.STEEP),
+            (3e-4, 1e-6, Remains.STAYS),
+            (1.9e-4, 1e-6, Remains.STEEP),
+        ],
+    )
+    def test_the_limit_of_three_spreads_is_a_jump_above_the_bound_and_half_of_the_finest(self, limit, bound, kind):
+        spreads = {16: 1e-3, 22: limit + 0.5 * (1e-3 - limit), 28: limit + 0.25 * (1e-3 - limit)}
+        place = _judge_scales(scales({0: 1e-3, **spreads}), 7, bound, ROUNDED)
+        assert place.kind is kind
+        if kind is Remains.STAYS:
+            assert place.remaining == pytest.approx(limit)
+
+    def test_a_scale_at_which_the_tool_does_not_follow_shows_rounding(self):
+        below = scales({0: 1e-3, 16: 1e-3, 22: 1e-4}, jump=1e-3, follows=False)
+        assert _judge_scales(below, 7, 1e-6, ROUNDED).kind is Remains.STEEP
+
+
+@pytest.mark.parametrize(
+    ("depth", "room", "parts"),
+    [(0, 8.0, 4), (1, 8.0, 4), (2, 1.9, 64), (2, 2.0, 2), (2, 7.9, 4), (3, 64.0, 64), (2, 65.0, 64)],
+)
+def test_a_look_ends_at_the_finest_step_that_single_precision_resolves(depth, room, parts):
+    assert _sub_steps(depth, room * ROUNDED, ROUNDED) == parts
+
+
+@pytest.mark.parametrize(("gap", "count"), [(6, 1), (7, 2)])
+def test_steps_within_two_lags_are_one_stretch(gap, count):
+    steps = np.zeros(30)
+    steps[[5, 5 + gap]] = 2.0, 3.0
+    stretches = list(_suspect_stretches(steps, np.ones(30), 100))
+    assert len(stretches) == count
+    assert stretches[0] == ((5, 11) if count == 1 else (12, 12))
+
+
+def test_a_long_stretch_is_looked_at_in_parts_the_worst_first():
+    steps = np.full(20, 2.0)
+    steps[12] = 5.0
+    parts = list(_suspect_stretches(steps, np.ones(20), 4))
+    assert parts[0] == (10, 13)
+    assert sorted(row for first, last in parts for row in range(first, last + 1)) == list(range(20))
+    assert all(last - first < 4 for first, last in parts)
+
+
+@given(limit=st.floats(0.0, 2.0), scale=st.floats(0.1, 2.0), ratio=st.floats(0.1, 0.9))
+def test_aitken_finds_the_limit_of_a_geometric_sequence(limit, scale, ratio):
+    found = aitken(*(limit + scale * ratio**k for k in range(3)))
+    assert found == pytest.approx(limit, abs=1e-9 * (limit + scale) / (1.0 - ratio) ** 2)
+
+
+def test_a_sequence_that_does_not_approach_a_limit_is_what_it_was_last():
+    assert aitken(3.0, 2.0, 1.0) == 1.0
+    assert aitken(1.0, 1.0, 0.5) == 0.5
+    assert aitken(1.0, 0.5, 0.1) == 0.0, "a limit below zero is none"
+    assert aitken(0.1, 0.5, 0.6) == 0.6, "its steps do not shrink towards it from above"
+
+
+@given(steps=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=12))
+def test_a_step_counts_whole_for_three_ticks_and_fades_from_then_on(steps):
+    hip = np.column_stack([np.concatenate([[0.0], np.cumsum(steps)]), np.zeros(len(steps) + 1)])
+    moved = [0.0, *steps]
+    expected = [
+        max(moved[j] * (1.0 if i - j <= 3 else math.exp(-(i - j - 3) / 3.0)) for j in range(i + 1))
+        for i in range(len(moved))
+    ]
+    np.testing.assert_allclose(recent_steps(recorded(hip)), expected, rtol=1e-9, atol=1e-12)
+
+
+def slide(*, depth=1e-3, step=1e-4, count=12, aside=0.0):
+    """A hand that moves along the line, `depth` under it, with its contact point above it but for `aside`."""
+    along = step * np.arange(count)
+    hip = np.column_stack([along, np.full(count, -depth)])
+    return recorded(hip, np.column_stack([along + aside, np.zeros(count)]))
+
+
+def test_steps_are_held_against_recent_ones_the_standoff_and_rounding():
+    base = slide()
+    assert rounding(LINE) == 4.0 * 2.0**-23 * LINE.model.size
+    np.testing.assert_allclose(step_bounds(base, LINE, 3, 1e-5)[1:], 3.1e-4)
+    resting = slide(step=0.0)
+    np.testing.assert_array_equal(step_bounds(resting, LINE, 3, 1e-5), rounding(LINE) + 1e-5)
+
+
+def test_the_step_farthest_above_its_bound_is_the_worst_and_the_longest_where_none_is():
+    base = slide()
+    ihip = np.array(base.ihip)
+    ihip[5:, 0] += 5e-4
+    ihip[8:, 0] += 4e-4
+    hops, bounds = changed(base, ihip=ihip), np.full(12, 2e-4)
+    assert worst_step(hops, LINE, bounds) == (pytest.approx(6e-4), 5)
+    bounds[5] = 5.5e-4
+    assert worst_step(hops, LINE, bounds) == (pytest.approx(5e-4), 8)
+    assert worst_step(hops, LINE, np.full(12, 1.0)) == (pytest.approx(6e-4), 5) == largest_jump(hops, LINE)
+    free = recorded(np.abs(base.hip))
+    assert worst_step(free, LINE, bounds) == (0.0, 0) == largest_jump(free, LINE), "never in contact"
+
+
+@pytest.mark.parametrize(("rows", "tick"), [(slice(0, None), 6), (slice(2, 12), 6), (slice(7, 12), None)])
+def test_a_contact_that_was_had_is_let_go_where_the_hand_is_deep(rows, tick):
+    base = slide()
+    gone = np.arange(12) >= 6
+    ihip = np.where(gone[:, np.newaxis], base.hip, base.ihip)
+    released = changed(base, ihip=ihip, force=1000.0 * (ihip - base.hip))
+    assert lets_go(released, rows, 0.9e-3, LINE) == tick
+    assert lets_go(released, rows, 1.1e-3, LINE) is None
+
+
+class TestContact:
+    """A hand in free space, and a tool that is or is not with it."""
+
+    def outside(self, *, height=1e-3, ihip=0.0, force=0.0, **more):
+        """A hand that rests above the line; the IHIP at another height, and a force upwards, in row 3 alone."""
+        hip = np.column_stack([np.zeros(6), np.full(6, height)])
+        ihips, forces = np.array(hip), np.zeros((6, 2))
+        ihips[3, 1] += ihip
+        forces[3, 1] = force
+        return recorded(hip, ihips, forces, **more)
+
+    def test_a_force_above_the_floor_is_contact(self):
+        floor = 1000.0 * 5e-6 * LINE.model.size
+        assert force_floor(LINE) == pytest.approx(floor)
+        assert np.flatnonzero(touching(self.outside(force=1.01 * floor), LINE)).tolist() == [3]
+        assert not touching(self.outside(force=0.99 * floor), LINE).any()
+
+    def test_a_tool_apart_from_a_hand_outside_trails_and_inside_is_in_contact(self):
+        trails = self.outside(ihip=2e-3)
+        assert np.flatnonzero(trailing(trails, LINE)).tolist() == [3]
+        assert not touching(trails, LINE).any()
+        inside = self.outside(height=-1e-3, ihip=1e-3)
+        assert not trailing(inside, LINE).any()
+        assert np.flatnonzero(touching(inside, LINE)).tolist() == [3]
+
+    @pytest.mark.parametrize(("off", "far"), [(2.9e-3, False), (3.1e-3, True)])
+    def test_a_tool_may_be_off_by_three_steps_unless_the_renderer_says_that_it_is_free(self, off, far):
+        along = 1e-3 * np.arange(6)
+        hip = np.column_stack([along, np.full(6, -1e-3)])
+        base = recorded(hip, np.column_stack([along, np.full(6, off)]), np.zeros((6, 2)))
+        rows = np.arange(6)
+        assert clear_of_surface(base, rows, LINE).tolist() == [far] * 6
+        free = changed(base, contact=np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]))
+        assert clear_of_surface(free, rows, LINE).tolist() == [True] * 3 + [far] * 3
+        apart = changed(base, meta={"standoff": 5e-4})
+        assert clear_of_surface(apart, rows, LINE).tolist() == [False] * 6, "half a millimetre is declared"
+
+    @pytest.mark.parametrize(("ticks", "lingers"), [(3, True), (4, False)])
+    def test_a_force_lingers_for_three_ticks_after_a_contact(self, ticks, lingers):
+        hip = np.column_stack([np.zeros(12), np.where(np.arange(12) < 4, -1e-3, 1e-3)])
+        ihip = np.where(hip < 0.0, 0.0, hip)
+        force = np.zeros((12, 2))
+        force[: 4 + ticks, 1] = 1.0
+        late = np.flatnonzero(lingering(recorded(hip, ihip, force), LINE))
+        assert late.tolist() == (list(range(4, 4 + ticks)) if lingers else [])
+        never = recorded(np.abs(hip), np.abs(hip), force)
+        assert not lingering(never, LINE).any(), "no contact was before"
+
+    @pytest.mark.parametrize(
+        ("height", "declared", "holds"),
+        [(2e-4, 1e-3, False), (2e-4, 0.0, True), (-2e-4, 1e-3, True), (5e-3, 1e-3, True)],
+    )
+    def test_a_tool_that_stands_off_is_free_with_the_hand_outside_and_as_near(self, height, declared, holds):
+        hip = np.column_stack([np.zeros(6), np.full(6, height)])
+        ihip = np.column_stack([np.zeros(6), np.full(6, max(height, 0.0) + 1e-3)])
+        base = recorded(hip, ihip, meta={"standoff": declared} if declared else {})
+        assert touching(base, LINE).all()
+        assert holding(base, LINE).tolist() == [holds] * 6
+
+
+def test_a_standoff_counts_up_to_a_fiftieth_of_the_size_and_as_far_as_it_shows():
+    base = recorded([[0.0, -1e-3]] * 4, [[0.0, 5e-4]] * 4, meta={"standoff": 9e-3})
+    assert believed_standoff(base, LINE) == pytest.approx(LINE.model.size / 50.0)
+    assert standoff(base, LINE) == pytest.approx(5e-4)
+    assert position_tolerance(base, LINE) == pytest.approx(5e-4), "the hand rests"
+    note = note_cut_standoff(9e-3, LINE)
+    assert note == "it declares a standoff of 9 mm, of which 4 mm count, a fiftieth of the model's size"
+    assert note_cut_standoff(LINE.model.size / 50.0, LINE) == ""
+    moving = slide()
+    assert position_tolerance(moving, LINE) == pytest.approx(3e-4), "three steps"
+    np.testing.assert_allclose(hip_steps(moving), 1e-4)
+
+
+def test_a_resolution_counts_up_to_a_sixteenth_of_the_outline():
+    scene = Scene(model=circle(size=0.2), stiffness=1000.0)
+    sixteenth = math.pi * 0.2 / 16.0
+    for declared, counts in ((0.01, 0.01), (0.1, sixteenth)):
+        base = recorded(np.zeros((3, 2)), meta={"resolution": declared})
+        assert resolution(base, scene) == pytest.approx(counts, rel=1e-6)
+
+
+class TestLaps:
+    def round(self, count, *, drift=0.0, period=10, before=3):
+        angle = 2.0 * np.pi * np.arange(count * period + 1) / period
+        way = 0.01 * np.column_stack([np.cos(angle), np.sin(angle)])
+        way[:, 0] += drift * np.arange(len(way)) / period
+        lead = np.column_stack([0.01 + 0.001 * np.arange(before, 0, -1), np.zeros(before)])
+        return np.vstack([lead, way])
+
+    def test_two_laps_are_the_least(self):
+        assert laps(self.round(1), 0.2) == []
+        assert laps(self.round(2), 0.2) == [LapRun(3, 10, 2)]
+        assert laps(self.round(4), 0.2) == [LapRun(3, 10, 4)]
+
+    @pytest.mark.parametrize(("drift", "count"), [(0.4e-9 * 0.2, 1), (2.5e-9 * 0.2, 0)])
+    def test_points_are_the_same_within_a_billionth_of_the_size(self, drift, count):
+        assert len(laps(self.round(2, drift=drift), 0.2)) == count
+
+    @pytest.mark.parametrize(("period", "count"), [(2, 0), (3, 1)])
+    def test_to_and_fro_between_two_rows_is_no_lap(self, period, count):
+        assert len(laps(self.round(4, period=period), 0.2)) == count
+
+    @pytest.mark.parametrize(("radius", "count"), [(0.8e-9 * 0.2, 0), (5e-9 * 0.2, 1)])
+    def test_a_hand_that_stays_at_a_point_makes_none(self, radius, count):
+        way = self.round(3, before=0)
+        assert len(laps(way / 0.01 * radius, 0.2)) == count
+
+    def test_two_rows_have_no_way_that_closes(self):
+        assert laps(np.zeros((2, 2)), 0.2) == []
+
+
+def test_a_contact_is_spanned_from_the_free_row_before_it_to_the_next_or_the_end():
+    free = np.array([True, True, False, False, True, True, False, False])
+    spans = list(contact_spans(free))
+    assert [(span.first, span.last) for span in spans] == [(1, 4), (5, 7)]
+    assert [span.what for span in spans] == ["from free space to free space", "since free space"]
+    assert spans[0].ends.tolist() == [2, 3, 4]
+    assert Span(1, 4, "in each lap after the first").ends.tolist() == [4]
+    assert running_sums(np.array([1.0, 2.0, 4.0])).tolist() == [0.0, 1.0, 3.0, 7.0]
+
+
+@given(values=st.lists(st.floats(0.0, 9.0), min_size=1, max_size=8), ticks=st.integers(0, 4))
+def test_the_largest_of_recent_values_is_of_as_many_ticks_before(values, ticks):
+    expected = [max(values[max(i - ticks, 0) : i + 1]) for i in range(len(values))]
+    assert _largest_of_recent(np.array(values), ticks).tolist() == expected
+
+
+class TestLag:
+    @given(values=st.lists(st.sampled_from([0.0, 1.0]), min_size=1, max_size=9))
+    def test_ticks_of_rest_are_counted_up_to_three(self, values):
+        expected, rest = [], 0
+        for i, value in enumerate(values):
+            rest = 0 if i == 0 or value != values[i - 1] else rest + 1
+            expected.append(min(rest, 3))
+        assert resting_ticks(np.array(values)[:, np.newaxis]).tolist() == expected
+
+    @given(values=st.lists(st.floats(0.0, 9.0), min_size=4, max_size=12), earlier=st.integers(0, 2))
+    def test_the_largest_in_lag_is_of_three_ticks_to_either_side(self, values, earlier):
+        expected = [max(values[max(i - 3 - earlier, 0) : i + 4]) for i in range(len(values))]
+        assert largest_in_lag(np.array(values), earlier=earlier).tolist() == expected
+
+    def test_a_value_between_two_ticks_may_be_off_by_half_of_the_second_difference(self):
+        values = np.zeros((20, 2))
+        values[10:, 0] = np.arange(10)  # it bends in row 10
+        np.testing.assert_allclose(beside_straight(values), [0.5 * (7 <= row <= 13) for row in range(20)])
+
+    @pytest.mark.parametrize(("left", "lag"), [(0.09, 1.0), (0.11, 0.0)])
+    def test_a_lag_is_believed_that_leaves_a_tenth(self, left, lag):
+        believed, misfit = believed_lag(lambda ticks: left + (1.0 - left) * abs(ticks - 1.0), 0.0)
+        assert believed == pytest.approx(lag)
+        assert misfit == pytest.approx(left if lag else 1.0)
+
+    def test_what_is_exact_has_none(self):
+        assert believed_lag(lambda ticks: 1e-3 * abs(ticks - 1.0), 1e-3) == (0.0, 1e-3)
+        assert believed_lag(lambda ticks: 1e-3 * abs(ticks - 1.0), 0.9e-3)[0] == pytest.approx(1.0)
+
+
+def test_jumps_that_shrink_have_the_slope_of_their_law():
+    assert _shrinking_slope([8.0, 4.0, 2.0, 1.0]) == pytest.approx(1.0)
+    assert _shrinking_slope([4.0, 2.0**1.5, 2.0]) == pytest.approx(0.5)
+    assert _shrinking_slope([1.0, 0.0]) == math.inf
+
+
+@pytest.mark.parametrize(("scatter", "law"), [(1.02, True), (1.3, False)])
+def test_a_power_law_within_a_tenth_leaves_nothing(scatter, law):
+    jumps = [scatter ** (-1) ** k * 2.0 ** (-0.5 * k) for k in range(6)]
+    assert (_limit_of_jumps(jumps) == 0.0) is law
+
+
+def test_what_three_jumps_tend_to_is_left():
+    assert _limit_of_jumps([0.3 + 0.7 * 0.25**k for k in range(6)]) == pytest.approx(0.3)
+
+
+class TestLeavingOutSamples:
+    def stepping(self, exponent, count=17):
+        """A tool that moves from the middle row on as the power `exponent` of the time to it."""
+        time = np.arange(count) - count // 2
+        along = 1e-4 * np.sign(time) * np.abs(time) ** exponent
+        hip = np.column_stack([1e-6 * time, np.full(count, -1e-3)])
+        return recorded(hip, np.column_stack([along, np.zeros(count)]))
+
+    def test_a_smooth_way_grows_with_the_samples_left_out_and_a_jump_does_not(self):
+        assert coarsened_slope(self.stepping(1.0), LINE, 8) == pytest.approx(1.0)
+        assert coarsened_slope(self.stepping(0.0), LINE, 8) == pytest.approx(0.5, abs=0.1), "from -1 over 0 to 1"
+
+    def test_a_contact_that_is_too_short_tells_nothing(self):
+        assert math.isnan(coarsened_slope(self.stepping(1.0, count=2), LINE, 1))
+        assert coarsened_slope(self.stepping(1.0, count=3), LINE, 1) == pytest.approx(1.0)
+
+
+def test_a_step_of_the_assigned_dynamics_overshoots_by_its_damping():
+    def damped(ratio):
+        return Scene(model=line(), stiffness=50.0, mass=0.1, damping=2.0 * ratio * math.sqrt(5.0), bilateral=True)
+
+    assert _overshoot(damped(0.0)) == pytest.approx(2.0)
+    assert _overshoot(damped(0.5)) == pytest.approx(1.1630334762)
+    assert _overshoot(damped(1.0)) == _overshoot(damped(2.0)) == 1.0
+    assert decay_rate(damped(0.5)) == pytest.approx(0.5 * math.sqrt(500.0))
+    # Roots of s^2 + 2 zeta w s + w^2 of zeta = 2: -w (2 -+ sqrt 3)
+    assert decay_rate(damped(2.0)) == pytest.approx(math.sqrt(500.0) * (2.0 - math.sqrt(3.0)))
+    assert decay_rate(damped(0.0)) == 0.0
+
+
+@given(decay=st.floats(5.0, 80.0), frequency=st.floats(20.0, 200.0), phase=st.floats(0.0, 6.0))
+def test_pronys_method_is_exact_of_a_decaying_sinusoid(decay, frequency, phase):
+    time = 1e-3 * np.arange(20)
+    found = prony(np.exp(-decay * time) * np.cos(2.0 * np.pi * frequency * time + phase), 1e-3)
+    assert found == pytest.approx((decay, 2.0 * np.pi * frequency), rel=1e-5)
+
+
+def test_what_does_not_ring_has_no_frequency():
+    assert prony(np.exp(-50.0 * 1e-3 * np.arange(20)), 1e-3) is None
+
+
+@pytest.mark.parametrize(("count", "windows"), [(100, 1), (256, 1), (384, 2), (4096, 31), (10000, 77)])
+def test_a_welch_estimate_s_chance_is_that_of_its_windows(count, windows):
+    window = get_window("hann", 256)
+    power = window**2 / (window @ window)
+    # Squared correlations: of a window with one half later, and of a bin with its two neighbours.
+    overlap = (window[:128] @ window[128:] / (window @ window)) ** 2
+    aside = [abs(power @ np.exp(2j * np.pi * k * np.arange(256) / 256.0)) ** 2 for k in (1, 2)]
+    variance = (1.0 + 2.0 * (1.0 - 1.0 / windows) * overlap) / windows
+    freedom = 126.0 / (1.0 + 2.0 * sum(squared**2 for squared in aside))
+    rms = 10.0 / math.log(10.0) * math.sqrt(polygamma(1, 1.0 / variance))
+    assert spectrum_bound(count) == pytest.approx(rms * math.sqrt(chi2.isf(1e-3, freedom) / freedom), rel=1e-9)
+
+
+def test_what_welch_tends_to_is_flat_of_white_noise_and_has_the_power_of_any():
+    white = np.zeros(256)
+    white[0] = 3.0
+    np.testing.assert_allclose(welch_of(white), 6.0)
+    coloured = 0.9 ** np.arange(256)
+    density = (1.0 - 0.81) / np.abs(1.0 - 0.9 * np.exp(-2j * np.pi * np.arange(129) / 256.0)) ** 2
+    # The window smears neighbouring bins: not where the density bends.
+    np.testing.assert_allclose(welch_of(coloured)[20:], 2.0 * density[20:], rtol=0.02)
+
+
+def test_the_mean_square_of_a_process_scatters_by_its_covariance():
+    covariance = 0.8 ** np.arange(10)
+    count = 6
+    rows = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+    # Isserlis: var(mean of x^2) = 2 sum r_ij^2 / n^2
+    assert _mean_square_variance(covariance, count) == pytest.approx(2.0 * np.sum(covariance[rows] ** 2) / count**2)
+    assert _mean_square_variance(np.array([1.0]), count) == pytest.approx(2.0 / count)
+
+
+def test_a_span_is_steady_within_a_hundredth_of_how_it_begins():
+    press = np.ones(8)
+    speed = np.array([0.0, 1.0, 1.009, 0.991, 1.011, 1.02, 1.02, 1.02])
+    assert _steady_spans(speed, press, speed > 0.0) == [(1, 4), (4, 8)]
+    assert _steady_spans(np.ones(8), np.linspace(1.0, 1.009, 8), np.ones(8, dtype=bool)) == [(0, 8)]
+
+
+def test_curvatures_are_the_largest_and_half_of_what_the_principal_ones_differ_by():
+    bend, twist = _curvature(np.array([np.diag([3.0, -5.0, 0.0])]))
+    assert (bend[0], twist[0]) == (5.0, 4.0)
+    bend, twist = _curvature(np.array([np.diag([-2.0, 0.0])]))
+    assert (bend[0], twist[0]) == (2.0, 0.0)
+    vectors, normals = np.array([[3.0, 4.0]]), np.array([[0.0, 1.0]])
+    assert along_surface(vectors, normals).tolist() == [[3.0, 0.0]]
+
+
+@pytest.mark.parametrize(("dimension", "count"), [(2, 8), (3, 26)])
+def test_the_hand_is_nudged_along_axes_and_diagonals_and_by_a_quarter(dimension, count):
+    nudges = _directions(dimension)
+    lengths = np.linalg.norm(nudges, axis=1)
+    np.testing.assert_allclose(lengths, [1.0] * count + [0.25] * count)
+    assert len(np.unique(np.round(nudges, 9), axis=0)) == 2 * count
+    np.testing.assert_allclose(nudges.sum(axis=0), 0.0, atol=1e-12)
