@@ -2,8 +2,9 @@
 
 - A task costs dask some milliseconds, whatever it does. So calls are sent together, as many as take some seconds.
 - A worker makes calls in a child process, as a run on one machine does: one that crashes costs that child only.
-- A chunk that kills its worker is sent to others by dask, some times. After that its calls are sent one by one, until
-  the one that kills is found.
+- dask sends a chunk whose worker is gone to others, and makes an answer anew that was lost with its worker. A chunk
+  that has cost more workers than its `allowed-failures` comes back, and its calls are sent one by one, until the one
+  that kills is found.
 - A worker whose numbers might differ in the last digit gets nothing to do. Fingerprints tell: those that are alike
   offer a resource by its name, for which the calls ask.
 
@@ -27,9 +28,9 @@ from hashlib import sha256
 from typing import Any, Generic, NamedTuple, Self, TypeAlias, TypeVar
 from uuid import uuid4
 
-import cloudpickle
 from distributed import Client, KilledWorker
 from distributed.comm.core import CommClosedError
+from distributed.core import Status
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.runner import fingerprint as fingerprints
@@ -53,16 +54,13 @@ TIMED_CALLS = 64
 """How many calls, the last ones, tell how long a call takes."""
 
 FETCH_SECONDS = 5.0
-"""Seconds in which the answers of a chunk must arrive once a worker has them."""
+"""Seconds for which the answers of one chunk are waited for at a time, where they are slow or lost."""
 
 PATIENCE = 0.5
 """Seconds after which a worker sees that a call has taken too long, at the latest."""
 
 CONNECT_SECONDS = 10.0
 """Seconds in which scheduler and workers must answer when a run begins."""
-
-STRIKES = 3
-"""How often a chunk may lose its workers before it counts as what kills them."""
 
 LOOK_SECONDS = 2.0
 """Seconds between two questions to the scheduler which workers it has."""
@@ -84,14 +82,13 @@ _Call: TypeAlias = tuple[int, tuple[Any, ...]]
 
 
 class _Chunk(NamedTuple):
-    """Calls that travel together; `strikes` counts how often they lost their workers.
+    """Calls that travel together.
 
     With `alone` nothing else is under way. dask blames everything that a killed worker had: only what was alone is
     known to have killed it.
     """
 
     calls: list[_Call]
-    strikes: int = 0
     alone: bool = False
 
 
@@ -117,7 +114,6 @@ class Cluster(Generic[T]):
         self._timeout = timeout
         self._files = dict(files or {})
         self._waiting: deque[_Call] = deque()
-        self._to_send_again: list[_Chunk] = []
         self._suspects: deque[_Chunk] = deque()
         self._under_way: dict[_Future, _Chunk] = {}
         self._finished_futures: queue.SimpleQueue[_Future] = queue.SimpleQueue()
@@ -125,7 +121,6 @@ class Cluster(Generic[T]):
         self._alike_threads: dict[str, int] = {}  # threads by address
         self._unlike: dict[str, str] = {}
         self._refused: list[tuple[str, str]] = []
-        self._rescued: list[Answer[T]] = []
         self._busy = 0
         self._looked = 0.0
         self._empty_since: float | None = None
@@ -216,7 +211,6 @@ class Cluster(Generic[T]):
                 # Workers come and go while a run goes on.
                 if time.monotonic() - self._looked > LOOK_SECONDS:
                     self._look_for_workers()
-                answers, self._rescued = self._rescued, []
                 self._send()
                 seconds_left = LOOK_SECONDS if end is None else max(end - time.monotonic(), 0.0)
                 # Wait for one chunk, and take with it whatever else has ended meanwhile.
@@ -245,19 +239,19 @@ class Cluster(Generic[T]):
         return refused_workers
 
     def _send(self) -> None:
-        """Send the calls that wait, in chunks, and those of chunks that were left."""
+        """Send the calls that wait, in chunks, or one that is suspected to kill its worker."""
         if not self._alike_threads:
             return
-        # A suspected call goes out when nothing else is under way: a worker that dies then was killed by it.
-        if self._suspects and not self._to_send_again:
-            chunks = [] if self._under_way else [self._suspects.popleft()]
+        chunks: list[_Chunk] = []
+        if self._suspects or any(chunk.alone for chunk in self._under_way.values()):
+            # A suspected call goes out when nothing else is under way: a worker that dies then was killed by it. New
+            # calls wait until no suspect is left, so that they do not share the blame.
+            if not self._under_way:
+                chunks.append(self._suspects.popleft())
         else:
-            chunks, self._to_send_again = self._to_send_again, []
-        # New calls wait until no suspect is left, so that they do not share the blame.
-        alone = bool(self._suspects) or any(chunk.alone for chunk in (*chunks, *self._under_way.values()))
-        while self._waiting and not alone:
-            size = min(self._chunk_size, len(self._waiting))
-            chunks.append(_Chunk([self._waiting.popleft() for _ in range(size)]))
+            while self._waiting:
+                size = min(self._chunk_size, len(self._waiting))
+                chunks.append(_Chunk([self._waiting.popleft() for _ in range(size)]))
         for chunk in chunks:
             self._sent += 1
             future = self._client.submit(
@@ -273,10 +267,7 @@ class Cluster(Generic[T]):
 
     def _collect_answers(self, future: _Future) -> list[Answer[T]]:
         """Return the answers of a chunk that has ended, and see to those of its calls that were not made."""
-        chunk = self._under_way.pop(future, None)
-        # Given up by `_rescue` meanwhile, which has seen to its calls.
-        if chunk is None:
-            return []
+        chunk = self._under_way.pop(future)
         if future.status == "error":
             error = future.exception()
             # A call's own error travels in its answer: this one is the machinery's, and no other chunk would fare
@@ -288,21 +279,18 @@ class Cluster(Generic[T]):
             return self._take_apart(chunk)
         try:
             answers, took = future.result(timeout=FETCH_SECONDS)
-        except TimeoutError:  # they are slow to arrive, or gone with the worker that had them
-            if any(self._client.who_has([future]).values()):
-                self._under_way[future] = chunk
-                self._finished_futures.put(future)
-                return []
-            future.cancel(force=True)
-            return self._send_again(chunk)
+        except TimeoutError:  # they are slow to arrive, or lost with their worker and made anew by another
+            self._under_way[future] = chunk
+            self._finished_futures.put(future)
+            return []
         except KilledWorker:
             return self._take_apart(chunk)
-        except CancelledError:  # the scheduler is gone, or has forgotten them with the worker that had them
+        except CancelledError:  # the scheduler is gone, or has forgotten them
             if self._client.status != "running":
                 raise self._lost_error() from None
-            return self._send_again(chunk)
+            answers, took = [], []
         self._call_seconds.extend(took)
-        # A worker stops a chunk after CHUNK_LIMIT. The calls that it did not come to are sent next, in their order.
+        # A worker stops a chunk after CHUNK_LIMIT. The calls that were not made are sent next, in their order.
         self._waiting.extendleft(reversed(chunk.calls[len(answers) :]))
         return list(answers)
 
@@ -312,26 +300,6 @@ class Cluster(Generic[T]):
             return [Answer(chunk.calls[0][0], None, Ended(-signal.SIGKILL))]
         self._suspects += [_Chunk([call], alone=True) for call in chunk.calls]
         return []
-
-    def _send_again(self, chunk: _Chunk) -> list[Answer[T]]:
-        """Have a chunk sent again that no worker has any more, unless that has happened too often."""
-        # Left so often, it may be what the workers die of.
-        if chunk.strikes >= STRIKES:
-            return self._take_apart(chunk)
-        self._to_send_again.append(chunk._replace(strikes=chunk.strikes + 1))
-        return []
-
-    def _rescue(self) -> None:
-        """Send chunks again that dask holds for workers that are gone: it does not look for others by itself."""
-        # A pending future that no worker has waits for workers that are gone.
-        running = {key for keys in self._client.processing().values() for key in keys}
-        stranded_futures = [
-            future for future in self._under_way if future.status == "pending" and future.key not in running
-        ]
-        for future in stranded_futures:
-            chunk = self._under_way.pop(future)
-            future.cancel(force=True)
-            self._rescued += self._send_again(chunk)
 
     def _look_for_workers(self) -> None:
         """Ask the scheduler for its workers, and new ones for their fingerprints. Raises `LostError` after too long."""
@@ -353,12 +321,12 @@ class Cluster(Generic[T]):
 
     def _ask_fingerprints(self, addresses: Sequence[str], threads: Mapping[str, int]) -> None:
         """Sort workers into those like this machine and others; `threads` has how many each address offers."""
-        question = _by_value(self._files)
-        replies = self._client.run(pickle.loads, question, workers=list(addresses), on_error="return")
+        replies = self._client.run(fingerprints.fingerprint, self._files, workers=list(addresses), on_error="return")
         for address, reply in replies.items():
             if isinstance(reply, (OSError, CommClosedError)):
                 continue  # it has gone; if it comes again it is asked again
             if isinstance(reply, BaseException):
+                # It has no hapticeval, or another one.
                 differs = [f"{type(reply).__name__}: {reply}"]
             else:
                 differs = fingerprints.differences(self._own_fingerprint, reply)
@@ -370,8 +338,6 @@ class Cluster(Generic[T]):
             # Threads count once their worker offers the resource: a call sent earlier would find no worker to go to.
             marked = self._client.run(mark, self._resource, workers=list(alike), on_error="return")
             self._alike_threads |= {address: alike[address] for address, done in marked.items() if done is True}
-            if self._under_way:
-                self._rescue()
 
     def _no_worker_error(self) -> InputError:
         if not self._unlike:
@@ -391,28 +357,12 @@ class Cluster(Generic[T]):
         return LostError(f"the scheduler at {self._address} is gone", why=why)
 
 
-class _Question:
-    """Unpickles as a machine's fingerprint, made where it is unpickled."""
-
-    def __init__(self, files: Mapping[str, str]) -> None:
-        self._files = dict(files)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return fingerprints.fingerprint, (self._files,)
-
-
-def _by_value(files: Mapping[str, str]) -> bytes:
-    """Return the question with the code that answers it: a worker may have another hapticeval, or none."""
-    cloudpickle.register_pickle_by_value(fingerprints)
-    try:
-        return bytes(cloudpickle.dumps(_Question(files)))
-    finally:
-        cloudpickle.unregister_pickle_by_value(fingerprints)
-
-
 async def mark(resource: str, dask_worker: Any) -> bool:
-    """Have a worker offer a resource, once for each of its threads."""
+    """Have a worker offer a resource, once for each of its threads, and be given what waits for one that offers it."""
     await dask_worker.set_resources(**{resource: dask_worker.state.nthreads})
+    # dask looks for what a worker could do when it comes, or goes on after a pause: not when it offers something new.
+    dask_worker.status = Status.paused
+    dask_worker.status = Status.running
     return True
 
 

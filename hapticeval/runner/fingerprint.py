@@ -1,6 +1,6 @@
 """What the last digit of a number may depend on, on the machine that computes it: versions, code, and processor.
 
-It is asked of machines that may have another hapticeval, or none: so it stands by itself, on the standard library.
+It is asked of machines that may lack a library: so it stands by itself, on the standard library.
 """
 
 from __future__ import annotations
