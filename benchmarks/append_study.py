@@ -86,7 +86,7 @@ def measure(seconds: float, *, saturated: bool, record: bool = True) -> Figures:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LossWarning)
             summary = recorder.close()
-        recording = recover(path).recording
+        recording = recover(path)
         if len(recording) + summary.lost != taken.size or recording.clock.sequence[-1] >= taken.size:
             raise RuntimeError(f"{len(recording)} rows in the journal, {summary}, {taken.size} appended")
         return Figures(*(np.percentile(taken, (50.0, 99.9, 100.0)) / 1e3), summary.lost, late, taken.size)

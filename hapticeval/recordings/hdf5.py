@@ -26,7 +26,6 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -65,33 +64,6 @@ LOST_EVENT = "lost"
 
 class DamagedError(InputError):
     """A recording of ours that is cut short or damaged: `salvage` finds what is whole of it."""
-
-
-@dataclass(frozen=True)
-class Loss:
-    """A part that cannot be read: `what` and `where` in words, and how many `rows` and `seconds` are missing.
-
-    They are None where nobody can know: what followed the end of a file that was never closed.
-    """
-
-    what: str
-    where: str
-    rows: int | None = None
-    seconds: float | None = None
-
-    def __str__(self) -> str:
-        if self.rows is None:
-            return f"{self.what}, {self.where}"
-        span = "" if self.seconds is None else f" ({self.seconds:.3g} s)"
-        return f"{self.what}, {self.where}: {self.rows} rows{span}"
-
-
-@dataclass(frozen=True)
-class Salvaged:
-    """A recording made of what is whole of a file, and the `losses`; a sound file has none."""
-
-    recording: Recording
-    losses: tuple[Loss, ...]
 
 
 def metadata_json(meta: Any) -> str:
@@ -219,17 +191,16 @@ def read_recording(path: Path, *, channels: Sequence[str] | None = None) -> Reco
     recording, losses = _read(path, channels)
     # The strict reader: whatever `salvage` would report as lost is an error here.
     if recording is None or losses:
-        lines = [loss.where if loss.rows is None else f"{loss.what}, {loss.where}" for loss in losses]
         raise DamagedError(
             f"the recording {path} is cut short or damaged",
-            why="; ".join(lines[:5] + ["and more"] * (len(lines) > 5)),
+            why="; ".join(losses[:5] + ["and more"] * (len(losses) > 5)),
             todo=f"copy it again; or take what is whole: hapticeval convert {path} --salvage -o {path.stem}-whole.h5",
         )
     return recording
 
 
-def salvage(path: Path) -> Salvaged:
-    """Return the sound part of an HDF5 recording, and what is lost, which its events report too (kind `lost`).
+def salvage(path: Path) -> Recording:
+    """Return the sound part of an HDF5 recording, whose events of kind `lost` report what is missing.
 
     Rows whose stamps are lost are left out; where single signals are lost, the rows are not valid there; a signal of
     which nothing is left is absent. Raises `InputError` where nothing is whole, and for a file of somebody else's.
@@ -237,13 +208,13 @@ def salvage(path: Path) -> Salvaged:
     path = Path(path)
     recording, losses = _read(path, None)
     if recording is None:
-        why = "; ".join(["no row of it is whole", *(loss.where for loss in losses[:1])])
+        why = "; ".join(["no row of it is whole", *losses[:1]])
         raise InputError(f"nothing of {path} can be read", why=why, todo="copy it again")
-    return Salvaged(recording, tuple(losses))
+    return recording
 
 
-def _read(path: Path, selected: Sequence[str] | None) -> tuple[Recording | None, list[Loss]]:
-    """Return what is whole of a file, None where no row is, and what is lost."""
+def _read(path: Path, selected: Sequence[str] | None) -> tuple[Recording | None, list[str]]:
+    """Return what is whole of a file, None where no row is, and what is lost, in words."""
     if not first_bytes(path).startswith(SIGNATURE):
         raise InputError(
             f"{path} is not an HDF5 file",
@@ -256,11 +227,11 @@ def _read(path: Path, selected: Sequence[str] | None) -> tuple[Recording | None,
     except HapticevalError:
         raise
     except DAMAGE as error:
-        return None, [Loss("the file", _cut_short(path)[0] or str(error))]
+        return None, [_cut_short(path)[0] or str(error)]
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[Any, list[Loss]]]:
+def _opened(path: Path) -> Iterator[tuple[Any, list[str]]]:
     """Open the file, a cut one filled up with bytes that no checksum takes for data; give it, and what it lacks."""
     import h5py
 
@@ -270,7 +241,7 @@ def _opened(path: Path) -> Iterator[tuple[Any, list[Loss]]]:
     source = io.BytesIO(path.read_bytes() + b"\xff" * lacking) if cut else path
     with h5py.File(source, "r", rdcc_nbytes=0) as file:
         _check_format(path, file)
-        yield file, [Loss("the end of the file", cut)] if cut else []
+        yield file, [cut] if cut else []
 
 
 def _cut_short(path: Path) -> tuple[str, int]:
@@ -293,7 +264,7 @@ class _Part(NamedTuple):
     signal: Signal
 
 
-def _readable_recording(path: Path, file: Any, selected: Sequence[str] | None, losses: list[Loss]) -> Recording | None:
+def _readable_recording(path: Path, file: Any, selected: Sequence[str] | None, losses: list[str]) -> Recording | None:
     """Return the recording of all rows that have a stamp and a number in any channel, and add what is lost."""
     group, known = file["channels"], list(file["channels"])
     for name in selected or ():
@@ -323,7 +294,7 @@ def _readable_recording(path: Path, file: Any, selected: Sequence[str] | None, l
         else stamps.readable
     )
     if not readable_rows.any():
-        losses.append(Loss("every signal", f"all of its {count} rows", count))
+        losses.append(f"every signal, all of its {count} rows")
         return None
     rows = slice(None) if readable_rows.all() else readable_rows
     sequence, marked, clock = parts.get("sequence"), parts.get("valid"), None
@@ -350,7 +321,7 @@ def _readable_recording(path: Path, file: Any, selected: Sequence[str] | None, l
         clock=clock,
         valid=valid,
         signals={name: channel.signal for name, channel in left.items()},
-        events=events + tuple(Event(float(time[-1]), LOST_EVENT, str(loss)) for loss in losses),
+        events=events + tuple(Event(float(time[-1]), LOST_EVENT, loss) for loss in losses),
     )
 
 
@@ -358,13 +329,15 @@ def _size(holder: Any, name: str) -> int:
     return int(holder[name].dtype.itemsize * math.prod(holder[name].shape))
 
 
-def _attempted(read: Callable[[], T], what: str, losses: list[Loss]) -> T | None:
+def _attempted(read: Callable[[], T], what: str, losses: list[str]) -> T | None:
     """Return what `read` gives; None, and one loss more, where that is damaged."""
     try:
         return read()
-    except (HapticevalError, *DAMAGE) as error:
-        losses.append(Loss(what, error.what if isinstance(error, HapticevalError) else str(error)))
-        return None
+    except HapticevalError as error:
+        losses.append(error.what)
+    except DAMAGE as error:
+        losses.append(f"{what}, {error}")
+    return None
 
 
 def _own_dataset(holder: Any, name: str) -> Any:
@@ -409,7 +382,7 @@ def _part(holder: Any, name: str, count: int) -> _Part:
     return _Part(values, readable, signal)
 
 
-def _row_losses(parts: dict[str, _Part | None], readable_rows: BoolArray, time: Array) -> Iterator[Loss]:
+def _row_losses(parts: dict[str, _Part | None], readable_rows: BoolArray, time: Array) -> Iterator[str]:
     """Yield first the rows that are lost altogether, then what single signals lack of the others."""
     # A signal that is None as a whole was reported where it was read.
     if all(part is None or part.readable.all() for part in parts.values()):
@@ -425,7 +398,12 @@ def _row_losses(parts: dict[str, _Part | None], readable_rows: BoolArray, time: 
             # Signals that lack the same rows are reported together.
             alike.setdefault(run, []).append(name)
     for (begin, end), names in alike.items():
-        yield Loss(", ".join(names), f"rows {begin} to {end - 1}", end - begin, (end - begin) * step)
+        yield f"{', '.join(names)}, rows {begin} to {end - 1}: {count_lost(end - begin, step)}"
+
+
+def count_lost(rows: int, step: float) -> str:
+    """Return in words how many rows are lost, and what they took, with the sampling time `step`, s."""
+    return f"{rows} rows ({rows * step:.3g} s)"
 
 
 def lies_elsewhere(dataset: Any) -> bool:

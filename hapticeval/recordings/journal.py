@@ -26,7 +26,7 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.channels import Signal, declared
-from hapticeval.recordings.hdf5 import LOST_EVENT, Loss, Salvaged, metadata_json, write_recording
+from hapticeval.recordings.hdf5 import LOST_EVENT, count_lost, metadata_json, write_recording
 from hapticeval.recordings.memory import first_bytes
 from hapticeval.recordings.recording import Clock, Event, Recording
 
@@ -145,18 +145,16 @@ def blocks(data: mmap.mmap) -> Iterator[Block]:
         at = data.find(BLOCK_MARK, search_from)
 
 
-def finish(journal: Path, path: Path) -> Salvaged:
+def finish(journal: Path, path: Path) -> None:
     """Write what `recover` gives as an HDF5 recording, and leave the journal as it is.
 
     Raises `InputError` where `path` is there already, and what `recover` and `write_recording` raise.
     """
-    salvaged = recover(journal)
-    write_recording(path, salvaged.recording)
-    return salvaged
+    write_recording(path, recover(journal))
 
 
-def recover(path: Path) -> Salvaged:
-    """Return what is whole of a journal, however it ended, and what is lost, which its events report too (kind `lost`).
+def recover(path: Path) -> Recording:
+    """Return what is whole of a journal, however it ended; its events of kind `lost` report what is missing.
 
     Rows with a number that is not finite, or a stamp that does not increase, are kept and not valid. Raises
     `InputError` for a file that is no journal, one whose header is lost, and one without a whole row.
@@ -178,7 +176,7 @@ def recover(path: Path) -> Salvaged:
             why="" if damaged else "its recorder has just begun, or was stopped before it had any",
             todo="copy it again" if damaged else "look again when the recorder has run for a second",
         )
-    return read.salvaged(read.layout)
+    return read.recording(read.layout)
 
 
 class _Read:
@@ -211,8 +209,8 @@ class _Read:
                 self.end = json.loads(bytes(block.payload))
         self.tail = (place, len(data)) if place < len(data) else None
 
-    def salvaged(self, layout: Layout) -> Salvaged:
-        """Return the recording of the rows, and what is lost of it."""
+    def recording(self, layout: Layout) -> Recording:
+        """Return the recording of the rows, with what is lost among its events."""
         parts = [np.frombuffer(payload, dtype=layout.dtype) for payload in self.rows]
         rows = np.concatenate(parts)
         # The counts of rows before each block, which place a hole among the rows.
@@ -232,11 +230,10 @@ class _Read:
             events.append(Event(last, "ended", self.end["how"] + unknown))
         if not valid.all():
             events.append(Event(last, "not-valid", f"{np.count_nonzero(~valid)} rows are not finite or out of order"))
-        events += [Event(last, LOST_EVENT, str(loss)) for loss in losses]
-        recording = Recording.clocked(clock, channels, layout.meta, valid=valid, signals=layout.signals, events=events)
-        return Salvaged(recording, tuple(losses))
+        events += [Event(last, LOST_EVENT, loss) for loss in losses]
+        return Recording.clocked(clock, channels, layout.meta, valid=valid, signals=layout.signals, events=events)
 
-    def _losses(self, rows: Any, ends: Any) -> list[Loss]:
+    def _losses(self, rows: Any, ends: Any) -> list[str]:
         """Return what each hole took, by the sequence numbers on its sides; `ends` are the rows before each block."""
         sequence = rows["sequence"]
         # s: what a lost row would have taken.
@@ -254,15 +251,15 @@ class _Read:
             else:
                 count = 0 if self.end is None else int(self.end["next"]) - unwritten - known
             if count:
-                losses.append(Loss("damaged", f"{where}, after row {next_row - 1}", count, count * step))
+                losses.append(f"damaged, {where}, after row {next_row - 1}: {count_lost(count, step)}")
             else:
-                losses.append(Loss("damaged", f"{where}, no row among them", None, None))
+                losses.append(f"damaged, {where}, no row among them")
         if unwritten:
-            losses.append(Loss("the end", "rows that the recorder could not write", unwritten, unwritten * step))
+            losses.append(f"the end, rows that the recorder could not write: {count_lost(unwritten, step)}")
         if self.tail is not None or self.end is None:
             how = "the journal was not closed"
             if self.tail is not None:
                 how = f"bytes {self.tail[0]} to {self.tail[1] - 1}: it breaks off inside a block"
             unknown = f"what came from cycle {int(sequence[-1]) + 1} on is unknown"
-            losses.append(Loss("the end", f"{how}; {unknown}", None, None))
+            losses.append(f"the end, {how}; {unknown}")
         return losses

@@ -74,4 +74,4 @@ def recorded(folder, hardware, wiring, *, cycles, scene=None, renderer=RENDERER,
     told = meta_of(wiring, scene, renderer if isinstance(renderer, str) else "")
     with Recorder(journal, channels(wiring.device.dimension), signals=signals(wiring), meta=told) as recorder:
         live = run(lambda: hardware, wiring, made, scene, recorder, cycles=cycles)
-    return live, recover(journal).recording
+    return live, recover(journal)

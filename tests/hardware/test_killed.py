@@ -58,7 +58,7 @@ def until(condition, process=None):
 def closed(journal):
     """Whether the writer, which outlives the loop, has written all that it had."""
     try:
-        return any(event.kind == "ended" for event in recover(journal).recording.events)
+        return any(event.kind == "ended" for event in recover(journal).events)
     except InputError:  # not even its first rows
         return False
 
@@ -105,7 +105,7 @@ def test_a_killed_run_is_the_run_up_to_there(tmp_path):
     assert done.returncode == -signal.SIGKILL
     journal = tmp_path / "killed.journal"
     until(lambda: closed(journal))
-    saved = recover(journal).recording
+    saved = recover(journal)
     # At most a second may be lost. What was in the memory is written by the process beside the loop: nothing is.
     assert len(saved) == KILLED
     for name, values in saved.channels.items():

@@ -71,7 +71,7 @@ def live(tmp_path, driver, renderer=None, cycles=100):
         except HapticevalError as error:
             given = error
         summary = recorder.close()
-    return given, recover(tmp_path / "run.journal").recording if summary.rows else None
+    return given, recover(tmp_path / "run.journal") if summary.rows else None
 
 
 def raising(error):

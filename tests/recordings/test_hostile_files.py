@@ -243,7 +243,7 @@ def test_no_other_file_is_read_through_an_hdf5_file(tmp_path, kind):
             file["channels/odd"].attrs["unit"] = np.bytes_("N")
     with pytest.raises(InputError, match="lies in another file"):
         read_recording(ours)
-    assert "odd" not in salvage(ours).recording.channels
+    assert "odd" not in salvage(ours).channels
 
 
 def test_groups_within_groups_have_an_end(tmp_path):

@@ -14,6 +14,7 @@ import pytest
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.journal import recover
+from hapticeval.recordings.provenance import describe_losses
 from hapticeval.recordings.recorder import LossWarning, Recorder
 
 CHANNELS = {"hip": 2, "force": 2}
@@ -48,7 +49,7 @@ def stop(recorder):
 def rows_of(path):
     """How many rows the journal has by now."""
     try:
-        return len(recover(path).recording)
+        return len(recover(path))
     except InputError:
         return 0
 
@@ -65,7 +66,7 @@ def test_what_is_appended_is_recorded(tmp_path):
             recorder.append(hips[row], list(joints[row]), grips[row], at=stamp)
     summary = recorder.close()
     assert (summary.rows, summary.lost, summary.failure) == (3, 0, "")
-    recording = recover(path).recording
+    recording = recover(path)
     assert recording.nanoseconds.tolist() == stamps
     assert recording.time.tolist() == [0.0, 0.001, 0.002499993]
     for name, values in (("hip", hips), ("joint_position", joints), ("grip", grips)):
@@ -81,7 +82,7 @@ def test_rows_beyond_the_ring_arrive_in_order_where_the_writer_keeps_up(tmp_path
         for first in range(0, 300, 50):
             feed(recorder, 50, first)
             until(lambda: recorder.summary.waiting == 0)
-    recording = recover(tmp_path / "run.journal").recording
+    recording = recover(tmp_path / "run.journal")
     assert recording.clock.sequence.tolist() == list(range(300))
     assert_fed(recording)
 
@@ -101,7 +102,7 @@ def test_a_stopped_writer_never_stops_the_loop_and_every_row_lost_is_counted(tmp
     feed(recorder, 5, 274)
     with pytest.warns(LossWarning, match=r"run\.journal: 125 rows recorded, 150 lost, 4 cycles missed"):
         recorder.close()
-    recording = recover(path).recording
+    recording = recover(path)
     assert recording.clock.sequence.tolist() == [*range(120), *range(274, 279)]
     assert recording.clock.missed == 154
     assert_fed(recording)
@@ -142,7 +143,7 @@ def test_a_writer_that_dies_is_reported_once_and_its_work_done_at_the_end(tmp_pa
     feed(recorder, 600, 330)  # and once
     with pytest.warns(LossWarning, match=r"930 rows recorded, 0 lost \(the writer's process ended"):
         recorder.close()
-    recording = recover(tmp_path / "run.journal").recording
+    recording = recover(tmp_path / "run.journal")
     assert recording.clock.sequence.tolist() == list(range(930))
     assert_fed(recording)
     assert recording.events[-1].text == "the writer's process ended with code -9"
@@ -181,17 +182,18 @@ def test_a_killed_loop_loses_only_what_was_not_yet_written(tmp_path, writer_too)
     loop.wait()
     loop.stdout.close()
     if not writer_too:
-        until(lambda: not recover(path).losses)
-    salvaged = recover(path)
-    assert_fed(salvaged.recording)
-    assert salvaged.recording.clock.missed == 0
+        until(lambda: not describe_losses(recover(path)))
+    recording = recover(path)
+    assert_fed(recording)
+    assert recording.clock.missed == 0
     if writer_too:
-        assert len(salvaged.recording) >= before
-        assert "was not closed" in str(salvaged.losses[-1]) or "breaks off" in str(salvaged.losses[-1])
+        assert len(recording) >= before
+        (*_, loss) = describe_losses(recording)
+        assert "was not closed" in loss or "breaks off" in loss
     else:
-        assert len(salvaged.recording) >= count
-        (_, kind, text) = salvaged.recording.events[-1]
-        last = int(salvaged.recording.clock.sequence[-1])
+        assert len(recording) >= count
+        (_, kind, text) = recording.events[-1]
+        last = int(recording.clock.sequence[-1])
         unknown = f"what came after cycle {last} is unknown"
         assert (kind, text) == ("ended", f"the process of the loop ended without closing: {unknown}")
 
@@ -215,12 +217,12 @@ def test_a_full_disk_does_not_stop_the_loop_and_what_was_lost_is_named(tmp_path)
     assert summary.rows + summary.lost == sent
     assert summary.waiting == 200
     assert summary.failure == "the journal could not be written: File too large"
-    salvaged = recover(path)
-    assert salvaged.recording.clock.sequence.tolist() == list(range(summary.rows))
-    assert_fed(salvaged.recording)
+    recording = recover(path)
+    assert recording.clock.sequence.tolist() == list(range(summary.rows))
+    assert_fed(recording)
     # the end is short, and finds room where no block of rows does
-    assert str(salvaged.losses[-1]).startswith("the end, rows that the recorder could not write: 200 rows (")
-    texts = [event.text for event in salvaged.recording.events if event.kind == "overrun"]
+    assert describe_losses(recording)[-1].startswith("the end, rows that the recorder could not write: 200 rows (")
+    texts = [event.text for event in recording.events if event.kind == "overrun"]
     assert texts[-1].endswith("rows were lost: the journal could not be written: File too large")
 
 
@@ -234,10 +236,10 @@ def test_a_disk_that_is_full_for_a_while_loses_nothing(tmp_path):
         assert recorder.summary.waiting > 500
         resource.prlimit(writer, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
     assert (recorder.summary.lost, recorder.summary.failure) == (0, "")
-    salvaged = recover(path)
-    assert salvaged.losses == ()
-    assert salvaged.recording.clock.sequence.tolist() == list(range(1000))
-    assert_fed(salvaged.recording)
+    recording = recover(path)
+    assert describe_losses(recording) == ()
+    assert recording.clock.sequence.tolist() == list(range(1000))
+    assert_fed(recording)
 
 
 def test_appending_takes_no_memory_beyond_what_was_there_at_the_start(tmp_path):
@@ -289,7 +291,7 @@ def test_values_that_do_not_fit_are_refused_and_reach_no_other_row(tmp_path, fre
     assert (summary.rows, summary.missed) == (len(MISFITS) + 1, 4)
     with pytest.raises(InputError, match="closed"):
         feed(recorder, 1)
-    recording = recover(tmp_path / "run.journal").recording
+    recording = recover(tmp_path / "run.journal")
     assert recording.clock.sequence.tolist() == list(range(len(MISFITS) + 1))
     assert_fed(recording)
 
@@ -316,7 +318,7 @@ def test_a_loop_that_breaks_leaves_its_reason(tmp_path):
 
     with pytest.raises(RuntimeError, match="hot"):
         loop()
-    (event,) = recover(tmp_path / "run.journal").recording.events
+    (event,) = recover(tmp_path / "run.journal").events
     assert event[1:] == ("ended", "RuntimeError: the motor is hot")
 
 
@@ -330,7 +332,7 @@ def test_events_are_cut_where_a_letter_ends_and_counted_when_there_are_too_many(
         recorder.event("many", str(k))
     with pytest.warns(LossWarning, match="events lost"):
         recorder.close()
-    events = recover(tmp_path / "run.journal").recording.events
+    events = recover(tmp_path / "run.journal").events
     assert events[0].text == "ö" * 108
     kept = [event for event in events if event.kind == "many"]
     assert len(kept) + recorder.summary.events_lost == 5000
@@ -361,7 +363,7 @@ def test_a_script_needs_no_guard_and_ctrl_c_ends_with_everything_written(tmp_pat
     os.killpg(loop.pid, signal.SIGINT)
     loop.wait()
     loop.stdout.close()
-    salvaged = recover(path)
-    assert salvaged.losses == ()
-    assert_fed(salvaged.recording)
-    assert salvaged.recording.events[-1].kind == "ended"
+    recording = recover(path)
+    assert describe_losses(recording) == ()
+    assert_fed(recording)
+    assert recording.events[-1].kind == "ended"

@@ -46,13 +46,13 @@ def load(
     if mapping is not None:
         raise InputError(f"{path} is a recording already", why="it needs no mapping", todo="leave --mapping out")
     if _is_journal(first_bytes(path)):
-        return recover(path).recording
+        return recover(path)
     try:
         return read_recording(path)
     except DamagedError:
         if not salvaging:
             raise
-        return salvage(path).recording
+        return salvage(path)
 
 
 def _foreign(path: Path, mapping: Path | str | None, format: str | None) -> Recording:
