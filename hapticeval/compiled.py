@@ -172,6 +172,21 @@ def _call_step(
 call_step: Callable[..., int] = intrinsic(_call_step)
 
 
+def _call_clock(_context: Any, clock: Any, number: Any, stamp: Any) -> tuple[Any, Callable[..., Any]]:
+    """Call `int clock_gettime(clockid_t, struct timespec *)` at the address `clock`, as `_call_step` calls a step."""
+    place, integer = ir.IntType(64), ir.IntType(32)
+    kind = ir.FunctionType(integer, [integer, place])
+
+    def code(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        function = builder.inttoptr(arguments[0], kind.as_pointer())
+        return builder.call(function, [builder.trunc(arguments[1], integer), arguments[2]])
+
+    return types.int32(clock, number, stamp), code
+
+
+call_clock: Callable[..., int] = intrinsic(_call_clock)
+
+
 def law_value(function: Callable[..., Any], data: Any) -> FirstClass:
     """Return a compiled step as a value: of signature `LAW`, with the type of its own data in place of `LawData`."""
     # Another tuple, of a law with effects, has a type of its own, and so the kernel a signature of its own.

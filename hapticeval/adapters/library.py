@@ -11,6 +11,7 @@ import json
 import re
 import subprocess
 import sys
+import time
 import weakref
 from ctypes import POINTER, byref, c_char_p, c_double, c_int32, c_uint32, c_void_p
 from dataclasses import dataclass
@@ -21,11 +22,11 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from hapticeval.adapters.outside import Outside, path_velocities
-from hapticeval.compiled import LawData, borrowing, call_step, law_data
+from hapticeval.compiled import LawData, borrowing, call_clock, call_step, law_data
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.renderer import RANGE_WORDS, CompiledStep, Declaration, Response, Spring
 from hapticeval.scene import Scene
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array, BoolArray, IntArray
 from hapticeval.workers import describe_exit
 
 HEADER = Path(__file__).with_name("hapticeval.h")
@@ -294,6 +295,27 @@ def ask_rows(
     return int(hips.shape[0])
 
 
+@borrowing
+def time_rows(
+    data: LawData, push: Array, hips: Array, velocities: Array, dt: float, clock: int, number: int, stamp: IntArray,
+    answers: Array, nanoseconds: IntArray,
+) -> int:  # fmt: skip
+    """Ask a library for ticks as a closed loop does, and time each; return the row at which it refuses or broke, or n.
+
+    `hips` (n, N), m, and `velocities` (n, N), m/s, in steps of `dt` (s). `clock` is the address of C's clock_gettime
+    and `number` the clock's; `stamp` (2,) takes its s and ns, `answers` (2, N) IHIP (m) and force (N). Writes
+    `nanoseconds` (n,).
+    """
+    for row in range(hips.shape[0]):
+        call_clock(clock, number, stamp.ctypes.data)
+        begun = stamp[0] * 1_000_000_000 + stamp[1]
+        if ask(data, hips[row], velocities[row], push, dt, answers[0], answers[1]) != 0:
+            return row
+        call_clock(clock, number, stamp.ctypes.data)
+        nanoseconds[row] = stamp[0] * 1_000_000_000 + stamp[1] - begun
+    return int(hips.shape[0])
+
+
 def _declaration(info: Info, answer: InfoStruct) -> Declaration:
     """Return what a library promises by its flags and by what it wrote for a scene. Raises `RendererError`."""
     # both zero where the stiffness does not vary
@@ -431,6 +453,23 @@ class LibraryRenderer:
                 raise RuntimeError(f"hr_step returned {self.law.data.state[0]:.0f}")
             self.contact = contact
         return ihips, forces
+
+    def time_steps(self, hips: Array, velocities: Array, dt: float) -> IntArray | None:
+        """Return how long steps at `hips` (n, N), m, with `velocities` (n, N), m/s, take in a compiled loop: (n,), ns.
+
+        None where this system has no clock that such a loop can read. Raises `RendererError` where a step fails.
+        """
+        if not hasattr(time, "CLOCK_MONOTONIC"):
+            return None
+        clock = ctypes.cast(ctypes.CDLL(None).clock_gettime, c_void_p).value or 0
+        nanoseconds, stamp = np.zeros(len(hips), dtype=np.int64), np.zeros(2, dtype=np.int64)
+        answers, push = np.zeros((2, hips.shape[1])), np.zeros(hips.shape[1])
+        row = time_rows(
+            self.law.data, push, hips, velocities, dt, clock, time.CLOCK_MONOTONIC, stamp, answers, nanoseconds
+        )
+        if row < len(hips):
+            self._refuse("hr_step", int(self.law.data.state[0]), hips[row])
+        return nanoseconds
 
     def _refuse(self, function: str, status: int, hip: Array) -> NoReturn:
         """Raise `DomainError` where the library refuses a HIP, and `RendererError` where it broke."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from hapticeval.simulation.playback import play
 from hapticeval.simulation.playback_kernels import lead
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.stimulus.stimulus import Path as HandPath
+from hapticeval.study.bench.measure import Track, step_times
 from hapticeval.types import Array
 
 Build = Callable[..., Path]
@@ -189,6 +191,31 @@ int32_t hr_run(void *self, uint32_t n, const double *hips, const double *v, doub
     single = np.array([make_library_renderer(tmp_path / "librun0.so").step(hip, 0.0 * hip, DT).force for hip in hips])
     np.testing.assert_array_equal(make_library_renderer(tmp_path / "librun0.so").run(hips, DT)[1], single)
     assert make_library_renderer(tmp_path / "librun1.so").run(hips, DT)[1][2, 1] == single[2, 1] + 1.0
+
+
+def test_a_step_is_timed_in_a_compiled_loop_and_one_that_breaks_is_named(build: Build) -> None:
+    renderer = make_library_renderer(build())
+    hips = np.column_stack([np.zeros(300), np.linspace(0.002, -0.002, 300)])
+    renderer.reset(hips[0])
+    nanoseconds = renderer.time_steps(hips, np.zeros_like(hips), DT)  # type: ignore[attr-defined]
+    assert nanoseconds.shape == (300,)
+    assert nanoseconds.min() >= 0
+    assert nanoseconds.max() > 0
+    broken = make_library_renderer(build(STEP="if (m->ticks > 5) return -7"))
+    with pytest.raises(RendererError, match="returned -7"):
+        broken.time_steps(hips, np.zeros_like(hips), DT)  # type: ignore[attr-defined]
+    # Called from Python a step takes as long as Python does; in a loop it takes the library's own time.
+    along = Track(hips, list(zip(hips, np.zeros_like(hips), strict=True)), DT)
+    assert np.median(step_times(renderer, along, 50, first=0)) < 0.5 * np.median(steps_from_python(renderer, hips))
+
+
+def steps_from_python(renderer: object, hips: np.ndarray) -> list[int]:
+    took = []
+    for hip in hips:
+        begun = time.perf_counter_ns()
+        renderer.step(hip, 0.0 * hip, DT)  # type: ignore[attr-defined]
+        took.append(time.perf_counter_ns() - begun)
+    return took
 
 
 def test_a_library_declares_how_its_stiffness_varies_and_how_coarse_its_force_is(build: Build) -> None:

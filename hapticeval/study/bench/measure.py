@@ -60,13 +60,23 @@ def without_garbage_collection() -> Iterator[None]:
 def step_times(renderer: Renderer, along: Track, count: int, *, first: int) -> IntArray:
     """Time each of `count` steps called from Python, from row `first` on, after a warm-up: (count,), ns.
 
-    The clock's own cost is in every sample: see `clock_cost`.
+    A library is called from a compiled loop, as closed loops do, and its step has no Python in it. The clock's own cost
+    is in every sample: see `clock_cost`.
     """
+    from hapticeval.adapters.library import LibraryRenderer
+
     rows, dt, clock, step = along.rows, along.dt, time.perf_counter_ns, renderer.step
     samples = np.empty(count, dtype=np.int64)
     # As far as the path is long enough the timed stretch does not wrap round its end.
     first = min(first, max(len(rows) - count - WARM_UP, 0))
     renderer.reset(rows[first][0])
+    if isinstance(renderer, LibraryRenderer):
+        timed = [rows[(first + k) % len(rows)] for k in range(WARM_UP + count)]
+        hips, velocities = (np.array(column) for column in zip(*timed, strict=True))
+        renderer.time_steps(hips[:1], velocities[:1], dt)  # the loop is compiled in the first call
+        in_loop = renderer.time_steps(hips, velocities, dt)
+        if in_loop is not None:
+            return in_loop[WARM_UP:]
     # Caches, branch prediction and the contact's state are as in the middle of a run.
     for k in range(WARM_UP):
         hip, velocity = rows[(first + k) % len(rows)]

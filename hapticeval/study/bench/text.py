@@ -47,7 +47,7 @@ def describe(results: BenchResults) -> str:
         *_tables(results),
         "\n".join(_orders(results)),
         "\n".join(describe_unproven(results)),
-        "\n".join(_through_python(results)),
+        "\n".join(_in_compiled_loops(results)),
         "\n".join(_left_out(results)),
         "\n".join(_answers(results)),
         "\n".join(_comparison(results.comparison)),
@@ -71,14 +71,10 @@ def _tables(results: BenchResults) -> Iterator[str]:
         yield "\n".join([head, *quantity.align_columns([list(filled), *rows], left=2)])
 
 
-def _through_python(results: BenchResults) -> Iterator[str]:
-    """Say for shared libraries how much of a step's time is the call from Python, which compiled loops do not make."""
-    for entry in results.settings:
-        if entry.renderer.startswith("lib:") and entry.step is not None and entry.batch is not None:
-            yield (
-                f"a step of {entry.label} on the {entry.model} takes {duration(entry.step.median)} called from Python, "
-                f"and {duration(entry.batch.median)} called as closed loops do, which is the library's own time"
-            )
+def _in_compiled_loops(results: BenchResults) -> Iterator[str]:
+    """Say of shared libraries that their steps are timed as closed loops call them, without Python."""
+    for label in dict.fromkeys(entry.label for entry in results.settings if entry.renderer.startswith("lib:")):
+        yield f"steps of {label} are timed in a compiled loop, as closed loops call them: no Python is in them"
 
 
 def _left_out(results: BenchResults) -> Iterator[str]:

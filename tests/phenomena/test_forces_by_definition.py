@@ -1,0 +1,323 @@
+"""What the checks of the force are made of, term by term: stiffness, what is allowed of it, causes, friction's laws."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from made import changed, recorded
+from scipy.integrate import solve_ivp
+
+from hapticeval.effects.friction import Friction
+from hapticeval.effects.lugre import LuGre
+from hapticeval.effects.viscous_friction import ViscousFriction
+from hapticeval.geometry.catalogue import circle, line
+from hapticeval.phenomena.checks.force_magnitude import (
+    _calls_for_force,
+    _describe_rare,
+    _describe_stretch,
+    _explained_share,
+    _longest_run,
+    _measure_stiffness,
+    _place_groups,
+    _rank_groups,
+    _stiffness_share,
+    _sure_depth,
+    largest_other_force,
+)
+from hapticeval.phenomena.checks.friction import _dissipated_work, _stored_energy, load_of, lugre_force
+from hapticeval.phenomena.checks.passivity import explained_work, force_lag
+from hapticeval.recordings.recording import SINGLE
+from hapticeval.renderer import Spring
+from hapticeval.scene import Scene
+
+LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)
+COUNT, STEP, DT = 40, 1e-4, 1e-3
+
+
+def moving(scene, *, depth=2e-3, sink=0.0, gain=1.0, extra=None, **more):
+    """A hand along the line, deeper by `sink` (m) in each tick, with a spring of `gain` times the scene's stiffness."""
+    ticks = np.arange(COUNT)
+    hip = np.column_stack([STEP * ticks, -depth - sink * ticks])
+    ihip = np.column_stack([STEP * ticks, np.zeros(COUNT)])
+    force = gain * scene.stiffness * (ihip - hip)
+    return recorded(hip, ihip, force if extra is None else force + extra, **more)
+
+
+def round_circle(radius=0.1, depth=2e-3, speed=0.1):
+    """A hand that goes round under a circle, and a tool above it."""
+    angle = speed / radius * DT * np.arange(COUNT)
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    hip, ihip = (radius - depth) * out, radius * out
+    return Scene(model=circle(size=2.0 * radius), stiffness=1000.0, mass=0.1), recorded(hip, ihip)
+
+
+class TestStiffness:
+    @pytest.mark.parametrize("spring", list(Spring))
+    def test_a_spring_is_measured_as_what_it_is_within_what_rounding_leaves_open(self, spring):
+        base = moving(LINE, gain=1.3, meta={"spring": spring.value})
+        measured = _measure_stiffness(base, LINE, spring)
+        # In the last three rows a late IHIP would be missing: the force may be that of any depth within a lag.
+        assert np.flatnonzero(measured.begins).tolist() == [COUNT - 3, COUNT - 2, COUNT - 1]
+        within, ends = slice(0, COUNT - 3), slice(COUNT - 3, None)
+        np.testing.assert_allclose(measured.ratio[within], 1.3)
+        np.testing.assert_allclose(measured.ratio[ends], 1.3 * 2e-3 / math.hypot(2e-3, 3.0 * STEP))
+        np.testing.assert_allclose(measured.depth[within], 2e-3)
+        ends_of_share = np.array([measured.low[within], measured.high[within]])
+        farthest = 1.0 + (3.0 * STEP / 2e-3) ** 2  # three ticks aside
+        if spring is Spring.ERROR:
+            np.testing.assert_allclose(ends_of_share[0, 3:], 1.3 / farthest, rtol=1e-6)
+            np.testing.assert_allclose(ends_of_share[1], 1.3, rtol=1e-6)
+        else:
+            np.testing.assert_allclose(ends_of_share, 1.3, rtol=1e-6)
+        assert np.isinf(measured.high[ends]).all()
+        open_depth = 4.0 * SINGLE * (np.abs(base.hip).max() + measured.depth)
+        np.testing.assert_allclose(measured.allowed, open_depth / measured.depth, rtol=1e-6)
+
+    @pytest.mark.parametrize("sink", [0.0, 5e-5])
+    def test_a_damper_may_make_its_share_along_the_depth_and_at_any_speed_within_a_lag(self, sink):
+        scene = Scene(model=line(), stiffness=1000.0, mass=0.1, damping=2.0)
+        measured = _measure_stiffness(moving(scene, sink=sink, meta={"spring": "error"}), scene, Spring.ERROR)
+        row = 20
+        rounding = 4.0 * SINGLE * (STEP * (COUNT - 1) + measured.depth[row])
+        depth = 2e-3 + sink * row
+        damped = (2.0 * sink / DT + 1000.0 * rounding) / (1000.0 * depth)
+        assert measured.allowed[row] == pytest.approx(damped, rel=1e-3)
+        in_lag = (2.0 * math.hypot(STEP, sink) / DT + 1000.0 * rounding) / (1000.0 * depth)
+        assert measured.allowed_in_lag[row] == pytest.approx(in_lag, rel=1e-3)
+        assert measured.rate[row] == pytest.approx(sink / DT, rel=1e-6, abs=1e-12)
+
+    def test_the_curvature_may_make_what_it_calls_for_of_one_who_declares_no_spring(self):
+        scene, base = round_circle()
+        measured = _measure_stiffness(base, scene, Spring.ERROR)
+        rounding = 4.0 * SINGLE * (np.abs(base.hip).max() + 2e-3)
+        step = np.linalg.norm(np.diff(base.ihip, axis=0), axis=1)[0]
+        bending = 0.1 * (step / DT) ** 2 / 0.1
+        assert measured.allowed[20] == pytest.approx((bending + 1000.0 * rounding) / 2.0, rel=1e-3)
+        np.testing.assert_allclose(largest_other_force(base, scene)[20], bending, rtol=1e-3)
+        declared = changed(base, meta={"spring": "error"})
+        np.testing.assert_allclose(largest_other_force(declared, scene), 0.0)
+        assert _measure_stiffness(declared, scene, Spring.ERROR).allowed[20] == pytest.approx(rounding / 2e-3, rel=1e-3)
+
+    @pytest.mark.parametrize(("declared", "coarse"), [(0.01, 0.01), (1.0, 0.05 * 2.0)])
+    def test_a_force_is_as_coarse_as_declared_up_to_a_twentieth_of_the_largest(self, declared, coarse):
+        base = moving(LINE, meta={"spring": "error", "force_resolution": declared})
+        rounding = 4.0 * SINGLE * (np.abs(base.hip).max() + 2e-3)
+        measured = _measure_stiffness(base, LINE, Spring.ERROR)
+        assert measured.allowed[20] == pytest.approx((coarse + 1000.0 * rounding) / 2.0, rel=1e-6)
+
+    def test_a_tool_that_stands_off_may_be_pulled_from_the_surface_or_from_where_it_is(self):
+        base = moving(LINE)
+        off = changed(base, ihip=base.ihip + np.array([0.0, 5e-4]), meta={"standoff": 1e-3})
+        measured = _measure_stiffness(off, LINE, Spring.ERROR)
+        # 2 N over 2.5 mm, of which half a millimetre may be the standoff
+        inner = ~measured.begins
+        farthest = 1.0 + (3.0 * STEP / 2.5e-3) ** 2
+        np.testing.assert_allclose(measured.low[inner][3:], 0.8 / farthest * 2.5 / 3.0, rtol=1e-6)
+        np.testing.assert_allclose(measured.high[inner], 0.8 * 2.5 / 2.0, rtol=1e-6)
+
+    @given(force=st.floats(0.1, 5.0), angle=st.floats(-1.2, 1.2), depth=st.floats(1e-3, 1e-2))
+    def test_the_share_is_along_the_error_or_across_the_surface(self, force, angle, depth):
+        pull, error = force * np.array([[math.sin(angle), math.cos(angle)]]), np.array([[0.0, -depth]])
+        along = _stiffness_share(pull, error, 1000.0, Spring.ERROR)[0]
+        assert along == pytest.approx(force * math.cos(angle) / depth / 1000.0)
+        across = _stiffness_share(pull, error, 1000.0, Spring.NORMAL)[0]
+        assert across == pytest.approx(force / (depth * math.cos(angle)) / 1000.0)
+
+    def test_without_a_depth_there_is_no_share(self):
+        assert np.isnan(_stiffness_share(np.ones((1, 2)), np.zeros((1, 2)), 1000.0, Spring.ERROR)).all()
+
+    def test_the_depth_of_a_silent_tick_is_the_least_that_hip_ihip_and_model_show(self):
+        base = moving(LINE)
+        aside = changed(base, ihip=base.ihip + np.array([3e-3, 0.0]))
+        np.testing.assert_allclose(_sure_depth(aside, LINE, Spring.ERROR), 2e-3)
+        np.testing.assert_allclose(_sure_depth(aside, LINE, Spring.NORMAL), 2e-3)
+        below = changed(base, ihip=base.ihip - np.array([0.0, 1.5e-3]))
+        np.testing.assert_allclose(_sure_depth(below, LINE, Spring.ERROR), 5e-4)
+
+    def test_a_silent_hand_calls_for_a_force_inside_the_model_alone(self):
+        hip = np.column_stack([np.zeros(6), [-1e-3, -1e-3, 1e-3, -1e-3, 1e-3, 1e-3]])
+        ihip = np.column_stack([np.zeros(6), [0.0, 0.0, 2e-3, 0.0, 2e-3, 1e-3]])
+        force = np.zeros((6, 2))
+        force[0, 1] = 1.0
+        base = recorded(hip, ihip, force, contact=np.ones(6))
+        assert _calls_for_force(base, LINE).tolist() == [True, True, False, True, False, False]
+
+
+class TestCauses:
+    @given(values=st.lists(st.integers(0, 20), min_size=6, max_size=40), count=st.integers(2, 5))
+    def test_ranks_are_grouped_evenly_and_equal_ones_alike(self, values, count):
+        group = _rank_groups(np.array(values, dtype=float), count)
+        assert 0 <= group.min() <= group.max() < count
+        order = np.argsort(values, kind="stable")
+        assert np.all(np.diff(group[order]) >= 0)
+        assert all(
+            len({int(group[i]) for i in np.flatnonzero(np.array(values) == value)}) == 1 for value in set(values)
+        )
+        if len(set(values)) == len(values):
+            sizes = np.bincount(group, minlength=count)
+            assert np.ptp(sizes) <= 2
+
+    def test_the_longest_group_of_places_is_halved_across_its_longest_side(self):
+        points = np.array([[0.0, 0.0], [1.0, 0.0], [7.0, 0.0], [8.0, 0.5], [8.0, 3.0]])
+        assert _place_groups(points, 1).tolist() == [0] * 5
+        assert _place_groups(points, 2).tolist() == [0, 0, 1, 1, 1]
+        assert _place_groups(points, 3).tolist() == [0, 0, 1, 1, 2]
+        assert _place_groups(np.zeros((3, 2)), 4).tolist() == [0, 0, 0]
+
+    @given(seed=st.integers(0, 50))
+    def test_a_cause_explains_the_variance_of_ranks_between_its_groups(self, seed):
+        random = np.random.default_rng(seed)
+        group, ratio = random.integers(0, 3, 30), random.permutation(30).astype(float)
+        within = sum(np.sum((ratio[group == g] - ratio[group == g].mean()) ** 2) for g in set(group.tolist()))
+        assert _explained_share(ratio, group) == pytest.approx(1.0 - within / 30 / np.var(ratio))
+        assert _explained_share(ratio, np.arange(30)) == pytest.approx(1.0)
+        assert _explained_share(np.ones(30), group) == 0.0
+
+    def test_few_ticks_are_spikes_or_a_stretch(self):
+        base = moving(LINE)
+        assert _describe_rare(base, np.array([7])) == "spikes: 1 tick off"
+        assert _describe_rare(base, np.array([3, 13, 23])) == "spikes: 3 ticks off, every 10 ticks"
+        assert _describe_rare(base, np.array([3, 13, 24])) == "spikes: 3 ticks off, every 10 ticks", "to a tenth"
+        assert _describe_rare(base, np.array([3, 13, 25])) == "spikes: 3 ticks off"
+        assert _describe_rare(base, np.array([3, 4, 5])) == "spikes: 3 ticks off", "in a row"
+        words = "off for 4 ticks from t = 0.003 s to 0.006 s, with the hand round (0.45, -2) mm"
+        assert _describe_rare(base, np.array([3, 4, 5, 6])) == words
+        assert _describe_rare(base, np.array([3, 4, 5, 6, 9])) == f"{words}, the longest of 2 such stretches"
+        assert _describe_stretch(base, np.array([4])).startswith("for 1 tick from t = 0.004 s to 0.004 s")
+        longest, others = _longest_run(np.array([1, 2, 5, 6, 7, 9]))
+        assert (longest.tolist(), others) == ([5, 6, 7], ", the longest of 3 such stretches")
+
+
+class TestEnergy:
+    @pytest.mark.parametrize("lag", [0.0, 0.5, 3.0])
+    def test_a_held_and_late_spring_explains_its_share_of_the_squared_steps(self, lag):
+        base = moving(LINE, meta={"spring": "error"})
+        explained = explained_work(base, LINE, lag)
+        np.testing.assert_allclose(np.diff(explained), (0.5 + lag) * 1000.0 * STEP**2, rtol=1e-9)
+        assert explained[0] == 0.0
+
+    def test_the_longest_step_within_the_lag_counts(self):
+        base = moving(LINE, meta={"spring": "error"})
+        hip, ihip = np.array(base.hip), np.array(base.ihip)
+        hip[20:, 0], ihip[20:, 0] = hip[20:, 0] + STEP, ihip[20:, 0] + STEP  # one step is twice as long
+        explained = np.diff(explained_work(recorded(hip, ihip, meta=base.meta), LINE, 2.0))
+        expected = np.where((np.arange(COUNT - 1) >= 19) & (np.arange(COUNT - 1) <= 21), 4.0, 1.0)
+        np.testing.assert_allclose(explained, 2.5 * 1000.0 * STEP**2 * expected, rtol=1e-9)
+
+    def test_what_changes_beside_the_spring_counts_up_to_what_a_damper_may_give(self):
+        scene = Scene(model=line(), stiffness=1000.0, mass=0.1, damping=1.0)
+        extra = np.zeros((COUNT, 2))
+        extra[20:, 0] = 0.05  # along the surface; the damper may give 1 N s/m * 0.1 m/s
+        for size, counts in ((0.05, 0.05), (0.5, 0.1)):
+            base = moving(scene, extra=extra * size / 0.05, meta={"spring": "error"})
+            explained = np.diff(explained_work(base, scene, 0.0))
+            spring = 0.5 * 1000.0 * STEP**2
+            assert explained[19] == pytest.approx(spring + 0.5 * counts * STEP, rel=1e-6)
+            assert explained[25] == pytest.approx(spring, rel=1e-6)
+
+    def test_a_declared_range_adds_its_change_over_the_depth_and_in_free_space_nothing_is_held(self):
+        gain = np.where(np.arange(COUNT) < 20, 1.0, 1.5)[:, np.newaxis]
+        base = moving(LINE, gain=gain, meta={"spring": "error", "stiffness_least": 0.5, "stiffness_largest": 2.0})
+        explained = np.diff(explained_work(base, LINE, 0.0))
+        assert explained[10] == pytest.approx(0.5 * 1000.0 * STEP**2, rel=1e-6)
+        changed_force = 0.5 * 1000.0 * 2e-3
+        assert explained[19] == pytest.approx(0.5 * (1500.0 * STEP**2 + changed_force * STEP), rel=1e-6)
+        assert explained[30] == pytest.approx(0.5 * 1500.0 * STEP**2, rel=1e-6)
+        free = recorded(np.column_stack([STEP * np.arange(COUNT), np.full(COUNT, 1e-3)]))
+        np.testing.assert_array_equal(explained_work(free, LINE, 3.0), 0.0)
+
+    def test_a_force_that_rests_is_as_much_later(self):
+        base = moving(LINE, sink=5e-5)
+        assert force_lag(base, LINE) == 0.0
+        held = np.array(base.force)[np.arange(COUNT) // 2 * 2]
+        assert force_lag(changed(base, force=held), LINE) == pytest.approx(0.5, abs=0.05)
+
+
+class TestFriction:
+    SCENE = LINE.with_effects(Friction(mu_s=0.5, mu_k=0.3))
+
+    def test_the_load_is_what_is_across_and_along_the_surface(self):
+        base = moving(self.SCENE, extra=np.array([0.4, 0.0]), velocity=np.tile([0.1, -0.02], (COUNT, 1)))
+        load = load_of(base, self.SCENE)
+        np.testing.assert_allclose(load.normal, 2.0)
+        np.testing.assert_allclose(load.tangential, np.tile([0.4, 0.0], (COUNT, 1)), atol=1e-12)
+        np.testing.assert_allclose(load.size, 0.4)
+        np.testing.assert_allclose(load.velocity, np.tile([0.1, 0.0], (COUNT, 1)), atol=1e-12)
+        reach = 1000.0 * np.abs(base.hip).max() + math.hypot(2.0, 0.4)
+        np.testing.assert_allclose(load.other, 8.0 * 2.0**-52 * reach, rtol=1e-6)
+        damped = Scene(model=line(), stiffness=1000.0, damping=3.0, effects=(ViscousFriction(2.0),))
+        np.testing.assert_allclose(load_of(base, damped).other, 5.0 * 0.1, rtol=1e-6)
+        lifted = changed(base, force=np.zeros((COUNT, 2)))
+        assert not load_of(lifted, self.SCENE).pressed.any()
+
+    def test_a_pull_on_a_constraint_that_holds_from_both_sides_presses(self):
+        scene = Scene(model=line(), stiffness=1000.0, bilateral=True, effects=(Friction(mu_s=0.5, mu_k=0.3),))
+        base = moving(scene, depth=-2e-3)
+        np.testing.assert_allclose(load_of(base, scene).normal, 2.0)
+        np.testing.assert_allclose(load_of(base, self.SCENE).normal, -2.0)
+
+    def test_a_lap_takes_the_slip_s_friction_and_what_the_spring_relaxes(self):
+        """The tool follows the hand by steps of its own, held back by mu_k F_n."""
+        base = moving(self.SCENE, extra=np.array([-0.6, 0.0]))
+        behind = changed(base, ihip=base.ihip - np.array([6e-4, 0.0]))
+        moved = np.diff(behind.hip, axis=0)
+        work, doubt = _dissipated_work(behind, load_of(behind, self.SCENE), self.SCENE, moved)
+        # mu_k F_n ds, and K ds . (ds - dx) / 2 = 0 for a tool that moves as the hand does
+        np.testing.assert_allclose(work, 0.3 * 2.0 * STEP, rtol=1e-6)
+        np.testing.assert_array_equal(doubt, 0.0)
+        np.testing.assert_allclose(_stored_energy(behind, load_of(behind, self.SCENE), self.SCENE), (4.0 + 0.36) / 2e3)
+        halves = changed(
+            behind, ihip=behind.ihip + 0.5 * STEP * np.column_stack([np.arange(COUNT) % 2, np.zeros(COUNT)])
+        )
+        relaxed = _dissipated_work(halves, load_of(halves, self.SCENE), self.SCENE, moved)[0]
+        slip = np.diff(halves.ihip, axis=0)[:, 0]
+        beside_spring = (1000.0 * (halves.ihip - halves.hip) - halves.force)[1:, 0] * slip
+        np.testing.assert_allclose(
+            relaxed, 0.6 * np.abs(slip) - beside_spring + 500.0 * slip * (slip - STEP), rtol=1e-6, atol=1e-12
+        )
+
+    def test_a_viscous_friction_takes_the_mean_speed_s_work_and_stores_nothing(self):
+        scene = LINE.with_effects(ViscousFriction(2.0))
+        speeds = np.column_stack([0.1 + 0.01 * np.arange(COUNT), np.zeros(COUNT)])
+        base = moving(scene, velocity=speeds)
+        work, _ = _dissipated_work(base, load_of(base, scene), scene, np.diff(base.hip, axis=0))
+        np.testing.assert_allclose(work, 2.0 * 0.5 * (speeds[1:, 0] + speeds[:-1, 0]) * STEP, rtol=1e-6)
+        np.testing.assert_array_equal(_stored_energy(base, load_of(base, scene), scene), 0.0)
+
+    @pytest.mark.parametrize("speed", [1e-3, 2e-2])
+    def test_the_bristles_bend_as_their_equation_has_it(self, speed):
+        """z' = v - sigma0 |v| z / g(v), at a constant speed and press, by an integrator of its own."""
+        law = LuGre(0.5, 0.3, stribeck=5e-3, stiffness=2e4, damping=5.0, viscosity=4.0)
+        scene = LINE.with_effects(law)
+        count = 60
+        hip = np.column_stack([speed * DT * np.arange(count), np.full(count, -2e-3)])
+        base = recorded(hip, hip * [1.0, 0.0], velocity=np.tile([speed, 0.0], (count, 1)))
+        load = load_of(base, scene)
+        force = lugre_force(law, load, DT, 1)[:, 0]
+        limit = float(law.limit(np.array([[speed]]))[0, 0]) * 2.0
+        rate = lambda _, z: speed - 2e4 * speed * z / limit  # noqa: E731
+        # A tick of bending is over in the first row already.
+        z = solve_ivp(rate, (0.0, DT * count), [0.0], t_eval=DT * (1.0 + np.arange(count)), rtol=1e-10, atol=1e-14).y[0]
+        damping = float(np.ravel(law.damping_at(np.array([[speed]])))[0])
+        expected = 2e4 * z + damping * np.array([rate(0.0, bent) for bent in z]) + 4.0 * speed
+        np.testing.assert_allclose(force, expected, rtol=1e-5)
+        np.testing.assert_allclose(lugre_force(law, load, DT, 8)[2:, 0], expected[2:], rtol=1e-5)
+
+    def test_bristles_turn_back_with_the_hand_and_let_go_without_a_press(self):
+        law = LuGre(0.5, 0.3, stribeck=5e-3, stiffness=2e4, damping=0.0, viscosity=0.0)
+        scene = LINE.with_effects(law)
+        there = np.concatenate([np.arange(30), np.arange(30, 0, -1)])
+        hip = np.column_stack([STEP * there, np.full(60, -2e-3)])
+        base = recorded(hip, hip * [1.0, 0.0])
+        force = lugre_force(law, load_of(base, scene), DT, 1)[:, 0]
+        assert force[28] > 0.0 > force[58]
+        assert force[28] == pytest.approx(-force[58], rel=1e-3)
+        lifted = np.array(base.force)
+        lifted[15:20] = 0.0
+        gap = lugre_force(law, load_of(changed(base, force=lifted), scene), DT, 1)[:, 0]
+        np.testing.assert_array_equal(gap[15:20], 0.0)
+        np.testing.assert_allclose(gap[20:29], force[1:10], rtol=1e-6)
