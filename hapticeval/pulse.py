@@ -15,10 +15,12 @@ Pulse: TypeAlias = MutableSequence[int]
 
 PendingStep: TypeAlias = MutableSequence[float]
 """What is asked of a renderer now, shared likewise: how many coordinates the HIP has, 0 between two steps; the tick;
-and up to three coordinates (m)."""
+up to three coordinates (m); and a number for whoever notes it."""
+
+PENDING_SIZE = 6
 
 _pulse: Pulse = [0, 0]
-_pending: PendingStep = [0.0] * 5
+_pending: PendingStep = [0.0] * PENDING_SIZE
 
 
 def share_pulse(pulse: Pulse, pending: PendingStep) -> None:
@@ -35,11 +37,22 @@ def note_pending(tick: int, hip: Sequence[float]) -> None:
     _pending[0] = len(hip)
 
 
+def note_run(first: int) -> None:
+    """Note that a compiled loop begins, in which the first step is the tick `first`: see `pending_memory`."""
+    _pending[1] = first - 1
+
+
+def pending_memory() -> PendingStep:
+    """Return the memory of the step under way, for compiled code that notes by itself what it asks of a renderer."""
+    return _pending
+
+
 def unanswered_step(pending: PendingStep) -> tuple[int, tuple[float, ...]] | None:
     """Return the tick and HIP (m) of a step that was not answered; None where there was none."""
     # 0 coordinates: the last step was answered.
     count = int(pending[0])
-    return (int(pending[1]), tuple(pending[2 : 2 + count])) if count else None
+    # A hand is led in before tick 0.
+    return (max(int(pending[1]), 0), tuple(pending[2 : 2 + count])) if count else None
 
 
 def count_answer() -> None:

@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeAlias, TypeVar, cast
 
 from hapticeval.errors import HapticevalError
-from hapticeval.pulse import PendingStep, Pulse, share_pulse, unanswered_step
+from hapticeval.pulse import PENDING_SIZE, PendingStep, Pulse, share_pulse, unanswered_step
 
 T = TypeVar("T")
 
@@ -397,7 +397,7 @@ class Workers(Generic[T]):
         ours, theirs = multiprocessing.Pipe()
         stack_pipe, stack_end = multiprocessing.Pipe(duplex=False)
         process: BaseProcess | subprocess.Popen[bytes]
-        pulse, pending = multiprocessing.RawArray("q", 2), multiprocessing.RawArray("d", 5)
+        pulse, pending = multiprocessing.RawArray("q", 2), multiprocessing.RawArray("d", PENDING_SIZE)
         if self._fresh:
             pipes = [theirs.fileno(), stack_end.fileno()]
             command = [sys.executable, "-c", SERVE, *map(str, pipes), str(os.getpid())]

@@ -24,6 +24,7 @@ import numpy as np
 from hapticeval.adapters.outside import Outside, path_velocities
 from hapticeval.compiled import LawData, borrowing, call_clock, call_step, law_data
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
+from hapticeval.pulse import PENDING_SIZE, pending_memory
 from hapticeval.renderer import RANGE_WORDS, CompiledStep, Declaration, Response, Spring
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -46,6 +47,9 @@ PATIENCE = 30.0
 """Seconds in which a library must load and say what it can."""
 
 REFUSAL = "the library refuses the HIP"
+
+ANSWER = PENDING_SIZE - 1
+"""Place in a law's state of what `hr_step` returned."""
 
 
 class SceneStruct(ctypes.Structure):
@@ -256,17 +260,23 @@ def ask(
 
     `hip` (N,), m, and `velocity` (N,), m/s, of the hand; `dt`, s. Writes `ihip` (N,), m, and `force` (N,), N: not
     finite where the library does not. `push` is not used. `data.params` holds the addresses of `hr_step` and of the
-    library's self, and `data.state` gets what `hr_step` returned. Returns 0 or the number of a refusal.
+    library's self. `data.state` is the memory of the step under way (`pulse.PendingStep`): a library that ends the
+    process leaves there what it was asked; its last number gets what `hr_step` returned. Returns 0 or the number of a
+    refusal.
     """
     # What the library leaves unwritten is then not finite, and never the last answer.
     for i in range(hip.shape[0]):
         ihip[i] = force[i] = np.nan
+        data.state[2 + i] = hip[i]
+    data.state[1] += 1.0  # the tick
+    data.state[0] = hip.shape[0]
     # Two addresses as the bits of float64: those of hr_step and of the library's self.
     addresses = data.params.view(np.uint64)
     answer = call_step(
         addresses[0], addresses[1], hip.ctypes.data, velocity.ctypes.data, dt, ihip.ctypes.data, force.ctypes.data
     )
-    data.state[0] = answer
+    data.state[0] = 0.0
+    data.state[ANSWER] = answer
     # A law returns 0 for an answer, a positive number for a refusal, a negative one where it broke.
     if 0 <= answer <= CONTACT:
         return 0
@@ -291,7 +301,7 @@ def ask_rows(
                 velocity[i] = (hips[row, i] - hips[row - 1, i]) / span
         if ask(data, hips[row], velocity, push, dt, ihips[row], forces[row]) != 0:
             return row
-        contact[row] = data.state[0] == CONTACT
+        contact[row] = data.state[ANSWER] == CONTACT
     return int(hips.shape[0])
 
 
@@ -373,8 +383,10 @@ class LibraryRenderer:
             self.declares = promise
         # A law's parameters are float64: the addresses travel as their bits.
         addresses = np.array([ctypes.cast(library.hr_step, c_void_p).value, self._self.value or 0], dtype=np.uint64)
-        data = law_data(addresses.view(np.float64), state=1)
-        self.law = CompiledStep(ask, data, {REFUSES_HIP: REFUSAL}, contact=data.state)
+        pending = pending_memory()
+        state = np.zeros(len(pending)) if isinstance(pending, list) else np.frombuffer(pending)  # type: ignore[call-overload]
+        data = law_data(addresses.view(np.float64))._replace(state=state)
+        self.law = CompiledStep(ask, data, {REFUSES_HIP: REFUSAL}, contact=state[ANSWER:])
         self.contact: bool | BoolArray | None = False
 
     def _create(self) -> None:
@@ -450,7 +462,7 @@ class LibraryRenderer:
             zero, contact = np.zeros(hips.shape[1]), np.zeros(len(hips), dtype=bool)
             row = ask_rows(self.law.data, zero, hips, zero.copy(), dt, ihips, forces, contact)
             if row < len(hips):
-                raise RuntimeError(f"hr_step returned {self.law.data.state[0]:.0f}")
+                raise RuntimeError(f"hr_step returned {self.law.data.state[ANSWER]:.0f}")
             self.contact = contact
         return ihips, forces
 
@@ -468,7 +480,7 @@ class LibraryRenderer:
             self.law.data, push, hips, velocities, dt, clock, time.CLOCK_MONOTONIC, stamp, answers, nanoseconds
         )
         if row < len(hips):
-            self._refuse("hr_step", int(self.law.data.state[0]), hips[row])
+            self._refuse("hr_step", int(self.law.data.state[ANSWER]), hips[row])
         return nanoseconds
 
     def _refuse(self, function: str, status: int, hip: Array) -> NoReturn:

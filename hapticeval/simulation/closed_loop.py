@@ -13,6 +13,7 @@ from hapticeval.devices.integration import default_method
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
 from hapticeval.errors import DomainError, InputError, RendererError, RunawayError, renderer_errors
+from hapticeval.pulse import note_run
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledStep, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
@@ -142,6 +143,7 @@ def _drive_device(
         end = _ask_tick_by_tick(renderer, loop, scene.robot, dt)
     else:
         loop = loop._replace(reported=law.contact)
+        note_run(0)
         tick, status = kernels.run(law_value(law.function, law.data), law.data, loop)
         if status == kernels.OUTSIDE:
             end = _end_of_run(tick, _outside_error(scene.robot, loop.state[kernels.JOINTS]))

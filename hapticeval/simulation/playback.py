@@ -25,7 +25,7 @@ from hapticeval.errors import (
     renderer_errors,
 )
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.pulse import count_answer, note_pending
+from hapticeval.pulse import count_answer, note_pending, note_run
 from hapticeval.recordings.channels import REQUIRED
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.renderer import Batch, Renderer, TrajectoryRenderer, abilities_of
@@ -249,6 +249,7 @@ def _all_at_once(renderer: Renderer, hips: Array, velocity: Array, dt: float, fi
         why="its step() takes the same path without an error",
         todo="make run() equal to reset() and a step() a row",
     ):
+        note_run(first - ahead)
         try:
             answer = cast("Batch", renderer).run(hips.copy(), dt)
             ihips, forces = (np.asarray(part, dtype=np.float64) for part in answer)
@@ -686,7 +687,7 @@ def _lead_on(renderer: Renderer, rows: _Rows, first: int) -> Answers:
     """
     answers = Answers.room(rows.hip)
     ihips, forces, contact = answers
-    answered = _lead_at_once(renderer, rows, answers)
+    answered = _lead_at_once(renderer, rows, answers, first)
     not_finite_rows = ~np.isfinite([ihips[:answered], forces[:answered]]).all(axis=(0, 2))
     if not_finite_rows.any():
         row = int(np.argmax(not_finite_rows))
@@ -699,7 +700,7 @@ def _lead_on(renderer: Renderer, rows: _Rows, first: int) -> Answers:
     return answers
 
 
-def _lead_at_once(renderer: Renderer, rows: _Rows, answers: Answers) -> int:
+def _lead_at_once(renderer: Renderer, rows: _Rows, answers: Answers, first: int) -> int:
     """Write what a renderer answers in one call, and return how many rows that are: none where it cannot."""
     abilities, count = abilities_of(renderer), rows.dt.size
     # compiled first: it says itself how far it got; a `lead` in Python answers all rows or none
@@ -710,6 +711,7 @@ def _lead_at_once(renderer: Renderer, rows: _Rows, answers: Answers) -> int:
         law = law_value(abilities.law.function, abilities.law.data)
         columns = for_kernels(rows.hip), for_kernels(rows.velocity), for_kernels(rows.dt)
         reported = np.empty(0) if abilities.law.contact is None else abilities.law.contact
+        note_run(first)
         return lead(
             law, abilities.law.data, np.zeros(rows.hip.shape[1]), *columns, answers[:2], reported, answers.contact
         )

@@ -290,7 +290,27 @@ def test_a_crash_and_a_hang_cost_their_case(build: Build, step: str, words: str,
     assert [verdict.outcome for verdict in results.verdicts] == ["error", "inconclusive"]
     (error,) = [run.error for run in results.document.runs if run.error]
     assert words in error.what
+    # A compiled loop notes what it asks; the hand goes 0.1 mm a tick.
+    assert "for (;;)" in step or "at tick 11 (counted from 0), HIP (0, -0.1) mm" in error.what
     assert results.exit_code == 3
+
+
+def test_a_crash_in_a_closed_loop_names_tick_and_hip(build: Build, tmp_path: Path) -> None:
+    case = """
+title = "one"
+[[case]]
+name = "pressed"
+title = "Pressed"
+model = { kind = "line" }
+checks = ["contact-kept"]
+experiment = { duration = 0.1, position = [0.0, 0.001], velocity = [0.0, -0.1] }
+"""
+    (tmp_path / "one.toml").write_text(case)
+    results = hapticeval.run(
+        f"lib:{build(STEP='if (m->ticks == 8) abort()')}", suites=str(tmp_path / "one.toml"), workers=1
+    )
+    (error,) = [run.error for run in results.document.runs if run.error]
+    assert "tick 7" in error.what + error.why
 
 
 @pytest.mark.parametrize("name", ["lib:./libmine.so", "cmd:python3 mine.py"])
