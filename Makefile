@@ -8,6 +8,8 @@
 # make tables  write anew what tests compare: kill matrix, coverage, decisions, and the recorded verdicts of every suite
 # make counterexamples  search for the smallest path that breaks each built-in renderer, into results/counterexamples
 # make engines judge physics engines as renderers and write docs/engines.md, or of SUITES="solids seams" only
+# make engines-smallest  shrink what fails there to the smallest path, for that page
+# make field   judge the renderers of other publications beside the thesis's, and write their page's tables
 # make bench   time the renderers            make study   the longer studies
 # make browser look at the report's pages in a headless Chromium: needs chromium and npm
 # make docs    run the pages of documentation and the notebooks, and build the site of them into build/site
@@ -21,7 +23,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start many interpreters, each of which would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test system tables fuzz mutants counterexamples engines bench study browser docs site lint clean
+.PHONY: run test system tables fuzz mutants counterexamples engines engines-smallest field bench study browser docs site lint clean
 
 # What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page. What goes
 # wrong with these two says so, and stops nothing.
@@ -60,6 +62,13 @@ counterexamples: .venv/run.stamp
 
 engines: .venv/dev.stamp
 	$(BIN)/python -m hapticeval.examples.engines.measure $(SUITES)
+
+field: .venv/dev.stamp
+	$(BIN)/python -m hapticeval.examples.studies.field_tables
+
+# From what make engines has left in results/engines.
+engines-smallest: .venv/dev.stamp
+	$(BIN)/python -m hapticeval.examples.engines.smallest
 
 bench: .venv/dev.stamp
 	$(BIN)/pytest benchmarks/

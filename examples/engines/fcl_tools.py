@@ -14,6 +14,7 @@ from scipy.spatial import ConvexHull
 
 from hapticeval import RefusalError, Scene
 from hapticeval.adapters.outside import Outside
+from hapticeval.examples.engines.shown import ContactOnly
 
 RADIUS = 1e-4
 """Radius of the tool, m: FCL has no points."""
@@ -50,9 +51,10 @@ class Triangles:
         self.tool.setTranslation(point)
         result = fcl.CollisionResult()
         fcl.collide(self.solid, self.tool, self.request, result)
-        deepest = max(result.contacts, key=lambda contact: contact.penetration_depth, default=None)
+        # The depth is below zero for triangles, and above it for a convex body
+        deepest = max(result.contacts, key=lambda contact: abs(contact.penetration_depth), default=None)
         # FCL's normal leads from the first body, the solid, to the second
-        return np.zeros(3) if deepest is None else np.array(deepest.normal) * deepest.penetration_depth
+        return np.zeros(3) if deepest is None else np.array(deepest.normal) * abs(deepest.penetration_depth)
 
     def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the HIP moved out of the solid (3,), m, and the spring's force (3,), N."""
@@ -101,3 +103,17 @@ class Coupled(Convex):
         self.speed = (self.mass * self.speed + dt * pull) / (self.mass + dt * self.damping)
         self.hand, self.place = hip.copy(), self.place + dt * self.speed
         return self.place, self.stiffness * (self.place - hip) + self.damping * (self.speed - velocity)
+
+
+class OtherSolver(Convex):
+    """The convex body with FCL's own solver of depths, GST_INDEP, in place of libccd."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene)
+        self.request = fcl.CollisionRequest(
+            num_max_contacts=64, enable_contact=True, gjk_solver_type=fcl.GJKSolverType.GST_INDEP
+        )
+
+
+class Shown(ContactOnly, Coupled):
+    """The coupled tool, of which the hand is shown the contact alone."""

@@ -6,18 +6,27 @@ and which suites it covers, is read from the results; `CAUSES` adds a sentence t
 
 from __future__ import annotations
 
+import csv
+import math
 import sys
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 import hapticeval
+from hapticeval.discovery import resolve
 from hapticeval.examples.engines.causes import CAUSES
+from hapticeval.examples.studies.field_tables import count_lines
+from hapticeval.renderer import RendererFactory
 from hapticeval.runner.results import VerdictEntry
+from hapticeval.study.plates import holds
 
 SUITES = ("field", "seams", "solids", "unilateral-surfaces", "hard-cases")
-PAGE = Path("docs/engines.md")
+PAGE, RESULTS = Path("docs/engines.md"), Path("results/engines")
+SMALLEST = Path(__file__).with_name("smallest.csv")
+"""The smallest paths, which `make engines-smallest` writes."""
+
 COLUMNS = {
     "mujoco-query": "hapticeval.examples.engines.mujoco_tools:Query",
     "mujoco-coupled": "hapticeval.examples.engines.mujoco_tools:Coupled",
@@ -27,13 +36,31 @@ COLUMNS = {
     "fcl-coupled": "hapticeval.examples.engines.fcl_tools:Coupled",
 }
 
-REMEDIES = {
-    "mujoco-query": "mujoco-stiff",
-    "mujoco-coupled": "mujoco-stiff",
-    "fcl-triangles": "fcl-convex",
-    "fcl-convex": "fcl-coupled",
+SETTINGS = {
+    "exact": "hapticeval.examples.engines.mujoco_tools:Exact",
+    "parts": "hapticeval.examples.engines.mujoco_tools:Parts",
+    "fine": "hapticeval.examples.engines.mujoco_tools:Fine",
+    "shown": "hapticeval.examples.engines.mujoco_tools:Shown",
+    "other-solver": "hapticeval.examples.engines.fcl_tools:OtherSolver",
+    "fcl-shown": "hapticeval.examples.engines.fcl_tools:Shown",
 }
-"""The column of the setting, or of the other use, that was tried against what fails in a column."""
+"""Settings that are tried against what fails, each a class of its own."""
+
+PLATES, SPEEDS = (5e-4, 2e-3, 5e-3), (0.02, 0.2, 1.0, 2.0)
+"""Thicknesses of plates, m, and speeds of the hand, m/s, of the table of pushes."""
+
+LEAST_PUSH, LARGEST_PUSH, PUSH_RATIO = 0.2, 40.0, 1.02
+"""Pushes between which the largest that is held is looked for, N, and the ratio of both ends when it is found."""
+
+TRIED = {
+    "mujoco-query": ("exact", "parts", "fine", "shown"),
+    "mujoco-coupled": ("mujoco-stiff", "fine", "shown"),
+    "mujoco-stiff": ("fine", "shown"),
+    "fcl-triangles": ("fcl-convex",),
+    "fcl-convex": ("other-solver", "fcl-coupled"),
+    "fcl-coupled": ("fcl-shown",),
+}
+"""What was tried against what fails in a column: settings, or another column."""
 
 INTRODUCTION = """\
 # Physics engines as renderers
@@ -52,30 +79,118 @@ spring on it. A coupled tool is a ball that the hand holds by a spring and that 
 | `fcl-convex` | query | the mesh as a convex body |
 | `fcl-coupled` | coupled tool | a convex body, and a contact spring ten times as stiff as the coupling |
 
+Against what fails these were tried, on the same cases:
+
+| setting | what it is |
+| --- | --- |
+| `exact` | the query with `ccd_tolerance` 1e-12, where the default is 1e-6 |
+| `parts` | the query with a model that is not convex cut into two convex parts by the plane of a face |
+| `fine` | the coupled tool in ten time steps a tick, and `solref 0.0002 1`: again two steps |
+| `shown` | the same, and the hand is shown the contact alone: the spring without damper, and nothing of a free tool |
+| `other-solver` | the convex body with `GST_INDEP`, FCL's own solver of depths, in place of libccd |
+| `fcl-shown` | the coupled tool of FCL, and the hand is shown the contact alone |
+
 None of them claims to be a haptic renderer. MuJoCo documents that a mesh collides as its convex hull: models that are
-not convex are outside of its scope unless they are cut into convex parts, which was not tried. It documents too that
-its contacts are soft. Triangles of FCL are a surface without an inside. Its convex body takes convex models only, and
-the adapter refuses the others.
+not convex are outside of its scope unless they are cut into convex parts. It documents too that its contacts are soft.
+Triangles of FCL are a surface without an inside. Its convex body takes convex models only, and the adapter refuses the
+others.
 
 Judged are {cases} cases of the suites {suites}: {decided} verdicts that decide, of level must or should.
 The table has how many pass, of how many; a dash where none decides."""
 
 
+PLATES_WORDS = """\
+## Which plates hold
+
+The largest push, N, at which a tool stays in front of a plate, along the path of `hapticeval study plates`: the hand
+comes at a speed and stops where a spring of 1000 N/m pushes as much. Looked for between 0.2 and 40 N, to 2 per cent."""
+
+FACTS = """\
+What is known of MuJoCo as a renderer, and where it shows here:
+
+- **Under the medial plane of a box the force flips by 90 degrees**: `mujoco-query` fails `continuous-contact` and
+  `broken-contact` at edges, since the nearest face is another one there.
+- **A mesh is its convex hull**: `mujoco-query` fails `continuous-contact` in `solids/l-block-notch`, and in
+  `field/in-a-notch`, which passes where the model is cut into two parts (`parts`).
+- **With the default `solref 0.02` a tool falls through plates under a slow push**: the first three lines of the table.
+- **With `solref 0.002` it holds a plate of 0.5 mm**, at any push tried, as long as the hand is slow: up to 0.42 m/s.
+  At 1 and 2 m/s it does not, which is why `mujoco-stiff` fails `contact-kept` there. The tool goes on for the contact's
+  time constant, 2 ms, and is behind the plate by then. What helps is a shorter one, for which the time step has to be
+  shorter too (`fine`). Ten steps with `solref 0.002` hold up to 0.43 m/s, `impratio` 100 and the integrator
+  `implicitfast` 0.42 m/s, as before; a contact spring of 1e5 N/m (`solref -1e5 -200`) holds 0.16 m/s.
+- **A query tunnels where a tick leaps the plate**: `mujoco-query` fails `contact-kept` in `solids/plate`."""
+
+FAILURES_WORDS = """\
+## What fails, and why
+
+Of a check's failures the worst is shown, with its cause. The smallest path is the first case of few points and
+triangles that fails, shrunk as `hapticeval search` does; `make engines-smallest` writes it. What was tried names how
+many of the failing verdicts pass by it."""
+
+
+class Smallest(NamedTuple):
+    """The smallest path on which a column fails a check: from which `case`, the `path` in words, and what is said."""
+
+    column: str
+    check: str
+    case: str
+    path: str
+    message: str
+
+
+def read_smallest() -> dict[tuple[str, str], Smallest]:
+    """Return what `make engines-smallest` has written, by column and check."""
+    with SMALLEST.open(encoding="utf-8", newline="") as file:
+        rows = [Smallest(**row) for row in csv.DictReader(file)]
+    return {(row.column, row.check): row for row in rows}
+
+
+def largest_push(factory: RendererFactory, thickness: float, speed: float) -> str:
+    """Return in words the largest push (N) that a plate of `thickness` (m) holds at a `speed` (m/s), by bisection."""
+    low, high = LEAST_PUSH, LARGEST_PUSH
+    if not holds(factory, thickness, speed, low):
+        return "none"
+    if holds(factory, thickness, speed, high):
+        return f"{high:g} and more"
+    while high / low > PUSH_RATIO:
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if holds(factory, thickness, speed, middle) else (low, middle)
+    return f"{low:.2g}"
+
+
+def plate_lines() -> list[str]:
+    """Return the table of pushes that plates hold: a line for a tool and a thickness, a column for a speed."""
+    heads = ["tool", "plate", *(f"{speed:g} m/s" for speed in SPEEDS)]
+    lines = [f"| {' | '.join(heads)} |", "| --- " * len(heads) + "|"]
+    for title in ("mujoco-coupled", "mujoco-stiff", "fine", "fcl-coupled"):
+        factory = resolve((COLUMNS | SETTINGS)[title])
+        for thickness in PLATES:
+            pushes = [largest_push(factory, thickness, speed) for speed in SPEEDS]
+            lines.append(f"| `{title}` | {1e3 * thickness:g} mm | {' | '.join(pushes)} |")
+    return lines
+
+
 def title_of(entry: VerdictEntry) -> str:
     """Return the column of a verdict."""
-    return next(title for title, name in COLUMNS.items() if name == entry.renderer)
+    return next(title for title, name in (COLUMNS | SETTINGS).items() if name == entry.renderer)
 
 
-def count_words(entries: Sequence[VerdictEntry]) -> str:
-    """Return how many verdicts pass, of how many that decide."""
-    outcomes = Counter(entry.outcome for entry in entries)
-    decided = outcomes["pass"] + outcomes["fail"]
-    stopped = f", {outcomes['error']} in error" if outcomes["error"] else ""
-    return (f"{outcomes['pass']}/{decided}" if decided else "-") + stopped
+def tried_words(column: str, failing: int, entries: Sequence[VerdictEntry]) -> str:
+    """Return how many of the `failing` verdicts of a check pass by each setting tried, the verdicts being `entries`."""
+    mended = {
+        setting: sum(title_of(entry) == setting and entry.outcome == "pass" for entry in entries)
+        for setting in TRIED[column]
+    }
+    counts = ", ".join(f"`{setting}` {count}/{failing}" for setting, count in mended.items())
+    if max(mended.values()) == failing:
+        return f"mended: {counts}"
+    return f"{'in part' if any(mended.values()) else 'no setting of it mends this'}: {counts}"
 
 
-def failure_line(column: str, check: str, entries: Sequence[VerdictEntry]) -> str:
-    """Return the row of a check that fails in a column: how often, the worst case, its cause, and what the remedy does.
+def failure_line(
+    column: str, check: str, entries: Sequence[VerdictEntry], smallest: Mapping[tuple[str, str], Smallest]
+) -> str:
+    """Return the row of a check that fails in a column: how often, the worst case, its cause, and what was tried.
 
     `entries` are the check's verdicts in all columns.
     """
@@ -84,19 +199,19 @@ def failure_line(column: str, check: str, entries: Sequence[VerdictEntry]) -> st
     worst = min(failed, key=lambda entry: -float("inf") if entry.margin is None else entry.margin)
     message = f"{worst.suite}/{worst.case}: {worst.message}".replace("|", "\\|")
     cause = CAUSES.get((column, check), "cause not looked into")
-    cells = [f"[{check}](checks/{check}.md)", str(len(failed)), message, cause]
-    if column in REMEDIES:
-        places = {(entry.suite, entry.case) for entry in failed}
-        remedied = [
-            entry for entry in entries if title_of(entry) == REMEDIES[column] and (entry.suite, entry.case) in places
-        ]
-        cells.append(count_words(remedied))
+    path = smallest.get((column, check))
+    path_words = "as it is: not shrunk" if path is None else f"{path.case}: {path.path}"
+    cells = [f"[{check}](checks/{check}.md)", str(len(failed)), message, path_words, cause]
+    places = {(entry.suite, entry.case) for entry in failed}
+    at_places = [entry for entry in entries if (entry.suite, entry.case) in places]
+    cells.append(tried_words(column, len(failed), at_places))
     return f"| {' | '.join(cells)} |"
 
 
-def page(entries: Sequence[VerdictEntry]) -> str:
-    """Return the page of the verdicts of a run."""
+def page(entries: Sequence[VerdictEntry], plates: Sequence[str], smallest: Mapping[tuple[str, str], Smallest]) -> str:
+    """Return the page of the verdicts of a run, with the lines of the table of plates, and the smallest paths."""
     asked = [entry for entry in entries if entry.level in ("must", "should")]
+    of_columns = [entry for entry in asked if title_of(entry) in COLUMNS]
     by_check: dict[str, list[VerdictEntry]] = {}
     for entry in asked:
         by_check.setdefault(entry.check, []).append(entry)
@@ -104,31 +219,24 @@ def page(entries: Sequence[VerdictEntry]) -> str:
         INTRODUCTION.format(
             mujoco=version("mujoco"),
             fcl=version("python-fcl"),
-            cases=len({(entry.suite, entry.case) for entry in asked if entry.outcome in ("pass", "fail")}),
+            cases=len({(entry.suite, entry.case) for entry in of_columns if entry.outcome in ("pass", "fail")}),
             suites=", ".join(f"`{suite}`" for suite in dict.fromkeys(entry.suite for entry in asked)),
-            decided=sum(entry.outcome in ("pass", "fail") for entry in asked),
+            decided=sum(entry.outcome in ("pass", "fail") for entry in of_columns),
         ),
         "",
-        "| | " + " | ".join(f"`{column}`" for column in COLUMNS) + " |",
-        "| --- " * (len(COLUMNS) + 1) + "|",
+        *count_lines(entries, COLUMNS),
     ]
-    for check, of_check in by_check.items():
-        cells = [count_words([entry for entry in of_check if title_of(entry) == column]) for column in COLUMNS]
-        if set(cells) != {"-"}:
-            lines.append(f"| [{check}](checks/{check}.md) | " + " | ".join(cells) + " |")
-    lines += ["", "## What fails, and why", "", "Of a check's failures the worst is shown, with its cause."]
+    lines += ["", PLATES_WORDS, "", *plates, "", FACTS, "", FAILURES_WORDS]
     for column in COLUMNS:
         failing = dict.fromkeys(entry.check for entry in asked if title_of(entry) == column and entry.outcome == "fail")
-        heads = ["check", "fails", "the worst", "its cause"]
-        if column in REMEDIES:
-            heads.append(f"of these pass as `{REMEDIES[column]}`")
+        heads = ["check", "fails", "the worst", "the smallest path", "its cause", "tried, and how many of these pass"]
         lines += ["", f"### {column}", "", f"| {' | '.join(heads)} |", "| --- " * len(heads) + "|"]
-        lines += [failure_line(column, check, by_check[check]) for check in failing]
+        lines += [failure_line(column, check, by_check[check], smallest) for check in failing]
     return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":
     suites = tuple(sys.argv[1:]) or SUITES
     # One process: a world of a fine mesh takes gigabytes.
-    results = hapticeval.run(list(COLUMNS.values()), suites=suites, workers=1)
-    PAGE.write_text(page(results.verdicts), encoding="utf-8")
+    results = hapticeval.run([*COLUMNS.values(), *SETTINGS.values()], suites=suites, workers=1, output=RESULTS)
+    PAGE.write_text(page(results.verdicts, plate_lines(), read_smallest()), encoding="utf-8")
