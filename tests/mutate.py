@@ -223,6 +223,7 @@ class Reach:
         from coverage import Coverage
 
         tracer = Coverage(data_file=None, include=list(self.files), messages=False)
+        tracer.set_option("run:disable_warnings", ["no-data-collected"])
         began = time.process_time()
         tracer.start()
         passed = run_item(item, following)

@@ -181,8 +181,12 @@ def model_named(text: str) -> Model:
     if kind == "mesh":
         # Values stay text; of (name, "=", value) the first and the last.
         return make_model(kind, **dict(part.partition("=")[::2] for part in entries.split(",")))
+    try:
+        is_file = file.is_file()
+    except OSError:  # longer than any file's name, as a document is that was given in place of its file
+        is_file = False
     # An ending alone says that a file is meant, so that a missing one is reported as such.
-    if file.suffix in (".wkt", ".geojson", ".json") or file.is_file():
+    if file.suffix in (".wkt", ".geojson", ".json") or is_file:
         try:
             content = file.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:

@@ -157,6 +157,8 @@ def test_a_mesh_is_named_on_the_command_line_with_its_unit(written):
     with pytest.raises(InputError, match="has no unit") as caught:
         model_named(str(file))
     assert f"mesh:file={file},unit=mm" in caught.value.todo
+    with pytest.raises(InputError, match="unknown model"):
+        model_named('{"type": "Polygon", ' + 9999 * " ")  # a document in place of its file, longer than a name may be
 
 
 SUITE = """
