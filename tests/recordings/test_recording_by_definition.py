@@ -1,0 +1,238 @@
+"""Numbers of a recording, its clock and its memory, worked out anew, and on each side of every threshold in them."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hapticeval.errors import InputError
+from hapticeval.recordings.channels import CHANNELS, Signal, check_metadata, declared
+from hapticeval.recordings.difference import difference
+from hapticeval.recordings.memory import GIGABYTE, HEAD_BYTES, allowed, first_bytes, limited, reserve
+from hapticeval.recordings.recording import (
+    SINGLE,
+    Clock,
+    Recording,
+    backward_difference,
+    columns_of,
+    runs_of,
+)
+from hapticeval.recordings.stretches import Stretch, continuing_steps, describe_clock, nominal_step, steps, stretches
+
+MS = 1e-3
+
+
+def plain(time, **more):
+    zero = np.zeros((len(time), 2))
+    return Recording(np.asarray(time, dtype=float), {"hip": zero, "ihip": zero, "force": zero}, **more)
+
+
+@given(mask=st.lists(st.booleans(), max_size=20))
+def test_runs_are_the_rows_that_hold_as_long_as_they_go(mask):
+    runs = runs_of(np.array(mask, dtype=bool))
+    assert [row for first, end in runs for row in range(first, end)] == [row for row, on in enumerate(mask) if on]
+    assert all(first < end for first, end in runs)
+    assert all(before < first for (_, before), (first, _) in pairwise(runs))
+
+
+def test_a_velocity_is_the_difference_to_the_row_before():
+    values, time = np.array([[0.0, 0.0], [1.0, 2.0], [1.0, 6.0]]), np.array([0.0, 0.5, 1.5])
+    assert backward_difference(values, time).tolist() == [[0.0, 0.0], [2.0, 4.0], [0.0, 4.0]]
+
+
+@pytest.mark.parametrize(("share", "apart"), [(0.9, False), (1.1, True)])
+def test_the_hip_in_single_precision_is_still_the_hip(share, apart):
+    hip = np.array([[0.5, -2.0], [0.0, 0.0]])
+    ihip = hip + np.array([[0.0, 0.0], [share * 4.0 * SINGLE * 2.0, 0.0]])
+    recording = Recording([0.0, MS], {"hip": hip, "ihip": ihip, "force": 0.0 * hip})
+    assert recording.apart.tolist() == [False, apart]
+    assert recording.contact.tolist() == [False, apart]
+
+
+def test_what_was_not_recorded_does_not_decide_the_contact():
+    hip, felt = np.zeros((3, 2)), np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+    assert Recording([0, 1, 2], {"hip": hip, "force": felt}).contact.tolist() == [False, True, False]
+    assert Recording([0, 1, 2], {"hip": hip, "ihip": hip + felt}).contact.tolist() == [False, True, False]
+    reported = Recording([0, 1, 2], {"hip": hip, "ihip": hip, "force": felt, "contact": [1.0, 0.0, 0.0]})
+    assert reported.contact.tolist() == [True, False, False]
+    masked = Recording([0, 1, 2], {"hip": hip, "force": felt}, valid=np.array([True, False, True]))
+    assert not masked.contact.any()
+    with pytest.raises(InputError, match="lacks the channel 'ihip'"):
+        _ = Recording([0, 1], {"hip": hip[:2]}).contact
+
+
+def test_sampling_times_are_the_median_and_of_one_row_the_declared_one():
+    assert plain([0.0, 1.0, 2.0, 9.0]).dt == 1.0
+    assert plain([0.0], meta={"dt": 0.25}).dt == 0.25
+    assert plain([0.0]).dt == 1e-3
+    holed = plain([0.0, 5.0, 7.0], valid=np.array([True, False, True]))
+    assert holed.dt == 7.0
+
+
+def test_columns_are_named_by_axis_joint_and_number():
+    recording = Recording(
+        [0.0, 1.0],
+        {"hip": [[1.0, 2.0], [3.0, 4.0]], "joint_torque": [[5.0], [6.0]], "grip": [7.0, 8.0]},
+        signals={"grip": Signal("N", "grip force")},
+    )
+    columns = columns_of(recording)
+    assert list(columns) == ["hip.x", "hip.y", "joint_torque.0", "grip"]
+    assert {name: (column.unit, column.values.tolist()) for name, column in columns.items()} == {
+        "hip.x": ("m", [1.0, 3.0]),
+        "hip.y": ("m", [2.0, 4.0]),
+        "joint_torque.0": ("N m", [5.0, 6.0]),
+        "grip": ("N", [7.0, 8.0]),
+    }
+
+
+@pytest.mark.parametrize(
+    ("widths", "words"),
+    [
+        ({"hip": 4}, "has 4 dimensions"),
+        ({"hip": 2, "force": 3}, r"shape \(3, 3\), not \(3, 2\)"),
+        ({"hip": 2, "joint_position": 2, "joint_velocity": 3}, "one column per joint, as 'joint_position' has"),
+        ({"hip": 0}, r"shape \(3, 0\)"),
+    ],
+)
+def test_channels_of_a_frame_have_its_width(widths, words):
+    with pytest.raises(InputError) as caught:
+        Recording([0.0, 1.0, 2.0], {name: np.zeros((3, width)) for name, width in widths.items()})
+    assert re.search(words, f"{caught.value.what} {caught.value.why}")
+
+
+class TestClocks:
+    def test_seconds_count_from_the_zero_and_missed_cycles_from_first_to_last(self):
+        clock = Clock(np.array([5, 7, 10]) * 10**9, 4 * 10**9, None, np.array([1, 3, 9]))
+        assert clock.seconds.tolist() == [1.0, 3.0, 6.0]
+        assert clock.missed == 6
+        assert clock.part(slice(1, None)).seconds.tolist() == [3.0, 6.0]
+        assert Clock(np.array([5, 7])).zero == 5
+        assert Clock(np.array([5, 7])).missed is None
+
+    @pytest.mark.parametrize(("hole", "count"), [(4.0, 1), (4.01, 2)])
+    def test_a_hole_of_more_than_four_steps_ends_a_stretch(self, hole, count):
+        time = np.concatenate([MS * np.arange(10), MS * (9 + hole) + MS * np.arange(10)])
+        parts = stretches(plain(time))
+        assert len(parts) == count
+        assert continuing_steps(plain(time)).sum() == 20 - count
+        assert parts[-1].end == 20
+        assert len(parts[0]) == (20 if count == 1 else 10)
+
+    def test_a_stretch_has_two_rows_or_more_that_are_sound(self):
+        sound = np.array([True, True, False, True, False, True, True, True])
+        parts = stretches(plain(MS * np.arange(8.0)), sound)
+        assert [(part.first, part.end) for part in parts] == [(0, 2), (5, 8)]
+        assert parts[1].rows == slice(5, 8)
+        assert parts[1].times(plain(MS * np.arange(8.0))) == "0.005 to 0.007 s"
+
+    def test_a_declared_step_counts_where_the_median_bears_it_out(self):
+        regular = MS * np.arange(9.0)
+        assert nominal_step(plain(regular, meta={"dt": 1e-3 + 5e-10})) == 1e-3 + 5e-10
+        assert nominal_step(plain(regular, meta={"dt": 1.1e-3})) == 1e-3
+        third = np.arange(9.0) / 3000.0
+        assert nominal_step(plain(third)) == pytest.approx(1.0 / 3000.0, rel=1e-6)
+
+    def test_of_a_log_that_lacks_cycles_the_step_is_that_of_a_cycle(self):
+        cycles = np.array([0, 1, 5, 9, 13])
+        clock = Clock(cycles * 10**6, None, None, cycles)
+        zero = np.zeros((5, 2))
+        recording = Recording.clocked(clock, {"hip": zero, "ihip": zero, "force": zero})
+        assert recording.dt == pytest.approx(4e-3)
+        assert nominal_step(recording) == pytest.approx(1e-3)
+
+    def test_steps_are_one_number_where_the_clock_is_regular_to_its_stamps(self):
+        regular, whole = plain(MS * np.arange(6.0)), Stretch(0, 6)
+        assert steps(regular, whole) == 1e-3
+        assert describe_clock(regular, (whole,)) == "regular, 1 ms"
+        bent = np.array([0.0, 1.0, 2.0, 3.5, 4.5, 5.5]) * MS
+        np.testing.assert_allclose(steps(plain(bent), whole), np.array([1.0, 1.0, 1.0, 1.5, 1.0, 1.0]) * MS)
+        assert describe_clock(plain(bent), (whole,)).startswith("irregular, 1 to 1.5 ms (median 1 ms)")
+        assert steps(plain(MS * np.arange(6.0) + 4e-10 * (np.arange(6) % 2)), whole) == 1e-3, "within a nanosecond"
+
+
+class TestMemory:
+    def test_what_is_beyond_the_limit_is_refused_with_the_gigabytes_that_are_enough(self):
+        with limited(0.5):
+            assert allowed() == GIGABYTE // 2
+            reserve(GIGABYTE // 2, "it")
+            with pytest.raises(InputError) as caught:
+                reserve(GIGABYTE // 2 + 1, "it")
+            assert caught.value.what == "it would take 0.5 GB of memory"
+            assert caught.value.todo.endswith("--memory-limit 0.6")
+            with limited(9.0):
+                reserve(5 * GIGABYTE, "it")
+            assert allowed() == GIGABYTE // 2
+        assert allowed() == 2 * GIGABYTE
+
+    def test_a_format_is_told_by_the_first_bytes(self, tmp_path):
+        (tmp_path / "long").write_bytes(b"ab" * HEAD_BYTES)
+        assert first_bytes(tmp_path / "long") == b"ab" * (HEAD_BYTES // 2)
+        assert HEAD_BYTES == 65536
+        (tmp_path / "empty").touch()
+        with pytest.raises(InputError, match="is empty"):
+            first_bytes(tmp_path / "empty")
+        assert first_bytes(tmp_path) == b"folder\nempty\nlong"
+        with pytest.raises(InputError, match="cannot read"):
+            first_bytes(tmp_path / "none")
+
+
+def test_runs_are_apart_by_the_mean_square_and_the_worst_row():
+    hip = np.zeros((4, 2))
+    one = Recording([0.0, 1.0, 2.0, 3.0], {"hip": hip, "ihip": hip, "force": hip})
+    other_force = np.array([[3.0, 4.0], [0.0, 0.0], [0.0, 0.0]])
+    other = Recording([1.0, 2.0, 5.0], {"hip": hip[:3], "ihip": hip[:3] + other_force / 1e3, "force": other_force})
+    found = difference(other, one)
+    assert (found.rows, found.contact) == (2, 0.5)
+    assert (found.force.max, found.force.time, found.force.row) == (5.0, 1.0, 1)
+    assert found.force.rms == pytest.approx(5.0 / np.sqrt(2.0))
+    assert found.ihip.max == pytest.approx(5e-3)
+    bare = Recording([1.0, 2.0], {"hip": hip[:2], "force": hip[:2]})
+    assert (difference(bare, one).ihip, difference(bare, one).contact) == (None, None)
+    with pytest.raises(InputError, match="no sample at the same time"):
+        difference(Recording([0.5], {"hip": hip[:1]}), one)
+
+
+@pytest.mark.parametrize(
+    ("key", "good", "bad"),
+    [
+        ("dt", [1e-9, 5, np.float64(1.0)], [0.0, -1.0, np.nan, np.inf, True, "1"]),
+        ("standoff", [0.0, 1e-3], [-1e-9, np.inf, False]),
+        ("force_resolution", [0, 0.1], [-0.1, None]),
+        ("spring", ["error"], [1, None]),
+        ("scene", [{}], [[], "x"]),
+        ("when", ["2025-01-31T14:05:00+01:00"], ["soon", 2025, None]),
+    ],
+)
+def test_metadata_is_of_its_kind(key, good, bad):
+    for value in good:
+        assert check_metadata({key: value}) == {key: value}
+    for value in bad:
+        with pytest.raises(InputError, match=f"meta: {key} = "):
+            check_metadata({key: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "signal", "words"),
+    [
+        ("grip", None, "does not know the channel 'grip'"),
+        ("grip", ("", "no unit"), "is declared as"),
+        ("grip", ("N", 3), "is declared as"),
+        ("hip", ("mm", "hand", "world"), "is declared in mm, frame world"),
+        ("hip", ("m", "hand", "device"), "is declared in m, frame device"),
+        ("2grip", ("N", "grip"), "cannot name a channel"),
+        ("g" * 81, ("N", "grip"), "cannot name a channel"),
+        ("grip", ("N", "grip", "moon"), "is in the frame 'moon'"),
+    ],
+)
+def test_a_channel_is_known_or_declared_soundly(name, signal, words):
+    with pytest.raises(InputError, match=words):
+        declared(name, {} if signal is None else {name: signal})
+    assert declared("hip", {}) is CHANNELS["hip"]
+    assert declared("g" * 80, {"g" * 80: ("N", "grip")}) == Signal("N", "grip")
+    turned = declared("force", {"force": ("N", "force", "world", "-F_h")})
+    assert turned.sign == "-F_h"
