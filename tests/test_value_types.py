@@ -28,8 +28,8 @@ def is_struct(kind):
 def test_a_value_is_frozen_and_equal_by_identity_where_it_holds_arrays(kind):
     options = kind.__dataclass_params__
     assert options.frozen
-    # Arrays have no truth value, so that values with arrays cannot be compared one by one.
-    if any("Array" in str(field.type) for field in dataclasses.fields(kind)):
+    # Arrays have no truth value, so that values with arrays, or with a recording of them, cannot be compared.
+    if any(word in str(field.type) for field in dataclasses.fields(kind) for word in ("Array", "Recording")):
         assert not options.eq
 
 

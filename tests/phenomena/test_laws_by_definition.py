@@ -1,0 +1,254 @@
+"""Laws that checks compute anew, against derivatives of their energy; angles and reaches, term by term."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from made import changed, recorded
+
+from hapticeval.effects.bump_map import BumpMap
+from hapticeval.effects.height_map import HeightMap
+from hapticeval.geometry.catalogue import circle, line, sphere
+from hapticeval.phenomena.checks.contact_normal_force import (
+    _angles,
+    _bend_angle,
+    _error_vector_angles,
+    _force_deviation,
+    _least_depth,
+    _normal_reach,
+    _resolution_angle,
+    _rounding_angle,
+    _static_balance,
+    _tilt_angle,
+)
+from hapticeval.phenomena.checks.texture_relief import Waves, bump_map_answer, height_map_answer
+from hapticeval.recordings.recording import SINGLE
+from hapticeval.scene import Scene
+
+LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)
+LOOP = {"source": "experiment"}
+PROFILE = tuple(2e-4 * x for x in (0.0, 1.0, 0.4, -0.8))
+RELIEFS = [{"amplitude": 2e-4}, {"profile": PROFILE}]
+
+
+def relief_scene(model, kind, **shape):
+    effect = kind(wavelength=8e-3, **shape, **({"direction": (1.0, 0.5, 0.0)} if model.dimension == 3 else {}))
+    return Scene(model=model, stiffness=1000.0, effects=(effect,)), effect
+
+
+def hips_under(model, depth=2e-3, count=12):
+    random = np.random.default_rng(3)
+    if model.dimension == 3:
+        out = random.standard_normal((count, 3))
+        out /= np.linalg.norm(out, axis=1)[:, np.newaxis]
+    else:
+        angle = random.uniform(0.0, 2.0 * np.pi, count)
+        out = np.column_stack([np.cos(angle), np.sin(angle)])
+    return (0.1 - depth) * out
+
+
+@pytest.mark.parametrize("shape", RELIEFS, ids=["sine", "profile"])
+@pytest.mark.parametrize("model", [circle(size=0.2), sphere(size=0.2)], ids=["plane", "space"])
+def test_a_height_map_s_force_is_the_gradient_of_its_energy(model, shape):
+    scene, effect = relief_scene(model, HeightMap, **shape)
+    waves, hips = Waves(effect, scene), hips_under(model)
+
+    def energy(points):
+        frame = model.boundary.closest_point(points)
+        height, _ = waves.over(points, frame.foot, frame.normal)
+        return 0.5 * scene.stiffness * np.maximum(height - frame.distance, 0.0) ** 2
+
+    answer = height_map_answer(waves, scene, hips, None)
+    step = 1e-7
+    ways = step * np.eye(model.dimension)
+    slopes = np.column_stack([(energy(hips + way) - energy(hips - way)) / (2.0 * step) for way in ways])
+    np.testing.assert_allclose(answer.force, -slopes, rtol=1e-4, atol=1e-4)
+    frame = model.boundary.closest_point(hips)
+    height, _ = waves.over(hips, frame.foot, frame.normal)
+    np.testing.assert_allclose(answer.ihip, frame.foot + height[:, np.newaxis] * frame.normal)
+    np.testing.assert_allclose(answer.bare_force, -1000.0 * frame.distance[:, np.newaxis] * frame.normal)
+    np.testing.assert_allclose(answer.bare_ihip, frame.foot)
+    # A HIP a little elsewhere changes force and IHIP by no more than is said, and by a part of it that tells.
+    for what, most in (("force", answer.stiff), ("ihip", answer.moving)):
+        changes = [
+            np.linalg.norm(
+                getattr(height_map_answer(waves, scene, hips + way, None), what) - getattr(answer, what), axis=1
+            )
+            for way in ways
+        ]
+        share = np.max(changes, axis=0) / step / most
+        assert share.max() <= 1.001
+        assert share.max() > 0.2
+
+
+@pytest.mark.parametrize("shape", RELIEFS, ids=["sine", "profile"])
+def test_slope_and_bend_of_a_relief_are_its_largest(shape):
+    scene, effect = relief_scene(circle(size=0.2), HeightMap, **shape)
+    waves = Waves(effect, scene)
+    assert waves.wave == pytest.approx(math.pi * 0.2 / round(math.pi * 0.2 / 8e-3)), "a whole number closes up"
+    at = np.linspace(0.0, waves.wave, 4001)
+    slope, bend = np.gradient(waves.height(at), at), np.gradient(waves.rise(at), at)
+    np.testing.assert_allclose(slope[2:-2], waves.rise(at)[2:-2], atol=1e-3 * np.abs(slope).max())
+    assert np.abs(bend[2:-2]).max() == pytest.approx(waves.bend, rel=0.01)
+    assert np.abs(slope).max() <= waves.steep * 1.001
+    if "amplitude" in shape:
+        assert np.abs(slope).max() == pytest.approx(waves.steep, rel=1e-3)
+    assert waves.height(0.0) == pytest.approx(waves.height(waves.wave), abs=1e-12)
+
+
+def test_a_hand_above_the_relief_is_free_and_what_is_beside_the_spring_is_kept():
+    scene, effect = relief_scene(line(), HeightMap, amplitude=2e-4)
+    waves = Waves(effect, scene)
+    along = np.column_stack([np.linspace(0.0, 8e-3, 801), np.zeros(801)])
+    height, _ = waves.over(along, along, np.tile([0.0, 1.0], (801, 1)))
+    crest, trough = along[np.argmax(height)], along[np.argmin(height)]
+    above = np.array([[0.0, 1.9e-4], [0.0, 2.1e-4], [0.0, -1.9e-4], [0.0, -2.1e-4]])
+    hips = np.array([crest, crest, trough, trough]) + above
+    answer = height_map_answer(waves, scene, hips, None)
+    assert (answer.force[:, 1] > 0.0).tolist() == [True, False, False, True]
+    np.testing.assert_array_equal(answer.ihip[[1, 2]], hips[[1, 2]])
+    assert np.any(answer.bare_force != 0.0, axis=1).tolist() == [False, False, True, True]
+    damper = np.array([[0.3, -0.2]])
+    deep = np.array([[1e-3, -2e-3]])
+    damped = height_map_answer(Waves(effect, scene), scene, deep, np.array([[0.0, 2.0]]) + damper)
+    bare = height_map_answer(Waves(effect, scene), scene, deep, None)
+    np.testing.assert_allclose(damped.force - bare.force, damper, atol=1e-12)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_bump_map_turns_the_normal_force_by_the_slope(known):
+    scene, effect = relief_scene(circle(size=0.2), BumpMap, amplitude=2e-4)
+    waves = Waves(effect, scene)
+    feet = hips_under(scene.model, depth=0.0)
+    frame = scene.model.boundary.closest_point(feet)
+    _, gradient = waves.over(feet, frame.foot, frame.normal)
+    tilted = (frame.normal - gradient) / np.linalg.norm(frame.normal - gradient, axis=1)[:, np.newaxis]
+    forces = 3.0 * frame.normal
+    answer = bump_map_answer(waves, feet, forces if known else None, 3.0 * tilted)
+    np.testing.assert_allclose(answer.force, 3.0 * tilted, atol=1e-12)
+    np.testing.assert_allclose(answer.bare_force, forces, atol=1e-12)
+    np.testing.assert_allclose(answer.stiff, 3.0 * (waves.bend + 10.0), rtol=1e-6)
+    np.testing.assert_array_equal(answer.moving, 1.0)
+    np.testing.assert_allclose(np.degrees(np.arccos(np.sum(tilted * frame.normal, axis=1))),
+                               np.degrees(np.arctan(np.linalg.norm(gradient, axis=1))), atol=1e-6)  # fmt: skip
+
+
+class TestNormalForce:
+    STEP, COUNT = 1e-4, 20
+    ROWS = np.arange(3, 17)
+
+    def slide(self, depth=2e-3, **more):
+        along = self.STEP * np.arange(self.COUNT)
+        hip = np.column_stack([along, np.full(self.COUNT, -depth)])
+        return recorded(hip, np.column_stack([along, np.zeros(self.COUNT)]), **more)
+
+    def test_a_normal_is_looked_for_within_three_steps_of_the_tool_the_standoff_and_rounding(self):
+        rounding = 4.0 * SINGLE * LINE.model.size
+        np.testing.assert_allclose(_normal_reach(self.slide(), LINE), 3.0 * self.STEP + rounding)
+        off = self.slide(meta={"standoff": 5e-4})
+        np.testing.assert_allclose(_normal_reach(off, LINE), 3.0 * self.STEP + rounding + 5e-4)
+        ihip = np.array(self.slide().ihip)
+        ihip[10:, 0] += self.STEP  # one step is twice as long: three ticks to either side see it
+        reach = _normal_reach(changed(self.slide(), ihip=ihip), LINE) - rounding
+        np.testing.assert_allclose(reach, [3.0 * self.STEP * (2.0 if 7 <= row <= 13 else 1.0) for row in range(20)])
+
+    def test_a_rigid_tool_s_steps_are_as_long_as_velocity_and_force_explain(self):
+        hip = np.column_stack([self.STEP * np.arange(self.COUNT), np.zeros(self.COUNT)])
+        force = np.tile([0.0, 2.0], (self.COUNT, 1))
+        for speed, longest in ((0.11, 1.1e-4), (0.5, self.STEP + 1e-6 * 2.0 / 0.1)):
+            tool = recorded(hip, hip, force, velocity=np.tile([speed, 0.0], (self.COUNT, 1)))
+            reach = _normal_reach(tool, LINE) - 4.0 * SINGLE * LINE.model.size
+            np.testing.assert_allclose(reach, 3.0 * longest, rtol=1e-6)
+
+    def test_the_least_depth_within_a_lag_counts_and_a_row_without_one_does_not(self):
+        base = self.slide()
+        hip = np.array(base.hip)
+        hip[8, 1], hip[12, 1] = -1e-3, 0.0
+        depths = _least_depth(changed(base, hip=hip), np.arange(20))
+        assert depths.tolist() == [1e-3 if 8 <= row <= 11 else 2e-3 for row in range(20)]
+        rigid = changed(base, hip=base.ihip)
+        assert not _least_depth(rigid, np.arange(20)).any()
+        np.testing.assert_allclose(_tilt_angle(base, self.ROWS, 1e-3), math.asin(0.5))
+        np.testing.assert_allclose(_tilt_angle(base, self.ROWS, 5e-3), 0.5 * math.pi)
+        assert not _tilt_angle(rigid, self.ROWS, 1e-3).any()
+
+    def test_rounding_and_resolution_tilt_a_spring_by_their_share_of_the_depth(self):
+        simulated = {"source": "playback"}
+        base = self.slide(meta=simulated)
+        rounded = 1e-6 + 4.0 * SINGLE * LINE.model.size / 2e-3
+        np.testing.assert_allclose(_rounding_angle(base, LINE, self.ROWS), rounded, rtol=1e-6)
+        for declared, counts in ((5e-5, 5e-5), (1e-2, self.STEP)):
+            coarse = self.slide(meta={**simulated, "resolution": declared})
+            tilt = math.asin(counts / 2e-3)
+            np.testing.assert_allclose(_resolution_angle(coarse, LINE, self.ROWS), tilt, rtol=1e-6)
+            np.testing.assert_allclose(_rounding_angle(coarse, LINE, self.ROWS), rounded + tilt, rtol=1e-6)
+        rigid = changed(base, hip=base.ihip, force=np.tile([0.0, 2.0], (20, 1)))
+        np.testing.assert_allclose(_rounding_angle(rigid, LINE, self.ROWS), 1e-6 + 4.0 * SINGLE)
+
+    def test_a_log_s_force_is_off_by_half_a_step_in_each_component(self):
+        step = 0.02
+        random = np.random.default_rng(1)
+        force = step * np.column_stack([random.integers(0, 9, 3000), random.integers(90, 110, 3000)])
+        hip = np.column_stack([self.STEP * np.arange(3000), np.full(3000, -2e-3)])
+        logged = recorded(hip, hip * [1.0, 0.0], force)
+        simulated = changed(logged, meta={"source": "playback"})
+        rows = np.arange(3, 2990)
+        added = _rounding_angle(logged, LINE, rows) - _rounding_angle(simulated, LINE, rows)
+        size = np.linalg.norm(force[rows], axis=1)
+        np.testing.assert_allclose(added, np.arcsin(0.5 * step * math.sqrt(2.0) / size), rtol=1e-6)
+
+    def test_a_path_that_bends_leaves_a_late_force_its_sagitta(self):
+        base = self.slide()
+        hip = np.array(base.hip)
+        hip[10:, 1] -= self.STEP * np.arange(10)  # it bends in row 10
+        bent = changed(base, hip=hip)
+        assert not _bend_angle(bent, self.ROWS, None).any()
+        assert not _bend_angle(bent, self.ROWS, 0.0).any()
+        angles = _bend_angle(bent, self.ROWS, 0.5)
+        sagitta = self.STEP * np.array([1.0, 0.0])[0] / 8.0
+        least = _least_depth(bent, self.ROWS)
+        expected = [
+            math.asin(sagitta / depth) if 10 <= row <= 13 else 0.0 for row, depth in zip(self.ROWS, least, strict=True)
+        ]
+        np.testing.assert_allclose(angles, expected, rtol=1e-6, atol=1e-15)
+
+    def test_a_force_is_drawn_to_the_hip_of_the_lag(self):
+        base = self.slide()
+        late = changed(base, ihip=base.ihip - np.array([2.0 * self.STEP, 0.0]))
+        springs = changed(late, force=1000.0 * (late.ihip - late.hip))
+        angle = LINE.model.boundary.normal_cone(springs.ihip[self.ROWS], np.zeros(self.ROWS.size))
+        leans = math.atan(2.0 * self.STEP / 2e-3)
+        np.testing.assert_allclose(_force_deviation(springs, LINE, self.ROWS, angle, None), leans, rtol=1e-6)
+        np.testing.assert_allclose(_force_deviation(springs, LINE, self.ROWS, angle, 2.0), 0.0, atol=2e-3)
+        downwards = np.tile([0.1, -1.0], (self.ROWS.size, 1))
+        assert _angles(downwards, LINE, angle)[0] == pytest.approx(math.pi - math.atan(0.1))
+        held = Scene(model=line(), stiffness=1000.0, bilateral=True)
+        assert _angles(downwards, held, angle)[0] == pytest.approx(math.atan(0.1))
+        leaning = _error_vector_angles(springs, self.ROWS, angle)
+        assert leaning["error_vector_angle_median_deg"] == pytest.approx(math.degrees(leans))
+
+    def pressed(self, *, push=2.0, gain=1.0, speed=0.0, drift=0.0, count=500):
+        rest = np.zeros((count, 2))
+        ihip = rest + np.column_stack([drift * np.arange(count), np.zeros(count)])
+        velocity = rest + np.array([0.0, speed])
+        force = rest + np.array([0.0, gain * push])
+        hip = ihip - np.array([0.0, 2e-3])
+        return recorded(hip, ihip, force, meta=LOOP, velocity=velocity, operator_force=rest + np.array([0.1, -push]))
+
+    def test_at_rest_the_force_is_compared_with_the_push_within_the_momentum_s_share(self):
+        difference, allowed, push = _static_balance(self.pressed(gain=1.2), LINE)
+        assert (difference, push) == (pytest.approx(0.4), pytest.approx(2.0))
+        assert allowed == pytest.approx(SINGLE * 2.0)
+        speed = 5e-3
+        _, allowed, _ = _static_balance(self.pressed(speed=speed), LINE)
+        assert allowed == pytest.approx(2.0 * 0.1 * speed / (99 * 1e-3) + SINGLE * 2.0)
+        fast = 1.01 * 0.1 * 2.0 * 99e-3 / (2.0 * 0.1)
+        assert _static_balance(self.pressed(speed=fast), LINE) is None, "a tenth of the push is not known"
+        assert _static_balance(self.pressed(speed=0.97 * fast), LINE) is not None
+        assert _static_balance(self.pressed(drift=1e-4), LINE) is None, "not at one place"
+        assert _static_balance(self.pressed(push=-2.0), LINE) is None, "it pulls"
+        held = Scene(model=line(), stiffness=1000.0, mass=0.1, bilateral=True)
+        assert _static_balance(self.pressed(), held) is None
+        assert _static_balance(self.pressed(count=1), LINE) is None
