@@ -198,13 +198,14 @@ def _step_times(live: LiveRun, rate: float) -> str:
 
 def _write_recording(journal: Path, output: Path, summary: Summary) -> None:
     """Make a recording of the journal, which goes when that is done; one without a row goes at once."""
-    from hapticeval.recordings.journal import finish
+    from hapticeval.recordings.hdf5 import write_recording
+    from hapticeval.recordings.journal import recover
 
     if not summary.rows:
         journal.unlink()
         return
     try:
-        finish(journal, output)
+        write_recording(output, recover(journal))
     except (HapticevalError, OSError) as error:
         raise HapticevalError(
             f"the recording {output} could not be written",

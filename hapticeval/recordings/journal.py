@@ -26,7 +26,7 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.channels import Signal, declared
-from hapticeval.recordings.hdf5 import LOST_EVENT, count_lost, metadata_json, write_recording
+from hapticeval.recordings.hdf5 import LOST_EVENT, count_lost, metadata_json
 from hapticeval.recordings.memory import first_bytes
 from hapticeval.recordings.recording import Clock, Event, Recording
 
@@ -143,14 +143,6 @@ def blocks(data: mmap.mmap) -> Iterator[Block]:
                 search_from = begin + length
                 yield Block(at, search_from, kind, number, payload)
         at = data.find(BLOCK_MARK, search_from)
-
-
-def finish(journal: Path, path: Path) -> None:
-    """Write what `recover` gives as an HDF5 recording, and leave the journal as it is.
-
-    Raises `InputError` where `path` is there already, and what `recover` and `write_recording` raise.
-    """
-    write_recording(path, recover(journal))
 
 
 def recover(path: Path) -> Recording:

@@ -36,14 +36,9 @@ def limited(gigabytes: float) -> Iterator[None]:
         _limit.reset(token)
 
 
-def allowed() -> int:
-    """Return the bytes that the numbers of one file may take."""
-    return int(_limit.get() * GIGABYTE)
-
-
 def reserve(size: int, what: str) -> None:
     """Raise `InputError` where `size` bytes, which `what` would take, are beyond the limit."""
-    if size > allowed():
+    if size > int(_limit.get() * GIGABYTE):
         # The needed gigabytes, rounded up to a tenth.
         enough = -(-size // (GIGABYTE // 10)) / 10
         raise InputError(

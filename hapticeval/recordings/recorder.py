@@ -261,7 +261,7 @@ class Summary:
 
 
 class Recorder:
-    """Records the rows of one loop to a journal, which `recover` reads and `finish` makes an HDF5 recording of.
+    """Records the rows of one loop to a journal, of which `recover` makes a recording.
 
         with Recorder(Path("run.journal"), {"hip": 2, "force": 2}) as recorder:
             while running:

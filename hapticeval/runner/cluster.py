@@ -379,7 +379,8 @@ def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
     # Threads of one worker come here at once. Each takes a child that is idle, or starts one.
     with _lock:
         idle_children = _idle.setdefault(function, [])
-        crew, is_warm = (idle_children.pop(), True) if idle_children else (_start_child(function), False)
+        is_warm = bool(idle_children)
+        crew = idle_children.pop() if is_warm else Workers(pickle.loads(function), 1, tries=TRIES, fresh=True)
     answers: list[Answer[Any]] = []
     call_seconds = []
     begun = time.monotonic()
@@ -399,7 +400,3 @@ def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
     with _lock:
         _idle[function].append(crew)
     return answers, call_seconds
-
-
-def _start_child(function: bytes) -> Workers[Any]:
-    return Workers(pickle.loads(function), 1, tries=TRIES, fresh=True)

@@ -57,7 +57,7 @@ class StoredCounterexample(Struct, frozen=True, kw_only=True):
     def case(self) -> Case:
         """The case, to be tried again and shrunk."""
         return Case(
-            name=_file_name(self.fault),
+            name=file_stem(self.fault.check),
             title=f"Breaks {self.renderer}",
             model=self.model,
             checks=self.checks,
@@ -124,7 +124,7 @@ def notes(counterexample: StoredCounterexample) -> list[str]:
 
 def write(counterexample: StoredCounterexample, folder: FilePath) -> list[FilePath]:
     """Write a counterexample below `folder`, over an earlier one of that check; return the paths of its files."""
-    place, name = _renderer_folder(folder, counterexample.renderer), _file_name(counterexample.fault)
+    place, name = _renderer_folder(folder, counterexample.renderer), file_stem(counterexample.fault.check)
     files = {f"{name}.toml": _suite_text(counterexample, name), f"{name}.json": _json_text(counterexample)}
     if counterexample.trajectory is not None:
         path = counterexample.trajectory.path()
@@ -216,10 +216,6 @@ def _read_counterexample(file: FilePath) -> StoredCounterexample:
         document, StoredCounterexample, str(file), todo="remove it, or have it written anew"
     )
     return counterexample
-
-
-def _file_name(fault: Fault) -> str:
-    return file_stem(fault.check)
 
 
 def _json_text(counterexample: StoredCounterexample) -> str:

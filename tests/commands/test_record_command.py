@@ -402,7 +402,7 @@ def test_a_second_ctrl_c_leaves_the_run_in_the_journal(here, capsys, monkeypatch
     def pressed(*_):
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr("hapticeval.recordings.journal.write_recording", pressed)
+    monkeypatch.setattr("hapticeval.recordings.hdf5.write_recording", pressed)
     assert driven("mycard:Stopped") == 1
     shown = capsys.readouterr().err
     assert "interrupted: the run is kept in run.journal: hapticeval convert run.journal -o run.h5" in shown

@@ -19,7 +19,7 @@ from scipy.sparse import csc_matrix
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.extras import install_command
 from hapticeval.recordings.formats import read_table
-from hapticeval.recordings.formats.arrays import Variables
+from hapticeval.recordings.formats.matlab import Variables
 from hapticeval.recordings.importing.convert import convert
 from hapticeval.recordings.importing.mapping import parse_mapping, propose
 

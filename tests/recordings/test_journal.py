@@ -9,7 +9,7 @@ from recording_files import STEP, flipped, journal_parts
 from hapticeval.errors import InputError
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.hdf5 import read_recording, write_recording
-from hapticeval.recordings.journal import MAGIC, Kind, Layout, block_head, finish, opening, recover
+from hapticeval.recordings.journal import MAGIC, Kind, Layout, block_head, opening, recover
 from hapticeval.recordings.provenance import describe_losses
 
 LAYOUT = Layout(
@@ -142,20 +142,15 @@ def test_rows_that_are_no_measurement_are_kept_and_not_valid(tmp_path):
     assert np.isnan(again.hip[3, 1])
 
 
-def test_finishing_makes_a_recording_and_writes_over_nothing(tmp_path):
+def test_a_journal_that_was_not_closed_becomes_a_recording(tmp_path):
     table = rows()
     journal = write(tmp_path, b"".join(parts(table, closed=False)))
-    finish(journal, tmp_path / "run.h5")
+    write_recording(tmp_path / "run.h5", recover(journal))
     recording = read_recording(tmp_path / "run.h5")
     assert describe_losses(recording)
     assert_rows(recording, table)
     assert recording.events == recover(journal).events
     assert recording.clock.anchor == LAYOUT.anchor
-    before = (tmp_path / "run.h5").read_bytes()
-    with pytest.raises(InputError, match="is there already"):
-        finish(journal, tmp_path / "run.h5")
-    assert (tmp_path / "run.h5").read_bytes() == before
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["run.h5", "run.journal"]
 
 
 def test_other_files_are_named_for_what_they_are(tmp_path):

@@ -37,8 +37,8 @@ def pushed(hip, *, stiffness, damping, mass=0.0, seed=0, noise=0.0, step=0.0, la
 
 
 def signed(hip, force, **meta):
-    (judged,), faults = force_signs(Recording(TIME, {"hip": hip, "force": force}, meta))
-    assert [each.kind for each in faults] == ["force sign"] * (judged.sign < 0)
+    (judged,) = force_signs(Recording(TIME, {"hip": hip, "force": force}, meta))
+    assert (judged.fault is not None and judged.fault.kind == "force sign") == (judged.sign < 0)
     return judged.sign
 
 
@@ -112,7 +112,7 @@ HOLLOW = eased(np.array([[-0.03], [-0.03], [0.0], [0.0], [0.0], [0.0], [0.0]]))
 )
 def test_what_may_be_passive_either_way_is_not_suspected(hip, force, words):
     assert signed(hip, force) == signed(hip, -force) == 0
-    (judged,), _ = force_signs(Recording(TIME, {"hip": hip, "force": force}))
+    (judged,) = force_signs(Recording(TIME, {"hip": hip, "force": force}))
     assert words in judged.words
 
 
@@ -146,9 +146,9 @@ def test_the_force_of_the_hand_is_judged_by_its_own_sense():
     hip, force = pushed(WAY, stiffness=30.0, damping=8.0, noise=0.01)
     of_hand = pushed(hip, stiffness=30.0, damping=8.0, noise=0.01, seed=1)[1]
     for sense in (1.0, -1.0):
-        signs, faults = force_signs(Recording(TIME, {"hip": hip, "force": force, "operator_force": -sense * of_hand}))
+        signs = force_signs(Recording(TIME, {"hip": hip, "force": force, "operator_force": -sense * of_hand}))
         assert {each.channel: each.sign for each in signs} == {"force": 1, "operator_force": int(sense)}
-        assert [each.channel for each in faults] == ["operator_force"] * (sense < 0.0)
+        assert [each.fault.channel for each in signs if each.fault] == ["operator_force"] * (sense < 0.0)
 
 
 def slide(*, rows=600, sign=1.0, **meta):
@@ -161,12 +161,12 @@ def slide(*, rows=600, sign=1.0, **meta):
 
 
 def test_a_force_that_points_into_what_is_touched_is_suspected():
-    assert force_signs(slide())[0][0].sign == 1
-    (judged,), (fault,) = force_signs(slide(sign=-1.0))
+    assert force_signs(slide())[0].sign == 1
+    (judged,) = force_signs(slide(sign=-1.0))
     assert judged.sign == -1
-    assert "away from the IHIP, into what is touched, in 600 of 600 rows" in fault.message
-    (judged,), faults = force_signs(slide(sign=-1.0, scene={"bilateral": True}))  # such a surface may pull
-    assert (judged.sign, faults) == (0, [])
+    assert "away from the IHIP, into what is touched, in 600 of 600 rows" in judged.fault.message
+    (judged,) = force_signs(slide(sign=-1.0, scene={"bilateral": True}))  # such a surface may pull
+    assert (judged.sign, judged.fault) == (0, None)
 
 
 def test_rows_that_are_no_measurement_do_not_count():
@@ -175,7 +175,7 @@ def test_rows_that_are_no_measurement_do_not_count():
     valid = np.arange(600) < 500
     force[~valid] *= -1e3
     broken = Recording(made.time, {**made.channels, "force": force}, valid=valid)
-    assert force_signs(broken)[0][0].sign == 1
+    assert force_signs(broken)[0].sign == 1
     assert balance(made.hip[:1], made.force[:1], made.time[:1]) == ()
 
 

@@ -266,7 +266,7 @@ def importer(
 
 def formats() -> Mapping[str, Format]:
     """Return every format by name, in the order in which a file is offered to them: other people's before ours."""
-    for module in ("arrays", "matlab5", "rosbag", "text"):
+    for module in ("arrays", "matlab", "rosbag", "text"):
         import_module(f"{__name__}.{module}")
     for entry in entry_points(group=FORMAT_GROUP):
         with blame_importer(f"the format '{entry.name}' of an installed package ({entry.value})"):

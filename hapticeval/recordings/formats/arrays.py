@@ -1,10 +1,7 @@
-"""Files of named arrays: HDF5 of any origin, NumPy's .npz, and MATLAB 7.3. Every numeric array is columns.
+"""Files of named arrays: HDF5 of any origin, and NumPy's .npz. Every numeric array is columns.
 
 What a file names outside of itself is never opened: external links, external storage and virtual data sets of HDF5 can
 read any path of the machine, and pickled objects of NumPy can run code.
-
-MATLAB files of version 7.3 are HDF5 files: arrays lie transposed, texts as numbers. Columns are named alike in those
-and in older ones (`matlab5`), by their path from the variable on, counting from zero: `scope.signals[1].values[0]`.
 """
 
 from __future__ import annotations
@@ -28,18 +25,13 @@ from hapticeval.recordings.formats import (
     damaged_error,
     importer,
     samples_first,
-    signals_in_rows,
-    signals_in_rows_remark,
     spread,
 )
-from hapticeval.recordings.hdf5 import SIGNATURE, lies_elsewhere
+from hapticeval.recordings.hdf5 import DAMAGE, SIGNATURE, lies_elsewhere
 from hapticeval.recordings.memory import reserve
 
-H5_DAMAGE = (OSError, KeyError, RuntimeError, ValueError)
-"""h5py raises any of these for one and the same damage, by where it strikes."""
-
 NPZ_DAMAGE = (ValueError, RuntimeError, zipfile.BadZipFile, zlib.error, EOFError, TokenError, MemoryError)
-"""NumPy and zipfile do so, too."""
+"""NumPy and zipfile raise any of these for one and the same damage, by where it strikes."""
 
 UNIT_NAMES = ("unit", "units", "Unit", "Units")
 DEEPEST_GROUP = 32
@@ -48,8 +40,16 @@ DEEPEST_GROUP = 32
 MOST_OBJECTS = 100_000
 """Objects in a file."""
 
-MOST_PARAMETERS = 9
-"""A MATLAB array of as many numbers at the most is a parameter (a 3 x 3 matrix), no signal."""
+
+def check_nesting(path: Path, kind: str, depth: int, count: int, place: str) -> None:
+    """Raise `InputError` for groups or structures (`kind`) that are nested too deep, or too many parts in a file."""
+    if depth > DEEPEST_GROUP or count > MOST_OBJECTS:
+        what = f"{kind} {depth} deep" if depth > DEEPEST_GROUP else f"more than {MOST_OBJECTS} parts"
+        raise InputError(
+            f"{path} has {what}, {place}",
+            why=f"at most {DEEPEST_GROUP} levels and {MOST_OBJECTS} parts are read",
+            todo="save the signals of the recording by themselves",
+        )
 
 
 class Arrays:
@@ -113,13 +113,7 @@ class Nodes:
     def enter(self, node: Any, depth: int) -> None:
         """Count an object that is about to be looked at."""
         self._count += 1
-        if depth > DEEPEST_GROUP or self._count > MOST_OBJECTS:
-            what = f"groups {depth} deep" if depth > DEEPEST_GROUP else f"more than {MOST_OBJECTS} parts"
-            raise InputError(
-                f"{self.path} has {what}, at '{str(node.name)[:80]}'",
-                why=f"at most {DEEPEST_GROUP} levels and {MOST_OBJECTS} parts are read",
-                todo="write the recording's data sets into a file of their own",
-            )
+        check_nesting(self.path, "groups", depth, self._count, f"at '{str(node.name)[:80]}'")
 
     def read(self, node: Any, name: str, parts: list[str] | None = None) -> Any:
         """Return the numbers of a data set, or those of its fields `parts`; none where they lie in another file."""
@@ -145,7 +139,7 @@ def opened(path: Path, warnings: list[str]) -> Iterator[Nodes]:
             yield Nodes(path, file, warnings)
     except HapticevalError:
         raise
-    except H5_DAMAGE as error:
+    except DAMAGE as error:
         raise damaged_error(path, str(error)) from error
 
 
@@ -160,7 +154,7 @@ def read_hdf5(path: Path) -> Table:
         visited = {hash(nodes.file["/"].id)}
 
         def walk(place: str, node: Any, depth: int) -> None:
-            stated = {f"{place}@{key}": _plain(node.attrs[key]) for key in node.attrs}
+            stated = {f"{place}@{key}": plain_value(node.attrs[key]) for key in node.attrs}
             arrays.attributes.update(stated)
             if isinstance(node, h5py.Dataset):
                 # One data set may become several columns; its unit is that of each of them.
@@ -191,7 +185,8 @@ def _add_dataset(nodes: Nodes, arrays: Arrays, name: str, node: Any) -> None:
             arrays.add(f"{name}.{part}" if part else name, values[part] if part else values)
 
 
-def _plain(value: Any) -> Any:
+def plain_value(value: Any) -> Any:
+    """Return an attribute of an HDF5 file as plain Python: bytes as text, arrays as lists."""
     if isinstance(value, bytes):
         return value.decode(errors="replace")
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
@@ -233,133 +228,3 @@ def read_npz(path: Path) -> Table:
     units = {name: str(arrays.attributes.get(f"unit:{name}", "")) for name in arrays.columns}
     arrays.units = {name: unit for name, unit in units.items() if unit}
     return arrays.table()
-
-
-class Variables(Arrays):
-    """The arrays of a MATLAB file, each by its path, as MATLAB orders them (rows first)."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.objects: list[str] = []
-        """Variables that are objects of MATLAB's own, which nothing else reads."""
-
-    def add(self, name: str, values: NDArray[Any]) -> None:
-        """Add an array as MATLAB holds it: text, a few numbers, or columns (n,) or (n, k).
-
-        Columns have more than `MOST_PARAMETERS` numbers. Numbers keep their unit (m, N or what the file states).
-        """
-        if values.dtype.kind == "c":
-            self.warnings.append(f"'{name}' holds complex numbers, which are left out")
-        elif values.dtype.kind in "fiub" and values.size > MOST_PARAMETERS:
-            self.columns |= spread(name, self._upright(name, values))
-        elif values.dtype.kind in "US":
-            self.attributes[name] = "\n".join(str(row) for row in values.ravel())
-        elif values.dtype.kind in "fiub" and values.size:
-            self.attributes[name] = values.ravel()[0].item() if values.size == 1 else values.tolist()
-
-    def _upright(self, name: str, values: NDArray[Any]) -> NDArray[Any]:
-        """Return an array with its samples along the first axis, by the time vector beside it or by its shape.
-
-        Signals that are matrices have their samples along the last axis, as Simulink logs them.
-        """
-        # (rows, columns, samples) becomes (samples, rows, columns).
-        if values.ndim == 3:
-            return np.moveaxis(values, -1, 0)
-        if values.ndim != 2 or values.shape[0] == 1:
-            return values.T
-        # Where a time vector stands beside them, its length says which axis is the samples.
-        samples = self._samples(name)
-        if samples == values.shape[1] != values.shape[0] or (
-            samples not in values.shape and signals_in_rows(values.shape)
-        ):
-            self.remarks.append(signals_in_rows_remark(f"'{name}'", values.shape))
-            return values.T
-        return values
-
-    def _samples(self, name: str) -> int | None:
-        """Return the length of the time vector of the structure that holds an array, where one stands before it."""
-        while name:
-            name = name.rpartition(".")[0]
-            for leaf in ("time", "Time", "t"):
-                times = self.columns.get(f"{name}.{leaf}".lstrip("."))
-                if times is not None:
-                    return int(times.size)
-        return None
-
-    def table(self) -> Table:
-        """Return the columns, with a scope's label as the note of each signal, and the units of files of ours."""
-        for column in self.columns:
-            stem, _, leaf = column.rpartition(".")
-            label = self.attributes.get(f"{stem}.label") or self.attributes.get(f"{stem}.title")
-            if label and leaf.startswith("values"):
-                self.notes[column] = f"label: {label}"
-            unit = self.attributes.get("units." + column.removeprefix("recording.").partition("[")[0])
-            if unit and "hapticeval" in self.attributes:
-                self.units[column] = unit
-        if self.objects:
-            self.remarks.append(
-                f"left out, as objects that only MATLAB reads: {', '.join(self.objects)}; to have one, save its "
-                f"numbers in MATLAB: s = struct({self.objects[0].partition(' ')[0]}), or Time and Data of a timeseries"
-            )
-        return super().table()
-
-
-NUMERIC_CLASSES = {
-    "",
-    "double",
-    "single",
-    "logical",
-    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
-}
-
-
-@importer("matlab73", about="a MATLAB 7.3 file (.mat)", recognises=lambda head: head.startswith(b"MATLAB 7.3 MAT-file"))
-def read_matlab73(path: Path) -> Table:
-    """Return what `read_matlab5` does, with the same names of columns.
-
-    Cells and arrays of structures are references into the same file.
-    """
-    import h5py
-
-    variables = Variables()
-    with opened(path, variables.warnings) as nodes:
-
-        def refers(node: Any) -> bool:
-            return isinstance(node, h5py.Dataset) and h5py.check_ref_dtype(node.dtype) is not None
-
-        def follow(node: Any, name: str, brackets: str, after: str, depth: int) -> None:
-            for place, reference in enumerate(nodes.read(node, name).ravel()):
-                target = nodes.file[reference]
-                nodes.enter(target, depth)
-                numbered = "" if node.size == 1 else f"{brackets[0]}{place}{brackets[1]}"
-                add(f"{name}{numbered}{after}", target, depth)
-
-        def add(name: str, node: Any, depth: int) -> None:
-            # MATLAB writes its class as an attribute; objects have one that only it can decode.
-            kind = _plain(node.attrs.get("MATLAB_class", b""))
-            if "MATLAB_object_decode" in node.attrs:
-                variables.objects.append(f"{name} ({kind})")
-            elif isinstance(node, h5py.Group):
-                parts = dict(nodes.members(node, depth + 1))
-                several = bool(parts) and all(map(refers, parts.values()))  # structures: each field holds references
-                for part, member in parts.items():
-                    if several:
-                        follow(member, name, "[]", f".{part}", depth + 1)
-                    else:
-                        add(f"{name}.{part}", member, depth + 1)
-            elif refers(node):
-                follow(node, name, "{}", "", depth + 1)
-            elif "MATLAB_empty" in node.attrs:
-                return
-            elif kind == "char":
-                variables.add(name, np.array(["".join(map(chr, np.asarray(nodes.read(node, name)).T.ravel()))]))
-            elif kind in NUMERIC_CLASSES:
-                variables.add(name, np.asarray(nodes.read(node, name)).T)
-            else:
-                variables.warnings.append(f"the variable '{name}' of class '{kind}' is left out")
-
-        # Groups as `#refs#` hold what cells refer to: they are reached from there.
-        for name, node in nodes.members(nodes.file, 1):
-            if not name.startswith("#"):
-                add(name, node, 1)
-        return variables.table()

@@ -369,9 +369,8 @@ def _channels(table: Table, rows: int, clock_names: list[str]) -> dict[str, tupl
             last = f"{re.split(r'[./]', stem)[-1]} {' '.join(table.notes.get(name, '') for name in columns)}"
             last = last.strip().lower() if stem else ""
             in_topic = f"{table.topics.get(columns[0], '')} {last}".strip().lower()
-            descriptions = (
-                (in_topic, last) if "joint" in in_topic else (last, in_topic)
-            )  # a topic of joints has joint positions
+            # A topic of joints has joint positions.
+            descriptions = (in_topic, last) if "joint" in in_topic else (last, in_topic)
             channel = next(
                 (name for words in descriptions for name, rule in CHANNEL_WORDS if re.search(rule, words)), ""
             )

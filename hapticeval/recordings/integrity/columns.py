@@ -30,9 +30,8 @@ SPIKE_DEVIATIONS = 20.0  # a spike stands out of the noise by so many standard d
 BEND_TIMES = 4.0  # and of what all rows but a hundredth bend by so many times: signals have quiet and busy stretches,
 RARE_ROWS = 8  # at least so many rows not counted, as a spike bends three,
 SPIKE_QUANTA = 6.0  # and is so many quanta, or so many usual steps, high: an encoder at rest dithers by one
-NEIGHBOUR_AGREEMENT = (
-    0.25  # the rows beside a spike are on one line up to this share of it: otherwise the signal itself has moved
-)
+# Share of a spike up to which the rows beside it are on one line: otherwise the signal itself has moved.
+NEIGHBOUR_AGREEMENT = 0.25
 
 NEIGHBOUR_OFFSETS = np.array([-2.0, -1.0, 1.0, 2.0])
 SLOPE_WEIGHTS = NEIGHBOUR_OFFSETS / np.dot(NEIGHBOUR_OFFSETS, NEIGHBOUR_OFFSETS)
@@ -192,17 +191,14 @@ def _spikes(values: Array, step: float, is_force: bool) -> Iterator[int]:
             yield row
 
 
-FROZEN_ROUNDING = (
-    1e-12  # share of a column's largest value by which a frozen reading may change, as when its frame is turned
-)
+# Share of a column's largest value by which a frozen reading may change, as when its frame is turned.
+FROZEN_ROUNDING = 1e-12
 FROZEN_TIMES = 30.0  # a live sensor changes its reading so many times, in the mean, over the travel of a frozen one
-RECURRING_SHARE = (
-    0.1  # a reading that comes back and stays for this share of the travel is a level of the sensor, or a limit
-)
+# Share of the travel for which a reading stays that comes back: it is a level of the sensor, or a limit.
+RECURRING_SHARE = 0.1
 LEAST_MOVES = 50  # steps in which the hand must move before a column that never changes is reported
-EVEN_SPEED = (
-    0.2  # how far, as a share of it, a constant speed may be from that of its place: a wrong one is further off
-)
+# Share of a constant speed by which it may be off that of its place: a wrong one is further off.
+EVEN_SPEED = 0.2
 ZERO_LEVELS = 1.5  # steps of a coarse converter within which a constant reading is its zero
 
 MOVING_UNITS: Mapping[str, str] = {"N": "force", "N m": "torque", "m/s": "speed", "rad/s": "speed"}
@@ -308,9 +304,8 @@ def _frozen_runs(
     travel_in_run = np.array([path[end - 1] - path[first] for first, end in constant_runs])
     long_enough = np.array([end - first >= STUCK_ROWS for first, end in constant_runs], dtype=bool)
     changes = int(np.count_nonzero(both & ~same))
-    travel_elsewhere = float(
-        path[-1] - travel_in_run[long_enough].sum()
-    )  # how far the hand goes between all changes of the reading
+    # How far the hand goes between all changes of the reading.
+    travel_elsewhere = float(path[-1] - travel_in_run[long_enough].sum())
     for index in np.flatnonzero(long_enough).tolist():
         first, end = constant_runs[index]
         value, distance = float(values[first]), float(travel_in_run[index])

@@ -3,7 +3,11 @@
 Nothing here changes a sign, and nothing but physics is taken for granted: that the environment of the hand is passive,
 that a surface pushes towards the tool that is on it, and that a wall pushes what moves into it.
 
-1.  Energy decides where it can: one sign is of a passive environment, and the other is not.
+1.  Energy decides where it can: one sign is of a passive environment, and the other is not. Where one of them makes
+    the environment give energy, and the other does not, the environment is passive with the other. Where both do, it
+    is active (a motor or another hand is in it); where neither does, it is lossless, or too little happened, and
+    energy does not decide. `recordings.energy_balance` has what a passive environment may give, and what of that the
+    numbers leave open.
 2.  Else, of a recording with an IHIP: a rigid surface pushes outwards, and so does friction on it (at an angle to that)
     and damping (which may not pull). So F . (IHIP - HIP) >= 0 in all of contact, and with the wrong sign it is negative
     in all of it. A sum within a twentieth of either extreme, -|F| |IHIP - HIP| or the other, decides. (The tool of a
@@ -13,12 +17,6 @@ that a surface pushes towards the tool that is on it, and that a wall pushes wha
     while the tool moves in. Were the sign left to chance, each rise would come in either way with the same
     probability; where as few of them come on the way in as has a probability below `CHANCE_LEVEL`, the sign is
     suspected. Rises at which the tool moves by no more than its quantum do not count.
-
-What a passive environment may give, and what of that the numbers leave open: `recordings.energy_balance`.
-
-Now hold both signs against that. Where one of them makes the environment give energy, and the other does not, the
-environment is passive with the other. Where both do, it is active (a motor or another hand is in it); where neither
-does, it is lossless, or too little happened, and energy does not decide.
 """
 
 from __future__ import annotations
@@ -40,28 +38,28 @@ from hapticeval.recordings.stretches import stretches
 PORTS = (("force", "hip", 1.0), ("operator_force", "hip", -1.0), ("wall_force", "ihip", 1.0))
 """A force, the place where it acts, and whether it acts on what is there, or is that which acts."""
 
-ONE_WAY_SHARE = (
-    0.95  # of the sum of the sizes: how near the sum of F . (IHIP - HIP) is to it where a force points one way
-)
+# Of the sum of the sizes |F| |IHIP - HIP|: how near the sum of F . (IHIP - HIP) is to it where a force points one way.
+ONE_WAY_SHARE = 0.95
 CLEAR_QUANTA = 3.0  # a tool nearer to the HIP than so many times what the numbers resolve is in no direction of it
 CHANCE_LEVEL = 0.05  # of the probability that chance alone makes a wall push what leaves it
 
 
 @dataclass(frozen=True)
 class Sign:
-    """What is known of the sign of a force `channel`: 1 as it is, -1 the other, 0 undecided; and why, in `words`."""
+    """What is known of the sign of a force `channel`: 1 as it is, -1 the other, 0 undecided; and why, in `words`.
+
+    `fault` is the finding on a sign that seems wrong.
+    """
 
     channel: str
     sign: int
     words: str
+    fault: Issue | None = None
 
 
-Judged = tuple[Sign, Issue | None]
-
-
-def force_signs(recording: Recording) -> tuple[tuple[Sign, ...], list[Issue]]:
+def force_signs(recording: Recording) -> tuple[Sign, ...]:
     """Decide the sign of each force of a recording, as far as physics does, and suspect each that seems wrong."""
-    judged: list[Judged] = []
+    signs = []
     for channel, place, sense in PORTS:
         force = recording.channels.get(channel)
         if force is None or place not in recording.channels:
@@ -70,15 +68,15 @@ def force_signs(recording: Recording) -> tuple[tuple[Sign, ...], list[Issue]]:
             continue  # one column, mapped to both
         decision = _energy(recording, channel, place, sense)
         # Energy left it open: rule 2, then rule 3, where their channels are there.
-        if decision[0].sign == 0 and channel == "force":
+        if decision.sign == 0 and channel == "force":
             decision = _pointing(recording) or decision
-        if decision[0].sign == 0 and recording.dimension == 1 and channel == wall_channel(recording):
+        if decision.sign == 0 and recording.dimension == 1 and channel == wall_channel(recording):
             decision = _approach(recording, channel) or decision
-        judged.append(decision)
-    return tuple(sign for sign, _ in judged), [fault for _, fault in judged if fault is not None]
+        signs.append(decision)
+    return tuple(signs)
 
 
-def _energy(recording: Recording, channel: str, place: str, sense: float) -> Judged:
+def _energy(recording: Recording, channel: str, place: str, sense: float) -> Sign:
     """Decide by the stretch with the largest margin: rule 1."""
     floor = declared_floor(recording) or 0.0 if channel == wall_channel(recording) else 0.0
     decided: list[tuple[int, PassivityTest]] = []
@@ -93,9 +91,9 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> Jud
         elif lags:
             unclear.append(lags[0])
     if not decided:
-        return Sign(channel, 0, _unclear(unclear)), None
+        return Sign(channel, 0, _unclear(unclear))
     if len({test.sign for _, test in decided}) > 1:
-        return Sign(channel, 0, "energy shows one sign in one part of the run and the other in another"), None
+        return Sign(channel, 0, "energy shows one sign in one part of the run and the other in another")
     begin, best = max(decided, key=lambda candidate: candidate[1].active.excess)
     active, span = best.active, (begin + best.active.first, begin + best.active.last + 1)
     who, to = ("the wall", "tool") if channel == "wall_force" else ("the environment", "hand")
@@ -105,13 +103,10 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> Jud
         f"rounding and delay explain no more than {active.open:.2g} J of it"
     )
     if best.sign > 0:
-        return Sign(channel, 1, f"right: with the opposite sign {claim} {where}"), None
+        return Sign(channel, 1, f"right: with the opposite sign {claim} {where}")
     todo = f"{SEE_SIGN}. A motor, a magnet or another hand behind it may give energy, too"
-    detail, measures = (
-        f" {where}; with the opposite sign it takes energy",
-        {"energy": active.energy, "open": active.open},
-    )
-    return _suspected(recording, channel, claim, detail, span, todo, **measures)
+    detail = f" {where}; with the opposite sign it takes energy"
+    return _suspected(recording, channel, claim, detail, span, todo, energy=active.energy, open=active.open)
 
 
 def _suspected(
@@ -122,11 +117,11 @@ def _suspected(
     span: tuple[int, int] | None,
     todo: str = SEE_SIGN,
     **measures: Any,
-) -> Judged:
-    """Return a sign that seems wrong, in `words`, and the finding, with the `detail`."""
+) -> Sign:
+    """Return a sign that seems wrong, in `words`, with the finding, which has the `detail`."""
     message = f"the sign seems wrong: {words}{detail}"
     fault = make_issue(recording, "force sign", message, channel, span, todo=todo, **measures)
-    return Sign(channel, -1, f"seems wrong: {words}"), fault
+    return Sign(channel, -1, f"seems wrong: {words}", fault)
 
 
 def _unclear(balances: list[PassivityTest]) -> str:
@@ -143,7 +138,7 @@ def _unclear(balances: list[PassivityTest]) -> str:
     )
 
 
-def _pointing(recording: Recording) -> Judged | None:
+def _pointing(recording: Recording) -> Sign | None:
     """Decide by the direction of the force in contact: rule 2."""
     if "ihip" not in recording.channels or is_bilateral(recording):
         return None
@@ -158,7 +153,7 @@ def _pointing(recording: Recording) -> Judged | None:
     # Mean cosine between F and IHIP - HIP, weighted with their sizes: 1 pushes out, -1 pulls in.
     share = float(np.sum(along) / np.sum(sizes[rows]))
     if share >= ONE_WAY_SHARE:
-        return Sign("force", 1, "right: in contact it points from the HIP to the IHIP"), None
+        return Sign("force", 1, "right: in contact it points from the HIP to the IHIP")
     if share > -ONE_WAY_SHARE:
         return None
     words = (
@@ -168,7 +163,7 @@ def _pointing(recording: Recording) -> Judged | None:
     return _suspected(recording, "force", words, "", span, todo, share=share)
 
 
-def _approach(recording: Recording, channel: str) -> Judged | None:
+def _approach(recording: Recording, channel: str) -> Sign | None:
     """Decide by when the force that `contacts` takes for the wall's rises: rule 3."""
     from scipy.special import bdtr
 
@@ -178,7 +173,7 @@ def _approach(recording: Recording, channel: str) -> Judged | None:
         return None
     into, out = len(touches.contacts), len(touches.retreats)
     if bdtr(out, into + out, 0.5) < CHANCE_LEVEL:  # so few heads or fewer in so many tosses of a coin
-        return Sign(channel, 1, f"right: {into} of {into + out} pushes begin as the tool moves in"), None
+        return Sign(channel, 1, f"right: {into} of {into + out} pushes begin as the tool moves in")
     if not bdtr(into, into + out, 0.5) < CHANCE_LEVEL:
         return None
     words = f"{out} of {into + out} pushes begin as the tool moves away from what pushes it"

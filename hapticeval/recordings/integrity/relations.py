@@ -38,12 +38,10 @@ SHORTEST_WINDOW = 8  # rows of the shortest window
 LEAST_CORRELATION = 0.8  # correlation below which a velocity is not the derivative of its position
 INDEPENDENT_WINDOWS = 10  # so many windows that do not overlap are the fewest that a correlation is taken from
 MOST_WINDOWS = 20_000  # about so many windows are looked at, spread over the stretch
-LAG_TOLERANCE = (
-    1.1  # lags that leave up to so many times as much unexplained as the best one explain a velocity as well
-)
-RATIO_TOLERANCE = (
-    0.2  # how far the ratio of a velocity to the derivative may be from one; a wrong unit is further off by far
-)
+# Lags that leave up to so many times as much unexplained as the best one explain a velocity as well.
+LAG_TOLERANCE = 1.1
+# How far the ratio of a velocity to the derivative may be from one; a wrong unit is further off by far.
+RATIO_TOLERANCE = 0.2
 
 NOISE_TIMES = 3.0
 """Increments that vary by less than so many times their encoder noise, q / sqrt(6), show nothing. Of a position that is

@@ -113,8 +113,8 @@ def examine(
     faults += columns.frozen(recording, list(faults))
     for detect in DETECTORS:
         faults += detect(recording)
-    signs, wrong = force_signs(recording)
-    faults += wrong
+    signs = force_signs(recording)
+    faults += [sign.fault for sign in signs if sign.fault is not None]
     for name, other in (others or {}).items():
         faults += relations.of_another_run(recording, other, name)
     # A run in one dimension is held against the wall in the plane: see `before_the_wall`.

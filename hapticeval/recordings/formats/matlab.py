@@ -1,10 +1,12 @@
-"""MATLAB files of version 5 to 7.2, taken apart here: every size is held against the bytes that are there first.
+"""MATLAB files, each numeric array as columns by its path, counting from zero: `scope.signals[1].values[0]`.
 
-scipy's reader trusts the sizes in a file: of damaged ones, one in sixty ended the process with a segmentation fault. A
-variable that cannot be read costs itself and no other.
+Those of version 7.3 are HDF5 files: arrays lie transposed, texts as numbers. Those of version 5 to 7.2 are taken apart
+here, and every size is held against the bytes that are there first. scipy's reader trusts the sizes in a file: of
+damaged ones, one in sixty ended the process with a segmentation fault. A variable that cannot be read costs itself and
+no other.
 
-A file is a header and elements: a kind, a size, and so many bytes, padded to eight; short ones stand within their own
-tag. A variable is an element of kind `MATRIX`, or one that holds such an element packed, and a matrix is made of
+Such a file is a header and elements: a kind, a size, and so many bytes, padded to eight; short ones stand within their
+own tag. A variable is an element of kind `MATRIX`, or one that holds such an element packed, and a matrix is made of
 elements again: its flags with the class, its dimensions, its name, and what it holds by class.
 """
 
@@ -21,10 +23,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hapticeval.errors import InputError
-from hapticeval.recordings.formats import Table, damaged_error, importer
-from hapticeval.recordings.formats.arrays import DEEPEST_GROUP, MOST_OBJECTS, Variables
+from hapticeval.recordings.formats import (
+    Table,
+    damaged_error,
+    importer,
+    signals_in_rows,
+    signals_in_rows_remark,
+    spread,
+)
+from hapticeval.recordings.formats.arrays import Arrays, check_nesting, opened, plain_value
 from hapticeval.recordings.memory import reserve
+
+MOST_PARAMETERS = 9
+"""A MATLAB array of as many numbers at the most is a parameter (a 3 x 3 matrix), no signal."""
 
 HEADER_BYTES = 128
 COMPRESSED, MATRIX = 15, 14
@@ -42,6 +53,75 @@ ENCODINGS = {1: "latin-1", 2: "utf-8", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
 
 PIECE_BYTES = 1 << 20
 """Bytes that are unpacked at a time."""
+
+
+class Variables(Arrays):
+    """The arrays of a MATLAB file, each by its path, as MATLAB orders them (rows first)."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.objects: list[str] = []
+        """Variables that are objects of MATLAB's own, which nothing else reads."""
+
+    def add(self, name: str, values: NDArray[Any]) -> None:
+        """Add an array as MATLAB holds it: text, a few numbers, or columns (n,) or (n, k).
+
+        Columns have more than `MOST_PARAMETERS` numbers. Numbers keep their unit (m, N or what the file states).
+        """
+        if values.dtype.kind == "c":
+            self.warnings.append(f"'{name}' holds complex numbers, which are left out")
+        elif values.dtype.kind in "fiub" and values.size > MOST_PARAMETERS:
+            self.columns |= spread(name, self._upright(name, values))
+        elif values.dtype.kind in "US":
+            self.attributes[name] = "\n".join(str(row) for row in values.ravel())
+        elif values.dtype.kind in "fiub" and values.size:
+            self.attributes[name] = values.ravel()[0].item() if values.size == 1 else values.tolist()
+
+    def _upright(self, name: str, values: NDArray[Any]) -> NDArray[Any]:
+        """Return an array with its samples along the first axis, by the time vector beside it or by its shape.
+
+        Signals that are matrices have their samples along the last axis, as Simulink logs them.
+        """
+        # (rows, columns, samples) becomes (samples, rows, columns).
+        if values.ndim == 3:
+            return np.moveaxis(values, -1, 0)
+        if values.ndim != 2 or values.shape[0] == 1:
+            return values.T
+        # Where a time vector stands beside them, its length says which axis is the samples.
+        samples = self._samples(name)
+        if samples == values.shape[1] != values.shape[0] or (
+            samples not in values.shape and signals_in_rows(values.shape)
+        ):
+            self.remarks.append(signals_in_rows_remark(f"'{name}'", values.shape))
+            return values.T
+        return values
+
+    def _samples(self, name: str) -> int | None:
+        """Return the length of the time vector of the structure that holds an array, where one stands before it."""
+        while name:
+            name = name.rpartition(".")[0]
+            for leaf in ("time", "Time", "t"):
+                times = self.columns.get(f"{name}.{leaf}".lstrip("."))
+                if times is not None:
+                    return int(times.size)
+        return None
+
+    def table(self) -> Table:
+        """Return the columns, with a scope's label as the note of each signal, and the units of files of ours."""
+        for column in self.columns:
+            stem, _, leaf = column.rpartition(".")
+            label = self.attributes.get(f"{stem}.label") or self.attributes.get(f"{stem}.title")
+            if label and leaf.startswith("values"):
+                self.notes[column] = f"label: {label}"
+            unit = self.attributes.get("units." + column.removeprefix("recording.").partition("[")[0])
+            if unit and "hapticeval" in self.attributes:
+                self.units[column] = unit
+        if self.objects:
+            self.remarks.append(
+                f"left out, as objects that only MATLAB reads: {', '.join(self.objects)}; to have one, save its "
+                f"numbers in MATLAB: s = struct({self.objects[0].partition(' ')[0]}), or Time and Data of a timeseries"
+            )
+        return super().table()
 
 
 class OddError(Exception):
@@ -151,13 +231,7 @@ class _Matrix:
     def read(self, data: memoryview, name: str, depth: int) -> None:
         """Take a matrix of that name, which the outermost one states itself; an empty one holds nothing."""
         self.count += 1
-        if depth > DEEPEST_GROUP + 1 or self.count > MOST_OBJECTS:
-            what = f"structures {depth - 1} deep" if depth > DEEPEST_GROUP + 1 else f"more than {MOST_OBJECTS} parts"
-            raise InputError(
-                f"{self.path} has {what}, in the variable at byte {self.offset}",
-                why=f"at most {DEEPEST_GROUP} levels and {MOST_OBJECTS} parts are read",
-                todo="save the signals as variables of their own",
-            )
+        check_nesting(self.path, "structures", depth - 1, self.count, f"in the variable at byte {self.offset}")
         if not data:
             return
         flags = self._next(data, 0, "its flags")
@@ -268,3 +342,64 @@ class _Matrix:
 
 def _decoded(element: Element) -> str:
     return bytes(element.data).decode("utf-8", errors="replace")
+
+
+NUMERIC_CLASSES = {
+    "",
+    "double",
+    "single",
+    "logical",
+    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
+}
+
+
+@importer("matlab73", about="a MATLAB 7.3 file (.mat)", recognises=lambda head: head.startswith(b"MATLAB 7.3 MAT-file"))
+def read_matlab73(path: Path) -> Table:
+    """Return what `read_matlab5` does, with the same names of columns.
+
+    Cells and arrays of structures are references into the same file.
+    """
+    import h5py
+
+    variables = Variables()
+    with opened(path, variables.warnings) as nodes:
+
+        def refers(node: Any) -> bool:
+            return isinstance(node, h5py.Dataset) and h5py.check_ref_dtype(node.dtype) is not None
+
+        def follow(node: Any, name: str, brackets: str, after: str, depth: int) -> None:
+            for place, reference in enumerate(nodes.read(node, name).ravel()):
+                target = nodes.file[reference]
+                nodes.enter(target, depth)
+                numbered = "" if node.size == 1 else f"{brackets[0]}{place}{brackets[1]}"
+                add(f"{name}{numbered}{after}", target, depth)
+
+        def add(name: str, node: Any, depth: int) -> None:
+            # MATLAB writes its class as an attribute; objects have one that only it can decode.
+            kind = plain_value(node.attrs.get("MATLAB_class", b""))
+            if "MATLAB_object_decode" in node.attrs:
+                variables.objects.append(f"{name} ({kind})")
+            elif isinstance(node, h5py.Group):
+                parts = dict(nodes.members(node, depth + 1))
+                several = bool(parts) and all(map(refers, parts.values()))  # structures: each field holds references
+                for part, member in parts.items():
+                    if several:
+                        follow(member, name, "[]", f".{part}", depth + 1)
+                    else:
+                        add(f"{name}.{part}", member, depth + 1)
+            elif refers(node):
+                follow(node, name, "{}", "", depth + 1)
+            elif "MATLAB_empty" in node.attrs:
+                return
+            elif kind == "char":
+                variables.add(name, np.array(["".join(map(chr, np.asarray(nodes.read(node, name)).T.ravel()))]))
+            elif kind in NUMERIC_CLASSES:
+                variables.add(name, np.asarray(nodes.read(node, name)).T)
+            else:
+                variables.warnings.append(f"the variable '{name}' of class '{kind}' is left out")
+
+        # Groups as `#refs#` hold what cells refer to: they are reached from there.
+        for name, node in nodes.members(nodes.file, 1):
+            if not name.startswith("#"):
+                add(name, node, 1)
+        return variables.table()
