@@ -1,31 +1,18 @@
-"""How finely the numbers of a recording are resolved, and what that makes of the columns that runs are compared in.
+"""How finely the numbers of a recording are resolved.
 
 A number is known to the largest of these:
 
-    the spacing of doubles at the column's size, `ROUNDING_STEPS` times: each of a few operations costs half of one
     the spacing of single precision, where every number of the channel is one: that is what computed it
     the step of the lattice that the channel lies on, where it lies on one: an encoder's, a converter's
     the unit in the last place, where every number has so few digits: a text's
-
-Positions are numbers of the size of the workspace, also where their difference is small. So a depth |IHIP - HIP| is as
-fine as these, and a force K (IHIP - HIP) is no finer than K times that, whatever the spacing at its own size.
-
-With r_F and r_x (N and m, of one coordinate) and N dimensions:
-
-    magnitude   sqrt(N) r_F
-    direction   sqrt(N) r_F / |F|, and the spacing at a turn
-    depth       2 sqrt(N) r_x
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
 FINEST_SHARE = 1e-7
@@ -132,61 +119,3 @@ def _sample(values: Array) -> tuple[Array, float]:
     # Evenly spread over the run, so that a rest at the begin does not decide.
     sample = np.unique(nonzero[np.linspace(0, nonzero.size - 1, SAMPLE_SIZE).astype(int)])
     return sample if sample.size >= FEWEST_DISTINCT else sample[:0], float(np.max(np.abs(nonzero)))
-
-
-ROUNDING_STEPS = 16.0
-"""Spacings of the number that a projection, a spring, a norm and an interpolation may cost together."""
-
-
-class Resolution(NamedTuple):
-    """The smallest differences of one coordinate that the numbers of a recording show: of positions, m, and forces, N.
-
-    There are `dimension` coordinates.
-    """
-
-    position: float
-    force: float
-    dimension: int
-
-    def of_column(self, column: str, size: Array) -> Array:
-        """Return the resolution of `column`, one of `compare.align.COLUMNS`, at each place, (m,).
-
-        `size` (m,) is the force there, N. Infinite where there is no force, which has no direction.
-        """
-        root = math.sqrt(self.dimension)
-        # rad: rounding of an angle of a full turn.
-        turn = ROUNDING_STEPS * float(np.spacing(2.0 * math.pi))
-        with np.errstate(divide="ignore"):
-            direction = turn + root * self.force / np.asarray(size)
-        kinds: Mapping[str, Array] = {
-            "magnitude": np.full(np.shape(size), root * self.force),
-            "depth": np.full(np.shape(size), 2.0 * root * self.position),
-            "direction": direction,
-        }
-        return kinds[column]
-
-
-def resolution(recording: Recording) -> Resolution:
-    """Return what the numbers of a recording with HIP and force resolve."""
-    keep = recording.measured
-    places = [recording.channels[name][keep] for name in ("hip", "ihip") if name in recording.channels]
-    position = max(map(_own_resolution, places))
-    force = recording.force[keep]
-    own = _own_resolution(force)
-    if len(places) == 2:
-        depth = np.linalg.norm(places[1] - places[0], axis=1)
-        pressed = (depth > position) & np.any(force != 0.0, axis=1)
-        if pressed.any():
-            # N: a spring makes a force of two positions, each known to `position`, by the stiffness |F| / depth.
-            own = max(own, 2.0 * position * float(np.median(np.linalg.norm(force[pressed], axis=1) / depth[pressed])))
-    return Resolution(position, own, force.shape[1])
-
-
-def _own_resolution(values: Array) -> float:
-    """The resolution of a channel (n, N) by its own numbers."""
-    size = float(np.max(np.abs(values), initial=0.0))
-    if size == 0.0:
-        return 0.0
-    # whole numbers and short decimals are exact in either precision, and no sign of one
-    computed = max((single_precision_step(column) for column in values.T if numeric_step(column) is None), default=0.0)
-    return max(ROUNDING_STEPS * max(computed, float(np.spacing(size))), coarsest(values))

@@ -351,11 +351,11 @@ def jogged(each, number):
 
 
 @pytest.mark.parametrize(("by", "single", "outcome"), [
-    *((by, False, "differs") for by in (1e-6, 1e-8, 1e-10)), (1e-3, True, "differs"),
-    *((by, False, "the same to rounding") for by in (0.0, 1e-16, 3e-15)),
+    *((by, False, "differs") for by in (1e-3, 1e-5)), (1e-3, True, "differs"),
+    *((by, False, "the same to rounding") for by in (0.0, 1e-16, 1e-8)),
     *((by, True, "the same to rounding") for by in (0.0, 1e-8)),
 ])  # fmt: skip
-def test_what_the_numbers_resolve_is_a_difference(by, single, outcome):
+def test_what_is_beyond_single_precision_is_a_difference(by, single, outcome):
     one = hands(np.random.default_rng(20), "a", 1)[0]
     first = [jogged(Run(f"a {k}", "a", one.recording), k) for k in range(4)]
     second = [shifted(each, k, by=by, single=single) for k, each in enumerate(first)]
@@ -470,9 +470,9 @@ def torn(each, first, length):
 
 
 @settings(max_examples=4)
-@given(st.integers(0, 1000), st.floats(-9.0, -0.5), st.booleans())
+@given(st.integers(0, 1000), st.floats(-4.5, -0.5), st.booleans())
 def test_repeats_that_agree_to_the_bit_still_separate_renderers(seed, power, gaps):
-    """By any amount far above what the numbers resolve; and the clock's gaps, elsewhere in each, hide none of it."""
+    """By any amount above what counts as rounding; and the clock's gaps, elsewhere in each, hide none of it."""
     rng = np.random.default_rng(seed)
     one = hands(rng, "a", 1)[0]
     first = [jogged(turned(one, k, "a", by=0.0), k) for k in range(4)]

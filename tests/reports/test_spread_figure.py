@@ -51,7 +51,9 @@ def test_everything_is_written_twice_alike(aligned, tmp_path):
     document = json.loads(first[3].read_text())
     assert document["by"] == "angle"
     assert len(document["grid"]) == 101
-    assert {each["outcome"] for each in document["comparisons"]} <= {"differs", "within the spread"}
+    outcomes = {each["column"]: each["outcome"] for each in document["comparisons"]}
+    assert outcomes["direction"] == "the same to rounding"
+    assert set(outcomes.values()) <= {"differs", "within the spread", "the same to rounding"}
     assert len(document["passes"]) == 8
 
 
@@ -61,7 +63,7 @@ def test_the_table_states_each_difference_in_spreads(aligned):
     assert size is not None
     assert float(size[1]) == pytest.approx(1.0, abs=0.2)
     assert float(size[2]) > 3.0
-    assert "a and b, forward, direction of the force: within the spread" in text
+    assert "a and b, forward, direction of the force: the same to rounding: 8.7e-05 degrees apart at most" in text
     assert len(re.findall(r"\| [ab] \| [ab]\d \| forward \| 1 \| \S+ \| \S+ \| (?:9\d\.?\d*|100) % \|", text)) == 8
     assert "takes two renderers" in table(aligned, ())
 

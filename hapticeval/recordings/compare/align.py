@@ -14,7 +14,6 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
 from hapticeval.recordings.channels import CHANNELS
 from hapticeval.recordings.compare.permutation import LEVEL, needed
-from hapticeval.recordings.quantization import Resolution, resolution
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import LAG_TICKS, Stretch, continuing_steps, stretches
 from hapticeval.types import Array, BoolArray, IntArray
@@ -281,9 +280,8 @@ class Run:
 class Pass:
     """One passage over the abscissa in one direction: of run number `run`, from `start` to `end` (s).
 
-    `lap` numbers those of a run in that direction. `columns` (m,) are on the grid; `grains` (m,) are what the numbers
-    of the recording resolve in each of them, see `resolution`. Both are 0 where `mask` (m,) is not set: outside of what
-    the pass covers, where the tool is free, in gaps, and across jumps of IHIP or force.
+    `lap` numbers those of a run in that direction. `columns` (m,) are on the grid, and 0 where `mask` (m,) is not set:
+    outside of what the pass covers, where the tool is free, in gaps, and across jumps of IHIP or force.
     """
 
     run: int
@@ -292,7 +290,6 @@ class Pass:
     start: float
     end: float
     columns: Mapping[str, Array]
-    grains: Mapping[str, Array]
     mask: BoolArray
 
     @property
@@ -337,7 +334,7 @@ def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, point
     slack = grid[1] - grid[0]
     passes: list[Pass] = []
     for number, (run, segments) in enumerate(zip(runs, segments_of_runs, strict=True)):
-        smooth, fine = _smooth_contact_steps(run.recording), resolution(run.recording)
+        smooth = _smooth_contact_steps(run.recording)
         laps = {1: 0, -1: 0}
         for segment in _join_over_gaps(segments, slack=slack, period=abscissa.period):
             turns = _turning_indices(segment.along, slack)
@@ -351,7 +348,7 @@ def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, point
                 )
             for heading in _monotone_parts(segment, turns):
                 new_passes = list(
-                    _passes_of(number, laps[heading.direction], run.recording, heading, smooth, fine, grid, abscissa)
+                    _passes_of(number, laps[heading.direction], run.recording, heading, smooth, grid, abscissa)
                 )
                 passes += new_passes
                 # Passes of one direction are numbered through the whole run, over all of its headings.
@@ -402,7 +399,6 @@ def _passes_of(
     recording: Recording,
     heading: Segment,
     smooth: BoolArray,
-    fine: Resolution,
     grid: Array,
     abscissa: Abscissa,
 ) -> Iterator[Pass]:
@@ -429,11 +425,9 @@ def _passes_of(
         # Linear between neighbours: value = before + share (after - before).
         share = np.clip((places - along[right - 1]) / (along[right] - along[right - 1]), 0.0, 1.0)
         columns = _columns_at(recording, rows[right - 1], rows[right], share, mask)
-        # outside there is no force, which has no direction: no repeat may answer for it
-        grains = {name: np.where(mask, fine.of_column(name, columns["magnitude"]), 0.0) for name in columns}
         times = recording.time[np.concatenate([rows[right[mask] - 1], rows[right[mask]]])]
         start, end = float(times.min()), float(times.max())
-        yield Pass(number, heading.direction, before + lap - low, start, end, columns, grains, mask)
+        yield Pass(number, heading.direction, before + lap - low, start, end, columns, mask)
 
 
 def _columns_at(

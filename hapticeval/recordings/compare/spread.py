@@ -7,8 +7,8 @@ the differences between repeats of one.
 - The distance of two repeats is the root mean square of their difference where both have an answer.
 - Over pairs of renderers, and over the two directions, whose repeats may be different runs, p is multiplied by their
   number.
-- A column in which no two repeats, of either renderer, differ by more than their numbers resolve is the same to
-  rounding, and not tested: see `resolution`.
+- A column in which no two repeats, of either renderer, differ by more than rounding is the same, and not tested: see
+  `ROUNDING_SHARE`.
 - Where those of each renderer agree to rounding but not with the other's, the test needs nothing more: any other deal
   of the names mixes them.
 """
@@ -26,22 +26,22 @@ import numpy as np
 from hapticeval.errors import InputError
 from hapticeval.recordings.compare.align import COLUMNS, FULL_TURN, Aligned, Pass, Run
 from hapticeval.recordings.compare.permutation import LEVEL, Distances, needed, permutation_p
+from hapticeval.recordings.recording import SINGLE
 from hapticeval.types import Array, BoolArray, IntArray
 
 LEAST_COVERAGE = 0.5  # a repeat covers at least this share of what the fullest one does: the end of a last lap is none
+ROUNDING_SHARE = 16.0 * SINGLE  # of a column's size: what a few operations in single precision may cost
 LEAST_COMMON = 0.05  # two curves must share this much of the grid for a distance, and two medians for a difference
 
 
 class Repeats(NamedTuple):
     """The repeats of one renderer in one column and direction: `values` and `masks` (k, m).
 
-    `grains` (k, m) are what the numbers resolve there, see `resolution`. `runs` (k,) number the repeats: the same run
-    has the same number in every column.
+    `runs` (k,) number the repeats: the same run has the same number in every column.
     """
 
     values: Array
     masks: BoolArray
-    grains: Array
     runs: IntArray
 
     def median(self, at_least: int = 1) -> tuple[Array, BoolArray]:
@@ -123,18 +123,16 @@ def _repeats_of(passes: Sequence[Pass], column: str, branch: Array | None) -> Re
         # Each angle goes to the turn nearest to the common branch.
         values = values - FULL_TURN * np.round((values - branch) / FULL_TURN)
     masks = np.array([pass_.mask for pass_ in passes])
-    grains = np.array([pass_.grains[column] for pass_ in passes])
     run_of_pass = np.array([pass_.run for pass_ in passes])
     runs = np.unique(run_of_pass)
     of_runs = [run_of_pass == run for run in runs]
-    # Mean over the laps of each run; the grain of a mean is taken as coarse as its coarsest lap's.
+    # Mean over the laps of each run.
     counts = np.array([masks[laps].sum(axis=0) for laps in of_runs])
     sums = np.array([np.where(masks[laps], values[laps], 0.0).sum(axis=0) for laps in of_runs])
-    grains = np.array([grains[laps].max(axis=0) for laps in of_runs])
     values, masks = sums / np.maximum(counts, 1), counts > 0
     coverage = masks.mean(axis=1)
     long_enough = coverage >= LEAST_COVERAGE * coverage.max()
-    return Repeats(values[long_enough], masks[long_enough], grains[long_enough], runs[long_enough])
+    return Repeats(values[long_enough], masks[long_enough], runs[long_enough])
 
 
 @dataclass(frozen=True)
@@ -178,8 +176,7 @@ class Comparison:
     - `p`: of the permutation test over all columns, times the number of pairs and directions compared; `least`: the
       smallest that so many repeats can give.
     - `worst`: the place (in the abscissa's unit) of the largest difference of the medians, `largest`.
-    - `rounding`: the largest difference of any two repeats, of either renderer, in what the numbers of both resolve at
-      its place.
+    - `rounding`: the largest difference of any two repeats, of either renderer, in what counts as rounding.
     - `common`: the share of the grid that both medians cover.
     """
 
@@ -208,7 +205,6 @@ class Comparison:
         """ "differs", "within the spread", "the same to rounding", "too few repeats", or "too little in common"."""
         if math.isnan(self.difference):
             return "too little in common"
-        # In units of what the numbers resolve: no two repeats differ by more than rounding.
         if self.rounding <= 1.0:
             return "the same to rounding"
         if self.p < LEVEL:
@@ -300,7 +296,7 @@ def _compare_pair(
     seed: int,
 ) -> Iterator[Comparison]:
     """Compare two renderers in one direction, in every column that both have."""
-    measured = {column: _pairwise_distances(*both) for column, both in columns.items()}
+    measured = {column: _pairwise_distances(column, *both) for column, both in columns.items()}
     known = {column: np.isfinite(apart.values).all() for column, (apart, _) in measured.items()}
     # Columns that agree to rounding, or have a pair without enough in common, take no part in the test.
     tested = {name: apart for name, (apart, rounding) in measured.items() if known[name] and rounding > 1.0}
@@ -328,13 +324,13 @@ def _compare_pair(
         yield Comparison(first, second, direction, column, sizes, enough, *numbers, share)
 
 
-def _pairwise_distances(one: Repeats, other: Repeats) -> tuple[Distances, float]:
+def _pairwise_distances(column: str, one: Repeats, other: Repeats) -> tuple[Distances, float]:
     """Return the distances of every two repeats, of either renderer, where both have an answer.
 
     They are root mean square differences, NaN where too little is common. And the largest difference of any two at a
-    place, in what their numbers resolve there.
+    place, in what counts as rounding.
     """
-    values, masks, grains = (np.vstack(pair) for pair in zip(one[:3], other[:3], strict=True))
+    values, masks = np.vstack([one.values, other.values]), np.vstack([one.masks, other.masks])
     units = tuple((side, int(run)) for side, repeats in enumerate((one, other)) for run in repeats.runs)
     out = np.zeros((len(values), len(values)))
     largest = 0.0
@@ -342,9 +338,7 @@ def _pairwise_distances(one: Repeats, other: Repeats) -> tuple[Distances, float]
         common = masks[i] & masks[j]
         difference = values[i, common] - values[j, common]
         out[i, j] = out[j, i] = np.sqrt(np.mean(difference**2)) if np.mean(common) >= LEAST_COMMON else np.nan
-        with np.errstate(divide="ignore"):
-            nonzero = difference != 0.0
-            # In units of both repeats' grains; infinite where both resolve everything.
-            shares = np.abs(difference[nonzero]) / (grains[i, common] + grains[j, common])[nonzero]
-        largest = max(largest, float(shares.max(initial=0.0)))
-    return Distances(out, units), largest
+        largest = max(largest, float(np.max(np.abs(difference), initial=0.0)))
+    # A direction is known to a share of a turn, all else to a share of its size.
+    size = FULL_TURN if COLUMNS[column][0] == "rad" else float(np.max(np.abs(values[masks]), initial=0.0))
+    return Distances(out, units), largest / (ROUNDING_SHARE * size) if largest else 0.0

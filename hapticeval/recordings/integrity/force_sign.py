@@ -31,7 +31,6 @@ from hapticeval.recordings.energy_balance import PassivityTest, balance
 from hapticeval.recordings.integrity.contacts import impacts, wall_channel
 from hapticeval.recordings.integrity.issue import SEE_SIGN, Issue, make_issue
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
-from hapticeval.recordings.quantization import resolution
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import stretches
 
@@ -40,7 +39,6 @@ PORTS = (("force", "hip", 1.0), ("operator_force", "hip", -1.0), ("wall_force", 
 
 # Of the sum of the sizes |F| |IHIP - HIP|: how near the sum of F . (IHIP - HIP) is to it where a force points one way.
 ONE_WAY_SHARE = 0.95
-CLEAR_QUANTA = 3.0  # a tool nearer to the HIP than so many times what the numbers resolve is in no direction of it
 CHANCE_LEVEL = 0.05  # of the probability that chance alone makes a wall push what leaves it
 
 
@@ -144,9 +142,7 @@ def _pointing(recording: Recording) -> Sign | None:
         return None
     reach, force = recording.ihip - recording.hip, recording.force
     sizes = np.linalg.norm(reach, axis=1) * np.linalg.norm(force, axis=1)
-    # A tool that is hardly off the HIP has no direction from it.
-    clear = np.linalg.norm(reach, axis=1) > CLEAR_QUANTA * resolution(recording).position
-    rows = np.flatnonzero(recording.measured & clear & (sizes > 0.0))
+    rows = np.flatnonzero(recording.measured & (sizes > 0.0))
     if rows.size == 0:
         return None
     along = np.sum(force * reach, axis=1)[rows]
