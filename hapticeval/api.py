@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -29,6 +30,7 @@ from hapticeval.runner.results import (
     RunKey,
     VerdictEntry,
     read_results,
+    unknown_renderer,
     write_results,
 )
 from hapticeval.runner.resuming import finished_jobs
@@ -115,7 +117,8 @@ def plot_document(
     if path.name == FILE:
         return Results.read(path.parent).plot_grid(renderers, **sizes)
     if path.name == BENCH:
-        return paper_fronts(read_bench(path.parent), renderers, **sizes)
+        judged = read_results(path.parent).renderers if (path.parent / FILE).exists() else ()
+        return paper_fronts(read_bench(path.parent), renderers, judged=judged, **sizes)
     document = parse_json(path, todo="run the command again that wrote it")
     try:
         return paper_limits(document, **sizes)
@@ -169,6 +172,8 @@ def carry_out(planned: Plan, *, watch: Callable[[Event], None] | None = None, wo
             if watch is not None:
                 watch(event)
             if isinstance(event, JobFinished):
+                if watch is None and event.warnings:
+                    print(*event.warnings.values(), sep="\n", file=sys.stderr)
                 if event.recording is not None:
                     recordings[event.run.key] = event.recording
             elif isinstance(event, Interrupted):
@@ -307,6 +312,7 @@ class Results:
         font_size: float | None,
     ) -> Figure:
         """Return the figure for a paper, see `plot`."""
+        from hapticeval.reports.canvas import looks_of
         from hapticeval.reports.paper_figure import PaperRun, paper_figure
 
         if renderers:
@@ -326,7 +332,8 @@ class Results:
             recording = self.recording(f"{run.suite}/{run.case}", run.renderer)
             runs.append(PaperRun(run.renderer, recording, verdicts[check] if check is not None else None))
         model = entries[0].build_model(runs[0].recording)
-        return paper_figure(runs, model, width=width, height=height, font_size=font_size)
+        looks = looks_of(self.document.renderers)
+        return paper_figure(runs, model, looks=looks, width=width, height=height, font_size=font_size)
 
     def plot_grid(
         self,
@@ -446,9 +453,7 @@ class Results:
         # None for what the caller leaves open: enough where one run alone fits.
         matching_runs = [run for run in runs if renderer in (None, run.renderer)]
         if not matching_runs:
-            raise UnknownNameError(
-                f"renderer on {case}" if case else "renderer", str(renderer), {run.renderer for run in runs}
-            )
+            raise unknown_renderer(str(renderer), {run.renderer for run in runs})
         if len(matching_runs) > 1:
             raise InputError(
                 f"{len(matching_runs)} runs are of the case '{case}'"

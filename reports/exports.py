@@ -16,7 +16,7 @@ from hapticeval.files import csv_cell, file_stem, replacing
 from hapticeval.quantity import parse_paper_length
 from hapticeval.reports.grid import Tile, hard_cases, phenomenon_grid
 from hapticeval.reports.table import provenance, summaries
-from hapticeval.runner.results import ResultsDocument, RunEntry, Table, VerdictEntry
+from hapticeval.runner.results import ResultsDocument, RunEntry, Table, VerdictEntry, unknown_renderer
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -170,7 +170,7 @@ def latex_table(
     characters = 1.0 if width is None else parse_paper_length(width, option="width") / LINE_WIDTH
     for name in renderers:
         if name not in results.renderers:
-            raise UnknownNameError("renderer of these results", name, results.renderers)
+            raise unknown_renderer(name, results.renderers)
     chosen = results_of(results, renderers) if renderers else results
     tables = {sheet.name: sheet for sheet in sheets(chosen)}
     if table not in tables:

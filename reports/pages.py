@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.pages import CheckPage, read_page
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.bench_figure import TITLES, bench_plots
@@ -37,7 +38,6 @@ from hapticeval.runner.results import (
     Replay,
     ResultsDocument,
     RunEntry,
-    RunKey,
     SuiteEntry,
     VerdictEntry,
 )
@@ -65,7 +65,7 @@ class Drawing:
 
 
 class WorstVerdict(NamedTuple):
-    """A verdict that the first page shows, with the figure of its run; of several on one run the first has it."""
+    """A verdict that the first page shows, with its figure."""
 
     verdict: VerdictEntry
     drawing: Drawing
@@ -139,7 +139,7 @@ class Single:
 class ReportView:
     """What the templates show of results, and of what lies beside them; of what is not there they have no page.
 
-    - `drawings`: the figures of the runs that `worst_verdicts` names
+    - `drawings`: the figures of the verdicts that `worst_verdicts` names, by suite, case, renderer and check
     - `effects`, `costs`: panels of effects, and what effects cost
     - `counterexamples`: of a search
     - `replayed`: a recording that was replayed into replay/
@@ -147,7 +147,7 @@ class ReportView:
     """
 
     results: ResultsDocument
-    drawings: Mapping[RunKey, Drawing] = field(default_factory=dict)
+    drawings: Mapping[tuple[str, str, str, str], Drawing] = field(default_factory=dict)
     bench: BenchResults | None = None
     effects: Sequence[EffectPlot] = ()
     costs: EffectsDocument | None = None
@@ -264,14 +264,9 @@ class ReportView:
     @cached_property
     def worst(self) -> Sequence[WorstVerdict]:
         """What is shown with a figure: failures, warnings, or else what is known to fail."""
-        verdicts = worst_verdicts(self.results, MOST_FAILURES)
-        # Reversed, so that the first of several failures of a run wins: it has the figure.
-        first = {verdict.key: verdict for verdict in reversed(verdicts)}
         return [
-            WorstVerdict(
-                verdict, self.drawings.get(verdict.key, Drawing()) if first[verdict.key] is verdict else Drawing()
-            )
-            for verdict in verdicts
+            WorstVerdict(verdict, self.drawings.get((*verdict.key, verdict.check), Drawing()))
+            for verdict in worst_verdicts(self.results, MOST_FAILURES)
         ]
 
     @property
@@ -477,7 +472,7 @@ OTHER_LINK = re.compile(r"\[([^\]]*)\]\([^)]*\.md[^)]*\)")
 def render_check_pages(checks: Iterable[Check], index: str) -> str:
     """Return the page of what these checks ask, with a link to the first page of the report at `index`."""
     pages = [(check, html_of(read_page(check).text)) for check in checks]
-    return environment().get_template("check_pages.html.j2").render(pages=pages, index=index)
+    return environment().get_template("check_pages.html.j2").render(pages=pages, index=index, limits_of=limits_of)
 
 
 def html_of(page: str) -> str:

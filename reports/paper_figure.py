@@ -15,7 +15,7 @@ import numpy as np
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.canvas import CURVES, MM, colour_of, draw_over_time
+from hapticeval.reports.canvas import MM, Look, colour_of, draw_over_time, looks_of
 from hapticeval.reports.paper import PaperFigure, add_legend, paper_page
 from hapticeval.reports.plane import aspect_of, box_round, draw_body, name_axes, samples_along_path
 from hapticeval.reports.run_figure import include_zero
@@ -30,12 +30,6 @@ TALLEST = 0.12
 
 DETAIL = 20_000.0
 """Width of the view over what is left out of the model's outline: not to be seen in print."""
-
-ROLES = tuple(role for role in CURVES if role != "ink")
-"""Roles of the renderers' curves: ink is the HIP's."""
-
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-"""Marker of each renderer; that there is one more than colours keeps pairs apart where the colours begin anew."""
 
 DASHES = (0, (3.0, 1.5))
 """Line style of the HIP's path: the offset, and the lengths of line and gap in line widths."""
@@ -76,21 +70,24 @@ def paper_figure(
     runs: Sequence[PaperRun],
     model: Model | None,
     *,
+    looks: Mapping[str, Look] | None = None,
     width: str | None = None,
     height: str | None = None,
     font_size: float | None = None,
 ) -> PaperFigure:
     """Draw the runs of one case over each other; see `paper_page` for sizes.
 
+    `looks` are those that the renderers have on the pages of a report; if not given, those of a report of these runs.
     Runs in space are drawn in their `clearest_coordinates`. A ring and a line in time stand where the verdict of a run
     points. Raises as `paper_page` does.
     """
     with paper_page(width, height, font_size, natural=_natural_height) as fig:
         plane, force = fig.subplots(2, 1, height_ratios=(2.6, 1.0))
-        _draw_forces(force, runs)
+        looks = looks or looks_of(run.renderer for run in runs)
+        _draw_forces(force, runs, looks)
         coordinates = clearest_coordinates([run.recording for run in runs])
-        low, high = _draw_paths(plane, runs, coordinates)
-        legend_height = add_legend(fig, _legend_handles(runs))
+        low, high = _draw_paths(plane, runs, coordinates, looks)
+        legend_height = add_legend(fig, _legend_handles(runs, looks))
         if height is None:
             fig.set_figheight(fig.get_figheight() + legend_height)
         fig.align_ylabels()
@@ -109,20 +106,17 @@ def _natural_height(width: float) -> float:
     return min(width, max(TALLEST, 0.6 * width))
 
 
-def _curve_style(number: int, count: int) -> dict[str, Any]:
+def _curve_style(look: Look, number: int, count: int) -> dict[str, Any]:
     """Return how the curves of a renderer look: earlier ones are wider, so that all are seen where they coincide."""
     return {
-        "marker": MARKERS[number % len(MARKERS)],
+        "dashes": look.dash or (None, None),
+        "marker": look.marker,
         "markersize": 3.6,
         "markeredgewidth": 0.4,
         "markeredgecolor": "white",
         "linewidth": 1.0 + 0.9 * (count - 1 - number) / max(count - 1, 1),
         "zorder": 3.0 + 0.1 * number,
     }
-
-
-def _role(number: int) -> str:
-    return ROLES[number % len(ROLES)]
 
 
 def clearest_coordinates(recordings: Sequence[Recording]) -> tuple[int, int]:
@@ -141,7 +135,9 @@ def clearest_coordinates(recordings: Sequence[Recording]) -> tuple[int, int]:
     return max(spreads, key=lambda pair: spreads[pair])
 
 
-def _draw_paths(axes: Axes, runs: Sequence[PaperRun], coordinates: tuple[int, int]) -> tuple[Array, Array]:
+def _draw_paths(
+    axes: Axes, runs: Sequence[PaperRun], coordinates: tuple[int, int], looks: Mapping[str, Look]
+) -> tuple[Array, Array]:
     """Draw the paths of HIP and IHIPs, a ring round the IHIP that a verdict points at, and the line to its HIP.
 
     Return the least and the greatest coordinates of all, (2,) each, mm.
@@ -153,17 +149,18 @@ def _draw_paths(axes: Axes, runs: Sequence[PaperRun], coordinates: tuple[int, in
         hip, ihip = (MM * part[:, list(coordinates)] for part in (run.recording.hip, run.recording.ihip))
         points += [hip, ihip]
         if not same or run is max(runs, key=lambda run: len(run.recording)):
-            colour = colour_of("ink" if same else _role(number))
+            colour = colour_of("quiet" if same else looks[run.renderer].role)
             axes.plot(*hip.T, color=colour, linewidth=0.9, linestyle=DASHES, zorder=2.5)
         # NaN where nothing touches: the IHIP is the HIP there.
         touching = np.where(run.recording.contact[:, np.newaxis], ihip, np.nan)
         even = samples_along_path(run.recording, MARKS_OF_CURVE * len(runs))[number :: len(runs)]
-        style = _curve_style(number, len(runs))
-        axes.plot(*touching.T, color=colour_of(_role(number)), markevery=even.tolist(), **style)
+        look = looks[run.renderer]
+        style = _curve_style(look, number, len(runs))
+        axes.plot(*touching.T, color=colour_of(look.role), markevery=even.tolist(), **style)
         if run.tick is not None:
             axes.plot(*np.stack([hip[run.tick], ihip[run.tick]]).T, color=colour_of("ink"), linewidth=0.6, zorder=4.5)
             # Rings at one place lie within each other.
-            axes.plot(*ihip[run.tick], **_ring(_role(number), size=RING + 2.0 * (len(runs) - 1 - number)))
+            axes.plot(*ihip[run.tick], **_ring(look.role, size=RING + 2.0 * (len(runs) - 1 - number)))
     return np.nanmin(np.vstack(points), axis=0), np.nanmax(np.vstack(points), axis=0)
 
 
@@ -179,7 +176,7 @@ def _ring(role: str, *, size: float = RING) -> dict[str, Any]:
     return {**look, "markeredgewidth": 1.3, "color": colour_of(role), "zorder": 5}
 
 
-def _draw_forces(axes: Axes, runs: Sequence[PaperRun]) -> None:
+def _draw_forces(axes: Axes, runs: Sequence[PaperRun], looks: Mapping[str, Look]) -> None:
     """Draw the size of each force (N) against time (s), with a line at the time that a verdict points at."""
     sizes: list[Array] = []
     for number, run in enumerate(runs):
@@ -187,13 +184,13 @@ def _draw_forces(axes: Axes, runs: Sequence[PaperRun]) -> None:
         every = max(len(run.recording) // MARKS_OF_CURVE, 1)
         # Markers of different renderers stand side by side.
         markevery = (every * number // len(runs), every)
-        draw_over_time(
-            axes, run.recording, sizes[-1], _role(number), markevery=markevery, **_curve_style(number, len(runs))
-        )
+        look = looks[run.renderer]
+        style = _curve_style(look, number, len(runs))
+        draw_over_time(axes, run.recording, sizes[-1], look.role, markevery=markevery, **style)
         if run.tick is not None:
             # The dashes of one fall into the gaps of the others, should all lie at one time.
             axes.axvline(
-                float(run.recording.time[run.tick]), color=colour_of(_role(number)), linewidth=0.9, zorder=1.5,
+                float(run.recording.time[run.tick]), color=colour_of(look.role), linewidth=0.9, zorder=1.5,
                 linestyle=(3.0 * number, (3.0, max(3.0 * (len(runs) - 1), 2.0))),
             )  # fmt: skip
     start = min(float(run.recording.time[0]) for run in runs)
@@ -204,15 +201,16 @@ def _draw_forces(axes: Axes, runs: Sequence[PaperRun]) -> None:
     include_zero(axes, *sizes)
 
 
-def _legend_handles(runs: Sequence[PaperRun]) -> list[Any]:
+def _legend_handles(runs: Sequence[PaperRun], looks: Mapping[str, Look]) -> list[Any]:
     """Return the names of all that is drawn."""
     from matplotlib.lines import Line2D
 
-    colour, words = (colour_of("ink"), "HIP") if _have_one_path(runs) else (colour_of("quiet"), "HIP of each renderer")
-    handles = [Line2D([], [], color=colour, linewidth=0.9, linestyle=DASHES, label=words)]
+    words = "HIP" if _have_one_path(runs) else "HIP of each renderer"
+    handles = [Line2D([], [], color=colour_of("quiet"), linewidth=0.9, linestyle=DASHES, label=words)]
     for number, run in enumerate(runs):
-        style = _curve_style(number, len(runs))
-        handles.append(Line2D([], [], color=colour_of(_role(number)), label=f"IHIP, {run.label}", **style))
+        look = looks[run.renderer]
+        style = _curve_style(look, number, len(runs))
+        handles.append(Line2D([], [], color=colour_of(look.role), label=f"IHIP, {run.label}", **style))
     marked = [run.verdict for run in runs if run.verdict is not None and run.tick is not None]
     if marked:
         fails = all(verdict.outcome is Outcome.FAIL for verdict in marked)

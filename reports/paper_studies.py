@@ -10,9 +10,10 @@ from matplotlib.ticker import LogLocator
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.reports.bench_figure import EXACT_ERROR, PlottedSettings, plotted_settings
-from hapticeval.reports.canvas import CURVES, MARKERS, colour_of
+from hapticeval.reports.canvas import Look, colour_of, looks_of
 from hapticeval.reports.grid import Grid, Tile
 from hapticeval.reports.paper import LARGEST, PaperFigure, add_legend, paper_page
+from hapticeval.runner.results import unknown_renderer
 from hapticeval.runner.standing import Standing
 from hapticeval.study.bench.document import BenchResults
 
@@ -35,18 +36,11 @@ def _base_of(name: str) -> str:
     return name.partition("@")[0]
 
 
-def _looks_of(names: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Return role of the colour and marker of each renderer: no two alike of 49, and the first 7 as on all pages."""
-    shapes = tuple(MARKERS)
-    return {
-        name: (CURVES[k % len(CURVES)], shapes[(k + k // len(CURVES)) % len(shapes)]) for k, name in enumerate(names)
-    }
-
-
 def paper_fronts(
     bench: BenchResults,
     renderers: Sequence[str] = (),
     *,
+    judged: Sequence[str] = (),
     width: str | None = None,
     height: str | None = None,
     font_size: float | None = None,
@@ -54,8 +48,8 @@ def paper_fronts(
     """Draw IHIP error (mm) against the time of a step (us) for each model, with the Pareto front.
 
     A filled mark's error is proven, a hollow one's is an upper bound. `renderers`: those to draw, all if none are
-    named. Raises `InputError` for a bench without a measured setting, `UnknownNameError` for a renderer that it has
-    not, and as `paper_page` does.
+    named. Looks are those of a report in which the `judged` renderers come first. Raises `InputError` for a bench
+    without a measured setting, `UnknownNameError` for a renderer that it has not, and as `paper_page` does.
     """
     names = list(dict.fromkeys(setting.renderer for setting in bench.settings if not setting.problem))
     for name in renderers:
@@ -69,7 +63,8 @@ def paper_fronts(
     }
     if not plots:
         raise InputError("the bench has nothing to draw", why="no setting has a time and an error")
-    looks = _looks_of(chosen)
+    all_looks = looks_of([*judged, *(setting.renderer for setting in bench.settings)])
+    looks = {name: all_looks[name] for name in chosen}
     with paper_page(width, height, font_size, natural=lambda across: 0.75 * across * len(plots)) as fig:
         all_axes = fig.subplots(len(plots), 1, squeeze=False)[:, 0]
         for axes, (model, plotted) in zip(all_axes, plots.items(), strict=True):
@@ -83,7 +78,7 @@ def paper_fronts(
         return fig
 
 
-def _draw_front(axes: Axes, plotted: PlottedSettings, looks: Mapping[str, tuple[str, str]]) -> None:
+def _draw_front(axes: Axes, plotted: PlottedSettings, looks: Mapping[str, Look]) -> None:
     """Draw the settings of one model, a curve a renderer, and the steps of the front of each reference among them."""
     axes.set(xscale="log", yscale="log")
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
@@ -102,20 +97,20 @@ def _draw_front(axes: Axes, plotted: PlottedSettings, looks: Mapping[str, tuple[
                 front.append((time, error))
         axes.step(*zip(*front, strict=True), where="post", color=colour_of("ink"), linewidth=1.2, zorder=1.8)
     for name in dict.fromkeys(setting.renderer for setting, _ in plotted):
-        role, marker = looks[name]
-        colour = colour_of(role)
+        look = looks[name]
+        colour = colour_of(look.role)
         of_renderer = [(setting, place) for setting, place in plotted if setting.renderer == name]
         axes.plot(*zip(*(place for _, place in of_renderer), strict=True), color=colour, linewidth=0.7, alpha=0.6)
         for setting, place in of_renderer:
             fill = colour if setting.proven else "white"
-            axes.plot(*place, marker=marker, markersize=4.5, color=colour, markerfacecolor=fill, linestyle="none")
+            axes.plot(*place, marker=look.marker, markersize=4.5, color=colour, markerfacecolor=fill, linestyle="none")
 
 
-def _front_handles(plots: Iterable[PlottedSettings], looks: Mapping[str, tuple[str, str]]) -> list[Any]:
+def _front_handles(plots: Iterable[PlottedSettings], looks: Mapping[str, Look]) -> list[Any]:
     """Return the key of every mark that is drawn."""
     handles = [
-        Line2D([], [], color=colour_of(role), marker=marker, markersize=4.5, linewidth=0.7, label=name)
-        for name, (role, marker) in looks.items()
+        Line2D([], [], color=colour_of(look.role), marker=look.marker, markersize=4.5, linewidth=0.7, label=name)
+        for name, look in looks.items()
     ]
     handles.append(Line2D([], [], color=colour_of("ink"), linewidth=1.2, label="Pareto front"))
     if any(not setting.proven for plotted in plots for setting, _ in plotted):
@@ -140,7 +135,7 @@ def paper_grid(
     rows = {name: tiles for name, tiles in grid.rows if not renderers or name in renderers}
     for name in renderers:
         if name not in rows:
-            raise UnknownNameError("renderer of these results", name, [row for row, _ in grid.rows])
+            raise unknown_renderer(name, [row for row, _ in grid.rows])
     if not rows or not grid.columns:
         raise InputError("there is no grid to draw", why="no verdict was given")
 

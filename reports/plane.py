@@ -46,7 +46,10 @@ Box = tuple[float, float, float, float]
 def draw_plane(
     axes: Axes, recording: Recording, model: Model | None, *, ticks: Mapping[int, int], failed: Collection[int]
 ) -> None:
-    """Draw into `axes`; `ticks` maps the numbers of marks to samples, `failed` are the numbers that failed."""
+    """Draw into `axes`; `ticks` maps the numbers of marks to samples, `failed` are the numbers that failed.
+
+    A mark that is alone has no number.
+    """
     coordinates = widest_coordinates(recording.hip)
     name_axes(axes, coordinates, recording.hip.shape[1])
     axes.yaxis.set_label_coords(-0.13, 0.5)
@@ -62,8 +65,9 @@ def draw_plane(
     _draw_samples(axes, recording, chosen)
     for number, tick in ticks.items():
         _draw_mark(axes, recording, tick, failed=number in failed)
-    places = [MM * recording.ihip[tick] for tick in ticks.values()]
-    for label_place, text in labels(list(ticks), places, 0.05 * (view[2] - view[0])):
+    numbered = ticks if len(ticks) > 1 else {}
+    places = [MM * recording.ihip[tick] for tick in numbered.values()]
+    for label_place, text in labels(list(numbered), places, 0.05 * (view[2] - view[0])):
         axes.annotate(text, tuple(label_place), xytext=(5.5, 3.5), textcoords="offset points", zorder=6)
     axes.set(xlim=view[::2], ylim=view[1::2])
     legend_above(

@@ -154,7 +154,7 @@ def _add_frame(fig: Figure, places: Sequence[Area]) -> Frame:
 
 
 def _draw(frame: Frame, recording: Recording, model: Model | None, marks: Sequence[Mark]) -> None:
-    """Draw a run into the axes, with a vertical line and a ring at each mark."""
+    """Draw a run into the axes, with a vertical line and a ring at each mark, numbered where there are several."""
     plane, force, below = frame
     # The sample nearest to each mark's time.
     ticks = {mark.number: int(np.argmin(np.abs(recording.time - mark.time))) for mark in marks}
@@ -170,8 +170,10 @@ def _draw(frame: Frame, recording: Recording, model: Model | None, marks: Sequen
                 mark.time, color=colour_of("mark"), linewidth=1.3 if mark.failed else 0.9, zorder=1.5,
                 linestyle="-" if mark.failed else (0, (1.5, 1.5)),
             )  # fmt: skip
-    times = [np.array([mark.time]) for mark in marks]
-    for time, text in labels([mark.number for mark in marks], times, 0.03 * (end - start)):
+    # A number tells marks apart: one mark alone needs none.
+    numbered = marks if len(marks) > 1 else ()
+    times = [np.array([mark.time]) for mark in numbered]
+    for time, text in labels([mark.number for mark in numbered], times, 0.03 * (end - start)):
         force.annotate(
             text, (float(time[0]), 0.0), xycoords=("data", "axes fraction"), xytext=(0, -1.5),
             textcoords="offset points", ha="center", va="top", annotation_clip=False,

@@ -23,7 +23,7 @@ from hapticeval.reports.pages import MOST_FAILURES, Counterexample, Drawing, Rep
 from hapticeval.reports.places import FOLDER, INDEX, ROOT, case_file
 from hapticeval.reports.run_figure import figure_svg, marks_of
 from hapticeval.reports.table import markdown
-from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
+from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, VerdictEntry, read_results
 from hapticeval.study.bench.document import FILE as BENCH
 from hapticeval.study.bench.document import read_bench
 from hapticeval.study.effects.document import FILE as COSTS
@@ -103,11 +103,11 @@ class Page:
 
 @dataclass(frozen=True)
 class Picture:
-    """The figure of one run to draw for the first page."""
+    """The figure of a verdict to draw for the first page: its run, with a mark where the verdict points."""
 
     directory: Path
     run: RunEntry
-    verdicts: Sequence[VerdictEntry]
+    verdict: VerdictEntry
     prefix: str
     look: Look
 
@@ -126,7 +126,7 @@ class Picture:
         if lacking:
             return Drawing(problem=f"the recording has no channel '{lacking[0]}'")
         title = f"{'/'.join(self.run.key)}: HIP, IHIP, response force and steps against time"
-        marks = tuple(marks_of(self.verdicts).values())
+        marks = tuple(marks_of([self.verdict]).values())
         return Drawing(svg=figure_svg(recording, model, marks=marks, prefix=self.prefix, title=title, look=self.look))
 
     def fallback(self, why: str) -> Drawing:
@@ -172,7 +172,7 @@ def write_reports(
         is_first = not (directory / (SINGLE_FILE if single_file else FOLDER)).exists()
         outcomes = _carry_out(orders, progress or (lambda *_: None), workers, stopped, without_figures=is_first)
         drawings = {
-            order.run.key: drawing
+            (*order.run.key, order.verdict.check): drawing
             for order, drawing in zip(orders, outcomes, strict=True)
             if isinstance(order, Picture) and isinstance(drawing, Drawing)
         }
@@ -276,14 +276,13 @@ def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -
 
 
 def _failure_pictures(directory: Path, results: ResultsDocument) -> list[Picture]:
-    """Return one figure to draw for each run whose failure the first page shows."""
-    run_keys: dict[RunKey, None] = dict.fromkeys(verdict.key for verdict in worst_verdicts(results, MOST_FAILURES))
+    """Return one figure to draw for each failure that the first page shows."""
     runs = {run.key: run for run in results.runs}
     looks = looks_of(results.renderers)
     return [
-        Picture(directory, runs[key], results.verdicts_of[key], f"f{number}", looks[runs[key].renderer])
-        for number, key in enumerate(run_keys)
-        if key in runs
+        Picture(directory, runs[verdict.key], verdict, f"f{number}", looks[verdict.renderer])
+        for number, verdict in enumerate(worst_verdicts(results, MOST_FAILURES))
+        if verdict.key in runs
     ]
 
 

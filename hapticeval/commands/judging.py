@@ -43,11 +43,6 @@ DEFAULT_SUITE = "thesis"
 TIMEOUT = 600.0
 """Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""
 
-COMPILING = (
-    "compiling kernels as they are first used, once: some 10 s of a processor for --quick, more for a whole suite"
-)
-"""What a run says first where no kernel is compiled yet: measured with a renderer in Python, 7.6 s."""
-
 loop_option = partial(option, rich_help_panel="While you work on a renderer")
 gate_option = partial(option, rich_help_panel="Gate")
 long_run_option = partial(option, rich_help_panel="Long runs")
@@ -270,8 +265,6 @@ def judge_and_summarise(
         Interrupts(to_the_end=True) as interrupts,
         Terminal(verbose=verbose, counts=known_file is None) as terminal,
     ):
-        if kernels_are_new():
-            terminal.line(COMPILING)
         # Progress goes to stderr while it runs; stdout has the summary alone, at the end.
         results = judge(terminal)
         # None where the run was given up.
@@ -309,13 +302,6 @@ def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts,
             return written
     terminal.line(f"no reports are written: hapticeval report {results.folder} makes them of what is kept")
     return None
-
-
-def kernels_are_new() -> bool:
-    """Return whether none is compiled yet."""
-    from hapticeval.kernel_cache import kernel_folder
-
-    return next(kernel_folder().rglob("*.nbi"), None) is None
 
 
 def report(

@@ -33,6 +33,12 @@ REMINDER_SECONDS = 5.0
 SILENCE_SECONDS = 30.0
 """Seconds without a line, where there is no bar, after which one says what is at work."""
 
+COMPILING = (
+    "compiling kernels as they are first used, once: with --quick some 10 s of a processor for a renderer in Python, "
+    "20 s for a built-in one, 50 s for all of these; more for whole suites"
+)
+"""What a run says first where no kernel is compiled yet: 8, 20 and 50 s of CPU time were measured."""
+
 
 @dataclass
 class _SuiteProgress:
@@ -84,6 +90,8 @@ class Terminal:
     def __call__(self, event: Event) -> None:
         """Take one event of the stream."""
         if isinstance(event, RunStarted):
+            if kernels_are_new():
+                self.line(COMPILING)
             self._planned_jobs = event.planned_jobs
             kept_words = f", {plural(event.kept_jobs, 'run')} of them finished before" if event.kept_jobs else ""
             self._finished_jobs = event.kept_jobs
@@ -94,6 +102,8 @@ class Terminal:
                 self.line(note)
         elif isinstance(event, JobFinished):
             self._finished_jobs += 1
+            for text in event.warnings.values():
+                self.line(text)
             if self._stream.isatty():
                 self._advance(self._finished_jobs, self._planned_jobs, f"{event.run.renderer} on {event.run.case}")
             elif self._verbose or self._breaks_anew(event):
@@ -223,6 +233,13 @@ class Terminal:
         self.clear()
         self._spoke = time.monotonic()
         print(printable(text), file=self._stream, flush=True)
+
+
+def kernels_are_new() -> bool:
+    """Return whether none is compiled yet."""
+    from hapticeval.kernel_cache import kernel_folder
+
+    return next(kernel_folder().rglob("*.nbi"), None) is None
 
 
 def _at_work_words(event: AtWork) -> str:

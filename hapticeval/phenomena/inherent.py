@@ -21,8 +21,9 @@ FED_FORWARD = ("pp-pd-c", "set-stabilisation")
 
 
 class Limit(NamedTuple):
-    """What no renderer of a declared kind can do: the `checks` that fail for it, whether it `applies`, and why."""
+    """What no renderer of a `declared` kind can do: the `checks` that fail for it, whether it `applies`, and why."""
 
+    declared: str
     checks: frozenset[str]
     applies: Callable[[Declared, Finding], bool]
     because: str
@@ -84,66 +85,82 @@ def _has_law(*schemes: str) -> Callable[[Declared, Finding], bool]:
 
 LIMITS = (
     Limit(
+        "spring",
         frozenset({"impulsive-collision"}),
         _strikes_as_a_spring,
         "a spring's force begins at zero and grows with the depth, so it turns the momentum round in pi/2 sqrt(m / K) "
         "and not at once: thesis 3.2.2, (4.6)",
     ),
     Limit(
+        "spring=Spring.ERROR",
         frozenset({"abrupt-switch"}),
         _pulls_along_the_error,
         "in a concave corner the proxy rests and the hand goes on: a spring between them turns with the hand, over the "
         "corner's turn times the depth, and not at once: thesis 3.2.2, (4.6)",
     ),
     Limit(
+        "spring",
         frozenset({"centripetal-force"}),
         _sinks_as_a_spring,
         "a spring gives m kappa v^2 only at the depth m kappa v^2 / K: thesis 3.2.3, 6.3.3",
     ),
     Limit(
+        "memoryless",
         frozenset({"continuous-contact"}),
         _jumps_as_the_nearest_point,
         "without memory the contact point depends on the hand alone, and the nearest one jumps across the medial "
         "axis by as much: thesis 3.2, 4.1.2",
     ),
     Limit(
+        "memoryless",
         frozenset({"contact-kept"}),
         _tunnels_across_the_medial_axis,
         "without memory a hand that has crossed the middle of a plate belongs to its other side: thesis 3.2, 4.1.2",
     ),
     Limit(
+        "memoryless",
         frozenset({"broken-contact"}),
         _projects_across_the_medial_axis,
         "without memory the contact point depends on the hand alone, and the nearest one jumps across the medial axis: "
         "thesis 3.2, 4.1.2",
     ),
     Limit(
+        "smooth_only",
         frozenset({"broken-contact", "abrupt-switch"}),
         _rounds_corners,
         "a map that is made for smooth surfaces turns a corner over a length: thesis 5.2, 6.2",
     ),
     Limit(
+        "closed_form pp",
         frozenset({"constraint-stability"}),
         _has_law("pp"),
         "without a damper the law leaves an oscillation across the surface: thesis Table 6.1, (6.19)",
     ),
     Limit(
+        "closed_form pp-pd",
         frozenset({"constraint-stability"}),
         _has_law("pp-pd"),
         "where nothing slows the tool it stays off by the error that gives the centripetal force: thesis (6.26)",
     ),
     Limit(
+        "closed_form pp, pp-v, pp-d, pp-pd",
         frozenset({"output-invariance", "tangential-dynamics"}),
         _has_law("pp", "pp-v", "pp-d", "pp-pd"),
         "a force along the position error lets the tool off a curved surface, which then changes its speed: "
         "thesis Table 6.2",
     ),
     Limit(
+        "closed_form pp, pp-v, pp-d, pp-pd, pp-pd-c",
         frozenset({"decoupling"}),
         _has_law("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c"),
         "the law leaves out the term 2 kappa n' s' that couples across and along: thesis Table 6.2, (7.38)",
     ),
 )
+
+
+def limits_of(check: str) -> dict[str, str]:
+    """Return why failures of a check are inherent, by what a renderer declares for that; nothing where none are."""
+    return {limit.declared: limit.because for limit in LIMITS if check in limit.checks}
 
 
 def reason_inherent(check: str, finding: Finding, declared: Declared) -> str:

@@ -27,12 +27,17 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class JobFinished:
-    """One renderer has gone through one case; `error` is what stopped it, `recording` its run where no file has it."""
+    """One renderer has gone through one case; `error` is what stopped it, `recording` its run where no file has it.
+
+    `warnings` are those that Python code gave in another process, as text by the place that gave it; a run reports each
+    place once.
+    """
 
     run: RunEntry
     verdicts: tuple[VerdictEntry, ...]
     error: HapticevalError | None = None
     recording: Recording | None = None
+    warnings: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from typing import TypeAlias, TypeVar
@@ -117,6 +118,7 @@ class _Execution:
         self.reported_count = 0
         self.begun_at: dict[int, float] = {}
         self.last_beat = time.monotonic()
+        self.warning_places: set[str] = set()
         self.warned = self.stopped = False
 
     def opening(self) -> RunStarted:
@@ -154,6 +156,10 @@ class _Execution:
     def _reported(self, number: int) -> Iterator[Event]:
         marked_job = self.progress.add(self.finished.pop(number))
         self.reported_count += 1
+        # One line of a renderer that warns does so in every job and process.
+        fresh = {place: text for place, text in marked_job.warnings.items() if place not in self.warning_places}
+        self.warning_places |= fresh.keys()
+        marked_job = replace(marked_job, warnings=fresh)
         # Those of the run that is resumed were reported then.
         if number not in self.earlier_numbers:
             yield marked_job

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import shlex
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, TextIO
 
 from hapticeval.errors import RefusalError, RendererError, place_in_stack
 from hapticeval.files import digest_of, plain
@@ -23,23 +27,55 @@ from hapticeval.workers import Ended as EndedProcess
 
 def carry_out_here(work: Work, job: Job, directory: Path | None, seed: int) -> tuple[JobFinished, bytes | None]:
     """Do a job on the machine of the result folder: its recording is in that folder afterwards."""
-    return outcome_of(job, *work(job, directory, seed)), None
+    with _warnings_collected() as text_by_place:
+        judged, file = work(job, directory, seed)
+    return outcome_of(job, judged, file, text_by_place), None
 
 
 def carry_out_afar(work: Work, job: Job, directory: Path | None, seed: int) -> tuple[JobFinished, bytes | None]:
     """Do a job on a machine that may not see the result folder: its recording's file travels along, as bytes."""
-    judged, _ = work(job, None, seed)
+    with _warnings_collected() as text_by_place:
+        judged, _ = work(job, None, seed)
     if directory is None or judged.recording is None:
-        return outcome_of(job, judged, None), None
+        return outcome_of(job, judged, None, text_by_place), None
     content = recording_bytes(judged.recording)
-    return outcome_of(job, replace(judged, recording=None), recording_file(job)), content
+    return outcome_of(job, replace(judged, recording=None), recording_file(job), text_by_place), content
 
 
-def outcome_of(job: Job, judged: Judged, file: Path | None) -> JobFinished:
-    """Return the entries of a judged job, and its recording where no file keeps it."""
+@contextmanager
+def _warnings_collected() -> Iterator[Mapping[str, str]]:
+    """Collect the warnings of a process that works for another, as text by place; elsewhere they go where they went.
+
+    The process that everything is reported by shows them: workers know nothing of each other.
+    """
+    text_by_place: dict[str, str] = {}
+
+    def collect(
+        message: Warning | str, category: type[Warning], filename: str, lineno: int,
+        _file: TextIO | None = None, line: str | None = None,
+    ) -> None:  # fmt: skip
+        text = warnings.formatwarning(message, category, filename, lineno, line).rstrip()
+        text_by_place.setdefault(f"{filename}:{lineno}: {category.__name__}", text)
+
+    if multiprocessing.parent_process() is None:
+        yield text_by_place
+        return
+    before = warnings.showwarning
+    warnings.showwarning = collect
+    try:
+        yield text_by_place
+    finally:
+        warnings.showwarning = before
+
+
+def outcome_of(
+    job: Job, judged: Judged, file: Path | None, text_by_place: Mapping[str, str] = MappingProxyType({})
+) -> JobFinished:
+    """Return the entries of a judged job, its recording where no file keeps it, and its warnings' text by place."""
     return JobFinished(
-        run_entry(job, judged, file), tuple(map(VerdictEntry.of, judged.verdicts)), judged.error, judged.recording
-    )
+        run_entry(job, judged, file), tuple(map(VerdictEntry.of, judged.verdicts)), judged.error, judged.recording,
+        dict(text_by_place),
+    )  # fmt: skip
 
 
 def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from functools import cached_property
 from importlib import metadata
@@ -20,7 +20,7 @@ import msgspec
 from msgspec import Meta
 
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, kind_of
+from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, kind_of
 from hapticeval.files import digest_of, plain, read_json, without_non_finite, write_json
 from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
 from hapticeval.quantity import format_quantity
@@ -540,6 +540,17 @@ def read_results(directory: Path) -> ResultsDocument:
     format version other than ours, and a document that does not fit the types.
     """
     return read_json(Path(directory) / FILE, ResultsDocument, version=FORMAT_VERSION, command="run")
+
+
+def unknown_renderer(name: str, known: Iterable[str]) -> UnknownNameError:
+    """Return the error of a renderer that results are asked for and that is not among those that they know."""
+    return UnknownNameError(
+        "renderer of these results",
+        name,
+        (),
+        todo=f"name one of {', '.join(sorted(known))}; to have others beside them, judge all of them in one run "
+        "(-r A -r B), or join two folders by `hapticeval merge`",
+    )
 
 
 def environment() -> dict[str, Any]:

@@ -66,6 +66,8 @@ def test_the_grid_of_a_run_and_what_is_no_document(here, capsys):
     assert b"/Type3" not in (here / "grid.pdf").read_bytes()
     assert main(["figure", "results/results.json", "-r", "local_mine:Absent"]) == 2
     assert "renderer of these results" in capsys.readouterr().err
+    assert main(["figure", "flat", "--from", "results", "-r", "local_mine:Absent"]) == 2
+    assert "judge all of them in one run (-r A -r B)" in capsys.readouterr().err
     for name, content in (("other.json", "[]"), ("limits-x.json", '{"workspace": null}'), ("cut.json", '{"a"')):
         (here / name).write_text(content)
         assert main(["figure", name]) == 2

@@ -12,8 +12,9 @@ import pytest
 
 from hapticeval import __version__
 from hapticeval.cli import main
-from hapticeval.commands import judging
+from hapticeval.commands import terminal
 from hapticeval.kernel_cache import kernel_folder
+from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.pages import page_file, read_page
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.runner.folder import prepared_folder
@@ -288,6 +289,8 @@ def test_explain_prints_what_is_asked_first_and_where_the_rest_is(capsys, monkey
     out = capsys.readouterr().out
     check, page = CHECKS[name], read_page(CHECKS[name])
     texts = (page.question, check.formula, page.bound, page.first_cause, check.citation, check.metric)
+    assert out.count("\ninherent") == len(limits_of(name))
+    assert all(words(because) in words(out) for because in limits_of(name).values())
     assert all(words(text) in words(out) for text in (*texts, *check.siblings.values(), *check.channels))
     assert len(out.split("\nbound ", 1)[1].split("\nif it fails", 1)[0].splitlines()) <= 7
     assert words(str(page_file(check))).replace(" ", "") in words(out).replace(" ", "")
@@ -306,17 +309,17 @@ def test_a_reader_that_has_gone_away_is_no_error(arguments):
 
 def test_the_first_run_says_that_it_compiles(here, capsys, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(here))
-    assert judging.kernels_are_new()
+    assert terminal.kernels_are_new()
     kernel_folder().mkdir(parents=True)
     (kernel_folder() / "kernels.bend.nbi").touch()
-    assert not judging.kernels_are_new()
+    assert not terminal.kernels_are_new()
     assert main(["cache"]) == 0
     assert ": 1 file, 0 B" in capsys.readouterr().out
     assert main(["cache", "--clear"]) == 0
     assert not kernel_folder().exists()
     assert main(["cache", "--clear"]) == 0
     capsys.readouterr()
-    monkeypatch.setattr(judging, "kernels_are_new", lambda: True)
+    monkeypatch.setattr(terminal, "kernels_are_new", lambda: True)
     assert run("-r", "local_mine:Good", "-k", "flat") == 0
     assert capsys.readouterr().err.startswith("compiling kernels as they are first used, once")
 

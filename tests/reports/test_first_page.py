@@ -117,6 +117,14 @@ def test_the_first_page_tells_what_ran_and_what_was_found(pages):
     assert "published: No" in pages["summary.html"].words
 
 
+def test_each_card_has_the_figure_of_its_own_verdict(pages, results):
+    worst = ReportView(results).worst
+    assert len({shown.verdict.key for shown in worst}) < len(worst), "two of them are of one run"
+    drawable = {run.key for run in results.runs if run.recording}
+    drawn = sum(shown.verdict.key in drawable for shown in worst)
+    assert sum(tag == "figure" for tag, _ in pages["index.html"].tags) == drawn > 1
+
+
 def test_each_case_has_a_page_with_a_place_for_each_verdict_and_every_link_leads_somewhere(pages, results):
     beside = {"index.html", "checks.html", "summary.html", "reading.html"}
     assert set(pages) == beside | {case_file(run.suite, run.case) for run in results.runs}

@@ -10,6 +10,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.recordings.recording import Recording
+from hapticeval.reports.canvas import colour_of, looks_of
 from hapticeval.reports.paper_figure import RING, PaperRun, clearest_coordinates, paper_figure
 
 
@@ -63,6 +64,16 @@ def test_the_legend_names_what_is_drawn_and_the_mark_stands_where_the_verdict_po
     np.testing.assert_allclose([ring.get_xydata()[0] for ring in rings], 1e3 * lobe_recording().ihip[[tick, tick]])
     assert [line.get_xdata()[0] for line in force.lines if line.get_xdata()[0] == line.get_xdata()[-1]] == [time, time]
     assert texts(paper_figure(two_runs(), None)) == texts(fig)[:3], "no place is named, no mark is explained"
+
+
+def test_a_renderer_looks_as_on_the_pages_of_its_report():
+    looks = looks_of(["zero", "one", "two"])
+    plane, force = paper_figure(two_runs(), None, looks=looks).axes
+    for axes, count in ((plane, 3), (force, 2)):
+        curves = axes.lines[-2:] if axes is force else axes.lines[1:]
+        assert len(axes.lines) == count
+        for name, line in zip(("one", "two"), curves, strict=True):
+            assert (line.get_color(), line.get_marker()) == (colour_of(looks[name].role), looks[name].marker)
 
 
 def test_a_place_without_a_time_is_found_by_its_hip():

@@ -6,7 +6,7 @@ from reports_synthetic import synthetic_results
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.reports.grid import Grid, phenomenon_grid
-from hapticeval.reports.paper_studies import _looks_of, paper_fronts, paper_grid
+from hapticeval.reports.paper_studies import paper_fronts, paper_grid
 from hapticeval.study.bench.document import BenchResults, SettingEntry, Times
 
 
@@ -61,10 +61,6 @@ def test_a_renderer_is_named_with_or_without_its_representation():
         paper_fronts(given, ["c"])
     with pytest.raises(InputError, match="nothing to draw"):
         paper_fronts(bench(setting("a", claims=None)))
-
-
-def test_no_two_of_49_renderers_look_alike():
-    assert len(set(_looks_of([str(number) for number in range(49)]).values())) == 49
 
 
 def test_a_grid_has_a_sign_a_cell_and_the_key_of_each(tmp_path):

@@ -22,7 +22,7 @@ from hapticeval.runner.planning import plan
 from hapticeval.runner.results import read_results
 
 MODULE = """
-import os, random, time
+import os, random, time, warnings
 import numpy as np
 from hapticeval import Response
 
@@ -87,6 +87,11 @@ class Interrupts(Good):
 
 def no_renderer(scene):
     return 42
+
+class Warns(Good):
+    def step(self, hip, velocity, dt):
+        warnings.warn(f"ill conditioned at {hip[0]:.6f}")
+        return super().step(hip, velocity, dt)
 """
 
 SUITE = """
@@ -140,6 +145,25 @@ def test_the_stream_reports_the_plan_every_job_and_the_end(run, tmp_path, worker
     for entry in results.runs:
         assert len(read_recording(tmp_path / "out" / entry.recording)) == 201
         assert entry.simulated_seconds >= 0.2
+
+
+@pytest.mark.filterwarnings("default:ill conditioned")
+def test_a_place_that_warns_in_every_job_and_process_is_reported_once(run):
+    _, jobs = run("thirdparty:Warns", "thirdparty:Good")
+    assert all(job.error is None for job in jobs.values())
+    [reported] = [job.warnings for job in jobs.values() if job.warnings]
+    [(place, text)] = reported.items()
+    assert place.endswith("thirdparty.py:70: UserWarning")
+    assert "UserWarning: ill conditioned at " in text
+    assert "warnings.warn(f" in text
+    assert reported is jobs["press", "thirdparty:Warns"].warnings
+
+
+@pytest.mark.filterwarnings("default:ill conditioned")
+def test_a_warning_in_this_process_is_left_to_python(run):
+    with pytest.warns(UserWarning, match="ill conditioned"):
+        _, jobs = run("thirdparty:Warns", workers=0)
+    assert not any(job.warnings for job in jobs.values())
 
 
 def test_without_a_folder_the_events_bring_the_recordings(short, tmp_path):
