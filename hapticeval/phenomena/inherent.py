@@ -49,6 +49,9 @@ def _sinks_as_a_spring(declared: Declared, finding: Finding) -> bool:
     """Return whether the error is a spring's, m kappa v^2 / K with the least K declared, up to `TELLING_SHARE`."""
     if finding.metric is None or "spring" not in declared or declared.get("closed_form") in FED_FORWARD:
         return False
+    # The theorem is about the spring that is declared: a force of another size is not that one's.
+    if "force_of_spring" in finding.evidence:
+        return False
     # Where the stiffness varies, the error is the softest spring's.
     softest = float(declared.get("stiffness_least", 1.0))
     return finding.metric.value <= 1.0 / softest + TELLING_SHARE
@@ -58,9 +61,15 @@ def _projects_across_the_medial_axis(declared: Declared, finding: Finding) -> bo
     return declared.get("memory") == "none" and finding.evidence.get("region") == Region.MEDIAL.value
 
 
-def _tunnels_across_the_medial_axis(declared: Declared, finding: Finding) -> bool:
-    # A contact that is let go is no theorem's: the nearest point exists wherever the hand is inside.
-    return _projects_across_the_medial_axis(declared, finding) and fault_kind(finding.evidence) == "tunnelled"
+def _tunnels_without_memory(declared: Declared, finding: Finding) -> bool:
+    """Return whether contact is lacking only where the hand is outside, having come through, or at the medial axis.
+
+    A contact that is let go is no theorem's: the nearest point exists wherever the hand is inside.
+    """
+    if declared.get("memory") != "none" or fault_kind(finding.evidence) != "tunnelled":
+        return False
+    # Through a plate that is thinner than three steps of the hand the nearest point hardly moves.
+    return finding.evidence.get("deepest_m") == 0.0 or finding.evidence.get("region") == Region.MEDIAL.value
 
 
 def _jumps_as_the_nearest_point(declared: Declared, finding: Finding) -> bool:
@@ -68,8 +77,8 @@ def _jumps_as_the_nearest_point(declared: Declared, finding: Finding) -> bool:
     jump, nearest = finding.metric, finding.evidence.get("nearest_jump_m")
     if jump is None or finding.bound is None or not isinstance(nearest, float):
         return False
-    # No theorem moves the point off the surface.
-    if "off_surface_m" in finding.evidence:
+    # No theorem moves the point off the surface, nor makes it jump where the nearest point does not.
+    if finding.evidence.keys() & {"off_surface_m", "unexplained_jump_m"}:
         return False
     return _projects_across_the_medial_axis(declared, finding) and jump.value <= nearest + finding.bound
 
@@ -114,7 +123,7 @@ LIMITS = (
     Limit(
         "memoryless",
         frozenset({"contact-kept"}),
-        _tunnels_across_the_medial_axis,
+        _tunnels_without_memory,
         "without memory a hand that has crossed the middle of a plate belongs to its other side: thesis 3.2, 4.1.2",
     ),
     Limit(

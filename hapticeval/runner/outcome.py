@@ -52,8 +52,9 @@ def _warnings_collected() -> Iterator[Mapping[str, str]]:
 
     def collect(
         message: Warning | str, category: type[Warning], filename: str, lineno: int,
-        _file: TextIO | None = None, line: str | None = None,
+        file: TextIO | None = None, line: str | None = None,
     ) -> None:  # fmt: skip
+        del file  # of Python's signature
         text = warnings.formatwarning(message, category, filename, lineno, line).rstrip()
         text_by_place.setdefault(f"{filename}:{lineno}: {category.__name__}", text)
 

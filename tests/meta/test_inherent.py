@@ -48,6 +48,32 @@ class ThreeTimesAsFar(Declared):
         return Response(ihip, force)
 
 
+class PopsBeside(Declared):
+    """Beside the medial axis it rounds its contact point to 2 mm: pops that are shorter than the honest one."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, _ = super().step(hip, velocity, dt)
+        if np.linalg.norm(ihip - hip) > 0.0 and hip[0] > 2e-3:
+            ihip = self.boundary.closest_point(2e-3 * np.round(ihip[np.newaxis] / 2e-3)).foot[0]
+        return Response(ihip, self.stiffness * (ihip - hip))
+
+
+class ManyTimesTheForce(Declared):
+    """A spring that is so many times as stiff as the one that it declares to be."""
+
+    ratio = 4.0
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip, velocity, dt)
+        return Response(ihip, self.ratio * force)
+
+
+class NearlyTheForce(ManyTimesTheForce):
+    """One that is off by a twentieth."""
+
+    ratio = 0.95
+
+
 @cache
 def standings(factory: type, case: str) -> dict[str, Standing]:
     judged = judge(factory, "mine:R", "thesis", CASES[case])
@@ -77,6 +103,24 @@ def test_a_jump_that_is_farther_than_the_nearest_points_is_no_theorems() -> None
     assert standings(ThreeTimesAsFar, "star-convex-corner")["continuous-contact"] is Standing.FAIL
 
 
+def test_pops_do_not_hide_behind_a_longer_jump_that_is_the_nearest_points() -> None:
+    assert standings(PopsBeside, "star-convex-corner")["continuous-contact"] is Standing.FAIL
+
+
+def test_a_spring_that_is_stiffer_than_it_declares_is_no_theorems() -> None:
+    """On a curve no other check of the case asks how large the force is."""
+    assert standings(ManyTimesTheForce, "circle-slide")["centripetal-force"] is Standing.FAIL
+    assert standings(NearlyTheForce, "circle-slide")["centripetal-force"] is Standing.INHERENT
+
+
+def test_a_plate_thinner_than_three_steps_of_the_hand_is_tunnelled_by_the_nearest_point() -> None:
+    plate = load_suite("solids").case("plate")
+    plain, declared = (judge(factory, "mine:R", "solids", plate).verdicts for factory in (Nearest, Declared))
+    assert [VerdictEntry.of(verdict).standing for verdict in plain].count(Standing.FAIL) == 1
+    assert {verdict.check for verdict in declared if verdict.inherent} == {"contact-kept"}
+    assert Standing.FAIL not in [VerdictEntry.of(verdict).standing for verdict in declared]
+
+
 def test_who_declares_to_be_without_memory_is_held_to_it() -> None:
     assert standings(Remembers, "cassinian-deep-slide")["memoryless"] is Standing.FAIL
 
@@ -102,16 +146,22 @@ def test_a_spring_takes_the_momentum_later_and_never_otherwise(changes: dict[str
     assert bool(reason_inherent("impulsive-collision", finding(**evidence), {"spring": "error"})) is is_inherent
 
 
-@pytest.mark.parametrize(("error", "least", "is_inherent"), [(1.09, 1.0, True), (1.11, 1.0, False), (2.05, 0.5, True)])
+@pytest.mark.parametrize(
+    ("error", "least", "is_inherent"),
+    [(1.09, 1.0, True), (1.11, 1.0, False), (2.05, 0.5, True)],
+)
 def test_a_spring_sinks_by_its_own_error_and_no_more(error: float, least: float, is_inherent: bool) -> None:
     declared = {"spring": "error", "stiffness_least": least}
     assert bool(reason_inherent("centripetal-force", finding(value=error), declared)) is is_inherent
 
 
+@pytest.mark.parametrize("region", ["medial axis", "surface"])
+@pytest.mark.parametrize("deepest", [0.0, 1e-3])
 @pytest.mark.parametrize("kind", ["let go", "tunnelled"])
-def test_a_contact_that_is_let_go_is_no_theorems(kind: str) -> None:
-    lost = finding(region="medial axis", kind=kind)
-    assert bool(reason_inherent("contact-kept", lost, {"memory": "none"})) is (kind == "tunnelled")
+def test_a_contact_that_is_let_go_is_no_theorems(kind: str, deepest: float, region: str) -> None:
+    lost = finding(region=region, kind=kind, deepest_m=deepest)
+    is_inherent = kind == "tunnelled" and (deepest == 0.0 or region == "medial axis")
+    assert bool(reason_inherent("contact-kept", lost, {"memory": "none"})) is is_inherent
 
 
 def test_a_point_off_the_surface_is_no_theorems() -> None:

@@ -21,6 +21,7 @@ from hapticeval.phenomena.decisions import (
     SLOWER_SPEEDS,
     STANDARD_ERRORS,
     START_DECAY,
+    STIFFNESS_FACTOR,
     TELLING_SHARE,
 )
 from hapticeval.phenomena.sampling import (
@@ -78,6 +79,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     at_zero = _missing_at_zero_error(base, scene)
     if at_zero is not None:
         evidence["force_missing_at_zero_error"] = at_zero
+    off_spring = _force_off_spring(base, scene)
+    if off_spring is not None:
+        evidence["force_of_spring"] = off_spring
     lacking = abs(at_zero or 0.0)
     value = max(abs(share), lacking)
     metric = Metric(CHECK.metric, value, "")
@@ -107,6 +111,26 @@ def _unheld_tick(recording: Recording, scene: Scene) -> int | None:
     distance = np.abs(scene.model.boundary.signed_distance(recording.hip))
     free = (distance > position_tolerance(recording, scene) + force_depth(scene)) & ~above_force_floor(recording, scene)
     return int(np.argmax(np.where(free, distance, 0.0))) if np.mean(free) > TELLING_SHARE else None
+
+
+def _force_off_spring(recording: Recording, scene: Scene) -> float | None:
+    """Return the force along the normal as a multiple of K_p times the depth, the median in contact, where it is off.
+
+    That is, by a factor of two or more from the stiffness that a declared spring has; else None. A damper along the
+    path has no part in it, and one across it none in the median.
+    """
+    if "spring" not in recording.meta or "force" not in recording.channels:
+        return None
+    softest, stiffest = (float(recording.meta.get(f"stiffness_{end}", 1.0)) for end in ("least", "largest"))
+    frame = scene.model.boundary.closest_point(recording.hip)
+    # Both ways from a surface that holds from both sides, and deep enough to tell a depth from its rounding.
+    rows = touching(recording, scene) & (np.abs(frame.distance) > force_depth(scene))
+    if not rows.any():
+        return None
+    outward_force = np.sum(recording.force[rows] * frame.normal[rows], axis=1)
+    stiffness_ratio = float(np.median(-outward_force / (scene.stiffness * frame.distance[rows])))
+    is_off = not softest / STIFFNESS_FACTOR < stiffness_ratio < STIFFNESS_FACTOR * stiffest
+    return stiffness_ratio if is_off else None
 
 
 def _regression_terms(recording: Recording, scene: Scene) -> tuple[IntArray, Array, Array, Array, Array, float]:

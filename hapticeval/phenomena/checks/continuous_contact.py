@@ -30,6 +30,7 @@ from hapticeval.phenomena.decisions import (
     STILL_STEP_SHARE,
 )
 from hapticeval.phenomena.jumps import (
+    JumpPlace,
     Remains,
     aitken,
     contact_steps,
@@ -306,7 +307,29 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
         message = f"depends on the sampling rate: the IHIP jumps {where}, and not at 2 and 4 times the rate"
     else:
         message = _pop_through_message(base, place.remaining, where, evidence)
+    other = _jump_without_nearest_point(look, scene, bounds, surface_gap) if base.meta.get("memory") == "none" else None
+    if other is not None and other.tick != place.tick:
+        evidence |= {"unexplained_jump_m": other.remaining, "unexplained_time": float(base.time[other.tick])}
+        message += (
+            f"; besides, it jumps {mm(other.remaining)} at t = {base.time[other.tick]:.4g} s, where the model's "
+            "nearest point does not"
+        )
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
+
+
+def _jump_without_nearest_point(look: Closer, scene: Scene, bounds: Array, surface_gap: float) -> JumpPlace | None:
+    """Return a jump that stays and that the model's own nearest point does not make within three ticks; else None.
+
+    Of several jumps a finding has the longest only. A renderer without memory may owe that one to the medial axis, and
+    not the others: the longest steps of the nearest point are allowed for here, in the `bounds` (n,), m.
+    """
+    base = look.recording
+    feet = scene.model.boundary.closest_point(base.hip).foot
+    nearest_steps = np.concatenate([[0.0], np.linalg.norm(np.diff(feet, axis=0), axis=1)])
+    around = np.pad(nearest_steps, LAG_TICKS, mode="edge")
+    longest = np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).max(axis=1)
+    place = look_closer(look, scene, bounds=bounds + longest, standoff=surface_gap)
+    return place if place is not None and place.kind is Remains.STAYS else None
 
 
 def _with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: Boundary) -> Array:
