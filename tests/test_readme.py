@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import runpy
 import shlex
+import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -157,3 +158,6 @@ def test_the_citation_names_this_version() -> None:
     citation = YAML(typ="safe").load((ROOT / "CITATION.cff").read_text())
     assert citation["version"] == version
     assert f"version = {{{version}}}" in PAGES["bibliography"]
+    # A commit that is tagged as a version is that version.
+    tags = subprocess.run(["git", "tag", "--points-at", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert [tag for tag in tags.stdout.split() if re.fullmatch(r"v\d.*", tag) and tag != f"v{version}"] == []

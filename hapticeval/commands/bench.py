@@ -14,10 +14,11 @@ from hapticeval.errors import InputError
 
 EXIT_CODES = """\b
 Exit codes:
-  0  measured; with --compare nothing is worse, with --within every renderer has a setting
-     that meets it (and --budget), on every model that it takes
-  1  something is significantly worse, a renderer has no setting that meets --within,
-     or the bench was interrupted
+  0  measured; with --compare nothing is worse, with --within every renderer that -r names
+     has a setting that meets it (and --budget), on every model that it takes; without -r
+     one of the built-in ones has
+  1  something is significantly worse, no setting meets --within, or the bench was
+     interrupted
   2  wrong usage or input, or a setting whose input was not usable
   3  a renderer broke (outranks 1 and 2)
 """
@@ -118,7 +119,12 @@ def bench(
         written = write_bench(directory, results, samples)
     has_results = (directory / RESULTS).exists()
     hint = f"hapticeval report {directory} puts it into the report of the run that lies there" if has_results else ""
-    missed = [] if error_limit is None else list(describe_missed(results, within=error_limit, budget=time_limit))
+    # Who names no renderer asks which one will do, and not that all of them do.
+    missed = (
+        []
+        if error_limit is None
+        else list(describe_missed(results, within=error_limit, budget=time_limit, together=not renderers))
+    )
     say(paragraphs(describe(results), lines(missed), wrote_lines(written), hint))
     worse = any(change.verdict == "worse" for change in results.comparison)
     raise typer.Exit(

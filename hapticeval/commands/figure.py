@@ -40,7 +40,9 @@ def figure(
     check: Annotated[
         str | None, option("--check", metavar="CHECK", help="Mark where the verdicts of this check point.")
     ] = None,
-    width: Annotated[str | None, option(metavar="LENGTH", help="Width on paper: mm, cm, in or pt; else 88mm.")] = None,
+    width: Annotated[
+        str | None, option(metavar="LENGTH", help="Width on paper: mm, cm, in or pt; else 88mm, a journal's column.")
+    ] = None,
     height: Annotated[str | None, option(metavar="LENGTH", help="Height on paper; by the width if not given.")] = None,
     font_size: Annotated[float | None, option(metavar="POINTS", help="Size of all text; 8 if not given.")] = None,
     source: Annotated[

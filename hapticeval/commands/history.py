@@ -31,9 +31,9 @@ def history(
     as_given: Annotated[
         bool, typer.Option("--as-given", help="Take the runs in this order, and not by the time when they ran.")
     ] = False,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The page to write.")] = Path(
-        "history.html"
-    ),
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="The page to write, or a folder for it.")
+    ] = Path("history.html"),
 ) -> None:
     """Show a renderer over several runs: a page of checks over commits, with the first red commit of each.
 
@@ -58,7 +58,8 @@ def history(
         if name not in known:
             raise UnknownNameError("renderer of these runs", name, known)
     histories = histories_of(runs, renderers or ())
-    written = write_history(output, histories)
+    # As -o of other commands, a folder will do.
+    written = write_history(output if output.suffix else output / "history.html", histories)
     say(paragraphs(*(lines(_words_of(renderer_history)) for renderer_history in histories), wrote_lines([written])))
 
 

@@ -41,15 +41,19 @@ class Edition:
 
 @dataclass(frozen=True)
 class Stand:
-    """How a check stood in one edition: all of its verdicts there, at least one."""
+    """How a check stood in one edition: all of its verdicts there, at least one.
+
+    `unasked` are those that stopped an earlier gate, of cases that have not been run since.
+    """
 
     edition: Edition
     verdicts: Sequence[VerdictEntry]
+    unasked: Sequence[VerdictEntry] = ()
 
     @cached_property
     def is_red(self) -> bool:
-        """Whether it stopped the gate of that run."""
-        return any(map(self.edition.results.stops, self.verdicts))
+        """Whether it stopped the gate of that run, or would have for all that is known."""
+        return any(map(self.edition.results.stops, self.verdicts)) or bool(self.unasked)
 
     @cached_property
     def gravest(self) -> VerdictEntry:
@@ -115,7 +119,11 @@ class CheckHistory:
             return ""
         before = f", after {self.last_green.edition.words}" if self.last_green else ", the first that asked it"
         mended = f"; green again in {self.mended.edition.words}" if self.mended else ""
-        return f"red from {self.first_red.edition.words}{before}{mended}"
+        unasked = self._judged[-1].unasked
+        cases = ", ".join(f"{verdict.suite}/{verdict.case}" for verdict in unasked)
+        return (
+            f"red from {self.first_red.edition.words}{before}{mended}{f'; not run since: {cases}' if unasked else ''}"
+        )
 
 
 @dataclass(frozen=True)
@@ -150,13 +158,21 @@ def _history(name: str, runs: Sequence[tuple[Path, ResultsDocument]]) -> History
                 verdicts_by_place.setdefault((verdict.check, number), []).append(verdict)
     checks = [
         CheckHistory(
-            check,
-            [
-                Stand(edition, verdicts_by_place[check, number]) if (check, number) in verdicts_by_place else None
-                for number, edition in enumerate(editions)
-            ],
+            check, _stands([verdicts_by_place.get((check, number), []) for number in range(len(editions))], editions)
         )
         for check in dict.fromkeys(check for check, _ in verdicts_by_place)
     ]
     # Sorting keeps the order of the suites among equals.
     return History(name, editions, sorted(checks, key=lambda check: (not check.is_red, check.first_red is None)))
+
+
+def _stands(verdicts: Sequence[Sequence[VerdictEntry]], editions: Sequence[Edition]) -> list[Stand | None]:
+    """Return how a check stood in each edition, by its verdicts there; a case stays red until it is run again."""
+    stands: list[Stand | None] = []
+    red: dict[tuple[str, str], VerdictEntry] = {}
+    for edition, asked in zip(editions, verdicts, strict=True):
+        for verdict in asked:
+            red.pop((verdict.suite, verdict.case), None)
+        stands.append(Stand(edition, asked, tuple(red.values())) if asked else None)
+        red |= {(verdict.suite, verdict.case): verdict for verdict in asked if edition.results.stops(verdict)}
+    return stands

@@ -90,6 +90,24 @@ def test_red_is_what_stops_the_gate_of_that_run(tmp_path):
     assert shown.first_red.folder.name == "strict"
 
 
+def test_a_case_that_is_not_run_again_stays_red(tmp_path):
+    """A run of other cases mends nothing: it is green where the case has passed."""
+    asked = [[("a", Outcome.FAIL), ("b", Outcome.PASS)], [("b", Outcome.PASS)], [("a", Outcome.PASS)]]
+    runs = [
+        (tmp_path / str(number), results_of(*(verdict("c", outcome, case=case) for case, outcome in cases)))
+        for number, cases in enumerate(asked)
+    ]
+    (partly,), (mended,) = histories_of(runs[:2]), histories_of(runs)
+    assert [stand.is_red for stand in mended.checks[0].stands] == [True, True, False]
+    assert partly.checks[0].words.endswith("the first that asked it; not run since: s/a")
+    assert mended.checks[0].words.endswith(f"green again in {tmp_path / '2'}")
+
+
+def test_the_page_may_be_put_into_a_folder(runs):
+    assert main(["history", "one", "-o", "pages"]) == 0
+    assert (runs / "pages" / "history.html").exists()
+
+
 def test_a_check_counts_its_verdicts_and_shows_the_gravest(tmp_path):
     verdicts = [verdict("c", outcome, case=case) for case, outcome in
                 (("a", Outcome.PASS), ("b", Outcome.FAIL), ("d", Outcome.FAIL))]  # fmt: skip

@@ -250,6 +250,10 @@ def test_winners_are_among_those_that_share_a_reference_alone(run):
         "no setting of off on the cassinian meets --within",
     ]
     assert len(list(describe_missed(costs, within=1.0, budget=1e-12))) == 4
+    assert list(describe_missed(costs, within=1e-6, together=True)) == []
+    assert list(describe_missed(costs, within=1.0, budget=1e-12, together=True)) == [
+        "no setting of any renderer on the cassinian meets --within"
+    ]
     assert list(describe_missed(costs, within=1.0)) == []
     # What an earlier bench has left there neither meets nor misses anything.
     kept = [msgspec.structs.replace(setting, kept=True) for setting in costs.settings]

@@ -59,11 +59,14 @@ def judge_bench(results: BenchResults, *, within: float | None = None, budget: f
     return replace(results, settings=settings, answers=answers, orders=list(convergence_orders(results.settings)))
 
 
-def describe_missed(results: BenchResults, *, within: float, budget: float | None = None) -> Iterator[str]:
+def describe_missed(
+    results: BenchResults, *, within: float, budget: float | None = None, together: bool = False
+) -> Iterator[str]:
     """Yield a sentence for each renderer that was measured now, and each model on which no setting of it will do.
 
-    A setting will do where its IHIP error is at most `within` (m) and its single step takes at most `budget` (s). A
-    renderer whose every setting was refused, or broke, is passed over.
+    With `together` one for each model on which no setting of any renderer will do. A setting will do where its IHIP
+    error is at most `within` (m) and its single step takes at most `budget` (s). A renderer whose every setting was
+    refused, or broke, is passed over.
     """
     will_do: dict[tuple[str, str], bool] = {}
     for setting in results.settings:
@@ -74,7 +77,7 @@ def describe_missed(results: BenchResults, *, within: float, budget: float | Non
                 and setting.step is not None
                 and setting.step.median <= (budget or math.inf)
             )
-            key = setting.renderer, setting.model
+            key = "any renderer" if together else setting.renderer, setting.model
             will_do[key] = will_do.get(key, False) or good
     for (renderer, model), good in will_do.items():
         if not good:
