@@ -32,6 +32,9 @@ SAMPLES = 1025
 RESTS = -2
 """In place of a face: the rigid tool rests on an edge or in a corner."""
 
+UNDECIDED = -3
+"""In place of a face: a rounding of the hand's position decides which one the rigid tool is on."""
+
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
@@ -246,10 +249,23 @@ def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float) -> Iter
 def _follow_with_rigid_tool(recording: Recording, mesh: Mesh, slack: float) -> tuple[IntArray, IntArray, Array]:
     """Return the flat face of the mesh (n,) that a rigid tool is on, its triangle (n,), and its place (n, 3), m.
 
-    In place of a face it is `IN_FREE_SPACE` or `RESTS`. On an edge or a vertex in the middle of a flat face the tool is
-    on that face.
+    In place of a face it is `IN_FREE_SPACE`, `RESTS` or `UNDECIDED`. On an edge or a vertex in the middle of a flat face
+    the tool is on that face.
+
+    A hand that is on the mesh, to `slack` (m), is on either side of it by rounding. The tool is that of a hand a little
+    inside, under all faces there: the hand of a rigid contact is the tool, and is so held. Where a hand a little outside
+    has a tool on another face, nothing tells which face is right: the hand has come over an edge in a face's plane.
     """
-    hips = _press_on(recording.hip, mesh, slack)
+    inside, outside = _shift_touching(recording.hip, mesh, slack)
+    triangles, faces, tools = _find_faces(mesh, inside)
+    if outside is not inside:
+        others = _find_faces(mesh, outside)[1]
+        faces[(faces >= 0) & (others >= 0) & (faces != others)] = UNDECIDED
+    return faces, triangles, tools
+
+
+def _find_faces(mesh: Mesh, hips: Array) -> tuple[IntArray, IntArray, Array]:
+    """Return a rigid tool's triangles (n,), its faces (n,), or what stands in their place, and its places (n, 3), m."""
     triangles, features, tools = mesh.rigid_tool(hips)
     faces = mesh.facets[triangles]
     corners, vertices, across = mesh.triangles, mesh.tables[1], mesh.neighbours
@@ -264,22 +280,26 @@ def _follow_with_rigid_tool(recording: Recording, mesh: Mesh, slack: float) -> t
         if not flat:
             faces[tick] = RESTS
     faces[features == IN_FREE_SPACE] = IN_FREE_SPACE
-    return faces, triangles, tools
+    return triangles, faces, tools
 
 
-def _press_on(hips: Array, mesh: Mesh, slack: float) -> Array:
-    """Return `hips` (n, 3), m, with those that are on the mesh, to `slack` (m), a little inside: under all faces there.
+def _shift_touching(hips: Array, mesh: Mesh, slack: float) -> tuple[Array, Array]:
+    """Return `hips` (n, 3), m, with those that are on the mesh, to `slack` (m), a little inside, and a little outside.
 
-    The hand of a rigid contact is the tool, on either side of a face by rounding. On a concave edge, and in a corner, a
-    tool that follows the hand then rests.
+    Inside is under all faces there: on a concave edge, and in a corner, a tool that follows the hand then rests. Both
+    are `hips` itself where none is on the mesh.
     """
-    pressed = np.array(hips)
     touching = np.flatnonzero(np.abs(mesh.signed_distance(hips)) <= slack)
+    if touching.size == 0:
+        return hips, hips
+    inside, outside = np.array(hips), np.array(hips)
     starts, normals = normals_in_reach(*mesh.tables, hips[touching], np.full(touching.size, slack))
     for row, tick in enumerate(touching.tolist()):
-        inwards = -normals[starts[row] : starts[row + 1]].sum(axis=0)
-        pressed[tick] += 2.0 * slack * inwards / np.linalg.norm(inwards)
-    return pressed
+        outwards = normals[starts[row] : starts[row + 1]].sum(axis=0)
+        shift = 2.0 * slack * outwards / np.linalg.norm(outwards)
+        inside[tick] -= shift
+        outside[tick] += shift
+    return inside, outside
 
 
 def _label_runs(labels: IntArray) -> list[tuple[int, int, int]]:
