@@ -6,6 +6,7 @@
     .venv/bin/python tests/fuzz.py ideal 11 10000 4322              the same from example 4322 on
     .venv/bin/python tests/fuzz.py ideal-in-space 11 10000          the same on solids and surfaces
     .venv/bin/python tests/fuzz.py constraint-in-space 11 10000     the god-object there
+    .venv/bin/python tests/fuzz.py medial-axis 11 1000              pops of the nearest point against brute force
 
 A property that fails is shrunk, listed at the end with the command that repeats it, and left out of the rounds that
 follow; hypothesis keeps its smallest example in .hypothesis/examples, and damaged files stay in .hypothesis/kept.
@@ -14,7 +15,8 @@ Exit codes are pytest's: 0 nothing found, 1 something found, 2 ended by the seco
 
 The ideal rigid contact fails no check in what a search draws: `ideal` judges it there, and prints each example in which
 it does as a case that can be pasted. The god-object on solids fails what a spring fails by a theorem, and jumps where a
-rigid tool that follows the hand jumps as far (thesis 4.1.3): nothing else.
+rigid tool that follows the hand jumps as far (thesis 4.1.3): nothing else. The nearest point pops where its path
+crosses the medial axis, as `meta/medial_axis.py` finds it by brute force, and nowhere else.
 """
 
 from __future__ import annotations
@@ -26,11 +28,14 @@ import signal
 import sys
 import time
 
+import msgspec
 import numpy as np
 import pytest
+from meta.medial_axis import least_distance_to_focus, worst_crossing
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.surface import Surface
 from hapticeval.phenomena.verdict import Level, Outcome, Verdict
 from hapticeval.recordings.recording import Recording
 from hapticeval.runner.judging import Judged, judge
@@ -95,6 +100,12 @@ class Rounds:
             terminalreporter.line(f"repeat: .venv/bin/pytest --hypothesis-profile=fuzz '{nodeid}'")
 
 
+SELDOM = {"numerical-stability", "mirror-image", "vertex-order", "two-at-once", "time-subdivision"}
+"""Checks that run an example again up to sixty times, in other scenes: most of the time that one takes."""
+
+SELDOM_EVERY = 7
+"""They are asked in each example of this number: prime to the twelve of a model, so that all kinds have their turn."""
+
 ENTRIES = {"ideal": ("ideal", 2), "ideal-in-space": ("ideal", 3), "constraint-in-space": ("constraint", 3)}
 """By entry: the renderer that is judged, and the dimension of what a search draws."""
 
@@ -122,29 +133,64 @@ def pushes_from_afar(recording: Recording, case: Case) -> list[str]:
     return told + [f"the contact pushes from afar at t = {recording.time[row]} s" for row in np.flatnonzero(afar)[:1]]
 
 
+def wrongs_of_ideal_or_god_object(name: str, judged: Judged, case: Case) -> list[str]:
+    """Return what `ideal` or `constraint` shows in an example that it may not show."""
+    told = []
+    for verdict in judged.verdicts:
+        fails = verdict.outcome in (Outcome.FAIL, Outcome.ERROR) and not verdict.inherent
+        # What is shown for information alone is no failure: a god-object has a memory.
+        if judged.error is None and fails and (name == "ideal" or verdict.level is not Level.INFO):
+            if name == "constraint" and jumps_with_rigid_tool(judged, case, verdict):
+                continue
+            told.append(f"{verdict.check}: {verdict.finding.message}")
+    if name == "ideal" and judged.recording is not None:
+        told += pushes_from_afar(judged.recording, case)
+    return told
+
+
+def wrongs_of_nearest_point(judged: Judged, case: Case) -> list[str] | None:
+    """Return where continuous-contact and brute force differ about a path; None where brute force cannot decide."""
+    boundary = case.build_scene().model.boundary
+    if judged.recording is None or not isinstance(boundary, Mesh | Surface):
+        return None
+    (verdict,), hips = judged.verdicts, judged.recording.hip
+    crossing, fails = worst_crossing(boundary, hips), verdict.outcome is Outcome.FAIL
+    # Near a whole circle of nearest points the map is as steep as one likes: no brute force tells it from a jump.
+    near_focus = isinstance(boundary, Surface) and least_distance_to_focus(boundary, hips) < 1e-4
+    if crossing is None or near_focus or not crossing.decided:
+        return None
+    pops = crossing.jump > crossing.allowed
+    if fails == pops:
+        return []
+    return [f"{crossing} by brute force; the verdict: {verdict.outcome}, {verdict.finding.message}"]
+
+
 def judge_drawn(entry: str, seed: int, count: int, first: int = 1) -> int:
-    """Judge an entry's renderer in examples `first` to `count` of a search; return how many show a failure."""
-    name, dimension = ENTRIES[entry]
-    renderer, failing, refused = resolve(name), 0, 0
-    cases = draw_cases((), judgeable(), seed, dimension=dimension)
+    """Judge an entry's renderer in examples `first` to `count` of a search; return how many show a failure.
+
+    An example that is refused, or that brute force cannot decide, is counted as left out.
+    """
+    of_medial_axis = entry == "medial-axis"
+    name, dimension = ("minimum-distance", 3) if of_medial_axis else ENTRIES[entry]
+    renderer, failing, left_out = resolve(name), 0, 0
+    cases = draw_cases((), ("continuous-contact",) if of_medial_axis else judgeable(), seed, dimension=dimension)
     for number, case in enumerate(itertools.islice(cases, first - 1, count), first):
+        if number % SELDOM_EVERY:
+            case = msgspec.structs.replace(case, checks=tuple(check for check in case.checks if check not in SELDOM))
         judged = judge(renderer, name, "fuzz", case)
-        refused += judged.refusal is not None
-        told = [] if judged.error is None else [f"error: {judged.error.what}"]
-        for verdict in judged.verdicts:
-            fails = verdict.outcome in (Outcome.FAIL, Outcome.ERROR) and not verdict.inherent
-            # What is shown for information alone is no failure: a god-object has a memory.
-            if judged.error is None and fails and (name == "ideal" or verdict.level is not Level.INFO):
-                if name == "constraint" and jumps_with_rigid_tool(judged, case, verdict):
-                    continue
-                told.append(f"{verdict.check}: {verdict.finding.message}")
-        if name == "ideal" and judged.recording is not None:
-            told += pushes_from_afar(judged.recording, case)
+        told: list[str] | None = [] if judged.error is None else [f"error: {judged.error.what}"]
+        if not told and judged.refusal is None:
+            told = (
+                wrongs_of_nearest_point(judged, case)
+                if of_medial_axis
+                else wrongs_of_ideal_or_god_object(name, judged, case)
+            )
+        left_out += judged.refusal is not None or told is None
         failing += bool(told)
         if told or number % 100 == 0 or number == count:
             print(
-                f"seed {seed}: {number} examples, {refused} refused, {failing} failing, {time.process_time():.0f} s",
-                *told,
+                f"seed {seed}: {number} examples, {left_out} left out, {failing} failing, {time.process_time():.0f} s",
+                *(told or ()),
                 sep="\n  ",
                 flush=True,
             )
@@ -154,6 +200,6 @@ def judge_drawn(entry: str, seed: int, count: int, first: int = 1) -> int:
 
 
 if __name__ == "__main__":
-    if sys.argv[1] in ENTRIES:
+    if sys.argv[1] in (*ENTRIES, "medial-axis"):
         sys.exit(judge_drawn(sys.argv[1], *map(int, sys.argv[2:5])) > 0)
     sys.exit(pytest.main([*OPTIONS, *sys.argv[2:]], plugins=[Rounds(float(sys.argv[1]))]))

@@ -249,12 +249,12 @@ def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float) -> Iter
 def _follow_with_rigid_tool(recording: Recording, mesh: Mesh, slack: float) -> tuple[IntArray, IntArray, Array]:
     """Return the flat face of the mesh (n,) that a rigid tool is on, its triangle (n,), and its place (n, 3), m.
 
-    In place of a face it is `IN_FREE_SPACE`, `RESTS` or `UNDECIDED`. On an edge or a vertex in the middle of a flat face
-    the tool is on that face.
+    In place of a face it is `IN_FREE_SPACE`, `RESTS` or `UNDECIDED`. On an edge or a vertex in the middle of a flat
+    face the tool is on that face.
 
     A hand that is on the mesh, to `slack` (m), is on either side of it by rounding. The tool is that of a hand a little
-    inside, under all faces there: the hand of a rigid contact is the tool, and is so held. Where a hand a little outside
-    has a tool on another face, nothing tells which face is right: the hand has come over an edge in a face's plane.
+    inside, under all faces there: the hand of a rigid contact is the tool, and is so held. Where a hand a little
+    outside has a tool on another face, nothing tells which is right: the hand has come over an edge in a face's plane.
     """
     inside, outside = _shift_touching(recording.hip, mesh, slack)
     triangles, faces, tools = _find_faces(mesh, inside)

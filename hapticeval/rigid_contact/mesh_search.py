@@ -26,6 +26,7 @@ from hapticeval.rigid_contact.mesh_terrain import (
     edge_direction,
     feature_at,
     nearest_around,
+    next_in_fan,
     turns_at_corner,
 )
 from hapticeval.rigid_contact.space import fly_in_space, force_in_space
@@ -290,6 +291,24 @@ def first_face(
 
 
 @compiled
+def _leads_into_face(terrain: MeshTerrain, k: int, i: int, v: Triple) -> bool:
+    """Whether a velocity v (m/s) along the flat face of triangle k leads from its corner i into that face."""
+    apex = position_of(terrain.vertices, terrain.faces[k, CORNER + i])
+    j, corner = k, i
+    while dot(v, v) > 0.0:
+        p = _minus(position_of(terrain.vertices, terrain.faces[j, CORNER + (corner + 1) % 3]), apex)
+        q = _minus(position_of(terrain.vertices, terrain.faces[j, CORNER + (corner + 2) % 3]), apex)
+        n = normal_of(terrain.faces, j)
+        # between p and q, which bound a triangle of the face at the apex
+        if terrain.facets[j] == terrain.facets[k] and dot(_cross(n, p), v) >= 0.0 and dot(_cross(q, n), v) >= 0.0:
+            return True
+        j, corner = next_in_fan(terrain, j, corner)
+        if j == k:
+            break
+    return False
+
+
+@compiled
 def first_edge(
     terrain: MeshTerrain, k: int, path: ToolPath, h: float, load: Array, near: IntArray
 ) -> tuple[float, int, Triple]:
@@ -320,10 +339,14 @@ def first_edge(
                 continue
             time = first_fall(inward, a, path, 0.0, h, load)
             while time < first:
-                p, _ = follow(path, time, load)
+                p, v = follow(path, time, load)
+                past_a, past_b = -dot(_minus(p, a), e), dot(_minus(p, b), e)
                 # past this edge, and not past its ends, where others meet
-                if dot(_minus(p, a), e) >= -CONTACT_HOP and dot(_minus(p, b), e) <= CONTACT_HOP:
-                    first, best, place = time, j, p
-                    break
+                if past_a <= CONTACT_HOP and past_b <= CONTACT_HOP:
+                    # over its very end, by rounding, and on in the face: round a corner of more than half a turn
+                    ends = past_a >= -CONTACT_HOP or past_b >= -CONTACT_HOP
+                    if not (ends and _leads_into_face(terrain, j, i if past_a >= -CONTACT_HOP else (i + 1) % 3, v)):
+                        first, best, place = time, j, p
+                        break
                 time = first_fall(inward, a, path, time + FALL_GAP * h, h, load)
     return first, best, place

@@ -177,8 +177,9 @@ def test_the_mean_force_of_a_sample_in_which_the_next_contact_begins_does_not_re
 
 @pytest.mark.parametrize(("height", "normals"), [(1e-5, [UP]), (0.0, []), (-1e-5, [(1.0, 0.0, 0.0)])])
 def test_a_hand_that_comes_over_an_edge_in_the_plane_of_a_face_is_under_no_face_that_can_be_told(height, normals):
-    """Along the top of a cube from outside, down, and out over the next side: a rounding decides what it went through."""
-    points = np.array([[0.08, 0.0, 0.05 + height], [0.03, 0.0, 0.05 + height], [0.03, 0.03, 0.049], [0.03, 0.07, 0.049]])
+    """Along the top of a cube from outside, down, and out over the next side: did it go in through the top?"""
+    over = 0.05 + height
+    points = np.array([[0.08, 0.0, over], [0.03, 0.0, over], [0.03, 0.03, 0.049], [0.03, 0.07, 0.049]])
     hip = np.vstack([np.linspace(a, b, 500) for a, b in pairwise(points)])
     crossings = find_crossings(recorded(hip), CUBE, convex=True)
     assert [tuple(crossing.normal_pre) for crossing in crossings] == [tuple(normal) for normal in normals]

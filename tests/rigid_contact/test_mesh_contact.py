@@ -327,3 +327,28 @@ def test_hops_without_number_are_refused_with_time_and_place():
         RefusalError, match=r"more than 100000 times within one sample, 0\.0\d+ s .* at \[0\.01, 0\.02, 0\.05"
     ):
         contact(CUBE, restitution=1.0).simulate(experiment, 0.1)
+
+
+NOTCH = {
+    "kind": "polygon",
+    "vertices": [[0.0, 0.0], [0.03, -0.05], [0.07, -0.02], [0.05, 0.05], [-0.05, 0.05], [-0.05, -0.05]],
+}
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("offset", [-1e-9, 0.0, 1e-9])
+@pytest.mark.parametrize("speed", [4e-5, 0.05])
+def test_on_an_end_face_it_slides_square_to_the_side_of_a_notch_past_the_tip_of_it(speed, offset):
+    """Over the very end of that side, where the face goes on: it is put back onto the tip no more, again and again."""
+    side = np.array([0.03, -0.05]) / math.hypot(0.03, 0.05)
+    ahead = np.array([side[1], -side[0]])  # square to the first side of the notch, out of the solid
+    start = np.append(-speed * 0.1 * ahead + offset * side, TOP)
+    model = make_model("extruded", model=NOTCH, length=2.0 * TOP)
+    experiment = Experiment(0.2, start, [*(speed * ahead), 0.0], [0.0], [[0.0, 0.0, -1.0]])
+    recording = contact(model).simulate(experiment, 1e-3)
+    if offset > 0.0:
+        assert kinds(recording)[-1] != "rest"  # it falls into the notch
+        return
+    straight = experiment.position + recording.time[:, np.newaxis] * experiment.velocity
+    np.testing.assert_allclose(recording.hip, straight, rtol=0.0, atol=1e-12)
+    assert recording.meta["events"] == []
