@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import math
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -23,6 +24,9 @@ from hapticeval.runner.results import VerdictEntry
 from hapticeval.study.plates import holds
 
 SUITES = ("field", "seams", "solids", "unilateral-surfaces", "hard-cases")
+SETTINGS_SUITES = SUITES[:-1]
+"""The suites in which settings are tried: hard cases ask for numbers, not for other settings."""
+
 PAGE, RESULTS = Path("docs/engines.md"), Path("results/engines")
 SMALLEST = Path(__file__).with_name("smallest.csv")
 """The smallest paths, which `make engines-smallest` writes."""
@@ -79,7 +83,7 @@ spring on it. A coupled tool is a ball that the hand holds by a spring and that 
 | `fcl-convex` | query | the mesh as a convex body |
 | `fcl-coupled` | coupled tool | a convex body, and a contact spring ten times as stiff as the coupling |
 
-Against what fails these were tried, on the same cases:
+Against what fails these were tried, on the same cases but the hard ones:
 
 | setting | what it is |
 | --- | --- |
@@ -176,15 +180,23 @@ def title_of(entry: VerdictEntry) -> str:
 
 
 def tried_words(column: str, failing: int, entries: Sequence[VerdictEntry]) -> str:
-    """Return how many of the `failing` verdicts of a check pass by each setting tried, the verdicts being `entries`."""
-    mended = {
-        setting: sum(title_of(entry) == setting and entry.outcome == "pass" for entry in entries)
-        for setting in TRIED[column]
+    """Return how many of the `failing` verdicts of a check pass by each setting tried, of how many that it decides.
+
+    `entries` are the check's verdicts in all columns and settings, at the places where this column fails.
+    """
+    counts = {
+        setting: Counter(entry.outcome for entry in entries if title_of(entry) == setting) for setting in TRIED[column]
     }
-    counts = ", ".join(f"`{setting}` {count}/{failing}" for setting, count in mended.items())
-    if max(mended.values()) == failing:
-        return f"mended: {counts}"
-    return f"{'in part' if any(mended.values()) else 'no setting of it mends this'}: {counts}"
+    decided = {
+        setting: f"`{setting}` {count['pass']}/{count['pass'] + count['fail']}"
+        for setting, count in counts.items()
+        if count["pass"] + count["fail"]
+    }
+    if not decided:
+        return "not tried"
+    passes = [counts[setting]["pass"] for setting in decided]
+    outcome = "mended" if max(passes) == failing else "in part" if any(passes) else "no setting of it mends this"
+    return f"{outcome}: {', '.join(decided.values())}"
 
 
 def failure_line(
@@ -238,5 +250,8 @@ def page(entries: Sequence[VerdictEntry], plates: Sequence[str], smallest: Mappi
 if __name__ == "__main__":
     suites = tuple(sys.argv[1:]) or SUITES
     # One process: a world of a fine mesh takes gigabytes.
-    results = hapticeval.run([*COLUMNS.values(), *SETTINGS.values()], suites=suites, workers=1, output=RESULTS)
-    PAGE.write_text(page(results.verdicts, plate_lines(), read_smallest()), encoding="utf-8")
+    verdicts = list(hapticeval.run(list(COLUMNS.values()), suites=suites, workers=1, output=RESULTS).verdicts)
+    tried_in = [suite for suite in suites if suite in SETTINGS_SUITES]
+    if tried_in:
+        verdicts += hapticeval.run(list(SETTINGS.values()), suites=tried_in, workers=1).verdicts
+    PAGE.write_text(page(verdicts, plate_lines(), read_smallest()), encoding="utf-8")
