@@ -348,7 +348,7 @@ def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, point
                 )
             for heading in _monotone_parts(segment, turns):
                 new_passes = list(
-                    _passes_of(number, laps[heading.direction], run.recording, heading, smooth, grid, abscissa)
+                    _passes_of(number, laps[heading.direction], run.recording, heading, smooth, grid, abscissa.period)
                 )
                 passes += new_passes
                 # Passes of one direction are numbered through the whole run, over all of its headings.
@@ -400,21 +400,21 @@ def _passes_of(
     heading: Segment,
     smooth: BoolArray,
     grid: Array,
-    abscissa: Abscissa,
+    period: float | None,
 ) -> Iterator[Pass]:
     """Yield the passes of a heading: one per lap, numbered on from those `before`."""
     # Rising in either direction, as searchsorted needs it.
     rows, along = heading.rows[:: heading.direction], heading.along[:: heading.direction]
     low, high = 0, 0
-    if abscissa.period is not None:
+    if period is not None:
         # The laps that this heading touches: whole periods from the begin of the grid to either of its ends.
-        low, high = (math.floor((end - float(grid[0])) / abscissa.period) for end in (along[0], along[-1]))
+        low, high = (math.floor((end - float(grid[0])) / period) for end in (along[0], along[-1]))
     # Breaks before each row, counted: rows with equal counts are joined by smooth contact.
     broken = np.concatenate([[0], np.cumsum(~smooth)])
     apart = heading.apart[:: heading.direction] | (np.diff(broken[rows]) != 0)
     touched = np.any(recording.force[rows] != 0.0, axis=1)
     for lap in range(low, high + 1):
-        places = grid + (0.0 if abscissa.period is None else lap * abscissa.period)
+        places = grid + (0.0 if period is None else lap * period)
         after = np.searchsorted(along, places, side="left")
         right, at = np.clip(after, 1, along.size - 1), np.clip(after, 0, along.size - 1)
         inside = (after > 0) & (after < along.size)

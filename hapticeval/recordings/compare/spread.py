@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -177,7 +177,7 @@ class Comparison:
       smallest that so many repeats can give.
     - `worst`: the place (in the abscissa's unit) of the largest difference of the medians, `largest`.
     - `rounding`: the largest difference of any two repeats, of either renderer, in what counts as rounding.
-    - `common`: the share of the grid that both medians cover.
+    - `common`: the share of the grid that both medians cover; where it is too small, nothing else is known.
     """
 
     first: str
@@ -186,14 +186,14 @@ class Comparison:
     column: str
     repeats: tuple[int, int]
     needed: tuple[int, int] | None
-    difference: float
-    spread: float
-    p: float
-    least: float
-    largest: float
-    worst: float
-    rounding: float
     common: float
+    difference: float = math.nan
+    spread: float = math.nan
+    p: float = 1.0
+    least: float = 1.0
+    largest: float = math.nan
+    worst: float = math.nan
+    rounding: float = math.nan
 
     @property
     def times(self) -> float:
@@ -307,21 +307,23 @@ def _compare_pair(
         share = float(np.mean(common))
         sizes = len(pair[0].values), len(pair[1].values)
         enough = needed(*sizes, tests=families, level=LEVEL)
-        numbers = (math.nan, math.nan, 1.0, 1.0, math.nan, math.nan, math.nan)
+        comparison = Comparison(first, second, direction, column, sizes, enough, common=share)
         if share >= LEAST_COMMON and known[column]:
             difference = np.where(common, one - other, 0.0)
             worst = int(np.argmax(np.abs(difference)))
-            numbers = (
-                float(np.sqrt(np.mean(difference[common] ** 2))),
-                measured[column][0].spread,
+            distances, rounding = measured[column]
+            comparison = replace(
+                comparison,
+                difference=float(np.sqrt(np.mean(difference[common] ** 2))),
+                spread=distances.spread,
                 # Bonferroni over pairs of renderers and directions; the columns are one test already.
-                min(1.0, families * p.get(column, 1.0)),
-                min(1.0, families * smallest_p),
-                float(abs(difference[worst])),
-                float(grid[worst]),
-                measured[column][1],
+                p=min(1.0, families * p.get(column, 1.0)),
+                least=min(1.0, families * smallest_p),
+                largest=float(abs(difference[worst])),
+                worst=float(grid[worst]),
+                rounding=rounding,
             )
-        yield Comparison(first, second, direction, column, sizes, enough, *numbers, share)
+        yield comparison
 
 
 def _pairwise_distances(column: str, one: Repeats, other: Repeats) -> tuple[Distances, float]:
