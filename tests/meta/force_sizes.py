@@ -97,6 +97,15 @@ class Coarse(Spring):
         return Response(ihip, force * (np.linalg.norm(force) > self.BAND))
 
 
+class Damped(Spring):
+    """A spring with a damper of 2 N s/m across the surface, which the scene does not call for."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip, velocity, dt)
+        normal = self.boundary.closest_point(ihip[np.newaxis]).normal[0]
+        return Response(ihip, force - 2.0 * (velocity @ normal) * normal * bool(force.any()))
+
+
 def along_curves(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
     """The force pushes the hand on along its way, by 0.7 K times the step, wherever that bends by 1e-4 of it or more.
 

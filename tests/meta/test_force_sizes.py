@@ -153,6 +153,15 @@ def test_what_the_gradient_declares_is_between_its_softest_and_its_stiffest():
     assert said.stiffness_range == pytest.approx((0.478, 1.582), rel=2e-3)
 
 
+def test_a_damper_that_presses_from_the_first_tick_is_no_dead_band():
+    """The first forces are below the floor, for the depths are, and are larger than the spring's."""
+    found = verdict(force_sizes.Damped, THESIS["plane-press"])
+    assert found.outcome is FAIL
+    assert "an apparent stiffness of 4000 N/m" in found.finding.message
+    assert "dead band" not in found.finding.message
+    assert "no force" not in found.finding.message
+
+
 @settings(max_examples=12)
 @given(step=st.floats(0.02e-3, 0.2e-3), deepest=st.floats(2e-3, 4e-3))
 def test_a_dead_band_is_judged_alike_whatever_the_step_of_the_path(step, deepest):

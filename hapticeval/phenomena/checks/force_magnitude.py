@@ -488,7 +488,8 @@ def _explain_by_causes(base: Recording, measured: Measured, count: int) -> tuple
 
 def _describe_missing_force(base: Recording, scene: Scene, measured: Measured, deviates: BoolArray) -> str | None:
     """Return words for a force that is missing: up to a depth, or for stretches of time; None where it is there."""
-    silent = ~above_force_floor(base, scene)[measured.ticks]
+    # A force that is small with its depth, and larger than the spring's, is not missing.
+    silent = ~above_force_floor(base, scene)[measured.ticks] & (measured.ratio < 1.0)
     if not (silent & deviates).any():
         return None
     depths = measured.depth
