@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any, Protocol
 
 from hapticeval.effects.effect import Alters
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.motion import Motion
 from hapticeval.phenomena.crossings import has_corners
@@ -33,46 +33,48 @@ class Closer(Protocol):
 class Runs:
     """The recording that is judged, and the ways to get its siblings where the runner can make them.
 
-    Each sibling is None where it cannot be had: a recorded hardware run has none.
-
-    - `refine(k)`: the same stimulus at k times the sampling rate.
-    - `reverse()`: the hand is led backwards along the same points.
-    - `at_speed(f)`: the experiment starts f times as fast.
-    - `law`: the name of a closed form (`hapticeval.closed_forms`), which the case gives or the renderer declares.
-    - `again()`: once more through the same renderer, which is reset in between.
-    - `look`: `base` with a way to refine a part of it.
-    - `moved(motion, nudge)`: the stimulus, off by `nudge` (m), in the moved scene, and the result moved back. It
-      returns None where the model cannot be moved so or the renderer refuses it there.
-    - `led_on(laps, first, period)`: the path up to row `first`, and then its lap of `period` rows so many times.
-    - `without(kind)`: the same path, of a closed loop the recorded HIPs, without the effect of that kind.
-    - `reordered()`: the path with the model's vertices in another order; None like `moved`.
-    - `cut()`: the path on the mesh with its faces cut into other triangles; None like `moved`.
-    - `dropped_out(tick)`: the forces (N,), N, in a tick whose HIP is not finite, and in the next, which has the HIP of
-      the path again; None for one that is refused.
-    - `subdivided()`: each step of the hand in two of half the time; both rows of a step are returned.
-    - `in_turns()`: the path through a renderer that takes turns with another of the same factory, which is led
-      backwards on a model of half the size.
-    - `pieces`: the edges or triangles that the renderer was given for a smooth model.
+    Each sibling is None where it cannot be had: a recorded hardware run has none. This is the one table of siblings: a
+    check names by these names what it may use, and who runs it gives them by these names.
 
     Raises `InputError` for a recording with rows that are not valid.
     """
 
     base: Recording
     refine: Callable[[int], Recording] | None = None
+    """`refine(k)`: the same stimulus at k times the sampling rate."""
     reverse: Callable[[], Recording] | None = None
+    """The hand is led backwards along the same points."""
     at_speed: Callable[[float], Recording] | None = None
+    """`at_speed(f)`: the experiment starts f times as fast."""
     law: str | None = None
+    """The name of a closed form (`hapticeval.closed_forms`), which the case gives or the renderer declares."""
     again: Callable[[], Recording] | None = None
+    """Once more through the same renderer, which is reset in between."""
     look: Closer | None = None
+    """`base` with a way to refine a part of it."""
     moved: Callable[[Motion, tuple[float, ...]], Recording | None] | None = None
+    """`moved(motion, nudge)`: the stimulus, off by `nudge` (m), in the moved scene, and the result moved back.
+
+    It returns None where the model cannot be moved so or the renderer refuses it there.
+    """
     led_on: Callable[[int, int, int], Runs] | None = None
+    """`led_on(laps, first, period)`: the path up to row `first`, and then its lap of `period` rows so many times."""
     without: Callable[[str], Recording] | None = None
+    """`without(kind)`: the same path, of a closed loop the recorded HIPs, without the effect of that kind."""
     reordered: Callable[[], Recording | None] | None = None
+    """The path with the model's vertices in another order; None like `moved`."""
     cut: Callable[[], Recording | None] | None = None
+    """The path on the mesh with its faces cut into other triangles; None like `moved`."""
     dropped_out: Callable[[int], tuple[Array | None, Array | None]] | None = None
+    """`dropped_out(tick)`: the forces (N,), N, in a tick whose HIP is not finite, and in the next, which has the HIP of
+    the path again; None for one that is refused."""
     subdivided: Callable[[], Recording] | None = None
+    """Each step of the hand in two of half the time; both rows of a step are returned."""
     in_turns: Callable[[], Recording] | None = None
+    """The path through a renderer that takes turns with another of the same factory, which is led backwards on a model
+    of half the size."""
     pieces: Boundary | None = None
+    """The edges or triangles that the renderer was given for a smooth model."""
 
     def __post_init__(self) -> None:
         # `valid` is only there where some rows are not.
@@ -91,24 +93,8 @@ class Runs:
         return replace(self, **caching)
 
 
-class Sibling(StrEnum):
-    """What a check may use beside the recording that it judges: the fields of `Runs`."""
-
-    REFINE = "refine"
-    REVERSE = "reverse"
-    AT_SPEED = "at_speed"
-    LAW = "law"
-    AGAIN = "again"
-    LOOK = "look"
-    MOVED = "moved"
-    LED_ON = "led_on"
-    WITHOUT = "without"
-    REORDERED = "reordered"
-    CUT = "cut"
-    DROPPED_OUT = "dropped_out"
-    SUBDIVIDED = "subdivided"
-    IN_TURNS = "in_turns"
-    PIECES = "pieces"
+SIBLINGS = tuple(field.name for field in fields(Runs) if field.name != "base")
+"""The names of the siblings: what a check may use beside the recording that it judges."""
 
 
 class Situation(StrEnum):
@@ -187,7 +173,8 @@ class Check:
     applies:
 
     - `channels`: each of them was recorded; `reads_also` are channels that it reads where they were.
-    - `needs`: each sibling can be had; the value is the finding without it. `siblings` describes all that it may use.
+    - `needs`: each sibling can be had; the value is the finding without it. `siblings` describes all that it may use,
+      by their names in `SIBLINGS`.
     - `not_for`: the run is in none of these situations; the value says why it is not applicable there.
     - `effects`: the scene calls for one of these kinds, where any are given: a check of how that effect is shown.
     - `not_with`: no effect of the scene alters one of these. By default it is asked only where free space has no force.
@@ -210,8 +197,8 @@ class Check:
     unit: str
     judge: Callable[[Runs, Scene], Finding]
     reads_also: tuple[str, ...] = ()
-    siblings: Mapping[Sibling, str] = field(default_factory=dict)
-    needs: Mapping[Sibling, Finding] = field(default_factory=dict)
+    siblings: Mapping[str, str] = field(default_factory=dict)
+    needs: Mapping[str, Finding] = field(default_factory=dict)
     not_for: Mapping[Situation, str] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
     not_with: tuple[Alters, ...] = (Alters.FREE_SPACE,)
@@ -220,10 +207,15 @@ class Check:
     level: Level = Level.MUST
     page: str = ""
 
+    def __post_init__(self) -> None:
+        for name in {*self.siblings, *self.needs}:
+            if name not in SIBLINGS:
+                raise UnknownNameError("sibling", name, SIBLINGS, todo=f"choose one of: {', '.join(SIBLINGS)}")
+
     @property
     def needs_closed_form(self) -> bool:
         """Whether the check compares with a closed form."""
-        return Sibling.LAW in self.needs
+        return "law" in self.needs
 
     def __call__(self, runs: Runs, scene: Scene) -> Finding:
         """Judge `runs` in `scene`, where the check applies and has what it needs."""

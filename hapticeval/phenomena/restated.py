@@ -7,6 +7,7 @@ order of the model's vertices, each step of the hand in two of half the time, an
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -19,16 +20,22 @@ from hapticeval.phenomena.decisions import (
 )
 from hapticeval.phenomena.nudges import answers_apart, has_answer, steepness
 from hapticeval.phenomena.sampling import believed_standoff, evidence_at, mm, resolution
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
 NOBODY = "a recording shows one run only, and nobody can be asked for another"
 
-RELATION = "none of the six: a relation that every rigid contact keeps to"
-
-OFF = "change of the answer beside what is explained, as a share of the model's size"
+check_of_relation = partial(
+    Check,
+    phenomenon="none of the six: a relation that every rigid contact keeps to",
+    channels=("hip", "ihip", "force"),
+    metric="change of the answer beside what is explained, as a share of the model's size",
+    unit="1",
+    level=Level.SHOULD,
+)
+"""Make the check of a relation, which compares answers: they are off by a share of the model's size."""
 
 
 def compare_runs(

@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
-from hapticeval.phenomena.check import Sibling
 from hapticeval.phenomena.decisions import FOCAL_EIGENVALUE, HOLD_TICKS, PLACE_ROUNDING, SLIDE_SHARE, SPEED_ROUNDING
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -18,7 +17,7 @@ from hapticeval.types import Array, BoolArray
 SPEED_GIVEN = "a hand led along a given path has the speed that it is given"
 TOO_MUCH = "what the sampling may do to the speed is too much to decide"
 DOES_NOT_SLIDE = "the tool does not slide"
-FINER = {Sibling.REFINE: "the same experiment at 2 and 4 times the sampling rate"}
+FINER = {"refine": "the same experiment at 2 and 4 times the sampling rate"}
 """What the checks of Problem 7.1 use beside the recording."""
 
 

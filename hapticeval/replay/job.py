@@ -10,7 +10,7 @@ from pathlib import Path
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
-from hapticeval.phenomena.check import LACKING_CHANNEL, Runs, Sibling
+from hapticeval.phenomena.check import LACKING_CHANNEL, Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.quantity import align_columns
@@ -49,7 +49,7 @@ class ReplayTask:
         advisory: tuple[str, ...] = loop_needed
         if job.renderer == RECORDED:
             # What its renderer would have answered without an effect was not recorded.
-            compares = tuple(check for check in job.case.checks if Sibling.WITHOUT in CHECKS[check].needs)
+            compares = tuple(check for check in job.case.checks if "without" in CHECKS[check].needs)
             advisory = compares if "operator_force" in channels else (*loop_needed, *compares)
             advisory = advisory if all(name in channels for name in REQUIRED) else job.case.checks
         judged = judge_recorded(

@@ -18,7 +18,7 @@ from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn
 from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, UNBOUNDED, evaluate, evaluate_many
-from hapticeval.rigid_contact.force import MOST_GUESSES, SKIN_DEPTH, guess_between, narrow_bracket
+from hapticeval.rigid_contact.force import MOST_GUESSES, SEAM_REACH, SKIN_DEPTH, guess_between, narrow_bracket
 from hapticeval.rigid_contact.motion import fly_for
 from hapticeval.types import Array
 
@@ -27,9 +27,6 @@ Flight: TypeAlias = tuple[float, float, float, float, float]
 
 CELL_TURN = 0.2
 """Most that the boundary turns within a cell (rad): few enough that it is a graph over the cell's chord."""
-
-SEAM_REACH = 1e-9
-"""How far (m) a cell reaches beyond its ends, so that no path slips through between two cells."""
 
 TIP_REACH = 1e-15
 """The same at a convex corner, where nothing is there to be hit: only so far that rounding cannot let a tool that is

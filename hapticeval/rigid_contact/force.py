@@ -46,6 +46,10 @@ MOST_CORNER_HITS = 100_000
 """Most hits of one visit to a corner: in a sharp notch they all come at once, and each takes a small share of the
 speed. A tool that loses some at each is then at rest."""
 
+SEAM_REACH = 1e-9
+"""How far (m) a piece of the boundary, a cell of a curve or a triangle, reaches beyond its ends that are not convex, so
+that no path slips through between two."""
+
 SKIN_DEPTH = 1e-13
 """Depth (m) from which a tool in flight counts as inside: above the rounding of positions up to 100 m.
 

@@ -17,6 +17,7 @@ from hapticeval.rigid_contact.force import (
     CONTACT_HOP,
     MASS,
     MOST_GUESSES,
+    SEAM_REACH,
     SKIN_DEPTH,
     guess_between,
     narrow_bracket,
@@ -31,9 +32,6 @@ from hapticeval.rigid_contact.mesh_terrain import (
 )
 from hapticeval.rigid_contact.space import fly_in_space, force_in_space
 from hapticeval.types import Array, IntArray
-
-SEAM_REACH = 1e-9
-"""How far (m) a triangle reaches beyond edges that are not convex, so that nothing slips through between two."""
 
 FALL_GAP = 1e-9
 """Share of a step after a fall through a plane, from where on the next is looked for."""

@@ -13,6 +13,7 @@ from hapticeval.closed_forms import form_of
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
 from hapticeval.errors import DomainError, HapticevalError, RefusalError, RunawayError, describe_error, renderer_errors
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs, without_channel
@@ -59,8 +60,20 @@ class Judged:
     step_seconds: float | None = None
 
 
+OF_ANY = ("pieces", "refine", "again", "moved")
+OF_LOOPS = ("at_speed", "law")
+OF_PATHS = ("reverse", "look", "without", "reordered", "cut", "in_turns")
+OF_TICKS = ("subdivided", "led_on", "dropped_out")
+"""Siblings by what they can be made of: any stimulus, a closed loop, a given path, and one that is answered in ticks.
+
+`_RunFactory` has each by its name. A closed loop cannot be led backwards: its forces decide where the hand goes.
+"""
+
+
 class _RunFactory:
     """Makes recordings of one renderer in one scene, and counts the seconds that it simulates."""
+
+    base: Recording
 
     def __init__(self, factory: RendererFactory, scene: Scene, case: Case, name: str) -> None:
         self.factory, self.scene = factory, scene
@@ -83,36 +96,56 @@ class _RunFactory:
 
     def runs(self) -> Runs:
         """Return the base recording, with its siblings, further recordings that a check may ask for, made on demand."""
-        dt, stimulus = self.scene.sampling_time, self.stimulus
         with timed_steps() as seconds:
-            base = self.record(stimulus, dt, lead=play_while_defined)
+            self.base = base = self.record(self.stimulus, self.scene.sampling_time, lead=play_while_defined)
         if len(seconds) >= FEWEST_TIMED_STEPS:
             self.step_seconds = float(np.median(seconds))
         # The law has left its domain: siblings follow only the HIPs that it has answered.
-        if isinstance(stimulus, Path) and "ended" in base.meta:
-            self.stimulus = stimulus = Path(base.time, base.hip)
-        siblings: dict[str, Any] = {
-            "pieces": abilities_of(self.renderer).pieces,
-            "refine": lambda factor: self.record(stimulus, dt / factor),
-            "again": lambda: self.record(stimulus, dt),
-        }
-        if isinstance(stimulus, Experiment):
-            # A closed loop cannot be led backwards: its forces decide where the hand goes.
-            siblings |= {"at_speed": lambda factor: self.record(stimulus.at_speed(factor), dt), "law": self.law}
-            siblings["moved"] = self.moved
+        if isinstance(self.stimulus, Path) and "ended" in base.meta:
+            self.stimulus = Path(base.time, base.hip)
+        names = list(OF_ANY)
+        if isinstance(self.stimulus, Experiment):
             # Only then does a path of the recorded HIPs ask the renderer the same again.
-            if _answers_the_hip(self.scene):
-                siblings["without"] = lambda kind: self.without(kind, Path(base.time, base.hip))
+            names += [*OF_LOOPS, *(["without"] if _answers_the_hip(self.scene) else [])]
         else:
-            times, hips = stimulus.sampled(dt)
-            # The very same HIPs at even times: times counted from the end would differ in their last digit.
-            backward_path = Path(times, hips[::-1])
-            siblings |= {"reverse": lambda: self.record(backward_path, dt), "look": self.closeup(base)}
-            siblings |= {"without": lambda kind: self.without(kind, stimulus), "moved": self.moved}
-            siblings |= {"reordered": self.reordered, "cut": self.cut, "in_turns": self.in_turns}
-            if isinstance(self.renderer, Renderer):
-                siblings |= {"subdivided": self.subdivided, "led_on": self.led_on, "dropped_out": self.dropped_out}
+            names += [*OF_PATHS, *(OF_TICKS if isinstance(self.renderer, Renderer) else ())]
+        siblings: dict[str, Any] = {name: getattr(self, name) for name in names}
         return Runs(base, **siblings).remembered()
+
+    @property
+    def pieces(self) -> Boundary | None:
+        """The edges or triangles that the renderer was given; see `Runs.pieces`."""
+        return abilities_of(self.renderer).pieces
+
+    @property
+    def look(self) -> Closeup | None:
+        """What asks the renderer again anywhere along a path; None for one that answers a path as a whole.
+
+        It asks by `step`, and the base recording may be of `run`: raises `RendererError` where the two disagree.
+        """
+        if not isinstance(self.renderer, Renderer):
+            return None
+        contact, scene = touching(self.base, self.scene), self.scene
+        compare_batch(self.renderer, self.base, contact=contact, stiffness=scene.stiffness, damping=scene.damping)
+        return Closeup.of(self.renderer, self.base, self.scene)
+
+    def refine(self, factor: int) -> Recording:
+        """Record the stimulus at a higher sampling rate; see `Runs.refine`."""
+        return self.record(self.stimulus, self.scene.sampling_time / factor)
+
+    def again(self) -> Recording:
+        """Record the stimulus once more; see `Runs.again`."""
+        return self.record(self.stimulus, self.scene.sampling_time)
+
+    def reverse(self) -> Recording:
+        """Record the path backwards; see `Runs.reverse`."""
+        times, hips = cast("Path", self.stimulus).sampled(self.scene.sampling_time)
+        # The very same HIPs at even times: times counted from the end would differ in their last digit.
+        return self.record(Path(times, hips[::-1]), self.scene.sampling_time)
+
+    def at_speed(self, factor: float) -> Recording:
+        """Record the experiment with another speed at its start; see `Runs.at_speed`."""
+        return self.record(cast("Experiment", self.stimulus).at_speed(factor), self.scene.sampling_time)
 
     def moved(self, motion: Motion, nudge: tuple[float, ...]) -> Recording | None:
         """Record the stimulus in the moved scene, with the hand off by `nudge`; see `Runs.moved`."""
@@ -237,23 +270,13 @@ class _RunFactory:
         except RefusalError:
             return scene, None
 
-    def without(self, kind: str, path: Path) -> Recording:
-        """Record a path with a renderer of its own, made for the scene without the effect of that kind."""
+    def without(self, kind: str) -> Recording:
+        """Record a path with a renderer of its own, made for the scene without an effect; see `Runs.without`."""
         scene = self.scene.without(kind)
+        path = self.stimulus if isinstance(self.stimulus, Path) else Path(self.base.time, self.base.hip)
         recording = play(make_renderer(self.factory, scene), path, scene.sampling_time, scene=scene)
         self.simulated += len(recording) * scene.sampling_time
         return recording
-
-    def closeup(self, base: Recording) -> Closeup | None:
-        """Return what asks the renderer again anywhere along a path; None for one that answers a path as a whole.
-
-        It asks by `step`, and the base recording may be of `run`: raises `RendererError` where the two disagree.
-        """
-        if not isinstance(self.renderer, Renderer):
-            return None
-        contact, scene = touching(base, self.scene), self.scene
-        compare_batch(self.renderer, base, contact=contact, stiffness=scene.stiffness, damping=scene.damping)
-        return Closeup.of(self.renderer, base, self.scene)
 
 
 def _declared_form(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> str | None:

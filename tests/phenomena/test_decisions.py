@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,10 @@ def constants(file: Path) -> list[tuple[str, str, str]]:
             names = ast.unparse(node.targets[0]).strip("()")
             found.append((names, ast.unparse(node.value), " ".join(after.value.value.split()) if said else ""))
     return found
+
+
+MAKES_A_CHECK = re.compile(r"(_?check_of_\w+|Check)\(|partial\(Check\b")
+"""A call that makes a check, of a family's shared data or of all of it, or that shares data among a family."""
 
 
 TABLE = constants(Path(decisions.__file__))
@@ -119,6 +124,31 @@ def test_no_check_keeps_a_number_of_its_own():
         for names, value, _ in constants(file)
         for name in names.split(", ")
         if any(letter.isdigit() for letter in value)
-        and not value.startswith(("'", '"', "{", "f'", "Check(", "_check_of_friction("))
+        and not value.startswith(("'", '"', "{", "f'"))
+        and not MAKES_A_CHECK.match(value)
     }
     assert kept - shown == set()
+
+
+@pytest.mark.parametrize("file", sorted(CHECKS.rglob("*.py")), ids=lambda file: file.stem)
+def test_the_data_of_a_check_hold_no_number(file):
+    """Nor does what the checks of a family share: a number there would decide beside the table."""
+    calls = [
+        node
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and MAKES_A_CHECK.match(ast.unparse(node))
+    ]
+    numbers = [
+        ast.unparse(constant)
+        for call in calls
+        for constant in ast.walk(call)
+        if isinstance(constant, ast.Constant) and type(constant.value) in (int, float)
+    ]
+    assert numbers == []
+
+
+def test_a_number_in_the_data_of_a_check_would_be_seen():
+    assert MAKES_A_CHECK.match(ast.unparse(ast.parse("check_of_shading(id='a', judge=partial(f, 0.5))")))
+    assert MAKES_A_CHECK.match("Check(id='a')")
+    assert MAKES_A_CHECK.match("partial(Check, level=1)")
+    assert not MAKES_A_CHECK.match("partial(judge_each, 3)")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from hapticeval.cli import main
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, star
 from hapticeval.phenomena import checks
-from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
+from hapticeval.phenomena.check import SIBLINGS, Check, Runs, Situation
 from hapticeval.phenomena.registry import CHECKS, OWN
 from hapticeval.phenomena.verdict import Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -120,8 +120,8 @@ NEEDY = Check(
     formula="",
     citation="",
     channels=("hip", "force"),
-    siblings={Sibling.AGAIN: "the same again"},
-    needs={Sibling.AGAIN: undecided("not again")},
+    siblings={"again": "the same again"},
+    needs={"again": undecided("not again")},
     not_for={Situation.NO_CONVEX_CORNER: "no corner", Situation.BILATERAL: "held"},
     metric="",
     unit="",
@@ -151,6 +151,12 @@ def test_a_check_is_called_only_where_it_applies_and_has_what_it_needs(model, bi
     assert expected[1] in finding.message
 
 
+def test_a_sibling_that_there_is_not_is_refused_with_the_closest():
+    with pytest.raises(UnknownNameError) as refused:
+        dataclasses.replace(NEEDY, siblings={"agian": "the same again"}, needs={})
+    assert "again" in str(refused.value)
+
+
 @pytest.mark.parametrize("name", OWN)
 def test_the_data_of_our_checks_is_of_one_piece(name):
     check = OWN[name]
@@ -168,7 +174,7 @@ def test_siblings_are_made_once():
     runs = Runs(recording("hip"), refine=lambda factor: made.append(factor) or recording("hip")).remembered()
     assert runs.refine(2) is runs.refine(2)
     assert made == [2]
-    assert {each.value for each in Sibling} == {each.name for each in dataclasses.fields(Runs)} - {"base"}
+    assert set(SIBLINGS) == {each.name for each in dataclasses.fields(Runs)} - {"base"}
 
 
 @pytest.mark.parametrize("check", OWN.values(), ids=OWN)

@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.phenomena.check import Sibling, Situation
+from hapticeval.phenomena.check import Situation
 from hapticeval.phenomena.registry import OWN
 from hapticeval.suite.installed import find_suites
 from hapticeval.suite.reading import load_suite
@@ -16,7 +16,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "coverage.md"
 SPACES, HANDS = ("plane", "space"), ("led", "loop", "robot")
 CELLS = [(space, hand) for space in SPACES for hand in HANDS]
 
-OF_A_PATH = {Sibling.REVERSE, Sibling.REORDERED, Sibling.SUBDIVIDED, Sibling.IN_TURNS}
+OF_A_PATH = {"reverse", "reordered", "subdivided", "in_turns"}
 """Siblings that only a given path has."""
 
 NEVER: dict[str, tuple[str, ...]] = {"comes-to-rest": ("led",)}
@@ -41,7 +41,7 @@ def can_be_asked(check: str, hand: str) -> bool:
     """Whether a check can be asked of such a hand at all, by its own data."""
     data = OWN[check]
     if hand == "led":
-        closed = {Sibling.LAW, Sibling.AT_SPEED} & data.needs.keys()
+        closed = {"law", "at_speed"} & data.needs.keys()
         return not (closed or {Situation.LED, Situation.PLAYBACK} & data.not_for.keys() or hand in NEVER.get(check, ()))
     return not (OF_A_PATH & data.needs.keys())
 

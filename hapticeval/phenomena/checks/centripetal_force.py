@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticeval.closed_forms import Gains, transversal_motion
 from hapticeval.geometry.boundary import ClosestPoint
-from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
+from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import (
     BLOCK_TICKS,
     EXPLAINING_PUSH,
@@ -293,7 +293,7 @@ CHECK = Check(
     citation="thesis 3.2.3, (3.8); 6.3.3; Table 6.3 'accounts for centripetal acceleration'",
     channels=("hip", "force", "velocity"),
     reads_also=("ihip", "operator_force"),
-    siblings={Sibling.AT_SPEED: "the same experiment at 0.5 and 0.75 times the speed"},
+    siblings={"at_speed": "the same experiment at 0.5 and 0.75 times the speed"},
     not_for={Situation.PLAYBACK: "a hand led along a given path needs no force to follow it"},
     needs_loop=True,
     metric="share of the centripetal force that position error has to supply",

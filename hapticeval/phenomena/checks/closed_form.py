@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.effects.effect import Alters
-from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
+from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING, FORM_TOLERANCE
 from hapticeval.phenomena.refinement import extrapolated
 from hapticeval.phenomena.sampling import evidence_at, listed, mm
@@ -80,15 +80,15 @@ CHECK = Check(
     channels=("hip", "velocity"),
     reads_also=("operator_force",),
     siblings={
-        Sibling.LAW: "the closed form that the case names, or that of the law which the renderer declares to be",
-        Sibling.REFINE: "the same experiment at 2, 4 and 8 times the sampling rate",
+        "law": "the closed form that the case names, or that of the law which the renderer declares to be",
+        "refine": "the same experiment at 2, 4 and 8 times the sampling rate",
     },
     needs={
-        Sibling.LAW: Finding(
+        "law": Finding(
             Outcome.NOT_APPLICABLE,
             "no closed form is named for this renderer here, and it declares to be no law that has one",
         ),
-        Sibling.REFINE: undecided(UNREPEATABLE),
+        "refine": undecided(UNREPEATABLE),
     },
     not_for={Situation.LED: "a closed form is about a tool that moves by itself"},
     holds=True,

@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.geometry.boundary import Boundary, distance_between
-from hapticeval.phenomena.check import Check, Closer, Runs, Sibling, without_ihip
+from hapticeval.phenomena.check import Check, Closer, Runs, without_ihip
 from hapticeval.phenomena.checks.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import (
     CHORD_STEPS,
@@ -453,12 +453,12 @@ CHECK = Check(
     channels=("hip", "ihip"),
     reads_also=("force", "measured_hip"),
     siblings={
-        Sibling.PIECES: "the edges or triangles that a renderer was given: steps that they make are not its fault",
-        Sibling.LOOK: (
+        "pieces": "the edges or triangles that a renderer was given: steps that they make are not its fault",
+        "look": (
             "of a path, each place where the IHIP moves far, in up to 64 sub-steps of a sub-step, and the way by a "
             "jump at 2 and 4 times the sampling rate"
         ),
-        Sibling.REFINE: "else the whole run at 2, 4 and, while undecided, 8, 16 and 32 times the sampling rate",
+        "refine": "else the whole run at 2, 4 and, while undecided, 8, 16 and 32 times the sampling rate",
     },
     not_with=(Alters.FREE_SPACE, Alters.CONTACT_POINT),
     metric="IHIP jump that refinement leaves",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.sampling import evidence_at, force_floor
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.scene import Scene
@@ -40,8 +40,8 @@ CHECK = Check(
     formula="|F| = 0, or a refusal, in the tick whose HIP is not finite",
     citation="thesis 3.2: without a HIP there is no contact",
     channels=("hip", "force"),
-    siblings={Sibling.DROPPED_OUT: "the path up to its largest force, a HIP that is not finite, and the next one"},
-    needs={Sibling.DROPPED_OUT: undecided("a tick that is missing can be put into a path of ours only")},
+    siblings={"dropped_out": "the path up to its largest force, a HIP that is not finite, and the next one"},
+    needs={"dropped_out": undecided("a tick that is missing can be put into a path of ours only")},
     metric="force without a hand position",
     unit="N",
     level=Level.SHOULD,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
-from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
+from hapticeval.phenomena.check import Check, Runs, without_ihip
 from hapticeval.phenomena.checks.shading import SHADING
 from hapticeval.phenomena.checks.texture import TEXTURE
 from hapticeval.phenomena.checks.texture_work import BUMP
@@ -103,10 +103,8 @@ CHECK = Check(
     formula="F = F without friction + K (s - p); F - F without texture along the texture's direction, and s the same",
     citation="thesis 4.3",
     channels=("hip", "ihip", "force"),
-    siblings={Sibling.WITHOUT: "the same path in the scene without the later of the two effects"},
-    needs={
-        Sibling.WITHOUT: undecided("the force without one of the effects is not known: the hand is led along no path")
-    },
+    siblings={"without": "the same path in the scene without the later of the two effects"},
+    needs={"without": undecided("the force without one of the effects is not known: the hand is led along no path")},
     effects=(FRICTION,),
     metric="force off what the later effect makes of the earlier one's answer",
     unit="N",

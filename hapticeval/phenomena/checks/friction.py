@@ -13,7 +13,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.effects.effect import Alters, Stage
-from hapticeval.phenomena.check import Check, Runs, Sibling, not_alone, nothing_pressed
+from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
 from hapticeval.phenomena.checks.passivity import laps
 from hapticeval.phenomena.decisions import (
     BRISTLE_PARTS,
@@ -707,7 +707,7 @@ FORCE = _check_of_friction(
     phenomenon="none of the six: friction, thesis 4.3.3",
     formula="F_t = -b v_t, or -(sigma0 z + sigma1 z' + sigma2 v) with z' = v - sigma0 |v| z / g(v)",
     citation="thesis 4.3.3; Canudas de Wit et al. 1995",
-    siblings={Sibling.WITHOUT: "the same path in the scene without the friction"},
+    siblings={"without": "the same path in the scene without the friction"},
     metric="force along the surface off that of the law",
     unit="N",
     effects=(VISCOUS_FRICTION, LUGRE),

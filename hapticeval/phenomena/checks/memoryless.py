@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.effects.effect import Alters
-from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
+from hapticeval.phenomena.check import Check, Runs, without_ihip
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.sampling import (
     evidence_at,
@@ -87,9 +87,9 @@ CHECK = Check(
     citation="thesis 5.1, 6.2; Table 6.3 'suitable for LUT'",
     channels=("hip", "ihip"),
     reads_also=("force",),
-    siblings={Sibling.REVERSE: "the same HIPs in the opposite order"},
+    siblings={"reverse": "the same HIPs in the opposite order"},
     needs={
-        Sibling.REVERSE: undecided("one recording reaches each HIP only once; a second path is needed to decide"),
+        "reverse": undecided("one recording reaches each HIP only once; a second path is needed to decide"),
     },
     not_with=(Alters.CONTACT_POINT,),
     metric="distance between the IHIPs of one HIP",

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from hapticeval.geometry.motion import mirroring
-from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.restated import NOBODY, OFF, RELATION, compare_runs
-from hapticeval.phenomena.verdict import Finding, Level, Outcome
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.restated import NOBODY, check_of_relation, compare_runs
+from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.scene import Scene
 
 
@@ -16,17 +16,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return compare_runs(CHECK, runs, scene, other, "in the mirror")
 
 
-CHECK = Check(
+CHECK = check_of_relation(
     id="mirror-image",
-    phenomenon=RELATION,
     formula="IHIP(M HIP; M scene) = M IHIP(HIP; scene), and F likewise, for the mirror M: y to -y",
     citation="a rigid, frictionless contact has no left and no right; 3.1",
-    channels=("hip", "ihip", "force"),
-    siblings={Sibling.MOVED: "the same path on the model, both mirrored in the x axis, in space in the x-z plane"},
-    needs={Sibling.MOVED: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
+    siblings={"moved": "the same path on the model, both mirrored in the x axis, in space in the x-z plane"},
+    needs={"moved": Finding(Outcome.NOT_APPLICABLE, NOBODY)},
     not_with=(),
-    metric=OFF,
-    unit="1",
     judge=judge,
-    level=Level.SHOULD,
 )

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hapticeval.geometry.motion import Motion, rigid_motion, scaling
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import (
     AMPLIFIED_FACTOR,
     ANSWER_CHANGE,
@@ -160,9 +160,9 @@ CHECK = Check(
     formula="IHIP(M HIP; M scene) = M IHIP(HIP; scene), and F likewise, for a turn and shift M, and a scale M",
     citation="a rigid contact has no origin, no axes and no length of its own; 3.1",
     channels=("hip", "ihip", "force"),
-    siblings={Sibling.MOVED: "the same path in the scene turned and shifted, and scaled by 7 and by 1/7"},
+    siblings={"moved": "the same path in the scene turned and shifted, and scaled by 7 and by 1/7"},
     needs={
-        Sibling.MOVED: Finding(
+        "moved": Finding(
             Outcome.NOT_APPLICABLE,
             "a recording shows one place and size of the scene, and nobody can be asked for others",
         ),

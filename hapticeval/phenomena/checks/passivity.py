@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.checks.force_magnitude import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.decisions import (
     FINER_RATES,
@@ -566,8 +566,8 @@ CHECK = Check(
     channels=("hip", "force"),
     reads_also=("ihip",),
     siblings={
-        Sibling.REFINE: "the same stimulus at 2, 4 and, while undecided, 8 and 16 times the sampling rate",
-        Sibling.LED_ON: "where laps give energy: as many more as spend what the hand has put in before",
+        "refine": "the same stimulus at 2, 4 and, while undecided, 8 and 16 times the sampling rate",
+        "led_on": "where laps give energy: as many more as spend what the hand has put in before",
     },
     needs_loop=True,
     metric="work that the hand gets back beyond what it put in",

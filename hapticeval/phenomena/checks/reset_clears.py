@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import NOTABLE_FORCE_SHARE, TELLING_SHARE
 from hapticeval.phenomena.sampling import (
     evidence_at,
@@ -98,11 +98,9 @@ CHECK = Check(
     citation="the renderer protocol: reset(hip) starts a run",
     channels=("hip", "force"),
     reads_also=("ihip",),
-    siblings={Sibling.AGAIN: "the same stimulus once more through the same renderer"},
+    siblings={"again": "the same stimulus once more through the same renderer"},
     needs={
-        Sibling.AGAIN: Finding(
-            Outcome.NOT_APPLICABLE, "a recording shows one run only, and nobody can be asked for another"
-        ),
+        "again": Finding(Outcome.NOT_APPLICABLE, "a recording shows one run only, and nobody can be asked for another"),
     },
     not_with=(),
     metric="force, or IHIP, after a reset less that before",

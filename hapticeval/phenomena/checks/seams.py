@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.restated import NOBODY, OFF, RELATION, compare_runs
-from hapticeval.phenomena.verdict import Finding, Level, Outcome
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.restated import NOBODY, check_of_relation, compare_runs
+from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.scene import Scene
 
 
@@ -14,20 +14,15 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return compare_runs(CHECK, runs, scene, runs.cut(), "with the faces cut into other triangles")
 
 
-CHECK = Check(
+CHECK = check_of_relation(
     id="seams",
-    phenomenon=RELATION,
     formula="IHIP(HIP; cut triangles) = IHIP(HIP; triangles), and F likewise",
     citation="a surface is a set of points; 3.1",
-    channels=("hip", "ihip", "force"),
     siblings={
-        Sibling.CUT: "the same path on the mesh with each triangle cut into 36 unequal ones, in its own plane",
-        Sibling.MOVED: "the same path with the hand off by what rounding may change",
+        "cut": "the same path on the mesh with each triangle cut into 36 unequal ones, in its own plane",
+        "moved": "the same path with the hand off by what rounding may change",
     },
-    needs={Sibling.CUT: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
+    needs={"cut": Finding(Outcome.NOT_APPLICABLE, NOBODY)},
     not_with=(),
-    metric=OFF,
-    unit="1",
     judge=judge,
-    level=Level.SHOULD,
 )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling, not_alone, without_ihip
+from hapticeval.phenomena.check import Check, Runs, not_alone, without_ihip
 from hapticeval.phenomena.checks.passivity import laps
 from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
 from hapticeval.phenomena.lag import largest_in_lag
@@ -204,45 +205,38 @@ def _running_work(base: Recording, force: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-WITHOUT = {Sibling.WITHOUT: "the same path in the scene without shading"}
-NEEDS = {
-    Sibling.WITHOUT: undecided("the force without shading is not known: the hand is not led along a path that we give")
-}
-DIRECTION = Check(
+check_of_shading = partial(
+    Check,
+    channels=("hip", "ihip", "force"),
+    siblings={"without": "the same path in the scene without shading"},
+    needs={
+        "without": undecided("the force without shading is not known: the hand is not led along a path that we give")
+    },
+    effects=(SHADING,),
+)
+DIRECTION = check_of_shading(
     id="shading-direction",
     phenomenon="none of the six: force shading, thesis 4.3.1",
     formula="angle(F[i], F[i+1]) <= 2 max over i +- 3 of angle(n_e[j], n_e[j+1]), n_e = unit(sum of a_i n_i)",
     citation="thesis (4.15)",
-    channels=("hip", "ihip", "force"),
-    siblings=WITHOUT,
-    needs=NEEDS,
-    effects=(SHADING,),
     metric="turn of the force from a tick to the next",
     unit="rad",
     judge=judge_direction,
 )
-MAGNITUDE = Check(
+MAGNITUDE = check_of_shading(
     id="shading-magnitude",
     phenomenon="none of the six: force shading, thesis 4.3.1",
     formula="|F| = |F without shading| at every tick: |n_e| = 1",
     citation="thesis (4.15), renormalised",
-    channels=("hip", "ihip", "force"),
-    siblings=WITHOUT,
-    needs=NEEDS,
-    effects=(SHADING,),
     metric="force less that without shading, as a share of it",
     unit="",
     judge=judge_magnitude,
 )
-WORK = Check(
+WORK = check_of_shading(
     id="shading-work",
     phenomenon="none of the six: what force shading gives to the hand, thesis 4.3.1",
     formula="W = sum of F.dx once round = K (d2 - d1)(L/2) tan(theta/2) - K/2 (d2^2 - d1^2)(1 - cos theta), by path",
     citation="thesis 4.3.1, (4.15)",
-    channels=("hip", "ihip", "force"),
-    siblings=WITHOUT,
-    needs=NEEDS,
-    effects=(SHADING,),
     metric="work once round a loop less that of interpolated unit normals",
     unit="J",
     judge=judge_work,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling, not_alone
+from hapticeval.phenomena.check import Check, Runs, not_alone
 from hapticeval.phenomena.decisions import (
     APART_DECIBELS,
     CHANCE_OF_FAILURE,
@@ -376,44 +377,40 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-SHARED = {
-    "phenomenon": "none of the six: stochastic textures, thesis 4.3.2",
-    "citation": "thesis 4.3.2 [99]",
-    "channels": ("hip", "ihip", "force"),
-    "siblings": {Sibling.WITHOUT: "the same path in the scene without the texture"},
-    "needs": {
-        Sibling.WITHOUT: undecided("the force without texture is not known: the hand is not led along a given path")
-    },
-    "effects": (TEXTURE,),
-    "unit": "dB",
-}
-SPECTRUM = Check(
+check_of_texture = partial(
+    Check,
+    phenomenon="none of the six: stochastic textures, thesis 4.3.2",
+    citation="thesis 4.3.2 [99]",
+    channels=("hip", "ihip", "force"),
+    siblings={"without": "the same path in the scene without the texture"},
+    needs={"without": undecided("the force without texture is not known: the hand is not led along a given path")},
+    effects=(TEXTURE,),
+    unit="dB",
+)
+SPECTRUM = check_of_texture(
     id="texture-spectrum",
     formula="rms over bins of 10 lg(P / E P) with P of Welch's method, windows of 256 samples",
     metric="rms error of the spectrum",
     judge=judge_spectrum,
-    **SHARED,  # type: ignore[arg-type]
 )
-STATIONARY = Check(
+STATIONARY = check_of_texture(
     id="texture-stationary",
     formula="max over eighths i of |10 lg(P_i / mean P)|, P the mean square",
     metric="power of an eighth against the mean",
     judge=judge_stationary,
-    **SHARED,  # type: ignore[arg-type]
 )
-AMPLITUDE = Check(
+AMPLITUDE = check_of_texture(
     id="texture-amplitude",
     formula="max over stretches j of |e_j - mean e|, e_j = 10 lg(P_j / r_0 of the texture at v_j and F_j)",
     metric="power of a stretch against the others",
     judge=judge_amplitude,
-    **SHARED,  # type: ignore[arg-type]
 )
-REST = Check(
+REST = check_of_texture(
     id="texture-rest",
     formula="|F - F without the texture| <= (1 + c t) e^(-c t) max of it while the hand moves, at t = .25 s",
     metric="vibration of a hand that rests",
     judge=judge_rest,
-    **(SHARED | {"unit": "N"}),  # type: ignore[arg-type]
+    unit="N",
 )
 CHECKS = (SPECTRUM, STATIONARY, AMPLITUDE, REST)
 """The checks of this module."""

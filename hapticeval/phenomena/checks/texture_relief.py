@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hapticeval.effects.effect import Stage
-from hapticeval.phenomena.check import Check, Runs, Sibling, not_alone, nothing_pressed
+from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
 from hapticeval.phenomena.checks.texture_work import BUMP, HEIGHT
 from hapticeval.phenomena.decisions import LAG_TICKS, TELLING_SHARE, WHOLE_LAG
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, resting_ticks
@@ -270,7 +270,7 @@ CHECK = Check(
     formula="F = K (d + h)(n - (I - d W)^-1 grad h), IHIP = foot + h n; a bump map: F_n along unit(n - grad h)",
     citation="thesis 4.3.2, (4.16)",
     channels=("hip", "ihip", "force"),
-    siblings={Sibling.WITHOUT: "the same path in the scene without the relief"},
+    siblings={"without": "the same path in the scene without the relief"},
     effects=(HEIGHT, BUMP),
     metric="force off that of the relief",
     unit="N",

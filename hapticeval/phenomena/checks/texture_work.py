@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.checks.passivity import SampledWork, laps
 from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN, SINGLE_ROUNDINGS
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at
@@ -87,8 +87,8 @@ CHECK = Check(
     formula="W = sum of F.dx over a closed lap <= 0 as h -> 0; of a potential U = K (d + h)^2 / 2 it is 0",
     citation="thesis 4.3.2, (4.16)",
     channels=("hip", "force"),
-    siblings={Sibling.REFINE: "the same stimulus at 2 and 4, and while undecided 8 and 16 times the sampling rate"},
-    needs={Sibling.REFINE: undecided("the recording cannot be refined: the sampling's share in the work is not known")},
+    siblings={"refine": "the same stimulus at 2 and 4, and while undecided 8 and 16 times the sampling rate"},
+    needs={"refine": undecided("the recording cannot be refined: the sampling's share in the work is not known")},
     effects=(HEIGHT, BUMP),
     metric="work that the hand gets in a lap",
     unit="J",

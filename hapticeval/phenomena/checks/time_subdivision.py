@@ -6,16 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.decisions import (
     AMPLIFIED_FACTOR,
     LAG_TICKS,
     SAME_ANSWER,
 )
 from hapticeval.phenomena.nudges import steepness
-from hapticeval.phenomena.restated import NOBODY, OFF, RELATION, compare_runs
+from hapticeval.phenomena.restated import NOBODY, check_of_relation, compare_runs
 from hapticeval.phenomena.sampling import hip_step
-from hapticeval.phenomena.verdict import Finding, Level, Outcome
+from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.recordings.channels import ANSWERED
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -83,23 +83,18 @@ def _ticks_late(base: Recording, fine: Recording, scene: Scene) -> int | None:
     return None
 
 
-CHECK = Check(
+CHECK = check_of_relation(
     id="time-subdivision",
-    phenomenon=RELATION,
     formula="IHIP and F of HIP k of n = those of HIP 2 k of 2 n, with dt / 2",
     citation="a rigid contact answers the hand's way and velocity, and knows no ticks; 3.1, 3.8",
-    channels=("hip", "ihip", "force"),
     siblings={
-        Sibling.SUBDIVIDED: "the same HIPs with one half way between each two, at twice the sampling rate",
-        Sibling.MOVED: "the same path with the hand off by what rounding may change, and by half a step",
+        "subdivided": "the same HIPs with one half way between each two, at twice the sampling rate",
+        "moved": "the same path with the hand off by what rounding may change, and by half a step",
     },
     needs={
-        Sibling.SUBDIVIDED: Finding(
+        "subdivided": Finding(
             Outcome.NOT_APPLICABLE, f"{NOBODY}, or the renderer answers a stimulus whole, and not in ticks"
         )
     },
-    metric=OFF,
-    unit="1",
     judge=judge,
-    level=Level.SHOULD,
 )

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, SINGLE_ROUNDINGS, TELLING_SHARE
 from hapticeval.phenomena.sampling import evidence_at, force_floor, touching
 from hapticeval.phenomena.sampling import rounding as rounding_of
@@ -281,27 +281,26 @@ def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> 
     )
 
 
-WITHOUT = {Sibling.WITHOUT: "the same path in the scene without that effect"}
-NEEDS = {
-    Sibling.WITHOUT: undecided(
-        "the force without the effect is not known: the hand is not led along a path that we give"
-    )
-}
-ONSET = Check(
+check_of_transient = partial(
+    Check,
+    channels=("hip", "ihip", "force"),
+    reads_also=("velocity",),
+    siblings={"without": "the same path in the scene without that effect"},
+    needs={
+        "without": undecided("the force without the effect is not known: the hand is not led along a path that we give")
+    },
+)
+ONSET = check_of_transient(
     id="transient-onset",
     phenomenon="none of the six: what a contact starts, thesis 3.2.2 and 4.3.4",
     formula="first tick with a force added - first tick of contact <= 1, and none added in free space",
     citation="thesis 4.3.4",
-    channels=("hip", "ihip", "force"),
-    reads_also=("velocity",),
-    siblings=WITHOUT,
-    needs=NEEDS,
     effects=KINDS,
     metric="ticks from the contact to the force that it adds",
     unit="ticks",
     judge=partial(judge_each, judge_onset, KINDS),
 )
-TOTAL = Check(
+TOTAL = check_of_transient(
     id="transient-impulse",
     phenomenon="none of the six: what a contact starts, thesis 3.2.2 and 4.3.4",
     formula=(
@@ -309,24 +308,16 @@ TOTAL = Check(
         "|F| <= cap"
     ),
     citation="thesis (4.21) with J_n = n' J, 4.3.4",
-    channels=("hip", "ihip", "force"),
-    reads_also=("velocity",),
-    siblings=WITHOUT,
-    needs=NEEDS,
     effects=KINDS,
     metric="impulse less the effect's",
     unit="N s",
     judge=partial(judge_each, judge_impulse, KINDS),
 )
-VIBRATION = Check(
+VIBRATION = check_of_transient(
     id="transient-vibration",
     phenomenon="none of the six: how a struck surface rings, thesis 4.3.4",
     formula="F = L v e^(-Bt) sin(2 pi f t + p): B and f of the least squares fit, with 99 % confidence",
     citation="thesis 4.3.4",
-    channels=("hip", "ihip", "force"),
-    reads_also=("velocity",),
-    siblings=WITHOUT,
-    needs=NEEDS,
     effects=(RINGING,),
     metric="frequency or decay less the scene's, as a share of it",
     unit="",

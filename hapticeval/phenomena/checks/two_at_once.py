@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.decisions import (
     SINGLE_ROUNDINGS,
 )
 from hapticeval.phenomena.nudges import answers_apart, has_answer
-from hapticeval.phenomena.restated import NOBODY, OFF, relation_finding
+from hapticeval.phenomena.restated import NOBODY, check_of_relation, relation_finding
 from hapticeval.phenomena.sampling import rounding
-from hapticeval.phenomena.verdict import Finding, Outcome, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 
@@ -36,19 +36,17 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-CHECK = Check(
+CHECK = check_of_relation(
     id="two-at-once",
     phenomenon="none of the six: a property of the renderer's state",
     formula="(ihip, force) of the run = (ihip, force) of the same run, eight ticks by turns with another renderer",
     citation="the renderer protocol: factory(scene) makes a renderer",
-    channels=("hip", "ihip", "force"),
     siblings={
-        Sibling.IN_TURNS: "the same path, by turns with another renderer, on the model at half its size where it has "
+        "in_turns": "the same path, by turns with another renderer, on the model at half its size where it has "
         "one, led backwards"
     },
-    needs={Sibling.IN_TURNS: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
+    needs={"in_turns": Finding(Outcome.NOT_APPLICABLE, NOBODY)},
     not_with=(),
-    metric=OFF,
-    unit="1",
     judge=judge,
+    level=Level.MUST,
 )
