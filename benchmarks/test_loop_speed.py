@@ -16,11 +16,11 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.integration import control, default_method
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.discovery import resolve
+from hapticeval.examples.studies.integrators import Integrator, integration_benchmark
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
-from hapticeval.study.integrators import Integrator, integration_benchmark
 
 DT, SECONDS = 1e-3, 10.0
 ALLOWED = 3.0

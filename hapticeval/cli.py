@@ -20,7 +20,6 @@ from hapticeval.commands import (
     cache,
     diff,
     draw,
-    effects,
     figure,
     history,
     judging,
@@ -28,7 +27,6 @@ from hapticeval.commands import (
     recordings,
     search,
     tables,
-    texture,
     viewing,
 )
 from hapticeval.commands.arguments import SectionedCommand, SectionedGroup
@@ -155,8 +153,8 @@ def _common_options(
 
 
 study = typer.Typer(
-    help="Studies of renderers, effects, models and robots: pictures and tables beside the verdicts.",
-    short_help="Pictures and tables of renderers, effects and robots.",
+    help="Studies of renderers and robots: pictures and tables beside the verdicts.",
+    short_help="Pictures and tables of renderers and robots.",
     no_args_is_help=True,
     cls=SectionedGroup,
 )
@@ -198,14 +196,9 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
 """The commands as the first page of help groups them: each with its exit codes and its line there."""
 
 STUDIES: Sequence[tuple[Callable[..., None], str, str]] = (
-    (bench.rates, bench.RATES_CODES, "Measure what a faster loop buys."),
-    (effects.effects, effects.EFFECTS_CODES, "Measure what the effects of scenes cost."),
-    (texture.texture, texture.TEXTURE_CODES, "Show a texture, or take over a toolkit's."),
     (draw.field, draw.DRAW_CODES, "Draw where a projection leads, and where it jumps."),
-    (draw.device, draw.DRAW_CODES, "Show what the hand feels of a device, and its reach."),
     (draw.limits, draw.LIMITS_CODES, "Find the largest stiffness that stays stable."),
     (draw.plates, draw.DRAW_CODES, "Find the thinnest plate that renderers hold."),
-    (draw.integrators, draw.DRAW_CODES, "Draw how exactly a robot's motion is integrated."),
 )
 
 

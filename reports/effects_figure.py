@@ -20,7 +20,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.reports.canvas import MM, colour_of, figure, page_svg
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
-from hapticeval.study.effects.document import EffectsDocument, Ladder
+from hapticeval.study.effects_cost import EffectsDocument, Ladder
 from hapticeval.types import Array
 
 if TYPE_CHECKING:

@@ -43,7 +43,7 @@ from hapticeval.runner.results import (
 )
 from hapticeval.runner.standing import Standing, count_standings
 from hapticeval.study.bench.document import BenchResults, Kind
-from hapticeval.study.effects.document import EffectsDocument
+from hapticeval.study.effects_cost import EffectsDocument
 
 if TYPE_CHECKING:
     from hapticeval.closed_forms import ClosedForm

@@ -26,8 +26,8 @@ from hapticeval.reports.table import markdown
 from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, VerdictEntry, read_results
 from hapticeval.study.bench.document import FILE as BENCH
 from hapticeval.study.bench.document import read_bench
-from hapticeval.study.effects.document import FILE as COSTS
-from hapticeval.study.effects.document import read_costs
+from hapticeval.study.effects_cost import FILE as COSTS
+from hapticeval.study.effects_cost import read_costs
 from hapticeval.workers import Answer, Ended, Workers
 
 if TYPE_CHECKING:

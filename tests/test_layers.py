@@ -66,7 +66,7 @@ RESULTS = {
     "runner.standing",
     "runner.table",
     "study.bench.document",
-    "study.effects.document",
+    "study.effects_cost",
     "study.projection_field.field",
 }
 """Modules of running units that only hold what a run leaves: they import no more than reports do."""

@@ -6,10 +6,10 @@ import numpy as np
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
+from hapticeval.examples.studies.energy_field import energy_field, worst_loop
 from hapticeval.geometry.catalogue import cassinian
 from hapticeval.reports.canvas import figure
 from hapticeval.scene import Scene
-from hapticeval.study.energy_field import energy_field, worst_loop
 
 PICTURES = Path("pictures")
 PICTURES.mkdir(exist_ok=True)

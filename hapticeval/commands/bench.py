@@ -23,12 +23,6 @@ Exit codes:
   3  a renderer broke (outranks 1 and 2)
 """
 
-RATES_CODES = """\b
-Exit codes:
-  0  measured; a renderer that refuses a case or breaks in it has the reason in its row
-  2  wrong usage or input
-"""
-
 
 def bench(
     renderers: Annotated[list[str] | None, renderers_option("the built-in ones, on every representation")] = None,
@@ -130,43 +124,4 @@ def bench(
     raise typer.Exit(
         # A renderer that broke has a higher code than what was found to be worse.
         max([int(bool(missed) or worse or not results.complete), *(failure.exit_code for failure in sweep.failures)])
-    )
-
-
-def rates(
-    renderers: Annotated[list[str] | None, renderers_option("the built-in ones")] = None,
-    directory: Folder = Path(),
-) -> None:
-    """Measure what a faster loop buys: each phenomenon's error by rate.
-
-    From 1 kHz to 1 MHz, the metric of each of the six phenomena in a case of
-    the thesis, and the largest stable stiffness of the robot's loop. What
-    would take more than some 20 s is left out.
-
-    \b
-    Examples:
-      hapticeval study rates -r minimum-distance@lut -r constraint -o pictures
-      hapticeval study rates -r mymodule:factory
-    """
-    from hapticeval.discovery import own_renderers
-    from hapticeval.quantity import align_columns
-    from hapticeval.reports.rates_figure import write_rates
-    from hapticeval.study.rates import RATES, study_rates
-
-    with Terminal() as terminal:
-        document = study_rates(renderers or own_renderers(), RATES, terminal.working)
-    cells_by_row: dict[tuple[str, str], dict[float, str]] = {}
-    for row in document["rows"]:
-        cell = row.get("outcome", "left out") + (f" {row['metric']['value']:.2g}" if "metric" in row else "")
-        cells_by_row.setdefault((row["renderer"], row["check"]), {})[row["rate"]] = cell
-    head = ["", "", *(f"{1e-3 * rate:g} kHz" for rate in RATES)]
-    table = [[*key, *(cells.get(rate, "-") for rate in RATES)] for key, cells in cells_by_row.items()]
-    # N/m at each rate.
-    limit = ["stable stiffness", "N/m"] + [
-        "none" if row["stable"] is None else f"{row['stable']:.4g}" for row in document["limit"]["rows"]
-    ]
-    say(
-        paragraphs(
-            "\n".join(align_columns([head, *table, limit], left=2)), wrote_lines(write_rates(directory, document))
-        )
     )

@@ -1,11 +1,10 @@
-"""The commands that study and draw: fields, devices, limits of stability, integrators."""
+"""The commands that study and draw: fields and limits of stability."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -23,11 +22,6 @@ from hapticeval.commands.arguments import (
 from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError
 
-if TYPE_CHECKING:
-    from hapticeval.devices.criteria import Criteria, Peak, Spread
-    from hapticeval.devices.device import Device
-    from hapticeval.types import Array
-
 DRAW_CODES = """\b
 Exit codes:
   0  measured and drawn
@@ -41,19 +35,6 @@ Exit codes:
   2  wrong usage or input
   3  the renderer broke
 """
-
-SPREAD_ROWS = {
-    "lightest": ("lightest direction", "kg", 1.0),
-    "heaviest": ("heaviest direction", "kg", 1.0),
-    "anisotropy": ("anisotropy", "", 1.0),
-    "damping": ("least damping", "N s/m", 1.0),
-    "stiffest": ("least bound (2.40)", "N/m", 1.0),
-    "resolution": ("coarsest coordinate", "µm", 1e6),
-    "force": ("force in every direction", "N", 1.0),
-    "acceleration": ("acceleration in every direction", "m/s²", 1.0),
-    "manipulability": ("manipulability", "", 1.0),
-}
-"""How the criteria over the workspace are shown: name, unit, and how many of it make the SI unit."""
 
 
 def field(
@@ -106,126 +87,6 @@ def field(
     )
     written = write_field(directory, projection_field, document)
     say(paragraphs(lines([document["title"], caption(document)]), wrote_lines(written)))
-
-
-def device(
-    name: Annotated[
-        str,
-        argument(
-            metavar="DEVICE",
-            help="As in parallelogram-2dof, parallelogram-3dof:dynamics=printed or point-mass:mass=0.1.",
-        ),
-    ],
-    at: Annotated[
-        str | None, option("--at", metavar="Y1,Y2[,Y3]", help="Where the hand is, m; at home if not given.")
-    ] = None,
-    torque: Annotated[
-        float | None,
-        option(
-            metavar="TAU",
-            help="Peak torque of each motor, N m (of a point mass its force, N); the robot's has 0.368 of its own.",
-        ),
-    ] = None,
-    directory: Folder = Path(),
-) -> None:
-    """Show what the hand feels of a device, and draw where it reaches.
-
-    \b
-    Examples:
-      hapticeval study device parallelogram-2dof
-      hapticeval study device parallelogram-3dof --at 0.1,0.05,-0.05 -o pictures
-      hapticeval study device parallelogram-3dof:base_inertia=cos,b1=0.4
-    """
-    import numpy as np
-
-    from hapticeval.devices.catalogue import device_named
-    from hapticeval.devices.criteria import MOTOR_TORQUE, criteria, over_workspace
-    from hapticeval.devices.parallelogram import Parallelogram
-    from hapticeval.devices.point_mass import PointMass
-    from hapticeval.reports.device_figure import write_device
-
-    robot = device_named(name)
-    # N m; a point mass has no motors, and without a number no limit.
-    limit = MOTOR_TORQUE if torque is None and not isinstance(robot, PointMass) else torque
-    place = np.zeros(robot.dimension) if at is None else parse_point(at, robot.dimension, option="--at")
-    joints = robot.joints(place)
-    measured = criteria(robot, joints, torque_limit=limit)
-    parts = [columns(_criteria_rows(robot, measured, limit))]
-    if isinstance(robot, Parallelogram):
-        parts.append(_workspace_table(over_workspace(robot, torque_limit=limit)))
-        parts.append(wrote_lines(write_device(directory, robot, joints, stem=f"device-{robot.name}")))
-    say(paragraphs(*parts))
-
-
-def _criteria_rows(robot: Device, pose: Criteria, limit: float | None) -> Iterator[tuple[str, str]]:
-    """Yield name and text of each criterion at the pose."""
-    from hapticeval.devices.criteria import SAMPLING_TIME
-    from hapticeval.devices.parallelogram import Parallelogram
-    from hapticeval.devices.workspace import nearest_limit, nearest_singularity
-
-    yield "device", f"{robot.name}, {robot.dimension} degrees of freedom"
-    if isinstance(robot, Parallelogram):
-        yield "dynamics", robot.described_dynamics
-    yield "hand", f"{_vector_text(1e3 * pose.position)} mm"
-    # None for a device without limits, as a point mass.
-    nearest = nearest_limit(robot, pose.joints)
-    if nearest is None:
-        yield "workspace", "all of space"
-    else:
-        yield "joints", f"{_vector_text(pose.joints)} rad"
-        yield "nearest limit", nearest.text
-        yield "singularities", f"none within {nearest_singularity(robot, pose.joints):.4g} rad of the joints"
-    if isinstance(robot, Parallelogram):
-        yield "workspace", f"{robot.size():.4g} {'m²' if robot.dimension == 2 else 'm³'}"
-    yield from _direction_rows("inertia", pose.masses, "kg", pose.directions)
-    yield "anisotropy", f"{pose.anisotropy:.4g}, the heaviest direction over the lightest"
-    yield from _direction_rows("damping", pose.resistances, "N s/m", pose.resistance_directions)
-    # (2.40) bounds the stiffness by the damping: without any there is no bound to show.
-    if pose.resistances[-1] > 0.0:
-        yield from _direction_rows("stiffest (2.40)", pose.stiffest, "N/m", pose.resistance_directions)
-    if nearest is not None:
-        # um a coordinate, from the encoders' counts: a point mass has none.
-        yield "resolution", f"{_vector_text(1e6 * pose.resolution)} µm a coordinate"
-    if pose.force is not None and pose.acceleration is not None and limit is not None:
-        motors = f"motors of {limit:g} {'N' if nearest is None else 'N m'}"
-        yield "peak force", f"{_peak_words(pose.force, 'N')}, with {motors}"
-        yield "peak acceleration", f"{_peak_words(pose.acceleration, 'm/s²')}, from rest"
-    yield "manipulability", f"{pose.manipulability:.4g}, |det J|"
-    yield "sampling rate", f"{1.0 / SAMPLING_TIME:g} Hz"
-
-
-def _direction_rows(name: str, values: Array, unit: str, directions: Array) -> Iterator[tuple[str, str]]:
-    for i, value in enumerate(values):
-        # The name once, beside the first direction.
-        yield "" if i else name, f"{value:.4g} {unit} along {_vector_text(_sign_fixed(directions[:, i]))}"
-
-
-def _peak_words(peak: Peak, unit: str) -> str:
-    along = _vector_text(_sign_fixed(peak.best_direction))
-    return f"{peak.worst:.4g} {unit} in every direction, {peak.best:.4g} {unit} along {along}"
-
-
-def _sign_fixed(direction: Array) -> Array:
-    """Return a direction or its opposite, whichever has its largest part positive."""
-    # A direction and its opposite are one axis; this picks the same of them everywhere.
-    return -direction if direction[abs(direction).argmax()] < 0.0 else direction
-
-
-def _vector_text(values: Array) -> str:
-    # Rounded to 1e-12 and + 0.0, so that no -0 is printed.
-    return f"({', '.join(f'{value + 0.0:.4g}' for value in values.round(12))})"
-
-
-def _workspace_table(spread: dict[str, Spread]) -> str:
-    """Format the least, median and greatest of each criterion in columns."""
-    from hapticeval.devices.criteria import CLEARANCE
-
-    lines = [f"{f'over the workspace, {CLEARANCE:g} rad clear of its edge':46}{'least':>9}{'median':>9}{'greatest':>9}"]
-    for key, (name, unit, scale) in SPREAD_ROWS.items():
-        if key in spread:
-            title = f"  {name} ({unit})" if unit else f"  {name}"
-            lines.append(f"{title:46}" + "".join(f"{scale * value:9.4g}" for value in spread[key]))
-    return "\n".join(lines)
 
 
 def limits(
@@ -329,33 +190,3 @@ def plates(
         "renderers": {name: [border._asdict() for border in borders] for name, borders in maps.items()},
     }
     say(paragraphs(columns(rows), wrote_lines(write_plates(directory, document))))
-
-
-def integrators(
-    directory: Folder = Path(),
-) -> None:
-    """Draw how exactly each method moves the robot between samples, and in what time.
-
-    A hand draws the robot along a circle against motors that jump at each tick. Errors are against scipy's DOP853 at
-    its tightest.
-
-    \b
-    Example:
-      hapticeval study integrators -o pictures
-    """
-    from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
-    from hapticeval.reports.precision_figure import write_precision
-    from hapticeval.study.integrators import study_integrators
-
-    document = study_integrators([Parallelogram2(), Parallelogram3()])
-    chosen = document["default"]
-    for device in document["devices"]:
-        methods = {method["name"]: method for method in device["methods"]}
-        # The measured point of the method and tolerance that closed loops use.
-        point = next(p for p in methods[chosen["method"]]["points"] if p["tolerance"] == chosen["tolerance"])
-        say(
-            f"{device['device']}: closed loops use {chosen['method']} with a tolerance of {chosen['tolerance']:.0e}: "
-            f"error {point['error']:.1e} after a tick at the most, {1.0 / point['seconds_per_second']:.0f} times real "
-            "time"
-        )
-    say(wrote_lines(write_precision(directory, document)))

@@ -57,7 +57,7 @@ def record(
         str | None,
         option(
             metavar="NAME",
-            help=f"Of the twin: what it simulates, as in `hapticeval study device`; {DEFAULT_ROBOT} if not given.",
+            help=f"Of the twin: what it simulates, parallelogram-2dof:NAME=VALUE,...; {DEFAULT_ROBOT} if not given.",
         ),
     ] = None,
     wiring: Annotated[

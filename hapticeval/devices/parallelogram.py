@@ -38,6 +38,9 @@ DIAGONAL = math.sqrt(0.5)
 ENCODER_COUNTS = 262_144
 """Counts per turn of the robot's encoders, four for each of 65,536 lines (thesis A.1)."""
 
+MOTOR_TORQUE = 0.368
+"""N m: the peak of the robot's motors as thesis A.1 prints it, 36.8 N cm; its continuous torque is 0.033 N m."""
+
 ENCODER_STEP = 2.0 * math.pi / ENCODER_COUNTS
 """2.4e-5 rad per count."""
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hapticeval.devices.criteria import MOTOR_TORQUE
 from hapticeval.devices.integration import default_method
+from hapticeval.devices.parallelogram import MOTOR_TORQUE
 from hapticeval.effects.delay import Delay
 from hapticeval.effects.effect import Effect, Stage
 from hapticeval.effects.joint_friction import JointFriction
@@ -97,7 +97,7 @@ class Twin:
         if self.wiring.device.margin(self.joints) <= 0.0:
             raise HapticevalError(
                 f"the simulated robot hit a joint limit: joints {np.round(self.joints, 4).tolist()} rad",
-                todo="keep the hand's path inside the workspace: see hapticeval study device",
+                todo="keep the hand's path inside the workspace: see python -m hapticeval.examples.studies.device",
             )
 
     def _move(self, joints: Array, rates: Array, start: float, begin: float, finish: float, torque: Array) -> None:

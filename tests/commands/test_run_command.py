@@ -255,7 +255,7 @@ FIRST_PAGE = [
     "run", "list", "explain", "report", "figure", "table", "diff", "history", "search", "bench", "new", "doctor",
     "header", "record", "inspect", "replay", "view", "convert", "compare", "merge", "badge", "cache", "study",
 ]  # fmt: skip
-STUDIES = ["rates", "effects", "texture", "field", "device", "limits", "plates", "integrators"]
+STUDIES = ["field", "limits", "plates"]
 COMMANDS = [*([name] for name in FIRST_PAGE if name != "study"), *(["study", name] for name in STUDIES)]
 
 

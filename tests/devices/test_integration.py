@@ -12,7 +12,7 @@ from hapticeval.devices.integration import METHODS, control, default_method
 from hapticeval.devices.motion_kernels import Load, advance, motion_of
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.study.integrators import (
+from hapticeval.examples.studies.integrators import (
     TARGET,
     IntegrationBenchmark,
     Integrator,

@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, first_class
-from hapticeval.devices.criteria import cartesian_damping
 from hapticeval.devices.device import checked_joints
 from hapticeval.devices.parallelogram import (
     BaseInertia,
@@ -21,6 +20,7 @@ from hapticeval.devices.parallelogram import (
     ParallelogramParameters,
 )
 from hapticeval.errors import DomainError, InputError
+from hapticeval.examples.studies.device_criteria import cartesian_damping
 
 L1, L4, B, D = 0.300, 0.346, (0.461, 0.105, 0.0336), (0.799, 0.204, 0.01825)
 

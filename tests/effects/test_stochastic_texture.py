@@ -13,7 +13,6 @@ from hypothesis.extra.numpy import arrays
 from msgspec import structs
 from scipy.signal import welch
 
-from hapticeval.cli import main
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects import texture_kernels as kernels
@@ -33,6 +32,7 @@ from hapticeval.effects.texture import (
 )
 from hapticeval.effects.texture_toolkit import read_toolkit
 from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.examples.studies.texture import main as show_texture
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import backward_difference
 from hapticeval.runner.judging import make_renderer
@@ -334,15 +334,15 @@ def test_a_toolkit_s_file_becomes_a_texture(tmp_path, name):
 def test_the_command_takes_a_toolkit_s_file_over(tmp_path, capsys):
     file = tmp_path / "Models_Ours.xml"
     file.write_text(toolkit_file(named("gritty")))
-    assert main(["study", "texture", str(file), "--rate", "1000", "-o", str(tmp_path / "ours.toml")]) == 0
+    assert show_texture([str(file), "--rate", "1000", "-o", str(tmp_path / "ours.toml")]) == 0
     assert read_texture(tmp_path / "ours.toml") == read_toolkit(file, rate=1e3)
     shown = capsys.readouterr().out
     assert "Ours: 16 filters of 4 poles and 0 zeros for 1000 Hz" in shown
     assert "0.1 m/s        1 N   rms 4 m/s^2" in shown
-    assert main(["study", "texture", str(file)]) == 2
+    assert show_texture([str(file)]) == 2
     assert "does not give its rate" in capsys.readouterr().err
-    assert main(["study", "texture", "ribbed", "--rate", "1000"]) == 2
-    assert main(["study", "texture", "ribbed"]) == 0
+    assert show_texture(["ribbed", "--rate", "1000"]) == 2
+    assert show_texture(["ribbed"]) == 0
 
 
 def read_texture_again(folder, texture):

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.devices.catalogue import make_device
-from hapticeval.devices.criteria import MOTOR_TORQUE
-from hapticeval.devices.parallelogram import ENCODER_COUNTS
+from hapticeval.devices.parallelogram import ENCODER_COUNTS, MOTOR_TORQUE
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import read_effects
 from hapticeval.geometry.catalogue import make_model

@@ -15,7 +15,7 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.registry import OWN
 from hapticeval.reports.effects_figure import PANELS, contact_stretches, effect_svg, sliding_motion, work_on_hand
 from hapticeval.reports.write import write_reports
-from hapticeval.study.effects.document import Cost, EffectsDocument, Ladder, Rung, SceneEntry, write_costs
+from hapticeval.study.effects_cost import Cost, EffectsDocument, Ladder, Rung, SceneEntry, write_costs
 
 NUMBERS = {
     "friction": {"mu_s": 0.5, "mu_k": 0.3},

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from hapticeval.devices.criteria import (
+from hapticeval.devices.parallelogram import ENCODER_STEP, BaseInertia, Parallelogram2, Parallelogram3
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.devices.workspace import lattice
+from hapticeval.errors import DomainError, InputError
+from hapticeval.examples.studies.device_criteria import (
     CLEARANCE,
     cartesian_damping,
     cartesian_inertia,
@@ -16,10 +20,6 @@ from hapticeval.devices.criteria import (
     peak_force,
     position_resolution,
 )
-from hapticeval.devices.parallelogram import ENCODER_STEP, BaseInertia, Parallelogram2, Parallelogram3
-from hapticeval.devices.point_mass import PointMass
-from hapticeval.devices.workspace import lattice
-from hapticeval.errors import DomainError, InputError
 
 
 def test_in_the_plane_at_home():

@@ -9,9 +9,9 @@ import pytest
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
+from hapticeval.examples.studies.energy_field import LOOP_POINTS, energy_field, work_round, works_at, worst_loop
 from hapticeval.geometry.catalogue import cassinian, circle, ellipse, star
 from hapticeval.scene import Scene
-from hapticeval.study.energy_field import LOOP_POINTS, energy_field, work_round, works_at, worst_loop
 
 
 class Vortex:

@@ -22,9 +22,6 @@ SAMPLING_TIME = 1e-3
 CLEARANCE = 0.1
 """rad: how far from limits and singularities the poses are that stand for the workspace."""
 
-MOTOR_TORQUE = 0.368
-"""N m: the peak of the robot's motors as thesis A.1 prints it, 36.8 N cm; its continuous torque is 0.033 N m."""
-
 
 class Peak(NamedTuple):
     """What motors limited to |τᵢ| ≤ limit can do at the hand: a polytope about 0 of forces (N) or accelerations (m/s²).

@@ -2,9 +2,8 @@
 
 import pytest
 
-from hapticeval.reports.rates_figure import write_rates
+from hapticeval.examples.studies.rates import study_rates, write_rates
 from hapticeval.study import rates
-from hapticeval.study.rates import study_rates
 
 
 @pytest.fixture(autouse=True)

@@ -1,29 +1,49 @@
-"""Measure what effects cost: each scene with and without them, in turns, the shortest of many runs of each."""
+"""What scenes call for, what was assembled of it, and what that costs.
+
+Each scene is measured with its effects and without them, in turns, and the shortest of many runs of each counts.
+
+Run it as `python -m hapticeval.examples.studies.effects -o results`; `hapticeval report results` draws it.
+"""
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
+import typer
 
+from hapticeval.cli import run_program
+from hapticeval.commands.arguments import argument, option
+from hapticeval.commands.terminal import Terminal, lines, paragraphs, say, wrote_lines
+from hapticeval.compiled import Composed, for_kernels, law_value, specialised
 from hapticeval.discovery import resolve
 from hapticeval.effects.effect import Stage
 from hapticeval.errors import HapticevalError
+from hapticeval.examples.studies.flags import answer_rows, flagged_law
+from hapticeval.quantity import align_columns
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.renderer import Batch, CompiledStep, Renderer, abilities_of
+from hapticeval.runner.folder import prepared_folder
 from hapticeval.runner.judging import make_renderer
-from hapticeval.runner.planning import Job
+from hapticeval.runner.options import RunOptions
+from hapticeval.runner.planning import Job, plan
 from hapticeval.runner.results import environment
 from hapticeval.scene import Scene
+from hapticeval.simulation import kernels
+from hapticeval.simulation.answer_kernels import change_rows
 from hapticeval.simulation.answers import Affected
 from hapticeval.simulation.closed_loop import loop_of, simulate_closed_loop
 from hapticeval.simulation.playback import lead_in_path, play
-from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
+from hapticeval.stimulus.stimulus import Experiment, Stimulus
+from hapticeval.stimulus.stimulus import Path as HandPath
 from hapticeval.study.bench.measure import machine, without_garbage_collection
-from hapticeval.study.effects.document import Cost, EffectsDocument, Ladder, Rung, SceneEntry
+from hapticeval.study.effects_cost import Cost, EffectsDocument, Ladder, Rung, SceneEntry, write_costs
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -115,15 +135,13 @@ def measure_ladder(job: Job) -> Ladder:
 
     The answers are those along the way of the hand in the scene, without the robot.
     """
-    from hapticeval.study.effects.flags import flagged_law
-
     scene = job.case.build_scene()
     surface = [effect for effect in scene.effects if effect.stage is Stage.ANSWER]
     complete, stimulus = make_run(job, scene)
     dt = scene.sampling_time
     led = (
         play(complete, stimulus, dt)
-        if isinstance(stimulus, Path)
+        if isinstance(stimulus, HandPath)
         else simulate_closed_loop(complete, stimulus, scene, dt)
     )
     data: Any = _law_of(complete).data
@@ -155,9 +173,6 @@ def _prepare_law(
     renderer: Renderer, law: CompiledStep, led: Recording, dt: float, *, flags: Array = NO_FLAGS, on: Array = NO_FLAGS
 ) -> TimedRun:
     """Prepare a compiled step along the HIPs of a recording, with `flags` as in `on`."""
-    from hapticeval.compiled import for_kernels, law_value, specialised
-    from hapticeval.study.effects.flags import answer_rows
-
     value = law_value(law.function, law.data)
     hips, velocities = for_kernels(led.hip), for_kernels(led.velocity)
     # No hand pushes: the measured force (N,) is zero.
@@ -181,7 +196,7 @@ def make_run(job: Job, scene: Scene) -> tuple[Renderer, Stimulus]:
 def prepare_run(renderer: Renderer, stimulus: Stimulus, scene: Scene) -> TimedRun:
     """Prepare runs of a renderer: of a path by `run`, or by steps; of an experiment compiled, or through Python."""
     dt, law = scene.sampling_time, abilities_of(renderer).law
-    if isinstance(stimulus, Path):
+    if isinstance(stimulus, HandPath):
         return _prepare_path(renderer, stimulus, scene)
     if law is None:
         return TimedRun(lambda: _time_run(lambda: len(simulate_closed_loop(renderer, stimulus, scene, dt))))
@@ -190,9 +205,6 @@ def prepare_run(renderer: Renderer, stimulus: Stimulus, scene: Scene) -> TimedRu
 
 def _prepare_loop(renderer: Renderer, law: CompiledStep, experiment: Experiment, scene: Scene) -> TimedRun:
     """Prepare the compiled loop with a law: only `run` is under the clock, not what assembles the loop."""
-    from hapticeval.compiled import law_value, specialised
-    from hapticeval.simulation import kernels
-
     value = law_value(law.function, law.data)
     loop = loop_of(experiment, scene, scene.sampling_time)
     run = specialised(kernels.run, value, law.data, loop)
@@ -208,10 +220,8 @@ def _prepare_loop(renderer: Renderer, law: CompiledStep, experiment: Experiment,
     return TimedRun(once, [(kernels.run, (value, law.data, loop)), *_kernels_of(value, *_functions_of(law), *hooks)])
 
 
-def _prepare_path(renderer: Renderer, path: Path, scene: Scene) -> TimedRun:
+def _prepare_path(renderer: Renderer, path: HandPath, scene: Scene) -> TimedRun:
     """Prepare a run along a path, with the way in from free space."""
-    from hapticeval.simulation.answer_kernels import change_rows
-
     dt = scene.sampling_time
     hips = path.sampled(dt)[1]
     # Where the path begins inside the hand is led in first, see `Renderer.reset`.
@@ -239,8 +249,6 @@ def _prepare_path(renderer: Renderer, path: Path, scene: Scene) -> TimedRun:
 
 def _functions_of(law: CompiledStep) -> Iterator[FirstClass]:
     """Yield what a composed law calls: the renderer's own, the closest point, and each effect; nothing for another."""
-    from hapticeval.compiled import Composed
-
     data: Any = law.data
     if isinstance(data, Composed):
         yield from (data.law, data.closest.function, *(change.function for change in data.changes))  # type: ignore[misc]
@@ -272,3 +280,119 @@ def shortest_times(runs: Sequence[TimedRun]) -> tuple[list[int], list[float]]:
             # Per tick; the least over all rounds, for what disturbs only adds.
             times.append([seconds / max(ticks, 1) for seconds, ticks in (run.once() for run in runs)])
     return ticks, [float(seconds) for seconds in np.min(times, axis=0)]
+
+
+EFFECTS_CODES = """\b
+Exit codes:
+  0  measured
+  2  wrong usage or input: the message says what, why, and what to do
+  4  nothing is selected
+"""
+
+STAGE_WORDS = {
+    "renderer": "renderer",
+    "sense": "sensors",
+    "feel": "force sensor",
+    "answer": "answer",
+    "command": "motors",
+}
+"""What the table calls the stages of a tick; another by its name."""
+
+
+def effects(
+    suites: Annotated[
+        list[str] | None,
+        argument(metavar="SUITE", help="Suites, groups of suites or suite files; without one: effects."),
+    ] = None,
+    renderer: Annotated[
+        str, typer.Option("-r", "--renderer", metavar="NAME", help="As in `run -r`, one.")
+    ] = "minimum-distance",
+    select: Annotated[
+        list[str] | None, option("-k", "--select", metavar="GLOB", help="As in `run -k`; may be repeated.")
+    ] = None,
+    directory: Annotated[
+        Path | None, option("-o", "--output", metavar="DIR", help="Write effects.json there, which `report` draws.")
+    ] = None,
+) -> None:
+    """Measure what the effects of scenes cost: the time of a tick with and without, and the compiled code.
+
+    A scene is timed as it is and without its effects, in turns, 30 times each; the shortest counts. The code is the
+    machine code of the loop, or of what changes the answers along a path, and of all that it calls of ours. A scene
+    that calls for no effect runs the renderer itself in the same loop.
+
+    \b
+    Examples:
+      python -m hapticeval.examples.studies.effects
+      python -m hapticeval.examples.studies.effects dynamics-line -r set-stabilisation
+      python -m hapticeval.examples.studies.effects mine.toml -k '*texture*' -o results
+    """
+    jobs = plan(suites or ["effects"], [renderer], RunOptions(select=tuple(select or ()))).jobs
+    # Without a folder nothing is written, and no earlier report removed.
+    with nullcontext() if directory is None else prepared_folder(directory):
+        with Terminal() as terminal:
+            document = measure(jobs, terminal.working)
+        written = [] if directory is None else [write_costs(directory, document)]
+    say(
+        paragraphs(
+            lines(_cost_lines(document)),
+            lines(_ladder_lines(document)),
+            lines(_problem_lines(document)),
+            wrote_lines(written),
+        )
+    )
+
+
+def _cost_lines(document: EffectsDocument) -> Iterator[str]:
+    """Yield the table of scenes: ns a tick and bytes of code, with their effects and without."""
+    head = ["scene", "effects, by where they take part", "ticks", "without", "with", "more", "code without", "with"]
+    rows = [_cost_row(scene, scene.cost) for scene in document.scenes if scene.cost is not None]
+    yield f"{document.scenes[0].renderer}: a tick, ns, and machine code, bytes"
+    yield from align_columns([head, *rows], left=2)
+
+
+def _cost_row(scene: SceneEntry, cost: Cost) -> list[str]:
+    """Return a scene's row: its effects by stage, ticks, times and code."""
+    # A scene without effects is its own reference.
+    reference = scene.plain or cost
+    more = f"{1e9 * (cost.tick - reference.tick):+.0f}" if scene.plain else "0"
+    stages = "; ".join(
+        f"{STAGE_WORDS.get(stage, stage)}: {', '.join(kinds)}" for stage, kinds in scene.assembled.items()
+    )
+    # ns a tick and bytes of machine code, without effects and with.
+    numbers = [f"{scene.ticks}", _tick_ns(reference), _tick_ns(cost), more, _code_bytes(reference), _code_bytes(cost)]
+    return [f"{scene.suite}/{scene.case}", stages or "none", *numbers]
+
+
+def _tick_ns(cost: Cost) -> str:
+    return f"{1e9 * cost.tick:.0f}"
+
+
+def _code_bytes(cost: Cost) -> str:
+    return "-" if cost.code is None else f"{cost.code}"
+
+
+def _ladder_lines(document: EffectsDocument) -> Iterator[str]:
+    """Yield the time of an answer (ns) with one effect more from row to row; nothing where it was not measured."""
+    # None where no compiled scene calls for effects of the surface.
+    ladder = document.ladder
+    if ladder is None:
+        return
+    rows = [
+        [rung.kinds[-1] if rung.kinds else "none", f"{1e9 * rung.composed:.0f}", f"{1e9 * rung.tested:.0f}"]
+        for rung in ladder.rungs
+    ]
+    yield f"{ladder.suite}/{ladder.case} effect by effect: an answer, ns, composed, and of an engine that tests flags"
+    yield from align_columns([["up to", "composed", "tested"], *rows], left=1)
+
+
+def _problem_lines(document: EffectsDocument) -> Iterator[str]:
+    yield from (f"{scene.suite}/{scene.case}: {scene.problem}" for scene in document.scenes if scene.problem)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program and return its exit code."""
+    return run_program(effects, EFFECTS_CODES, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,12 +1,23 @@
-"""`hapticeval study texture`: what a texture holds, and a model file of the public toolkit as one of ours."""
+"""What a texture holds, and a model file of the public toolkit as one of ours.
+
+Run it as `python -m hapticeval.examples.studies.texture ribbed`.
+"""
 
 from __future__ import annotations
 
+import math
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
+from hapticeval.cli import run_program
 from hapticeval.commands.arguments import argument, option
 from hapticeval.commands.terminal import lines, say, wrote_lines
+from hapticeval.effects.texture import as_toml, autocovariance, named, read_texture
+from hapticeval.effects.texture_toolkit import read_toolkit
+from hapticeval.errors import InputError
+from hapticeval.files import creating
 
 TEXTURE_CODES = """\b
 Exit codes:
@@ -36,16 +47,9 @@ def texture(
 
     \b
     Examples:
-      hapticeval study texture ribbed
-      hapticeval study texture "Models_ABS Plastic.xml" --rate 1000 -o abs.toml
+      python -m hapticeval.examples.studies.texture ribbed
+      python -m hapticeval.examples.studies.texture "Models_ABS Plastic.xml" --rate 1000 -o abs.toml
     """
-    import math
-
-    from hapticeval.effects.texture import as_toml, autocovariance, named, read_texture
-    from hapticeval.effects.texture_toolkit import read_toolkit
-    from hapticeval.errors import InputError
-    from hapticeval.files import creating
-
     path = Path(file)
     if path.suffix == ".xml":
         if rate is None:
@@ -77,3 +81,12 @@ def texture(
         with creating(output) as temporary:
             temporary.write_text(as_toml(source), encoding="utf-8")
         say(wrote_lines([output]))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program and return its exit code."""
+    return run_program(texture, TEXTURE_CODES, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

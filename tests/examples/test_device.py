@@ -1,18 +1,17 @@
-"""`hapticeval study device`: the table, the picture, and what is no device or no place."""
+"""The program that shows a device: the table, the picture, and what is no device or no place."""
 
 import re
 
 import numpy as np
 import pytest
 
-from hapticeval.cli import main
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.errors import HapticevalError
-from hapticeval.reports.device_figure import write_device
+from hapticeval.examples.studies.device import main, write_device
 
 
 def output(capsys, *arguments):
-    assert main(["study", "device", *arguments]) == 0
+    assert main(arguments) == 0
     return re.sub(r"\s+", " ", capsys.readouterr().out)
 
 
@@ -84,6 +83,6 @@ def test_a_point_mass_has_no_picture(tmp_path, capsys):
     ],
 )
 def test_what_cannot_be_computed_ends_with_2(arguments, message, tmp_path, capsys):
-    assert main(["study", "device", *arguments, "-o", str(tmp_path)]) == 2
+    assert main([*arguments, "-o", str(tmp_path)]) == 2
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

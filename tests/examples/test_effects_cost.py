@@ -1,4 +1,4 @@
-"""What effects cost: measured on scenes of the tests' own, and shown by the command."""
+"""What effects cost: measured on scenes of the tests' own, and shown by the program."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from suction import ENTRY, Suction
 
-from hapticeval.cli import main
 from hapticeval.compiled import law_value, machine_code
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import EFFECTS
+from hapticeval.examples.studies.effects import main
+from hapticeval.examples.studies.flags import answer_rows, flagged_law
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import abilities_of
 from hapticeval.runner.judging import make_renderer
@@ -20,8 +21,7 @@ from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
 from hapticeval.simulation.closed_loop import loop_of
 from hapticeval.stimulus.stimulus import Experiment
-from hapticeval.study.effects.document import read_costs
-from hapticeval.study.effects.flags import answer_rows, flagged_law
+from hapticeval.study.effects_cost import read_costs
 
 SUITE = """
 title = "Pushed"
@@ -95,7 +95,7 @@ def test_code_is_counted_by_what_it_is_compiled_for():
 
 
 def test_the_command_shows_every_scene(here, capsys):
-    assert main(["study", "effects", "pushed.toml", "-o", "results"]) == 0
+    assert main(["pushed.toml", "-o", "results"]) == 0
     out = capsys.readouterr().out
     lines = {line.split()[0]: line for line in out.splitlines() if line.startswith("pushed/")}
     assert "none" in lines["pushed/plain"]
@@ -109,15 +109,15 @@ def test_the_command_shows_every_scene(here, capsys):
     assert (led.plain.code, led.cost.code > 0, led.ticks > 100) == (None, True, True)
     assert refused.cost is None
     assert document.ladder is None
-    assert main(["study", "effects", "pushed.toml", "-k", "plain", "-o", "results"]) == 0  # written again
+    assert main(["pushed.toml", "-k", "plain", "-o", "results"]) == 0  # written again
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["study", "effects", "efects"], "unknown suite 'efects'"),
-        (["study", "effects", "pushed.toml", "-r", "minimum-distence"], "minimum-distence"),
-        (["study", "effects", "pushed.toml", "-k", "nothing"], "nothing matches -k 'nothing'"),
+        (["efects"], "unknown suite 'efects'"),
+        (["pushed.toml", "-r", "minimum-distence"], "minimum-distence"),
+        (["pushed.toml", "-k", "nothing"], "nothing matches -k 'nothing'"),
     ],
 )
 def test_what_is_not_there_is_refused_by_name(here, capsys, arguments, words):

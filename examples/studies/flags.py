@@ -76,7 +76,7 @@ def _compile_inlining(function: Callable[..., int]) -> Callable[..., int]:
 
 
 @borrowing
-def _change_nothing(data: Flagged, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:  # noqa: ARG001
+def _change_nothing(data: Flagged, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
     return 0
 
 

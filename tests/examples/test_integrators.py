@@ -1,4 +1,4 @@
-"""The integrators' study: what it holds, what is drawn of it, and the command."""
+"""The integrators' study: what it holds, what is drawn of it, and the program."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from functools import partial
 
 import pytest
 
-from hapticeval.cli import main
 from hapticeval.devices.integration import DEFAULT, METHODS, TOLERANCE
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.errors import HapticevalError
-from hapticeval.reports.precision_figure import LOOKS, write_precision
-from hapticeval.study import integrators
+from hapticeval.examples.studies import integrators
+from hapticeval.examples.studies.integrators import LOOKS, write_precision
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +48,7 @@ def test_a_folder_that_cannot_be_is_an_error(document, tmp_path):
 
 def test_the_command_shows_where_the_default_stands(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(integrators, "study_integrators", partial(integrators.study_integrators, ticks=5, rounds=1))
-    assert main(["study", "integrators", "-o", str(tmp_path)]) == 0
+    assert integrators.main(["-o", str(tmp_path)]) == 0
     shown = capsys.readouterr().out
     assert "parallelogram-2dof: closed loops use cash-karp" in shown
     assert "parallelogram-3dof: closed loops use cash-karp" in shown
