@@ -14,9 +14,8 @@ from scipy.ndimage import map_coordinates
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.catalogue import cassinian
+from hapticeval.renderers.lut import TOUCHES, Table, look_up, tabulate
 from hapticeval.renderers.nearest import nearest
-from hapticeval.renderers.table import TOUCHES, Table, look_up
-from hapticeval.renderers.tabulated import tabulate
 from hapticeval.scene import Scene
 
 COUNT = 1_000_000

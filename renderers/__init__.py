@@ -65,7 +65,7 @@ mapping = ProjectiveFamily(
 
 homothetic = ProjectiveFamily(
     summary="along the ray from the centre of a star-shaped model; continuous, passive, its stiffness varies",
-    project="rays:homothetic",
+    project="level_curves:homothetic",
     representations=("curve", "polygon", "lut"),
     representation="curve",
     regulation="gradient",

@@ -185,6 +185,6 @@ class ProjectiveFamily:
         project: Callable[..., Projection] = getattr(import_module(f"hapticeval.renderers.{module}"), function)
         if self.representation != LUT:
             return project(scene, self.representation, **self.settings)
-        from hapticeval.renderers.tabulated import tabulated
+        from hapticeval.renderers.lut import tabulated
 
         return tabulated(project, scene, TABULATED, **self.settings)

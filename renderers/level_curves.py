@@ -1,7 +1,14 @@
-"""The projection along level curves that keep the surface's normals: parallel curves first, then smaller copies.
+"""Two projections along level curves, for models that are star-shaped about a centre: homothetic, and Combescure's.
 
-See `potential`. Down to half of min(1 / kappa_max, h_min) it is minimum distance, with the same force; deeper, where
-minimum distance would pop through the medial axis, the level curves shrink to the centre of the kernel.
+Both, with `gradient`, have the force of a `potential`: continuous, normal, without memory, and conservative.
+
+Homothetic: the hand goes out on the ray from the centre, to where that meets the surface: all level curves are smaller
+copies. The potential is K H^2 (1 - lambda)^2 / 2, with lambda = |HIP - c| / |IHIP - c|, continuous but at the centre.
+Where the hand moves by d the IHIP moves by at most |y_0 - c| / (h lambda) d.
+
+Combescure's: level curves that keep the surface's normals, parallel curves first, then smaller copies. Down to half of
+min(1 / kappa_max, h_min) it is minimum distance, with the same force; deeper, where minimum distance would pop through
+the medial axis, the level curves shrink to the centre of the kernel.
 
 At a convex corner parallel curves cross themselves at once: on a model that has one it is `homothetic`; and so it is on
 a circle and a sphere, whose parallel curves are smaller copies.
@@ -21,21 +28,307 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import LawData, borrowing
+from hapticeval.compiled import LawData, borrowing, inner
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.kernels import ARC, CASSINIAN, ELLIPSE, KIND, U0, U1, A, B, C, E, evaluate, piece_index
+from hapticeval.geometry.kernels import (
+    ARC,
+    CASSINIAN,
+    ELLIPSE,
+    KIND,
+    LINE,
+    U0,
+    U1,
+    A,
+    B,
+    C,
+    D,
+    E,
+    evaluate,
+    piece_index,
+)
 from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.mesh_kernels import NORMAL, first_triangle_hit
+from hapticeval.geometry.model import Model
 from hapticeval.geometry.surface import Surface, closest_on_surface, dot, plus
-from hapticeval.renderers.law import BILATERAL, ERROR, OWN, once, regulate, release
+from hapticeval.renderers.family import VERTICES
+from hapticeval.renderers.law import BILATERAL, ERROR, OWN, SCHEME, once, regulate, release
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
-from hapticeval.renderers.potential import CENTRE, LAST, PARALLEL, REACH, SUPPORT, level_at, level_values, stretch
+from hapticeval.renderers.potential import (
+    CENTRE,
+    LAST,
+    PARALLEL,
+    REACH,
+    SUPPORT,
+    Centre,
+    centre_of,
+    level_at,
+    level_values,
+    stretch,
+)
 from hapticeval.renderers.projective import CompiledProjection
-from hapticeval.renderers.rays import homothetic, kernel_centre_of, potential_numbers
+from hapticeval.renderers.regulation import GRADIENT
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-POTENTIAL = OWN + 1
-"""Where in `params` the potential's numbers begin: behind the `stray` of the outline."""
+HOMOTHETIC = OWN
+"""Where in `params` of the homothetic projection the potential's numbers begin."""
+
+CUTS = 1024
+"""Rays of the table that a closed smooth curve, or the arcs of one, are cut by."""
+
+RAY_STEPS = 50
+"""Most steps to the point of a curve on a ray, between two rays of the table."""
+
+
+def homothetic(
+    scene: Scene, representation: str, *, vertices: float = VERTICES, centre: ArrayLike | None = None
+) -> CompiledProjection:
+    """Return the projection on a representation of the scene's model, or in space on a mesh or an ellipsoid.
+
+    `centre` (N,), m, is that of the kernel unless it is given. Raises as `centre_of` does.
+    """
+    model = scene.model
+    if isinstance(model.boundary, Mesh) or (model.dimension == 3 and representation == "curve"):
+        boundary = model.boundary if isinstance(model.boundary, Mesh) else model.surface
+        middle = kernel_centre_of(model, boundary, centre)
+        own = potential_numbers(middle)
+        if isinstance(boundary, Mesh):
+            faces, corners, tree = boundary.tables
+            low, high = np.reshape(boundary.bounds, (2, 3))
+            reach = 1.1 * float(np.linalg.norm(np.maximum(high - middle.point, middle.point - low)))
+            return CompiledProjection(
+                homothetic_on_mesh, boundary, bilateral=scene.bilateral, own=[*own, reach], potential=own,
+                support_range=middle.support_range, segments=faces, vertices=corners, tree=tree,
+            )  # fmt: skip
+        return CompiledProjection(
+            homothetic_in_space, boundary, bilateral=scene.bilateral, own=own, potential=own,
+            support_range=middle.support_range, lookup=_quadric(boundary, middle),
+        )  # fmt: skip
+    curve, lengths = model.curve, (0.0, 0.0)
+    if curve.closed:
+        shape = representation_of(model, representation, int(vertices))
+        curve, lengths = shape.surface, (shape.resolution, shape.standoff)
+    middle = kernel_centre_of(model, curve, centre)
+    own = potential_numbers(middle)
+    return CompiledProjection(
+        homothetic_in_plane, curve, bilateral=scene.bilateral, own=own, potential=own,
+        support_range=middle.support_range, segments=curve.pieces,
+        lookup=ray_table(curve, own[CENTRE:]), resolution=lengths[0], standoff=lengths[1],
+    )  # fmt: skip
+
+
+def _quadric(boundary: Surface, centre: Centre) -> Array:
+    """Return (1, 5): one over the squares of an ellipsoid's axes; 1 less the sum of c^2 / axis^2, and one over that."""
+    axes = np.array([*boundary.reals, *boundary.reals, *boundary.reals][:3])
+    centre_power = 1.0 - float(np.sum((centre.point / axes) ** 2))
+    return np.array([[*axes**-2.0, centre_power, 1.0 / centre_power]])
+
+
+def potential_numbers(centre: Centre, reach: float = 0.0) -> list[float]:
+    """Return the numbers of the potential about a centre, with a `reach` (m)."""
+    return [centre.support, reach, *centre.point.tolist()]
+
+
+def kernel_centre_of(model: Model, boundary: Boundary, centre: ArrayLike | None) -> Centre:
+    """Return the kernel's centre of a model's boundary, or of a representation's, made once; or the given one.
+
+    `centre` (N,), m, is that. Raises as `centre_of` does.
+    """
+    if centre is not None:
+        return centre_of(boundary, model.name, centre)
+    return once(model, ("centre", id(boundary)), lambda: centre_of(boundary, model.name))
+
+
+def ray_table(curve: Curve, centre: ArrayLike) -> Array:
+    """Return the table in which the piece on a ray from `centre` (2,), m, is looked for, (m, 2).
+
+    Columns: the turn from the first ray, as `_turn` measures it, and the curve's parameter. The last row is a whole
+    turn, and the curve's end.
+    """
+    parts = []
+    for row in curve.pieces:
+        share = (row[U1] - row[U0]) / (curve.pieces[-1, U1] - curve.pieces[0, U0])
+        count = 1 if row[KIND] == LINE else max(8, math.ceil(CUTS * share))
+        parts.append(np.linspace(row[U0], row[U1], count, endpoint=False))
+    parameters = np.concatenate(parts)
+    if len(curve.samples):
+        parameters = np.unique(np.concatenate([parameters, curve.samples[:-1, 0]]))
+    directions = curve.position(parameters) - np.asarray(centre)
+    turns = [_turn(*directions[0], *direction) for direction in directions]
+    # 4 is a whole turn
+    return np.vstack([np.column_stack([turns, parameters]), [4.0, curve.pieces[-1, U1]]])
+
+
+@borrowing
+def _turn(x0: float, y0: float, x: float, y: float) -> float:
+    """Return how far (x, y) is turned from (x0, y0), from 0 to 4 for a whole turn: it grows with the angle."""
+    # the point |x| + |y| = 1 in that direction, and how far round the diamond: no inverse tangent is needed
+    along, up = x0 * x + y0 * y, x0 * y - y0 * x
+    size = abs(along) + abs(up)
+    if size == 0.0:
+        return 0.0
+    if up >= 0.0:
+        return up / size if along >= 0.0 else 2.0 - up / size
+    return 2.0 - up / size if along < 0.0 else 4.0 + up / size
+
+
+@borrowing
+def on_ray(pieces: Array, table: Array, cx: float, cy: float, ex: float, ey: float) -> tuple[int, float]:
+    """Return the (piece, u) at which the ray from (cx, cy) along (ex, ey), m, meets the curve.
+
+    `pieces` (n, k) are the curve's, and `table` (m, 2) is its `ray_table`. A ray without direction meets its first
+    point.
+    """
+    first = evaluate(pieces[0], pieces[0, U0])
+    turn = _turn(first[0] - cx, first[1] - cy, ex, ey)
+    low, high = 0, table.shape[0] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table[middle, 0] <= turn:
+            low = middle
+        else:
+            high = middle
+    # between two rays of the table there is one piece
+    u0, u1 = table[low, 1], table[high, 1]
+    piece = piece_index(pieces, u0)
+    if pieces[piece, KIND] == LINE:
+        # the edge a + s t meets the ray where (a - c) x e + s (t x e) = 0
+        tx, ty = pieces[piece, C], pieces[piece, D]
+        away = ex * ty - ey * tx
+        if away == 0.0:
+            return piece, u0
+        along = (ey * (pieces[piece, A] - cx) - ex * (pieces[piece, B] - cy)) / away
+        return piece, min(max(pieces[piece, U0] + along, u0), u1)
+    u = u0 + (u1 - u0) * (turn - table[low, 0]) / (table[high, 0] - table[low, 0])
+    begin, end = u0, u1
+    for _ in range(RAY_STEPS):
+        # e x (y - c) grows with u, and is zero on the ray: Newton's method, kept in the bracket
+        x, y, dx, dy, _, _ = evaluate(pieces[piece], u)
+        miss, slope = ex * (y - cy) - ey * (x - cx), ex * dy - ey * dx
+        if miss < 0.0:
+            begin = u
+        else:
+            end = u
+        next_u = u - miss / slope if slope > 0.0 else 0.5 * (begin + end)
+        if not begin <= next_u <= end:
+            next_u = 0.5 * (begin + end)
+        if abs(next_u - u) <= 2e-16 * (abs(u1) + abs(u0)):
+            return piece, next_u
+        u = next_u
+    return piece, u
+
+
+@borrowing
+def homothetic_in_plane(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick of the homothetic projection on a curve or a polygon, of signature `LAW`: out along the ray.
+
+    `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
+    """
+    params, state = data.params, data.state
+    cx, cy = params[HOMOTHETIC + CENTRE], params[HOMOTHETIC + CENTRE + 1]
+    ex, ey = hip[0] - cx, hip[1] - cy
+    piece, u = on_ray(data.segments, data.lookup, cx, cy, ex, ey)
+    x, y, dx, dy, _, _ = evaluate(data.segments[piece], u)
+    wx, wy = x - cx, y - cy
+    # 1 - lambda, by the projection of one on the other: they are parallel but for rounding
+    shortfall = 1.0 - (ex * wx + ey * wy) / (wx * wx + wy * wy)
+    if params[BILATERAL] == 0.0 and not shortfall > 0.0:
+        return release(state, hip, ihip, force)
+    speed = math.hypot(dx, dy)
+    ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = x, y, dy / speed, -dx / speed
+    h = (wx * dy - wy * dx) / speed
+    return regulate(params, state, hip, velocity, _gradient_length(params, shortfall, h), dt, ihip, force)
+
+
+@inner
+def _gradient_length(params: Array, shortfall: float, h: float) -> float:
+    """Return H^2 (1 - lambda) / h for `gradient`: `potential.stretch` where all level curves are smaller copies."""
+    support = params[HOMOTHETIC + SUPPORT]
+    return support * support * shortfall / h if params[SCHEME] == GRADIENT else 0.0
+
+
+@borrowing
+def homothetic_in_space(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick of the homothetic projection on an ellipsoid, whose `_quadric` is `lookup`, of signature `LAW`.
+
+    `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
+    """
+    row, params, state = data.lookup, data.params, data.state
+    c = HOMOTHETIC + CENTRE
+    # The ray c + s e is on the surface where the sum of (c + s e)^2 / axis^2 is 1. With lambda = 1 / s, and sums over
+    # the axes, P lambda^2 - 2 (e.c / axis^2) lambda - e.e / axis^2 = 0, where P = 1 - c.c / axis^2 > 0.
+    hand_squared, hand_dot_centre, centre_power = 0.0, 0.0, row[0, 3]
+    for i in range(3):
+        e = row[0, i] * (hip[i] - params[c + i])
+        hand_squared, hand_dot_centre = (
+            hand_squared + e * (hip[i] - params[c + i]),
+            hand_dot_centre + e * params[c + i],
+        )
+    root_sum = math.sqrt(hand_dot_centre * hand_dot_centre + hand_squared * centre_power) + hand_dot_centre
+    ratio = root_sum * row[0, 4]
+    if params[BILATERAL] == 0.0 and not ratio < 1.0:
+        return release(state, hip, ihip, force)
+    # s = 1 / lambda, times e from the centre
+    reach = centre_power / root_sum if ratio > 0.0 else 0.0
+    for i in range(3):
+        ihip[i] = params[c + i] + reach * (hip[i] - params[c + i])
+    if not ratio > 0.0:  # the hand is at the centre: any ray will do, say that along x
+        ratio = 0.0
+        ihip[0] = math.sqrt(centre_power / row[0, 0] + params[c] * params[c])
+    # the normal is along y / axis^2; h = n.(y - c)
+    size, h = 0.0, 0.0
+    for i in range(3):
+        gradient = row[0, i] * ihip[i]
+        state[ERROR + 3 + i] = gradient
+        size += gradient * gradient
+        h += gradient * (ihip[i] - params[c + i])
+    size = 1.0 / math.sqrt(size)
+    for i in range(3):
+        state[ERROR + 3 + i] *= size
+    return regulate(params, state, hip, velocity, _gradient_length(params, 1.0 - ratio, h * size), dt, ihip, force)
+
+
+LENGTH = HOMOTHETIC + CENTRE + 3
+"""In `params`, on a mesh: how far (m) from the centre no point of it lies."""
+
+
+@borrowing
+def homothetic_on_mesh(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick of the homothetic projection on a triangle mesh, of signature `LAW`: one ray cast.
+
+    `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
+    """
+    params, state = data.params, data.state
+    c = HOMOTHETIC + CENTRE
+    centre = (params[c], params[c + 1], params[c + 2])
+    from_centre = (hip[0] - centre[0], hip[1] - centre[1], hip[2] - centre[2])
+    hand_distance = math.sqrt(
+        from_centre[0] * from_centre[0] + from_centre[1] * from_centre[1] + from_centre[2] * from_centre[2]
+    )
+    ray = (params[LENGTH], 0.0, 0.0)  # of a hand at the centre: any direction will do
+    if hand_distance > 0.0:
+        scale = params[LENGTH] / hand_distance
+        ray = (scale * from_centre[0], scale * from_centre[1], scale * from_centre[2])
+    triangle, ray_share = first_triangle_hit(data.segments, data.vertices, data.tree, centre, ray, 0.0, 1.0)
+    shortfall = 1.0 - hand_distance / (ray_share * params[LENGTH])
+    if params[BILATERAL] == 0.0 and not shortfall > 0.0:
+        return release(state, hip, ihip, force)
+    h = 0.0
+    for i in range(3):
+        ihip[i], state[ERROR + 3 + i] = centre[i] + ray_share * ray[i], data.segments[triangle, NORMAL + i]
+        h += state[ERROR + 3 + i] * ray_share * ray[i]
+    return regulate(params, state, hip, velocity, _gradient_length(params, shortfall, h), dt, ihip, force)
+
+
+COMBESCURE = OWN + 1
+"""Where in `params` of the Combescure projection they begin: behind the `stray` of the outline."""
 
 NEWTON, ROUNDS = 12, 60
 """Most steps along the curve, and most nearest points that are asked for after that."""
@@ -56,7 +349,7 @@ SAFE = 1.0 - 1e-6
 def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = None) -> CompiledProjection:
     """Return the projection on the scene's exact curve, or on a sphere or an ellipsoid.
 
-    `centre` (N,), m, is that of the kernel unless it is given. Raises as `kernel_centre.centre_of` does.
+    `centre` (N,), m, is that of the kernel unless it is given. Raises as `centre_of` does.
     """
     model = scene.model
     boundary = model.boundary
@@ -71,12 +364,12 @@ def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = 
     if model.dimension == 3:
         row = model.surface.row[np.newaxis]
         return CompiledProjection(
-            in_space, boundary, bilateral=scene.bilateral, own=[0.0, *own], potential=own,
+            combescure_in_space, boundary, bilateral=scene.bilateral, own=[0.0, *own], potential=own,
             support_range=middle.support_range, segments=row,
         )  # fmt: skip
     tables = representation_of(model, "curve").tables
     return CompiledProjection(
-        in_plane, model.curve, bilateral=scene.bilateral, potential=own, support_range=middle.support_range,
+        combescure_in_plane, model.curve, bilateral=scene.bilateral, potential=own, support_range=middle.support_range,
         **{**tables, "own": [*tables["own"], *own]},
     )  # fmt: skip
 
@@ -110,8 +403,8 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
     that, R = T.(x - y_t), changes along the surface by -A (1 - b kappa) + kappa R A' T.(y_0 - c) / v.
     """
     pieces, params = data.segments, data.params
-    support = params[POTENTIAL + SUPPORT]
-    cx, cy = params[POTENTIAL + CENTRE], params[POTENTIAL + CENTRE + 1]
+    support = params[COMBESCURE + SUPPORT]
+    cx, cy = params[COMBESCURE + CENTRE], params[COMBESCURE + CENTRE + 1]
     first_u, last_u = pieces[0, U0], pieces[pieces.shape[0] - 1, U1]
     ex, ey = x - cx, y - cy
     settled = SETTLED * support + ROUNDING * (abs(x) + abs(y) + abs(cx) + abs(cy))
@@ -121,10 +414,10 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
         speed = math.hypot(dx, dy)
         tx, ty, wx, wy = dx / speed, dy / speed, px - cx, py - cy
         h, along = wx * ty - wy * tx, wx * tx + wy * ty  # with n = (T_y, -T_x): n.(y_0 - c) and T.(y_0 - c)
-        t = level_at(params, POTENTIAL, ex * ty - ey * tx, h)
+        t = level_at(params, COMBESCURE, ex * ty - ey * tx, h)
         if not 0.0 <= t < support:
             break
-        a, b, da, db = level_values(params, POTENTIAL, t)
+        a, b, da, db = level_values(params, COMBESCURE, t)
         # R, and its rate along the surface with its sign turned
         miss = ex * tx + ey * ty - a * along
         if abs(miss) <= settled:
@@ -145,12 +438,12 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
 def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, float, float]:
     """Return IHIP, normal and level t of a hand at (x, y) below the parallel curves, by nearest points alone."""
     boundary, params = outline_in(data), data.params
-    support, reach = params[POTENTIAL + SUPPORT], params[POTENTIAL + REACH]
-    cx, cy = params[POTENTIAL + CENTRE], params[POTENTIAL + CENTRE + 1]
+    support, reach = params[COMBESCURE + SUPPORT], params[COMBESCURE + REACH]
+    cx, cy = params[COMBESCURE + CENTRE], params[COMBESCURE + CENTRE + 1]
     low, high = PARALLEL * reach, support
     px, py, nx, ny, t = x, y, 0.0, 0.0, LAST * reach
     for _ in range(ROUNDS):
-        a, b, _, _ = level_values(params, POTENTIAL, t)
+        a, b, _, _ = level_values(params, COMBESCURE, t)
         # the hand enlarged by 1 / A about the centre: at its level it lies b deep under its nearest point
         qx, qy = cx + (x - cx) / a, cy + (y - cy) / a
         piece, u, distance, side = nearest_on(boundary, qx, qy)
@@ -161,7 +454,7 @@ def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, flo
             high = t
         # the level by the tangent there, if that is between the bounds
         h = nx * (px - cx) + ny * (py - cy)
-        next_t = level_at(params, POTENTIAL, nx * (x - cx) + ny * (y - cy), h) if h > 0.0 else low
+        next_t = level_at(params, COMBESCURE, nx * (x - cx) + ny * (y - cy), h) if h > 0.0 else low
         if abs(next_t - t) <= CLOSE * support:
             break
         t = next_t if low < next_t < high else 0.5 * (low + high)
@@ -169,7 +462,7 @@ def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, flo
 
 
 @borrowing
-def in_plane(
+def combescure_in_plane(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
     """One tick of the Combescure projection on a curve, of signature `LAW`: the hand's level curve, and its normal.
@@ -185,20 +478,20 @@ def in_plane(
         return release(state, hip, ihip, force)
     t = -side * distance
     # among the parallel curves the nearest point is the IHIP; deeper, Newton's method from there, then the search
-    has_foot = t <= PARALLEL * params[POTENTIAL + REACH]
+    has_foot = t <= PARALLEL * params[COMBESCURE + REACH]
     if not has_foot:
         has_foot, piece, u, t = _follow(data, x, y, piece, u)
     if has_foot:
         ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = frame(boundary.pieces, boundary.joints, piece, u, x, y)
     else:
         ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3], t = _search(data, x, y)
-    cx, cy = params[POTENTIAL + CENTRE], params[POTENTIAL + CENTRE + 1]
+    cx, cy = params[COMBESCURE + CENTRE], params[COMBESCURE + CENTRE + 1]
     h = state[ERROR + 2] * (ihip[0] - cx) + state[ERROR + 3] * (ihip[1] - cy)
-    return regulate(params, state, hip, velocity, stretch(params, POTENTIAL, t, h), dt, ihip, force)
+    return regulate(params, state, hip, velocity, stretch(params, COMBESCURE, t, h), dt, ihip, force)
 
 
 @borrowing
-def in_space(
+def combescure_in_space(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
     """One tick of the Combescure projection on an ellipsoid, whose row `segments` holds, of signature `LAW`.
@@ -206,8 +499,8 @@ def in_space(
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
     """
     row, params, state = data.segments[0], data.params, data.state
-    support, reach = params[POTENTIAL + SUPPORT], params[POTENTIAL + REACH]
-    c = POTENTIAL + CENTRE
+    support, reach = params[COMBESCURE + SUPPORT], params[COMBESCURE + REACH]
+    c = COMBESCURE + CENTRE
     centre, hand = (params[c], params[c + 1], params[c + 2]), (hip[0], hip[1], hip[2])
     from_centre = plus(hand, -1.0, centre)
     foot, normal, distance = closest_on_surface(row, hand)
@@ -216,22 +509,22 @@ def in_space(
     t, low, high = -distance, PARALLEL * reach, support
     if t > low:
         # by the tangent plane at the nearest point, and then by those that it leads to
-        t = level_at(params, POTENTIAL, dot(normal, from_centre), dot(normal, plus(foot, -1.0, centre)))
+        t = level_at(params, COMBESCURE, dot(normal, from_centre), dot(normal, plus(foot, -1.0, centre)))
         if not low < t < high:
             t = LAST * reach
         for _ in range(ROUNDS):  # as `_search` in the plane
-            a, b, _, _ = level_values(params, POTENTIAL, t)
+            a, b, _, _ = level_values(params, COMBESCURE, t)
             foot, normal, distance = closest_on_surface(row, plus(centre, 1.0 / a, from_centre))
             if -distance > b:
                 low = t
             else:
                 high = t
             h = dot(normal, plus(foot, -1.0, centre))
-            next_t = level_at(params, POTENTIAL, dot(normal, from_centre), h) if h > 0.0 else low
+            next_t = level_at(params, COMBESCURE, dot(normal, from_centre), h) if h > 0.0 else low
             if abs(next_t - t) <= CLOSE * support:
                 break
             t = next_t if low < next_t < high else 0.5 * (low + high)
     for i in range(3):
         ihip[i], state[ERROR + 3 + i] = foot[i], normal[i]
     h = dot(normal, plus(foot, -1.0, centre))
-    return regulate(params, state, hip, velocity, stretch(params, POTENTIAL, t, h), dt, ihip, force)
+    return regulate(params, state, hip, velocity, stretch(params, COMBESCURE, t, h), dt, ihip, force)

@@ -32,11 +32,9 @@ from hapticeval.geometry.catalogue import (
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
 from hapticeval.renderers import level_curves, minimum_distance
-from hapticeval.renderers.kernel_centre import NoKernelError, centre_of
-from hapticeval.renderers.level_curves import combescure
-from hapticeval.renderers.potential import level_at, level_values
+from hapticeval.renderers.level_curves import combescure, homothetic
+from hapticeval.renderers.potential import NoKernelError, centre_of, level_at, level_values
 from hapticeval.renderers.projective import regulated
-from hapticeval.renderers.rays import homothetic
 from hapticeval.renderers.regulation import REGULATIONS
 from hapticeval.scene import Scene
 

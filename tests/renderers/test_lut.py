@@ -12,9 +12,27 @@ from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, make_model, star
 from hapticeval.renderers import conformal, constraint, minimum_distance
 from hapticeval.renderers.disk import by_conformal_map, by_flow_map
+from hapticeval.renderers.lut import (
+    ASK,
+    EDGE,
+    HELD,
+    IN_MEMORY,
+    MARGIN,
+    MARKED,
+    OFF,
+    OUT,
+    TOUCHES,
+    Grid,
+    Source,
+    Table,
+    empty,
+    fill,
+    grid_of,
+    grid_over,
+    tabulate,
+    tabulated,
+)
 from hapticeval.renderers.nearest import nearest
-from hapticeval.renderers.table import ASK, EDGE, HELD, IN_MEMORY, MARKED, OUT, TOUCHES, Grid, Table, empty, grid_over
-from hapticeval.renderers.tabulated import MARGIN, OFF, Source, fill, grid_of, tabulate, tabulated
 from hapticeval.scene import Scene
 
 MODELS = {"cassinian": cassinian(), "star": star(), "dumbbell": dumbbell()}
@@ -181,7 +199,7 @@ def test_slabs_of_any_thickness_give_the_same_table(monkeypatch):
     source = sphere(0.1)
     whole, slabs = (empty(grid_over((-0.1,) * 3, (0.1,) * 3, 2e-2)) for _ in range(2))
     fill(whole, source)
-    monkeypatch.setattr("hapticeval.renderers.tabulated.SLAB", 500)
+    monkeypatch.setattr("hapticeval.renderers.lut.SLAB", 500)
     fill(slabs, source)
     np.testing.assert_array_equal(whole.cells, slabs.cells)
     np.testing.assert_array_equal(whole.nodes, slabs.nodes)
