@@ -13,6 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
+from refusals import Refusals
 
 # No clock decides a test: neither a deadline, nor how long examples take to draw.
 UNTIMED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -37,6 +38,22 @@ def pytest_collection_finish():
     """Leave what is loaded out of every collection of garbage, which would go through all of it."""
     gc.collect()
     gc.freeze()
+
+
+def pytest_collection_modifyitems(items):
+    """Mark the tests whose errors have their texts in the list, so that these alone can write it anew."""
+    for item in items:
+        if "refused" in getattr(item, "fixturenames", ()):
+            item.add_marker("refusals")
+
+
+@pytest.fixture
+def refused(request, tmp_path):
+    """Expect an error of a type, with the text that stands in `refusals.csv`."""
+    test = request.node.nodeid.removeprefix("tests/")
+    refusals = Refusals(test, tmp_path)
+    yield refusals
+    refusals.compare()
 
 
 @pytest.fixture

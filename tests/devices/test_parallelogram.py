@@ -217,16 +217,16 @@ def test_the_margin_is_zero_on_every_edge():
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_a_state_that_is_not_finite_is_outside(bad):
+def test_a_state_that_is_not_finite_is_outside(refused, bad):
     assert Parallelogram2().margin((bad, 0.0)) == -math.inf
     assert Parallelogram2().margin((0.0, bad)) == -math.inf
     for place in range(3):
         joints = np.zeros(3)
         joints[place] = bad
         assert Parallelogram3().margin(joints) == -math.inf
-        with pytest.raises(InputError, match="must be finite"):
+        with refused(InputError):
             checked_joints(Parallelogram3(), joints)
-        with pytest.raises(InputError, match="must be finite"):
+        with refused(InputError):
             Parallelogram3().joints(joints)
 
 
@@ -271,8 +271,8 @@ def test_the_wrong_number_of_coordinates_is_refused(method):
             getattr(device, method)(values)
 
 
-def test_the_wrong_number_of_rates_is_refused():
-    with pytest.raises(InputError, match="rates of the shape"):
+def test_the_wrong_number_of_rates_is_refused(refused):
+    with refused(InputError):
         Parallelogram3().bias((0, 0, 0), (1, 2))
 
 

@@ -143,13 +143,13 @@ def test_the_models_of_the_catalogue_lie_in_the_workspace(kind):
     require_in_workspace(FLAT, make_model(kind))
 
 
-def test_a_circle_too_large_is_refused_with_the_first_point_out_of_reach():
+def test_a_circle_too_large_is_refused_with_the_first_point_out_of_reach(refused):
     fit = fit_in_workspace(FLAT, make_model("circle", size=0.5))
     assert not fit.holds
     assert (fit.row, fit.margin) == (0, -math.inf)
     assert_allclose(fit.point, (0.25, 0.0), atol=1e-15)
     assert "links reach" in fit.why
-    with pytest.raises(DomainError, match=r"model 'circle' does not lie in the functional workspace.*Assumption 7\.1"):
+    with refused(DomainError):
         require_in_workspace(FLAT, make_model("circle", size=0.5))
 
 
@@ -165,21 +165,21 @@ def test_the_largest_circle_about_home():
     assert low == pytest.approx(exact, abs=1e-4)
 
 
-def test_spheres():
+def test_spheres(refused):
     assert fit_in_workspace(DEEP, sphere(0.05)).holds
     fit = fit_in_workspace(DEEP, sphere(0.4))
     assert not fit.holds
-    with pytest.raises(DomainError, match="model 'sphere' does not lie"):
+    with refused(DomainError):
         require_in_workspace(DEEP, sphere(0.4))
 
 
-def test_points_are_tried_in_order():
+def test_points_are_tried_in_order(refused):
     fit = fit_in_workspace(FLAT, [(0.0, 0.0), (-0.05, 0.0), (5.0, 0.0), (6.0, 0.0)])
     assert (fit.holds, fit.row, fit.point) == (False, 2, (5.0, 0.0))
     fit = fit_in_workspace(FLAT, [(0.0, 0.0), (0.1, 0.0), (-0.05, 0.0)])
     assert (fit.holds, fit.row) == (True, 1)
     assert fit.margin == FLAT.margin(FLAT.joints((0.1, 0.0)))
-    with pytest.raises(DomainError, match="the set of points does not lie"):
+    with refused(DomainError):
         require_in_workspace(FLAT, [(5.0, 0.0)])
     assert fit_in_workspace(POINT, make_model("circle", size=100.0)).margin == math.inf
 
@@ -194,12 +194,12 @@ def test_of_an_unbounded_line_only_a_part_must_lie_inside():
     assert fit.margin == small.margin(small.joints(fit.point))
 
 
-def test_what_is_no_place_is_refused():
-    with pytest.raises(InputError, match="3 dimensions"):
+def test_what_is_no_place_is_refused(refused):
+    with refused(InputError):
         fit_in_workspace(FLAT, sphere(0.05))
-    with pytest.raises(InputError, match="points of the shape"):
+    with refused(InputError):
         fit_in_workspace(FLAT, [(0.0, 0.0, 0.0)])
-    with pytest.raises(InputError, match="must be finite"):
+    with refused(InputError):
         fit_in_workspace(FLAT, [(0.0, math.nan)])
 
 

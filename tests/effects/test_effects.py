@@ -88,7 +88,7 @@ experiment = { duration = 0.02, position = [0.0, 0.0] }
 @pytest.mark.parametrize(
     "written", ['effects = [{ kind = "weak-motors", share = 0.25 }]', "imperfections = { weakness = 0.25 }"]
 )
-def test_one_more_effect_takes_a_class_and_a_line(tmp_path, monkeypatch, written):
+def test_one_more_effect_takes_a_class_and_a_line(refused, tmp_path, monkeypatch, written):
     entry = Entry(f"{__name__}:Weak", "the motors are weak", {"imperfections.weakness": "share"})
     monkeypatch.setitem(EFFECTS, Weak.kind, entry)
     (tmp_path / "weak.toml").write_text(SUITE % written)
@@ -106,7 +106,7 @@ def test_one_more_effect_takes_a_class_and_a_line(tmp_path, monkeypatch, written
     assert document["effects"] == [{"kind": "weak-motors", "share": 0.25}]
     entry = SceneEntry(**document, device=Robot(kind=scene.robot.name), inner_loop=scene.inner_loop)
     assert robot_words(SimpleNamespace(scene=entry)).endswith("; motors of 0.25 of their torque")
-    with pytest.raises(RefusalError, match=r"'weak-motors' \(the motors are weak\)"):
+    with refused(RefusalError):
         make_renderer(type("Strong", (Pushing,), {"supports": {"bilateral"}}), scene)
 
 
@@ -163,9 +163,9 @@ def test_what_cannot_be_meant_is_refused(table, error, words):
         read_effects(table)
 
 
-def test_two_effects_of_a_kind_and_counts_of_a_point_mass_are_refused():
-    with pytest.raises(InputError, match="two effects 'delay'"):
+def test_two_effects_of_a_kind_and_counts_of_a_point_mass_are_refused(refused):
+    with refused(InputError):
         Scene(model=circle(), effects=(Delay(1e-3), Delay(2e-3)))
-    with pytest.raises(InputError, match="encoder_counts = 1000 for a point mass"):
+    with refused(InputError):
         Scene(model=circle(), effects=(Encoder(counts=1000),))
     assert Scene(model=circle(), device=Parallelogram2(), effects=(Encoder(counts=1000),)).effects

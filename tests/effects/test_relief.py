@@ -204,16 +204,16 @@ class Aside:
         return Response(ihip, STIFFNESS * (ihip - hip))
 
 
-def test_a_height_map_needs_the_nearest_point():
+def test_a_height_map_needs_the_nearest_point(refused):
     scene = Scene(model=make_model("cassinian"), effects=(HeightMap(**SINE),))
     for name in ("mapping", "constraint", "minimum-distance+square-root", "minimum-distance@polygon"):
-        with pytest.raises(RefusalError, match="calls for height-map") as refused:
+        with refused(RefusalError) as caught:
             make_renderer(resolve(name), scene)
-        assert "spring to the nearest point" in refused.value.why
+        assert "spring to the nearest point" in caught.value.why
     make_renderer(resolve("constraint@curve"), scene)
     make_renderer(resolve("mapping"), Scene(model=scene.model, effects=(BumpMap(**SINE),)))
     aside = make_renderer(lambda _: Aside(), Scene(model=make_model("line"), effects=(HeightMap(**SINE),)))
-    with pytest.raises(DomainError, match=r"needs an IHIP that is the nearest point.*\(0\.02, -0\.001\)"):
+    with refused(DomainError):
         aside.run(np.array([[0.0, -1e-3], [0.02, -1e-3]]), 1e-3)
 
 
@@ -228,20 +228,20 @@ def case(speed, kind="line", **effect):
 
 
 @pytest.mark.parametrize(("speed", "beat", "felt"), [(0.3, 600.0, 400.0), (0.499, 998.0, 2.0)])
-def test_a_path_that_would_alias_the_relief_is_refused(speed, beat, felt):
+def test_a_path_that_would_alias_the_relief_is_refused(refused, speed, beat, felt):
     """|f - 1000 round(f / 1000)| at f = v / wavelength."""
-    with pytest.raises(InputError, match=f"at {speed:g} m/s") as refused:
+    with refused(InputError) as caught:
         case(speed, **SINE).check_stimulus()
-    assert f"{beat:.4g} Hz" in refused.value.why
-    assert f"felt as {felt:.4g} Hz" in refused.value.why
-    assert "0.25 m/s" in refused.value.todo
+    assert f"{beat:.4g} Hz" in caught.value.why
+    assert f"felt as {felt:.4g} Hz" in caught.value.why
+    assert "0.25 m/s" in caught.value.todo
 
 
-def test_a_path_within_the_limit_passes_and_harmonics_count():
+def test_a_path_within_the_limit_passes_and_harmonics_count(refused):
     case(0.24, **SINE).check_stimulus()
     case(0.12, wavelength=WAVE, profile=list(PROFILE)).check_stimulus()
     assert HeightMap(wavelength=WAVE, profile=PROFILE).finest == pytest.approx(WAVE / 2)
-    with pytest.raises(InputError, match=r"waves of 0\.25 mm at 0\.13 m/s"):
+    with refused(InputError):
         case(0.13, wavelength=WAVE, profile=list(PROFILE)).check_stimulus()
     assert HeightMap(**SINE).fastest(1e-3) == pytest.approx(0.25)
 
@@ -272,11 +272,11 @@ def test_a_profile_may_stand_in_a_file(tmp_path):
     assert make_effect(json.loads(json.dumps(read.document()))) == read
 
 
-def test_a_relief_fits_its_model():
-    with pytest.raises(InputError, match="has corners"):
+def test_a_relief_fits_its_model(refused):
+    with refused(InputError):
         Scene(model=make_model("star"), effects=(HeightMap(**SINE),))
     assert Scene(model=make_model("star"), effects=(BumpMap(**SINE),)).effects
     for kind, direction in (("line", (1.0, 0.0)), ("sphere", (1.0, 0.0)), ("sphere", (0.0, 0.0, 0.0))):
-        with pytest.raises(InputError, match="along"):
+        with refused(InputError):
             Scene(model=make_model(kind), effects=(HeightMap(**SINE, direction=direction),))
     assert Scene(model=make_model("line"), effects=(HeightMap(wavelength=WAVE, amplitude=0.0),)).effects == ()

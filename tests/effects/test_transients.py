@@ -182,7 +182,7 @@ class Silent:
         return np.array([hip[0], max(hip[1], 0.0)]), np.zeros(2)
 
 
-def test_a_pulse_is_read_from_a_table_and_from_a_recording(tmp_path):
+def test_a_pulse_is_read_from_a_table_and_from_a_recording(refused, tmp_path):
     time, force = 5e-4 * np.arange(4), np.array([0.5, 2.0, 1.0, -0.25])
     (tmp_path / "tap.csv").write_text(
         "t,f\n" + "".join(f"{t!r},{f!r}\n" for t, f in zip(time.tolist(), force.tolist(), strict=True))
@@ -197,12 +197,12 @@ def test_a_pulse_is_read_from_a_table_and_from_a_recording(tmp_path):
         assert effect.step == pytest.approx(5e-4)
         assert effect.pulse == pytest.approx(force)
         assert make_effect(effect.document()) == effect
-    with pytest.raises(InputError, match="not below the suite's folder"):
+    with refused(InputError):
         make_effect({"kind": "recorded-impulse", "file": "../tap.csv"}, tmp_path)
     (tmp_path / "gap.csv").write_text("t,f\n0,1\n0.001,2\n0.003,1\n")
-    with pytest.raises(InputError, match=r"row 1 comes 0\.001 s after"):
+    with refused(InputError):
         make_effect({"kind": "recorded-impulse", "file": "gap.csv"}, tmp_path)
-    with pytest.raises(InputError, match="a file, and a pulse"):
+    with refused(InputError):
         make_effect({"kind": "recorded-impulse", "file": "tap.csv", "step": 1.0}, tmp_path)
 
 
@@ -286,8 +286,8 @@ def test_what_makes_no_sense_is_refused(make, what, why):
     assert why in refused.value.why
 
 
-def test_an_unknown_material_is_refused_with_the_closest():
-    with pytest.raises(UnknownNameError, match="aluminum"):
+def test_an_unknown_material_is_refused_with_the_closest(refused):
+    with refused(UnknownNameError):
         ContactTransient(material="aluminum")
     assert set(MATERIALS) == {"rubber", "wood", "aluminium"}
 

@@ -53,9 +53,9 @@ def test_the_same_device_gives_the_same_picture(tmp_path):
     assert [path.read_bytes() for path in one] == [path.read_bytes() for path in two]
 
 
-def test_a_place_that_cannot_be_written_is_an_error(tmp_path):
+def test_a_place_that_cannot_be_written_is_an_error(refused, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(HapticevalError, match="cannot write into"):
+    with refused(HapticevalError):
         write_device(tmp_path / "file", Parallelogram2(), np.zeros(2), stem="one")
 
 

@@ -136,15 +136,15 @@ def test_over_the_workspace():
         lambda device, joints: position_resolution(device, joints),
     ],
 )
-def test_a_singular_pose_is_an_error_and_no_division_by_zero(call):
-    with pytest.raises(DomainError, match="functional configuration space") as caught:
+def test_a_singular_pose_is_an_error_and_no_division_by_zero(refused, call):
+    with refused(DomainError) as caught:
         call(Parallelogram3(), (0.0, 0.9, math.acos(0.3 * math.sin(0.9) / 0.346)))
     assert "singularity" in caught.value.why
-    with pytest.raises(InputError, match="must be finite"):
+    with refused(InputError):
         call(Parallelogram3(), (0.0, math.nan, 0.0))
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
-def test_a_torque_limit_that_is_none_is_refused(value):
-    with pytest.raises(InputError, match="torque_limit"):
+def test_a_torque_limit_that_is_none_is_refused(refused, value):
+    with refused(InputError):
         criteria(Parallelogram2(), (0, 0), torque_limit=value)

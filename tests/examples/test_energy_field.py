@@ -27,7 +27,7 @@ class Vortex:
         return hips, 5e4 * np.sum(hips**2, axis=1, keepdims=True) * hips[:, ::-1] * (-1.0, 1.0)
 
 
-def test_the_curl_of_a_vortex_and_the_work_of_its_loops():
+def test_the_curl_of_a_vortex_and_the_work_of_its_loops(refused):
     curve = circle().curve
     field = energy_field(Vortex(), curve, cell=2e-3)
     inside = ~np.isnan(field.curl)
@@ -40,7 +40,7 @@ def test_the_curl_of_a_vortex_and_the_work_of_its_loops():
     scanned = works_at(field, 0.01)
     assert found.work == pytest.approx(float(np.nanmax(scanned)), rel=0.02)
     assert math.sqrt(r2) == pytest.approx(0.1 - 0.01, abs=6e-3)
-    with pytest.raises(InputError, match="no circle"):
+    with refused(InputError):
         worst_loop(Vortex(), field, 0.01, depths=(0.2, 0.3))
 
 

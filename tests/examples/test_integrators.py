@@ -40,9 +40,9 @@ def test_a_study_is_drawn_with_its_numbers_beside_it(document, tmp_path):
     assert again.read_text() == text
 
 
-def test_a_folder_that_cannot_be_is_an_error(document, tmp_path):
+def test_a_folder_that_cannot_be_is_an_error(refused, document, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(HapticevalError, match="cannot write into"):
+    with refused(HapticevalError):
         write_precision(tmp_path / "file", document)
 
 

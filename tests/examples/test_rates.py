@@ -2,8 +2,8 @@
 
 import pytest
 
+from hapticeval.examples.studies import rates
 from hapticeval.examples.studies.rates import study_rates, write_rates
-from hapticeval.study import rates
 
 
 @pytest.fixture(autouse=True)

@@ -141,14 +141,14 @@ def test_its_own_normal_is_in_the_cone_and_the_opposite_one_is_not(boundary):
 
 @each
 @pytest.mark.parametrize("ask", ["closest_point", "signed_distance"])
-def test_bad_points_are_refused_by_row(boundary, ask):
+def test_bad_points_are_refused_by_row(refused, boundary, ask):
     points = np.zeros((2, boundary.dimension))
     points[1, 0] = np.nan
-    with pytest.raises(InputError, match=r"row 1 is \(nan, 0.0"):
+    with refused(InputError):
         getattr(boundary, ask)(points)
-    with pytest.raises(InputError, match="shape"):
+    with refused(InputError):
         getattr(boundary, ask)(points[0])
-    with pytest.raises(InputError, match="not rows"):
+    with refused(InputError):
         getattr(boundary, ask)([["a"] * boundary.dimension])
 
 

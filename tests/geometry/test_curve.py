@@ -317,8 +317,8 @@ class TestNarrowValleys:
 
 
 @pytest.mark.parametrize(("lobes", "above"), [(4, 1e-12), (4, 1e-10), (2, 5e-15), (1000, 1e-7)])
-def test_valleys_too_narrow_for_the_parameter_are_refused(lobes, above):
-    with pytest.raises(InputError, match="too narrow for the number format"):
+def test_valleys_too_narrow_for_the_parameter_are_refused(refused, lobes, above):
+    with refused(InputError):
         cassinian(lobes=lobes, a_n=1.0 + above)
 
 
@@ -366,10 +366,10 @@ def test_bounds_and_outlines(curve):
         assert np.min(np.hypot(*(outline - corner.position).T)) < 1e-15
 
 
-def test_pieces_that_make_no_curve_are_refused_and_a_tiny_turn_is_no_corner():
-    with pytest.raises(InputError, match="shape"):
+def test_pieces_that_make_no_curve_are_refused_and_a_tiny_turn_is_no_corner(refused):
+    with refused(InputError):
         Curve("odd", np.zeros((2, 3)), True)
-    with pytest.raises(InputError, match="open"):
+    with refused(InputError):
         Curve("odd", circle().curve.pieces, False)
     nearly_straight = from_vertices([[0, 0], [0.5, -1e-11], [1, 0], [1, 1], [0, 1]]).curve
     assert len(nearly_straight.corners) == 4

@@ -92,20 +92,20 @@ def test_a_half_plane_is_cut_off_far_away() -> None:
 
 
 @pytest.mark.parametrize("max_error", [0.0, -1.0, math.nan])
-def test_an_error_has_to_be_positive(max_error: float) -> None:
-    with pytest.raises(InputError, match="must be positive"):
+def test_an_error_has_to_be_positive(refused, max_error: float) -> None:
+    with refused(InputError):
         circle().mesh(max_error=max_error)
 
 
-def test_what_takes_too_many_facets_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_takes_too_many_facets_is_refused(refused, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(MOST_CELLS, 2, 500)
-    with pytest.raises(InputError, match=r"500 edges are the most that are made, and their error is 1\.97e-06 m"):
+    with refused(InputError):
         circle().mesh(max_error=1e-8)
 
 
-def test_a_boundary_of_another_kind_is_refused() -> None:
+def test_a_boundary_of_another_kind_is_refused(refused) -> None:
     class Own:
         pass
 
-    with pytest.raises(RefusalError, match="is a Own"):
+    with refused(RefusalError):
         Model("own", {}, Own()).mesh(max_error=1e-3)  # type: ignore[arg-type]

@@ -42,13 +42,13 @@ def test_a_contour_through_nodes_has_no_repeated_points():
     assert level_set.contour().standoff_from(square.curve) < level_set.cell
 
 
-def test_zero_sets_that_are_not_one_closed_curve_are_refused():
-    with pytest.raises(InputError, match=r"(?s)2 components.*refine the grid"):
+def test_zero_sets_that_are_not_one_closed_curve_are_refused(refused):
+    with refused(InputError):
         dumbbell(neck=0.02).level_set((20, 20)).contour()
-    with pytest.raises(InputError, match="runs off the grid"):
+    with refused(InputError):
         line().level_set((20, 20)).contour()
 
 
-def test_a_grid_of_nothing_but_margin_is_refused():
-    with pytest.raises(InputError, match="at least 8"):
+def test_a_grid_of_nothing_but_margin_is_refused(refused):
+    with refused(InputError):
         circle().level_set((5, 100))

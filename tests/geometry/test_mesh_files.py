@@ -81,16 +81,16 @@ def broken(kind, content):
         broken("off", b"\x93NUMPY" * 9),
     ],
 )
-def test_damaged_files_are_refused_by_name(tmp_path, name, content):
+def test_damaged_files_are_refused_by_name(refused, tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputError, match=r"a\."):
+    with refused(InputError):
         make_model("mesh", file=str(tmp_path / name), unit="mm")
 
 
-def test_a_cut_file_is_refused(written):
+def test_a_cut_file_is_refused(refused, written):
     file = written("a.stl")
     file.write_bytes(file.read_bytes()[:-75])
-    with pytest.raises(InputError, match=r"a\.stl"):
+    with refused(InputError):
         make_model("mesh", file=str(file), unit="mm")
 
 
@@ -123,38 +123,36 @@ def test_a_file_with_a_comment_in_latin_1_is_read(tmp_path, written):
     assert len(make_model("mesh", file=str(file), unit="mm").boundary.triangles) == len(BLOCK.triangles)
 
 
-def test_a_t_junction_is_no_hole():
+def test_a_t_junction_is_no_hole(refused):
     corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0, 0]]
     divided = [[0, 2, 4], [4, 2, 1], [0, 4, 3], [4, 1, 3], [1, 2, 3], [0, 3, 2]]
     make_model("mesh", vertices=corners, triangles=divided)
     on_one_side = [*divided[:2], [0, 1, 3], *divided[4:]]
     for shift in range(len(on_one_side)):
         triangles = on_one_side[shift:] + on_one_side[:shift]
-        with pytest.raises(
-            InputError, match=r"vertex 4 lies on an edge of triangle .*, between vertices [01] and [01]"
-        ) as caught:
+        with refused(InputError) as caught:
             make_model("mesh", vertices=corners, triangles=triangles)
         assert f"divide triangle {triangles.index([0, 1, 3])} at vertex 4" in caught.value.todo
-    with pytest.raises(InputError, match="the mesh is open") as caught:
+    with refused(InputError) as caught:
         make_model("mesh", vertices=corners, triangles=divided[:-1])
     assert "close the hole" in caught.value.todo
 
 
-def test_other_files_are_refused(tmp_path, written):
-    with pytest.raises(InputError, match=r"no mesh file .*gone\.stl"):
+def test_other_files_are_refused(refused, tmp_path, written):
+    with refused(InputError):
         make_model("mesh", file=str(tmp_path / "gone.stl"), unit="mm")
-    with pytest.raises(InputError, match=r"ends in '\.npy'"):
+    with refused(InputError):
         make_model("mesh", file=str(tmp_path / "a.npy"), unit="mm")
-    with pytest.raises(InputError, match="has no unit"):
+    with refused(InputError):
         make_model("mesh", file=str(written("a.stl")))
-    with pytest.raises(InputError, match="unknown unit 'ft'"):
+    with refused(InputError):
         make_model("mesh", file=str(written("a.stl")), unit="ft")
 
 
-def test_a_mesh_is_named_on_the_command_line_with_its_unit(written):
+def test_a_mesh_is_named_on_the_command_line_with_its_unit(refused, written):
     file = written("part.stl")
     assert model_named(f"mesh:file={file},unit=mm").size == pytest.approx(0.5)
-    with pytest.raises(InputError, match="has no unit") as caught:
+    with refused(InputError) as caught:
         model_named(str(file))
     assert f"mesh:file={file},unit=mm" in caught.value.todo
     with pytest.raises(InputError, match="unknown model"):
@@ -175,7 +173,7 @@ duration = 0.1
 """
 
 
-def test_in_a_suite_a_file_counts_from_the_suite_and_lies_below_it(tmp_path, written):
+def test_in_a_suite_a_file_counts_from_the_suite_and_lies_below_it(refused, tmp_path, written):
     (tmp_path / "parts").mkdir()
     written("parts/part.stl")
     (tmp_path / "mine.toml").write_text(SUITE.format(file="parts/part.stl"))
@@ -183,7 +181,7 @@ def test_in_a_suite_a_file_counts_from_the_suite_and_lies_below_it(tmp_path, wri
     assert case.build_scene().model.size == pytest.approx(0.5)
     assert make_model(**case.model).size == pytest.approx(0.5)  # from any working directory, as a report makes it
     (tmp_path / "parts" / "mine.toml").write_text(SUITE.format(file="../part.stl"))
-    with pytest.raises(InputError, match="is not below the suite's folder"):
+    with refused(InputError):
         load_suite(str(tmp_path / "parts" / "mine.toml"))
 
 

@@ -115,8 +115,8 @@ def test_a_motion_in_space_turns_about_an_axis():
     "wrong",
     [(np.eye(2), 0.0, np.zeros(2)), (np.eye(2), np.nan, np.zeros(2)), (2.0 * np.eye(2), 1.0, np.zeros(2))],
 )
-def test_what_is_no_motion_is_refused(wrong):
-    with pytest.raises(InputError, match="a motion"):
+def test_what_is_no_motion_is_refused(refused, wrong):
+    with refused(InputError):
         Motion(*wrong)
 
 

@@ -285,7 +285,7 @@ def test_standoff_of_a_circle_is_its_sagitta_and_is_measured_both_ways():
     assert spiked.standoff_from(square) == square.standoff_from(spiked) == pytest.approx(1.0)
 
 
-def test_polygons_of_models():
+def test_polygons_of_models(refused):
     model = star()
     assert np.array_equal(model.polygon(7).vertices, [corner.position for corner in model.curve.corners])
     assert model.polygon().standoff_from(model.curve) < 1e-16
@@ -296,9 +296,9 @@ def test_polygons_of_models():
     assert model.polygon(40) is model.polygon(40)
     assert not model.polygon(40).vertices.flags.writeable
     assert (cassinian(size=0.3).size, line().size) == (pytest.approx(0.3), 0.2)
-    with pytest.raises(InputError, match="unbounded"):
+    with refused(InputError):
         line().polygon()
-    with pytest.raises(InputError, match="2 vertices"):
+    with refused(InputError):
         circle().polygon(2)
 
 

@@ -179,10 +179,10 @@ def test_points_are_spread_by_area_and_within_the_bounds(surface):
         assert share == pytest.approx(0.5 + minor / (math.pi * major), abs=2e-3)
 
 
-def test_plane_and_space_are_separated():
-    with pytest.raises(RefusalError, match="surface in space"):
+def test_plane_and_space_are_separated(refused):
+    with refused(RefusalError):
         _ = sphere().curve
-    with pytest.raises(RefusalError, match="plane curve"):
+    with refused(RefusalError):
         _ = circle().surface
     assert sphere().dimension == 3
     assert torus().size == pytest.approx(0.2)

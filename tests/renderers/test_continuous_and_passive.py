@@ -468,17 +468,17 @@ def test_a_model_without_a_kernel_is_refused_with_two_places_that_cannot_see_eac
 
 
 @each_name
-def test_an_open_curve_is_refused(name):
-    with pytest.raises(RefusalError, match="'line' is open"):
+def test_an_open_curve_is_refused(refused, name):
+    with refused(RefusalError):
         resolve(name)(Scene(model=line()))
 
 
 @pytest.mark.parametrize("project", [homothetic, combescure])
-def test_a_centre_outside_the_kernel_is_refused_with_a_ray_that_meets_the_boundary_twice(project):
+def test_a_centre_outside_the_kernel_is_refused_with_a_ray_that_meets_the_boundary_twice(refused, project):
     model = star()
-    with pytest.raises(NoKernelError, match="outside the kernel of model 'star'") as refused:
+    with pytest.raises(NoKernelError, match="outside the kernel of model 'star'") as caught:
         project(Scene(model=model), "curve", centre=(0.0, 0.07))
-    first, again = places(refused.value.why)
+    first, again = places(caught.value.why)
     for place in (first, again):
         assert abs(model.curve.signed_distance(place[np.newaxis])[0]) < 1e-4
     ways = np.array([first, again]) - (0.0, 0.07)
@@ -487,7 +487,7 @@ def test_a_centre_outside_the_kernel_is_refused_with_a_ray_that_meets_the_bounda
     assert np.linalg.norm(first - again) > 1e-3
     with pytest.raises(NoKernelError, match="not inside"):
         homothetic(Scene(model=model), "curve", centre=(0.3, 0.0))
-    with pytest.raises(RefusalError, match="2 finite numbers"):
+    with refused(RefusalError):
         homothetic(Scene(model=model), "curve", centre=(0.0, math.nan))
 
 
@@ -503,9 +503,9 @@ def test_a_centre_of_one_s_own_inside_the_kernel_is_taken(project):
         assert abs(gained) <= open_
 
 
-def test_the_scheme_gradient_needs_a_potential():
-    with pytest.raises(InputError, match="'gradient' is not for this projection"):
+def test_the_scheme_gradient_needs_a_potential(refused):
+    with refused(InputError):
         minimum_distance.variant(regulation="gradient")
-    with pytest.raises(UnknownNameError, match="gradient"):
+    with refused(UnknownNameError):
         resolve("minimum-distance+gradient")
     assert resolve("homothetic").regulation == resolve("combescure").regulation == "gradient"

@@ -204,12 +204,12 @@ def test_pushed_along_a_circle_with_a_sensor_it_moves_as_the_tool_does():
     np.testing.assert_allclose(0.5 * MASS * foot_speed**2, (feet - feet[0]) @ push, atol=1e-10)
 
 
-def test_at_a_centre_of_curvature_the_step_refuses():
+def test_at_a_centre_of_curvature_the_step_refuses(refused):
     for model, place in ((circle(), (0.0, 0.0)), (cassinian(), (0.07387961250362586, 0.0))):
         renderer = set_stabilisation(bilateral_scene(model))
         hip = np.array(place)
         renderer.reset(hip)
-        with pytest.raises(DomainError, match="centre of curvature") as caught:
+        with refused(DomainError) as caught:
             renderer.step(hip, np.array([0.0, 1.0]), 1e-3)
         assert "1 + n κ" in caught.value.why
 

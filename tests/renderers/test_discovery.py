@@ -50,8 +50,8 @@ def test_a_name_is_its_parts(base, scheme, representation):
 
 
 @pytest.mark.parametrize("text", ["", "+pp", "constraint+", "constraint@", "constraint+@curve", "@curve"])
-def test_an_empty_part_is_refused(text):
-    with pytest.raises(InputError, match="does not name a renderer"):
+def test_an_empty_part_is_refused(refused, text):
+    with refused(InputError):
         parse(text)
 
 
@@ -84,14 +84,14 @@ def test_an_unknown_suffix_names_the_closest(here, suffix, kind, close):
     assert close in caught.value.todo
 
 
-def test_a_suffix_on_a_plain_factory_is_refused(here):
+def test_a_suffix_on_a_plain_factory_is_refused(refused, here):
     (here / "mine_no_variant.py").write_text(LOCAL)
-    with pytest.raises(InputError, match="'mine_no_variant:Plain' has no variants"):
+    with refused(InputError):
         resolve("mine_no_variant:Plain+pp")
 
 
-def test_an_unknown_name_names_the_closest():
-    with pytest.raises(UnknownNameError, match="unknown renderer 'constrait'") as caught:
+def test_an_unknown_name_names_the_closest(refused):
+    with refused(UnknownNameError) as caught:
         resolve("constrait")
     assert "constraint" in caught.value.todo
     assert "package.module:factory" in caught.value.todo
@@ -133,7 +133,7 @@ def test_a_slip_in_the_name_of_a_local_file_is_mended(here, slip):
     assert "mine_slip:Nearest" in caught.value.todo
 
 
-def test_a_variant_that_raises_is_a_broken_renderer(here):
+def test_a_variant_that_raises_is_a_broken_renderer(refused, here):
     (here / "mine_broken.py").write_text("class Made:\n    def variant(**chosen): raise KeyError(3)\n")
-    with pytest.raises(RendererError, match="variant\\(\\) raised KeyError"):
+    with refused(RendererError):
         resolve("mine_broken:Made+pp")

@@ -22,17 +22,17 @@ def test_naming_a_renderer_compiles_nothing():
 
 
 @pytest.mark.parametrize("family", FAMILIES.values())
-def test_unknown_names_are_refused_with_the_closest(family):
-    with pytest.raises(UnknownNameError, match="unknown regulation scheme 'pp-dd'") as caught:
+def test_unknown_names_are_refused_with_the_closest(refused, family):
+    with refused(UnknownNameError) as caught:
         family.variant(regulation="pp-dd")
     assert "pp-d" in caught.value.todo
-    with pytest.raises(UnknownNameError, match="unknown representation 'polygons'") as caught:
+    with refused(UnknownNameError) as caught:
         family.variant(representation="polygons")
     assert "polygon" in caught.value.todo
 
 
-def test_constraint_on_a_level_set_is_refused():
-    with pytest.raises(InputError, match="level-set") as caught:
+def test_constraint_on_a_level_set_is_refused(refused):
+    with refused(InputError) as caught:
         constraint.variant(representation="level-set")
     assert "boundary to slide on" in caught.value.why
     assert "polygon, curve" in caught.value.todo or "curve, polygon" in caught.value.todo
@@ -110,19 +110,19 @@ def test_a_third_party_declares_knobs_without_inheriting():
     assert choices_of(lambda scene: scene).knobs == {}
 
 
-def test_a_knob_that_is_not_there_is_refused_with_the_closest():
-    with pytest.raises(UnknownNameError, match="unknown knob of mine 'cell'") as caught:
+def test_a_knob_that_is_not_there_is_refused_with_the_closest(refused):
+    with refused(UnknownNameError) as caught:
         configured(Foreign(), {"cell": 1.0}, name="mine")
     assert "cells" in caught.value.todo
-    with pytest.raises(UnknownNameError, match="unknown knob of mine 'cell'") as caught:
+    with refused(UnknownNameError) as caught:
         configured(lambda scene: scene, {"cell": 1.0}, name="mine")
     assert "none" in caught.value.todo
 
 
-def test_knobs_that_cannot_be_set_are_refused():
-    with pytest.raises(InputError, match="cannot set them"):
+def test_knobs_that_cannot_be_set_are_refused(refused):
+    with refused(InputError):
         choices_of(type("Half", (), {"knobs": Foreign.knobs})())
-    with pytest.raises(InputError, match="without values"):
+    with refused(InputError):
         Knob(values=(), unit="", meaning="")
 
 
@@ -135,11 +135,11 @@ def test_vertices_set_the_polygon(family):
     assert fine.standoff < 0.08 * coarse.standoff
 
 
-def test_the_grid_sets_the_level_set_and_only_there():
+def test_the_grid_sets_the_level_set_and_only_there(refused):
     on_grid = minimum_distance.variant(representation="level-set")
     scene = Scene(model=cassinian())
     assert on_grid.with_knobs(grid=50)(scene).resolution > 1.9 * on_grid.with_knobs(grid=100)(scene).resolution
-    with pytest.raises(UnknownNameError, match="knob of the curve representation 'grid'"):
+    with refused(UnknownNameError):
         minimum_distance.with_knobs(grid=50)
 
 

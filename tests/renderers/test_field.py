@@ -44,8 +44,8 @@ def test_a_knob_that_is_no_positive_number_is_refused_by_name(name, value):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_unknown_knob_or_variant_is_refused(name):
-    with pytest.raises(UnknownNameError, match="knob"):
+def test_an_unknown_knob_or_variant_is_refused(refused, name):
+    with refused(UnknownNameError):
         configured(resolve(name), {"size": 1.0}, name=name)
     with pytest.raises(UnknownNameError):
         resolve(f"{name}+no-such-law")
@@ -109,6 +109,6 @@ def test_into_a_ball_the_tool_lies_on_the_radius_and_no_farther_off_than_declare
     assert np.linalg.norm(forces[-1]) == pytest.approx(1000.0 * (radius - 0.085 + off), rel=0.02)
 
 
-def test_a_grid_covers_no_half_plane():
-    with pytest.raises(RefusalError, match="unbounded"):
+def test_a_grid_covers_no_half_plane(refused):
+    with refused(RefusalError):
         resolve("implicit@grid")(Scene(model=line()))

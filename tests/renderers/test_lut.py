@@ -257,29 +257,29 @@ def test_the_representation_lut_of_a_family_without_memory(family):
     assert renderer.standoff < coarse.standoff
 
 
-def test_what_remembers_has_no_table():
-    with pytest.raises(InputError, match="'lut' is not for this projection") as caught:
+def test_what_remembers_has_no_table(refused):
+    with refused(InputError) as caught:
         constraint.variant(representation="lut")
     assert "a table holds no past" in caught.value.why
 
 
 @pytest.mark.parametrize("cell", [0.0, -1e-3, math.nan, math.inf, 0.5])
-def test_a_cell_that_is_no_size_is_refused(cell):
-    with pytest.raises(InputError, match="a look-up table with cells of"):
+def test_a_cell_that_is_no_size_is_refused(refused, cell):
+    with refused(InputError):
         tabulate(exact_of("minimum-distance", "star", bilateral=True), cell=cell)
 
 
-def test_a_table_that_would_not_fit_in_memory_is_refused():
-    with pytest.raises(InputError, match="2 GiB") as caught:
+def test_a_table_that_would_not_fit_in_memory_is_refused(refused):
+    with refused(InputError) as caught:
         tabulate(exact_of("minimum-distance", "star", bilateral=True), cell=1e-6)
     assert "larger cell" in caught.value.todo
 
 
-def test_arrays_and_points_that_do_not_fit_are_refused():
+def test_arrays_and_points_that_do_not_fit_are_refused(refused):
     table = empty(Grid((0.0, 0.0), 1.0, (3, 2)))
-    with pytest.raises(InputError, match="nodes of shape"):
+    with refused(InputError):
         Table(table.grid, table.nodes[1:], table.cells)
-    with pytest.raises(InputError, match="for a table of 2 dimensions"):
+    with refused(InputError):
         table.answers(np.zeros((4, 3)))
 
 
@@ -335,14 +335,14 @@ def test_the_loop_in_space_answers_as_the_whole_table_does():
     assert np.array_equal(made.project(hips[7]).ihip, made.trace(hips[7:8])[0][0])
 
 
-def test_the_memory_of_a_table_in_space_is_known_before_it_is_made():
+def test_the_memory_of_a_table_in_space_is_known_before_it_is_made(refused):
     boundary = make_model("cube").boundary
     assert tabulated(nearest, Scene(model=make_model("cube")), "curve", cell=5e-3).table.nbytes == (
         grid_of(boundary, 5e-3).nbytes
     )
     assert grid_of(boundary).cell == 2e-3
     fine = minimum_distance.variant(representation="lut").with_knobs(cell=2e-4)
-    with pytest.raises(RefusalError, match=r"a look-up table of 6.\d+e\+09 bytes") as caught:
+    with refused(RefusalError) as caught:
         fine(Scene(model=make_model("cube")))
     fits = float(caught.value.todo.split(": ")[1].split()[0])
     assert 0.8 * IN_MEMORY < grid_of(boundary, fits).nbytes < IN_MEMORY

@@ -91,12 +91,12 @@ def test_what_it_declares():
     assert {"cells", "lines", "levels", "gap"} == set(mapping.knobs)
 
 
-def test_knobs_are_checked():
-    with pytest.raises(UnknownNameError, match="cells"):
+def test_knobs_are_checked(refused):
+    with refused(UnknownNameError):
         mapping.with_knobs(cell=100.0)
-    with pytest.raises(InputError, match="cells = 3"):
+    with refused(InputError):
         mapping.with_knobs(cells=3.0)(Scene(model=circle()))
-    with pytest.raises(InputError, match="not for this projection"):
+    with refused(InputError):
         mapping.variant(representation="polygon")
 
 

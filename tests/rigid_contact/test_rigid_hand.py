@@ -67,12 +67,12 @@ def test_a_stiff_spring_tends_to_the_rigid_contact(model, points):
     assert apart[1] < 0.5 * apart[0] < 1e-4
 
 
-def test_what_it_cannot_do_is_refused():
+def test_what_it_cannot_do_is_refused(refused):
     scene = Scene(model=make_model("line"), mass=MASS)
-    with pytest.raises(RefusalError, match="only brakes"):
+    with refused(RefusalError):
         simulate_closed_loop(resolve("ideal")(scene), drawn([[0.0, 0.1], [0.1, 0.1]], stiffness=0.0), scene, 1e-3)
     blob = SurfaceInSpace()
     blob.name = "blob"
-    with pytest.raises(RefusalError, match="model 'blob' is a SurfaceInSpace") as caught:
+    with refused(RefusalError) as caught:
         resolve("ideal")(Scene(model=Model("blob", {}, blob)))
     assert "has no search" in caught.value.why

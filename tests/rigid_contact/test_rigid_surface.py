@@ -274,12 +274,12 @@ def test_a_graze_is_an_impact_and_a_miss_is_none(depth):
         assert len(impacts) == count
 
 
-def test_what_does_not_fit_the_model_is_refused():
+def test_what_does_not_fit_the_model_is_refused(refused):
     from hapticeval.errors import InputError
 
-    with pytest.raises(InputError, match="dimension"):
+    with refused(InputError):
         ideal(Scene(model=sphere())).simulate(Path([0.0, 1.0], [[0.2, 0.0], [0.0, 0.0]]), DT)
-    with pytest.raises(InputError, match="inside"):
+    with refused(InputError):
         push(sphere(), [0.0, 0.0, 0.05], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
-    with pytest.raises(InputError, match="dimension"):
+    with refused(InputError):
         push(line(), [0.0, 0.0, 0.05], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])

@@ -408,10 +408,10 @@ def test_exit_codes(mine, capsys):
     assert run("-r", "ideal", "--seconds", 0) == 2
 
 
-def test_a_file_that_is_none_of_ours_is_refused_by_name(tmp_path):
+def test_a_file_that_is_none_of_ours_is_refused_by_name(refused, tmp_path):
     (tmp_path / "a.toml").write_text("")
     (tmp_path / "a.json").write_text(json.dumps({"renderer": "x"}))
-    with pytest.raises(InputError, match=r"a\.json"):
+    with refused(InputError):
         read_all(Path(tmp_path))
 
 

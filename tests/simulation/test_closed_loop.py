@@ -152,7 +152,7 @@ def test_a_point_mass_integrates_a_ramp_exactly(force, slope, mass):
     np.testing.assert_allclose(moved, pushed, atol=1e-12)
 
 
-def test_a_loop_that_runs_away_is_stopped_at_its_tick():
+def test_a_loop_that_runs_away_is_stopped_at_its_tick(refused):
     class Explosive:
         def reset(self, hip):
             pass
@@ -166,7 +166,7 @@ def test_a_loop_that_runs_away_is_stopped_at_its_tick():
     assert (ended["tick"], ended["ran_away"]) == (len(recording), True)
     assert "ran away" in ended["what"]
     far = replace(push, position=np.array([1e12, 0.0]))
-    with pytest.raises(RunawayError, match="ran away"):
+    with refused(RunawayError):
         simulate_closed_loop(Explosive(), far, Scene(model=line(), mass=0.1), 1e-3)
 
 
@@ -322,17 +322,17 @@ def test_a_refusal_ends_the_run_at_its_tick(law, device):
 
 @pytest.mark.parametrize("law", [True, False], ids=["compiled", "python"])
 @pytest.mark.parametrize("device", DEVICES[1:3], ids=lambda device: device.name)
-def test_a_refusal_at_the_start_is_an_error(law, device):
-    with pytest.raises(DomainError, match="beyond the radius"):
+def test_a_refusal_at_the_start_is_an_error(refused, law, device):
+    with refused(DomainError):
         simulate_closed_loop(
             Spring(law=law, radius=0.01), trial(device.dimension), Scene(model=line(), device=device), 1e-3
         )
 
 
 @pytest.mark.parametrize("law", [True, False], ids=["compiled", "python"])
-def test_an_answer_that_is_not_finite_is_told_with_its_tick(law):
+def test_an_answer_that_is_not_finite_is_told_with_its_tick(refused, law):
     scene = Scene(model=line(), device=Parallelogram2())
-    with pytest.raises(RendererError, match="not finite") as caught:
+    with refused(RendererError) as caught:
         simulate_closed_loop(Spring(law=law, breaks=7), trial(2), scene, 1e-3)
     assert caught.value.tick == 7
 
@@ -354,15 +354,15 @@ def test_a_robot_that_leaves_its_workspace_ends_the_run(law):
     assert "parallelogram-2dof" in recording.meta["ended"]["what"]
 
 
-def test_a_start_outside_of_the_workspace_is_an_error():
+def test_a_start_outside_of_the_workspace_is_an_error(refused):
     scene = Scene(model=line(), device=Parallelogram2())
     outside = Experiment(0.1, np.array([2.0, 0.0]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
-    with pytest.raises(DomainError, match=r"2, 0"):
+    with refused(DomainError):
         simulate_closed_loop(Spring(law=True), outside, scene, 1e-3)
 
 
-def test_an_experiment_in_another_dimension_than_the_device_is_an_error():
-    with pytest.raises(InputError, match="moves in 3D"):
+def test_an_experiment_in_another_dimension_than_the_device_is_an_error(refused):
+    with refused(InputError):
         simulate_closed_loop(Spring(law=True), trial(2), Scene(model=line(), device=Parallelogram3()), 1e-3)
 
 

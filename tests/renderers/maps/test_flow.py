@@ -200,11 +200,11 @@ def test_a_flow_error_crosses_processes():
     assert (error.position, error.why) == ((1.0, 2.0), "y")
 
 
-def test_settings_that_make_no_flow_are_refused():
-    with pytest.raises(UnknownNameError, match="arc"):
+def test_settings_that_make_no_flow_are_refused(refused):
+    with refused(UnknownNameError):
         FlowSettings(velocity="ark")
     for bad in ({"cells": 5}, {"lines": 3}, {"gap": 0.9}, {"levels": 80, "cells": 100}):
         with pytest.raises(InputError):
             FlowSettings(**bad)
-    with pytest.raises(InputError, match="unbounded"):
+    with refused(InputError):
         run_flow(line(), SMALL)
