@@ -130,7 +130,7 @@ def _fly(b: Outline, released: bool, x0: float, y0: float, x: float, y: float) -
     return side < 0.0, piece, u
 
 
-TOUCHES, TRIANGLE, FEATURE, TOOL, HIP = ROOM[3], ROOM[3] + 1, ROOM[3] + 2, ROOM[3] + 3, ROOM[3] + 6
+MESH_TOUCHES, TRIANGLE, FEATURE, TOOL, HIP = ROOM[3], ROOM[3] + 1, ROOM[3] + 2, ROOM[3] + 3, ROOM[3] + 6
 """In `state`: whether the tool is in contact, on which feature of which triangle, where, and the last HIP.
 
 In free space the triangle is one close to the hand, where the search begins.
@@ -163,7 +163,7 @@ def begin_on_mesh(data: LawData, hip: Array) -> None:
     hand = (hip[0], hip[1], hip[2])
     triangle, feature, foot = closest_feature(faces, vertices, tree, hand, 0)
     _, _, _, distance = closest_on_mesh(faces, vertices, tree, hand, triangle)
-    state[TOUCHES] = 1.0 if data.params[BILATERAL] != 0.0 or distance < 0.0 else 0.0
+    state[MESH_TOUCHES] = 1.0 if data.params[BILATERAL] != 0.0 or distance < 0.0 else 0.0
     state[TRIANGLE], state[FEATURE] = triangle, feature
     for i in range(3):
         state[TOOL + i], state[HIP + i] = foot[i], hip[i]
@@ -180,7 +180,7 @@ def follow_on_mesh(
     faces, vertices, params, state = data.segments, data.vertices, data.params, data.state
     hand, triangle, feature = (hip[0], hip[1], hip[2]), int(state[TRIANGLE]), int(state[FEATURE])
     tool = (state[TOOL], state[TOOL + 1], state[TOOL + 2])
-    touches = state[TOUCHES] != 0.0
+    touches = state[MESH_TOUCHES] != 0.0
     rests = False
     if touches:  # over faces, along edges and into corners, downhill in distance
         status, triangle, feature, tool = walk_downhill(
@@ -190,7 +190,7 @@ def follow_on_mesh(
     if not rests:  # free, or released just now: straight to the hand
         start = tool if touches else (state[HIP], state[HIP + 1], state[HIP + 2])
         touches, triangle, feature, tool = fly_to_hand(faces, vertices, data.tree, params[TOUCH], start, hand, triangle)
-    state[TOUCHES], state[TRIANGLE], state[FEATURE] = 1.0 if touches else 0.0, triangle, feature
+    state[MESH_TOUCHES], state[TRIANGLE], state[FEATURE] = 1.0 if touches else 0.0, triangle, feature
     for i in range(3):
         state[TOOL + i], state[HIP + i] = tool[i], hip[i]
     if not touches:

@@ -6,13 +6,15 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from inspect import getattr_static
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import Closest
 from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.compiled import Closest
 
 SEARCH_BATCH = 32
 """Points of a segment that are looked at together on the search for its first crossing."""
