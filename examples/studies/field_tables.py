@@ -10,6 +10,7 @@ from pathlib import Path
 import hapticeval
 from hapticeval.discovery import resolve
 from hapticeval.errors import RefusalError
+from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.results import ResultsDocument, VerdictEntry, read_results
 from hapticeval.study.plates import CITED, THICKEST, THINNEST, find_thinnest
 
@@ -32,9 +33,9 @@ TABLES: Mapping[str, Sequence[str]] = {"all": (*THESIS, *FIELD), "rates": PLANES
 def count_words(entries: Sequence[VerdictEntry]) -> str:
     """Return how many verdicts pass, of how many that decide."""
     outcomes = Counter(entry.outcome for entry in entries)
-    decided = outcomes["pass"] + outcomes["fail"]
-    stopped = f", {outcomes['error']} in error" if outcomes["error"] else ""
-    return (f"{outcomes['pass']}/{decided}" if decided else "-") + stopped
+    passed, stopped = outcomes[Outcome.PASS], outcomes[Outcome.ERROR]
+    decided = passed + outcomes[Outcome.FAIL]
+    return (f"{passed}/{decided}" if decided else "-") + (f", {stopped} in error" if stopped else "")
 
 
 def count_lines(entries: Sequence[VerdictEntry], columns: Mapping[str, str]) -> list[str]:
