@@ -53,7 +53,7 @@ class FrontPoint(NamedTuple):
 
 def energy_by_tick(recording: Recording) -> Array:
     """Return the energy that the hand is given in each tick but the first, F . dx, J: (n - 1,)."""
-    return np.sum(recording.force[1:] * np.diff(recording.hip, axis=0), axis=1)
+    return np.asarray(np.sum(recording.force[1:] * np.diff(recording.hip, axis=0), axis=1))
 
 
 def follow(name: str, loop: Loop, laps: int) -> Recording:
