@@ -130,6 +130,16 @@ def test_what_is_below_any_digit_of_the_model_is_rest():
     assert found("comes-to-rest", moving(np.full(100, 1e-9)), CIRCLE).outcome is FAIL
 
 
+@pytest.mark.parametrize("row", range(9))
+def test_the_second_quarter_of_the_quiet_time_is_compared_with_its_last_half(row):
+    """Nine rows: the second quarter are the rows 2 to 4, and the last half 5 to 8."""
+    speed = np.full(9, 1e-4)
+    speed[row] = 1e-2
+    finding = found("comes-to-rest", moving(speed), CIRCLE)
+    assert finding.evidence["speed_before_m_s"] == (1e-2 if 2 <= row <= 4 else 1e-4)
+    assert finding.metric.value == (1e-2 if row >= 5 else 1e-4)
+
+
 def test_what_begins_to_move_late_does_not_come_to_rest():
     finding = found("comes-to-rest", moving(np.where(np.arange(100) < 70, 0.0, 1e-3)), CIRCLE)
     assert (finding.outcome, finding.evidence["speed_before_m_s"]) == (FAIL, 0.0)

@@ -82,16 +82,29 @@ def test_a_slide_of_ten_ticks_is_judged_to_a_billionth(ticks, off, expected):
     assert outcome("friction-sliding", slid(ticks, off), DRY) is expected
 
 
-def struck(late, factor=1.0, cap=np.inf):
-    """A tool of 0.1 kg that meets a line at 0.2 m/s, and is given its 20 mN s `late` ticks after that."""
-    scene = Scene(model=LINE, effects=(ContactImpulse(cap=cap),))
+def strike(late, factor=1.0):
+    """A tool of 0.1 kg that meets a line at 0.2 m/s, and is given its 20 mN s `late` ticks after that; and without."""
     height = 1.01e-3 - 2e-4 * np.arange(12)
     hand = np.column_stack([np.full(12, 0.0123), height])
     plain = recorded(hand, np.column_stack([hand[:, 0], np.maximum(height, 0.0)]))
     blow = np.zeros((12, 2))
     blow[int(np.argmax(height < 0.0)) + late, 1] = 20.0 * factor
-    run = changed(plain, force=plain.force + blow, velocity=np.tile([0.0, -0.2], (12, 1)))
+    return changed(plain, force=plain.force + blow, velocity=np.tile([0.0, -0.2], (12, 1))), plain
+
+
+def struck(late, factor=1.0, cap=np.inf, numbers=np.float64):
+    scene = Scene(model=LINE, effects=(ContactImpulse(cap=cap),))
+    run, plain = (changed(each, force=each.force.astype(numbers).astype(float)) for each in strike(late, factor))
     return lambda check: found(check, Runs(run, without=lambda kind: plain), scene)
+
+
+@pytest.mark.parametrize("numbers", [np.float64, np.float32])
+def test_of_an_impulse_a_billionth_and_the_rounding_of_its_forces_are_granted(numbers):
+    run, _ = strike(0)
+    first = int(np.argmax(run.hip[:, 1] < 0.0))
+    rounding = 4.0 * np.finfo(numbers).eps * np.linalg.norm(run.force, axis=1)[first:]
+    bound = struck(0, numbers=numbers)("transient-impulse").bound
+    assert bound == pytest.approx(1e-9 * 0.02 + rounding.sum() * 1e-3, rel=1e-7, abs=0.0)
 
 
 @pytest.mark.parametrize(("late", "expected"), [(-1, FAIL), (0, PASS), (1, PASS), (2, FAIL)])
