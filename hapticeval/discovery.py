@@ -218,7 +218,7 @@ def _likely_names(base: str) -> list[str]:
     # A library without a folder is looked for by the system's loader, hence the ./ before it.
     if Path(base).suffix in LIBRARIES:
         return [f"lib:{base if Path(base).parent.name or base.startswith(('.', '/')) else f'./{base}'}"]
-    stem = base.removesuffix(".py")
+    stem = base.removesuffix(".py").removeprefix("./")
     # `mine` as a module of its own, then `mine.Nearest` as a name in the module `mine`.
     for module, attribute in ((stem, ""), stem.rpartition(".")[::2]):
         file = Path(f"{module.replace('.', '/')}.py")

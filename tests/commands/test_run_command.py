@@ -143,6 +143,7 @@ def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(here, capsys):
         (["run", "slides.toml", "-r", "local_mine:Absent"], 2, "has no 'Absent'"),
         (["run", "slides.toml", "-r", "local_empty:R"], 2, "local_empty.py, where there is no class and no function"),
         (["run", "slides.toml", "-r", "libmine.so"], 2, "did you mean lib:./libmine.so?"),
+        (["run", "slides.toml", "-r", "./local_mine.py"], 2, "did you mean local_mine:Good or local_mine:Differs or"),
         (["run", "slides.toml", "-r", "local_mine:Good", "-o", "."], 2, "'.' is not empty"),
         (["run", "slides.toml", "-r", "local_mine:Good", "-o", "slides.toml"], 2, "'slides.toml' is a file"),
         (["run", "slides.toml", "-r", "local_mine:Good", "-o", "slides.toml/b"], 2, "cannot write into the folder"),
