@@ -12,7 +12,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from hapticeval.cli import main
-from hapticeval.commands.starters import STARTERS, WORKFLOW, write_starter
+from hapticeval.commands.authors import STARTERS, WORKFLOW, write_starter
 from hapticeval.runner.known import KnownVerdict, read_known
 from hapticeval.runner.results import read_results
 

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import keyword
+import re
+import shlex
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated
 
 import typer
 
 from hapticeval.commands.arguments import argument
 from hapticeval.commands.terminal import Terminal, columns, say, wrote_lines
+from hapticeval.errors import InputError, UnknownNameError
 
 ANSWER_SECONDS = 60.0
 """Seconds for an answer, unless given: a renderer's own kernels to compile and a large program to start included."""
@@ -88,9 +98,124 @@ def new(
       hapticeval new python myrenderer
       hapticeval new cpp myrenderer
     """
-    from hapticeval.commands.starters import write_starter
-
     # The files, and the commands to type next.
     written, steps = write_starter(kind, directory)
     say(wrote_lines(written))
     say("\n".join(["", "then:", *(f"  {step}" for step in steps)]))
+
+
+WORKFLOW = Path(".github", "workflows", "hapticeval.yml")
+"""Where the workflow file lies in the new folder."""
+
+WORKFLOW_TEXT = """\
+name: hapticeval
+on: [push, pull_request]
+env:
+  # Where pip finds hapticeval: its repository, or the path or address of a wheel.
+  HAPTICEVAL: "hapticeval @ git+https://github.com/OWNER/hapticeval@v0.1.0"
+jobs:
+  judge:
+    runs-on: ubuntu-latest
+    steps:
+      - uses: actions/checkout@v4
+      - uses: actions/setup-python@v5
+        with: {{ python-version: "3.12" }}
+      - run: pip install "$HAPTICEVAL" pytest
+{build}      - run: pytest
+      - run: hapticeval doctor -r {renderer}
+      # Without the selection it is judged by the whole suite: begin with what must hold, and add to it.
+      - run: hapticeval run {judged} -r {renderer} --strict
+      - if: always()
+        run: test ! -f results/table.md || cat results/table.md >> "$GITHUB_STEP_SUMMARY"
+      - uses: actions/upload-artifact@v4
+        if: always()
+        with: {{ name: results, path: results }}
+"""
+"""The workflow file of GitHub, with what builds and what judges the renderer left open."""
+
+
+@dataclass(frozen=True)
+class Starter:
+    """A renderer to start from: the `stem` of its files' names, the files, its name, what builds and what judges it."""
+
+    stem: str
+    files: tuple[str, ...]
+    renderer: str
+    judged: str = "-k plane-press"
+    build: str = ""
+    header: bool = False
+
+
+STARTERS: Mapping[str, Starter] = MappingProxyType(
+    {
+        "python": Starter("mine", ("mine.py", "test_mine.py"), "mine:Nearest"),
+        "c": Starter(
+            "penalty", ("penalty.c", "Makefile", "test_penalty.py"), "lib:./libpenalty.so", build="make", header=True
+        ),
+        "cpp": Starter(
+            "god_object",
+            ("god_object.cpp", "CMakeLists.txt", "Makefile", "blocks.toml", "test_god_object.py"),
+            "lib:./libgod_object.so",
+            judged="blocks.toml",
+            build="make",
+            header=True,
+        ),
+        "process": Starter(
+            "mine", ("mine.py", "mine.m", "test_mine.py"), "'cmd:python3 mine.py'", judged="-k star-loops"
+        ),
+    }
+)
+"""By kind, which is the folder of its files among the examples."""
+
+
+def write_starter(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
+    """Write a renderer to start from, named after its folder; return the files, and the commands that come next.
+
+    Raises `UnknownNameError` for another kind, and `InputError` for a folder that has something in it.
+    """
+    if kind not in STARTERS:
+        raise UnknownNameError("kind of renderer", kind, STARTERS)
+    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
+        raise InputError(f"'{directory}' is not an empty folder", why="what is there is not written over")
+    starter = STARTERS[kind]
+    # The stem as a word, also behind lib and test_, as in libpenalty.so.
+    named = re.compile(rf"\b(lib|test_|){starter.stem}\b")
+    # In C sources only names of files: a variable may be called like the stem.
+    files_alone = re.compile(rf"{named.pattern}(?=\.(?:c|cpp|so)\b)")
+    name = _module_name(directory.resolve().name)
+
+    def renamed(text: str, pattern: re.Pattern[str] = named) -> str:
+        return pattern.sub(rf"\g<1>{name}", text)
+
+    texts = {}
+    for file_name in starter.files:
+        text = files("hapticeval.examples").joinpath(kind, file_name).read_text("utf-8")
+        texts[renamed(file_name)] = renamed(text, files_alone if Path(file_name).suffix in (".c", ".cpp") else named)
+    if starter.header:
+        texts["hapticeval.h"] = files("hapticeval.adapters").joinpath("hapticeval.h").read_text("utf-8")
+    # A step of the workflow file, indented as the others.
+    build = f"      - run: {starter.build}\n" if starter.build else ""
+    renderer = renamed(starter.renderer)
+    texts[str(WORKFLOW)] = WORKFLOW_TEXT.format(build=build, renderer=renderer, judged=starter.judged)
+    written = []
+    for path, text in texts.items():
+        file = directory / path
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"cannot write {file}", why=error.strerror or str(error)) from error
+        written.append(file)
+    steps = [f"cd {shlex.quote(str(directory))}", starter.build, f"hapticeval doctor -r {renderer}"]
+    return written, [*filter(None, steps), f"hapticeval run {starter.judged} -r {renderer}"]
+
+
+def _module_name(folder: str) -> str:
+    """Return the name of a module and a library for a folder's: not one that another module has."""
+    name = re.sub(r"\W", "_", folder, flags=re.ASCII)
+    if not name.isidentifier():
+        name = f"renderer_{name}"
+    # A namespace package, as the new folder itself, has no origin.
+    spec = find_spec(name)
+    exists = spec is not None and spec.origin is not None
+    return f"{name}_renderer" if keyword.iskeyword(name) or name in sys.stdlib_module_names or exists else name

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from hapticeval.cli import main
-from hapticeval.commands.starters import STARTERS, WORKFLOW
+from hapticeval.commands.authors import STARTERS, WORKFLOW
 
 
 @pytest.fixture(params=STARTERS)
