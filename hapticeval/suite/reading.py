@@ -56,6 +56,7 @@ class SuiteFile(Entry, frozen=True, kw_only=True):
     title: str
     case: Annotated[list[CaseTable], Meta(min_length=1)]
     version: Annotated[str, Meta(pattern=r"^[0-9]+\.[0-9]+$")] = ""
+    changes: dict[str, str] = {}
     citation: str = ""
     renderers: Names = ()
     variant: dict[str, Variant] = {}
@@ -99,6 +100,7 @@ def load_suite(name_or_path: str) -> Suite:
         rows=suite_file.row,
         renderers=suite_file.renderers,
         version=suite_file.version,
+        changes=suite_file.changes,
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
@@ -32,6 +33,7 @@ class Suite:
     """The cases of a suite file, and the rows of the table that they fill; `renderers` run where none are named.
 
     Within one `version` a renderer that stays the same keeps its verdicts, see `suites/POLICY.md`; "" for none.
+    `changes` says by version, in words, what it changed.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Suite:
     rows: tuple[Row, ...]
     renderers: tuple[str, ...] = ()
     version: str = ""
+    changes: Mapping[str, str] = field(default_factory=dict)
 
     def case(self, name: str) -> Case:
         """Return the case of that name. Raises `UnknownNameError`, with the closest, where there is none."""

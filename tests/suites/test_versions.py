@@ -16,6 +16,7 @@ from hapticeval.suite.reading import load_suite
 
 SUITES = [load_suite(name) for name in sorted(find_suites())]
 RECORDED = Path(__file__).parents[2] / "suites" / "digests.csv"
+CHANGELOG = RECORDED.with_name("CHANGELOG.md")
 
 
 def current_digests() -> str:
@@ -28,7 +29,7 @@ def current_digests() -> str:
     return table.getvalue()
 
 
-def test_no_case_asks_something_else_within_a_version():
+def test_no_case_asks_something_else_than_recorded_within_a_version():
     if golden.publishing():
         RECORDED.write_text(current_digests(), encoding="utf-8")
     recorded, current = ({*text.splitlines()} for text in (RECORDED.read_text(encoding="utf-8"), current_digests()))
@@ -38,6 +39,27 @@ def test_no_case_asks_something_else_within_a_version():
 @pytest.mark.parametrize("suite", SUITES, ids=lambda suite: suite.name)
 def test_every_suite_of_ours_has_a_version(suite):
     assert suite.version
+
+
+def changelog() -> str:
+    """Write the page of what each version of each suite changed, newest first, of the suites' own `changes`."""
+    rows = [
+        f"- **{suite.name} {version}**: {words}"
+        for suite in SUITES
+        for version, words in reversed(suite.changes.items())
+    ]
+    return "\n".join(["# Versions of the suites", "", *rows, "- **1.0** of every suite: the first version.", ""])
+
+
+def test_the_published_changelog_is_that_of_the_suites():
+    if golden.publishing():
+        CHANGELOG.write_text(changelog(), encoding="utf-8")
+    assert CHANGELOG.read_text(encoding="utf-8") == changelog()
+
+
+@pytest.mark.parametrize("suite", SUITES, ids=lambda suite: suite.name)
+def test_a_suite_says_what_its_version_changed(suite):
+    assert suite.version == "1.0" or suite.changes.get(suite.version)
 
 
 def test_a_digest_is_of_what_a_case_asks_and_not_of_its_words():
