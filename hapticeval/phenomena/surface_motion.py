@@ -10,7 +10,8 @@ import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.decisions import FOCAL_EIGENVALUE, HOLD_TICKS, PLACE_ROUNDING, SLIDE_SHARE, SPEED_ROUNDING
-from hapticeval.recordings.recording import Recording
+from hapticeval.phenomena.verdict import Finding, Outcome, undecided
+from hapticeval.recordings.recording import OWN_TOOL, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -19,6 +20,20 @@ TOO_MUCH = "what the sampling may do to the speed is too much to decide"
 DOES_NOT_SLIDE = "the tool does not slide"
 FINER = {"refine": "the same experiment at 2 and 4 times the sampling rate"}
 """What the checks of Problem 7.1 use beside the recording."""
+
+
+def never_across(recording: Recording, message: str, evidence: dict[str, object] | None = None) -> Finding:
+    """Return the finding for a tool that is never off the surface, of which a check asks how it comes back.
+
+    A controller that is not drawn off it leaves that open. A renderer whose own tool it is, a rigid one, has no such
+    motion on any stimulus.
+    """
+    if recording.meta.get(OWN_TOOL) is True:
+        message = (
+            "the renderer's own tool is rigid on the surface: it is never off it, and has nothing to come back from"
+        )
+        return Finding(Outcome.NOT_APPLICABLE, message, evidence=evidence or {})
+    return undecided(message, evidence=evidence or {})
 
 
 @dataclass(frozen=True, eq=False)

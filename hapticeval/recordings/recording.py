@@ -14,6 +14,9 @@ from hapticeval.errors import InputError
 from hapticeval.recordings.channels import Signal, check_metadata, declared
 from hapticeval.types import Array, BoolArray, IntArray
 
+OWN_TOOL = "own_tool"
+"""The entry of the metadata of what a renderer's own tool did in forces: its position is no answer of a controller."""
+
 SINGLE = 2.0**-23
 """Spacing of single-precision numbers around 1: what the coarsest honest renderer computes with."""
 

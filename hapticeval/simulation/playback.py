@@ -7,7 +7,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import NamedTuple, cast
 
@@ -27,7 +27,7 @@ from hapticeval.errors import (
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.pulse import count_answer, note_pending, note_run
 from hapticeval.recordings.channels import REQUIRED
-from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
+from hapticeval.recordings.recording import OWN_TOOL, SINGLE, Recording, backward_difference
 from hapticeval.renderer import Batch, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
@@ -216,7 +216,7 @@ def lead_in_path(renderer: object, hips: Array, scene: Scene | None) -> Array:
 
 
 def simulate_checked(renderer: TrajectoryRenderer, stimulus: Stimulus, dt: float) -> Recording:
-    """Return `renderer.simulate(...)`. Raises `RendererError` unless that is a recording of what was asked for."""
+    """Return `renderer.simulate(...)`, marked as `OWN_TOOL`. Raises `RendererError` for what was not asked for."""
     with renderer_errors("simulate()"):
         recording = renderer.simulate(stimulus, dt)
     if not isinstance(recording, Recording):
@@ -238,7 +238,7 @@ def simulate_checked(renderer: TrajectoryRenderer, stimulus: Stimulus, dt: float
             f"{stimulus.dimension}D",
             todo="record the HIP in the space of the stimulus",
         )
-    return recording
+    return replace(recording, meta={**recording.meta, OWN_TOOL: True})
 
 
 def _all_at_once(renderer: Renderer, hips: Array, velocity: Array, dt: float, first: int, ahead: int) -> Answers:

@@ -18,7 +18,7 @@ from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.refinement import extrapolated, richardson_two_level
 from hapticeval.phenomena.surface_motion import SurfaceMotion
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import OWN_TOOL, Recording
 from hapticeval.scene import Scene
 
 EXPERIMENT = {"source": "experiment"}
@@ -429,3 +429,17 @@ def test_a_run_that_ended_is_compared_with_as_much_of_the_finer_ones():
         assert outcome(check, short, CIRCLE) is PASS
     unended = Runs(cut(whole.base, 301, {}), refine=finer)
     assert not richardson_two_level(unended, lambda recording: SurfaceMotion(recording, CIRCLE).distance).settled
+
+
+@pytest.mark.parametrize(("off", "of_controller", "of_own_tool"), [(0.0, UNDECIDED, NO), (0.01, FAIL, FAIL)])
+def test_a_rigid_tool_that_the_renderer_moves_has_nothing_to_come_back_from_unless_it_is_off(
+    off, of_controller, of_own_tool
+):
+    """Round a circle of 1 m at 0.4 m/s, on it or 1 cm off it for good: what a rigid contact never is."""
+    angle = 0.4 * np.arange(3001)[:, np.newaxis] / 1e3
+    hip = (1.0 + off) * np.hstack([np.cos(angle), np.sin(angle)])
+    for own, expected in (({}, of_controller), ({OWN_TOOL: True}, of_own_tool)):
+        run = recorded(hip, hip, dt=1e-3, meta=EXPERIMENT | own, velocity=np.gradient(hip, 1e-3, axis=0))
+        assert outcome("constraint-stability", run, CIRCLE) is expected
+        if off == 0.0:
+            assert outcome("decoupling", run, CIRCLE) is expected

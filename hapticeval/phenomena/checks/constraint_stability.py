@@ -17,7 +17,7 @@ from hapticeval.phenomena.decisions import (
     STANDS,
 )
 from hapticeval.phenomena.sampling import evidence_at, mm
-from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate
+from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate, never_across
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -58,7 +58,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     }
     if distance[farthest] <= floor:
         message = f"the tool is never further off the surface than sampling and sensors may let it: {mm(floor)}"
-        return undecided(message, evidence=evidence)
+        return never_across(base, message, evidence)
     # n'' = -(K_p / m) n - (K_d / m) n' would itself not be home by then.
     if rate > 0.0 and math.exp(-EARLY_SHARE * rate * span) > RETURN_RATIO:
         message = f"{span:.3g} s are too short: the assigned dynamics decay at {rate:.3g} 1/s themselves"

@@ -15,7 +15,14 @@ from hapticeval.phenomena.decisions import (
 )
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import evidence_at, mm
-from hapticeval.phenomena.surface_motion import DOES_NOT_SLIDE, FINER, SPEED_GIVEN, TOO_MUCH, SurfaceMotion
+from hapticeval.phenomena.surface_motion import (
+    DOES_NOT_SLIDE,
+    FINER,
+    SPEED_GIVEN,
+    TOO_MUCH,
+    SurfaceMotion,
+    never_across,
+)
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -31,7 +38,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     distance = np.abs(motion.distance)
     farthest = float(distance.max())
     if farthest <= motion.held_distance() + motion.sensor_error + PLACE_ROUNDING * scene.model.size:
-        return undecided("the tool does not move across the surface")
+        return never_across(base, "the tool does not move across the surface")
     if motion.pushed.any():
         return undecided("the operator pushes, which changes the speed too")
     start = float(motion.foot_speed[0])
