@@ -52,6 +52,21 @@ def test_a_jump_stays_whatever_its_size_and_place(size, where):
     assert finding.margin < 0.0
 
 
+def test_a_jump_is_told_in_steps_of_the_hand_there_and_with_the_places_around_it():
+    """Each HIP step is a hundredth longer than the one before, and the IHIP jumps by 5 mm in the tick 30."""
+    x = np.concatenate([[0.0], np.cumsum(1e-4 * 1.01 ** np.arange(60))])
+    hip = np.column_stack([x, np.full_like(x, -1e-3)])
+    ihip = np.column_stack([x + 5e-3 * (np.arange(61) >= 30), np.zeros(61)])
+    evidence = found(CHECK, recorded(hip, ihip), SCENE).evidence
+    step = 1e-4 * 1.01**29
+    assert evidence["tick"] == 30
+    assert evidence["jump_m"] == pytest.approx(5e-3 + step)
+    assert evidence["jump_in_hip_steps"] == pytest.approx((5e-3 + step) / step)
+    assert evidence["amplification"] == pytest.approx((5e-3 + step) / step)
+    assert evidence["hip_step_m"] == pytest.approx(1e-4 * 1.01**59)
+    assert (evidence["ihip_before"], evidence["ihip"]) == (ihip[29].tolist(), ihip[30].tolist())
+
+
 def test_a_pass_says_that_it_is_of_the_contact_and_since_when_there_was_none():
     """Continuous as long as it lasts: who reads nothing else is told that the tool was let go inside the model."""
 
