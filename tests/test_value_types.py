@@ -36,5 +36,6 @@ def test_a_value_is_frozen_and_equal_by_identity_where_it_holds_arrays(kind):
 @pytest.mark.parametrize("kind", list(core_types(is_struct)))
 def test_what_is_read_is_frozen_and_takes_names_only(kind):
     assert kind.__struct_config__.frozen
+    assert kind.__struct_config__.forbid_unknown_fields, "a misspelt entry is refused"
     with pytest.raises(TypeError, match="positional"):
         kind("by place")

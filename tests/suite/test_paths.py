@@ -17,6 +17,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.stimulus.paths import read_path
 from hapticeval.stimulus.stimulus import Experiment, Path, sample_times
 from hapticeval.stimulus.trajectories import build_path
+from hapticeval.suite.reading import load_suite
 
 HERE = FilePath()
 SCALED = {"kind": "scaled", "from_angle": 0, "to_angle": 9, "duration": 1}
@@ -219,3 +220,28 @@ def test_bad_experiments_are_refused(changed):
 def test_a_run_that_no_memory_holds_is_refused(refused, duration):
     with refused(InputError):
         sample_times(duration, 1e-3)
+
+
+class Rendered:
+    """A renderer whose own surface is a circle of half the size."""
+
+    surface = circle(size=0.1).boundary
+
+    def reset(self, hip):
+        pass
+
+    def step(self, hip, velocity, dt):
+        return hip, 0.0 * hip
+
+
+def test_depths_count_from_the_renderer_s_surface_where_the_case_says_so_and_a_renderer_is_there():
+    suite = load_suite("thesis")
+    for name, of_renderer in (("cassinian-shallow-slide", True), ("cassinian-deep-slide", False)):
+        case = suite.case(name)
+        scene = case.build_scene()
+        bare, own = (case.build_stimulus(scene, renderer).points for renderer in (None, Rendered()))
+        if of_renderer:
+            np.testing.assert_allclose(np.linalg.norm(own, axis=1), 0.05 - 0.0008, rtol=1e-3)
+            assert np.linalg.norm(bare, axis=1).max() > 0.09
+        else:
+            np.testing.assert_array_equal(own, bare)
