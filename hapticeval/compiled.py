@@ -17,9 +17,11 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.sigutils import normalize_signature
 from numba.core.typing.typeof import typeof_impl
 from numba.experimental.function_type import _get_wrapper_address
-from numba.extending import intrinsic
+from numba.extending import intrinsic, lower_builtin, type_callable
+from numba.np.arrayobj import make_array
 from numpy.typing import ArrayLike, NDArray
 
 from hapticeval.kernel_cache import folder_of, lock_file
@@ -187,6 +189,70 @@ def _call_clock(_context: Any, clock: Any, number: Any, stamp: Any) -> tuple[Any
 call_clock: Callable[..., int] = intrinsic(_call_clock)
 
 
+def record_type(*names: str, base: np.dtype[Any] | None = None, **sizes: int) -> np.dtype[Any]:
+    """Return the type of a record of float64: what `base` has, then the numbers `names`, then vectors of some `sizes`.
+
+    A vector of space, 3, serves the plane too, where its last number is not used.
+    """
+    first = [] if base is None else [(name, base[name]) for name in base.names or ()]
+    numbers = [(name, np.dtype(np.float64)) for name in names]
+    return np.dtype([*first, *numbers, *((name, np.float64, size) for name, size in sizes.items())], align=True)
+
+
+def room_for(record: np.dtype[Any]) -> int:
+    """Return how many numbers a record takes."""
+    return record.itemsize // np.dtype(np.float64).itemsize
+
+
+def numbers_of(record: np.dtype[Any], **fields: ArrayLike) -> Array:
+    """Return the numbers (k,) of a record in a row, as kernels take them, of all its fields: numbers and vectors.
+
+    A vector may be shorter than its field: the rest is zero.
+    """
+    numbers = np.zeros(room_for(record))
+    for name in record.names or ():
+        start = record.fields[name][1] // numbers.itemsize  # type: ignore[index]
+        values = np.ravel(fields.pop(name))
+        numbers[start : start + values.size] = values
+    assert not fields, fields
+    return numbers
+
+
+def as_record(numbers: Array, record: np.dtype[Any], at: int = 0) -> Any:
+    """Return the record that begins at `numbers[at]`, of numbers (k,) or of rows (n, k): `state.normal[0]`.
+
+    Nothing is copied: a field is read and written where it is. So numbers have names inside of kernels, and to the
+    outside one type: what takes them is compiled once, whatever record they are.
+
+    A kernel takes it of arrays that it is given: one of its own may be gone before the record, which does not hold it.
+    """
+    return numbers[at:].reshape(-1)[: room_for(record)].view(record).view(np.recarray)[0]
+
+
+@type_callable(as_record)
+def _type_record(_context: Any) -> Any:
+    """Tell numba the type of what `as_record` gives."""
+
+    def type_of(numbers: Any, record: Any, at: Any = None) -> Any:  # noqa: ARG001 - as the call has them
+        return record.dtype
+
+    return type_of
+
+
+@lower_builtin(as_record, types.Array, types.DType)  # type: ignore[no-untyped-call, untyped-decorator]
+@lower_builtin(as_record, types.Array, types.DType, types.Integer)  # type: ignore[no-untyped-call, untyped-decorator]
+def _lower_record(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    """Give the record as numba has one, by its address: that of the number or the row, which are contiguous."""
+    own_array: Any = make_array
+    rows = own_array(signature.args[0])(context, builder, arguments[0])
+    start = rows.data
+    if len(arguments) == 3:
+        index = context.cast(builder, arguments[2], signature.args[2], types.intp)
+        columns = builder.extract_value(rows.shape, 1) if signature.args[0].ndim == 2 else index.type(1)
+        start = builder.gep(start, [builder.mul(index, columns)])
+    return builder.bitcast(start, context.get_value_type(signature.return_type))
+
+
 def law_value(function: Callable[..., Any], data: Any) -> FirstClass:
     """Return a compiled step as a value: of signature `LAW`, with the type of its own data in place of `LawData`."""
     # Another tuple, of a law with effects, has a type of its own, and so the kernel a signature of its own.
@@ -244,7 +310,26 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
     # Other kernels call code without the ways in from Python and from C, which are a third of the work of compiling.
     called = _dispatcher(function, folder / "called", **options, no_cpython_wrapper=True, no_cfunc_wrapper=True)
     kernel.called = called
-    kernel.get_call_template, kernel.get_overload = called.get_call_template, called.get_overload
+    own_call_template, own_overload = kernel.get_call_template, kernel.get_overload
+
+    plain_type: Any = types.unliteral
+    types_in: Any = normalize_signature
+
+    # Numba asks twice for what a kernel calls: to type the call, and then for the code.
+    def call_template(arguments: Any, keywords: Any) -> Any:
+        # a constant has a type of its own, for which the kernel would be compiled once more
+        arguments = tuple(map(plain_type, arguments))
+        keywords = {name: plain_type(argument) for name, argument in keywords.items()}
+        _, signature = kernel._compiler.fold_argument_types(arguments, keywords)
+        # what Python has called already is there with all its ways in
+        template = own_call_template if tuple(signature) in kernel.overloads else called.get_call_template
+        return template(arguments, keywords)
+
+    def overload(signature: Any) -> Any:
+        arguments, _ = types_in(signature)
+        return (called.get_overload if tuple(arguments) in called.overloads else own_overload)(signature)
+
+    kernel.get_call_template, kernel.get_overload = call_template, overload
     return kernel  # type: ignore[no-any-return]
 
 

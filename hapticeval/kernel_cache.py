@@ -74,7 +74,7 @@ def digest_of(module: str) -> str:
         for package, names in IMPORT.findall(source):
             for imported in re.findall(r"\w+", names):
                 value = getattr(sys.modules.get(name), imported, None)
-                if isinstance(value, bool | int | float | str | tuple | np.ndarray):
+                if isinstance(value, bool | int | float | str | tuple | np.ndarray | np.dtype):
                     digest.update(f"{imported} = {value!r}\n".encode())
             modules = {package, *(f"{package}.{imported}" for imported in re.findall(r"\w+", names))} - included
             with_kernels = sorted(other for other in modules if "compiled" in _source(other))

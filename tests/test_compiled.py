@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hapticeval import kernel_cache
-from hapticeval.compiled import for_kernels
+from hapticeval.compiled import as_record, compiled, for_kernels, numbers_of, record_type, room_for
 
 KERNEL = """
 from hapticeval.compiled import compiled
@@ -182,3 +182,41 @@ def test_no_kernel_is_compiled_for_locked_arrays():
     compiled, locked = ended.stdout.splitlines()
     assert int(compiled) > 8
     assert locked == "[]"
+
+
+TOOL = record_type("touches", "piece", base=record_type("in_contact", normal=3), place=2)
+
+
+@compiled
+def _write_tool(numbers, rows):
+    tool, second = as_record(numbers, TOOL, 1), as_record(rows, TOOL, 1)
+    tool.touches, tool.normal[2], tool.place[0] = 3.0, 4.0, tool.piece + 5.0
+    second.in_contact, second.place[1] = 6.0, tool.place[0]
+
+
+@pytest.mark.parametrize("write", [_write_tool, getattr(_write_tool, "py_func", _write_tool)])
+def test_a_record_names_numbers_where_they_are_in_kernels_as_in_python(write):
+    numbers = np.append(-1.0, numbers_of(TOOL, in_contact=0.0, normal=(1.0, 2.0), touches=0.0, piece=2.0, place=0.0))
+    rows = np.zeros((2, room_for(TOOL) + 3))
+    write(numbers, rows)
+    assert numbers.tolist() == [-1.0, 0.0, 1.0, 2.0, 4.0, 3.0, 2.0, 7.0, 0.0]
+    assert rows[0].tolist() == [0.0] * 11
+    assert rows[1].tolist() == [6.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 7.0, 0.0, 0.0, 0.0]
+
+
+@compiled
+def _halve(size, exact):
+    return size // 2 if exact else 0.5 * size
+
+
+@compiled
+def _halve_constants(size):
+    return _halve(size, True) + _halve(size, False) + _halve(7, True)
+
+
+def test_a_constant_argument_compiles_no_kernel_of_its_own():
+    assert _halve(3, True) == 1
+    assert _halve_constants(5) == 7.5
+    # and what Python has called already is what other kernels call
+    assert len(_halve.signatures) == 1
+    assert not _halve.called.signatures
