@@ -17,6 +17,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"types", "pulse", "kernel_cache"},
     {"errors", "compiled", "extras"},
+    {"bracket"},
     {"documents"},
     {"files", "geometry", "knob", "quantity", "workers"},
     {"devices", "recordings"},

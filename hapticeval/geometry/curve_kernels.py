@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from hapticeval.bracket import step_within
 from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled, law_data
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.kernels import (
@@ -145,11 +146,7 @@ def parameters_at(piece: Array, panels: Array, lengths: Array) -> Array:
             _, _, dx, dy, _, _ = evaluate(piece, u)
             # Newton: ds/du is the speed |c'|
             step = excess / math.hypot(dx, dy)
-            next_u = u - step
-            # outside of the bracket: halve that
-            if not (low <= next_u <= high):
-                next_u = 0.5 * (low + high)
-            last, u = u, next_u
+            last, u = u, step_within(low, high, u - step)
             if abs(u - last) <= tolerance:
                 break
         out[i] = u
@@ -183,9 +180,7 @@ def _minimise_distance(piece: Array, low: float, high: float, u: float, x: float
         else:
             low = u
         # where the second derivative is negative Newton would climb: halve the bracket
-        next_u = u - slope / second_derivative if second_derivative > 0.0 else low - 1.0
-        if not (low <= next_u <= high):
-            next_u = 0.5 * (low + high)
+        next_u = step_within(low, high, u - slope / second_derivative if second_derivative > 0.0 else low - 1.0)
         step, rounding = abs(next_u - u), 2e-16 * (1.0 + abs(u))
         last_step = abs(u - last_u)
         # of a step h the Newton error is about h^2 times the relative change of the second derivative per unit of u

@@ -15,39 +15,30 @@ A hop that stays within CONTACT_HOP of where it began is taken as contact: the t
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
+from hapticeval.compiled import as_record, compiled, record_type
 from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED
 from hapticeval.rigid_contact.collision import BoundaryCells, first_entry
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
-    BEGAN,
-    BILATERAL,
     CONTACT_HOP,
     CORNER,
     FLIGHT,
     IMPACT,
     LEAVE,
-    MASS,
+    LOAD,
     MOST_CORNER_HITS,
-    MOST_GUESSES,
     REST,
-    RESTITUTION,
     SLIDE,
     STOP,
     Stretches,
-    guess_between,
     longest_flight_step,
-    narrow_bracket,
 )
 from hapticeval.rigid_contact.motion import (
-    G0X,
-    G0Y,
-    G1X,
-    G1Y,
     Slide,
     contact_force,
     fly_for,
@@ -58,15 +49,14 @@ from hapticeval.rigid_contact.motion import (
 )
 from hapticeval.types import Array, IntArray
 
-MODE, PIECE, U, DU, W, X, Y, VX, VY, JOINT = range(10)
-"""Places in the tool's state (10,).
+TOOL = record_type("mode", "piece", "u", "du", "w", "x", "y", "vx", "vy", "joint")
+"""The tool's state.
 
-- MODE: FLIGHT, SLIDE or REST;
-- PIECE of the boundary, U on it where the tool touched down or came from a joint, DU how much U has grown since;
-- W = ds/dt (m/s), position (X, Y), m, and velocity (VX, VY), m/s;
-- JOINT: in REST the joint whose corner holds the tool.
+- `mode`: FLIGHT, SLIDE or REST;
+- `piece` of the boundary, `u` on it where the tool touched down or came from a joint, `du` how much u has grown;
+- `w` = ds/dt (m/s), position (`x`, `y`), m, and velocity (`vx`, `vy`), m/s;
+- `joint`: in REST the joint whose corner holds the tool.
 """
-STATE_SIZE = 10
 
 STEP_ROUNDING = 1e-15
 """Share of its coordinates below which the way of a step is rounding: the force on a tool that the hand holds in place
@@ -78,15 +68,15 @@ TURN, END, LIFT = range(3)
 class Run(NamedTuple):
     """What the steps of one run read and write.
 
-    - `state` (10,): of the tool;
-    - `load` (10,): of the stretch, see `motion`;
+    - `state`: of the tool, the record `TOOL`;
+    - `load`: of the stretch, see `force`;
     - `sums` (4,), N s: the contact's and the operator's impulse since the sample;
     - `log` (k, 6): time, kind, place and impulse of the events, and `tally` (1,) how many there were, kept or not;
     - `free` (4,): a box known to hold no boundary, see `first_entry`.
     """
 
-    state: Array
-    load: Array
+    state: Any
+    load: Any
     sums: Array
     log: Array
     tally: IntArray
@@ -99,8 +89,8 @@ def log_event(run: Run, kind: int, tau: float, jx: float, jy: float) -> None:
     """Log an event at the tool's place with impulse (jx, jy); beyond the log's length it is only counted."""
     k, log = run.tally[0], run.log
     if k < log.shape[0]:
-        log[k, 0], log[k, 1] = run.load[BEGAN] + tau, kind
-        log[k, 2], log[k, 3], log[k, 4], log[k, 5] = run.state[X], run.state[Y], jx, jy
+        log[k, 0], log[k, 1] = run.load.began + tau, kind
+        log[k, 2], log[k, 3], log[k, 4], log[k, 5] = run.state.x, run.state.y, jx, jy
     # counted even where the log is full: the caller then takes a longer one
     run.tally[0] = k + 1
 
@@ -108,11 +98,11 @@ def log_event(run: Run, kind: int, tau: float, jx: float, jy: float) -> None:
 @compiled
 def apply_impulse(run: Run, vx: float, vy: float) -> tuple[float, float]:
     """Give the tool a velocity at once; the impulse that this took (N s) is the contact's."""
-    state, mass = run.state, run.load[MASS]
-    jx, jy = mass * (vx - state[VX]), mass * (vy - state[VY])
+    state, mass = run.state, run.load.mass
+    jx, jy = mass * (vx - state.vx), mass * (vy - state.vy)
     run.sums[0] += jx
     run.sums[1] += jy
-    state[VX], state[VY] = vx, vy
+    state.vx, state.vy = vx, vy
     return jx, jy
 
 
@@ -121,8 +111,8 @@ def place_on_piece(run: Run, piece: int, u: float, w: float) -> None:
     """Set the tool sliding at u on a piece; its velocity is left to `apply_impulse`."""
     state = run.state
     x, y, _, _, _, _ = surface_frame(run.terrain.pieces[piece], u)
-    state[MODE], state[PIECE], state[U], state[DU], state[W] = SLIDE, piece, u, 0.0, w
-    state[X], state[Y] = x, y
+    state.mode, state.piece, state.u, state.du, state.w = SLIDE, piece, u, 0.0, w
+    state.x, state.y = x, y
 
 
 @compiled
@@ -137,18 +127,18 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
     # within a hop of a concave joint it is the corner that is hit
     for end in range(2):
         joint = (piece + end) % count
-        if terrain.joints[joint] < 0.0 and load[BILATERAL] == 0.0 and abs(u - row[U0 + end]) <= CONTACT_HOP:
+        if terrain.joints[joint] < 0.0 and load.bilateral == 0.0 and abs(u - row[U0 + end]) <= CONTACT_HOP:
             hit_corner(run, joint, tau, IMPACT)
             return
     u = min(max(u, row[U0]), row[U1])
     _, _, tx, ty, _, _ = surface_frame(row, u)
-    mass = load[MASS]
+    mass = load.mass
     # velocity along the face, and along its outward normal (negative: into the model)
-    tangent_speed = state[VX] * tx + state[VY] * ty
-    normal_speed = state[VX] * ty - state[VY] * tx
+    tangent_speed = state.vx * tx + state.vy * ty
+    normal_speed = state.vx * ty - state.vy * tx
     place_on_piece(run, piece, u, tangent_speed)
     # held from both sides: the normal velocity is lost, whatever its sign
-    if load[BILATERAL] != 0.0:
+    if load.bilateral != 0.0:
         jx, jy = apply_impulse(run, tangent_speed * tx, tangent_speed * ty)
         if abs(normal_speed) > ALIGNED_SHARE * abs(tangent_speed):
             log_event(run, IMPACT, tau, jx, jy)
@@ -158,10 +148,10 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
     if normal_speed > ALIGNED_SHARE * abs(tangent_speed) or (
         normal_speed >= -ALIGNED_SHARE * abs(tangent_speed) and contact < 0.0
     ):
-        state[MODE] = FLIGHT
+        state.mode = FLIGHT
         return
     # (3.5) along the normal: c_r times the speed into the face
-    bounce = -load[RESTITUTION] * normal_speed
+    bounce = -load.restitution * normal_speed
     # a hop of height m v^2 / (2 N) below CONTACT_HOP counts as contact
     if normal_speed >= -ALIGNED_SHARE * abs(tangent_speed) or (
         contact > 0.0 and mass * bounce * bounce < 2.0 * contact * CONTACT_HOP
@@ -169,7 +159,7 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
         bounce = 0.0
     jx, jy = apply_impulse(run, tangent_speed * tx + bounce * ty, tangent_speed * ty - bounce * tx)
     if bounce > 0.0 or contact < 0.0:
-        state[MODE] = FLIGHT
+        state.mode = FLIGHT
     if normal_speed < -ALIGNED_SHARE * abs(tangent_speed):
         log_event(run, IMPACT, tau, jx, jy)
 
@@ -197,14 +187,14 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
     """
     state, load = run.state, run.load
     before, pre, post, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
-    mass, rebound = load[MASS], load[RESTITUTION]
-    vx, vy = state[VX], state[VY]
+    mass, rebound = load.mass, load.restitution
+    vx, vy = state.vx, state.vy
     # normal velocities below this are rounding
     rounding = ALIGNED_SHARE * math.sqrt(vx * vx + vy * vy)
-    state[X], state[Y] = x, y
+    state.x, state.y = x, y
     # held: only the velocity along the next face goes on, and none if it points back
-    if load[BILATERAL] != 0.0:
-        forward = state[W] > 0.0
+    if load.bilateral != 0.0:
+        forward = state.w > 0.0
         tx, ty = (bx, by) if forward else (ax, ay)
         w = vx * tx + vy * ty
         if (w > 0.0) != forward:
@@ -261,13 +251,13 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
         piece = joint if on_post else before
         w = forth if on_post else -back
         place_on_piece(run, piece, post[U0] if on_post else pre[U1], w)
-        if load[BILATERAL] == 0.0 and contact_force(run.terrain.pieces[piece], state[U], w, tau, load)[0] < 0.0:
-            state[MODE] = FLIGHT
+        if load.bilateral == 0.0 and contact_force(run.terrain.pieces[piece], state.u, w, tau, load)[0] < 0.0:
+            state.mode = FLIGHT
         return
     if vx == 0.0 and vy == 0.0:
         settle_in_corner(run, joint, tau, 0.0, 0)
         return
-    state[MODE] = FLIGHT
+    state.mode = FLIGHT
 
 
 @compiled
@@ -283,19 +273,19 @@ def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) 
     """
     state, load = run.state, run.load
     before, pre, post, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
-    was_rest = state[MODE] == REST
+    was_rest = state.mode == REST
     apply_impulse(run, 0.0, 0.0)
-    state[X], state[Y], state[W] = x, y, 0.0
+    state.x, state.y, state.w = x, y, 0.0
     fx, fy = operator_force(load, tau, x, y, 0.0, 0.0)
     # the force along the face after, and along the face before, away from the corner
     forth, back = fx * bx + fy * by, -(fx * ax + fy * ay)
     # the force off either face: positive leaves it
     lifts_post, lifts_pre = fx * by - fy * bx, fx * ay - fy * ax
-    bilateral = load[BILATERAL] != 0.0
+    bilateral = load.bilateral != 0.0
     goes_forth, goes_back = forth > 0.0 or exits == 1, back > 0.0 or exits == -1
     # pressed against both faces
     if not goes_forth and not goes_back:
-        state[MODE], state[JOINT] = REST, joint
+        state.mode, state.joint = REST, joint
         if not was_rest:
             log_event(run, STOP, tau + wait, 0.0, 0.0)
     elif goes_forth and (lifts_post <= 0.0 or (bilateral and forth >= back)):
@@ -303,12 +293,12 @@ def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) 
     elif goes_back and (lifts_pre <= 0.0 or bilateral):
         place_on_piece(run, before, pre[U1], 0.0)
     else:
-        state[MODE] = FLIGHT
+        state.mode = FLIGHT
         log_event(run, LEAVE, tau, 0.0, 0.0)
 
 
 @compiled
-def _watched_value(watched: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
+def _watched_value(watched: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Any) -> float:
     """Return the number whose change of sign is the event: speed, way to the piece's end, or contact force."""
     du, w, _, _ = slide_for(piece, slide, tau, h, load)
     if watched == TURN:
@@ -319,7 +309,7 @@ def _watched_value(watched: int, piece: Array, slide: Slide, tau: float, h: floa
 
 
 @compiled
-def _locate_event(watched: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
+def _locate_event(watched: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Any) -> float:
     """Return the time (s) within the step of h at which the watched number has just changed sign, to rounding.
 
     It is 0 if it had before.
@@ -344,7 +334,7 @@ def _locate_event(watched: int, piece: Array, slide: Slide, tau: float, h: float
 @compiled
 def _leave_boundary(run: Run, tau: float) -> None:
     """Let the tool fly from where it is, and log that it left."""
-    run.state[MODE] = FLIGHT
+    run.state.mode = FLIGHT
     log_event(run, LEAVE, tau, 0.0, 0.0)
 
 
@@ -352,11 +342,11 @@ def _leave_boundary(run: Run, tau: float) -> None:
 def _advance_slide(run: Run, tau: float, time_left: float) -> float:
     """Carry a sliding tool by one step of at most `time_left` seconds, and return how long it took."""
     state, load, sums, terrain = run.state, run.load, run.sums, run.terrain
-    index, began, w = int(state[PIECE]), state[U], state[W]
-    slide = (began, state[DU], w)
+    index, began, w = int(state.piece), state.u, state.w
+    slide = (began, state.du, w)
     piece = terrain.pieces[index]
-    bilateral = load[BILATERAL] != 0.0
-    contact, along = contact_force(piece, began + state[DU], w, tau, load)
+    bilateral = load.bilateral != 0.0
+    contact, along = contact_force(piece, began + state.du, w, tau, load)
     # a contact force below zero would pull: the tool leaves
     if not bilateral and contact < 0.0:
         _leave_boundary(run, tau)
@@ -364,7 +354,7 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
     h = longest_slide_step(terrain.paces[index], w, along, load, time_left)
     du, end_w, jx, jy = slide_for(piece, slide, tau, h, load)
     # a step shorter than rounding has no turn worth looking for
-    is_resolved = 0.5 * (abs(w) + abs(end_w)) * h > STEP_ROUNDING * (abs(state[X]) + abs(state[Y]))
+    is_resolved = 0.5 * (abs(w) + abs(end_w)) * h > STEP_ROUNDING * (abs(state.x) + abs(state.y))
     if is_resolved and w == 0.0 and abs(along) > 1e-9 * abs(contact_force(piece, began + du, end_w, tau + h, load)[1]):
         # Out and back within the step: shorten it until it only goes out.
         for _ in range(60):
@@ -387,7 +377,7 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
         crossed_end = 1 if direction > 0.0 else -1
         end = last if crossed_end == 1 else first
         # What has begun at the end, and got beyond it by less than rounding, stays there for the step.
-        if du != end and (state[DU] != end or began + du != began + end):
+        if du != end and (state.du != end or began + du != began + end):
             h = _locate_event(END, piece, slide, tau, h, end, load)
             du, end_w, jx, jy = slide_for(piece, slide, tau, h, load)
         du = end
@@ -396,16 +386,16 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
         h = _locate_event(LIFT, piece, slide, tau, h, 0.0, load)
         du, end_w, jx, jy = slide_for(piece, slide, tau, h, load)
         crossed_end = 0
-        state[MODE] = FLIGHT
+        state.mode = FLIGHT
     x, y, tx, ty, _, _ = surface_frame(piece, began + du)
-    mass = load[MASS]
+    mass = load.mass
     sums[0] += jx
     sums[1] += jy
     # the operator's impulse is the change of momentum less the contact's
-    sums[2] += mass * (end_w * tx - state[VX]) - jx
-    sums[3] += mass * (end_w * ty - state[VY]) - jy
-    state[DU], state[W], state[X], state[Y], state[VX], state[VY] = du, end_w, x, y, end_w * tx, end_w * ty
-    if state[MODE] == FLIGHT:
+    sums[2] += mass * (end_w * tx - state.vx) - jx
+    sums[3] += mass * (end_w * ty - state.vy) - jy
+    state.du, state.w, state.x, state.y, state.vx, state.vy = du, end_w, x, y, end_w * tx, end_w * ty
+    if state.mode == FLIGHT:
         _leave_boundary(run, tau + h)
     elif crossed_end != 0:
         _pass_joint(run, crossed_end, tau + h)
@@ -417,15 +407,15 @@ def _pass_joint(run: Run, direction: int, tau: float) -> None:
     """Slide the tool over a joint: on if it is smooth, off if it is convex, against the next face if concave."""
     state, terrain = run.state, run.terrain
     count = terrain.pieces.shape[0]
-    index = int(state[PIECE])
+    index = int(state.piece)
     joint = (index + 1) % count if direction > 0 else index
     # smooth: on to the next piece, from its start or from its end
     if terrain.joints[joint] == 0.0:
         next_piece = joint if direction > 0 else (joint - 1) % count
-        state[PIECE], state[DU] = next_piece, 0.0
-        state[U] = terrain.pieces[next_piece, U0] if direction > 0 else terrain.pieces[next_piece, U1]
+        state.piece, state.du = next_piece, 0.0
+        state.u = terrain.pieces[next_piece, U0] if direction > 0 else terrain.pieces[next_piece, U1]
     # convex: the boundary turns away
-    elif terrain.joints[joint] > 0.0 and run.load[BILATERAL] == 0.0:
+    elif terrain.joints[joint] > 0.0 and run.load.bilateral == 0.0:
         _leave_boundary(run, tau)
     else:
         hit_corner(run, joint, tau, CORNER)
@@ -436,14 +426,14 @@ def _advance_flight(run: Run, tau: float, time_left: float) -> float:
     """Carry a flying tool by one step of at most `time_left` seconds, and return how long it took."""
     state, load = run.state, run.load
     h = longest_flight_step(load, time_left)
-    x, y, vx, vy = state[X], state[Y], state[VX], state[VY]
+    x, y, vx, vy = state.x, state.y, state.vx, state.vy
     entry_time, piece, u = first_entry(run.terrain, (x, y, vx, vy, tau), h, load, run.free)
     hit = entry_time <= h
     h = min(entry_time, h)
-    state[X], state[Y], state[VX], state[VY] = fly_for(x, y, vx, vy, tau, h, load)
+    state.x, state.y, state.vx, state.vy = fly_for(x, y, vx, vy, tau, h, load)
     # in flight all of the change of momentum is the operator's
-    run.sums[2] += load[MASS] * (state[VX] - vx)
-    run.sums[3] += load[MASS] * (state[VY] - vy)
+    run.sums[2] += load.mass * (state.vx - vx)
+    run.sums[3] += load.mass * (state.vy - vy)
     if hit:
         collide(run, piece, u, tau + h)
     return h
@@ -452,10 +442,10 @@ def _advance_flight(run: Run, tau: float, time_left: float) -> float:
 @compiled
 def _advance_rest(run: Run, tau: float, time_left: float) -> float:
     """Let the tool rest in a corner until the force, linear in time, leaves its zone, and return how long that took."""
-    load, sums, joint = run.load, run.sums, int(run.state[JOINT])
+    load, sums, joint = run.load, run.sums, int(run.state.joint)
     _, _, _, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
     fx, fy = operator_force(load, tau, x, y, 0.0, 0.0)
-    gx, gy = load[G1X], load[G1Y]
+    gx, gy = load.g1[0], load.g1[1]
     h, exits = time_left, 0
     for side in (1, -1):
         # the direction in which the tool would leave along either face
@@ -481,19 +471,19 @@ def _advance_rest(run: Run, tau: float, time_left: float) -> float:
 def _begin_on_boundary(run: Run) -> None:
     """Start on the boundary at U with the given velocity: slide, bounce, fly off, or settle in a corner."""
     state, terrain = run.state, run.terrain
-    index, u = int(state[PIECE]), state[U]
+    index, u = int(state.piece), state.u
     count = terrain.pieces.shape[0]
     piece = terrain.pieces[index]
     joint = index if u == piece[U0] else (index + 1) % count
-    if u in (piece[U0], piece[U1]) and terrain.joints[joint] > 0.0 and run.load[BILATERAL] == 0.0:
+    if u in (piece[U0], piece[U1]) and terrain.joints[joint] > 0.0 and run.load.bilateral == 0.0:
         # On a tip the tool is on the face that it runs along; otherwise the flight decides which one it meets.
-        state[MODE] = FLIGHT
+        state.mode = FLIGHT
         for side in (1, -1):
             index = joint if side == 1 else (joint - 1) % count
             u = terrain.pieces[index, U0] if side == 1 else terrain.pieces[index, U1]
             _, _, tx, ty, _, _ = surface_frame(terrain.pieces[index], u)
-            along = state[VX] * tx + state[VY] * ty
-            if along * side > 0.0 and abs(state[VX] * ty - state[VY] * tx) <= ALIGNED_SHARE * abs(along):
+            along = state.vx * tx + state.vy * ty
+            if along * side > 0.0 and abs(state.vx * ty - state.vy * tx) <= ALIGNED_SHARE * abs(along):
                 collide(run, index, u, 0.0)
         return
     collide(run, index, u, 0.0)
@@ -505,7 +495,7 @@ def carry_tool(
 ) -> tuple[Array, Array, int]:
     """Carry the tool from `start` (10,), SLIDE where it begins on the boundary at U, through all stretches.
 
-    `gains` (10,) is a `load` with its constants filled in. Returned are
+    `start` and `gains` are changed: the numbers of a `TOOL`, and of a `LOAD` with its constants filled in. Returned are
 
     - rows (rows, 8): position (m) and velocity (m/s) at each sample, contact and operator's impulse (N s) until the
       next;
@@ -514,26 +504,26 @@ def carry_tool(
     """
     # inside out: no box is known to be free yet
     free = np.array([math.inf, -math.inf, math.inf, -math.inf])
-    run = Run(start.copy(), gains.copy(), np.zeros(4), np.zeros((limit, 6)), np.zeros(1, np.int64), free, terrain)
-    state, load, out, last = run.state, run.load, np.zeros((rows, 8)), -1
+    state, load, out, last = as_record(start, TOOL), as_record(gains, LOAD), np.zeros((rows, 8)), -1
+    run = Run(state, load, np.zeros(4), np.zeros((limit, 6)), np.zeros(1, np.int64), free, terrain)
     for i in range(stretches.began.shape[0]):
-        load[G0X], load[G0Y], load[G1X], load[G1Y] = stretches.forces[i]
-        load[BEGAN] = stretches.began[i]
+        load.g0[0], load.g0[1], load.g1[0], load.g1[1] = stretches.forces[i]
+        load.began = stretches.began[i]
         # a new sample: the impulses so far are those of the one before
         if stretches.samples[i] != last:
             if last >= 0:
                 out[last, 4:8] = run.sums
                 run.sums[:] = 0.0
             last = stretches.samples[i]
-            out[last, 0:4] = state[X : VY + 1]
-        if i == 0 and state[MODE] == SLIDE:
+            out[last, 0], out[last, 1], out[last, 2], out[last, 3] = state.x, state.y, state.vx, state.vy
+        if i == 0 and state.mode == SLIDE:
             _begin_on_boundary(run)
         tau, length = 0.0, stretches.lasts[i]
         while tau < length and run.tally[0] <= limit:
             time_left = length - tau
-            if state[MODE] == FLIGHT:
+            if state.mode == FLIGHT:
                 h = _advance_flight(run, tau, time_left)
-            elif state[MODE] == SLIDE:
+            elif state.mode == SLIDE:
                 h = _advance_slide(run, tau, time_left)
             else:
                 h = _advance_rest(run, tau, time_left)

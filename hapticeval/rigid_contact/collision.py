@@ -10,15 +10,16 @@ all the same, and a path that dips in and out of a cell is caught at its lowest 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
 from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn
 from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, UNBOUNDED, evaluate, evaluate_many
-from hapticeval.rigid_contact.force import MOST_GUESSES, SEAM_REACH, SKIN_DEPTH, guess_between, narrow_bracket
+from hapticeval.rigid_contact.force import SEAM_REACH, SKIN_DEPTH
 from hapticeval.rigid_contact.motion import fly_for
 from hapticeval.types import Array
 
@@ -177,7 +178,7 @@ def height_over_cell(cell: Array, pieces: Array, x: float, y: float) -> tuple[fl
 
 @compiled
 def _height_in_flight(
-    cell: Array, pieces: Array, flight: Flight, h: float, load: Array
+    cell: Array, pieces: Array, flight: Flight, h: float, load: Any
 ) -> tuple[float, float, float, float]:
     """Return the height (m) over the cell h seconds into the flight, how fast it grows, u, and the overhang.
 
@@ -198,7 +199,7 @@ def _crossing_time(
     low: float,
     high: float,
     level: float,
-    load: Array,
+    load: Any,
 ) -> float:
     """Return the time (s) at which the height falls through -level, to rounding.
 
@@ -220,7 +221,7 @@ def _crossing_time(
 
 
 @compiled
-def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, load: Array) -> tuple[float, float]:
+def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, load: Any) -> tuple[float, float]:
     """Return the first time (s) within h at which the flight enters through the cell, and u there; else infinity."""
     # within a step the height has at most one extremum: on both sides of it it rises or falls
     f0, climb0, _, _ = _height_in_flight(cell, pieces, flight, 0.0, load)
@@ -256,7 +257,7 @@ def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, lo
 
 
 @compiled
-def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Array, free: Array) -> tuple[float, int, float]:
+def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Any, free: Array) -> tuple[float, int, float]:
     """Return when a flight of h seconds first enters the model, through which piece and at what u.
 
     `flight` is (x, y, vx, vy, tau); the time is infinite if it stays outside. `load` (10,) as in `motion`.

@@ -7,16 +7,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from hapticeval.compiled import as_record, room_for
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.recordings.recording import Recording
 from hapticeval.rigid_contact.force import (
-    BILATERAL,
-    DAMPER,
     EVENT_KINDS,
-    MASS,
-    PUSH,
-    RESTITUTION,
-    SPRING,
+    LOAD,
     Stretches,
 )
 from hapticeval.scene import Scene
@@ -32,8 +28,8 @@ MOST_EVENTS = 4_000_000
 class Ground(Protocol):
     """A model's boundary prepared for the tool: a plane curve, a triangle mesh, or a smooth surface.
 
-    It is made of a scene, once, and raises `RefusalError` there for what it cannot do, by name and place. A state is an
-    array of its own layout, for its own `carry` alone. N is the model's dimension.
+    It is made of a scene, once, and raises `RefusalError` there for what it cannot do, by name and place. A state is
+    the numbers of a record of its own, for its own `carry` alone. N is the model's dimension.
     """
 
     def in_flight(self, point: Array, velocity: Array) -> Array:
@@ -48,7 +44,9 @@ class Ground(Protocol):
     def carry(
         self, start: Array, stretches: Stretches, gains: Array, rows: int, limit: int
     ) -> tuple[Array, Array, int]:
-        """Carry the tool from a state through all stretches. `gains` (6 + 2 N,) is a `load`, its constants filled in.
+        """Carry the tool from a state through all stretches; both `start` and `gains` are changed.
+
+        `gains` are the numbers of a `LOAD`, with its constants filled in.
 
         - The first are samples (rows, 4 N): position (m) and velocity (m/s) at each sample, before an impact at that
           very time, then the contact's and the operator's impulse (N s) until the next.
@@ -112,13 +110,14 @@ class IdealContact:
                 todo="project a path in space onto a plane model; give one in the plane a third coordinate",
             )
         led = isinstance(stimulus, Path)
-        gains = np.zeros(PUSH + 2 * dimension)
-        gains[MASS], gains[RESTITUTION] = self.scene.mass, self.scene.restitution
-        gains[BILATERAL] = float(self.scene.bilateral)
+        gains = np.zeros(room_for(LOAD))
+        load = as_record(gains, LOAD)
+        load.mass, load.restitution = self.scene.mass, self.scene.restitution
+        load.bilateral = float(self.scene.bilateral)
         if isinstance(stimulus, Path):
-            gains[SPRING] = self.scene.stiffness
+            load.spring = self.scene.stiffness
             # critical damping: 2 sqrt(k m)
-            gains[DAMPER] = 2.0 * math.sqrt(self.scene.stiffness * self.scene.mass)
+            load.damper = 2.0 * math.sqrt(self.scene.stiffness * self.scene.mass)
             time = stimulus.sampled(dt)[0]
             knots, values = stimulus.time - stimulus.time[0], stimulus.points
             # The hand goes on straight beyond the path's end: a stop would be felt in the last sample's mean force.
@@ -134,7 +133,7 @@ class IdealContact:
                     raise RefusalError(
                         "the hand only brakes", why="the ideal contact flies in closed form under a spring or a push"
                     )
-                gains[SPRING], gains[DAMPER] = stimulus.hand.stiffness, stimulus.hand.damping
+                load.spring, load.damper = stimulus.hand.stiffness, stimulus.hand.damping
             start = self._start_of_experiment(stimulus)
         # within a stretch the operator's force is linear in time
         began, lasts, samples = _cut_into_stretches(time, knots, dt)
@@ -145,7 +144,7 @@ class IdealContact:
         value = values[knot] + slope * (began - knots[knot])[:, np.newaxis]
         if led:
             # a spring to the hand's path: g0 = k y_d + d y_d', g1 = k y_d'
-            value, slope = gains[SPRING] * value + gains[DAMPER] * slope, gains[SPRING] * slope
+            value, slope = load.spring * value + load.damper * slope, load.spring * slope
         out, events = self._follow_stretches(
             start, Stretches(began, lasts, np.hstack([value, slope]), samples), gains, time.size
         )
@@ -177,7 +176,7 @@ class IdealContact:
         """Return the samples (rows, 4 N) of the run and its events, with a log as long as it takes."""
         limit = 256
         while True:
-            out, log, count = self._ground.carry(start, stretches, gains, rows, limit)
+            out, log, count = self._ground.carry(start.copy(), stretches, gains.copy(), rows, limit)
             if count <= limit:
                 break
             if limit >= MOST_EVENTS:

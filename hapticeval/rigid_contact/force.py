@@ -10,23 +10,20 @@ and k and d are
 - those of the hand's own spring in one with a hand;
 - a critically damped spring's, d = 2 sqrt(k m), when the hand is led along a path.
 
-A stretch's numbers are an array `load` (6 + 2 N,) in N dimensions, see the names of its places.
+A stretch's numbers are the record `LOAD`, in the plane and in space.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from hapticeval.compiled import compiled, inner
+from hapticeval.compiled import compiled, inner, record_type
 from hapticeval.types import Array, IntArray
 
-SPRING, DAMPER, MASS, RESTITUTION, BILATERAL, BEGAN, PUSH = range(7)
-"""Places in a `load` (6 + 2 N,).
-
-The spring's k (N/m), the damper's d (N s/m), the tool's mass (kg), the coefficient of restitution, 1 if the boundary
-holds the tool from both sides, and when the stretch began (s); from PUSH on g0 (N) by axis, then g1 (N/s) by axis.
-"""
+LOAD = record_type("spring", "damper", "mass", "restitution", "bilateral", "began", g0=3, g1=3)
+"""The spring's k (N/m), the damper's d (N s/m), the tool's mass (kg), the coefficient of restitution, 1 if the boundary
+holds the tool from both sides, and when the stretch began (s); then g0 (N) and g1 (N/s) by axis."""
 
 FLIGHT, SLIDE, REST = 0.0, 1.0, 2.0
 """What the tool does: it flies, slides on the boundary, or is at rest in a corner."""
@@ -68,10 +65,6 @@ method (six) then leaves errors of some 1e-12 m and 1e-10 m/s on a 0.2 m model.
 """
 
 
-MOST_GUESSES = 120
-"""Most guesses at a change of sign: every fourth halves what is left, and rounding ends it before."""
-
-
 class Stretches(NamedTuple):
     """Stretches of time in which the operator's force is linear: where they `began` and how long each `lasts` (s,), s.
 
@@ -82,35 +75,6 @@ class Stretches(NamedTuple):
     lasts: Array
     forces: Array
     samples: IntArray
-
-
-@compiled
-def guess_between(low: float, high: float, a: float, b: float, i: int) -> float:
-    """Return where to look next for the change of sign of a number that is a at `low` and b at `high`.
-
-    By the chord, and by halves at every fourth `i`. The result is not between the two if no number lies there.
-    """
-    middle = low + 0.5 * (high - low)
-    if i % 4 != 3 and a != b:
-        # regula falsi; every fourth guess halves the bracket, so that it shrinks in any case
-        by_chord = high - b * (high - low) / (b - a)
-        if low < by_chord < high:
-            return by_chord
-    return middle
-
-
-@compiled
-def narrow_bracket(
-    low: float, high: float, a: float, b: float, side_kept: int, middle: float, value: float, positive: bool
-) -> tuple[float, float, float, float, int]:
-    """Return `low`, `high`, their values a and b, and the side kept, after the `value` at `middle` was looked at.
-
-    `positive` says whether the value at the first `low` was. By the Illinois rule the value of an end that is kept
-    twice is halved, so that the chord leaves it; `side_kept` is 1 where `high` was kept last, 2 for `low`, 0 at first.
-    """
-    if (value > 0.0) == positive:
-        return middle, high, value, b * (0.5 if side_kept == 1 else 1.0), 1
-    return low, middle, a * (0.5 if side_kept == 2 else 1.0), value, 2
 
 
 @compiled
@@ -135,23 +99,23 @@ def damped_oscillation(omega: float, half: float, h: float) -> tuple[float, floa
 
 
 @compiled
-def oscillation_of(load: Array, h: float) -> tuple[float, float]:
-    """Return `damped_oscillation` of the spring in a `load` (6 + 2 N,) after h seconds; without a spring 1 and h."""
-    if load[SPRING] == 0.0:
+def oscillation_of(load: Any, h: float) -> tuple[float, float]:
+    """Return `damped_oscillation` of the spring in a `LOAD` after h seconds; without a spring 1 and h."""
+    if load.spring == 0.0:
         return 1.0, h
-    return damped_oscillation(math.sqrt(load[SPRING] / load[MASS]), load[DAMPER] / (2.0 * load[MASS]), h)
+    return damped_oscillation(math.sqrt(load.spring / load.mass), load.damper / (2.0 * load.mass), h)
 
 
 @inner
 def fly_along_axis(
-    x: float, v: float, push: float, rate: float, h: float, load: Array, even: float, odd: float
+    x: float, v: float, push: float, rate: float, h: float, load: Any, even: float, odd: float
 ) -> tuple[float, float]:
     """Return position (m) and velocity (m/s) along one axis after h seconds of free flight, in closed form.
 
     `push` (N) and `rate` (N/s) are the prescribed force at the flight's start and how fast it grows; `even` and `odd`
-    are `oscillation_of` the `load` (6 + 2 N,) for h.
+    are `oscillation_of` the `LOAD` for h.
     """
-    mass, spring = load[MASS], load[SPRING]
+    mass, spring = load.mass, load.spring
     # a force linear in time: a cubic in time
     if spring == 0.0:
         a, j = push / mass, rate / mass
@@ -159,9 +123,9 @@ def fly_along_axis(
     # the point at which spring and push balance moves at this velocity: g1 / k
     drift = rate / spring
     # where it is at the start, less what the damper lags behind
-    base = (push - load[DAMPER] * drift) / spring
+    base = (push - load.damper * drift) / spring
     # the oscillation about that point: p'' + 2 half p' + omega^2 p = 0
-    half, omega = load[DAMPER] / (2.0 * mass), math.sqrt(spring / mass)
+    half, omega = load.damper / (2.0 * mass), math.sqrt(spring / mass)
     p, w = x - base, v - drift
     return (
         base + drift * h + p * even + (w + half * p) * odd,
@@ -170,10 +134,10 @@ def fly_along_axis(
 
 
 @compiled
-def longest_flight_step(load: Array, time_left: float) -> float:
-    """Return how long (s) a step of flight may be under a `load` (6 + 2 N,), at most `time_left`."""
+def longest_flight_step(load: Any, time_left: float) -> float:
+    """Return how long (s) a step of flight may be under a `LOAD`, at most `time_left`."""
     h = min(time_left, FLIGHT_STEP)
     # a fifth of a radian of the spring's oscillation
-    if load[SPRING] > 0.0:
-        h = min(h, 0.2 * math.sqrt(load[MASS] / load[SPRING]))
+    if load.spring > 0.0:
+        h = min(h, 0.2 * math.sqrt(load.mass / load.spring))
     return h

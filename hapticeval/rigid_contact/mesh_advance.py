@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import as_record, compiled
 from hapticeval.geometry.mesh_kernels import (
     ACROSS,
     CORNER,
@@ -39,10 +39,9 @@ from hapticeval.rigid_contact.force import (
     FLIGHT,
     IMPACT,
     LEAVE,
-    MASS,
+    LOAD,
     MOST_CORNER_HITS,
     REST,
-    RESTITUTION,
     SLIDE,
     STOP,
     Stretches,
@@ -63,11 +62,7 @@ from hapticeval.rigid_contact.mesh_terrain import (
     pull_into,
 )
 from hapticeval.rigid_contact.space import (
-    MODE,
-    OWN,
-    POSITION,
-    RATE,
-    VELOCITY,
+    SPACE_TOOL,
     Tool,
     begin_stretch,
     close_sample,
@@ -76,13 +71,9 @@ from hapticeval.rigid_contact.space import (
     move_tool,
     put_triple,
     strike_tool,
-    triple_at,
+    triple_of,
 )
 from hapticeval.types import Array, IntArray
-
-TRIANGLE, FEATURE = OWN, OWN + 1
-"""Places in the state (9,) of a tool on a mesh: the triangle and the feature of it that the tool is on."""
-STATE_SIZE = OWN + 2
 
 MOST_TURNS = MOST_CORNER_HITS
 """Most steps of one stretch that events cut short, after which a run is given up, however long they took.
@@ -100,8 +91,8 @@ def meet(terrain: MeshTerrain, tool: Tool, tau: float, kind: int) -> None:
     Impulses free it, an event of this kind tells of them, and what it does then follows from velocity and force.
     """
     state, load = tool.state, tool.load
-    k, feature = int(state[TRIANGLE]), int(state[FEATURE])
-    mass, rebound, p, v = load[MASS], load[RESTITUTION], triple_at(state, POSITION), triple_at(state, VELOCITY)
+    k, feature = int(state.triangle), int(state.feature)
+    mass, rebound, p, v = load.mass, load.restitution, triple_of(state.position), triple_of(state.velocity)
     # normal velocities below this are rounding, and below a thousand of it the tool is at rest
     rounding = ALIGNED_SHARE * math.sqrt(dot(v, v))
     rest_speed = 1e3 * rounding
@@ -156,8 +147,8 @@ def settle(terrain: MeshTerrain, tool: Tool, tau: float) -> None:
     that is closest to the velocity, or if it is at rest to the force, and of this that which is closest to the force.
     """
     state = tool.state
-    k, feature, mode = int(state[TRIANGLE]), int(state[FEATURE]), state[MODE]
-    p, v = triple_at(state, POSITION), triple_at(state, VELOCITY)
+    k, feature, mode = int(state.triangle), int(state.feature), state.mode
+    p, v = triple_of(state.position), triple_of(state.velocity)
     if dot(v, v) > 0.0:
         speed = math.sqrt(dot(v, v))
         height, k, feature, v = nearest_around(terrain, k, feature, v)
@@ -174,26 +165,26 @@ def settle(terrain: MeshTerrain, tool: Tool, tau: float) -> None:
     # on a convex edge it goes along either face
     if EDGE <= nearest < VERTEX and terrain.turns[j, nearest - EDGE] > 0.0:
         nearest = FACE
-    state[MODE] = REST if nearest >= VERTEX else SLIDE
-    state[TRIANGLE], state[FEATURE] = j, nearest
-    if state[MODE] == REST and mode != REST:
+    state.mode = REST if nearest >= VERTEX else SLIDE
+    state.triangle, state.feature = j, nearest
+    if state.mode == REST and mode != REST:
         log_in_space(tool, STOP, tau, NOWHERE)
 
 
 @compiled
 def let_go(tool: Tool, tau: float) -> None:
     """Let the tool fly from where it is, and log that it left if it was in contact."""
-    if tool.state[MODE] != FLIGHT:
+    if tool.state.mode != FLIGHT:
         log_in_space(tool, LEAVE, tau, NOWHERE)
-    tool.state[MODE] = FLIGHT
+    tool.state.mode = FLIGHT
 
 
 @compiled
 def reach_place(terrain: MeshTerrain, tool: Tool, k: int, convex_reach: float) -> None:
     """Put the tool on the feature of triangle k that it has come to, within a hop, or `convex_reach` (m) if convex."""
-    feature, foot = feature_at(terrain, k, triple_at(tool.state, POSITION), CONTACT_HOP, convex_reach)
-    put_triple(tool.state, POSITION, foot)
-    tool.state[TRIANGLE], tool.state[FEATURE] = k, feature
+    feature, foot = feature_at(terrain, k, triple_of(tool.state.position), CONTACT_HOP, convex_reach)
+    put_triple(tool.state.position, 0, foot)
+    tool.state.triangle, tool.state.feature = k, feature
 
 
 @compiled
@@ -206,7 +197,7 @@ def advance_flight(
     """
     load, state = tool.load, tool.state
     h = longest_flight_step(load, time_left)
-    path = ToolPath(triple_at(state, POSITION), triple_at(state, VELOCITY), tau, NOWHERE)
+    path = ToolPath(triple_of(state.position), triple_of(state.velocity), tau, NOWHERE)
     time, k, _ = first_face(terrain, path, h, load, free, near)
     h = min(time, h)
     p, v = follow(path, h, load)
@@ -225,10 +216,10 @@ def advance_on_face(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     The step begins `tau` (s) into the stretch; `near` (t,) is room for triangles that come near.
     """
     load, state = tool.load, tool.state
-    k = int(state[TRIANGLE])
-    normal, p, v = normal_of(terrain.faces, k), triple_at(state, POSITION), triple_at(state, VELOCITY)
+    k = int(state.triangle)
+    normal, p, v = normal_of(terrain.faces, k), triple_of(state.position), triple_of(state.velocity)
     # N = -F.n is linear in time: along the normal the spring's stretch stays, and the damper does nothing
-    contact, rate = -dot(force_in_space(load, tau, p, v), normal), -dot(triple_at(load, RATE), normal)
+    contact, rate = -dot(force_in_space(load, tau, p, v), normal), -dot(triple_of(load.g1), normal)
     if contact < 0.0:
         let_go(tool, tau)
         return 0.0
@@ -260,10 +251,10 @@ def advance_on_edge(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     The step begins `tau` (s) into the stretch.
     """
     load, state = tool.load, tool.state
-    k, i = int(state[TRIANGLE]), int(state[FEATURE]) - EDGE
+    k, i = int(state.triangle), int(state.feature) - EDGE
     j, e = int(terrain.faces[k, ACROSS + i]), edge_direction(terrain.faces, terrain.vertices, k, i)
-    p, v = triple_at(state, POSITION), triple_at(state, VELOCITY)
-    force, rate = force_in_space(load, tau, p, v), triple_at(load, RATE)
+    p, v = triple_of(state.position), triple_of(state.velocity)
+    force, rate = force_in_space(load, tau, p, v), triple_of(load.g1)
     h, onto = longest_flight_step(load, time_left), -1
     # where the force comes to drive it up a face, the other's multiplier is zero: linear in time, as on a face
     for face in (k, j):
@@ -293,11 +284,11 @@ def advance_on_edge(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     mean = plus(force, 0.5 * h, rate)
     move_tool(tool, p, v, _scaled(-h, plus(mean, -dot(mean, e), e)))
     if ends:
-        state[FEATURE] = end
-        put_triple(state, POSITION, a if end == VERTEX + i else b)
+        state.feature = end
+        put_triple(state.position, 0, a if end == VERTEX + i else b)
         meet(terrain, tool, tau + h, AT_CORNER)
     elif onto >= 0:
-        state[TRIANGLE], state[FEATURE] = onto, FACE
+        state.triangle, state.feature = onto, FACE
     return h
 
 
@@ -309,9 +300,9 @@ def advance_at_rest(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     (s) into the stretch.
     """
     load, state = tool.load, tool.state
-    k, i = int(state[TRIANGLE]), int(state[FEATURE]) - VERTEX
-    p = triple_at(state, POSITION)
-    force, rate = force_in_space(load, tau, p, NOWHERE), triple_at(load, RATE)
+    k, i = int(state.triangle), int(state.feature) - VERTEX
+    p = triple_of(state.position)
+    force, rate = force_in_space(load, tau, p, NOWHERE), triple_of(load.g1)
     h, exit_triangle, edge = time_left, -1, 0
     j, corner = k, i
     while True:
@@ -329,8 +320,8 @@ def advance_at_rest(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     move_tool(tool, p, NOWHERE, _scaled(-h, plus(force, 0.5 * h, rate)))
     if exit_triangle >= 0:
         # an edge within a flat face is that face
-        state[TRIANGLE] = exit_triangle
-        state[FEATURE] = FACE if terrain.turns[exit_triangle, edge] == 0.0 else EDGE + edge
+        state.triangle = exit_triangle
+        state.feature = FACE if terrain.turns[exit_triangle, edge] == 0.0 else EDGE + edge
         settle(terrain, tool, tau + h)
     return h
 
@@ -339,28 +330,28 @@ def advance_at_rest(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
 def carry_on_mesh(
     start: Array, terrain: MeshTerrain, stretches: Stretches, gains: Array, rows: int, limit: int
 ) -> tuple[Array, Array, int, Array]:
-    """Carry the tool from `start` (9,), SLIDE where it begins on the mesh, through all stretches, see `Ground.carry`.
+    """Carry the tool from `start`, SLIDE where it begins on the mesh, through all stretches, see `Ground.carry`.
 
-    `gains` (12,) is a `load` with its constants filled in. The last that is returned is empty, or the time (s) and the
-    place (m) at which the run was given up, (4,), see `MOST_TURNS`.
+    `start` and `gains` are changed: the numbers of a `SPACE_TOOL`, and of a `LOAD` with its constants filled in. The
+    last that is returned is empty, or the time (s) and the place (m) at which the run was given up, (4,): `MOST_TURNS`.
     """
-    tool = Tool(start.copy(), gains.copy(), np.zeros(6), np.zeros((limit, 8)), np.zeros(1, np.int64))
-    state, out = tool.state, np.zeros((rows, 12))
+    state, out = as_record(start, SPACE_TOOL), np.zeros((rows, 12))
+    tool = Tool(state, as_record(gains, LOAD), np.zeros(6), np.zeros((limit, 8)), np.zeros(1, np.int64))
     # inside out: no box is known to be free yet
     free = np.array([math.inf, math.inf, math.inf, -math.inf, -math.inf, -math.inf])
     near, last = np.empty(terrain.faces.shape[0], np.int64), stretches.began.shape[0] - 1
     for i in range(last + 1):
         begin_stretch(tool, stretches, i, out)
-        if i == 0 and state[MODE] == SLIDE:
+        if i == 0 and state.mode == SLIDE:
             meet(terrain, tool, 0.0, IMPACT)
         tau, length, turns = 0.0, stretches.lasts[i], 0
         while tau < length and tool.tally[0] <= limit:
             time_left = length - tau
-            if state[MODE] == FLIGHT:
+            if state.mode == FLIGHT:
                 h = advance_flight(terrain, tool, tau, time_left, free, near)
-            elif state[MODE] == REST:
+            elif state.mode == REST:
                 h = advance_at_rest(terrain, tool, tau, time_left)
-            elif state[FEATURE] == FACE:
+            elif state.feature == FACE:
                 h = advance_on_face(terrain, tool, tau, time_left, near)
             else:
                 h = advance_on_edge(terrain, tool, tau, time_left)
@@ -369,7 +360,7 @@ def carry_on_mesh(
             if turns > MOST_TURNS:
                 endless = np.empty(4)
                 endless[0] = stretches.began[i] + tau
-                endless[1:] = state[POSITION : POSITION + 3]
+                put_triple(endless, 1, triple_of(state.position))
                 return out, tool.log, int(tool.tally[0]), endless
             # to the end of the stretch, by rounding too
             if h >= time_left:

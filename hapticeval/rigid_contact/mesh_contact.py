@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.compiled import as_record
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_feature
 from hapticeval.rigid_contact.contact import ON_BOUNDARY
-from hapticeval.rigid_contact.force import FLIGHT, SLIDE, Stretches
-from hapticeval.rigid_contact.mesh_advance import FEATURE, MOST_TURNS, STATE_SIZE, TRIANGLE, carry_on_mesh
+from hapticeval.rigid_contact.force import SLIDE, Stretches
+from hapticeval.rigid_contact.mesh_advance import MOST_TURNS, carry_on_mesh
 from hapticeval.rigid_contact.mesh_terrain import feature_at, prepare_mesh
-from hapticeval.rigid_contact.space import MODE, POSITION, VELOCITY
+from hapticeval.rigid_contact.space import SPACE_TOOL, state_in_flight
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -39,10 +40,7 @@ class MeshGround:
     def in_flight(self, point: Array, velocity: Array) -> Array:
         """Answer `Ground.in_flight` for a point (3,), m, and a velocity (3,), m/s."""
         # its triangle and feature are those of its first hit: none is read before
-        state = np.zeros(STATE_SIZE)
-        state[MODE] = FLIGHT
-        state[POSITION : POSITION + 3], state[VELOCITY : VELOCITY + 3] = point, velocity
-        return state
+        return state_in_flight(point, velocity)
 
     def on_boundary(self, point: Array, velocity: Array) -> Array:
         """Answer `Ground.on_boundary` for a point (3,), m, and a velocity (3,), m/s."""
@@ -51,7 +49,8 @@ class MeshGround:
         # beside an edge or a corner it starts there, so that these are seen
         feature, place = feature_at(self._terrain, k, foot, ON_BOUNDARY, ON_BOUNDARY)
         state = self.in_flight(np.array(place), velocity)
-        state[MODE], state[TRIANGLE], state[FEATURE] = SLIDE, k, feature
+        tool = as_record(state, SPACE_TOOL)
+        tool.mode, tool.triangle, tool.feature = SLIDE, k, feature
         return state
 
     def carry(

@@ -7,20 +7,17 @@ time, between two times at which the height over a plane has different signs. No
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
 from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh_kernels import CORNER, FACE, _cross, _minus, normal_of, position_of
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
     CONTACT_HOP,
-    MASS,
-    MOST_GUESSES,
     SEAM_REACH,
     SKIN_DEPTH,
-    guess_between,
-    narrow_bracket,
 )
 from hapticeval.rigid_contact.mesh_terrain import (
     MeshTerrain,
@@ -53,7 +50,7 @@ class ToolPath(NamedTuple):
 
 
 @compiled
-def follow(path: ToolPath, h: float, load: Array) -> tuple[Triple, Triple]:
+def follow(path: ToolPath, h: float, load: Any) -> tuple[Triple, Triple]:
     """Return position (m) and velocity (m/s) h seconds along a path, under a `load` (12,).
 
     Under a force that is the same on all axes but for a push, what lies along a plane moves as if alone: a slide is a
@@ -66,7 +63,7 @@ def follow(path: ToolPath, h: float, load: Array) -> tuple[Triple, Triple]:
 
 
 @compiled
-def watch(what: int, normal: Triple, anchor: Triple, path: ToolPath, h: float, load: Array) -> float:
+def watch(what: int, normal: Triple, anchor: Triple, path: ToolPath, h: float, load: Any) -> float:
     """Return what is watched, h seconds along a path, over the plane with this unit normal through `anchor` (m)."""
     p, v = follow(path, h, load)
     if what == HEIGHT:
@@ -75,12 +72,12 @@ def watch(what: int, normal: Triple, anchor: Triple, path: ToolPath, h: float, l
         return dot(normal, v)
     # n.a = n.F / m, without the part of F that the contact takes
     force = force_in_space(load, path.tau + h, p, v)
-    return float(dot(normal, plus(force, -dot(force, path.contact_normal), path.contact_normal)) / load[MASS])
+    return float(dot(normal, plus(force, -dot(force, path.contact_normal), path.contact_normal)) / load.mass)
 
 
 @compiled
 def root_between(
-    what: int, level: float, normal: Triple, anchor: Triple, path: ToolPath, low: float, high: float, load: Array
+    what: int, level: float, normal: Triple, anchor: Triple, path: ToolPath, low: float, high: float, load: Any
 ) -> float:
     """Return the time (s) at which what is watched passes -level, to rounding: it does between `low` and `high`."""
     a = watch(what, normal, anchor, path, low, load) + level
@@ -98,7 +95,7 @@ def root_between(
 
 
 @compiled
-def first_fall(normal: Triple, anchor: Triple, path: ToolPath, begin: float, h: float, load: Array) -> float:
+def first_fall(normal: Triple, anchor: Triple, path: ToolPath, begin: float, h: float, load: Any) -> float:
     """Return when the path first falls through a plane, from `begin` to h (s); infinite if it does not.
 
     A path that begins within the skin was on this plane: it falls where it leaves the skin, as its first crossing of
@@ -135,7 +132,7 @@ def first_fall(normal: Triple, anchor: Triple, path: ToolPath, begin: float, h: 
 
 
 @compiled
-def _box_of_path(path: ToolPath, h: float, load: Array) -> tuple[Triple, Triple]:
+def _box_of_path(path: ToolPath, h: float, load: Any) -> tuple[Triple, Triple]:
     """Return the least and largest corner (m) of a box that holds the path of a step of h seconds."""
     p, v = follow(path, h, load)
     # the path's control polygon: p0, p0 + v0 h / 3, p1 - v1 h / 3, p1, in whose hull a cubic lies (the spring's
@@ -250,7 +247,7 @@ def _stays_on_one_side(normal: Triple, anchor: Triple, start: Triple, out: Tripl
 
 @compiled
 def first_face(
-    terrain: MeshTerrain, path: ToolPath, h: float, load: Array, free: Array, near: IntArray
+    terrain: MeshTerrain, path: ToolPath, h: float, load: Any, free: Array, near: IntArray
 ) -> tuple[float, int, Triple]:
     """Return when a flight of h seconds first enters the solid, through which triangle, and where (m).
 
@@ -308,7 +305,7 @@ def _leads_into_face(terrain: MeshTerrain, k: int, i: int, v: Triple) -> bool:
 
 @compiled
 def first_edge(
-    terrain: MeshTerrain, k: int, path: ToolPath, h: float, load: Array, near: IntArray
+    terrain: MeshTerrain, k: int, path: ToolPath, h: float, load: Any, near: IntArray
 ) -> tuple[float, int, Triple]:
     """Return when a slide of h seconds on the flat face of triangle k first passes an edge of that face.
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.compiled import as_record, room_for
 from hapticeval.geometry.kernels import U0, U1, piece_index
-from hapticeval.rigid_contact.advance import MODE, PIECE, STATE_SIZE, VX, VY, U, X, Y, carry_tool
+from hapticeval.rigid_contact.advance import TOOL, carry_tool
 from hapticeval.rigid_contact.collision import prepare_boundary
 from hapticeval.rigid_contact.contact import ON_BOUNDARY
 from hapticeval.rigid_contact.force import FLIGHT, SLIDE, Stretches
@@ -22,9 +23,9 @@ class PlaneGround:
 
     def in_flight(self, point: Array, velocity: Array) -> Array:
         """Answer `Ground.in_flight` for a point (2,), m, and a velocity (2,), m/s."""
-        state = np.zeros(STATE_SIZE)
-        state[MODE] = FLIGHT
-        state[X : Y + 1], state[VX : VY + 1] = point, velocity
+        state = np.zeros(room_for(TOOL))
+        tool = as_record(state, TOOL)
+        tool.mode, tool.x, tool.y, tool.vx, tool.vy = FLIGHT, *point, *velocity
         return state
 
     def on_boundary(self, point: Array, velocity: Array) -> Array:
@@ -37,7 +38,8 @@ class PlaneGround:
             # beside a joint it starts at the joint, so that corners are seen
             if abs(u - joint) <= ON_BOUNDARY:
                 u = float(joint)
-        state[MODE], state[PIECE], state[U] = SLIDE, index, u
+        tool = as_record(state, TOOL)
+        tool.mode, tool.piece, tool.u = SLIDE, index, u
         return state
 
     def carry(

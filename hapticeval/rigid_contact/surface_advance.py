@@ -11,10 +11,12 @@ and so in all three coordinates, along f = constant: no chart is needed, and non
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.bracket import MOST_GUESSES, guess_between
+from hapticeval.compiled import as_record, compiled
 from hapticeval.geometry.surface import (
     FIRST,
     KIND,
@@ -28,26 +30,19 @@ from hapticeval.geometry.surface import (
 )
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
-    BILATERAL,
     CONTACT_HOP,
     FLIGHT,
     IMPACT,
     LEAVE,
-    MASS,
-    MOST_GUESSES,
-    RESTITUTION,
+    LOAD,
     SKIN_DEPTH,
     SLIDE,
-    SPRING,
     Stretches,
-    guess_between,
     longest_flight_step,
 )
 from hapticeval.rigid_contact.motion import STAGES
 from hapticeval.rigid_contact.space import (
-    MODE,
-    POSITION,
-    VELOCITY,
+    SPACE_TOOL,
     Tool,
     begin_stretch,
     close_sample,
@@ -58,6 +53,7 @@ from hapticeval.rigid_contact.space import (
     put_triple,
     strike_tool,
     triple_at,
+    triple_of,
 )
 from hapticeval.types import Array
 
@@ -100,14 +96,14 @@ def surface_terms(reals: Array, p: Triple, v: Triple) -> tuple[float, Triple, fl
 
 
 @compiled
-def contact_in_space(reals: Array, p: Triple, v: Triple, tau: float, load: Array) -> tuple[float, Triple, Triple]:
+def contact_in_space(reals: Array, p: Triple, v: Triple, tau: float, load: Any) -> tuple[float, Triple, Triple]:
     """Return the contact force N (N), the outward unit normal, and the operator's force (N), for sliding at v (m/s)."""
     _, gradient, bend = surface_terms(reals, p, v)
     steepness = math.sqrt(dot(gradient, gradient))
     normal = (gradient[0] / steepness, gradient[1] / steepness, gradient[2] / steepness)
     force = force_in_space(load, tau, p, v)
     # N = -F.n - m v.S v
-    return -dot(force, normal) - load[MASS] * bend / steepness, normal, force
+    return -dot(force, normal) - load.mass * bend / steepness, normal, force
 
 
 @compiled
@@ -123,7 +119,7 @@ def onto_surface(reals: Array, p: Triple, v: Triple) -> tuple[Triple, Triple]:
 
 @compiled
 def slide_in_space(
-    reals: Array, p: Triple, v: Triple, tau: float, h: float, load: Array
+    reals: Array, p: Triple, v: Triple, tau: float, h: float, load: Any
 ) -> tuple[Triple, Triple, Triple]:
     """Return place (m), velocity (m/s) and contact impulse (N s) after h seconds of sliding: one step of `STAGES`.
 
@@ -141,7 +137,7 @@ def slide_in_space(
             rates[k, axis] = velocity[axis]
             rates[k, 6 + axis] = contact * normal[axis]
             # m y'' = F_o + N n
-            rates[k, 3 + axis] = (force[axis] + contact * normal[axis]) / load[MASS]
+            rates[k, 3 + axis] = (force[axis] + contact * normal[axis]) / load.mass
     for c in range(9):
         r = rates[:, c]
         # the method's weights: 11, 0, 81, 81, -32, -32, 11 over 120
@@ -154,12 +150,12 @@ def slide_in_space(
 @compiled
 def _leave_surface(tool: Tool, tau: float) -> None:
     """Let the tool fly from where it is, and log that it left."""
-    tool.state[MODE] = FLIGHT
+    tool.state.mode = FLIGHT
     log_in_space(tool, LEAVE, tau, (0.0, 0.0, 0.0))
 
 
 @compiled
-def _locate_lift(reals: Array, p: Triple, v: Triple, tau: float, h: float, load: Array) -> float:
+def _locate_lift(reals: Array, p: Triple, v: Triple, tau: float, h: float, load: Any) -> float:
     """Return the time (s) within a sliding step of h at which the contact force has just become negative."""
     low, high = 0.0, h
     a = contact_in_space(reals, p, v, tau, load)[0]
@@ -185,19 +181,19 @@ def advance_slide(tool: Tool, reals: Array, sharpest: float, tau: float, time_le
     `sharpest` (1/m) is the surface's largest curvature.
     """
     state, load = tool.state, tool.load
-    p, v = triple_at(state, POSITION), triple_at(state, VELOCITY)
-    bilateral = load[BILATERAL] != 0.0
+    p, v = triple_of(state.position), triple_of(state.velocity)
+    bilateral = load.bilateral != 0.0
     contact, normal, force = contact_in_space(reals, p, v, tau, load)
     # a contact force below zero would pull: the tool leaves
     if not bilateral and contact < 0.0:
         _leave_surface(tool, tau)
         return 0.0
-    h, omega = time_left, math.sqrt(load[SPRING] / load[MASS])
+    h, omega = time_left, math.sqrt(load.spring / load.mass)
     if h * omega > SLIDE_ANGLE:
         h = SLIDE_ANGLE / omega
     # the speed that the force along the surface may have given the tool by the end
     along = plus(force, -dot(force, normal), normal)
-    turning = sharpest * (math.sqrt(dot(v, v)) + math.sqrt(dot(along, along)) / load[MASS] * h)
+    turning = sharpest * (math.sqrt(dot(v, v)) + math.sqrt(dot(along, along)) / load.mass * h)
     if h * turning > SLIDE_ANGLE:
         h = SLIDE_ANGLE / turning
     place, velocity, impulse = slide_in_space(reals, p, v, tau, h, load)
@@ -218,38 +214,38 @@ def collide_with_surface(tool: Tool, reals: Array, tau: float) -> None:
     It slides on if it does not bounce and is pressed on; otherwise it flies. `tau` (s) is the time within the stretch.
     """
     state, load = tool.state, tool.load
-    v = triple_at(state, VELOCITY)
-    p, along = onto_surface(reals, triple_at(state, POSITION), v)
-    put_triple(state, POSITION, p)
+    v = triple_of(state.velocity)
+    p, along = onto_surface(reals, triple_of(state.position), v)
+    put_triple(state.position, 0, p)
     contact, normal, _ = contact_in_space(reals, p, along, tau, load)
     # velocity along the outward normal: negative into the model
     normal_speed = dot(v, normal)
     rounding = ALIGNED_SHARE * math.sqrt(dot(along, along))
-    state[MODE] = SLIDE
+    state.mode = SLIDE
     # held from both sides: the normal velocity is lost, whatever its sign
-    if load[BILATERAL] != 0.0:
+    if load.bilateral != 0.0:
         impulse = strike_tool(tool, along)
         if abs(normal_speed) > rounding:
             log_in_space(tool, IMPACT, tau, impulse)
         return
     # it moves off, or is let go: no impact
     if normal_speed > rounding or (normal_speed >= -rounding and contact < 0.0):
-        state[MODE] = FLIGHT
+        state.mode = FLIGHT
         return
     # (3.5) along the normal: c_r times the speed into the surface
-    bounce = -load[RESTITUTION] * normal_speed
+    bounce = -load.restitution * normal_speed
     # a hop of height m v^2 / (2 N) below CONTACT_HOP counts as contact
-    if normal_speed >= -rounding or (contact > 0.0 and load[MASS] * bounce * bounce < 2.0 * contact * CONTACT_HOP):
+    if normal_speed >= -rounding or (contact > 0.0 and load.mass * bounce * bounce < 2.0 * contact * CONTACT_HOP):
         bounce = 0.0
     impulse = strike_tool(tool, plus(along, bounce, normal))
     if bounce > 0.0 or contact < 0.0:
-        state[MODE] = FLIGHT
+        state.mode = FLIGHT
     if normal_speed < -rounding:
         log_in_space(tool, IMPACT, tau, impulse)
 
 
 @compiled
-def _height(reals: Array, p: Triple, v: Triple, tau: float, t: float, load: Array) -> tuple[float, float]:
+def _height(reals: Array, p: Triple, v: Triple, tau: float, t: float, load: Any) -> tuple[float, float]:
     """Return the height (m) over the surface after t seconds of flight from p (m) at v (m/s), and its rate (m/s)."""
     place, velocity = fly_in_space(p, v, tau, t, load)
     _, normal, height = closest_on_surface(reals, place)
@@ -258,7 +254,7 @@ def _height(reals: Array, p: Triple, v: Triple, tau: float, t: float, load: Arra
 
 @compiled
 def _locate_change(
-    of_rate: bool, reals: Array, flight: tuple[Triple, Triple, float], low: float, high: float, load: Array
+    of_rate: bool, reals: Array, flight: tuple[Triple, Triple, float], low: float, high: float, load: Any
 ) -> float:
     """Return the time (s) between `low` and `high` of a flight at which its height, or the rate of that, changes sign.
 
@@ -284,7 +280,7 @@ def _locate_change(
 
 
 @compiled
-def first_hit(reals: Array, flight: tuple[Triple, Triple, float], h: float, load: Array) -> float:
+def first_hit(reals: Array, flight: tuple[Triple, Triple, float], h: float, load: Any) -> float:
     """Return the time (s) at which a short flight of h seconds first meets the surface; infinite where it does not.
 
     Its height has one extremum at most: it ends inside, or it dips inside between two heights.
@@ -307,7 +303,7 @@ def first_hit(reals: Array, flight: tuple[Triple, Triple, float], h: float, load
 def advance_flight(tool: Tool, reals: Array, sharpest: float, tau: float, time_left: float) -> float:
     """Carry a flying tool by one step of at most `time_left` seconds, and return how long it took."""
     load = tool.load
-    p, v = triple_at(tool.state, POSITION), triple_at(tool.state, VELOCITY)
+    p, v = triple_of(tool.state.position), triple_of(tool.state.velocity)
     h, hit = longest_flight_step(load, time_left), math.inf
     height = closest_on_surface(reals, p)[2]
     while True:
@@ -336,20 +332,20 @@ def advance_flight(tool: Tool, reals: Array, sharpest: float, tau: float, time_l
 def carry_on_surface(
     start: Array, reals: Array, sharpest: float, stretches: Stretches, gains: Array, rows: int, limit: int
 ) -> tuple[Array, Array, int]:
-    """Carry the tool from `start` (OWN,), SLIDE where it begins on the surface, through all stretches.
+    """Carry the tool from `start`, SLIDE where it begins on the surface, through all stretches.
 
     `reals` (ROW_LENGTH,) is the surface, `sharpest` (1/m) its largest curvature. See `Ground.carry` for the rest.
     """
-    tool = Tool(start.copy(), gains.copy(), np.zeros(6), np.zeros((limit, 8)), np.zeros(1, np.int64))
-    state, out = tool.state, np.zeros((rows, 12))
+    state, out = as_record(start, SPACE_TOOL), np.zeros((rows, 12))
+    tool = Tool(state, as_record(gains, LOAD), np.zeros(6), np.zeros((limit, 8)), np.zeros(1, np.int64))
     for i in range(stretches.began.shape[0]):
         begin_stretch(tool, stretches, i, out)
-        if i == 0 and state[MODE] == SLIDE:
+        if i == 0 and state.mode == SLIDE:
             collide_with_surface(tool, reals, 0.0)
         tau, length = 0.0, stretches.lasts[i]
         while tau < length and tool.tally[0] <= limit:
             time_left = length - tau
-            if state[MODE] == FLIGHT:
+            if state.mode == FLIGHT:
                 h = advance_flight(tool, reals, sharpest, tau, time_left)
             else:
                 h = advance_slide(tool, reals, sharpest, tau, time_left)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.compiled import as_record
 from hapticeval.geometry.surface import ELLIPSOID, FIRST, KIND, SECOND, THIRD, TORUS, Surface
-from hapticeval.rigid_contact.force import FLIGHT, SLIDE, Stretches
-from hapticeval.rigid_contact.space import MODE, OWN, POSITION, VELOCITY
+from hapticeval.rigid_contact.force import SLIDE, Stretches
+from hapticeval.rigid_contact.space import SPACE_TOOL, state_in_flight
 from hapticeval.rigid_contact.surface_advance import carry_on_surface
 from hapticeval.types import Array
 
@@ -20,14 +21,12 @@ class SurfaceGround:
 
     def in_flight(self, point: Array, velocity: Array) -> Array:
         """Answer `Ground.in_flight` for a point (3,), m, and a velocity (3,), m/s."""
-        state = np.zeros(OWN)
-        state[MODE], state[POSITION:VELOCITY], state[VELOCITY:OWN] = FLIGHT, point, velocity
-        return state
+        return state_in_flight(point, velocity)
 
     def on_boundary(self, point: Array, velocity: Array) -> Array:
         """Answer `Ground.on_boundary` for a point (3,), m, and a velocity (3,), m/s."""
         state = self.in_flight(self.surface.closest_point(point[np.newaxis]).foot[0], velocity)
-        state[MODE] = SLIDE
+        as_record(state, SPACE_TOOL).mode = SLIDE
         return state
 
     def carry(

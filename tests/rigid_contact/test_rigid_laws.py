@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hapticeval.compiled import as_record, room_for
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.kernels import evaluate_many
 from hapticeval.rigid_contact import ideal
-from hapticeval.rigid_contact.force import DAMPER, MASS, PUSH, SPRING
-from hapticeval.rigid_contact.motion import G0X, G0Y, slide_for
+from hapticeval.rigid_contact.force import LOAD
+from hapticeval.rigid_contact.motion import slide_for
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path
 
@@ -162,9 +163,9 @@ def test_playback_stays_physical_wherever_the_hand_goes(model, corners, duration
 def test_sliding_converges_with_order_six(spring):
     """The method's own order, on the curve with the strongest bends: errors fall by 2^6 when the step halves."""
     pieces = cassinian().curve.pieces
-    load = np.zeros(PUSH + 4)
-    load[[G0X, G0Y, MASS, SPRING]] = -1.0, 0.5, MASS_KG, spring
-    load[DAMPER] = 2.0 * math.sqrt(spring * MASS_KG)
+    load = as_record(np.zeros(room_for(LOAD)), LOAD)
+    load.mass, load.spring, load.damper = MASS_KG, spring, 2.0 * math.sqrt(spring * MASS_KG)
+    load.g0[:2] = -1.0, 0.5
 
     def end(steps):
         du, w, h = 0.0, 0.5, 0.04 / steps
