@@ -276,9 +276,7 @@ def first_crossing_kernel(
     - A start on the outline, to rounding, is decided by the edges there.
     - An end that is inside has been gone into, whatever rounding says.
     """
-    n, m = vertices.shape[0], tree.shape[0] // 2
-    sx, sy = x1 - x0, y1 - y0
-    length = math.hypot(sx, sy)
+    length = math.hypot(x1 - x0, y1 - y0)
     if length == 0.0:
         return -1, 0.0, 0.0
     start, _, distance_squared = nearest_kernel(vertices, tree, x0, y0)
@@ -289,26 +287,67 @@ def first_crossing_kernel(
     if distance > length + touch:
         return -1, 0.0, 0.0
     on_outline = distance <= touch
-    # a start on the outline goes in at once, or at the end of an edge that it runs along, or later
     if on_outline:
-        vertex = _vertex_at(vertices, start, touch, x0, y0)
-        passes = vertex
-        if vertex < 0:
-            next_vertex = start + 1 if start + 1 < n else 0
-            ax, ay, bx, by = vertices[start, 0], vertices[start, 1], vertices[next_vertex, 0], vertices[next_vertex, 1]
-            # the end lies on the inner side of the edge
-            if _doubled_area(ax, ay, bx, by, x1, y1) > 0.0:
-                return start, _share_along_edge(vertices, start, x0, y0), 0.0
-            for end in (start, next_vertex):
-                if _passes_ahead(vertices, end, touch, x0, y0, x1, y1):
-                    passes = end
-        if passes >= 0:
-            edge, entrance = _entrance_after(vertices, passes, touch, x1, y1)
-            if edge >= 0 and entrance == vertex:
-                return edge, _share_along_edge(vertices, edge, x0, y0), 0.0
-            if edge >= 0:
-                along = (vertices[entrance, 0] - x0) * sx + (vertices[entrance, 1] - y0) * sy
-                return edge, (0.0 if edge == entrance else 1.0), along / (length * length)
+        edge, t, fraction = _entered_from_outline(vertices, start, touch, x0, y0, x1, y1)
+        if edge >= 0:
+            return edge, t, fraction
+    edge, t, fraction = _first_edge_crossed(vertices, tree, touch, on_outline, x0, y0, x1, y1)
+    if edge >= 0:
+        return edge, t, fraction
+    # crossed nothing, by rounding, and yet the end is inside
+    edge, along, distance_squared = nearest_kernel(vertices, tree, x1, y1)
+    if distance_squared > touch * touch and side_kernel(vertices, edge, along, x1, y1) < 0.0:
+        return edge, along, 1.0
+    return -1, 0.0, 0.0
+
+
+@compiled
+def _entered_from_outline(
+    vertices: Array, start: int, touch: float, x0: float, y0: float, x1: float, y1: float
+) -> tuple[int, float, float]:
+    """Return where a segment from a point of the edge `start` goes in: there, or at the end of an edge that it follows.
+
+    As `first_crossing_kernel` does; edge -1 if it goes in at neither: it may do so later. `vertices` (n, 2), m.
+    """
+    vertex = _vertex_at(vertices, start, touch, x0, y0)
+    passes = vertex
+    if vertex < 0:
+        next_vertex = start + 1 if start + 1 < vertices.shape[0] else 0
+        ax, ay, bx, by = vertices[start, 0], vertices[start, 1], vertices[next_vertex, 0], vertices[next_vertex, 1]
+        # the segment's end lies on the inner side of the edge
+        if _doubled_area(ax, ay, bx, by, x1, y1) > 0.0:
+            return start, _share_along_edge(vertices, start, x0, y0), 0.0
+        for end in (start, next_vertex):
+            if _passes_ahead(vertices, end, touch, x0, y0, x1, y1):
+                passes = end
+    if passes < 0:
+        return -1, 0.0, 0.0
+    edge, entrance = _entrance_after(vertices, passes, touch, x1, y1)
+    if edge < 0:
+        return -1, 0.0, 0.0
+    if entrance == vertex:
+        return edge, _share_along_edge(vertices, edge, x0, y0), 0.0
+    return edge, (0.0 if edge == entrance else 1.0), _fraction_at_vertex(vertices, entrance, x0, y0, x1, y1)
+
+
+@compiled
+def _fraction_at_vertex(vertices: Array, vertex: int, x0: float, y0: float, x1: float, y1: float) -> float:
+    """Return the fraction of the segment from (x0, y0) to (x1, y1), m, that is abreast of a vertex of (n, 2), m."""
+    sx, sy = x1 - x0, y1 - y0
+    length = math.hypot(sx, sy)
+    along = (vertices[vertex, 0] - x0) * sx + (vertices[vertex, 1] - y0) * sy
+    return float(along / (length * length))
+
+
+@compiled
+def _first_edge_crossed(
+    vertices: Array, tree: Array, touch: float, on_outline: bool, x0: float, y0: float, x1: float, y1: float
+) -> tuple[int, float, float]:
+    """Return the first edge that the segment crosses inwards, by the tree: as `first_crossing_kernel` does.
+
+    `vertices` (n, 2), m, and `tree` (2 m, 6); the segment starts `on_outline`, to `touch` (m), or off it.
+    """
+    n, m = vertices.shape[0], tree.shape[0] // 2
     best, best_edge, best_t = np.inf, -1, 0.0
     nodes = np.empty(STACK_DEPTH, np.int64)
     nodes[0] = 1
@@ -316,21 +355,7 @@ def first_crossing_kernel(
     while top > 0:
         top -= 1
         i = nodes[top]
-        ax, ay = tree[i, 0], tree[i, 1]
-        bx, by = ax + tree[i, 2], ay + tree[i, 3]
-        # a run lies within its capsule: widened by its radius, the chord decides
-        slack = tree[i, 5] * length + touch * length
-        a_side, b_side = _doubled_area(x0, y0, x1, y1, ax, ay), _doubled_area(x0, y0, x1, y1, bx, by)
-        # all of the run on one side of the line
-        if (a_side > slack and b_side > slack) or (a_side < -slack and b_side < -slack):
-            continue
-        a_along, b_along = (ax - x0) * sx + (ay - y0) * sy, (bx - x0) * sx + (by - y0) * sy
-        # all of it behind the start
-        if a_along < -slack and b_along < -slack:
-            continue
-        # all of it past the end, or past the best crossing so far
-        last = length * length * min(best, 1.0) + slack
-        if a_along > last and b_along > last:
+        if _is_off_run(tree, i, touch, min(best, 1.0), x0, y0, x1, y1):
             continue
         if i < m:
             nodes[top], nodes[top + 1] = 2 * i, 2 * i + 1
@@ -338,40 +363,71 @@ def first_crossing_kernel(
             continue
         j = i - m
         for k in range(j * n // m, (j + 1) * n // m):
-            next_vertex = k + 1 if k + 1 < n else 0
-            ax, ay, bx, by = vertices[k, 0], vertices[k, 1], vertices[next_vertex, 0], vertices[next_vertex, 1]
-            a_side, b_side = _doubled_area(x0, y0, x1, y1, ax, ay), _doubled_area(x0, y0, x1, y1, bx, by)
-            # inwards an edge is crossed from its right to its left: a left of the segment, b right of it
-            if not (a_side > 0.0 >= b_side):
-                continue
-            before, after = _doubled_area(ax, ay, bx, by, x0, y0), _doubled_area(ax, ay, bx, by, x1, y1)
-            # the start is right of the edge and the end left of it, or it is not crossed
-            if before > 0.0 or after <= 0.0:
-                continue
-            if on_outline and -before <= touch * math.hypot(bx - ax, by - ay):
-                continue  # it starts on this edge and was found not to go in
-            fraction = before / (before - after)
-            if fraction < best:
-                edge, t = k, a_side / (a_side - b_side)
-                vertex = _vertex_at(vertices, k, touch, ax + t * (bx - ax), ay + t * (by - ay))
-                if vertex >= 0:
-                    edge, entrance = _entrance_after(vertices, vertex, touch, x1, y1)
-                    if edge < 0:
-                        continue  # it only touches the vertex
-                    # at a vertex: the start of the edge that goes in, or its end
-                    t = 0.0 if edge == entrance else 1.0
-                    if entrance != vertex:
-                        along = (vertices[entrance, 0] - x0) * sx + (vertices[entrance, 1] - y0) * sy
-                        fraction = along / (length * length)
-                        if fraction >= best:
-                            continue
+            edge, t, fraction = _crossing_of_edge(vertices, k, touch, on_outline, best, x0, y0, x1, y1)
+            if edge >= 0:
                 best, best_edge, best_t = fraction, edge, t
-    # crossed nothing, by rounding, and yet the end is inside
-    if best_edge < 0:
-        edge, along, distance_squared = nearest_kernel(vertices, tree, x1, y1)
-        if distance_squared > touch * touch and side_kernel(vertices, edge, along, x1, y1) < 0.0:
-            return edge, along, 1.0
     return best_edge, best_t, (best if best_edge >= 0 else 0.0)
+
+
+@compiled
+def _is_off_run(tree: Array, i: int, touch: float, end: float, x0: float, y0: float, x1: float, y1: float) -> bool:
+    """Return whether the segment up to its fraction `end` cannot meet the run of edges in row i of `tree` (2 m, 6).
+
+    A run lies within its capsule: its chord decides, widened by the radius and by `touch` (m).
+    """
+    sx, sy = x1 - x0, y1 - y0
+    length = math.hypot(sx, sy)
+    ax, ay = tree[i, 0], tree[i, 1]
+    bx, by = ax + tree[i, 2], ay + tree[i, 3]
+    slack = tree[i, 5] * length + touch * length
+    a_side, b_side = _doubled_area(x0, y0, x1, y1, ax, ay), _doubled_area(x0, y0, x1, y1, bx, by)
+    # all of the run on one side of the line
+    if (a_side > slack and b_side > slack) or (a_side < -slack and b_side < -slack):
+        return True
+    a_along, b_along = (ax - x0) * sx + (ay - y0) * sy, (bx - x0) * sx + (by - y0) * sy
+    # all of it behind the start
+    if a_along < -slack and b_along < -slack:
+        return True
+    # all of it past the end
+    last = length * length * end + slack
+    return bool(a_along > last and b_along > last)
+
+
+@compiled
+def _crossing_of_edge(
+    vertices: Array, k: int, touch: float, on_outline: bool, best: float, x0: float, y0: float, x1: float, y1: float
+) -> tuple[int, float, float]:
+    """Return where the segment crosses edge k inwards before its fraction `best`: as `first_crossing_kernel` does.
+
+    `vertices` (n, 2), m. The edge that is returned is another where it crosses at a vertex, and -1 where it does not.
+    """
+    next_vertex = k + 1 if k + 1 < vertices.shape[0] else 0
+    ax, ay, bx, by = vertices[k, 0], vertices[k, 1], vertices[next_vertex, 0], vertices[next_vertex, 1]
+    a_side, b_side = _doubled_area(x0, y0, x1, y1, ax, ay), _doubled_area(x0, y0, x1, y1, bx, by)
+    # inwards an edge is crossed from its right to its left: a left of the segment, b right of it
+    if not (a_side > 0.0 >= b_side):
+        return -1, 0.0, 0.0
+    before, after = _doubled_area(ax, ay, bx, by, x0, y0), _doubled_area(ax, ay, bx, by, x1, y1)
+    # the start is right of the edge and the end left of it, or it is not crossed
+    if before > 0.0 or after <= 0.0:
+        return -1, 0.0, 0.0
+    if on_outline and -before <= touch * math.hypot(bx - ax, by - ay):
+        return -1, 0.0, 0.0  # it starts on this edge and was found not to go in
+    fraction, t = before / (before - after), a_side / (a_side - b_side)
+    if fraction >= best:
+        return -1, 0.0, 0.0
+    vertex = _vertex_at(vertices, k, touch, ax + t * (bx - ax), ay + t * (by - ay))
+    if vertex < 0:
+        return k, t, fraction
+    edge, entrance = _entrance_after(vertices, vertex, touch, x1, y1)
+    if edge < 0:
+        return -1, 0.0, 0.0  # it only touches the vertex
+    if entrance != vertex:
+        fraction = _fraction_at_vertex(vertices, entrance, x0, y0, x1, y1)
+        if fraction >= best:
+            return -1, 0.0, 0.0
+    # at a vertex: the start of the edge that goes in, or its end
+    return edge, (0.0 if edge == entrance else 1.0), fraction
 
 
 @compiled
