@@ -26,17 +26,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import LawData, compiled
+from hapticeval.compiled import LawData, as_record, compiled
 from hapticeval.geometry.surface import FIRST, Triple, closest_on_surface, dot, plus
-from hapticeval.renderers.law import HELD, as_rows, release
+from hapticeval.renderers.law import PAST, as_rows, release
 from hapticeval.renderers.stabilisation_laws import (
     BEYOND,
-    BILATERAL,
-    DAMPING,
     FOCAL,
-    MASS,
-    STIFFNESS,
-    VISCOSITY,
+    SET_GAINS,
     contact_ends,
 )
 from hapticeval.types import Array, BoolArray, IntArray
@@ -144,20 +140,20 @@ def by_charts(
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's, `push` (3,), N, its force as sensed; `ihip` (3,), m, and
     `force` (3,), N, are written. Returns BEYOND at the sphere's centre, and else 0.
     """
-    params, state, surface = data.params, data.state, data.segments[0]
+    gains, state, surface = as_record(data.params, SET_GAINS), data.state, data.segments[0]
     y, yd, pushed = (hip[0], hip[1], hip[2]), (velocity[0], velocity[1], velocity[2]), (push[0], push[1], push[2])
     foot, normal, n = closest_on_surface(surface, y)
-    bilateral = params[BILATERAL] != 0.0
-    if not bilateral and n > 0.0 and state[HELD] == 0.0:
+    bilateral = gains.bilateral != 0.0
+    if not bilateral and n > 0.0 and as_record(state, PAST).in_contact == 0.0:
         return release(state, hip, ihip, force)
-    radius, mass, rate = surface[FIRST], params[MASS], dot(normal, yd)
+    radius, mass, rate = surface[FIRST], gains.mass, dot(normal, yd)
     length = radius + n
     if not length / radius > FOCAL:  # 1 + n κ of a sphere
         return BEYOND
-    damper = params[DAMPING] * rate
-    press = -params[STIFFNESS] * n - damper - dot(normal, pushed)  # m v⊥ - F_o·ν
+    damper = gains.damping * rate
+    press = -gains.stiffness * n - damper - dot(normal, pushed)  # m v⊥ - F_o·ν
     # a unilateral contact: (7.67) with b_d + 2 m |y|˙ / |y| for b_d, so that no force acts along the surface
-    brake_rate, foot_share = params[VISCOSITY] / mass, 1.0
+    brake_rate, foot_share = gains.viscosity / mass, 1.0
     if not bilateral:
         brake_rate, foot_share = brake_rate + 2.0 * rate / length, radius / length
     chart, force_share = active_chart(y), foot_share / mass
@@ -190,7 +186,8 @@ def by_charts(
 def _chart_many(
     number: int, params: Array, surface: Array, y: Array, yd: Array, push: Array
 ) -> tuple[BoolArray, Array, Array]:
-    radius, mass, count = surface[FIRST], params[MASS], y.shape[0]
+    gains, radius, count = as_record(params, SET_GAINS), surface[FIRST], y.shape[0]
+    mass = gains.mass
     defined, eta, force = np.zeros(count, np.bool_), np.zeros((count, 4)), np.zeros((count, 3))
     for i in range(count):
         q = to_chart_axes(number, (y[i, 0], y[i, 1], y[i, 2]))
@@ -203,10 +200,8 @@ def _chart_many(
         rows = jacobian(q)
         eta[i, 0], eta[i, 1] = math.atan2(q[1], q[0]), dot(rows[1], u)
         eta[i, 2], eta[i, 3] = math.atan2(across, q[2]), dot(rows[2], u)
-        v_across = -(params[STIFFNESS] * (length - radius) + params[DAMPING] * dot(rows[0], u)) / mass
-        acceleration = chart_acceleration(
-            radius, q, u, v_across, params[VISCOSITY] / mass, to_chart_axes(number, pushed)
-        )
+        v_across = -(gains.stiffness * (length - radius) + gains.damping * dot(rows[0], u)) / mass
+        acceleration = chart_acceleration(radius, q, u, v_across, gains.viscosity / mass, to_chart_axes(number, pushed))
         acceleration = from_chart_axes(number, acceleration)
         for k in range(3):
             force[i, k] = mass * acceleration[k] - push[i, k]

@@ -16,12 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import EMPTY_TABLE, LawData, compiled, for_kernels
+from hapticeval.compiled import EMPTY_TABLE, LawData, as_record, compiled, for_kernels, record_type
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import nearest_kernel
 from hapticeval.geometry.representations import LevelSet, Polygon
-from hapticeval.renderers.law import BILATERAL, ERROR, OWN, once, regulate, release
+from hapticeval.renderers.law import GAINS, PAST, once, regulate, release
 from hapticeval.renderers.projective import CompiledProjection
 from hapticeval.types import Array
 
@@ -48,11 +48,15 @@ class Contour(NamedTuple):
     dy: float
 
 
+GRID_GAINS = record_type("x0", "y0", "dx", "dy", base=GAINS)
+"""The `params` of the law: with the first node of the grid and its steps (m)."""
+
+
 @compiled
 def contour_in(data: LawData) -> Contour:
     """Return the contour that a law works on, of the fields of its data; lengths in m."""
-    x0, y0, dx, dy = data.params[OWN], data.params[OWN + 1], data.params[OWN + 2], data.params[OWN + 3]
-    return Contour(data.segments, data.lookup, data.vertices, data.tree, x0, y0, dx, dy)
+    grid = as_record(data.params, GRID_GAINS)
+    return Contour(data.segments, data.lookup, data.vertices, data.tree, grid.x0, grid.y0, grid.dx, grid.dy)
 
 
 def contour_of(level_set: LevelSet) -> tuple[Contour, Polygon]:
@@ -251,7 +255,8 @@ def on_level_set(
     """
     c, params, state = contour_in(data), data.params, data.state
     x, y = hip[0], hip[1]
-    if params[BILATERAL] == 0.0 and not value_at(c, x, y) < 0.0:
+    if as_record(params, GAINS).bilateral == 0.0 and not value_at(c, x, y) < 0.0:
         return release(state, hip, ihip, force)
-    ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = nearest_on_contour(c, x, y)
+    normal = as_record(state, PAST).normal
+    ihip[0], ihip[1], normal[0], normal[1] = nearest_on_contour(c, x, y)
     return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)

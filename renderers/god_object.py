@@ -15,12 +15,12 @@ of one of the two planes, at a concave one of both.
 
 from __future__ import annotations
 
-from hapticeval.compiled import LawData, borrowing, compiled, inner
+from hapticeval.compiled import LawData, as_record, borrowing, compiled, inner, record_type
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_feature, closest_on_mesh, side_and_normal
 from hapticeval.geometry.mesh_tool import RESTS, fly_to_hand, walk_downhill
 from hapticeval.renderers.family import VERTICES
-from hapticeval.renderers.law import BILATERAL, ERROR, OWN, ROOM, move_on, regulate, release
+from hapticeval.renderers.law import GAINS, PAST, move_on, regulate, release
 from hapticeval.renderers.outline import (
     LEAVES,
     Outline,
@@ -36,8 +36,8 @@ from hapticeval.renderers.projective import CompiledProjection
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-TOUCHES, PIECE, AT, HIP_X, HIP_Y = range(ROOM[2], ROOM[2] + 5)
-"""In `state`: whether the tool is in contact, where on which piece, and the last HIP."""
+TOOL = record_type("touches", "piece", "u", base=PAST, hip=2)
+"""The `state`: with whether the tool is in contact, where on which piece, and the last HIP (m)."""
 
 FLIGHTS = 64
 """Releases within one tick after which the side of the hand decides; each brings the tool closer to it."""
@@ -53,17 +53,17 @@ def god_object(scene: Scene, representation: str, *, vertices: float = VERTICES)
         return on_mesh(scene, scene.model.boundary)
     shape = representation_of(scene.model, representation, int(vertices))
     return CompiledProjection(
-        follow, shape.surface, bilateral=scene.bilateral, memory=5, begin=begin, rows=follow_rows, **shape.tables
+        follow, shape.surface, bilateral=scene.bilateral, state=TOOL, begin=begin, rows=follow_rows, **shape.tables
     )
 
 
 @borrowing
 def begin(data: LawData, hip: Array) -> None:
     """Put the tool where a run starts with the hand at `hip` (2,), m: if that is inside, on the nearest point."""
-    state = data.state
+    tool = as_record(data.state, TOOL)
     piece, u, _, side = nearest_on(outline_in(data), hip[0], hip[1])
-    state[TOUCHES] = 1.0 if data.params[BILATERAL] != 0.0 or side < 0.0 else 0.0
-    state[PIECE], state[AT], state[HIP_X], state[HIP_Y] = piece, u, hip[0], hip[1]
+    tool.touches = 1.0 if as_record(data.params, GAINS).bilateral != 0.0 or side < 0.0 else 0.0
+    tool.piece, tool.u, tool.hip[0], tool.hip[1] = piece, u, hip[0], hip[1]
 
 
 @inner
@@ -74,23 +74,23 @@ def follow(
 
     `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
     """
-    b, params, state = outline_in(data), data.params, data.state
+    b, params, state, tool = outline_in(data), data.params, data.state, as_record(data.state, TOOL)
     x, y = hip[0], hip[1]
-    touches, piece, u = state[TOUCHES] != 0.0, int(state[PIECE]), state[AT]
+    touches, piece, u = tool.touches != 0.0, int(tool.piece), tool.u
     status = LEAVES
     if touches:  # downhill in distance, from where the tool is
-        status, piece, u = slide(b.pieces, b.joints, params[BILATERAL] == 0.0, piece, u, x, y)
+        status, piece, u = slide(b.pieces, b.joints, as_record(params, GAINS).bilateral == 0.0, piece, u, x, y)
     if status == LEAVES:  # free, or released just now: straight to the hand
-        x0, y0 = state[HIP_X], state[HIP_Y]
+        x0, y0 = tool.hip[0], tool.hip[1]
         if touches:
             x0, y0, _, _, _, _ = evaluate_at(b.pieces, piece, u)
         touches, piece, u = _fly(b, touches, x0, y0, x, y)
-        state[TOUCHES] = 1.0 if touches else 0.0
+        tool.touches = 1.0 if touches else 0.0
     # the next tick goes on from here
-    state[PIECE], state[AT], state[HIP_X], state[HIP_Y] = piece, u, x, y
+    tool.piece, tool.u, tool.hip[0], tool.hip[1] = piece, u, x, y
     if not touches:
         return release(state, hip, ihip, force)
-    ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = frame(b.pieces, b.joints, piece, u, x, y)
+    ihip[0], ihip[1], tool.normal[0], tool.normal[1] = frame(b.pieces, b.joints, piece, u, x, y)
     return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)
 
 
@@ -130,14 +130,15 @@ def _fly(b: Outline, released: bool, x0: float, y0: float, x: float, y: float) -
     return side < 0.0, piece, u
 
 
-MESH_TOUCHES, TRIANGLE, FEATURE, TOOL, HIP = ROOM[3], ROOM[3] + 1, ROOM[3] + 2, ROOM[3] + 3, ROOM[3] + 6
-"""In `state`: whether the tool is in contact, on which feature of which triangle, where, and the last HIP.
+MESH_TOOL = record_type("touches", "triangle", "feature", base=PAST, place=3, hip=3)
+"""The `state` on a mesh: with whether the tool is in contact, on which feature of which triangle, where, and the last
+HIP (m).
 
 In free space the triangle is one close to the hand, where the search begins.
 """
 
-TOUCH = OWN
-"""In `params`: the mesh's `touch` (m)."""
+MESH_GAINS = record_type("touch", base=GAINS)
+"""The `params` on a mesh: with its `touch` (m)."""
 
 
 def on_mesh(scene: Scene, mesh: Mesh) -> CompiledProjection:
@@ -148,7 +149,7 @@ def on_mesh(scene: Scene, mesh: Mesh) -> CompiledProjection:
         mesh,
         bilateral=scene.bilateral,
         own=[mesh.touch],
-        memory=9,
+        state=MESH_TOOL,
         begin=begin_on_mesh,
         segments=faces,
         vertices=vertices,
@@ -159,14 +160,14 @@ def on_mesh(scene: Scene, mesh: Mesh) -> CompiledProjection:
 @compiled
 def begin_on_mesh(data: LawData, hip: Array) -> None:
     """Put the tool where a run starts with the hand at `hip` (3,), m: if that is inside, on the nearest point."""
-    faces, vertices, tree, state = data.segments, data.vertices, data.tree, data.state
+    faces, vertices, tree, tool = data.segments, data.vertices, data.tree, as_record(data.state, MESH_TOOL)
     hand = (hip[0], hip[1], hip[2])
     triangle, feature, foot = closest_feature(faces, vertices, tree, hand, 0)
     _, _, _, distance = closest_on_mesh(faces, vertices, tree, hand, triangle)
-    state[MESH_TOUCHES] = 1.0 if data.params[BILATERAL] != 0.0 or distance < 0.0 else 0.0
-    state[TRIANGLE], state[FEATURE] = triangle, feature
+    tool.touches = 1.0 if as_record(data.params, GAINS).bilateral != 0.0 or distance < 0.0 else 0.0
+    tool.triangle, tool.feature = triangle, feature
     for i in range(3):
-        state[TOOL + i], state[HIP + i] = foot[i], hip[i]
+        tool.place[i], tool.hip[i] = foot[i], hip[i]
 
 
 @compiled
@@ -178,26 +179,27 @@ def follow_on_mesh(
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
     """
     faces, vertices, params, state = data.segments, data.vertices, data.params, data.state
-    hand, triangle, feature = (hip[0], hip[1], hip[2]), int(state[TRIANGLE]), int(state[FEATURE])
-    tool = (state[TOOL], state[TOOL + 1], state[TOOL + 2])
-    touches = state[MESH_TOUCHES] != 0.0
+    gains, tool = as_record(params, MESH_GAINS), as_record(state, MESH_TOOL)
+    hand, triangle, feature = (hip[0], hip[1], hip[2]), int(tool.triangle), int(tool.feature)
+    place = (tool.place[0], tool.place[1], tool.place[2])
+    touches = tool.touches != 0.0
     rests = False
     if touches:  # over faces, along edges and into corners, downhill in distance
-        status, triangle, feature, tool = walk_downhill(
-            faces, vertices, params[BILATERAL] == 0.0, triangle, feature, tool, hand
+        status, triangle, feature, place = walk_downhill(
+            faces, vertices, gains.bilateral == 0.0, triangle, feature, place, hand
         )
         rests = status == RESTS
     if not rests:  # free, or released just now: straight to the hand
-        start = tool if touches else (state[HIP], state[HIP + 1], state[HIP + 2])
-        touches, triangle, feature, tool = fly_to_hand(faces, vertices, data.tree, params[TOUCH], start, hand, triangle)
-    state[MESH_TOUCHES], state[TRIANGLE], state[FEATURE] = 1.0 if touches else 0.0, triangle, feature
+        start = place if touches else (tool.hip[0], tool.hip[1], tool.hip[2])
+        touches, triangle, feature, place = fly_to_hand(faces, vertices, data.tree, gains.touch, start, hand, triangle)
+    tool.touches, tool.triangle, tool.feature = 1.0 if touches else 0.0, triangle, feature
     for i in range(3):
-        state[TOOL + i], state[HIP + i] = tool[i], hip[i]
+        tool.place[i], tool.hip[i] = place[i], hip[i]
     if not touches:
         return release(state, hip, ihip, force)
     # on an edge or at a corner the normal is along the error
-    tool_to_hand = (hip[0] - tool[0], hip[1] - tool[1], hip[2] - tool[2])
-    _, normal = side_and_normal(faces, vertices, triangle, feature, tool, tool_to_hand)
+    tool_to_hand = (hip[0] - place[0], hip[1] - place[1], hip[2] - place[2])
+    _, normal = side_and_normal(faces, vertices, triangle, feature, place, tool_to_hand)
     for i in range(3):
-        ihip[i], state[ERROR + 3 + i] = tool[i], normal[i]
+        ihip[i], tool.normal[i] = place[i], normal[i]
     return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)

@@ -14,7 +14,18 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from hapticeval.compiled import LAW, LawData, borrowing, first_class, for_kernels, inner
+from hapticeval.compiled import (
+    LAW,
+    LawData,
+    as_record,
+    borrowing,
+    first_class,
+    for_kernels,
+    inner,
+    numbers_of,
+    record_type,
+    room_for,
+)
 from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
@@ -96,7 +107,9 @@ class LawRenderer:
         hips = as_rows(hips)
         velocity, ihips, forces = np.zeros(hips.shape[1]), np.empty_like(hips), np.empty_like(hips)
         self.reset(hips[0])
-        answer = self._rows or partial(answer_rows, first_class(self.law.function, LAW))
+        # The law as a value first, compiled with all its ways in: `rows` then calls that code.
+        law = first_class(self.law.function, LAW)
+        answer = self._rows or partial(answer_rows, law)
         row, refusal = answer(self.law.data, self._push, hips, velocity, dt, ihips, forces)
         if refusal:
             raise self.led_out(hips[row], self.law.refusals[refusal])
@@ -167,29 +180,32 @@ REFERENCE_DEPTH = 1e-3
 REFERENCE_RATE = 0.1
 """Speed of penetration (m/s) at which, at the reference depth, the square-root damper gives the linear one's force."""
 
-SCHEME, BILATERAL, STIFFNESS, DAMPING, MASS, SPRING, DAMPER, OWN = range(8)
-"""Where the gains are in the `params` of a law, SPRING and DAMPER those of the square root; from OWN on its own."""
+GAINS = record_type("scheme", "bilateral", "stiffness", "damping", "mass", "spring", "damper")
+"""What the `params` of a law begin with: N/m, N s/m, kg; `spring` and `damper` are those of the square root."""
 
-HELD, ERROR = 0, 1
-"""In the `state` of a law: whether there was contact at the tick before, and its error (N,); then the normal (N,)."""
+OWN = room_for(GAINS)
+"""Where in `params` a projection's own numbers begin."""
 
-ROOM = {2: 5, 3: 7}
-"""How much of `state` the schemes take in N dimensions; what follows is the projection's."""
+PAST = record_type("in_contact", error=3, normal=3)
+"""What the `state` of a law begins with: whether there was contact at the tick before, its position error (m), and the
+outward unit normal at the IHIP, which a projection writes before it regulates."""
 
 
 def gains(regulation: Regulation, scene: Scene) -> Array:
-    """Return the first `OWN` of a law's `params` (7,)."""
+    """Return the `GAINS` of a law (7,), which its `params` begin with."""
     # k_p = K_p e_0^(1/2) and k_d = K_d (rate_0 / e_0)^(1/2), see `regulation` on the square root
     spring = scene.stiffness * REFERENCE_DEPTH**0.5
     damper = scene.damping * (REFERENCE_RATE / REFERENCE_DEPTH) ** 0.5
-    bilateral = float(scene.bilateral)
-    return np.array([regulation.number, bilateral, scene.stiffness, scene.damping, scene.mass, spring, damper])
+    return numbers_of(
+        GAINS, scheme=regulation.number, bilateral=scene.bilateral, stiffness=scene.stiffness, damping=scene.damping,
+        mass=scene.mass, spring=spring, damper=damper,
+    )  # fmt: skip
 
 
 @inner
 def release(state: Array, hip: Array, ihip: Array, force: Array) -> int:
     """Answer in free space: `ihip` (N,) is the HIP, `hip` (N,), m, and `force` (N,), N, zero. Returns 0."""
-    state[HELD] = 0.0
+    as_record(state, PAST).in_contact = 0.0
     for i in range(hip.shape[0]):
         ihip[i], force[i] = hip[i], 0.0
     return 0
@@ -207,49 +223,47 @@ def regulate(
     `known` is what a projection knows beside them: κ v_t^2 (m/s^2) for `pp-pd-c`, p (m) for `gradient`. Sums and
     products have one order, so that all ways give the same bits.
     """
-    count = hip.shape[0]
-    scheme, stiffness, damping = params[SCHEME], params[STIFFNESS], params[DAMPING]
-    was_in_contact, normal = state[HELD] != 0.0, ERROR + count
+    count, gains, past = hip.shape[0], as_record(params, GAINS), as_record(state, PAST)
+    scheme, stiffness, damping, normal = gains.scheme, gains.stiffness, gains.damping, past.normal
+    was_in_contact = past.in_contact != 0.0
     normal_velocity, normal_error, depth_squared, error_dot_rate = 0.0, 0.0, 0.0, 0.0
     for i in range(count):
         # (4.5), and its difference backwards: zero in the first tick of contact, which has no error before it
         error = hip[i] - ihip[i]
-        rate = (error - state[ERROR + i]) / dt if was_in_contact else 0.0
-        state[ERROR + i] = error
+        rate = (error - past.error[i]) / dt if was_in_contact else 0.0
+        past.error[i] = error
         depth_squared += error * error
         error_dot_rate += error * rate
         force[i] = -stiffness * error  # (4.8)
         if scheme == PP_D:  # (4.12)
             force[i] = force[i] - damping * rate
-    state[HELD] = 1.0
+    past.in_contact = 1.0
     if scheme == PP:
         return 0
     for i in range(count):
-        normal_velocity += state[normal + i] * velocity[i]
-        normal_error += state[normal + i] * state[ERROR + i]
+        normal_velocity += normal[i] * velocity[i]
+        normal_error += normal[i] * past.error[i]
         if scheme == PP_V:  # (4.10)
             force[i] = force[i] - damping * velocity[i]
     if scheme in (TRANSVERSAL, GRADIENT):
-        if params[BILATERAL] == 0.0:
+        if gains.bilateral == 0.0:
             normal_error = min(normal_error, 0.0)  # a hand above the tangent at a distant foot is not pulled to it
         # (5.21) with its signs corrected, or K_p p n - K_d (n.v) n
         size = (-stiffness * normal_error if scheme == TRANSVERSAL else stiffness * known) - damping * normal_velocity
         for i in range(count):
-            force[i] = size * state[normal + i]
+            force[i] = size * normal[i]
     elif scheme == SQUARE_ROOT:
         # section 4.2: F = k_p e^(1/2) + k_d e^(1/2) e'^(1/2) from HIP to IHIP, e' with its sign
         depth = math.sqrt(depth_squared)
         safe = depth if depth > 0.0 else 1.0  # on the surface the error is zero, and so is the force
         error_rate = error_dot_rate / safe  # of the error's length, m/s
-        size = math.sqrt(depth) * (
-            params[SPRING] + params[DAMPER] * math.copysign(math.sqrt(abs(error_rate)), error_rate)
-        )
+        size = math.sqrt(depth) * (gains.spring + gains.damper * math.copysign(math.sqrt(abs(error_rate)), error_rate))
         for i in range(count):
-            force[i] = -size * (state[ERROR + i] / safe)
+            force[i] = -size * (past.error[i] / safe)
     elif scheme in (PP_PD, PP_PD_C):
         size = damping * normal_velocity
         for i in range(count):
-            force[i] = force[i] - size * state[normal + i]  # (4.14): damp along the normal only
+            force[i] = force[i] - size * normal[i]  # (4.14): damp along the normal only
             if scheme == PP_PD_C:  # (3.8): -m κ v_t^2 n
-                force[i] = force[i] - params[MASS] * known * state[normal + i]
+                force[i] = force[i] - gains.mass * known * normal[i]
     return 0

@@ -28,7 +28,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import LawData, borrowing, inner
+from hapticeval.bracket import step_within
+from hapticeval.compiled import LawData, as_record, borrowing, inner, record_type
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import (
@@ -52,18 +53,17 @@ from hapticeval.geometry.mesh_kernels import NORMAL, first_triangle_hit
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.surface import Surface, closest_on_surface, dot, plus
 from hapticeval.renderers.family import VERTICES
-from hapticeval.renderers.law import BILATERAL, ERROR, OWN, SCHEME, once, regulate, release
+from hapticeval.renderers.law import GAINS, OWN, PAST, once, regulate, release
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
 from hapticeval.renderers.potential import (
-    CENTRE,
     LAST,
     PARALLEL,
-    REACH,
-    SUPPORT,
+    POTENTIAL,
     Centre,
     centre_of,
     level_at,
     level_values,
+    potential_record,
     stretch,
 )
 from hapticeval.renderers.projective import CompiledProjection
@@ -92,29 +92,29 @@ def homothetic(
     if isinstance(model.boundary, Mesh) or (model.dimension == 3 and representation == "curve"):
         boundary = model.boundary if isinstance(model.boundary, Mesh) else model.surface
         middle = kernel_centre_of(model, boundary, centre)
-        own = potential_numbers(middle)
+        potential = potential_numbers(middle)
         if isinstance(boundary, Mesh):
             faces, corners, tree = boundary.tables
             low, high = np.reshape(boundary.bounds, (2, 3))
             reach = 1.1 * float(np.linalg.norm(np.maximum(high - middle.point, middle.point - low)))
             return CompiledProjection(
-                homothetic_on_mesh, boundary, bilateral=scene.bilateral, own=[*own, reach], potential=own,
-                support_range=middle.support_range, segments=faces, vertices=corners, tree=tree,
+                homothetic_on_mesh, boundary, bilateral=scene.bilateral, own=[*potential_record(potential), reach],
+                potential=potential, support_range=middle.support_range, segments=faces, vertices=corners, tree=tree,
             )  # fmt: skip
         return CompiledProjection(
-            homothetic_in_space, boundary, bilateral=scene.bilateral, own=own, potential=own,
-            support_range=middle.support_range, lookup=_quadric(boundary, middle),
+            homothetic_in_space, boundary, bilateral=scene.bilateral, own=potential_record(potential),
+            potential=potential, support_range=middle.support_range, lookup=_quadric(boundary, middle),
         )  # fmt: skip
     curve, lengths = model.curve, (0.0, 0.0)
     if curve.closed:
         shape = representation_of(model, representation, int(vertices))
         curve, lengths = shape.surface, (shape.resolution, shape.standoff)
     middle = kernel_centre_of(model, curve, centre)
-    own = potential_numbers(middle)
+    potential = potential_numbers(middle)
     return CompiledProjection(
-        homothetic_in_plane, curve, bilateral=scene.bilateral, own=own, potential=own,
+        homothetic_in_plane, curve, bilateral=scene.bilateral, own=potential_record(potential), potential=potential,
         support_range=middle.support_range, segments=curve.pieces,
-        lookup=ray_table(curve, own[CENTRE:]), resolution=lengths[0], standoff=lengths[1],
+        lookup=ray_table(curve, middle.point), resolution=lengths[0], standoff=lengths[1],
     )  # fmt: skip
 
 
@@ -210,9 +210,7 @@ def on_ray(pieces: Array, table: Array, cx: float, cy: float, ex: float, ey: flo
             begin = u
         else:
             end = u
-        next_u = u - miss / slope if slope > 0.0 else 0.5 * (begin + end)
-        if not begin <= next_u <= end:
-            next_u = 0.5 * (begin + end)
+        next_u = step_within(begin, end, u - miss / slope if slope > 0.0 else math.inf)
         if abs(next_u - u) <= 2e-16 * (abs(u1) + abs(u0)):
             return piece, next_u
         u = next_u
@@ -227,18 +225,19 @@ def homothetic_in_plane(
 
     `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
     """
-    params, state = data.params, data.state
-    cx, cy = params[HOMOTHETIC + CENTRE], params[HOMOTHETIC + CENTRE + 1]
+    params, state, centre = data.params, data.state, as_record(data.params, POTENTIAL, HOMOTHETIC).centre
+    cx, cy = centre[0], centre[1]
     ex, ey = hip[0] - cx, hip[1] - cy
     piece, u = on_ray(data.segments, data.lookup, cx, cy, ex, ey)
     x, y, dx, dy, _, _ = evaluate(data.segments[piece], u)
     wx, wy = x - cx, y - cy
     # 1 - lambda, by the projection of one on the other: they are parallel but for rounding
     shortfall = 1.0 - (ex * wx + ey * wy) / (wx * wx + wy * wy)
-    if params[BILATERAL] == 0.0 and not shortfall > 0.0:
+    if as_record(params, GAINS).bilateral == 0.0 and not shortfall > 0.0:
         return release(state, hip, ihip, force)
     speed = math.hypot(dx, dy)
-    ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = x, y, dy / speed, -dx / speed
+    normal = as_record(state, PAST).normal
+    ihip[0], ihip[1], normal[0], normal[1] = x, y, dy / speed, -dx / speed
     h = (wx * dy - wy * dx) / speed
     return regulate(params, state, hip, velocity, _gradient_length(params, shortfall, h), dt, ihip, force)
 
@@ -246,8 +245,8 @@ def homothetic_in_plane(
 @inner
 def _gradient_length(params: Array, shortfall: float, h: float) -> float:
     """Return H^2 (1 - lambda) / h for `gradient`: `potential.stretch` where all level curves are smaller copies."""
-    support = params[HOMOTHETIC + SUPPORT]
-    return support * support * shortfall / h if params[SCHEME] == GRADIENT else 0.0
+    support = as_record(params, POTENTIAL, HOMOTHETIC).support
+    return support * support * shortfall / h if as_record(params, GAINS).scheme == GRADIENT else 0.0
 
 
 @borrowing
@@ -258,43 +257,43 @@ def homothetic_in_space(
 
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
     """
-    row, params, state = data.lookup, data.params, data.state
-    c = HOMOTHETIC + CENTRE
+    row, params, state, normal = data.lookup, data.params, data.state, as_record(data.state, PAST).normal
+    centre = as_record(params, POTENTIAL, HOMOTHETIC).centre
     # The ray c + s e is on the surface where the sum of (c + s e)^2 / axis^2 is 1. With lambda = 1 / s, and sums over
     # the axes, P lambda^2 - 2 (e.c / axis^2) lambda - e.e / axis^2 = 0, where P = 1 - c.c / axis^2 > 0.
     hand_squared, hand_dot_centre, centre_power = 0.0, 0.0, row[0, 3]
     for i in range(3):
-        e = row[0, i] * (hip[i] - params[c + i])
+        e = row[0, i] * (hip[i] - centre[i])
         hand_squared, hand_dot_centre = (
-            hand_squared + e * (hip[i] - params[c + i]),
-            hand_dot_centre + e * params[c + i],
+            hand_squared + e * (hip[i] - centre[i]),
+            hand_dot_centre + e * centre[i],
         )
     root_sum = math.sqrt(hand_dot_centre * hand_dot_centre + hand_squared * centre_power) + hand_dot_centre
     ratio = root_sum * row[0, 4]
-    if params[BILATERAL] == 0.0 and not ratio < 1.0:
+    if as_record(params, GAINS).bilateral == 0.0 and not ratio < 1.0:
         return release(state, hip, ihip, force)
     # s = 1 / lambda, times e from the centre
     reach = centre_power / root_sum if ratio > 0.0 else 0.0
     for i in range(3):
-        ihip[i] = params[c + i] + reach * (hip[i] - params[c + i])
+        ihip[i] = centre[i] + reach * (hip[i] - centre[i])
     if not ratio > 0.0:  # the hand is at the centre: any ray will do, say that along x
         ratio = 0.0
-        ihip[0] = math.sqrt(centre_power / row[0, 0] + params[c] * params[c])
+        ihip[0] = math.sqrt(centre_power / row[0, 0] + centre[0] * centre[0])
     # the normal is along y / axis^2; h = n.(y - c)
     size, h = 0.0, 0.0
     for i in range(3):
         gradient = row[0, i] * ihip[i]
-        state[ERROR + 3 + i] = gradient
+        normal[i] = gradient
         size += gradient * gradient
-        h += gradient * (ihip[i] - params[c + i])
+        h += gradient * (ihip[i] - centre[i])
     size = 1.0 / math.sqrt(size)
     for i in range(3):
-        state[ERROR + 3 + i] *= size
+        normal[i] *= size
     return regulate(params, state, hip, velocity, _gradient_length(params, 1.0 - ratio, h * size), dt, ihip, force)
 
 
-LENGTH = HOMOTHETIC + CENTRE + 3
-"""In `params`, on a mesh: how far (m) from the centre no point of it lies."""
+MESH_POTENTIAL = record_type("length", base=POTENTIAL)
+"""The numbers on a mesh: with how far (m) from the centre no point of it lies."""
 
 
 @borrowing
@@ -305,25 +304,25 @@ def homothetic_on_mesh(
 
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
     """
-    params, state = data.params, data.state
-    c = HOMOTHETIC + CENTRE
-    centre = (params[c], params[c + 1], params[c + 2])
+    params, state, normal = data.params, data.state, as_record(data.state, PAST).normal
+    potential = as_record(params, MESH_POTENTIAL, HOMOTHETIC)
+    centre, length = (potential.centre[0], potential.centre[1], potential.centre[2]), potential.length
     from_centre = (hip[0] - centre[0], hip[1] - centre[1], hip[2] - centre[2])
     hand_distance = math.sqrt(
         from_centre[0] * from_centre[0] + from_centre[1] * from_centre[1] + from_centre[2] * from_centre[2]
     )
-    ray = (params[LENGTH], 0.0, 0.0)  # of a hand at the centre: any direction will do
+    ray = (length, 0.0, 0.0)  # of a hand at the centre: any direction will do
     if hand_distance > 0.0:
-        scale = params[LENGTH] / hand_distance
+        scale = length / hand_distance
         ray = (scale * from_centre[0], scale * from_centre[1], scale * from_centre[2])
     triangle, ray_share = first_triangle_hit(data.segments, data.vertices, data.tree, centre, ray, 0.0, 1.0)
-    shortfall = 1.0 - hand_distance / (ray_share * params[LENGTH])
-    if params[BILATERAL] == 0.0 and not shortfall > 0.0:
+    shortfall = 1.0 - hand_distance / (ray_share * length)
+    if as_record(params, GAINS).bilateral == 0.0 and not shortfall > 0.0:
         return release(state, hip, ihip, force)
     h = 0.0
     for i in range(3):
-        ihip[i], state[ERROR + 3 + i] = centre[i] + ray_share * ray[i], data.segments[triangle, NORMAL + i]
-        h += state[ERROR + 3 + i] * ray_share * ray[i]
+        ihip[i], normal[i] = centre[i] + ray_share * ray[i], data.segments[triangle, NORMAL + i]
+        h += normal[i] * ray_share * ray[i]
     return regulate(params, state, hip, velocity, _gradient_length(params, shortfall, h), dt, ihip, force)
 
 
@@ -360,17 +359,18 @@ def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = 
     # m of the potential: neither curvature nor support distance may let level curves cross
     shape = model.surface if model.dimension == 3 else model.curve
     curvature = once(model, "largest curvature", lambda: largest_curvature(shape))
-    own = potential_numbers(middle, min(SAFE / curvature, middle.smallest) if curvature > 0.0 else middle.smallest)
+    reach = min(SAFE / curvature, middle.smallest) if curvature > 0.0 else middle.smallest
+    potential = potential_numbers(middle, reach)
     if model.dimension == 3:
         row = model.surface.row[np.newaxis]
         return CompiledProjection(
-            combescure_in_space, boundary, bilateral=scene.bilateral, own=[0.0, *own], potential=own,
-            support_range=middle.support_range, segments=row,
+            combescure_in_space, boundary, bilateral=scene.bilateral, own=[0.0, *potential_record(potential)],
+            potential=potential, support_range=middle.support_range, segments=row,
         )  # fmt: skip
     tables = representation_of(model, "curve").tables
     return CompiledProjection(
-        combescure_in_plane, model.curve, bilateral=scene.bilateral, potential=own, support_range=middle.support_range,
-        **{**tables, "own": [*tables["own"], *own]},
+        combescure_in_plane, model.curve, bilateral=scene.bilateral, potential=potential,
+        support_range=middle.support_range, **{**tables, "own": [*tables["own"], *potential_record(potential)]},
     )  # fmt: skip
 
 
@@ -402,9 +402,8 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
     At each point t is such that the hand is on the tangent of the level curve there; what it misses the hand by along
     that, R = T.(x - y_t), changes along the surface by -A (1 - b kappa) + kappa R A' T.(y_0 - c) / v.
     """
-    pieces, params = data.segments, data.params
-    support = params[COMBESCURE + SUPPORT]
-    cx, cy = params[COMBESCURE + CENTRE], params[COMBESCURE + CENTRE + 1]
+    pieces, potential = data.segments, as_record(data.params, POTENTIAL, COMBESCURE)
+    support, cx, cy = potential.support, potential.centre[0], potential.centre[1]
     first_u, last_u = pieces[0, U0], pieces[pieces.shape[0] - 1, U1]
     ex, ey = x - cx, y - cy
     settled = SETTLED * support + ROUNDING * (abs(x) + abs(y) + abs(cx) + abs(cy))
@@ -414,10 +413,10 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
         speed = math.hypot(dx, dy)
         tx, ty, wx, wy = dx / speed, dy / speed, px - cx, py - cy
         h, along = wx * ty - wy * tx, wx * tx + wy * ty  # with n = (T_y, -T_x): n.(y_0 - c) and T.(y_0 - c)
-        t = level_at(params, COMBESCURE, ex * ty - ey * tx, h)
+        t = level_at(potential, ex * ty - ey * tx, h)
         if not 0.0 <= t < support:
             break
-        a, b, da, db = level_values(params, COMBESCURE, t)
+        a, b, da, db = level_values(potential, t)
         # R, and its rate along the surface with its sign turned
         miss = ex * tx + ey * ty - a * along
         if abs(miss) <= settled:
@@ -437,13 +436,12 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
 @borrowing
 def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, float, float]:
     """Return IHIP, normal and level t of a hand at (x, y) below the parallel curves, by nearest points alone."""
-    boundary, params = outline_in(data), data.params
-    support, reach = params[COMBESCURE + SUPPORT], params[COMBESCURE + REACH]
-    cx, cy = params[COMBESCURE + CENTRE], params[COMBESCURE + CENTRE + 1]
+    boundary, potential = outline_in(data), as_record(data.params, POTENTIAL, COMBESCURE)
+    support, reach, cx, cy = potential.support, potential.reach, potential.centre[0], potential.centre[1]
     low, high = PARALLEL * reach, support
     px, py, nx, ny, t = x, y, 0.0, 0.0, LAST * reach
     for _ in range(ROUNDS):
-        a, b, _, _ = level_values(params, COMBESCURE, t)
+        a, b, _, _ = level_values(potential, t)
         # the hand enlarged by 1 / A about the centre: at its level it lies b deep under its nearest point
         qx, qy = cx + (x - cx) / a, cy + (y - cy) / a
         piece, u, distance, side = nearest_on(boundary, qx, qy)
@@ -454,7 +452,7 @@ def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, flo
             high = t
         # the level by the tangent there, if that is between the bounds
         h = nx * (px - cx) + ny * (py - cy)
-        next_t = level_at(params, COMBESCURE, nx * (x - cx) + ny * (y - cy), h) if h > 0.0 else low
+        next_t = level_at(potential, nx * (x - cx) + ny * (y - cy), h) if h > 0.0 else low
         if abs(next_t - t) <= CLOSE * support:
             break
         t = next_t if low < next_t < high else 0.5 * (low + high)
@@ -470,7 +468,8 @@ def combescure_in_plane(
     `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
     """
     boundary, params, state = outline_in(data), data.params, data.state
-    x, y, bilateral = hip[0], hip[1], params[BILATERAL] != 0.0
+    potential, normal = as_record(params, POTENTIAL, COMBESCURE), as_record(state, PAST).normal
+    x, y, bilateral = hip[0], hip[1], as_record(params, GAINS).bilateral != 0.0
     if not bilateral and is_clear_of(boundary, x, y):
         return release(state, hip, ihip, force)
     piece, u, distance, side = nearest_on(boundary, x, y)
@@ -478,16 +477,16 @@ def combescure_in_plane(
         return release(state, hip, ihip, force)
     t = -side * distance
     # among the parallel curves the nearest point is the IHIP; deeper, Newton's method from there, then the search
-    has_foot = t <= PARALLEL * params[COMBESCURE + REACH]
+    has_foot = t <= PARALLEL * potential.reach
     if not has_foot:
         has_foot, piece, u, t = _follow(data, x, y, piece, u)
     if has_foot:
-        ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = frame(boundary.pieces, boundary.joints, piece, u, x, y)
+        ihip[0], ihip[1], normal[0], normal[1] = frame(boundary.pieces, boundary.joints, piece, u, x, y)
     else:
-        ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3], t = _search(data, x, y)
-    cx, cy = params[COMBESCURE + CENTRE], params[COMBESCURE + CENTRE + 1]
-    h = state[ERROR + 2] * (ihip[0] - cx) + state[ERROR + 3] * (ihip[1] - cy)
-    return regulate(params, state, hip, velocity, stretch(params, COMBESCURE, t, h), dt, ihip, force)
+        ihip[0], ihip[1], normal[0], normal[1], t = _search(data, x, y)
+    cx, cy = potential.centre[0], potential.centre[1]
+    h = normal[0] * (ihip[0] - cx) + normal[1] * (ihip[1] - cy)
+    return regulate(params, state, hip, velocity, stretch(potential, t, h), dt, ihip, force)
 
 
 @borrowing
@@ -499,32 +498,32 @@ def combescure_in_space(
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
     """
     row, params, state = data.segments[0], data.params, data.state
-    support, reach = params[COMBESCURE + SUPPORT], params[COMBESCURE + REACH]
-    c = COMBESCURE + CENTRE
-    centre, hand = (params[c], params[c + 1], params[c + 2]), (hip[0], hip[1], hip[2])
+    potential, past = as_record(params, POTENTIAL, COMBESCURE), as_record(state, PAST)
+    support, reach, hand = potential.support, potential.reach, (hip[0], hip[1], hip[2])
+    centre = (potential.centre[0], potential.centre[1], potential.centre[2])
     from_centre = plus(hand, -1.0, centre)
     foot, normal, distance = closest_on_surface(row, hand)
-    if params[BILATERAL] == 0.0 and not distance < 0.0:
+    if as_record(params, GAINS).bilateral == 0.0 and not distance < 0.0:
         return release(state, hip, ihip, force)
     t, low, high = -distance, PARALLEL * reach, support
     if t > low:
         # by the tangent plane at the nearest point, and then by those that it leads to
-        t = level_at(params, COMBESCURE, dot(normal, from_centre), dot(normal, plus(foot, -1.0, centre)))
+        t = level_at(potential, dot(normal, from_centre), dot(normal, plus(foot, -1.0, centre)))
         if not low < t < high:
             t = LAST * reach
         for _ in range(ROUNDS):  # as `_search` in the plane
-            a, b, _, _ = level_values(params, COMBESCURE, t)
+            a, b, _, _ = level_values(potential, t)
             foot, normal, distance = closest_on_surface(row, plus(centre, 1.0 / a, from_centre))
             if -distance > b:
                 low = t
             else:
                 high = t
             h = dot(normal, plus(foot, -1.0, centre))
-            next_t = level_at(params, COMBESCURE, dot(normal, from_centre), h) if h > 0.0 else low
+            next_t = level_at(potential, dot(normal, from_centre), h) if h > 0.0 else low
             if abs(next_t - t) <= CLOSE * support:
                 break
             t = next_t if low < next_t < high else 0.5 * (low + high)
     for i in range(3):
-        ihip[i], state[ERROR + 3 + i] = foot[i], normal[i]
+        ihip[i], past.normal[i] = foot[i], normal[i]
     h = dot(normal, plus(foot, -1.0, centre))
-    return regulate(params, state, hip, velocity, stretch(params, COMBESCURE, t, h), dt, ihip, force)
+    return regulate(params, state, hip, velocity, stretch(potential, t, h), dt, ihip, force)

@@ -8,22 +8,22 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import LawData, borrowing
+from hapticeval.compiled import LawData, as_record, borrowing, record_type
 from hapticeval.geometry.kernels import evaluate
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_on_mesh
 from hapticeval.geometry.surface import apply_matrix, closest_on_surface, dot, shape_operator
 from hapticeval.renderers.contour import nearest_on_level_set
 from hapticeval.renderers.family import GRID, VERTICES
-from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, SCHEME, regulate, release
+from hapticeval.renderers.law import GAINS, PAST, regulate, release
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
 from hapticeval.renderers.projective import CompiledProjection, Projection
 from hapticeval.renderers.regulation import PP_PD_C
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-TRIANGLE = ROOM[3]
-"""In `state`, on a mesh: the closest triangle of the last tick, at which the search for the next begins."""
+SEARCH = record_type("triangle", base=PAST)
+"""The `state` on a mesh: with the closest triangle of the last tick, at which the search for the next begins."""
 
 
 def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID) -> Projection:
@@ -35,7 +35,7 @@ def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, gr
     if isinstance(model.boundary, Mesh) and representation in ("curve", "polygon"):
         mesh, (faces, corners, tree) = model.boundary, model.boundary.tables
         return CompiledProjection(
-            on_mesh, mesh, bilateral=scene.bilateral, memory=1, segments=faces, vertices=corners, tree=tree
+            on_mesh, mesh, bilateral=scene.bilateral, state=SEARCH, segments=faces, vertices=corners, tree=tree
         )
     if model.dimension == 3 and representation == "curve":
         row = model.surface.row[np.newaxis]
@@ -55,17 +55,17 @@ def in_plane(
 
     `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
     """
-    b, params, state = outline_in(data), data.params, data.state
-    x, y = hip[0], hip[1]
-    bilateral = params[BILATERAL] != 0.0
+    b, params, state, gains = outline_in(data), data.params, data.state, as_record(data.params, GAINS)
+    x, y, normal = hip[0], hip[1], as_record(state, PAST).normal
+    bilateral = gains.bilateral != 0.0
     if not bilateral and b.stray > 0.0 and is_clear_of(b, x, y):  # without the exact search: it costs more
         return release(state, hip, ihip, force)
     piece, u, _, side = nearest_on(b, x, y)
     if not (bilateral or side < 0.0):
         return release(state, hip, ihip, force)
-    ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = frame(b.pieces, b.joints, piece, u, x, y)
+    ihip[0], ihip[1], normal[0], normal[1] = frame(b.pieces, b.joints, piece, u, x, y)
     centripetal = 0.0
-    if params[SCHEME] == PP_PD_C:
+    if gains.scheme == PP_PD_C:
         # κ (t·ẏ)^2: how fast the curve bends away from under the hand
         _, _, dx, dy, ddx, ddy = evaluate(b.pieces[piece], u)
         speed = math.hypot(dx, dy)
@@ -82,14 +82,15 @@ def in_space(
 
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
     """
-    surface, params, state = data.segments[0], data.params, data.state
+    surface, params, state, gains = data.segments[0], data.params, data.state, as_record(data.params, GAINS)
     foot, normal, distance = closest_on_surface(surface, (hip[0], hip[1], hip[2]))
-    if params[BILATERAL] == 0.0 and not distance < 0.0:
+    if gains.bilateral == 0.0 and not distance < 0.0:
         return release(state, hip, ihip, force)
+    past = as_record(state, PAST)
     for i in range(3):
-        ihip[i], state[ERROR + 3 + i] = foot[i], normal[i]
+        ihip[i], past.normal[i] = foot[i], normal[i]
     centripetal = 0.0
-    if params[SCHEME] == PP_PD_C:
+    if gains.scheme == PP_PD_C:
         # v.W v with the shape operator W: κ v_t^2 along the motion, m/s^2
         v = (velocity[0], velocity[1], velocity[2])
         centripetal = dot(v, apply_matrix(shape_operator(surface, foot, normal), v))
@@ -104,12 +105,12 @@ def on_mesh(
 
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
     """
-    params, state = data.params, data.state
-    p, last = (hip[0], hip[1], hip[2]), int(state[TRIANGLE])
+    params, state, search = data.params, data.state, as_record(data.state, SEARCH)
+    p, last = (hip[0], hip[1], hip[2]), int(search.triangle)
     k, foot, normal, distance = closest_on_mesh(data.segments, data.vertices, data.tree, p, last)
-    state[TRIANGLE] = k  # the hand is near it at the next tick: the search begins there
-    if params[BILATERAL] == 0.0 and not distance < 0.0:
+    search.triangle = k  # the hand is near it at the next tick: the search begins there
+    if as_record(params, GAINS).bilateral == 0.0 and not distance < 0.0:
         return release(state, hip, ihip, force)
     for i in range(3):
-        ihip[i], state[ERROR + 3 + i] = foot[i], normal[i]
+        ihip[i], search.normal[i] = foot[i], normal[i]
     return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)

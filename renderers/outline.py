@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import EMPTY_TABLE, LawData, borrowing, compiled, for_kernels, inner
+from hapticeval.compiled import EMPTY_TABLE, LawData, as_record, borrowing, compiled, for_kernels, inner, record_type
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn, project
 from hapticeval.geometry.kernels import (
@@ -45,7 +45,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import first_crossing_kernel, nearest_kernel, side_kernel
 from hapticeval.geometry.representations import Polygon
 from hapticeval.renderers.family import VERTICES
-from hapticeval.renderers.law import OWN, once
+from hapticeval.renderers.law import GAINS, once
 from hapticeval.types import Array
 
 MARGIN = 1.1
@@ -271,14 +271,15 @@ class Outline(NamedTuple):
     stray: float
 
 
-STRAY = OWN
-"""Where in the `params` of a law the `stray` of its boundary is."""
+OUTLINE_GAINS = record_type("stray", base=GAINS)
+"""The `params` of a law on an outline: with the `stray` (m) of that."""
 
 
 @inner
 def outline_in(data: LawData) -> Outline:
     """Return the boundary that a law works on."""
-    return Outline(data.segments, data.joints, data.lookup, data.vertices, data.tree, data.params[STRAY])
+    stray = as_record(data.params, OUTLINE_GAINS).stray
+    return Outline(data.segments, data.joints, data.lookup, data.vertices, data.tree, stray)
 
 
 @inner

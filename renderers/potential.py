@@ -41,11 +41,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import borrowing, compiled, for_kernels, inner
+from hapticeval.bracket import step_within
+from hapticeval.compiled import as_record, borrowing, compiled, for_kernels, inner, numbers_of, record_type
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
@@ -55,8 +57,14 @@ from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.surface import Surface
 from hapticeval.types import Array, IntArray
 
-SUPPORT, REACH, CENTRE = range(3)
-"""Where H, m and the centre are in the numbers of a potential."""
+POTENTIAL = record_type("support", "reach", centre=3)
+"""The numbers of a potential: H and m (m), and the centre (m)."""
+
+
+def potential_record(numbers: Sequence[float]) -> Array:
+    """Return the numbers (5,) of a `POTENTIAL` from H, m and the centre (N,), m."""
+    return numbers_of(POTENTIAL, support=numbers[0], reach=numbers[1], centre=numbers[2:])
+
 
 PARALLEL, LAST = 0.5, 1.0
 """Shares of m up to which b is t, and from which it is constant, three quarters of m. A shorter blend keeps the curves
@@ -75,12 +83,12 @@ ROUNDING = 2e-16
 
 
 @inner
-def level_values(numbers: Array, first: int, t: float) -> tuple[float, float, float, float]:
+def level_values(potential: Any, t: float) -> tuple[float, float, float, float]:
     """Return A, b (m), and their derivatives A' (1/m) and b' at the level t (m): what a level curve is made of.
 
-    `numbers` (n,), m, hold H, m and the centre from `first` on.
+    `potential` is the record `POTENTIAL`.
     """
-    support, reach = numbers[first + SUPPORT], numbers[first + REACH]
+    support, reach = potential.support, potential.reach
     blend_begin, blend_end = PARALLEL * reach, LAST * reach
     if t <= blend_begin and reach > 0.0:  # parallel curves
         return 1.0, t, 0.0, 1.0
@@ -98,32 +106,30 @@ def level_values(numbers: Array, first: int, t: float) -> tuple[float, float, fl
 
 
 @borrowing
-def level_at(numbers: Array, first: int, depth_coordinate: float, h: float) -> float:
+def level_at(potential: Any, depth_coordinate: float, h: float) -> float:
     """Return the level t (m) of a hand x whose IHIP has the normal n and the support distance h (m).
 
     `depth_coordinate` (m) is n.(x - c), and A (h - b) at the level of x; that falls with t at the rate v > 0.
-    `numbers` (n,), m, hold H, m and the centre from `first` on.
+    `potential` is the record `POTENTIAL`.
     """
-    support, reach = numbers[first + SUPPORT], numbers[first + REACH]
+    support, reach = potential.support, potential.reach
     if reach > 0.0 and h - depth_coordinate <= PARALLEL * reach:
         return float(h - depth_coordinate)
     # deeper than the blend b is constant, and t has a closed form
     low, high = PARALLEL * reach, LAST * reach
-    a, b, _, _ = level_values(numbers, first, high)
+    a, b, _, _ = level_values(potential, high)
     if reach == 0.0 or depth_coordinate <= a * (h - b):
         return float(support - depth_coordinate / (h - b) * (support - b))
     # in the blend: Newton's method, kept between the bounds
     t: float = 0.5 * (low + high)
     for _ in range(STEPS):
-        a, b, da, db = level_values(numbers, first, t)
+        a, b, da, db = level_values(potential, t)
         excess = a * (h - b) - depth_coordinate
         if excess > 0.0:
             low = t
         else:
             high = t
-        next_t = t + excess / (a * db - da * (h - b))
-        if not low <= next_t <= high:
-            next_t = 0.5 * (low + high)
+        next_t = step_within(low, high, t + excess / (a * db - da * (h - b)))
         if abs(next_t - t) <= ROUNDING * support:
             return float(next_t)
         t = next_t
@@ -131,12 +137,12 @@ def level_at(numbers: Array, first: int, depth_coordinate: float, h: float) -> f
 
 
 @inner
-def stretch(numbers: Array, first: int, t: float, h: float) -> float:
+def stretch(potential: Any, t: float, h: float) -> float:
     """Return t / v (m), with v = b' A - A' (h - b): K times that is the force at the level t (m).
 
-    h (m) is the support distance there; `numbers` (n,), m, hold H, m and the centre from `first` on.
+    h (m) is the support distance there; `potential` is the record `POTENTIAL`.
     """
-    a, b, da, db = level_values(numbers, first, t)
+    a, b, da, db = level_values(potential, t)
     return t / (a * db - da * (h - b))
 
 
@@ -146,8 +152,9 @@ def stiffness_range(numbers: Sequence[float], smallest: float, largest: float) -
     That share is (t / v) / d, with the depth d = h - A (h - b). Both v and d rise with h, so that at each level the
     share is least where h is largest.
     """
-    data = np.asarray(numbers, dtype=np.float64)
-    support, reach = data[SUPPORT], data[REACH]
+    data = potential_record(numbers)
+    potential = as_record(data, POTENTIAL)
+    support, reach = potential.support, potential.reach
     cuts = np.linspace(0.0, 1.0, LEVELS + 2)[1:-1]
     levels = np.concatenate([cuts * support, (PARALLEL + (LAST - PARALLEL) * cuts) * reach])
     softest, stiffest = (_shares(data, levels[levels > 0.0], h) for h in (largest, smallest))
@@ -157,25 +164,25 @@ def stiffness_range(numbers: Sequence[float], smallest: float, largest: float) -
 @compiled
 def _shares(numbers: Array, levels: Array, h: float) -> Array:
     """Return the shares of K that the force over the depth is at levels (n,), m, where the support distance is h."""
-    shares = np.empty_like(levels)
+    shares, potential = np.empty_like(levels), as_record(numbers, POTENTIAL)
     for i in range(levels.size):
-        a, b, _, _ = level_values(numbers, 0, levels[i])
-        shares[i] = stretch(numbers, 0, levels[i], h) / (h - a * (h - b))
+        a, b, _, _ = level_values(potential, levels[i])
+        shares[i] = stretch(potential, levels[i], h) / (h - a * (h - b))
     return shares
 
 
 @borrowing
-def stretch_at(numbers: Array, first: int, hip: Array, ihip: Array, normal: Array) -> float:
+def stretch_at(potential: Any, hip: Array, ihip: Array, normal: Array) -> float:
     """Return the length (m) that K is to be multiplied by for the force on a hand at `hip` (N,), m.
 
-    `ihip` (N,), m, and `normal` (N,) are its IHIP and the outward unit normal there; `numbers` (n,), m, hold H, m and
-    the centre from `first` on.
+    `ihip` (N,), m, and `normal` (N,) are its IHIP and the outward unit normal there; `potential` is the record
+    `POTENTIAL`.
     """
     depth_coordinate, h = 0.0, 0.0
     for i in range(hip.shape[0]):
-        depth_coordinate += normal[i] * (hip[i] - numbers[first + CENTRE + i])
-        h += normal[i] * (ihip[i] - numbers[first + CENTRE + i])
-    return stretch(numbers, first, level_at(numbers, first, depth_coordinate, h), h)
+        depth_coordinate += normal[i] * (hip[i] - potential.centre[i])
+        h += normal[i] * (ihip[i] - potential.centre[i])
+    return stretch(potential, level_at(potential, depth_coordinate, h), h)
 
 
 GRAZES = 1e-9

@@ -9,17 +9,25 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import LAW, LawData, borrowing, compiled, first_class, for_kernels, inner, law_data
+from hapticeval.compiled import (
+    LAW,
+    LawData,
+    as_record,
+    borrowing,
+    compiled,
+    first_class,
+    for_kernels,
+    inner,
+    law_data,
+    room_for,
+)
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.renderer import SCHEMES, STIFFNESS_LIMITS, CompiledStep, Declaration, Response
 from hapticeval.renderers.law import (
-    BILATERAL,
-    ERROR,
-    HELD,
+    GAINS,
     OWN,
+    PAST,
     REFERENCE_DEPTH,
-    ROOM,
-    SCHEME,
     LawRenderer,
     as_rows,
     gains,
@@ -27,7 +35,7 @@ from hapticeval.renderers.law import (
     regulate,
     release,
 )
-from hapticeval.renderers.potential import stiffness_range, stretch_at
+from hapticeval.renderers.potential import POTENTIAL, potential_record, stiffness_range, stretch_at
 from hapticeval.renderers.regulation import GRADIENT, SQUARE_ROOT, Regulation
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -102,8 +110,8 @@ class CompiledProjection:
     """A projection as the kernel `law`, of signature `LAW`, that projects and lets `regulate` make the force.
 
     - `tables`: fields of its `LawData`, whose `params` begin with the gains; `own` follows.
-    - `begin` (data, hip): prepares a state of `memory` more numbers at the start of a run, for a projection with
-      memory.
+    - `state`: the record that the law's state is, which begins with `PAST`, and `begin` (data, hip) what prepares it at
+      the start of a run, for a projection with memory.
     - `rows`: as of `LawRenderer`; `potential` and `support_range`: as of `Projection`.
     - `exact`: whether it goes to the nearest point of the exact surface: what a scheme does with that has closed forms.
     """
@@ -115,7 +123,7 @@ class CompiledProjection:
         *,
         bilateral: bool,
         own: ArrayLike = (),
-        memory: int = 0,
+        state: np.dtype[Any] = PAST,
         begin: Callable[[LawData, Array], None] | None = None,
         rows: Callable[..., tuple[int, int]] | None = None,
         resolution: float = 0.0,
@@ -129,8 +137,8 @@ class CompiledProjection:
         self.surface, self.resolution, self.standoff = surface, resolution, standoff
         self.begin, self.rows, self.potential, self.support_range = begin, rows, potential, support_range
         params = np.concatenate([np.zeros(OWN), np.asarray(own, dtype=np.float64)])
-        params[BILATERAL] = float(bilateral)  # the other gains come with a scheme: see `data`
-        self._data = law_data(params, state=ROOM[surface.dimension] + memory, **tables)
+        as_record(params, GAINS).bilateral = bilateral  # the other gains come with a scheme: see `data`
+        self._data = law_data(params, state=room_for(state), **tables)
 
     def project(self, hip: Array) -> ProxyState:
         """Project a HIP (N,), m, in one tick: for a projection without memory."""
@@ -185,8 +193,10 @@ class ProjectedRenderer:
         self.regulation = regulation
         self.surface, self.resolution, self.standoff = projection.surface, projection.resolution, projection.standoff
         self.declares = declaration_of(projection, regulation, scene)
-        self._params = np.concatenate([gains(regulation, scene), projection.potential])
-        self._state = np.zeros(ROOM[self.surface.dimension])
+        self._params = gains(regulation, scene)
+        if projection.potential:
+            self._params = np.append(self._params, potential_record(projection.potential))
+        self._state = np.zeros(room_for(PAST))
 
     def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
         """Start a run with the hand at `hip` (N,), m: there was no contact yet."""
@@ -237,14 +247,14 @@ def _trace(law: Callable[..., Any], data: LawData, hips: Array) -> tuple[Array, 
     """Answer each of `hips` (n, N) by a law for a hand at rest: IHIPs, normals and contact as its state has them."""
     count, size = hips.shape
     ihips, normals, contact = np.empty_like(hips), np.zeros_like(hips), np.empty(count, np.bool_)
-    zero, force = np.zeros(size), np.empty(size)
+    zero, force, past = np.zeros(size), np.empty(size), as_record(data.state, PAST)
     for row in range(count):
         # a hand at rest: only the projection counts, which the law leaves in the IHIP and in its state
         law(data, hips[row], zero, zero, 1.0, ihips[row], force)
-        contact[row] = data.state[HELD] != 0.0
+        contact[row] = past.in_contact != 0.0
         if contact[row]:
             for i in range(size):
-                normals[row, i] = data.state[ERROR + size + i]
+                normals[row, i] = past.normal[i]
     return ihips, normals, contact
 
 
@@ -256,9 +266,11 @@ def _regulate_row(
     """Write the force of one projected row: `answers` are IHIPs (n, N), normals (n, N) and contact (n,)."""
     ihips, normals, contact = answers
     if contact[row]:
+        past, known = as_record(state, PAST), 0.0
         for i in range(hip.shape[0]):  # where `regulate` reads the normal
-            state[ERROR + hip.shape[0] + i] = normals[row, i]
-        known = stretch_at(params, OWN, hip, ihips[row], normals[row]) if params[SCHEME] == GRADIENT else 0.0
+            past.normal[i] = normals[row, i]
+        if as_record(params, GAINS).scheme == GRADIENT:
+            known = stretch_at(as_record(params, POTENTIAL, OWN), hip, ihips[row], normals[row])
         regulate(params, state, hip, velocity, known, dt, ihips[row], force)
     else:
         release(state, hip, ihips[row], force)

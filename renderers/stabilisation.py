@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import law_data
+from hapticeval.compiled import law_data, numbers_of, room_for
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import DomainError, InputError, RefusalError
@@ -21,7 +21,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledStep, Declaration
 from hapticeval.renderers.atlas import active_charts, by_charts, charts
 from hapticeval.renderers.law import LawRenderer
-from hapticeval.renderers.stabilisation_laws import BEYOND, MEMORY, on_curve, on_surface
+from hapticeval.renderers.stabilisation_laws import BEYOND, SET_GAINS, TOUCH, on_curve, on_surface
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -33,8 +33,11 @@ class Stabilisation(LawRenderer):
 
     def __init__(self, scene: Scene, law: Callable[..., Any], surface: Boundary, **tables: ArrayLike) -> None:
         check_gains(scene)
-        gains = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
-        data = law_data(gains, state=MEMORY, **tables)
+        gains = numbers_of(
+            SET_GAINS, stiffness=scene.stiffness, damping=scene.damping, mass=scene.mass, viscosity=scene.viscosity,
+            bilateral=scene.bilateral,
+        )  # fmt: skip
+        data = law_data(gains, state=room_for(TOUCH), **tables)
         where = "the centre of curvature" if surface.dimension == 2 else "a centre of curvature"
         refusals = {BEYOND: f"the hand is at {where} of its nearest surface point, or beyond it"}
         super().__init__(CompiledStep(law, data, refusals), surface)

@@ -65,7 +65,7 @@ from __future__ import annotations
 
 import math
 
-from hapticeval.compiled import LawData, compiled
+from hapticeval.compiled import LawData, as_record, compiled, record_type
 from hapticeval.geometry.curve_kernels import nearest_with_values
 from hapticeval.geometry.kernels import curvature_rate
 from hapticeval.geometry.surface import (
@@ -76,14 +76,14 @@ from hapticeval.geometry.surface import (
     shape_operator,
     shape_operator_change,
 )
-from hapticeval.renderers.law import HELD, release
+from hapticeval.renderers.law import PAST, release
 from hapticeval.types import Array
 
-STIFFNESS, DAMPING, MASS, VISCOSITY, BILATERAL = range(5)
-"""Where the gains are in `params`: N/m, N s/m, kg, kg/s, and 1.0 for a bilateral constraint."""
+SET_GAINS = record_type("stiffness", "damping", "mass", "viscosity", "bilateral")
+"""The `params`: N/m, N s/m, kg, kg/s, and 1.0 for a bilateral constraint."""
 
-LAST, MEMORY = 1, 2
-"""In `state`, beside HELD: where the tool touched at the tick before, n in m; then how much that is."""
+TOUCH = record_type("n", base=PAST)
+"""The `state`: with where the tool touched at the tick before, n in m."""
 
 BEYOND = 1
 """The refusal: at or beyond the centre of curvature of the foot."""
@@ -96,11 +96,12 @@ FOCAL = 1e-9
 def contact_ends(state: Array, n: float, pressing: float, spring: float) -> bool:
     """Return whether a contact is over at `n` (m), with N = `pressing` and S = `spring` (N); else note that it lasts.
 
-    `state` (MEMORY,) is the law's; why both N and S count stands in the module.
+    `state` is the law's; why both N and S count stands in the module.
     """
-    if n > 0.0 and (pressing <= 0.0 or (spring <= 0.0 and n >= state[LAST])):
+    past = as_record(state, TOUCH)
+    if n > 0.0 and (pressing <= 0.0 or (spring <= 0.0 and n >= past.n)):
         return True
-    state[HELD], state[LAST] = 1.0, n
+    past.in_contact, past.n = 1.0, n
     return False
 
 
@@ -114,11 +115,11 @@ def on_curve(
     `force` (2,), N, are written. `segments` and `lookup` are those of `geometry.curve_kernels`. Returns BEYOND at the
     centre of curvature, and else 0.
     """
-    params, state, pieces = data.params, data.state, data.segments
-    bilateral = params[BILATERAL] != 0.0
+    gains, state, pieces = as_record(data.params, SET_GAINS), data.state, data.segments
+    bilateral = gains.bilateral != 0.0
     k, u, distance, side, (px, py, dx, dy, ddx, ddy) = nearest_with_values(pieces, data.lookup, hip[0], hip[1])
     n = side * distance
-    if not bilateral and n > 0.0 and state[HELD] == 0.0:
+    if not bilateral and n > 0.0 and as_record(state, PAST).in_contact == 0.0:
         return release(state, hip, ihip, force)
     speed = math.hypot(dx, dy)
     tx, ty = dx / speed, dy / speed
@@ -126,25 +127,23 @@ def on_curve(
     stretch = 1.0 + n * curvature  # how far the hand moves for a metre of its foot
     if not stretch > FOCAL:
         return BEYOND
-    mass = params[MASS]
+    mass = gains.mass
     tangential_velocity, normal_velocity = tx * velocity[0] + ty * velocity[1], ty * velocity[0] - tx * velocity[1]
     foot_speed = tangential_velocity / stretch  # ṡ
     push_along, push_across = tx * push[0] + ty * push[1], ty * push[0] - tx * push[1]
-    damper = params[DAMPING] * normal_velocity
-    unbent_press = -params[STIFFNESS] * n - damper - push_across
+    damper = gains.damping * normal_velocity
+    unbent_press = -gains.stiffness * n - damper - push_across
     centripetal = mass * curvature * tangential_velocity * foot_speed  # m κ (1 + n κ) ṡ^2
     if bilateral:
         # t·F_r = m (2 κ ṅ ṡ + n κ' ṡ^2) - b_d w + n κ F_o·t, with v∥ = (F_o·t - b_d ṡ) / m
         curve_turning = 2.0 * curvature * normal_velocity + n * curvature_rate(pieces[k], u) * foot_speed
-        sliding = (
-            mass * curve_turning * foot_speed - params[VISCOSITY] * tangential_velocity + n * curvature * push_along
-        )
+        sliding = mass * curve_turning * foot_speed - gains.viscosity * tangential_velocity + n * curvature * push_along
         pressing = unbent_press - centripetal
     else:
         pressing = max(unbent_press - centripetal, 0.0)
         if contact_ends(state, n, pressing, unbent_press - centripetal + damper):
             return release(state, hip, ihip, force)
-        sliding = -params[VISCOSITY] * tangential_velocity if pressing > 0.0 else 0.0
+        sliding = -gains.viscosity * tangential_velocity if pressing > 0.0 else 0.0
     ihip[0], ihip[1] = px, py
     # the outward normal is (t_y, -t_x)
     force[0] = pressing * ty + sliding * tx
@@ -161,10 +160,10 @@ def on_surface(
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's, `push` (3,), N, its force as sensed; `ihip` (3,), m, and
     `force` (3,), N, are written. Returns BEYOND at a focal point of the surface, and else 0.
     """
-    params, state, surface = data.params, data.state, data.segments[0]
+    gains, state, surface = as_record(data.params, SET_GAINS), data.state, data.segments[0]
     foot, normal, n = closest_on_surface(surface, (hip[0], hip[1], hip[2]))
-    bilateral = params[BILATERAL] != 0.0
-    if not bilateral and n > 0.0 and state[HELD] == 0.0:
+    bilateral = gains.bilateral != 0.0
+    if not bilateral and n > 0.0 and as_record(state, PAST).in_contact == 0.0:
         return release(state, hip, ihip, force)
     normal_velocity, push_across = _component(normal, velocity), _component(normal, push)
     # W in an orthonormal basis of the tangent plane, [[w11, w12], [w12, w22]], 1/m
@@ -182,11 +181,11 @@ def on_surface(
     foot_rate1 = ((1.0 + n * w22) * v1 - n * w12 * v2) / stretch
     foot_rate2 = ((1.0 + n * w11) * v2 - n * w12 * v1) / stretch
     bent1, bent2 = w11 * foot_rate1 + w12 * foot_rate2, w12 * foot_rate1 + w22 * foot_rate2
-    mass = params[MASS]
-    damper = params[DAMPING] * normal_velocity
-    unbent_press = -params[STIFFNESS] * n - damper - push_across
+    mass = gains.mass
+    damper = gains.damping * normal_velocity
+    unbent_press = -gains.stiffness * n - damper - push_across
     centripetal = mass * (bent1 * v1 + bent2 * v2)
-    pressing, friction = unbent_press - centripetal, params[VISCOSITY]
+    pressing, friction = unbent_press - centripetal, gains.viscosity
     if not bilateral:
         if contact_ends(state, n, pressing, pressing + damper):
             return release(state, hip, ihip, force)

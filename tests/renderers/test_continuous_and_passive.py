@@ -12,7 +12,7 @@ from hand_paths import star_shaped
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import as_record, compiled, numbers_of
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
 from hapticeval.geometry import kernels as pieces
@@ -33,7 +33,7 @@ from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
 from hapticeval.renderers import level_curves, minimum_distance
 from hapticeval.renderers.level_curves import combescure, homothetic
-from hapticeval.renderers.potential import NoKernelError, centre_of, level_at, level_values
+from hapticeval.renderers.potential import POTENTIAL, NoKernelError, centre_of, level_at, level_values
 from hapticeval.renderers.projective import regulated
 from hapticeval.renderers.regulation import REGULATIONS
 from hapticeval.scene import Scene
@@ -154,19 +154,19 @@ def test_the_homothetic_force_is_minus_the_gradient_of_its_potential_on_an_ellip
 
 @compiled
 def _levels(numbers, ts):
-    out = np.empty((ts.shape[0], 4))
+    out, potential = np.empty((ts.shape[0], 4)), as_record(numbers, POTENTIAL)
     for i in range(ts.shape[0]):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = level_values(numbers, 0, ts[i])
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = level_values(potential, ts[i])
     return out
 
 
 @settings(max_examples=50)
-@given(support=st.floats(0.01, 1.0), share=st.floats(0.0, 1.0), taller=st.floats(1.0, 20.0))
+@given(support=st.floats(0.01, 1.0), share=st.just(0.0) | st.floats(1e-9, 1.0), taller=st.floats(1.0, 20.0))
 def test_the_levels_begin_as_parallels_and_shrink_to_the_centre_with_continuous_second_derivatives(
     support, share, taller
 ):
     """For every h >= h_min >= m the curves go inwards, v > 0, and each point across has the level that it is on."""
-    numbers = np.array([support, share * support, 0.0, 0.0])
+    numbers = numbers_of(POTENTIAL, support=support, reach=share * support, centre=0.0)
     ts = np.linspace(0.0, support, 4001)
     a, b, da, db = _levels(numbers, ts).T
     assert (a[0], b[0]) == (1.0, 0.0)
@@ -190,7 +190,7 @@ def test_the_levels_begin_as_parallels_and_shrink_to_the_centre_with_continuous_
         speed = a * db - da * (h - b)
         assert np.all(speed[:-1] > 0.0)
         across = a * (h - b)
-        found = [level_at(numbers, 0, float(each), float(h)) for each in across[:-1:97]]
+        found = [level_at(as_record(numbers, POTENTIAL), float(each), float(h)) for each in across[:-1:97]]
         np.testing.assert_allclose(found, ts[:-1:97], atol=1e-9 * support)
     np.testing.assert_allclose(a * db - da * (support - b), 1.0, rtol=1e-9)
 
@@ -263,9 +263,11 @@ def test_the_ihip_moves_no_faster_than_the_map_stretches(name, model, seed):
         share = np.linalg.norm(hips - centre, axis=1) / np.linalg.norm(out, axis=1)
         limit = np.linalg.norm(out, axis=1) / (h * share)
     else:
-        numbers = np.array([support, reach, *centre])
+        numbers = numbers_of(POTENTIAL, support=support, reach=reach, centre=centre)
         across = np.sum(normal * (hips - centre), axis=1)
-        ts = np.array([level_at(numbers, 0, float(g), float(k)) for g, k in zip(across, h, strict=True)])
+        ts = np.array(
+            [level_at(as_record(numbers, POTENTIAL), float(g), float(k)) for g, k in zip(across, h, strict=True)]
+        )
         a, b, da, db = _levels(numbers, ts).T
         v = a * db - da * (h - b)
         # x moves by dx = A (1 - b kappa) T ds + (dy_t/dt) dt, with dt = -n.dx / v

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hapticeval.renderers.law import ERROR, HELD, REFERENCE_DEPTH, REFERENCE_RATE, gains, regulate
+from hapticeval.compiled import numbers_of
+from hapticeval.renderers.law import PAST, REFERENCE_DEPTH, REFERENCE_RATE, gains, regulate
 from hapticeval.renderers.regulation import REGULATIONS
 
 NUMBER = st.floats(-10.0, 10.0).map(lambda x: round(x, 6))
@@ -21,8 +22,7 @@ def force_of(name, k, d, e, n, v, r, *, bilateral=True):
     """The force of a scheme by its kernel, where the error was e - r one second before."""
     size, dt = len(e), 1.0
     scene = SimpleNamespace(stiffness=k, damping=d, mass=1.0, bilateral=bilateral)
-    state, force = np.zeros(1 + 2 * size), np.empty(size)
-    state[HELD], state[ERROR : ERROR + size], state[ERROR + size :] = 1.0, np.subtract(e, r), n
+    state, force = numbers_of(PAST, in_contact=1.0, error=np.subtract(e, r), normal=n), np.empty(size)
     e, v = np.array(e, dtype=float), np.array(v, dtype=float)
     regulate(gains(REGULATIONS[name], scene), state, e, v, 0.0, dt, np.zeros(size), force)
     return tuple(force)
