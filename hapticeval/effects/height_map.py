@@ -152,6 +152,8 @@ class Relief(Effect):
 
     def _part(self, scene: Calling, function: Callable[..., int]) -> Part:
         """Assemble a change: `params` as `relief_kernels` names them, the spline's cells, and rows of N to work in."""
+        from hapticeval.compiled import numbers_of
+        from hapticeval.effects.relief_kernels import RELIEF
         from hapticeval.geometry.boundary import closest_of
 
         boundary, size = scene.model.boundary, scene.model.dimension
@@ -172,7 +174,10 @@ class Relief(Effect):
             count = len(self.profile)
             spline = CubicSpline(np.arange(count + 1.0), [*self.profile, self.profile[0]], bc_type="periodic")
             cells = np.ascontiguousarray(spline.c.T)
-        params = np.array([scene.stiffness, float(scene.bilateral), wavelength, self.amplitude or 0.0, *unit])
+        params = numbers_of(
+            RELIEF, stiffness=scene.stiffness, bilateral=scene.bilateral, wave=wavelength,
+            amplitude=self.amplitude or 0.0, unit=unit,
+        )  # fmt: skip
         return Part(function, params, cells, np.zeros((5 + size, size)))
 
 

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 
-from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, Numbers, borrowing
+from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, Numbers, as_record, borrowing, record_type
 from hapticeval.types import Array
 
-STIFFNESS, BILATERAL, WAVE, AMPLITUDE, UNIT = 0, 1, 2, 3, 4
-"""Numbers in `params`: K (N/m), whether the surface holds from both sides, wavelength and amplitude of a sine (m), and
-the unit direction of waves in space."""
+RELIEF = record_type("stiffness", "bilateral", "wave", "amplitude", unit=3)
+"""`params`: K (N/m), whether the surface holds from both sides, wavelength and amplitude of a sine (m), and the unit
+direction of waves in space."""
 
 NEAR = 0.1
 """Share of the wavelength by which an IHIP may be off the nearest point: a tenth of a turn of the phase."""
@@ -29,7 +29,8 @@ def height_and_slope(params: Array, cells: Array, frame: Array, slope: Array) ->
     `frame` (3 + N, N) is that of the point's closest point, see `CLOSEST`; the gradient goes to `slope` (N,). The
     height is in m.
     """
-    count, wave = slope.shape[0], params[WAVE]
+    count, relief, foot, normal = slope.shape[0], as_record(params, RELIEF), frame[FOOT], frame[NORMAL]
+    wave, unit, amplitude = relief.wave, relief.unit, relief.amplitude
     unit_on_normal = 0.0
     # where the point lies along the waves, m: by arc length in the plane, in space by its coordinate along the unit
     if count == 2:
@@ -37,14 +38,14 @@ def height_and_slope(params: Array, cells: Array, frame: Array, slope: Array) ->
     else:
         coordinate = 0.0
         for i in range(count):
-            coordinate += params[UNIT + i] * frame[FOOT, i]
-            unit_on_normal += params[UNIT + i] * frame[NORMAL, i]
+            coordinate += unit[i] * foot[i]
+            unit_on_normal += unit[i] * normal[i]
     # the height h, m, and dh / d(coordinate): a sine, or a cubic of the periodic spline
     if cells.shape[0] == 0:
         angle = 2.0 * math.pi * (coordinate / wave)
         height, rise_rate = (
-            params[AMPLITUDE] * math.sin(angle),
-            params[AMPLITUDE] * 2.0 * math.pi / wave * math.cos(angle),
+            amplitude * math.sin(angle),
+            amplitude * 2.0 * math.pi / wave * math.cos(angle),
         )
     else:
         turns = coordinate / wave
@@ -55,10 +56,10 @@ def height_and_slope(params: Array, cells: Array, frame: Array, slope: Array) ->
         rise_rate = ((3.0 * cells[k, 0] * x + 2.0 * cells[k, 1]) * x + cells[k, 2]) * cells.shape[0] / wave
     # grad h along the surface: times the tangent (-n_y, n_x), or times the unit's part along the surface
     if count == 2:
-        slope[0], slope[1] = -rise_rate * frame[NORMAL, 1], rise_rate * frame[NORMAL, 0]
+        slope[0], slope[1] = -rise_rate * normal[1], rise_rate * normal[0]
     else:
         for i in range(count):
-            slope[i] = rise_rate * (params[UNIT + i] - unit_on_normal * frame[NORMAL, i])
+            slope[i] = rise_rate * (unit[i] - unit_on_normal * normal[i])
     return float(height)
 
 
@@ -69,17 +70,18 @@ def gradient_at_depth(frame: Array, depth: float, slope: Array) -> bool:
     `slope` (N,) is replaced; `frame` (3 + N, N) holds the shape operator W (1/m) of the surface from row `SHAPE` on,
     and `depth` is in m. Returns False at or beyond the medial axis, where I - depth W has no inverse.
     """
+    w = frame[SHAPE:]
     if slope.shape[0] == 2:
         # the trace of W is the curvature kappa, as the normal has no curvature: divide by 1 - depth kappa
-        stretch = 1.0 - depth * (frame[SHAPE, 0] + frame[SHAPE + 1, 1])
+        stretch = 1.0 - depth * (w[0, 0] + w[1, 1])
         if stretch <= FLAT:
             return False
         slope[0] /= stretch
         slope[1] /= stretch
         return True
     # [[a, b, c], [b, e, f], [c, f, i]] = I - depth W; p, q, r are the first row of its adjugate
-    a, b, c = 1.0 - depth * frame[SHAPE, 0], -depth * frame[SHAPE, 1], -depth * frame[SHAPE, 2]
-    e, f, i = 1.0 - depth * frame[SHAPE + 1, 1], -depth * frame[SHAPE + 1, 2], 1.0 - depth * frame[SHAPE + 2, 2]
+    a, b, c = 1.0 - depth * w[0, 0], -depth * w[0, 1], -depth * w[0, 2]
+    e, f, i = 1.0 - depth * w[1, 1], -depth * w[1, 2], 1.0 - depth * w[2, 2]
     p, q, r = e * i - f * f, c * f - b * i, b * f - c * e
     determinant = a * p + b * q + c * r
     if determinant <= FLAT:
@@ -106,28 +108,29 @@ def raise_surface(
     The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `force` (N,), N. Returns 1 where the IHIP is not
     the nearest point, 2 at the medial axis, and else 0.
     """
-    params, count = numbers.params, hip.shape[0]
+    relief, count = as_record(numbers.params, RELIEF), hip.shape[0]
     frame, slope = numbers.state[: 3 + count], numbers.state[3 + count]
+    foot, normal = frame[FOOT], frame[NORMAL]
     depth = -closest.function(closest.data, hip, frame)
-    height = height_and_slope(params, numbers.samples, frame, slope)
-    bilateral, stiffness = params[BILATERAL] != 0.0, params[STIFFNESS]
+    height = height_and_slope(numbers.params, numbers.samples, frame, slope)
+    bilateral, stiffness = relief.bilateral != 0.0, relief.stiffness
     if not bilateral and depth + height <= 0.0:  # the hand is above the relief: free space
         for i in range(count):
             ihip[i], force[i] = hip[i], 0.0
         return 0
     in_contact, foot_error_squared = bilateral or depth > 0.0, 0.0
     for i in range(count):
-        foot_error_squared += (ihip[i] - frame[FOOT, i]) ** 2
+        foot_error_squared += (ihip[i] - foot[i]) ** 2
     # between the bare surface and the relief the renderer has no contact, and its IHIP is the HIP
-    if in_contact and math.sqrt(foot_error_squared) > NEAR * params[WAVE]:
+    if in_contact and math.sqrt(foot_error_squared) > NEAR * relief.wave:
         return 1
     if not gradient_at_depth(frame, depth, slope):
         return 2
     for i in range(count):
         # F = K (d + h) (n - (I - d W)^-1 grad h), of which K d n is the renderer's where it has contact
-        renderer_force = force[i] if in_contact else stiffness * depth * frame[NORMAL, i]
-        force[i] = renderer_force + stiffness * (height * frame[NORMAL, i] - (depth + height) * slope[i])
-        ihip[i] = frame[FOOT, i] + height * frame[NORMAL, i]
+        renderer_force = force[i] if in_contact else stiffness * depth * normal[i]
+        force[i] = renderer_force + stiffness * (height * normal[i] - (depth + height) * slope[i])
+        ihip[i] = foot[i] + height * normal[i]
     return 0
 
 
@@ -146,14 +149,15 @@ def turn_normal(
     """
     count = hip.shape[0]
     frame, slope = numbers.state[: 3 + count], numbers.state[3 + count]
+    normal = frame[NORMAL]
     closest.function(closest.data, ihip, frame)
     height_and_slope(numbers.params, numbers.samples, frame, slope)
     force_on_normal, slope_squared = 0.0, 0.0
     for i in range(count):
-        force_on_normal += force[i] * frame[NORMAL, i]
+        force_on_normal += force[i] * normal[i]
         slope_squared += slope[i] * slope[i]
     length = math.sqrt(1.0 + slope_squared)  # of n - grad h, whose parts are at right angles
     for i in range(count):
         # (4.16) renormalised: from n to n' = (n - grad h) / |n - grad h|
-        force[i] += force_on_normal * ((frame[NORMAL, i] - slope[i]) / length - frame[NORMAL, i])
+        force[i] += force_on_normal * ((normal[i] - slope[i]) / length - normal[i])
     return 0

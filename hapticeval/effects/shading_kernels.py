@@ -32,42 +32,43 @@ def write_normals(faces: Array, vertices: Array, table: Array, k: int, ihip: Arr
     notch in the plane.
     """
     touched_edge, length_squared, normal = -1, 0.0, faces[k, NORMAL : NORMAL + 3]
+    foot, own, shaded, corners = frame[FOOT], frame[OWN], frame[SHADED], faces[k, CORNER : CORNER + 3]
     double_area = 0.0  # twice the triangle's area, m^2: n.((b - a) x (c - a))
     for axis in range(3):
-        frame[OWN, axis], frame[SHADED, axis] = normal[axis], 0.0
+        own[axis], shaded[axis] = normal[axis], 0.0
         y, z = (axis + 1) % 3, (axis + 2) % 3
-        a, b, c = int(faces[k, CORNER]), int(faces[k, CORNER + 1]), int(faces[k, CORNER + 2])
+        a, b, c = int(corners[0]), int(corners[1]), int(corners[2])
         double_area += normal[axis] * (
             (vertices[b, y] - vertices[a, y]) * (vertices[c, z] - vertices[a, z])
             - (vertices[b, z] - vertices[a, z]) * (vertices[c, y] - vertices[a, y])
         )
     for i in range(3):
-        next_corner, last_corner = int(faces[k, CORNER + (i + 1) % 3]), int(faces[k, CORNER + (i + 2) % 3])
+        next_corner, last_corner = int(corners[(i + 1) % 3]), int(corners[(i + 2) % 3])
         # barycentric share of corner i: the area of the triangle of the foot and the two other corners
         area_share = 0.0
         for axis in range(3):
             y, z = (axis + 1) % 3, (axis + 2) % 3
             area_share += normal[axis] * (
-                (vertices[next_corner, y] - frame[FOOT, y]) * (vertices[last_corner, z] - frame[FOOT, z])
-                - (vertices[next_corner, z] - frame[FOOT, z]) * (vertices[last_corner, y] - frame[FOOT, y])
+                (vertices[next_corner, y] - foot[y]) * (vertices[last_corner, z] - foot[z])
+                - (vertices[next_corner, z] - foot[z]) * (vertices[last_corner, y] - foot[y])
             )
         area_share = max(area_share / double_area, 0.0)
         for axis in range(3):
-            frame[SHADED, axis] += area_share * table[k, 3 * i + axis]  # (4.15)
+            shaded[axis] += area_share * table[k, 3 * i + axis]  # (4.15)
         # on the edge across from corner i, which starts at corner i + 1
         if area_share <= ON_EDGE and table[k, SMOOTH + (i + 1) % 3] == 1.0:
             touched_edge = i
     # a mean of unit normals is shorter than one: without this the force would shrink
     for i in range(3):
-        length_squared += frame[SHADED, i] ** 2
+        length_squared += shaded[i] ** 2
     length = math.sqrt(length_squared)
     for i in range(3):
-        frame[SHADED, i] /= length
+        shaded[i] /= length
     if touched_edge >= 0:
         length = math.sqrt((ihip[0] - hip[0]) ** 2 + (ihip[1] - hip[1]) ** 2 + (ihip[2] - hip[2]) ** 2)
         if length > 0.0:
             for i in range(3):
-                frame[OWN, i] = (ihip[i] - hip[i]) / length
+                own[i] = (ihip[i] - hip[i]) / length
 
 
 def shade_mesh(
@@ -80,16 +81,17 @@ def shade_mesh(
     if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
         return 0
     frame, data = numbers.state, closest.data
+    own, shaded = frame[OWN], frame[SHADED]
     closest.function(data, ihip, frame)
     # the code of the closest point keeps the triangle that it found in its state
     write_normals(data.segments, data.vertices, numbers.samples, int(data.state[0]), ihip, hip, frame)
     force_on_own, force_on_sum, cosine = 0.0, 0.0, 0.0
     for i in range(3):
-        force_on_own += force[i] * frame[OWN, i]
-        force_on_sum += force[i] * (frame[OWN, i] + frame[SHADED, i])
-        cosine += frame[OWN, i] * frame[SHADED, i]
+        force_on_own += force[i] * own[i]
+        force_on_sum += force[i] * (own[i] + shaded[i])
+        cosine += own[i] * shaded[i]
     force_on_sum /= 1.0 + cosine
     # the rotation that turns own on to shaded in their plane: F - F.(o + s) / (1 + o.s) (o + s) + 2 (F.o) s
     for i in range(3):
-        force[i] += 2.0 * force_on_own * frame[SHADED, i] - force_on_sum * (frame[OWN, i] + frame[SHADED, i])
+        force[i] += 2.0 * force_on_own * shaded[i] - force_on_sum * (own[i] + shaded[i])
     return 0

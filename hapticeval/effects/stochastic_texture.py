@@ -109,16 +109,17 @@ class StochasticTexture(Effect):
 
     def change(self, scene: Calling) -> Part:
         """See `Effect.change`."""
+        from hapticeval.compiled import as_record, numbers_of
         from hapticeval.effects import texture_kernels as kernels
 
         model, first = self.model, self.model.filters[0]
-        params = np.array([
-            self.mass, model.rate, self.seed, len(first.ar), len(first.ma), len(model.filters),
-            DIRECTIONS.index(self.direction),
-        ], dtype=np.float64)  # fmt: skip
+        params = numbers_of(
+            kernels.TEXTURE, mass=self.mass, rate=model.rate, seed=self.seed, poles=len(first.ar), zeros=len(first.ma),
+            filters=len(model.filters), direction=DIRECTIONS.index(self.direction),
+        )  # fmt: skip
         rows = kernels.BEFORE + max(len(first.ar), len(first.ma), 1) + kernels.LONGEST_WORK
         state = np.zeros((rows, scene.model.dimension))
-        state[kernels.SMOOTH, 0] = -1.0  # below zero: no contact yet
+        as_record(state, kernels.SMOOTHED, kernels.SMOOTHED_ROW).speed = -1.0  # below zero: no contact yet
         return Part(kernels.vibrate, params, model.rows(), state)
 
     def active(self, damping: float) -> str | None:  # noqa: ARG002 - as every effect

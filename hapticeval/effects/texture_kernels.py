@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import math
 
-from hapticeval.compiled import NORMAL, Closest, Numbers, borrowing
+from hapticeval.compiled import NORMAL, Closest, Numbers, as_record, borrowing, record_type
 from hapticeval.types import Array
 
-MASS, RATE, SEED, POLES, ZEROS, FILTERS, WAY = range(7)
-"""Numbers in `params`: the mass (kg) that is shaken, the filters' rate (Hz), the noise's seed, the orders of both
-filters, the number of filters in `samples`, and the direction, `ALONG` or one after it."""
+TEXTURE = record_type("mass", "rate", "seed", "poles", "zeros", "filters", "direction")
+"""`params`: the mass (kg) that is shaken, the filters' rate (Hz), the noise's seed, the orders of both filters, the
+number of filters in `samples`, and the direction, `ALONG` or one after it."""
 
 ALONG, ACROSS, NORMALLY = 0.0, 1.0, 2.0
 
-SPEED, PRESS, VARIANCE, GAIN, LINES = range(5)
-"""Columns of a filter's row in `samples`; the frequencies begin with the last."""
+FILTER = record_type("speed", "press")
+"""What a filter's row in `samples` begins with: the speed (m/s) and the force (N) that it belongs to."""
 
-SHARES, HULL, SCALE = 3, 9, 12
-"""Columns of a triangle's row: after its corners its shares, which sides are of the hull, and the plane's scale."""
+VARIANCE, GAIN, LINES = range(2, 5)
+"""Further columns of it, of which means are taken; the frequencies begin with the last."""
 
-CLOCK, KEPT, SMOOTH, LAST, BEFORE = 2, 3, 4, 5, 6
-"""Rows of `state` after the frame: phase (samples) and number of the next noise; triangle and vibration (m/s^2); speed
-and force as low-passed, negative before a contact; the direction of the vibration; and from the last on what was:
+TRIANGLE = record_type(corners=3, shares=6, hull=3, scale=2)
+"""A triangle's row: its filters, their shares, which sides are of the hull, and the scale of the plane (m/s, N)."""
+
+PHASE, VIBRATION, SMOOTHED = record_type("samples", "number"), record_type("triangle", "value"), FILTER
+"""Records in rows of `state`: phase, and number of the next noise; triangle and vibration (m/s^2); speed and force as
+low-passed, the speed negative before a contact."""
+
+PHASE_ROW, VIBRATION_ROW, SMOOTHED_ROW, DIRECTION, BEFORE = range(2, 7)
+"""Rows of `state` behind the frame: those three, the direction of the vibration, and from the last on what was:
 vibrations in column 0, excitations in column 1, and behind them the scratch of `filter_past`."""
 
 HALF = 0xFFFF
@@ -72,25 +78,27 @@ def filters_at(rows: Array, count: int, speed: float, force: float, guess: int) 
     triangles = rows.shape[0] - count
     for step in range(triangles):
         k = (guess + step) % triangles
-        row = count + k
+        shares = as_record(rows, TRIANGLE, count + k).shares
         # barycentric shares, linear in speed and force
-        one = rows[row, SHARES] + rows[row, SHARES + 1] * speed + rows[row, SHARES + 2] * force
-        two = rows[row, SHARES + 3] + rows[row, SHARES + 4] * speed + rows[row, SHARES + 5] * force
+        one = shares[0] + shares[1] * speed + shares[2] * force
+        two = shares[3] + shares[4] * speed + shares[5] * force
         three = 1.0 - one - two
         if one >= INSIDE and two >= INSIDE and three >= INSIDE:
             return k, one, two, three
     # outside: the nearest point of all sides of the hull, in speeds and forces as shares of the largest
     nearest_squared, nearest_triangle, nearest_side, nearest_share = math.inf, 0, 0, 0.0
     for k in range(triangles):
-        row = count + k
+        triangle = as_record(rows, TRIANGLE, count + k)
+        speed_scale, force_scale = triangle.scale[0], triangle.scale[1]
         for i in range(3):
-            if rows[row, HULL + i] == 0.0:
+            if triangle.hull[i] == 0.0:
                 continue
             # side i is across from corner i, from filter a to filter b
-            a, b = int(rows[row, (i + 1) % 3]), int(rows[row, (i + 2) % 3])
-            x, y = speed / rows[row, SCALE], force / rows[row, SCALE + 1]
-            ax, ay = rows[a, SPEED] / rows[row, SCALE], rows[a, PRESS] / rows[row, SCALE + 1]
-            bx, by = rows[b, SPEED] / rows[row, SCALE] - ax, rows[b, PRESS] / rows[row, SCALE + 1] - ay
+            a = as_record(rows, FILTER, int(triangle.corners[(i + 1) % 3]))
+            b = as_record(rows, FILTER, int(triangle.corners[(i + 2) % 3]))
+            x, y = speed / speed_scale, force / force_scale
+            ax, ay = a.speed / speed_scale, a.press / force_scale
+            bx, by = b.speed / speed_scale - ax, b.press / force_scale - ay
             along = min(max(((x - ax) * bx + (y - ay) * by) / (bx * bx + by * by), 0.0), 1.0)
             distance_squared = (x - ax - along * bx) ** 2 + (y - ay - along * by) ** 2
             if distance_squared < nearest_squared:
@@ -169,9 +177,10 @@ def next_vibration(
     `params` (7,) and `rows` (n, k) are the texture's, `location` that of `filters_at`, and `number` counts the noise.
     `work` (n, N) holds the past y in column 0 and w in column 1, and is moved on by one.
     """
-    poles, zeros, count = int(params[POLES]), int(params[ZEROS]), int(params[FILTERS])
+    texture = as_record(params, TEXTURE)
+    poles, zeros, count = int(texture.poles), int(texture.zeros), int(texture.filters)
     excitation = math.sqrt(max(mean_of_corners(rows, count, location, VARIANCE), 0.0)) * normal_noise(
-        number, int(params[SEED])
+        number, int(texture.seed)
     )
     value = excitation + filter_past(rows, count, location, LINES + poles, zeros, work, 1)
     value = mean_of_corners(rows, count, location, GAIN) * value - filter_past(
@@ -191,8 +200,10 @@ def vibrate(
     The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N; what
     `numbers` holds stands above. Returns 0: it refuses nothing.
     """
-    params, rows, state, count = numbers.params, numbers.samples, numbers.state, hip.shape[0]
-    frame, work, direction = state[:2], state[BEFORE:], state[LAST]
+    rows, state, count, texture = numbers.samples, numbers.state, hip.shape[0], as_record(numbers.params, TEXTURE)
+    frame, normal, work, direction = state[:2], state[NORMAL], state[BEFORE:], state[DIRECTION]
+    phase, vibration = as_record(state, PHASE, PHASE_ROW), as_record(state, VIBRATION, VIBRATION_ROW)
+    smoothed = as_record(state, SMOOTHED, SMOOTHED_ROW)
     normal_force = 0.0
     for i in range(count):
         normal_force += abs(force[i])
@@ -200,43 +211,43 @@ def vibrate(
         closest.function(closest.data, ihip, frame)
         normal_force, velocity_on_normal = 0.0, 0.0
         for i in range(count):
-            normal_force += force[i] * frame[NORMAL, i]
-            velocity_on_normal += velocity[i] * frame[NORMAL, i]
+            normal_force += force[i] * normal[i]
+            velocity_on_normal += velocity[i] * normal[i]
     if normal_force <= 0.0:  # what rings is gone by the next contact
         for i in range(work.shape[0]):
             work[i, 0], work[i, 1] = 0.0, 0.0
-        state[KEPT, 1], state[SMOOTH, 0] = 0.0, -1.0
+        vibration.value, smoothed.speed = 0.0, -1.0
         return 0
     speed_squared = 0.0
     for i in range(count):
-        speed_squared += (velocity[i] - velocity_on_normal * frame[NORMAL, i]) ** 2
+        speed_squared += (velocity[i] - velocity_on_normal * normal[i]) ** 2
     speed = math.sqrt(speed_squared)  # along the surface, m/s
-    if params[WAY] == NORMALLY:
+    if texture.direction == NORMALLY:
         for i in range(count):
-            direction[i] = frame[NORMAL, i]
+            direction[i] = normal[i]
     elif speed > 0.0:  # a hand that rests keeps the direction that it had
         for i in range(count):
-            direction[i] = (velocity[i] - velocity_on_normal * frame[NORMAL, i]) / speed
-        if params[WAY] == ACROSS:
+            direction[i] = (velocity[i] - velocity_on_normal * normal[i]) / speed
+        if texture.direction == ACROSS:
             # direction x normal: in the surface, at right angles to the motion
             x, y, z = direction[0], direction[1], direction[2]
-            direction[0] = y * frame[NORMAL, 2] - z * frame[NORMAL, 1]
-            direction[1] = z * frame[NORMAL, 0] - x * frame[NORMAL, 2]
-            direction[2] = x * frame[NORMAL, 1] - y * frame[NORMAL, 0]
+            direction[0] = y * normal[2] - z * normal[1]
+            direction[1] = z * normal[0] - x * normal[2]
+            direction[2] = x * normal[1] - y * normal[0]
     # in samples of the texture: a tick may be shorter than one, and then holds the last
-    state[CLOCK, 0] += dt * params[RATE]
+    phase.samples += dt * texture.rate
     # a first-order low-pass at CUTOFF, which a contact begins at its own values
-    smoothing = 1.0 if state[SMOOTH, 0] < 0.0 else -math.expm1(-2.0 * math.pi * CUTOFF / params[RATE])
-    while state[CLOCK, 0] >= 1.0 - ON_TIME:
-        state[SMOOTH, 0] += smoothing * (speed - state[SMOOTH, 0])
-        state[SMOOTH, 1] += smoothing * (normal_force - state[SMOOTH, 1])
-        location = filters_at(rows, int(params[FILTERS]), state[SMOOTH, 0], state[SMOOTH, 1], int(state[KEPT, 0]))
-        state[KEPT, 0] = location[0]
-        state[KEPT, 1] = next_vibration(params, rows, location, int(state[CLOCK, 1]), work)
-        state[CLOCK, 0] -= 1.0
-        state[CLOCK, 1] += 1.0
-    push = params[MASS] * state[KEPT, 1]
-    if params[WAY] == NORMALLY:
+    smoothing = 1.0 if smoothed.speed < 0.0 else -math.expm1(-2.0 * math.pi * CUTOFF / texture.rate)
+    while phase.samples >= 1.0 - ON_TIME:
+        smoothed.speed += smoothing * (speed - smoothed.speed)
+        smoothed.press += smoothing * (normal_force - smoothed.press)
+        location = filters_at(rows, int(texture.filters), smoothed.speed, smoothed.press, int(vibration.triangle))
+        vibration.triangle = location[0]
+        vibration.value = next_vibration(numbers.params, rows, location, int(phase.number), work)
+        phase.samples -= 1.0
+        phase.number += 1.0
+    push = texture.mass * vibration.value
+    if texture.direction == NORMALLY:
         push = max(push, -normal_force)  # a surface does not pull
     for i in range(count):
         force[i] += push * direction[i]

@@ -10,19 +10,23 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import NORMAL, Closest, Numbers, borrowing
+from hapticeval.compiled import NORMAL, Closest, Numbers, as_record, borrowing, record_type
 from hapticeval.devices.inertia_kernels import linkage_mass
 from hapticeval.types import Array
 
-DIRECTION, CONTACT, PULSE, STATE = 2, 3, 4, 5
-"""Rows of a state beside those of a closest point's frame: the normal along which the contact began; whether there is
-one and the seconds since it began; what a cap holds back (N s) and the speed (m/s) of the approach."""
+DIRECTION, CONTACT_ROW, PULSE_ROW, STATE = 2, 3, 4, 5
+"""Rows of a state beside those of a closest point's frame: the normal along which the contact began, and the two
+records below; and how many rows there are."""
+
+CONTACT, PULSE = record_type("phase", "time"), record_type("held_back", "speed")
+"""Whether there is contact and the seconds since it began; what a cap holds back (N s) and the speed (m/s) of the
+approach."""
 
 UNKNOWN, FREE, TOUCHES = 0.0, 1.0, 2.0
-"""Values of state[CONTACT, 0]. A run that begins in contact has no beginning of it."""
+"""Phases of a contact. A run that begins in contact has no beginning of it."""
 
-CAP = 0
-"""Where the params of all hold the cap (N)."""
+CAPPED = record_type("cap")
+"""What the `params` of all begin with: the cap (N)."""
 
 SPENT = 40.0
 """Decay times after which a vibration is below the rounding of its integral."""
@@ -47,20 +51,22 @@ def contact_phase(state: Array, closest: Closest, hip: Array, velocity: Array, i
         lags = lags or ihip[i] != hip[i]
     if lags and not touches:
         touches = closest.function(closest.data, hip, state[:DIRECTION]) < 0.0
-    previous = state[CONTACT, 0]
-    state[CONTACT, 0] = TOUCHES if touches else FREE
+    contact, pulse = as_record(state, CONTACT, CONTACT_ROW), as_record(state, PULSE, PULSE_ROW)
+    previous = contact.phase
+    contact.phase = TOUCHES if touches else FREE
     if not touches:
         return UNKNOWN
     if previous == TOUCHES:
         return TOUCHES
     speed = 0.0
-    state[CONTACT, 1], state[PULSE, 0] = 0.0, 0.0
+    contact.time, pulse.held_back = 0.0, 0.0
     if previous == FREE:  # else the run began in contact, and nobody saw the approach
         closest.function(closest.data, ihip, state[:DIRECTION])
+        direction, normal = state[DIRECTION], state[NORMAL]
         for i in range(hip.shape[0]):
-            state[DIRECTION, i] = state[NORMAL, i]
-            speed -= state[NORMAL, i] * velocity[i]
-    state[PULSE, 1] = max(speed, 0.0)
+            direction[i] = normal[i]
+            speed -= normal[i] * velocity[i]
+    pulse.speed = max(speed, 0.0)
     return FREE
 
 
@@ -70,14 +76,16 @@ def add_capped_force(numbers: Numbers, requested: float, dt: float, force: Array
 
     `requested` (N) is the transient's at this tick of `dt` s, and `force` (N,), N, is changed in place.
     """
-    state, cap = numbers.state, numbers.params[CAP]
-    total = requested + state[PULSE, 0] / dt
+    pulse, direction, cap = (
+        as_record(numbers.state, PULSE, PULSE_ROW),
+        numbers.state[DIRECTION],
+        as_record(numbers.params, CAPPED).cap,
+    )
+    total = requested + pulse.held_back / dt
     given_force = min(max(total, -cap), cap)
-    state[PULSE, 0] = (
-        total - given_force
-    ) * dt  # an impulse, N s: no momentum is lost to the cap  # an impulse, N s: no momentum is lost to the cap
+    pulse.held_back = (total - given_force) * dt  # an impulse, N s: no momentum is lost to the cap
     for i in range(force.shape[0]):
-        force[i] += given_force * state[DIRECTION, i]
+        force[i] += given_force * direction[i]
 
 
 def give_impulse(
@@ -93,13 +101,13 @@ def give_impulse(
     phase = contact_phase(state, closest, hip, velocity, ihip, force)
     if phase == UNKNOWN:
         return 0
-    requested = 0.0
-    if phase == FREE and state[PULSE, 1] > 0.0:
+    requested, speed = 0.0, as_record(state, PULSE, PULSE_ROW).speed
+    if phase == FREE and speed > 0.0:
         # m_n = 1 / (n' J M^-1 J' n), kg; (4.21) as printed, without n, would stop the sliding too
         mass = params[2] if params.shape[0] == 3 else linkage_mass(params[2:], hip, state[DIRECTION])
         if not mass > 0.0:
             return 1
-        requested = params[1] * mass * state[PULSE, 1] / dt  # all of it in one tick
+        requested = params[1] * mass * speed / dt  # all of it in one tick
     add_capped_force(numbers, requested, dt, force)
     return 0
 
@@ -120,13 +128,14 @@ def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: fl
     state, params = numbers.state, numbers.params
     if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN:
         return 0
-    time, decay, omega = state[CONTACT, 1], params[2], params[3]
+    contact, speed = as_record(state, CONTACT, CONTACT_ROW), as_record(state, PULSE, PULSE_ROW).speed
+    time, decay, omega = contact.time, params[2], params[3]
     requested = 0.0
-    if decay * time < SPENT and state[PULSE, 1] > 0.0:
+    if decay * time < SPENT and speed > 0.0:
         # the mean over the tick, so that the impulse is the integral's whatever the sampling time
         area = ringing_integral(decay, omega, time + dt) - ringing_integral(decay, omega, time)
-        requested = params[1] * state[PULSE, 1] * area / dt
-    state[CONTACT, 1] = time + dt
+        requested = params[1] * speed * area / dt
+    contact.time = time + dt
     add_capped_force(numbers, requested, dt, force)
     return 0
 
@@ -160,14 +169,14 @@ def replay(
     state, pulse, step = numbers.state, numbers.samples, numbers.params[1]
     if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN:
         return 0
-    time = state[CONTACT, 1]
-    requested = 0.0
-    if state[PULSE, 1] > 0.0:  # a hand that approaches, at whatever speed
+    contact, requested = as_record(state, CONTACT, CONTACT_ROW), 0.0
+    time = contact.time
+    if as_record(state, PULSE, PULSE_ROW).speed > 0.0:  # a hand that approaches, at whatever speed
         tick = int(np.rint(time / step))
         if abs(dt - step) <= SAME * step and abs(time - tick * step) <= SAME * (time + step):
             requested = pulse[0, min(tick, pulse.shape[1] - 1)]
         else:
             requested = (impulse_until(pulse, step, time + dt) - impulse_until(pulse, step, time)) / dt
-    state[CONTACT, 1] = time + dt
+    contact.time = time + dt
     add_capped_force(numbers, requested, dt, force)
     return 0

@@ -1,0 +1,205 @@
+"""The tool of Coulomb friction as compiled code, (4.17) to (4.20): what it does stands in `friction`."""
+
+from __future__ import annotations
+
+import math
+
+from hapticeval.bracket import narrow_bracket
+from hapticeval.compiled import Closest, Numbers, as_record, inner, record_type
+from hapticeval.types import Array
+
+CONE = record_type("stiffness", "mu_s", "mu_k", "stick", "bilateral")
+"""`params`: K (N/m), both coefficients, the share of the kinetic cone at which a sliding tool sticks, and 1 where the
+surface is bilateral."""
+
+ROWS = 10
+"""Rows of `state`: place (m) and outward unit normal of the tool, of p, and of a trial place, two each; then the load
+(N), a point to be projected (m), the flags [in contact, sliding], and the bulge (m) of the path."""
+
+MOST_TRIALS, MOST_SECANTS = 64, 16
+"""Most places at which a slide tests the kinetic cone, and the trial from which on it bisects instead of secants."""
+
+SAME_PLACE = 1e-15
+"""Width of the bracket, as a share of the chord from s to p, at which it is one place: a corner, where the pull turns
+back at once and F_t = mu_k F_n has no root."""
+
+OPPOSITE_SIDES = 1e-6
+"""|n_s + n_p|^2 of the unit normals at s and p below which they lie on opposite sides, with no edge to lead round.
+
+With an angle 2 a between two faces that sum is 2 sin a long, and the chord between points on them, c apart, is at most
+c / (2 tan a) under the edge: a bulge of c / (2 sin a) halfway leads the path past it.
+"""
+
+ALL_ALONG = 1e-9
+"""Share of a force that its part along a line may lack where the force counts as along that line, to 45 urad."""
+
+ON_CONE = 1e-13
+"""Share of the cone's force within which the tool is on it: at 1 mm of lag, ten roundings of a coordinate of 50 mm."""
+
+
+@inner
+def measure_load(hip: Array, ihip: Array, force: Array, normal: Array, load: Array) -> float:
+    """Write the `load` (N,), N: of the renderer's `force` (N,), N, the part along p - HIP or along the normal at p.
+
+    `hip` and `ihip` (N,), m, are the HIP and p, `normal` (N,) the outward unit normal at p. Returns the load's size, N,
+    positive where it pushes the hand outwards. Of both parts the larger counts: a damper's along the surface does not.
+    """
+    error_squared, force_squared, error_outwards, force_dot_error, press_on_normal = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(hip.shape[0]):
+        error = ihip[i] - hip[i]  # (4.5) from the hand to p, m
+        error_squared += error**2
+        force_squared += force[i] ** 2
+        error_outwards += error * normal[i]
+        force_dot_error += force[i] * error
+        press_on_normal += force[i] * normal[i]
+    # along p - HIP, turned outwards: from a hand outside of a bilateral surface p - HIP points inwards
+    outwards = 1.0 if error_outwards > 0.0 else -1.0
+    press_on_error = force_dot_error * (outwards / math.sqrt(error_squared) if error_squared > 0.0 else 0.0)
+    by_normal = error_squared == 0.0 or abs(press_on_normal) > abs(press_on_error)
+    press = press_on_normal if by_normal else press_on_error
+    # a force that is nothing but load is taken to the bit, without the rounding of its projection
+    all_load = abs(press) >= (1.0 - ALL_ALONG) * math.sqrt(force_squared)
+    for i in range(hip.shape[0]):
+        direction = normal[i] if by_normal else (ihip[i] - hip[i]) * outwards / math.sqrt(error_squared)
+        load[i] = force[i] if all_load else press * direction
+    return press
+
+
+@inner
+def bulge_path(tool: Array, target: Array, chord_squared: float, bulge: Array) -> None:
+    """Write the `bulge` (N,), m, by which the path from s to p leaves its chord: out over an edge, or into a hollow.
+
+    `tool` and `target` (2, N) are places (m) and normals at s and p, `chord_squared` (m^2) is |p - s|^2. The path is
+    the chord plus share (1 - share) bulge, projected on to the surface: its closest points pass by a corner.
+    """
+    bending, normals_squared = 0.0, 0.0  # (p - s).(n_p - n_s), m, above zero over an edge; |n_s + n_p|^2
+    for i in range(bulge.shape[0]):
+        bending += (target[0, i] - tool[0, i]) * (target[1, i] - tool[1, i])
+        normals_squared += (target[1, i] + tool[1, i]) ** 2
+    # halfway, at share (1 - share) = 1/4, the path is |c| / |n_s + n_p| = c / (2 sin a) off the chord: OPPOSITE_SIDES
+    sign = 1.0 if bending > 0.0 else (-1.0 if bending < 0.0 else 0.0)
+    factor = 4.0 * sign * math.sqrt(chord_squared) / normals_squared if normals_squared > OPPOSITE_SIDES else 0.0
+    for i in range(bulge.shape[0]):
+        bulge[i] = factor * (target[1, i] + tool[1, i])
+
+
+@inner
+def force_at(
+    place: Array, tool: Array, target: Array, load: Array, stiffness: float, side: float
+) -> tuple[float, float, bool]:
+    """Return F_n and F_t (N) on the tool at a `place`, and whether the hand pulls it onwards there.
+
+    `place`, `tool` and `target` (2, N) are places (m) and outward unit normals: on trial, of s, and of p; `load` (N,),
+    N; `stiffness` is K (N/m). `side` is -1 where F_n counts inwards. The force is load + K (place - p).
+    """
+    normal_force, tangential_squared, pull_onwards = 0.0, 0.0, 0.0
+    for i in range(load.shape[0]):  # (4.17): its part along the normal
+        normal_force += (load[i] + stiffness * (place[0, i] - target[0, i])) * place[1, i]
+    for i in range(load.shape[0]):  # (4.19): what remains
+        tangential = load[i] + stiffness * (place[0, i] - target[0, i]) - normal_force * place[1, i]
+        tangential_squared += tangential**2
+        # the hand pulls the tool against the force that it feels: onwards along the chord where this is positive
+        pull_onwards -= tangential * (target[0, i] - tool[0, i])
+    return side * normal_force, math.sqrt(tangential_squared), pull_onwards > 0.0
+
+
+@inner
+def excess_of(normal_force: float, tangential_force: float, onwards: bool, kinetic: float, press: float) -> float:
+    """Return |F_t| - mu_k F_n (N), (4.20): positive where the tool is pulled on, negative where it is held or back.
+
+    Where nothing presses the tool there is no cone, and it goes on: by the load's size `press` (N).
+    """
+    if normal_force <= 0.0:
+        return abs(press)
+    return (tangential_force if onwards else -tangential_force) - kinetic * normal_force
+
+
+def slide(
+    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """Hold the tool or let it slide for one tick, and add the spring K (s - p) of its lag to the force.
+
+    The signature is that of `Effect.change`; the points HIP, p and s are those of `friction`. Returns 0: it refuses
+    nothing.
+
+    - `hip` (N,), m: the HIP.
+    - `ihip` (N,), m: on entry the renderer's IHIP p, on return the tool's place s.
+    - `force` (N,), N: on entry the renderer's force F_b, on return F_b + K (s - p).
+    - `numbers.params` is the record `CONE`, `numbers.state` (ROWS, N).
+    """
+    cone, state, dimension = as_record(numbers.params, CONE), numbers.state, hip.shape[0]
+    # each is two rows: a place on the surface (m), and the outward unit normal there
+    tool, target, trial = state[0:2], state[2:4], state[4:6]
+    load, point, mode, bulge = state[6], state[7], state[8], state[9]
+    force_squared, chord_squared = 0.0, 0.0  # |F_b|^2, N^2; |p - s|^2, m^2
+    for i in range(dimension):
+        force_squared += force[i] ** 2
+    if force_squared == 0.0:  # free space: the next contact begins anew
+        mode[:] = 0.0
+        return 0
+    closest.function(closest.data, ihip, target)
+    for i in range(dimension):
+        chord_squared += (target[0, i] - tool[0, i]) ** 2
+    press = measure_load(hip, ihip, force, target[1], load)
+    # a bilateral surface also holds a tool that is pulled off it: F_n then counts inwards
+    side = -1.0 if press < 0.0 and cone.bilateral == 1.0 else 1.0
+    # No lag: contact begins, s is p already, or nothing presses the tool on the surface.
+    if mode[0] == 0.0 or chord_squared == 0.0 or side * press <= 0.0:
+        tool[:] = target
+        ihip[:] = target[0]
+        mode[0], mode[1] = 1.0, 0.0
+        return 0
+    bulge_path(tool, target, chord_squared, bulge)
+
+    # The share of the path at which the excess |F_t| - mu_k F_n (4.20) is zero: above it at `low`, below it at `high`.
+    # Trial 0 is s itself, trial 1 is p; then secants (Illinois), and bisection if these are slow.
+    low, high, excess_low, excess_high = 0.0, 1.0, 0.0, 0.0
+    share, side_kept, past_target = 0.0, 0, False
+    for k in range(MOST_TRIALS):
+        if k == 0:
+            trial[:] = tool
+        elif k == 1:
+            share = 1.0
+            trial[:] = target
+        else:
+            if k > 2 or not past_target:
+                # where the line through both ends' excesses is zero
+                share = low + (high - low) * (excess_low / (excess_low - excess_high) if k < MOST_SECANTS else 0.5)
+            else:
+                share = high
+            for i in range(dimension):
+                point[i] = tool[0, i] + share * (target[0, i] - tool[0, i]) + share * (1.0 - share) * bulge[i]
+            closest.function(closest.data, point, trial)
+        normal_force, tangential_force, onwards = force_at(trial, tool, target, load, cone.stiffness, side)
+        if k == 0:
+            # (4.18): a tool inside the static cone stays, and so does a sliding one inside the kinetic cone
+            coefficient = cone.mu_k if mode[1] == 1.0 else cone.mu_s
+            if normal_force > 0.0 and tangential_force <= coefficient * normal_force:
+                break
+            mode[1] = 1.0
+        excess = excess_of(normal_force, tangential_force, onwards, cone.mu_k, press)
+        if abs(excess) <= ON_CONE * cone.mu_k * normal_force:
+            break
+        if excess > 0.0:
+            if k == 2 and past_target:  # not even there does the force come back into the cone: stay at p
+                trial[:] = target
+                break
+            if k == 1:
+                # At p the lag is zero, and the renderer's own force is off the normal by more than the cone, as that of
+                # a facet may be. The root is past p: try where K |s - p| is twice that force.
+                past_target = True
+                high = 1.0 + 2.0 * tangential_force / (cone.stiffness * math.sqrt(chord_squared))
+        low, high, excess_low, excess_high, side_kept = narrow_bracket(
+            low, high, excess_low, excess_high, side_kept, share, excess, True
+        )
+        if high - low <= SAME_PLACE:
+            break
+
+    # A sliding tool whose F_t has fallen to the share `stick` of the kinetic cone sticks again; see `friction`.
+    if mode[1] == 1.0 and (cone.stick == 1.0 or tangential_force <= cone.stick * cone.mu_k * normal_force):
+        mode[1] = 0.0
+    tool[:] = trial
+    for i in range(dimension):
+        force[i] += cone.stiffness * (tool[0, i] - target[0, i])  # F_b + K (s - p)
+        ihip[i] = tool[0, i]
+    return 0
