@@ -114,14 +114,17 @@ def _draw_delay(axes: Axes, document: Mapping[str, Any]) -> None:
     curve = document["delay"]
     # ms and kN/m.
     delay, limit = 1e3 * np.array(curve["delay"]), _thousands(curve["eigenvalues"])
-    axes.plot(delay, limit, color=SAMPLING_TIME_COLOURS[0], linewidth=3.5, label="stable", clip_on=False)
+    formula = curve["closed_form"]
+    # Points where a formula in print is the line, else a line of its own.
+    look: dict[str, Any] = {"linewidth": 3.5} if formula is None else {"marker": "o", "linestyle": "none"}
+    label = f"stable{_ratio_words(curve['eigenvalues'], formula)}"
+    axes.plot(delay, limit, color=SAMPLING_TIME_COLOURS[0], label=label, clip_on=False, **look)
     axes.axhline(1e-3 * document["stiffness"], color=PALETTE["jump"], linewidth=1.0, linestyle="-.", label="the scene")
     if document["passive"] is not None:
         style: dict[str, Any] = {"color": SAMPLING_TIME_COLOURS[2], "linestyle": "--", "linewidth": 1.2}
         axes.plot(delay, _thousands(curve["passive"]), label="passive", clip_on=False, **style)
-    if curve["closed_form"] is not None:
-        line = _thousands(curve["closed_form"])
-        axes.plot(delay, line, color=INK, linestyle=":", linewidth=1.5, label=GIL)
+    if formula is not None:
+        axes.plot(delay, _thousands(formula), color=INK, linewidth=1.2, label=GIL)
     # None stands for no limit: any stiffness is stable.
     if not any(value is None or value > 0.0 for value in curve["eigenvalues"]):
         axes.text(0.5, 0.5, "no stiffness is stable at any delay", transform=axes.transAxes, ha="center")
@@ -140,8 +143,10 @@ def _draw_friction(axes: Axes, document: Mapping[str, Any]) -> None:
     line = np.interp(fine, friction, _thousands(curve["closed_form"]))
     axes.plot(fine, line, color=INK, label=ABBOTT)
     points: dict[str, Any] = {"linestyle": "none", "clip_on": False}
-    axes.plot(friction, _thousands(curve["worst_hand"]), "o", **points, label="passive with the worst hand tried")
-    axes.plot(friction, _thousands(curve["let_go"]), "^", **points, label="comes to rest without a hand")
+    label = f"passive with the worst hand tried{_ratio_words(curve['worst_hand'], curve['closed_form'])}"
+    axes.plot(friction, _thousands(curve["worst_hand"]), "o", **points, label=label)
+    label = f"comes to rest without a hand{_ratio_words(curve['let_go'], curve['closed_form'])}"
+    axes.plot(friction, _thousands(curve["let_go"]), "^", **points, label=label)
     # kN/m: linear below, so that zero stiffness has a place.
     axes.set_yscale("symlog", linthresh=0.1)
     axes.set_ylim(bottom=0.0)
@@ -163,6 +168,12 @@ def _draw_workspace(axes: Axes, document: Mapping[str, Any]) -> None:
     axes.plot([point[0]], [point[-1]], "o", color=PALETTE["jump"], label="the place", zorder=5)
     names = [f"y{'₀₁₂₃'[int(name[1:])]} (mm)" for name in workspace["axes"]]
     axes.set(xlabel=names[0], ylabel=names[1], title="Workspace, worst wall direction", aspect="equal")
+
+
+def _ratio_words(limits: Sequence[float | None], formula: Sequence[float] | None) -> str:
+    """Return over which range limits lie as multiples of a formula in print; nothing where neither is above zero."""
+    ratios = [limit / line for limit, line in zip(limits, formula or (), strict=False) if limit and line]
+    return f": {min(ratios):.4g} to {max(ratios):.4g} times the formula" if ratios else ""
 
 
 def _thousands(values: Sequence[float | None]) -> list[float]:

@@ -246,6 +246,8 @@ def test_the_command_describes_draws_and_ends_with_one_for_an_unstable_scene(tmp
     assert document["workspace"]["axes"] == ["y1", "y2"]
     assert {file.suffix for file in tmp_path.iterdir()} == {".svg", ".png", ".json"}
     picture = next(tmp_path.glob("*.svg")).read_text()
+    assert picture.count("times the formula") == 3
+    assert "stable: 0.9999 to 1.001 times the formula" in picture
     for letter in ("b: damping of the robot", "B: of the renderer", "T: sampling time", "d: delay", "f_c: ", "Δ: "):
         assert letter in picture
 
