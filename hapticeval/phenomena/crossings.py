@@ -20,6 +20,7 @@ from hapticeval.phenomena.decisions import (
     FACE_TURN_SHARE,
     LAG_TICKS,
     SAME_NORMAL,
+    SHIFTED_TOOLS_APART,
 )
 from hapticeval.phenomena.sampling import hip_steps, lacks_ihip, position_tolerance, resolution, rounding
 from hapticeval.recordings.recording import Recording
@@ -254,13 +255,15 @@ def _follow_with_rigid_tool(recording: Recording, mesh: Mesh, slack: float) -> t
 
     A hand that is on the mesh, to `slack` (m), is on either side of it by rounding. The tool is that of a hand a little
     inside, under all faces there: the hand of a rigid contact is the tool, and is so held. Where a hand a little
-    outside has a tool on another face, nothing tells which is right: the hand has come over an edge in a face's plane.
+    outside has a tool elsewhere, on another face or free, nothing tells which is right: the hand has come over an edge
+    in a face's plane.
     """
     inside, outside = _shift_touching(recording.hip, mesh, slack)
     triangles, faces, tools = _find_faces(mesh, inside)
     if outside is not inside:
-        others = _find_faces(mesh, outside)[1]
-        faces[(faces >= 0) & (others >= 0) & (faces != others)] = UNDECIDED
+        _, other_faces, other_tools = _find_faces(mesh, outside)
+        apart = np.linalg.norm(tools - other_tools, axis=1) > SHIFTED_TOOLS_APART * slack
+        faces[(faces >= 0) & (faces != other_faces) & apart] = UNDECIDED
     return faces, triangles, tools
 
 

@@ -277,6 +277,12 @@ SAME_NORMAL = 1e-9
 
 *Chosen*: 1e-9 of a cosine are 45 urad. Doubled, a face that is turned by up to 63 urad counts as the same."""
 
+SHIFTED_TOOLS_APART = 7.0
+"""How far apart, in roundings of a length, the tools of a hand a little inside and of one a little outside may be.
+
+A hand that is on the mesh to one rounding is put two inside, and two outside: 4 apart. Inside it is 2 + 1 from the mesh
+at most, and so is its tool; outside it is its tool. *Derived*: 3 + 4. Doubled, a tie counts for a face longer."""
+
 BORDER_MISS, BORDER_ROUNDING = 1e-6, 1e-12
 """Share of a step, and length (m), by which its way may miss the edge over which it leaves a face.
 

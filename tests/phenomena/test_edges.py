@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
-from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.catalogue import make_model, mesh
 from hapticeval.geometry.mesh_tool import IN_FREE_SPACE
 from hapticeval.phenomena.crossings import find_crossings
 from hapticeval.renderers import constraint
@@ -23,6 +23,7 @@ CUBE = Scene(model=make_model("cube"))
 NOTCHED = Scene(model=make_model("l-block"))
 STAR, PRISM = (Scene(model=make_model(kind, **more)) for kind, more in (("star", {}), ("extruded", {"length": 1.0})))
 UP = np.array([0.0, 0.0, 1.0])
+RING = ((0, 1), (1, 2), (2, 3), (3, 0))
 
 
 def over_the_top(towards, *, early=0.0, late=0.0):
@@ -183,3 +184,15 @@ def test_a_hand_that_comes_over_an_edge_in_the_plane_of_a_face_is_under_no_face_
     hip = np.vstack([np.linspace(a, b, 500) for a, b in pairwise(points)])
     crossings = find_crossings(recorded(hip), CUBE, convex=True)
     assert [tuple(crossing.normal_pre) for crossing in crossings] == [tuple(normal) for normal in normals]
+
+
+def test_a_rigid_tool_that_flies_over_a_ring_in_the_plane_of_its_top_is_not_held_by_the_bore():
+    """It meets the ring from outside later: of the bore's wall, which its hand never went through, nothing is asked."""
+    ring = [(0.1, -0.05), (0.1, 0.05), (0.0683, 0.05), (0.0683, -0.05)]
+    corners = [[r * x, r * y, z] for r, z in ring for x, y in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+    quads = [(4 * a + k, 4 * a + (k + 1) % 4, 4 * b + (k + 1) % 4, 4 * b + k) for a, b in RING for k in range(4)]
+    nut = Scene(model=mesh(corners, [row for a, b, c, d in quads for row in ((a, b, c), (a, c, d))]))
+    points = [[0.0, 0.007, 0.05], [-0.0773, 0.0843, 0.05], [-0.0306, 0.0377, -0.0161], [-0.0306, 0.0377, 0.093]]
+    recording = ideal(nut).simulate(Path([0.0, 0.6, 1.2, 1.8], np.array(points)), 1e-3)
+    assert [event["kind"] for event in recording.meta["events"]] == ["impact", "leave"]
+    assert outcome("broken-contact", recording, nut) is not FAIL
