@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made import changed, recorded
+from made import FAIL, PASS, changed, recorded
 from scipy.signal import get_window
 from scipy.special import polygamma
 from scipy.stats import chi2
 
 from hapticeval.geometry.catalogue import circle, line
+from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.continuous_contact import _limit_of_jumps, _shrinking_slope, coarsened_slope
 from hapticeval.phenomena.checks.friction import _curvature, along_surface
 from hapticeval.phenomena.checks.passivity import (
@@ -25,10 +27,12 @@ from hapticeval.phenomena.checks.passivity import (
     running_sums,
 )
 from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
+from hapticeval.phenomena.checks.vertex_order import CHECK as VERTEX_ORDER
 from hapticeval.phenomena.jumps import (
     Remains,
     Scale,
     _judge_scales,
+    _spread_exponent,
     _sub_steps,
     _suspect_stretches,
     aitken,
@@ -40,6 +44,7 @@ from hapticeval.phenomena.jumps import (
 )
 from hapticeval.phenomena.lag import believed_lag, beside_straight, largest_in_lag, resting_ticks
 from hapticeval.phenomena.nudges import _directions
+from hapticeval.phenomena.restated import compare_runs
 from hapticeval.phenomena.sampling import (
     believed_standoff,
     clear_of_surface,
@@ -483,3 +488,20 @@ def test_the_hand_is_nudged_along_axes_and_diagonals_and_by_a_quarter(dimension,
     np.testing.assert_allclose(lengths, [1.0] * count + [0.25] * count)
     assert len(np.unique(np.round(nudges, 9), axis=0)) == 2 * count
     np.testing.assert_allclose(nudges.sum(axis=0), 0.0, atol=1e-12)
+
+
+def test_a_spread_falls_with_the_step_by_its_exponent():
+    coarse, fine = scales({0: 8e-4, 4: 2e-4})
+    assert _spread_exponent(coarse, fine) == pytest.approx(0.5)
+    assert _spread_exponent(fine, fine) == 0.0, "of one scale nothing falls"
+    assert _spread_exponent(coarse, replace(fine, spread=0.0)) == math.inf
+
+
+@pytest.mark.parametrize(("off", "outcome"), [(2.9e-3, PASS), (3.1e-3, FAIL)])
+def test_what_is_declared_of_resolution_and_standoff_is_granted_to_a_run_that_is_stated_otherwise(off, outcome):
+    base = changed(slide(), meta={"resolution": 2e-3, "standoff": 1e-3})
+    other = changed(base, ihip=base.ihip + np.array([off, 0.0]), force=base.force)
+    finding = compare_runs(VERTEX_ORDER, Runs(base), LINE, other, "with other vertices")
+    assert finding.outcome is outcome
+    # What is beyond that, as a share of the model's size.
+    assert finding.metric.value == pytest.approx(max(off - 3e-3, 0.0) / 0.2, abs=1e-6)
