@@ -128,6 +128,21 @@ def test_an_impact_in_a_corner_turns_back_every_part_of_the_velocity():
         np.testing.assert_allclose(recording.velocity[-1] @ turn, -0.5 * velocity, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("free_angle", "velocity", "after"),
+    [(150.0, [0.1, -1.0], 0.1), (60.0, [-0.4, -0.3], 0.0), (90.0, [-0.4, -0.3], 0.0)],
+)
+def test_in_a_groove_the_wall_that_is_run_against_most_takes_its_impulse_first(free_angle, velocity, after):
+    """With c_r = 0, as docs/ground-truth.md has it: at 150 degrees the wall first would leave 0.51 m/s."""
+    x, y = 0.1 * math.cos(math.radians(free_angle)), 0.1 * math.sin(math.radians(free_angle))
+    section = [[0.0, 0.0], [x, y], [-0.2, y], [-0.2, -0.1], [0.1, -0.1], [0.1, 0.0]]
+    groove = make_model("extruded", model={"kind": "polygon", "vertices": section}, length=0.1)
+    flight = np.array([*velocity, 0.0])
+    experiment = Experiment(0.2, -0.05 * flight, flight, [0.0], [[0.0, 0.0, 0.0]])
+    recording = contact(groove, restitution=0.0).simulate(experiment, 1e-3)
+    np.testing.assert_allclose(recording.velocity[-1], [after, 0.0, 0.0], atol=1e-9)
+
+
 def test_energy_stays_over_ten_thousand_elastic_events():
     force = TURN @ [-1.0, -0.8, -0.6]
     experiment = Experiment(215.0, TURN @ [0.004, 0.003, 0.005], [0.0, 0.0, 0.0], [0.0], [force])
