@@ -77,14 +77,32 @@ def _excuse_rigid_tool(base: Recording, scene: Scene, feet: Array, aside: Array,
         # A renderer may report a contact three ticks late: the hand came in within the last few.
         before, entry = base.hip[max(first - 1 - LAG_TICKS, 0)], base.hip[first]
         crossing = boundary.first_crossing(before, entry, grain=step)
-        tools = [feet[first] if crossing is None else crossing]
-        for hip in base.hip[first : first + int(astray[-1]) + 1]:
-            tools.append(boundary.descend(tools[-1], hip, step=step))
-        ways = np.array(tools[1:])
-        for row in astray:
-            late = ways[max(int(row) - LAG_TICKS, 0) : row + 1]
-            distance = float(np.linalg.norm(late - base.ihip[first + row], axis=1).min())
-            aside[first + row] = min(aside[first + row], distance)
+        starts = [feet[first] if crossing is None else crossing]
+        if _may_begin_at_ihip(base, scene, first):
+            starts.append(base.ihip[first])
+        for start in starts:
+            tools = [start]
+            for hip in base.hip[first : first + int(astray[-1]) + 1]:
+                tools.append(boundary.descend(tools[-1], hip, step=step))
+            ways = np.array(tools[1:])
+            for row in astray:
+                late = ways[max(int(row) - LAG_TICKS, 0) : row + 1]
+                distance = float(np.linalg.norm(late - base.ihip[first + row], axis=1).min())
+                aside[first + row] = min(aside[first + row], distance)
+
+
+def _may_begin_at_ihip(base: Recording, scene: Scene, first: int) -> bool:
+    """Return whether a rigid tool may be where the IHIP is in row `first`, in which a contact is seen first.
+
+    A hand that comes in through an edge itself enters by either face. A tool that began with it there has moved no
+    farther since than the hand, from where that was last outside.
+    """
+    outside = np.flatnonzero(scene.model.boundary.signed_distance(base.hip[: first + 1]) > rounding(scene))
+    if not outside.size:
+        return False
+    moved = float(hip_steps(base)[outside[-1] : first].sum())
+    off = float(np.linalg.norm(base.ihip[first] - base.hip[outside[-1]]))
+    return off <= moved + across_allowed(base, scene)
 
 
 def _followed_rows(base: Recording, scene: Scene, feet: Array, distance: Array) -> tuple[BoolArray, Array]:

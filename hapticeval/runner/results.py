@@ -544,13 +544,12 @@ def read_results(directory: Path) -> ResultsDocument:
 
 def unknown_renderer(name: str, known: Iterable[str]) -> UnknownNameError:
     """Return the error of a renderer that results are asked for and that is not among those that they know."""
-    return UnknownNameError(
-        "renderer of these results",
-        name,
-        (),
-        todo=f"name one of {', '.join(sorted(known))}; to have others beside them, judge all of them in one run "
-        "(-r A -r B), or join two folders by `hapticeval merge`",
+    error = UnknownNameError("renderer of these results", name, known)
+    error.todo += (
+        "; to have others beside them, judge all of them in one run (-r A -r B), or join two folders by "
+        "`hapticeval merge`"
     )
+    return error
 
 
 def environment() -> dict[str, Any]:

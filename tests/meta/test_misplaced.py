@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from outsiders import CASES
 
 from hapticeval.discovery import resolve
-from hapticeval.geometry.catalogue import cube, ellipse, line
+from hapticeval.geometry.catalogue import cube, ellipse, line, make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.under_the_hand import find_aside
@@ -24,6 +24,7 @@ from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import Closeup, play
+from hapticeval.stimulus.moves import Move, Moves
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import load_suite
 
@@ -143,3 +144,24 @@ def test_beside_a_convex_edge_the_tool_may_be_on_the_face_that_the_hand_came_thr
     aside = find_aside(recorded(recording.hip, ihip), scene)
     assert aside is not None
     assert aside.metric.value == pytest.approx(0.03, rel=0.2)
+
+
+def test_a_hand_that_comes_in_through_an_edge_itself_enters_by_either_face():
+    """In the plane of a plate's top to its edge, under the top, and up and out: a god-object is still on the side."""
+    scene = Scene(model=make_model("box", x=0.1, y=0.4, z=0.01))
+    moves = (
+        Move(to=[0.05, -0.178251, 0.005], seconds=0.401),
+        Move(to=[0.041669, 0.017789, 0.003678], seconds=0.43),
+        Move(to=[0.041669, 0.017789, 0.092], seconds=0.401),
+    )
+    trajectory = Moves(start=[0.096, -0.180958, 0.005], moves=moves)
+    path = replace(CASES["slide"], trajectory=trajectory).build_stimulus(scene, None)
+    recording = play(resolve("constraint")(scene), path, 1e-3, scene=scene)
+    on_side = (recording.ihip[:, 0] == 0.05) & (recording.hip[:, 0] < 0.042)
+    assert on_side.any()
+    assert find_aside(recording, scene) is None
+    # Of a hand that comes in through the top, 1 mm from the edge, it is not where a rigid tool is.
+    through_top = recording.hip - np.array([1e-3, 0.0, -1e-6])
+    inside = (through_top[:, 2] < 0.005) & (recording.ihip[:, 0] != recording.hip[:, 0])
+    ihip = np.where(inside[:, np.newaxis], recording.ihip, through_top)
+    assert find_aside(recorded(through_top, ihip, meta={"source": "playback"}), scene) is not None

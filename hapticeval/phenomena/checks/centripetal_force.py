@@ -36,7 +36,7 @@ from hapticeval.phenomena.sampling import (
 from hapticeval.phenomena.surface_motion import decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.quantity import format_number
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -116,8 +116,9 @@ def _unheld_tick(recording: Recording, scene: Scene) -> int | None:
 def _force_off_spring(recording: Recording, scene: Scene) -> float | None:
     """Return the force along the normal as a multiple of K_p times the depth, the median in contact, where it is off.
 
-    That is, by a factor of two or more from the stiffness that a declared spring has; else None. A damper along the
-    path has no part in it, and one across it none in the median.
+    That is, by a factor of two or more from the stiffness that a declared spring has; else None. What the scene's
+    damping may add along the normal is taken off first: while the speed decays, so does the depth, and a damper along
+    the error resists that.
     """
     if "spring" not in recording.meta or "force" not in recording.channels:
         return None
@@ -127,8 +128,14 @@ def _force_off_spring(recording: Recording, scene: Scene) -> float | None:
     rows = touching(recording, scene) & (np.abs(frame.distance) > force_depth(scene))
     if not rows.any():
         return None
-    outward_force = np.sum(recording.force[rows] * frame.normal[rows], axis=1)
-    stiffness_ratio = float(np.median(-outward_force / (scene.stiffness * frame.distance[rows])))
+    normal, spring_force = frame.normal[rows], -scene.stiffness * frame.distance[rows]
+    velocity = (
+        recording.velocity if "velocity" in recording.channels else backward_difference(recording.hip, recording.time)
+    )
+    damper_force = scene.damping * np.abs(np.sum(velocity[rows] * normal, axis=1))
+    difference = np.sum(recording.force[rows] * normal, axis=1) - spring_force
+    unexplained = np.sign(difference) * np.maximum(np.abs(difference) - damper_force, 0.0)
+    stiffness_ratio = float(np.median(1.0 + unexplained / spring_force))
     is_off = not softest / STIFFNESS_FACTOR < stiffness_ratio < STIFFNESS_FACTOR * stiffest
     return stiffness_ratio if is_off else None
 
