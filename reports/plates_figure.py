@@ -28,13 +28,13 @@ def write_plates(directory: Path, document: Mapping[str, Any]) -> list[Path]:
             pushes = dict.fromkeys(border["push"] for border in borders)
             for role, marker, push in zip(CURVES, MARKERS, pushes, strict=False):
                 of_push = [border for border in borders if border["push"] == push]
-                held = [border for border in of_push if border["thinnest"] is not None]
-                lost = [border["speed"] for border in of_push if border["thinnest"] is None]
-                thicknesses = [1e3 * border["thinnest"] for border in held]
+                with_thickness = [border for border in of_push if border["thinnest"] is not None]
+                lost_speeds = [border["speed"] for border in of_push if border["thinnest"] is None]
+                thicknesses = [1e3 * border["thinnest"] for border in with_thickness]
                 look: dict[str, Any] = {"color": THEME[role]}
-                speeds = [border["speed"] for border in held]
+                speeds = [border["speed"] for border in with_thickness]
                 axes.plot(speeds, thicknesses, marker=marker, label=f"{push:g} N", **look)
-                axes.plot(lost, [1.3 * thickest] * len(lost), "x", **look)
+                axes.plot(lost_speeds, [1.3 * thickest] * len(lost_speeds), "x", **look)
             axes.set(xscale="log", yscale="log", title=name.rpartition(":")[2])
             axes.set_ylim(1e3 * document["thinnest"] / 1.2, 1.5 * thickest)
             axes.axhline(thickest, color=THEME["quiet"], linewidth=0.8, linestyle=":")

@@ -170,9 +170,9 @@ def _stands(verdicts: Sequence[Sequence[VerdictEntry]], editions: Sequence[Editi
     """Return how a check stood in each edition, by its verdicts there; a case stays red until it is run again."""
     stands: list[Stand | None] = []
     red: dict[tuple[str, str], VerdictEntry] = {}
-    for edition, asked in zip(editions, verdicts, strict=True):
-        for verdict in asked:
+    for edition, of_edition in zip(editions, verdicts, strict=True):
+        for verdict in of_edition:
             red.pop((verdict.suite, verdict.case), None)
-        stands.append(Stand(edition, asked, tuple(red.values())) if asked else None)
-        red |= {(verdict.suite, verdict.case): verdict for verdict in asked if edition.results.stops(verdict)}
+        stands.append(Stand(edition, of_edition, tuple(red.values())) if of_edition else None)
+        red |= {(verdict.suite, verdict.case): verdict for verdict in of_edition if edition.results.stops(verdict)}
     return stands
