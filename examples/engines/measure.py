@@ -7,7 +7,6 @@ and which suites it covers, is read from the results; `CAUSES` adds a sentence t
 from __future__ import annotations
 
 import csv
-import math
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -21,7 +20,7 @@ from hapticeval.examples.engines.causes import CAUSES
 from hapticeval.examples.studies.field_tables import count_lines
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.results import VerdictEntry
-from hapticeval.study.plates import holds
+from hapticeval.study.plates import holds, narrow_border
 
 SUITES = ("field", "seams", "solids", "unilateral-surfaces", "hard-cases")
 SETTINGS_SUITES = SUITES[:-1]
@@ -53,8 +52,8 @@ SETTINGS = {
 PLATES, SPEEDS = (5e-4, 2e-3, 5e-3), (0.02, 0.2, 1.0, 2.0)
 """Thicknesses of plates, m, and speeds of the hand, m/s, of the table of pushes."""
 
-LEAST_PUSH, LARGEST_PUSH, PUSH_RATIO = 0.2, 40.0, 1.02
-"""Pushes between which the largest that is held is looked for, N, and the ratio of both ends when it is found."""
+LEAST_PUSH, LARGEST_PUSH = 0.2, 40.0
+"""Pushes between which the largest that is held is looked for, N."""
 
 TRIED = {
     "mujoco-query": ("exact", "parts", "fine", "shown"),
@@ -175,10 +174,7 @@ def largest_push(factory: RendererFactory, thickness: float, speed: float) -> st
         return "none"
     if holds(factory, thickness, speed, high):
         return f"{high:g} and more"
-    while high / low > PUSH_RATIO:
-        middle = math.sqrt(low * high)
-        low, high = (middle, high) if holds(factory, thickness, speed, middle) else (low, middle)
-    return f"{low:.2g}"
+    return f"{narrow_border(lambda push: holds(factory, thickness, speed, push), low, high):.2g}"
 
 
 def plate_lines() -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +34,7 @@ RUN_UP, PHASES, SETTLING = 0.02, 4, 0.2
 """Height from which the hand comes, m; starts within a tick's travel; seconds for which it pushes in the end."""
 
 RATIO = 1.02
-"""The thickness that is held over the one that is not, at the end of a bisection."""
+"""How near, as a ratio, what holds and what does not are at the end of a bisection."""
 
 HELD_SHARE = 0.5
 """Share of the push that a plate in front of which the tool stays gives back; chosen: behind it nothing pushes back."""
@@ -52,17 +53,22 @@ def plate_scene(thickness: float) -> Scene:
     return Scene(model=make_model("box", z=thickness))
 
 
+@cache
+def direction_of_case() -> Array:
+    """Return the unit direction (3,) in which the hand of `solids/plate` goes."""
+    case = case_named(CASE)
+    stimulus = case.build_stimulus(case.build_scene(), None)
+    assert isinstance(stimulus, Path)
+    direction = stimulus.points[-1] - stimulus.points[0]
+    return np.asarray(direction / np.linalg.norm(direction))
+
+
 def approach(scene: Scene, thickness: float, speed: float, push: float, phase: float) -> Path:
     """Return the hand's path along the direction of `solids/plate`, to where a spring gives the push; it rests there.
 
     It begins `RUN_UP` and a `phase` (0 to 1) of a tick's travel above the plate's face.
     """
-    case = case_named(CASE)
-    stimulus = case.build_stimulus(scene, None)
-    assert isinstance(stimulus, Path)
-    direction = stimulus.points[-1] - stimulus.points[0]
-    direction /= np.linalg.norm(direction)
-    dt = scene.sampling_time
+    direction, dt = direction_of_case(), scene.sampling_time
     height = RUN_UP + phase * speed * dt
     # K times the depth under the face is the push.
     length = (height + push / scene.stiffness) / -direction[2]
@@ -86,6 +92,17 @@ def holds(factory: RendererFactory, thickness: float, speed: float, push: float)
     )
 
 
+def narrow_border(is_held: Callable[[float], bool], held: float, lost: float) -> float:
+    """Return the number nearest to `lost` for which a plate is held, to `RATIO`, by bisection from one that is `held`.
+
+    Both are positive, in any one unit: a thickness, or a push.
+    """
+    while max(held, lost) / min(held, lost) > RATIO:
+        middle = math.sqrt(held * lost)
+        held, lost = (middle, lost) if is_held(middle) else (held, middle)
+    return held
+
+
 def find_thinnest(factory: RendererFactory, speed: float, push: float) -> float | None:
     """Return the smallest thickness, m, that is held at a `speed` (m/s) and `push` (N), to `RATIO`; None if none is.
 
@@ -96,10 +113,7 @@ def find_thinnest(factory: RendererFactory, speed: float, push: float) -> float 
         return None
     if holds(factory, low, speed, push):
         return low
-    while high / low > RATIO:
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if holds(factory, middle, speed, push) else (middle, high)
-    return high
+    return narrow_border(lambda thickness: holds(factory, thickness, speed, push), high, low)
 
 
 def study_plates(factory: RendererFactory, show: Callable[[int, int, str], object]) -> list[Border]:

@@ -11,12 +11,12 @@ from hapticeval import RefusalError, Scene, make_model
 from hapticeval.discovery import resolve
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
+from hapticeval.study import plates
 from hapticeval.suite.reading import load_suite
 
 pytest.importorskip("mujoco", reason="make test installs it")
 pytest.importorskip("fcl", reason="make test installs it")
 
-from hapticeval.examples.engines import measure
 from hapticeval.examples.engines.measure import COLUMNS, SETTINGS, Smallest, failure_line, largest_push, page
 
 CASES = {case.name: case for case in load_suite("solids").cases}
@@ -69,7 +69,7 @@ def test_the_hand_is_shown_the_contact_alone(setting):
 def test_a_finer_time_step_holds_the_plate_that_a_fast_hand_goes_through(monkeypatch):
     assert largest_push(resolve(COLUMNS["mujoco-stiff"]), 5e-4, 2.0) == "none"
     assert largest_push(resolve(SETTINGS["fine"]), 5e-4, 2.0) == "40 and more"
-    monkeypatch.setattr(measure, "PUSH_RATIO", 1.3)
+    monkeypatch.setattr(plates, "RATIO", 1.3)
     # Of the default 6.5 N, found to 1.02.
     assert 4.5 < float(largest_push(resolve(COLUMNS["mujoco-coupled"]), 2e-3, 0.02)) <= 6.6
 
