@@ -20,6 +20,7 @@ from hapticeval.commands.arguments import Folder
 from hapticeval.commands.draw import DRAW_CODES
 from hapticeval.commands.terminal import columns, paragraphs, say, wrote_lines
 from hapticeval.discovery import resolve
+from hapticeval.phenomena.checks.shading import angles
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import CURVES, MARKERS, THEME, figure, save_figure
 from hapticeval.runner.judging import make_renderer
@@ -88,10 +89,7 @@ def measure(inner: str, radius: float) -> FrontPoint:
     free, controlled = follow(inner, long, laps), follow(f"{inner}+pc", long, laps)
     rows = slice(approach + (laps - 1) * lap, approach + laps * lap)
     force, other = free.force[1:][rows], controlled.force[1:][rows]
-    cosine = np.sum(force * other, axis=1) / np.maximum(
-        np.linalg.norm(force, axis=1) * np.linalg.norm(other, axis=1), 1e-300
-    )
-    turn = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    turn = np.degrees(angles(force, other))
     return FrontPoint(
         radius,
         float(energy_by_tick(free)[rows].sum()),

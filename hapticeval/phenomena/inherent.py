@@ -50,7 +50,7 @@ def _sinks_as_a_spring(declared: Declared, finding: Finding) -> bool:
     if finding.metric is None or "spring" not in declared or declared.get("closed_form") in FED_FORWARD:
         return False
     # The theorem is about the spring that is declared: a force of another size is not that one's.
-    if "force_of_spring" in finding.evidence:
+    if "force_over_spring" in finding.evidence:
         return False
     # Where the stiffness varies, the error is the softest spring's.
     softest = float(declared.get("stiffness_least", 1.0))

@@ -15,7 +15,7 @@ from hapticeval.phenomena.decisions import (
     SINGLE_ROUNDINGS,
 )
 from hapticeval.quantity import format_number
-from hapticeval.recordings.recording import SINGLE, Recording, runs_of
+from hapticeval.recordings.recording import SINGLE, Recording, backward_difference, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -26,6 +26,13 @@ LED = ("playback", "replay")
 def hip_steps(recording: Recording) -> Array:
     """Return the distance that the HIP moves from each sample to the next: (n - 1,), m."""
     return np.asarray(np.linalg.norm(np.diff(recording.hip, axis=0), axis=1))
+
+
+def hand_velocity(recording: Recording) -> Array:
+    """Return the hand's velocity (n, N), m/s: as recorded, else the difference to the row before."""
+    if "velocity" in recording.channels:
+        return recording.velocity
+    return backward_difference(recording.hip, recording.time)
 
 
 def touching(recording: Recording, scene: Scene) -> BoolArray:

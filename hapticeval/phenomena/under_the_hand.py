@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.checks.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import ASIDE_DEPTHS, DESCENT_SHARE, LAG_TICKS, STRETCHED_STEPS
 from hapticeval.phenomena.jumps import recent_steps
@@ -49,7 +50,7 @@ def find_aside(base: Recording, scene: Scene) -> Finding | None:
         + branch_doubt
     )
     aside = np.where(judged, np.linalg.norm(base.ihip - feet.foot, axis=1), 0.0)
-    _excuse_rigid_tool(base, scene, feet.foot, aside, allowed)
+    _excuse_rigid_tool(base, scene, feet, aside, allowed)
     worst = int(np.argmax(aside - allowed))
     if aside[worst] <= allowed[worst]:
         return None
@@ -62,10 +63,10 @@ def find_aside(base: Recording, scene: Scene) -> Finding | None:
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
-def _excuse_rigid_tool(base: Recording, scene: Scene, feet: Array, aside: Array, allowed: Array) -> None:
+def _excuse_rigid_tool(base: Recording, scene: Scene, feet: ClosestPoint, aside: Array, allowed: Array) -> None:
     """Lower `aside` (n,), m, to the distance from a rigid tool, in contacts in which it is more than `allowed` (n,), m.
 
-    Such a tool begins where the hand comes in, or at the nearest of `feet` (n, N), m, and slides on the model downhill
+    Such a tool begins where the hand comes in, or at the nearest of `feet` (n rows), and slides on the model downhill
     in distance to the hand; an IHIP may follow it up to three ticks late.
     """
     boundary = scene.model.boundary
@@ -77,27 +78,27 @@ def _excuse_rigid_tool(base: Recording, scene: Scene, feet: Array, aside: Array,
         # A renderer may report a contact three ticks late: the hand came in within the last few.
         before, entry = base.hip[max(first - 1 - LAG_TICKS, 0)], base.hip[first]
         crossing = boundary.first_crossing(before, entry, grain=step)
-        starts = [feet[first] if crossing is None else crossing]
-        if _may_begin_at_ihip(base, scene, first):
+        starts = [feet.foot[first] if crossing is None else crossing]
+        if _may_begin_at_ihip(base, scene, feet.distance, first):
             starts.append(base.ihip[first])
         for start in starts:
             tools = [start]
             for hip in base.hip[first : first + int(astray[-1]) + 1]:
                 tools.append(boundary.descend(tools[-1], hip, step=step))
-            ways = np.array(tools[1:])
+            tool_path = np.array(tools[1:])
             for row in astray:
-                late = ways[max(int(row) - LAG_TICKS, 0) : row + 1]
+                late = tool_path[max(int(row) - LAG_TICKS, 0) : row + 1]
                 distance = float(np.linalg.norm(late - base.ihip[first + row], axis=1).min())
                 aside[first + row] = min(aside[first + row], distance)
 
 
-def _may_begin_at_ihip(base: Recording, scene: Scene, first: int) -> bool:
+def _may_begin_at_ihip(base: Recording, scene: Scene, distance: Array, first: int) -> bool:
     """Return whether a rigid tool may be where the IHIP is in row `first`, in which a contact is seen first.
 
     A hand that comes in through an edge itself enters by either face. A tool that began with it there has moved no
-    farther since than the hand, from where that was last outside.
+    farther since than the hand, from where that was last outside by its signed `distance` (n,), m.
     """
-    outside = np.flatnonzero(scene.model.boundary.signed_distance(base.hip[: first + 1]) > rounding(scene))
+    outside = np.flatnonzero(distance[: first + 1] > rounding(scene))
     if not outside.size:
         return False
     moved = float(hip_steps(base)[outside[-1] : first].sum())

@@ -9,6 +9,7 @@ import numpy as np
 from hapticeval.closed_forms import Gains, transversal_motion
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Situation
+from hapticeval.phenomena.checks.force_magnitude import declared_range
 from hapticeval.phenomena.decisions import (
     BLOCK_TICKS,
     EXPLAINING_PUSH,
@@ -28,6 +29,7 @@ from hapticeval.phenomena.sampling import (
     above_force_floor,
     evidence_at,
     force_depth,
+    hand_velocity,
     mm,
     open_loop_reason,
     position_tolerance,
@@ -36,7 +38,7 @@ from hapticeval.phenomena.sampling import (
 from hapticeval.phenomena.surface_motion import decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.quantity import format_number
-from hapticeval.recordings.recording import Recording, backward_difference
+from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -81,7 +83,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         evidence["force_missing_at_zero_error"] = at_zero
     off_spring = _force_off_spring(base, scene)
     if off_spring is not None:
-        evidence["force_of_spring"] = off_spring
+        evidence["force_over_spring"] = off_spring
     lacking = abs(at_zero or 0.0)
     value = max(abs(share), lacking)
     metric = Metric(CHECK.metric, value, "")
@@ -122,17 +124,14 @@ def _force_off_spring(recording: Recording, scene: Scene) -> float | None:
     """
     if "spring" not in recording.meta or "force" not in recording.channels:
         return None
-    softest, stiffest = (float(recording.meta.get(f"stiffness_{end}", 1.0)) for end in ("least", "largest"))
+    softest, stiffest = declared_range(recording) or (1.0, 1.0)
     frame = scene.model.boundary.closest_point(recording.hip)
     # Both ways from a surface that holds from both sides, and deep enough to tell a depth from its rounding.
     rows = touching(recording, scene) & (np.abs(frame.distance) > force_depth(scene))
     if not rows.any():
         return None
     normal, spring_force = frame.normal[rows], -scene.stiffness * frame.distance[rows]
-    velocity = (
-        recording.velocity if "velocity" in recording.channels else backward_difference(recording.hip, recording.time)
-    )
-    damper_force = scene.damping * np.abs(np.sum(velocity[rows] * normal, axis=1))
+    damper_force = scene.damping * np.abs(np.sum(hand_velocity(recording)[rows] * normal, axis=1))
     difference = np.sum(recording.force[rows] * normal, axis=1) - spring_force
     unexplained = np.sign(difference) * np.maximum(np.abs(difference) - damper_force, 0.0)
     stiffness_ratio = float(np.median(1.0 + unexplained / spring_force))

@@ -42,6 +42,7 @@ from hapticeval.phenomena.jumps import (
     step_bounds,
     worst_step,
 )
+from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.sampling import (
     as_sensed,
     believed_standoff,
@@ -326,9 +327,7 @@ def _jump_without_nearest_point(look: Closer, scene: Scene, bounds: Array, surfa
     base = look.recording
     feet = scene.model.boundary.closest_point(base.hip).foot
     nearest_steps = np.concatenate([[0.0], np.linalg.norm(np.diff(feet, axis=0), axis=1)])
-    around = np.pad(nearest_steps, LAG_TICKS, mode="edge")
-    longest = np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).max(axis=1)
-    place = look_closer(look, scene, bounds=bounds + longest, standoff=surface_gap)
+    place = look_closer(look, scene, bounds=bounds + largest_in_lag(nearest_steps), standoff=surface_gap)
     return place if place is not None and place.kind is Remains.STAYS else None
 
 

@@ -27,6 +27,7 @@ from hapticeval.phenomena.sampling import (
     as_sensed,
     declares_force_only,
     evidence_at,
+    hand_velocity,
     lacks_ihip,
     mm,
     rounding,
@@ -180,7 +181,7 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
         high *= np.divide(depth, depth - gap, out=np.full_like(depth, np.inf), where=depth > gap)
     # There a force may be too large, and not too small.
     low[begins], high[begins] = explained[begins], np.inf
-    velocity, sinking = _velocity(base), backward_difference(error, base.time)
+    velocity, sinking = hand_velocity(base), backward_difference(error, base.time)
     speeds = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
     speed, spreading = (np.abs(np.sum(along * rates, axis=1)) for rates in (velocity[now], sinking[now]))
     bending = np.zeros(now.size)
@@ -234,11 +235,6 @@ def _sure_depth(base: Recording, scene: Scene, spring: Spring) -> Array:
     return np.asarray(np.minimum(depth, np.abs(boundary.signed_distance(base.hip))))
 
 
-def _velocity(base: Recording) -> Array:
-    """Return the hand's velocity (n, N), m/s: as recorded, else the difference to the row before."""
-    return base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
-
-
 def _depth_direction(force: Array, error: Array, spring: Spring) -> tuple[Array, Array]:
     """Return the unit direction (n, N) in which depth is measured, and the depth (n,), m; zero where there is none.
 
@@ -263,7 +259,7 @@ def _stiffness_share(force: Array, error: Array, stiffness: float, spring: Sprin
 
 def largest_other_force(base: Recording, scene: Scene) -> Array:
     """Return how large a damper's force is at most, and the curvature's of one that declares no spring: (n,), N."""
-    velocity = _velocity(base)
+    velocity = hand_velocity(base)
     sinking = backward_difference(base.hip - base.ihip, base.time)
     speed = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
     bent = (
@@ -302,7 +298,7 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
     late = np.array([depth[np.maximum(ticks - lag, 0)] for lag in range(LAG_TICKS + 1)])
     size = np.linalg.norm(base.force[ticks], axis=1)
     shares = np.divide(size, scene.stiffness * late, out=np.full(late.shape, np.inf), where=late > 0.0)
-    speed = np.linalg.norm(_velocity(base)[ticks], axis=1)
+    speed = np.linalg.norm(hand_velocity(base)[ticks], axis=1)
     with np.errstate(divide="ignore"):
         other_depth = (scene.damping * speed + _force_coarseness(base, size)) / scene.stiffness
         allowed = (other_depth + rounding(scene) + standoff(base, scene)) / late[0]

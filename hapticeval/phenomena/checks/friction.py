@@ -32,9 +32,9 @@ from hapticeval.phenomena.decisions import (
     WHOLE_LAG,
 )
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag, likely_force_lags
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps, listed, touching
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hand_velocity, hip_steps, listed, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
-from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
+from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -82,7 +82,7 @@ def load_of(base: Recording, scene: Scene, between: Array | None = None) -> Load
     `between` (n,), N, is what is not known of the force where a channel was held back by no whole number of ticks.
     """
     pressed = above_force_floor(base, scene)
-    velocity = base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
+    velocity = hand_velocity(base)
     rows = np.flatnonzero(pressed)
     ihip, force = base.ihip[rows], base.force[rows]
     normals = scene.model.boundary.closest_point(ihip).normal

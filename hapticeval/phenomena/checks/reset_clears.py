@@ -6,6 +6,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import NOTABLE_FORCE_SHARE, TELLING_SHARE
+from hapticeval.phenomena.restated import NOBODY
 from hapticeval.phenomena.sampling import (
     evidence_at,
     farthest_standoff,
@@ -99,9 +100,7 @@ CHECK = Check(
     channels=("hip", "force"),
     reads_also=("ihip",),
     siblings={"again": "the same stimulus once more through the same renderer"},
-    needs={
-        "again": Finding(Outcome.NOT_APPLICABLE, "a recording shows one run only, and nobody can be asked for another"),
-    },
+    needs={"again": Finding(Outcome.NOT_APPLICABLE, NOBODY)},
     not_with=(),
     metric="force, or IHIP, after a reset less that before",
     unit="N",

@@ -59,7 +59,10 @@ def expect_shading(runs: Runs, scene: Scene) -> ExpectedShading | Finding:
 
 
 def angles(first: Array, second: Array) -> Array:
-    """Return the angles (n,), rad, between vectors `first` and `second` (n, N); zero where one is zero."""
+    """Return the angles (n,), rad, between vectors `first` and `second` (n, N).
+
+    A right angle where one is zero, and zero where both are.
+    """
     unit, other = (_unit(vectors) for vectors in (first, second))
     # 2 atan2(|u - v|, |u + v|): exact for small angles, where acos is not.
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(unit - other, axis=1), np.linalg.norm(unit + other, axis=1)))

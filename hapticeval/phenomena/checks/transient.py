@@ -11,11 +11,11 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import IMPULSE_CLOSE, IMPULSE_DECAYS, LATE_START, SINGLE_ROUNDINGS, TELLING_SHARE
-from hapticeval.phenomena.sampling import evidence_at, force_floor, touching
+from hapticeval.phenomena.sampling import evidence_at, force_floor, hand_velocity, touching
 from hapticeval.phenomena.sampling import rounding as rounding_of
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.phenomena.vibration import fit
-from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
+from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -81,7 +81,7 @@ def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) 
     dt, boundary = base.dt, scene.model.boundary
     touches = touching(plain, scene)
     edges = np.flatnonzero(np.diff(touches.astype(np.int8))) + 1
-    velocity = base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
+    velocity = hand_velocity(base)
     added = base.force - plain.force
     # A recording in single precision is one in which every force is a single number.
     single = bool(np.all(base.force.astype(np.float32) == base.force))
