@@ -214,7 +214,9 @@ def run(
 
     # Once, or again after each change with --watch.
     def once() -> int:
-        return judge_and_summarise(judged, verbose=verbose, report=not (quick or no_report), known_file=write_known)
+        return judge_and_summarise(
+            judged, verbose=verbose, report=not (quick or no_report), known_file=write_known, resumable=True
+        )
 
     if not watch:
         raise typer.Exit(once())
@@ -253,8 +255,11 @@ def judge_and_summarise(
     verbose: bool = False,
     report: bool = True,
     known_file: Path | None = None,
+    resumable: bool = False,
 ) -> int:
     """Have renderers judged, print the summary, below the `opening_text` of the results, and return the exit code.
+
+    After an interrupt it says how to go on, if the command is `resumable`.
 
     Reports are written if wanted. `known_file` is named among them: the list that `judge` writes of what fails. What a
     failure amounts to is then settled by that list, so the summary alone counts.
@@ -272,6 +277,8 @@ def judge_and_summarise(
         opening = "" if opening_text is None else opening_text(results)
         written = [*(reports or [results.file]), *([known_file] if known_file else [])]
         say(paragraphs(opening, summary(results.document, written, verbose=verbose, width=terminal_width())))
+        if terminal.interrupted and resumable:
+            say("to go on: the same command with --resume")
         if os.environ.get("GITHUB_ACTIONS") == "true":
             say(github_annotations(results.document))
     return max(results.exit_code, int(interrupts.count > 0))

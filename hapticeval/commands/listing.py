@@ -155,7 +155,7 @@ def listing_text(what: str, named: Sequence[str] = ()) -> str:
 
 def check_rows(name: str) -> Rows:
     """Yield what is asked first of a check; its page has the rest. Raises `UnknownNameError` for an id that is none."""
-    from hapticeval.phenomena.inherent import limits_of
+    from hapticeval.phenomena.inherent import declaration_words, limits_of
     from hapticeval.phenomena.pages import page_file, read_page
     from hapticeval.phenomena.registry import CHECKS
 
@@ -170,7 +170,8 @@ def check_rows(name: str) -> Rows:
     if page.first_cause:
         yield "if it fails", page.first_cause
     for declared, because in limits_of(check.id).items():
-        yield "inherent", f"for a renderer that declares {declared}: {because}"
+        how = declaration_words(declared)
+        yield "inherent", f"for a renderer that declares {declared}: {because}; in its class: {how}"
     yield "level", check.level.value
     # Channels that it needs, and those that it uses where they are there.
     yield "reads", ", ".join([*check.channels, *(f"{channel} where it was recorded" for channel in check.reads_also)])

@@ -13,6 +13,7 @@ from pathlib import Path
 import typer
 
 from hapticeval.commands.terminal import annotation, lines, paragraphs, plural, wrote_lines
+from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.quantity import align_columns, format_duration
 from hapticeval.runner.known import describe_outdated
@@ -245,11 +246,20 @@ def _verdict_words(verdict: VerdictEntry) -> str:
         "known because": verdict.known,
         "inherent because": verdict.inherent,
         "fail here too": ", ".join(verdict.alike) if verdict.standing.unexpected else "",
+        "may be inherent": _inherent_hint(verdict),
     }
     note_lines = [f"{label}: {text}" for label, text in notes.items() if text]
     return lines(
         [paint(head, colour), *(f"  {text}" for text in (verdict.measured, verdict.message, *note_lines) if text)]
     )
+
+
+def _inherent_hint(verdict: VerdictEntry) -> str:
+    """Return what a renderer has to declare for such a failure to be inherent; "" where no theorem is about it."""
+    if verdict.outcome is not Outcome.FAIL or not verdict.standing.unexpected:
+        return ""
+    declared = " or ".join(dict.fromkeys(limits_of(verdict.check)))
+    return f"in a renderer that declares {declared}, see hapticeval explain {verdict.check}" if declared else ""
 
 
 def _not_applicable_reasons(results: ResultsDocument) -> Iterator[str]:

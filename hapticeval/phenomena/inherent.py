@@ -172,6 +172,16 @@ def limits_of(check: str) -> dict[str, str]:
     return {limit.declared: limit.because for limit in LIMITS if check in limit.checks}
 
 
+def declaration_words(declared: str) -> str:
+    """Return the line of Python by which a renderer declares what a limit asks for, such as "spring"."""
+    name, _, value = declared.replace("=", " ").partition(" ")
+    if name == "spring":
+        return "declares = Declaration(spring=Spring.ERROR)" + ("" if value else ", or Spring.NORMAL")
+    if name == "closed_form":
+        return f'declares = Declaration(closed_form="{value.split(", ")[0]}")'
+    return f"declares = Declaration({name}=True)"
+
+
 def reason_inherent(check: str, finding: Finding, declared: Declared) -> str:
     """Return why a failure follows from what the renderer declares, in a sentence; "" where it does not.
 

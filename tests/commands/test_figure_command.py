@@ -83,6 +83,9 @@ def test_a_table_for_a_paper_has_the_renderers_in_their_order(here, capsys):
     assert "\\toprule" in text
     assert main(["table", "results", "phenomena", "--row", "Continuous*", "-o", "one.tex"]) == 0
     assert (here / "one.tex").read_text().count(r"\\") == 2, "head and one row"
+    main(["run", "thesis", "-k", "star-convex-corner", "--no-report", "-o", "stars", *TWO])
+    assert main(["table", "stars", "summary"]) == 0, "one suite: its summary needs no suite's name"
+    assert "Resists" in (here / "summary.tex").read_text()
     for arguments, code, what in (
         (["-r", "local_mine:Absent"], 2, "local_mine:Jumps"),
         (["phenomenon"], 2, "did you mean phenomena"),

@@ -44,6 +44,15 @@ def test_an_unexpected_failure_names_who_fails_alike():
     )
 
 
+def test_a_failure_that_may_be_inherent_names_what_a_renderer_has_to_declare():
+    hint = "  may be inherent: in a renderer that declares spring, see hapticeval explain impulsive-collision\n"
+    assert hint in summary(results_of(jump(0.1, check="impulsive-collision")), [])
+    assert hint not in summary(
+        results_of(jump(0.1, check="impulsive-collision", inherent="a spring")), [], verbose=True
+    )
+    assert "may be inherent" not in summary(results_of(jump(0.1)), [])
+
+
 def test_the_whole_of_it():
     done = results_of(
         verdict(Outcome.PASS),

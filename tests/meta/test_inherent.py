@@ -9,7 +9,7 @@ import pytest
 from honest import Spring as Nearest
 
 from hapticeval import Declaration, Response, Scene, Spring
-from hapticeval.phenomena.inherent import LIMITS, reason_inherent
+from hapticeval.phenomena.inherent import LIMITS, declaration_words, reason_inherent
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.runner.judging import judge
@@ -206,3 +206,11 @@ def test_a_declaration_is_kept_with_the_recording() -> None:
     assert Declaration(smooth_only=True).meta["surfaces"] == "smooth"
     assert Declaration(closed_form="pp").meta["closed_form"] == "pp"
     assert not Declaration(memoryless="yes").sound  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("limit", LIMITS, ids=lambda limit: limit.declared)
+def test_what_explain_says_of_declaring_is_python_that_declares_it(limit):
+    names = {"Declaration": Declaration, "Spring": Spring}
+    exec(declaration_words(limit.declared).split(", or")[0], names)
+    assert names["declares"] != Declaration()
+    assert names["declares"].sound
