@@ -41,7 +41,7 @@ import functools, os, time
 from pathlib import Path
 import numpy as np
 from hapticeval import Response
-from hapticeval.runner import outcome, work
+from hapticeval.runner import work
 
 class Slide:
     def __init__(self, scene):
@@ -74,7 +74,7 @@ def clocked(place, name, column):
 
 clocked(work, "judge", 0)
 clocked(work, "write_recording", 1)
-clocked(outcome, "recording_bytes", 1)
+clocked(work, "recording_bytes", 1)
 """ + "".join(f"class Slide{number}(Slide): pass\n" for number in range(RENDERERS))
 
 CASE = """

@@ -16,9 +16,9 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.replay import RECORDED
 from hapticeval.replay.job import prepare_replay
 from hapticeval.replay.subject import REPLAY_SUITE, make_replay_case
-from hapticeval.runner.outcome import run_entry
 from hapticeval.runner.planning import Job
 from hapticeval.runner.results import RunEntry, SceneEntry, VerdictEntry
+from hapticeval.runner.work import run_entry
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,19 @@ from hapticeval.files import replacing
 from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.interrupts import Interrupts
 from hapticeval.runner.options import RunOptions
-from hapticeval.runner.outcome import carry_out_afar, carry_out_here, outcome_of_ended, outcome_of_overdue
-from hapticeval.runner.outcomes import Outcomes
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.progress import Progress
 from hapticeval.runner.results import RunKey
-from hapticeval.runner.work import Work, derived_seed, run_job
+from hapticeval.runner.resuming import Outcomes
+from hapticeval.runner.work import (
+    Work,
+    carry_out_afar,
+    carry_out_here,
+    derived_seed,
+    outcome_of_ended,
+    outcome_of_overdue,
+    run_job,
+)
 from hapticeval.suite.files import files_of
 from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, Workers, default_workers
 

@@ -12,7 +12,7 @@ import msgspec
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.files import replacing
-from hapticeval.runner.outcomes import Outcomes
+from hapticeval.runner.options import Shard
 from hapticeval.runner.progress import timing
 from hapticeval.runner.results import (
     Command,
@@ -24,8 +24,7 @@ from hapticeval.runner.results import (
     read_results,
     write_results,
 )
-from hapticeval.runner.resuming import differing_versions
-from hapticeval.runner.sharding import Shard
+from hapticeval.runner.resuming import Outcomes, differing_versions
 from hapticeval.runner.table import fill_table
 
 T = TypeVar("T")

@@ -1,25 +1,39 @@
-"""What is done with one job in its process: seed, judge, and write the recording, which is not sent back."""
+"""What is done with one job where it runs: seed, judge, write the recording, and make entries of results.json.
+
+Only the entries travel back.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import multiprocessing
 import random
-from collections.abc import Callable, Mapping
+import shlex
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from types import MappingProxyType
+from typing import Any, TextIO, TypeAlias
 
 import numpy as np
 
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import read_effects
-from hapticeval.files import file_stem
-from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.errors import RefusalError, RendererError, place_in_stack
+from hapticeval.files import digest_of, file_stem, plain
+from hapticeval.recordings.hdf5 import recording_bytes, write_recording
 from hapticeval.recordings.recording import Recording
-from hapticeval.runner.judging import Judged, judge
+from hapticeval.runner.events import JobFinished
+from hapticeval.runner.judging import Judged, error_verdicts, judge
 from hapticeval.runner.planning import Job
+from hapticeval.runner.results import Ended, Problem, Refusal, Robot, RunEntry, SceneEntry, VerdictEntry
 from hapticeval.scene import Scene
+from hapticeval.suite.case import Case
+from hapticeval.workers import TRIES, Overdue
+from hapticeval.workers import Ended as EndedProcess
 
 JudgedJob: TypeAlias = tuple[Judged, Path | None]
 """A judged job and where its recording lies below the result folder."""
@@ -100,3 +114,150 @@ def scene_document(scene: Scene) -> Mapping[str, Any]:
         "sampling_time": scene.sampling_time,
         **({"effects": [effect.document() for effect in scene.effects]} if scene.effects else {}),
     }
+
+
+def carry_out_here(work: Work, job: Job, directory: Path | None, seed: int) -> tuple[JobFinished, bytes | None]:
+    """Do a job on the machine of the result folder: its recording is in that folder afterwards."""
+    with _warnings_collected() as text_by_place:
+        judged, file = work(job, directory, seed)
+    return outcome_of(job, judged, file, text_by_place), None
+
+
+def carry_out_afar(work: Work, job: Job, directory: Path | None, seed: int) -> tuple[JobFinished, bytes | None]:
+    """Do a job on a machine that may not see the result folder: its recording's file travels along, as bytes."""
+    with _warnings_collected() as text_by_place:
+        judged, _ = work(job, None, seed)
+    if directory is None or judged.recording is None:
+        return outcome_of(job, judged, None, text_by_place), None
+    content = recording_bytes(judged.recording)
+    return outcome_of(job, replace(judged, recording=None), recording_file(job), text_by_place), content
+
+
+@contextmanager
+def _warnings_collected() -> Iterator[Mapping[str, str]]:
+    """Collect the warnings of a process that works for another, as text by place; elsewhere they go where they went.
+
+    The process that everything is reported by shows them: workers know nothing of each other.
+    """
+    text_by_place: dict[str, str] = {}
+
+    def collect(
+        message: Warning | str, category: type[Warning], filename: str, lineno: int,
+        file: TextIO | None = None, line: str | None = None,
+    ) -> None:  # fmt: skip
+        del file  # of Python's signature
+        text = warnings.formatwarning(message, category, filename, lineno, line).rstrip()
+        text_by_place.setdefault(f"{filename}:{lineno}: {category.__name__}", text)
+
+    if multiprocessing.parent_process() is None:
+        yield text_by_place
+        return
+    before = warnings.showwarning
+    warnings.showwarning = collect
+    try:
+        yield text_by_place
+    finally:
+        warnings.showwarning = before
+
+
+def outcome_of(
+    job: Job, judged: Judged, file: Path | None, text_by_place: Mapping[str, str] = MappingProxyType({})
+) -> JobFinished:
+    """Return the entries of a judged job, its recording where no file keeps it, and its warnings' text by place."""
+    return JobFinished(
+        run_entry(job, judged, file), tuple(map(VerdictEntry.of, judged.verdicts)), judged.error, judged.recording,
+        dict(text_by_place),
+    )  # fmt: skip
+
+
+def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:
+    """Return the outcome of a job whose process ended without an answer: errors, of a renderer that is broken."""
+    # From outside, in each of TRIES processes: no crash of the renderer's own.
+    if how.killed:
+        error = RendererError(
+            "the process that the renderer ran in was killed, again and again",
+            why=f"{TRIES} processes in turn, from outside: as the system does where memory runs out",
+            todo="run it alone and watch its memory",
+        )
+    else:
+        # The step that the renderer was in, where it was asked for one.
+        tick, hip = how.pending_step or (None, None)
+        place = place_in_stack(how.stack)
+        error = RendererError(
+            f"the renderer ended the process that it ran in: {how.how}",
+            tick=tick,
+            hip=hip,
+            why=f"a crash in compiled code, os._exit(), or memory that ran out{place and f': it was {place}'}",
+            todo=f"see what `hapticeval doctor -r {shlex.quote(job.renderer)}` finds, or {_alone(job)}",
+        )
+    return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
+
+
+def outcome_of_overdue(job: Job, seconds: float, how: Overdue) -> JobFinished:
+    """Return the outcome of a job that took longer than so many seconds and was ended: errors."""
+    place = place_in_stack(how.stack)
+    error = RendererError(
+        f"the renderer was ended after {seconds:g} s in this case",
+        why=f"it hangs, or takes longer than --timeout{place and f': it was {place}'}",
+        todo=f"give it more time with --timeout, or {_alone(job)}",
+    )
+    return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
+
+
+def _alone(job: Job) -> str:
+    return f"run the case alone under a debugger: -k {job.case.name}"
+
+
+def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
+    """Return the entry of a judged job, whose recording lies in `file` below the result folder."""
+    case, error = job.case, judged.error
+    return RunEntry(
+        suite=job.suite,
+        case=case.name,
+        renderer=job.renderer,
+        recording=None if file is None else file.as_posix(),
+        simulated_seconds=judged.simulated_seconds,
+        wall_seconds=judged.wall_seconds,
+        stimulus=case.stimulus_kind,
+        title=case.title,
+        shows=case.shows,
+        citation=case.citation,
+        model=_portable(plain(case.model, "model")),
+        depth_of=case.depth_of,
+        judged=case.judged,
+        scene=_scene(case),
+        closed_form=judged.closed_form,
+        ended=None if judged.ended is None else Ended(**judged.ended),
+        error=None if error is None else Problem.of(error),
+        refusal=None if judged.refusal is None else Refusal.of(judged.refusal, position=_position(judged.refusal)),
+        replay=judged.replay,
+        step_seconds=judged.step_seconds,
+    )
+
+
+def _portable(model: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a model as results name it: one of a file by the file's name and digest, without this machine's folder."""
+    if not isinstance(model.get("file"), str):
+        return dict(model)
+    # The folder is this machine's. Name and digest tell the file on any other.
+    return {**model, "file": Path(model["file"]).name, "sha256": digest_of(Path(model["file"]))}
+
+
+def _position(refusal: RefusalError) -> list[float] | None:
+    return None if refusal.position is None else [float(coordinate) for coordinate in refusal.position]
+
+
+def _scene(case: Case) -> SceneEntry:
+    """Return the scene's numbers, and for an experiment also its device and inner loop."""
+    scene = case.build_scene()
+    numbers = scene_document(scene)
+    # A hand that is led needs no device.
+    if case.stimulus_kind == "trajectory":
+        return SceneEntry(**numbers)
+    device = scene.robot
+    choices = {name: str(choice) for name in ("dynamics", "base_inertia") if (choice := getattr(device, name, None))}
+    return SceneEntry(
+        **numbers,
+        device=Robot(kind=device.name, **choices),
+        inner_loop=scene.inner_loop,
+    )

@@ -21,8 +21,8 @@ from hapticeval.cli import main
 from hapticeval.errors import InputError
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.events import WorkerRefused
-from hapticeval.runner.outcomes import FILE
 from hapticeval.runner.results import read_results
+from hapticeval.runner.resuming import OUTCOMES
 from hapticeval.workers import Answer
 
 pytest.importorskip("distributed")
@@ -172,7 +172,7 @@ def test_without_a_scheduler_the_library_is_not_loaded(here):
 
 
 def outcomes(folder):
-    file = folder / "out" / FILE
+    file = folder / "out" / OUTCOMES
     return len(file.read_bytes().splitlines()) if file.exists() else 0
 
 

@@ -16,7 +16,7 @@ from hapticeval.cli import main
 from hapticeval.errors import InputError
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.events import JobFinished, RunStarted
-from hapticeval.runner.outcomes import FILE, read_outcomes
+from hapticeval.runner.resuming import OUTCOMES, read_outcomes
 
 RENDERERS = ("noisy:Noisy", "noisy:Other")
 
@@ -58,7 +58,7 @@ def test_what_was_finished_is_not_run_again_and_the_rest_is(here):
     assert events[0] == RunStarted(24, 12, kept_jobs=5, jobs_of={"many": 7})
     assert sum(isinstance(each, JobFinished) for each in events) == 7
     assert many_jobs.found(folder) == whole
-    assert not (folder / FILE).exists(), "all of it is in results.json"
+    assert not (folder / OUTCOMES).exists(), "all of it is in results.json"
     run("out", resume=True, watch=events.append)
     assert many_jobs.found(folder) == whole
 
@@ -67,10 +67,10 @@ def test_what_was_finished_is_not_run_again_and_the_rest_is(here):
 def test_a_line_that_was_cut_or_damaged_is_no_outcome(here, tail):
     whole = many_jobs.found(run("whole").folder)
     folder = some_of(here, 5)
-    with (folder / FILE).open("ab") as file:
+    with (folder / OUTCOMES).open("ab") as file:
         file.write(tail)
     assert len(read_outcomes(folder)) == 5
-    assert (folder / FILE).read_bytes().endswith(b"\n"), "what is added next is a line of its own"
+    assert (folder / OUTCOMES).read_bytes().endswith(b"\n"), "what is added next is a line of its own"
     run("out", resume=True)
     assert many_jobs.found(folder) == whole
 
@@ -94,7 +94,7 @@ def test_without_it_a_run_begins_anew(here):
     events = []
     run("out", watch=events.append)
     assert events[0].kept_jobs == 0
-    assert not (here / "out" / FILE).exists()
+    assert not (here / "out" / OUTCOMES).exists()
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def killed_and_resumed(here, kills, cases):
 
 
 def read_lines(here):
-    file = here / "out" / FILE
+    file = here / "out" / OUTCOMES
     return file.read_bytes().splitlines() if file.exists() else []
 
 
