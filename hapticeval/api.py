@@ -37,7 +37,7 @@ from hapticeval.runner.resuming import finished_jobs
 from hapticeval.runner.standing import Standing, counts_in_words
 from hapticeval.runner.work import Work, run_job
 from hapticeval.suite.case import Case
-from hapticeval.suite.installed import find_suites
+from hapticeval.suite.outline import find_suites
 from hapticeval.suite.suite import Suite
 from hapticeval.workers import default_workers
 

@@ -8,8 +8,7 @@ from types import MappingProxyType
 
 from hapticeval.commands.terminal import columns, lines, paragraphs
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
-from hapticeval.suite.installed import find_suites, suite_groups, suites_named
-from hapticeval.suite.outline import Heading, outline
+from hapticeval.suite.outline import Heading, find_suites, outline, suite_groups, suites_named
 
 Rows = Iterator[tuple[str, str]]
 """Names, each with a text beside it."""

@@ -32,7 +32,7 @@ from hapticeval.runner.work import (
     outcome_of_overdue,
     run_job,
 )
-from hapticeval.suite.files import files_of
+from hapticeval.suite.suite import files_of
 from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, Workers, default_workers
 
 T = TypeVar("T")

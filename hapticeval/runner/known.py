@@ -34,7 +34,7 @@ from hapticeval.files import replacing
 from hapticeval.phenomena.verdict import UNSATISFIED, Outcome, fault_kind
 from hapticeval.quantity import format_quantity
 from hapticeval.runner.results import ResultsDocument, VerdictEntry
-from hapticeval.suite.installed import find_suites
+from hapticeval.suite.outline import find_suites
 
 if TYPE_CHECKING:
     from hapticeval.suite.suite import Suite

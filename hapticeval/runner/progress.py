@@ -28,8 +28,7 @@ from hapticeval.runner.results import (
     write_results,
 )
 from hapticeval.runner.table import cells_of, fill_table
-from hapticeval.suite.files import digest_of_case, digest_of_suite
-from hapticeval.suite.suite import Suite
+from hapticeval.suite.suite import Suite, digest_of_case, digest_of_suite
 
 SAVE_EVERY = 1.0
 """Seconds between two writings of results.json, at least; `resuming.OUTCOMES` has what finished after the last one."""

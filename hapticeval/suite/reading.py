@@ -16,8 +16,7 @@ from hapticeval.files import file_below
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.stimulus.paths import Positive
 from hapticeval.suite.case import Case, CaseEntries, Published
-from hapticeval.suite.installed import find_suites, suites_named
-from hapticeval.suite.outline import Heading
+from hapticeval.suite.outline import Heading, find_suites, suites_named
 from hapticeval.suite.suite import Names, Row, Suite
 
 

@@ -1,14 +1,22 @@
-"""A suite: cases, and the rows of the summary table that they fill."""
+"""A suite: cases, the rows of the summary table that they fill, and what they ask as digests, with the files named.
+
+Another machine must have the files as well.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
+import msgspec
 from msgspec import Meta, Struct
 
 from hapticeval.errors import UnknownNameError
+from hapticeval.files import digest_of
 from hapticeval.suite.case import Case
 
 Names = Annotated[tuple[str, ...], Meta(min_length=1)]
@@ -51,3 +59,54 @@ class Suite:
         if name not in case_by_name:
             raise UnknownNameError(f"case of {self.name}", name, case_by_name)
         return case_by_name[name]
+
+
+def files_of(case: Case) -> dict[str, str]:
+    """Return the digest of each file that a case names, by its path."""
+    # Any text of a case may name a file; what names none has no digest.
+    named = {str((case.folder / text).resolve()) for text in _texts(msgspec.to_builtins(case, enc_hook=str)) if text}
+    return {path: digest for path in sorted(named) if (digest := _digest_of(path)) is not None}
+
+
+def digest_of_suite(suite: Suite) -> str:
+    """Return a digest of all that a suite says, word by word, its files included, wherever its folder is."""
+    return _digest(suite.cases, suite.rows)
+
+
+def digest_of_case(case: Case) -> str:
+    """Return a digest of what a case asks of a renderer, its files included: all but what is said about it."""
+    return _digest([msgspec.structs.replace(case, title="", shows="", citation="", published={})])
+
+
+def _digest(cases: Sequence[Case], rows: Sequence[Row] = ()) -> str:
+    """Return a digest of cases and rows without the cases' folders; the files that they name count by their content."""
+    # What was moved to another folder asks the same.
+    entries = [msgspec.structs.replace(case, folder=Path()) for case in cases]
+    text = msgspec.json.encode([rows, entries], enc_hook=str).decode()
+    for folder in {str(case.folder.resolve()) for case in cases}:
+        text = text.replace(folder, "")
+    files = {digest for case in cases for digest in files_of(case).values()}
+    return sha256("\n".join([text, *sorted(files)]).encode()).hexdigest()[:16]
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield all texts in a document, at any depth."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for name, entry in value.items():
+            # what files count from is not one of them
+            if name != "folder":
+                yield from _texts(entry)
+    elif isinstance(value, list | tuple):
+        for entry in value:
+            yield from _texts(entry)
+
+
+@lru_cache(maxsize=4096)
+def _digest_of(path: str) -> str | None:
+    """Return the digest of a file's content, read once a process; None for what is no file."""
+    try:
+        return digest_of(Path(path)) if Path(path).is_file() else None
+    except OSError:
+        return None

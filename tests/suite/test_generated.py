@@ -11,7 +11,7 @@ from hapticeval.documents import convert
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.strategies import examples, hand_paths
-from hapticeval.suite.generated import Generated
+from hapticeval.suite.case import Generated
 from hapticeval.suite.reading import load_suite
 
 HERE = Path()

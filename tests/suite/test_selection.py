@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hapticeval.errors import InputError, NothingSelectedError
-from hapticeval.suite.installed import find_suites
+from hapticeval.suite.outline import find_suites
 from hapticeval.suite.reading import load_suite
 from hapticeval.suite.selection import covering, select
 

@@ -13,9 +13,8 @@ from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
 from hapticeval.stimulus.hard_places import HardPlaces
-from hapticeval.suite import installed
-from hapticeval.suite.installed import find_suites, suite_groups, suites_named
-from hapticeval.suite.outline import outline
+from hapticeval.suite import outline as outlines
+from hapticeval.suite.outline import find_suites, outline, suite_groups, suites_named
 from hapticeval.suite.reading import case_named, load_suite
 
 POINTS = 'trajectory = { kind = "points", points = [[0.12, 0.0], [0.08, 0.02]], duration = 1 }'
@@ -112,8 +111,8 @@ def test_every_unilateral_case_that_is_installed_asks_for_the_contact_to_be_kept
     ],
 )
 def test_a_group_is_what_whole_words_have_in_common_unless_a_suite_has_that_name(monkeypatch, names, groups):
-    monkeypatch.setattr(installed, "find_suites", lambda: dict.fromkeys(names))
-    assert installed.suite_groups() == groups
+    monkeypatch.setattr(outlines, "find_suites", lambda: dict.fromkeys(names))
+    assert outlines.suite_groups() == groups
 
 
 def test_suites_and_cases_are_found_by_name_and_by_group(tmp_path):

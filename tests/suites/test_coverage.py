@@ -9,7 +9,7 @@ from pathlib import Path
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.phenomena.check import Situation
 from hapticeval.phenomena.registry import OWN
-from hapticeval.suite.installed import find_suites
+from hapticeval.suite.outline import find_suites
 from hapticeval.suite.reading import load_suite
 
 PAGE = Path(__file__).parents[2] / "docs" / "coverage.md"

@@ -18,7 +18,7 @@ from hapticeval.runner.progress import suite_entry
 from hapticeval.runner.results import Robot, read_results
 from hapticeval.runner.table import fill_table
 from hapticeval.suite.case import Case
-from hapticeval.suite.installed import suites_named
+from hapticeval.suite.outline import suites_named
 from hapticeval.suite.reading import load_suite
 
 GROUP = suites_named("dynamics")

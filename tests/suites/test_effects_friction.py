@@ -9,7 +9,7 @@ from hapticeval.discovery import resolve
 from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
-from hapticeval.suite.installed import suites_named
+from hapticeval.suite.outline import suites_named
 from hapticeval.suite.reading import load_suite
 
 SUITE = load_suite("effects-friction")

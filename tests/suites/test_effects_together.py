@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import asdict
 
-from hapticeval.suite.installed import find_suites
+from hapticeval.suite.outline import find_suites
 from hapticeval.suite.reading import load_suite
 
 APART = {

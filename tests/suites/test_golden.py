@@ -8,7 +8,7 @@ import pytest
 
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.runner.judging import judge
-from hapticeval.suite.installed import find_suites
+from hapticeval.suite.outline import find_suites
 from hapticeval.suite.reading import load_suite
 from hapticeval.suite.suite import Suite
 

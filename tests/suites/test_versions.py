@@ -10,9 +10,9 @@ import golden
 import msgspec
 import pytest
 
-from hapticeval.suite.files import digest_of_case
-from hapticeval.suite.installed import find_suites
+from hapticeval.suite.outline import find_suites
 from hapticeval.suite.reading import load_suite
+from hapticeval.suite.suite import digest_of_case
 
 SUITES = [load_suite(name) for name in sorted(find_suites())]
 RECORDED = Path(__file__).parents[2] / "suites" / "digests.csv"
@@ -79,7 +79,7 @@ def test_a_digest_does_not_depend_on_where_the_suite_lies(tmp_path):
     assert digest_of_case(copied.case("nut-rim")) == digest_of_case(nut)
     (tmp_path / "solids-nut.ply").write_bytes((tmp_path / "solids-pebble.ply").read_bytes())
     # another process reads the file anew; here the digest of a file is kept
-    from hapticeval.suite import files
+    from hapticeval.suite import suite as suites
 
-    files._digest_of.cache_clear()
+    suites._digest_of.cache_clear()
     assert digest_of_case(copied.case("nut-rim")) != digest_of_case(nut)
