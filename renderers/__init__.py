@@ -12,8 +12,8 @@ from hapticeval.renderers.family import (
     NODES_KNOB,
     VERTICES_KNOB,
     ProjectiveFamily,
+    set_stabilisation,
 )
-from hapticeval.renderers.set_stabilisation import set_stabilisation
 
 minimum_distance = ProjectiveFamily(
     summary="nearest surface point, thesis (4.2), on the exact curve; pops through medial axes",

@@ -706,7 +706,7 @@ def _lead_at_once(renderer: Renderer, rows: _Rows, answers: Answers, first: int)
     # compiled first: it says itself how far it got; a `lead` in Python answers all rows or none
     if abilities.law is not None and count:
         from hapticeval.compiled import for_kernels, law_value
-        from hapticeval.simulation.playback_kernels import lead
+        from hapticeval.simulation.answer_kernels import lead
 
         law = law_value(abilities.law.function, abilities.law.data)
         columns = for_kernels(rows.hip), for_kernels(rows.velocity), for_kernels(rows.dt)

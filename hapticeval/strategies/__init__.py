@@ -20,13 +20,9 @@ All numbers come from small whole ones. Of larger numbers hypothesis draws some 
 loaded, so that the same seed would give other examples in another program.
 """
 
-from hapticeval.strategies.example import examples
-from hapticeval.strategies.hand import PARTS, hand_paths
-from hapticeval.strategies.outline import laps
-from hapticeval.strategies.plane import PLANE_MODELS, plane_models
-from hapticeval.strategies.push import pushes
-from hapticeval.strategies.scene import effects, scenes
-from hapticeval.strategies.space import MESHES, SURFACES, meshes, surfaces
+from hapticeval.strategies.hand import PARTS, hand_paths, laps, pushes
+from hapticeval.strategies.models import MESHES, PLANE_MODELS, SURFACES, effects, meshes, plane_models, scenes, surfaces
+from hapticeval.strategies.seeded import examples
 
 __all__ = [
     "MESHES",

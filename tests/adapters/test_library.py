@@ -22,9 +22,9 @@ from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import Declaration, Spring, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answer_kernels import lead
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
-from hapticeval.simulation.playback_kernels import lead
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.stimulus.stimulus import Path as HandPath
 from hapticeval.study.bench.measure import Track, step_times

@@ -21,8 +21,8 @@ from hapticeval.renderer import abilities_of
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
+from hapticeval.simulation.answer_kernels import lead
 from hapticeval.simulation.closed_loop import loop_of
-from hapticeval.simulation.playback_kernels import lead
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.suite.reading import load_suite
 

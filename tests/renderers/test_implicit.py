@@ -10,7 +10,7 @@ from scipy.interpolate import RegularGridInterpolator
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, cube, line, sphere
 from hapticeval.renderers.field.catalogue import implicit
-from hapticeval.renderers.field.distance_grid import DistanceGrid
+from hapticeval.renderers.field.implicit import DistanceGrid
 from hapticeval.scene import Scene
 
 GRIDS = [DistanceGrid(cassinian().boundary, 40), DistanceGrid(cube().boundary, 24)]

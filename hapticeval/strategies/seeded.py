@@ -1,7 +1,8 @@
-"""Examples of any strategy as a list, the same for the same seed."""
+"""What is the same for the same seed, in every program: numbers made of small whole ones, and examples as a list."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from tempfile import TemporaryDirectory
@@ -13,6 +14,28 @@ from hypothesis import strategies as st
 from hypothesis.configuration import set_hypothesis_home_dir, storage_directory
 
 from hapticeval.errors import InputError
+
+
+def rounded(value: float, size: float) -> float:
+    """Return a length (m) rounded to about 5e-6 of `size` (m), so that it can be read and pasted."""
+    # five decimals after the first digit of the size
+    return round(float(value), 5 - math.floor(math.log10(size)))
+
+
+def share() -> st.SearchStrategy[float]:
+    """Draw 0, 0.01, ..., 0.99."""
+    return st.integers(0, 99).map(lambda percent: percent / 100.0)
+
+
+def signed() -> st.SearchStrategy[float]:
+    """Draw -0.99, ..., 0.99; smaller ones are simpler."""
+    return st.integers(-99, 99).map(lambda percent: percent / 100.0)
+
+
+def sizes() -> st.SearchStrategy[float]:
+    """Draw a size of a model, m."""
+    return st.sampled_from([0.2, 0.1, 0.05, 0.4])
+
 
 T = TypeVar("T")
 
