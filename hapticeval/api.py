@@ -108,7 +108,7 @@ def plot_document(
     """
     from hapticeval.files import parse_json
     from hapticeval.reports.limits_figure import paper_limits
-    from hapticeval.reports.paper_studies import paper_fronts
+    from hapticeval.reports.paper_figure import paper_fronts
     from hapticeval.study.bench.document import FILE as BENCH
     from hapticeval.study.bench.document import read_bench
 
@@ -348,7 +348,7 @@ class Results:
         Raises `UnknownNameError` for a renderer that did not run, and as `parse_paper_length` does.
         """
         from hapticeval.reports.grid import phenomenon_grid
-        from hapticeval.reports.paper_studies import paper_grid
+        from hapticeval.reports.paper_figure import paper_grid
 
         grid = phenomenon_grid(self.document)
         return paper_grid(grid, renderers, width=width, height=height, font_size=font_size)

@@ -15,12 +15,10 @@ import typer
 from hapticeval import __version__
 from hapticeval.commands import (
     authors,
-    badge,
     bench,
     cache,
     diff,
     draw,
-    history,
     judging,
     paper,
     record,
@@ -168,7 +166,7 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
             (paper.figure, paper.FIGURE_CODES, "Draw renderers on a case in one figure for a paper."),
             (paper.table, paper.TABLE_CODES, "Write a LaTeX table for a paper."),
             (diff.diff, diff.EXIT_CODES, "Compare two runs: verdicts, margins and times."),
-            (history.history, history.EXIT_CODES, "Show checks over commits, and the first red one."),
+            (diff.history, diff.HISTORY_CODES, "Show checks over commits, and the first red one."),
             (search.search, search.EXIT_CODES, "Find the smallest path that breaks a renderer."),
             (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
         ),
@@ -187,7 +185,7 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
         ),
         "Beside these": (
             (judging.merge, judging.MERGE_CODES, "Make one run of several, as of its shards."),
-            (badge.badge, badge.EXIT_CODES, "Draw a badge of what a run found."),
+            (diff.badge, diff.BADGE_CODES, "Draw a badge of what a run found."),
             (cache.cache, cache.EXIT_CODES, "Show or remove the compiled kernels."),
         ),
     }

@@ -11,7 +11,7 @@ import numpy as np
 
 from hapticeval.files import file_stem
 from hapticeval.reports.canvas import INK, PALETTE, QUIET, figure, save_figure
-from hapticeval.reports.paper import PaperFigure, paper_page
+from hapticeval.reports.paper_figure import PaperFigure, paper_page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

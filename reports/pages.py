@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,13 +14,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from hapticeval.errors import HapticevalError
+from hapticeval.files import replacing
 from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.pages import CheckPage, read_page
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.bench_figure import TITLES, bench_plots
 from hapticeval.reports.canvas import Look, looks_of, svg_element
+from hapticeval.reports.case_page import asset
 from hapticeval.reports.effects_figure import EffectPlot, cost_svg
-from hapticeval.reports.glossary import explain_terms
 from hapticeval.reports.grid import (
     Grid,
     HardCase,
@@ -30,9 +33,10 @@ from hapticeval.reports.grid import (
     phenomenon_grid,
     worst_verdicts,
 )
-from hapticeval.reports.places import CHECK_PAGES, INDEX, anchor, case_file
+from hapticeval.reports.places import CHECK_PAGES, FOLDER, INDEX, anchor, case_file
 from hapticeval.reports.table import Summary, provenance, ran_words, renderers_by_commit, summaries
-from hapticeval.reports.templates import environment
+from hapticeval.reports.templates import environment, explain_terms
+from hapticeval.runner.history import Edition, History
 from hapticeval.runner.results import (
     Breakdown,
     Replay,
@@ -48,6 +52,7 @@ from hapticeval.study.effects_cost import EffectsDocument
 if TYPE_CHECKING:
     from hapticeval.closed_forms import ClosedForm
     from hapticeval.phenomena.check import Check
+
 
 MOST_FAILURES = 6
 """Failures that are shown with their figure."""
@@ -482,3 +487,29 @@ def html_of(page: str) -> str:
     # Title off, links to checks into anchors of this page, other links to their text, headings one level down.
     body = HEADING.sub("### ", OTHER_LINK.sub(r"\1", CHECK_LINK.sub(r"](#\1)", TITLE.sub("", page))))
     return str(MarkdownIt("commonmark", {"html": False}).render(body))
+
+
+def write_history(path: Path, histories: Sequence[History]) -> Path:
+    """Write the page, which needs no other file, and return its path. Raises `HapticevalError` where that fails."""
+    editions = {id(edition): edition for history in histories for edition in history.editions}.values()
+    standings = {
+        stand.gravest.standing for history in histories for check in history.checks for stand in check.stands if stand
+    }
+    text = environment().get_template("history.html.j2").render(
+        histories=histories,
+        style=asset("report.css").decode(),
+        links={edition.folder: link for edition in editions if (link := _report_of(edition, path))},
+        standings=[standing for standing in Standing if standing in standings],
+    )  # fmt: skip
+    try:
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
+    return path
+
+
+def _report_of(edition: Edition, page: Path) -> str:
+    """Return the link from the page to the report of a run; "" where it has none."""
+    report = edition.folder / FOLDER / INDEX
+    return Path(os.path.relpath(report, page.parent)).as_posix() if report.exists() else ""

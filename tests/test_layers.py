@@ -65,7 +65,6 @@ RESULTS = {
     "runner.history",
     "runner.results",
     "runner.standing",
-    "runner.table",
     "study.bench.document",
     "study.effects_cost",
     "study.projection_field.field",

@@ -1,4 +1,4 @@
-"""`hapticeval diff`: what a change of the code has changed in verdicts, margins and times."""
+"""`hapticeval diff`, `history` and `badge`: what a change of the code has changed, since when, and where it stands."""
 
 from __future__ import annotations
 
@@ -10,15 +10,18 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
-from hapticeval.commands.arguments import argument
+from hapticeval.commands.arguments import argument, option
 from hapticeval.commands.summary import paint
-from hapticeval.commands.terminal import annotation, lines, paragraphs, plural, say
+from hapticeval.commands.terminal import annotation, lines, paragraphs, plural, say, wrote_lines
+from hapticeval.errors import UnknownNameError
 from hapticeval.quantity import format_quantity
 from hapticeval.runner.diff import Diff, MarginMove, VerdictChange, compare_results
 from hapticeval.runner.results import FILE, read_results
 
 if TYPE_CHECKING:
+    from hapticeval.runner.history import History
     from hapticeval.study.bench.document import Change
+
 
 EXIT_CODES = """\b
 Exit codes:
@@ -196,3 +199,93 @@ def _as_markdown(comparison: Diff, times: Sequence[Change], verbose: bool) -> st
 def _as_json(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:  # noqa: ARG001 - as the others
     document = {**msgspec.structs.asdict(comparison), "times": times}
     return msgspec.json.format(msgspec.json.encode(document), indent=1).decode()
+
+
+HISTORY_CODES = """\b
+Exit codes:
+  0  written, whatever it says
+  2  wrong usage or input
+"""
+
+
+def history(
+    folders: Annotated[list[Path], argument(metavar="DIR...", help="Folders of runs.")],
+    renderers: Annotated[
+        list[str] | None,
+        option("-r", "--renderer", metavar="NAME", help="Show this renderer; may be repeated. Without it: all."),
+    ] = None,
+    as_given: Annotated[
+        bool, typer.Option("--as-given", help="Take the runs in this order, and not by the time when they ran.")
+    ] = False,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="The page to write, or a folder for it.")
+    ] = Path("history.html"),
+) -> None:
+    """Show a renderer over several runs: a page of checks over commits, with the first red commit of each.
+
+    A check is red in a run where one of its verdicts stops that run's gate. A run whose renderer lies in a git
+    repository is called by its commit, any other by its folder. Columns link to the reports that are there.
+
+    \b
+    Examples:
+      hapticeval history results-*
+      hapticeval history --as-given good middle bad -r mine:Nearest -o bisect.html
+    """
+    from hapticeval.reports.pages import write_history
+    from hapticeval.runner.history import histories_of
+    from hapticeval.runner.results import read_results
+
+    runs = [(folder, read_results(folder)) for folder in dict.fromkeys(folders)]
+    if not as_given:
+        # ISO dates in UTC: their order as text is that in time.
+        runs.sort(key=lambda run: run[1].date)
+    known = {name for _, results in runs for name in results.renderers}
+    for name in renderers or ():
+        if name not in known:
+            raise UnknownNameError("renderer of these runs", name, known)
+    histories = histories_of(runs, renderers or ())
+    # As -o of other commands, a folder will do.
+    written = write_history(output if output.suffix else output / "history.html", histories)
+    say(paragraphs(*(lines(_words_of(renderer_history)) for renderer_history in histories), wrote_lines([written])))
+
+
+def _words_of(renderer_history: History) -> Iterator[str]:
+    """Yield what is told of a renderer: over what, what is red, and since when."""
+    red = [check for check in renderer_history.checks if check.is_red]
+    state = (
+        f"{plural(len(red), 'check')} red, the first from {renderer_history.first_red.words}"
+        if renderer_history.first_red
+        else "all green"
+    )
+    yield f"{renderer_history.renderer}: {plural(len(renderer_history.editions), 'run')}; now {state}"
+    for check in renderer_history.checks:
+        if check.words:
+            yield f"  {check.check}: {check.words}"
+            if check.is_red and check.first_red is not None:
+                yield f"    {check.first_red.gravest.place}: {check.first_red.gravest.message}"
+
+
+BADGE_CODES = """\b
+Exit codes:
+  0  the badge is written, whatever it shows
+  2  wrong usage, no results in the folder, or no badge can be written there
+"""
+
+
+def badge(
+    directory: Annotated[Path, argument(metavar="DIR", help="The folder of a run.")] = Path("results"),
+    output: Annotated[
+        Path | None, option("-o", "--output", metavar="DIR", help="Where badge.svg and badge.json go: DIR of the run.")
+    ] = None,
+) -> None:
+    """Draw a badge of a run: badge.svg, and badge.json for an endpoint of shields.io.
+
+    \b
+    Example:
+      hapticeval badge results -o badges
+    """
+    from hapticeval.reports.badge import write_badge
+    from hapticeval.runner.results import read_results
+
+    # Beside the results unless a folder is named.
+    say(wrote_lines(write_badge(output or directory, read_results(directory))))

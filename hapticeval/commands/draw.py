@@ -168,7 +168,7 @@ def plates(
       hapticeval study plates -r virtual-proxy -r coupled -o pictures
     """
     from hapticeval.discovery import resolve
-    from hapticeval.reports.plates_figure import write_plates
+    from hapticeval.reports.fields_figure import write_plates
     from hapticeval.study.plates import CITED, THICKEST, THINNEST, describe_border, study_plates
 
     if not renderers:

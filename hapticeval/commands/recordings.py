@@ -132,7 +132,7 @@ def _examine_recording(
     from hapticeval.recordings.integrity.contacts import impacts
     from hapticeval.recordings.integrity.report import describe_contacts, describe_report, examine, sound_intervals
     from hapticeval.recordings.provenance import spring_of
-    from hapticeval.reports.integrity_figure import write_integrity
+    from hapticeval.reports.spread_figure import write_integrity
 
     # N/m where the force is that of a spring alone; else None, and the damping in words.
     spring, damped = spring_of(recording)

@@ -6,24 +6,79 @@ order of the model's vertices, each step of the hand in two of half the time, an
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
+from hapticeval.geometry.motion import scaling
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import (
     HAND_ROUNDING,
+    NUDGE_SHARE,
     SAME_ANSWER,
     SAME_SIMULATED_ANSWER,
     STEEP_FACTOR,
 )
-from hapticeval.phenomena.nudges import answers_apart, has_answer, steepness
 from hapticeval.phenomena.sampling import believed_standoff, evidence_at, mm, resolution
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
+
+
+def has_answer(run: Recording) -> BoolArray:
+    """Return the rows (n,) in which there is anything to compare, by rounding too: an IHIP off the HIP, or a force.
+
+    These need not be contact: see `sampling.touching`.
+    """
+    return np.asarray(np.any(run.ihip != run.hip, axis=1) | np.any(run.force != 0.0, axis=1))
+
+
+def answers_apart(runs: Runs, other: Recording, scene: Scene, *, forces: bool = True) -> Array:
+    """Return how far the answers of another run are apart from those of the base, row by row: (n,), m.
+
+    IHIPs, and forces as lengths: by the stiffness, or, of a renderer that answers a stimulus whole, by m / dt^2 where
+    that is more.
+
+    Its forces are means over a tick with the impulses of all events in it, and move its tool by so much.
+    """
+    base = runs.base
+    distance = np.linalg.norm(base.ihip - other.ihip, axis=1)
+    if forces:
+        # A force F held for dt moves a mass m by F dt^2 / m: as a length it is F / (m / dt^2).
+        event_stiffness = 0.0 if runs.subdivided is not None else scene.mass / base.dt**2
+        distance = np.maximum(
+            distance, np.linalg.norm(base.force - other.force, axis=1) / max(scene.stiffness, event_stiffness)
+        )
+    return np.asarray(distance)
+
+
+def steepness(runs: Runs, reach: float, scene: Scene) -> Array:
+    """Return by how much the answer changes, (n,), m, where the hand is off by up to `reach` (m) on its whole way.
+
+    Along the axes and the diagonals, and at a quarter of the length: a renderer with memory may take another way from a
+    tie on, and few nudges find every one. Needs the sibling `moved`.
+    """
+    assert runs.moved is not None
+    identity = scaling(1.0, scene.model.dimension)
+    steep = np.zeros(len(runs.base))
+    for nudge in reach * _directions(scene.model.dimension):
+        near = runs.moved(identity, tuple(nudge.tolist()))
+        if near is not None:
+            # One nudge may miss the edge that another crosses: the largest change of all counts.
+            steep = np.maximum(steep, answers_apart(runs, near, scene))
+    # In a closed loop the hand is elsewhere from then on.
+    return steep if runs.at_speed is None else np.maximum.accumulate(steep)
+
+
+def _directions(dimension: int) -> Array:
+    """Return unit vectors along the axes and the diagonals, and the same at a quarter of the length: (k, N)."""
+    signs = np.array([sign for sign in itertools.product((-1.0, 0.0, 1.0), repeat=dimension) if any(sign)])
+    units = signs / np.linalg.norm(signs, axis=1, keepdims=True)
+    return np.vstack([units, NUDGE_SHARE * units])
+
 
 NOBODY = "a recording shows one run only, and nobody can be asked for another"
 

@@ -13,7 +13,7 @@ import msgspec
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.files import replacing
 from hapticeval.runner.options import Shard
-from hapticeval.runner.progress import timing
+from hapticeval.runner.progress import fill_table, timing
 from hapticeval.runner.results import (
     Command,
     Environment,
@@ -25,7 +25,6 @@ from hapticeval.runner.results import (
     write_results,
 )
 from hapticeval.runner.resuming import Outcomes, differing_versions
-from hapticeval.runner.table import fill_table
 
 T = TypeVar("T")
 

@@ -8,12 +8,14 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from hapticeval.discovery import known_renderers, load, parse
 from hapticeval.errors import HapticevalError
+from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.events import JobFinished
 from hapticeval.runner.planning import Plan
 from hapticeval.runner.results import (
@@ -22,12 +24,12 @@ from hapticeval.runner.results import (
     ResultsDocument,
     RunEntry,
     SuiteEntry,
+    Table,
     Timing,
     VerdictEntry,
     environment,
     write_results,
 )
-from hapticeval.runner.table import cells_of, fill_table
 from hapticeval.suite.suite import Suite, digest_of_case, digest_of_suite
 
 SAVE_EVERY = 1.0
@@ -195,3 +197,41 @@ def _git(folder: Path, *words: str) -> str:
     except (OSError, subprocess.SubprocessError):
         return ""
     return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def cells_of(suite: Suite) -> dict[str, list[str]]:
+    """Return for each row of a suite the `case/check` that decide it."""
+    return {
+        row.title: [
+            f"{case.name}/{check}"
+            for case in suite.cases
+            if case.judged and any(fnmatchcase(case.name, pattern) for pattern in row.cases)
+            for check in row.checks
+            if check in case.checks
+        ]
+        for row in suite.rows
+    }
+
+
+def fill_table(suites: Sequence[SuiteEntry], verdicts: Sequence[VerdictEntry]) -> Table:
+    """Return Yes or No for each row and renderer: No where a check of the row fails, Yes where all pass.
+
+    A renderer without a failure is left out of a row where a verdict is missing, undecided or an error: the table never
+    says Yes for what was not seen.
+    """
+    outcome_by_cell = {
+        (verdict.suite, verdict.renderer, f"{verdict.case}/{verdict.check}"): verdict.outcome for verdict in verdicts
+    }
+    renderers = dict.fromkeys(verdict.renderer for verdict in verdicts)
+    table: Table = {}
+    for suite in suites:
+        for title, places in suite.cells.items():
+            cells = table.setdefault(title, {})
+            for renderer in renderers:
+                # None stands for a verdict that is missing: with it among them there is no Yes.
+                outcomes = {outcome_by_cell.get((suite.name, renderer, place)) for place in places}
+                if Outcome.FAIL in outcomes:
+                    cells[renderer] = "No"
+                elif outcomes == {Outcome.PASS}:
+                    cells[renderer] = "Yes"
+    return table

@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path as FilePath
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
 
+from hapticeval.documents import convert
 from hapticeval.errors import InputError
 from hapticeval.files import file_below
-from hapticeval.stimulus.paths import Point, Positive, as_array, read_path, read_rows
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.stimulus.hard_places import HardPlaces
+from hapticeval.stimulus.moves import Moves
+from hapticeval.stimulus.paths import (
+    Arc,
+    FromFile,
+    Loop,
+    PastCorner,
+    Point,
+    Points,
+    Positive,
+    Scaled,
+    as_array,
+    read_path,
+    read_rows,
+)
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 from hapticeval.types import Array
 
@@ -88,3 +105,11 @@ class ExperimentTable(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
             raise InputError("both force and force_file are given", why="they say the same", todo="leave one out")
         file = file_below(folder, self.force_file)
         return read_rows(file, "force", "a time in seconds and newtons", ("t", "fx", "fy", "fz"))
+
+
+AnyTrajectory = Scaled | Arc | PastCorner | Points | Loop | FromFile | HardPlaces | Moves
+
+
+def build_path(spec: Mapping[str, Any], surface: Boundary, folder: FilePath) -> Path:
+    """Return the path of a `trajectory` table as a suite has it; see `Trajectory.path`."""
+    return convert(spec, AnyTrajectory, "trajectory").path(surface, folder)

@@ -25,11 +25,10 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
 from hapticeval.renderer import abilities_of
 from hapticeval.scene import Scene
-from hapticeval.stimulus.experiments import ExperimentTable
+from hapticeval.stimulus.experiments import AnyTrajectory, ExperimentTable
 from hapticeval.stimulus.moves import Move, Moves, shortest_duration
 from hapticeval.stimulus.paths import Trajectory
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
-from hapticeval.stimulus.trajectories import AnyTrajectory
 
 
 class Generated(Trajectory, frozen=True, kw_only=True, tag="generated"):

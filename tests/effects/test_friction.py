@@ -27,8 +27,8 @@ from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
+from hapticeval.stimulus.experiments import build_path
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
-from hapticeval.stimulus.trajectories import build_path
 
 DEPTH, STIFFNESS = 1e-3, 1000.0
 SQUARE = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.0], [0.0, 0.0], [0.0, 0.1], [-0.1, 0.1]]

@@ -88,7 +88,7 @@ def test_the_mass_is_the_device_s_at_the_place():
     size=st.sampled_from([2, 3]),
 )
 def test_the_compiled_mass_is_that_of_the_equations(turned, direction, size):
-    from hapticeval.devices.inertia_kernels import linkage_mass
+    from hapticeval.effects.transient_kernels import linkage_mass
 
     device = Parallelogram2() if size == 2 else Parallelogram3()
     normal = np.array(direction[:size]) / np.linalg.norm(direction[:size])

@@ -20,8 +20,8 @@ from hapticeval.renderers import conformal
 from hapticeval.runner.judging import judge as judge_case
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import Closeup, play
+from hapticeval.stimulus.experiments import build_path
 from hapticeval.stimulus.stimulus import Path
-from hapticeval.stimulus.trajectories import build_path
 from hapticeval.suite.reading import load_suite
 
 DT = 1e-3

@@ -30,8 +30,8 @@ from hapticeval.renderer import Declaration, Response, Spring, abilities_of
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
+from hapticeval.stimulus.experiments import build_path
 from hapticeval.stimulus.stimulus import Path
-from hapticeval.stimulus.trajectories import build_path
 from hapticeval.suite.reading import load_suite
 
 K = 1000.0

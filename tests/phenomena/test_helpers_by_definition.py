@@ -27,6 +27,7 @@ from hapticeval.phenomena.checks.passivity import (
     running_sums,
 )
 from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
+from hapticeval.phenomena.checks.transient import prony
 from hapticeval.phenomena.checks.vertex_order import CHECK as VERTEX_ORDER
 from hapticeval.phenomena.jumps import (
     Remains,
@@ -43,8 +44,7 @@ from hapticeval.phenomena.jumps import (
     worst_step,
 )
 from hapticeval.phenomena.lag import believed_lag, beside_straight, largest_in_lag, resting_ticks
-from hapticeval.phenomena.nudges import _directions
-from hapticeval.phenomena.restated import compare_runs
+from hapticeval.phenomena.restated import _directions, compare_runs
 from hapticeval.phenomena.sampling import (
     believed_standoff,
     clear_of_surface,
@@ -61,7 +61,6 @@ from hapticeval.phenomena.sampling import (
     trailing,
 )
 from hapticeval.phenomena.surface_motion import _overshoot, decay_rate
-from hapticeval.phenomena.vibration import prony
 from hapticeval.scene import Scene
 
 LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)

@@ -19,8 +19,8 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Response
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
+from hapticeval.stimulus.experiments import build_path
 from hapticeval.stimulus.hard_places import PLACES_OF_KIND
-from hapticeval.stimulus.trajectories import build_path
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
 

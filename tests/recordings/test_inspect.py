@@ -30,7 +30,7 @@ def saved(path, channels, **meta):
 @pytest.fixture
 def undrawn(monkeypatch):
     """No picture, which takes ten times as long as all that is found; other tests look at it."""
-    monkeypatch.setattr("hapticeval.reports.integrity_figure.write_integrity", lambda *_, **__: [])
+    monkeypatch.setattr("hapticeval.reports.spread_figure.write_integrity", lambda *_, **__: [])
 
 
 def inspected(capsys, *arguments):

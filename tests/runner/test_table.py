@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
-from hapticeval.runner.progress import suite_entry
-from hapticeval.runner.table import fill_table
+from hapticeval.runner.progress import fill_table, suite_entry
 from hapticeval.suite.reading import load_suite
 
 SUITE = load_suite("thesis")

@@ -14,9 +14,9 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, line, star
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
+from hapticeval.stimulus.experiments import build_path
 from hapticeval.stimulus.paths import read_path
 from hapticeval.stimulus.stimulus import Experiment, Path, sample_times
-from hapticeval.stimulus.trajectories import build_path
 from hapticeval.suite.reading import load_suite
 
 HERE = FilePath()

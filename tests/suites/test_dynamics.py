@@ -14,9 +14,8 @@ from hapticeval.runner.execution import execute
 from hapticeval.runner.judging import Judged, judge
 from hapticeval.runner.options import RunOptions
 from hapticeval.runner.planning import plan
-from hapticeval.runner.progress import suite_entry
+from hapticeval.runner.progress import fill_table, suite_entry
 from hapticeval.runner.results import Robot, read_results
-from hapticeval.runner.table import fill_table
 from hapticeval.suite.case import Case
 from hapticeval.suite.outline import suites_named
 from hapticeval.suite.reading import load_suite

@@ -11,8 +11,7 @@ from msgspec.structs import replace
 from hapticeval.discovery import resolve
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
-from hapticeval.runner.progress import suite_entry
-from hapticeval.runner.table import fill_table
+from hapticeval.runner.progress import fill_table, suite_entry
 from hapticeval.suite.reading import load_suite
 
 SOLIDS, SURFACES = load_suite("solids"), load_suite("unilateral-surfaces")

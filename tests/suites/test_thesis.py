@@ -13,8 +13,7 @@ from msgspec.structs import replace
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.phenomena.verdict import Outcome, Verdict
 from hapticeval.runner.judging import judge
-from hapticeval.runner.progress import suite_entry
-from hapticeval.runner.table import fill_table
+from hapticeval.runner.progress import fill_table, suite_entry
 from hapticeval.suite.reading import load_suite
 
 SUITE = load_suite("thesis")

@@ -18,7 +18,7 @@ from hapticeval.phenomena.decisions import (
     STEEP_FACTOR,
     SUSPECT_SHARE,
 )
-from hapticeval.phenomena.nudges import answers_apart, has_answer, steepness
+from hapticeval.phenomena.restated import answers_apart, has_answer, steepness
 from hapticeval.phenomena.sampling import (
     believed_standoff,
     evidence_at,

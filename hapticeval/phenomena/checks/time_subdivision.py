@@ -12,8 +12,7 @@ from hapticeval.phenomena.decisions import (
     LAG_TICKS,
     SAME_ANSWER,
 )
-from hapticeval.phenomena.nudges import steepness
-from hapticeval.phenomena.restated import NOBODY, check_of_relation, compare_runs
+from hapticeval.phenomena.restated import NOBODY, check_of_relation, compare_runs, steepness
 from hapticeval.phenomena.sampling import hip_step
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.recordings.channels import ANSWERED

@@ -8,8 +8,7 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.decisions import (
     SINGLE_ROUNDINGS,
 )
-from hapticeval.phenomena.nudges import answers_apart, has_answer
-from hapticeval.phenomena.restated import NOBODY, check_of_relation, relation_finding
+from hapticeval.phenomena.restated import NOBODY, answers_apart, check_of_relation, has_answer, relation_finding
 from hapticeval.phenomena.sampling import rounding
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.recording import SINGLE

@@ -27,8 +27,8 @@ from hapticeval.phenomena.sampling import force_floor
 from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play, reset_checked, step_checked
+from hapticeval.stimulus.experiments import build_path
 from hapticeval.stimulus.stimulus import Path
-from hapticeval.stimulus.trajectories import build_path
 from hapticeval.study.bench.document import Errors
 from hapticeval.study.projection_field.field import sample_projection, singular_geometry, singular_set
 from hapticeval.types import Array

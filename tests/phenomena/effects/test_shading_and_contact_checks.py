@@ -14,9 +14,9 @@ from hapticeval.effects.contact_impulse import ContactImpulse
 from hapticeval.effects.contact_transient import MATERIALS, ContactTransient
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.checks.transient import fit
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.phenomena.vibration import fit
 from hapticeval.runner.judging import judge, make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play

@@ -21,7 +21,7 @@ from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.texture import find_stretches, spectrum_bound
-from hapticeval.phenomena.vibration import fit
+from hapticeval.phenomena.checks.transient import fit
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
