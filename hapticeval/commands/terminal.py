@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import sys
@@ -19,7 +20,7 @@ from hapticeval.runner.standing import counts_in_words
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from hapticeval.runner.results import VerdictEntry
+    from hapticeval.runner.results import RunKey, VerdictEntry
 
 FIGURES_UNANNOUNCED = 10
 """Figures that are drawn before anyone wonders what goes on."""
@@ -243,9 +244,13 @@ def kernels_are_new() -> bool:
 
 
 def _at_work_words(event: AtWork) -> str:
-    (suite, case, renderer), *others = event.runs
-    more = f", and {plural(len(others), 'other run')}" * bool(others)
-    return f"at work for {event.seconds:.0f} s: {renderer} on {suite}/{case}{more}"
+    return f"at work for {event.seconds:.0f} s: {_first_run_words(event.runs)}"
+
+
+def _first_run_words(runs: Sequence[RunKey]) -> str:
+    """Return the first of some runs, and how many others there are."""
+    (suite, case, renderer), *others = runs
+    return f"{renderer} on {suite}/{case}" + f", and {plural(len(others), 'other run')}" * bool(others)
 
 
 def _interrupted_words(event: Interrupted) -> str:
@@ -253,12 +258,14 @@ def _interrupted_words(event: Interrupted) -> str:
     runs = f"{plural(event.begun, 'run')} that had begun {'is' if event.begun == 1 else 'are'}"
     kept_words = "what is done is kept"
     if event.at_once:
-        return f"stopped: {runs} given up; {kept_words}"
+        named = f" ({_first_run_words(event.runs)})" if event.runs else ""
+        return f"stopped: {runs} given up{named}; {kept_words}"
     if not event.begun:
         return f"interrupted: {kept_words}"
     # How long the rest takes is not known, but what a run that is slow has taken already.
     since = f", the first at work for {event.seconds:.0f} s" * (event.seconds >= SILENCE_SECONDS)
-    return f"interrupted: {runs} being finished{since}, {kept_words}; press Ctrl-C again to stop at once"
+    limit = f", for {event.grace:.0f} s at most" * math.isfinite(event.grace)
+    return f"interrupted: {runs} being finished{since}{limit}, {kept_words}; press Ctrl-C again to stop at once"
 
 
 def plural(count: int, noun: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -53,12 +54,14 @@ class AtWork:
 class Interrupted:
     """The user has interrupted: no further job begins, those that have `begun` are finished, or killed `at_once`.
 
-    The first of them has been at work for `seconds`.
+    The first of them has been at work for `seconds`. They have `grace` (s) to finish; the `runs` are what is killed.
     """
 
     begun: int
     at_once: bool = False
     seconds: float = field(default=0.0, compare=False)
+    grace: float = math.inf
+    runs: tuple[RunKey, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,9 @@ PATIENCE = 0.1
 BEAT = 10.0
 """Seconds between two reports of what is at work."""
 
+FINISH_GRACE = 5.0
+"""Seconds in which runs that have begun may finish after Ctrl-C: one that hangs never would."""
+
 STOPPED_AT_FIRST = "it ends at the first verdict that stops the gate (-x)"
 """Why a run is incomplete whose plan has `exit_first`."""
 
@@ -65,7 +68,7 @@ def execute(
     A run that is cut short keeps what has finished, and its results say that they are incomplete and why:
 
     - On Ctrl-C no further job begins, those that have begun are finished, and `Interrupted` reports it.
-    - On a second Ctrl-C, or on the first in this process, they are given up.
+    - After `FINISH_GRACE` (not on a cluster), on a second Ctrl-C, or on the first in this process, they are given up.
     - With `exit_first` no further job begins after a verdict that stops the gate.
     - Where the scheduler is lost nothing more can be done.
 
@@ -92,7 +95,7 @@ def execute(
                     yield from execution.report()
             except KeyboardInterrupt as interrupt:
                 cut_by = interrupt
-                yield Interrupted(max(crew.busy, 1), at_once=True)
+                yield Interrupted(max(crew.busy, 1), at_once=True, runs=execution.runs_at_work)
             except LostError as error:
                 cut_by = error
         # Leaving the block above has ended the processes, without waiting for their jobs.
@@ -127,6 +130,14 @@ class _Execution:
         self.last_beat = time.monotonic()
         self.warning_places: set[str] = set()
         self.warned = self.stopped = False
+        # A cluster sends answers by chunks, of which none would come in time.
+        self.grace = FINISH_GRACE if plan.options.scheduler is None else math.inf
+        self.given_up_at = math.inf
+
+    @property
+    def runs_at_work(self) -> tuple[RunKey, ...]:
+        """The runs that have begun and are not finished, the first one first."""
+        return tuple(self.plan.jobs[number].key for number in self.begun_at)
 
     def opening(self) -> RunStarted:
         """Return the first event, of what is planned."""
@@ -153,7 +164,9 @@ class _Execution:
         if self.interrupts.count and not self.warned:
             self.warned = True
             now = time.monotonic()
-            yield Interrupted(self.crew.busy, seconds=now - min(self.begun_at.values(), default=now))
+            self.given_up_at = now + self.grace
+            since = min(self.begun_at.values(), default=now)
+            yield Interrupted(self.crew.busy, seconds=now - since, grace=self.grace)
 
     def report_behind_gaps(self) -> Iterator[Event]:
         """Yield what has finished behind a job that never did."""
@@ -174,7 +187,7 @@ class _Execution:
     def take_answers(self) -> Iterator[Event]:
         """Wait a little for answers, and take them. Raises `LostError` where none will come.
 
-        Raises `KeyboardInterrupt` on a second Ctrl-C while jobs are worked on.
+        Raises `KeyboardInterrupt` on a second Ctrl-C while jobs are worked on, or a while after the first.
         """
         timeout = self.plan.options.timeout
         for answer in [*self.crew.answers(PATIENCE), *self.crew.give_up(timeout)]:
@@ -188,9 +201,9 @@ class _Execution:
         now = time.monotonic()
         if self.begun_at and now - self.last_beat >= BEAT:
             self.last_beat = now
-            runs = tuple(self.plan.jobs[number].key for number in self.begun_at)
-            yield AtWork(self.reported_count + len(self.finished), runs, now - min(self.begun_at.values()))
-        if self.interrupts.count > 1 and self.crew.busy:
+            finished_count = self.reported_count + len(self.finished)
+            yield AtWork(finished_count, self.runs_at_work, now - min(self.begun_at.values()))
+        if self.crew.busy and (self.interrupts.count > 1 or now > self.given_up_at):
             raise KeyboardInterrupt
 
     def reason(self, cut_by: BaseException | None) -> str | None:

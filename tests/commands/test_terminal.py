@@ -107,8 +107,13 @@ def test_a_strict_run_lets_warnings_count(outcome, published, code):
             Interrupted(2, seconds=83.0),
             f"interrupted: 2 runs that had begun are being finished, the first at work for 83 s, {AGAIN}",
         ),
+        (Interrupted(1, grace=5.0), f"interrupted: 1 run that had begun is being finished, for 5 s at most, {AGAIN}"),
         (Interrupted(0), "interrupted: what is done is kept"),
         (Interrupted(2, at_once=True), "stopped: 2 runs that had begun are given up; what is done is kept"),
+        (
+            Interrupted(2, at_once=True, runs=(("s", "c", "r"), ("s", "d", "r"))),
+            "stopped: 2 runs that had begun are given up (r on s/c, and 1 other run); what is done is kept",
+        ),
     ],
 )
 def test_an_interrupt_is_answered(event, line):

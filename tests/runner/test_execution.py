@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
@@ -222,7 +223,7 @@ def test_an_interrupt_lets_what_has_begun_finish(short, tmp_path):
     assert isinstance(next(stream), JobFinished)
     signal.raise_signal(signal.SIGINT)
     interrupted, finished, end = stream
-    assert interrupted == Interrupted(begun=1)
+    assert interrupted == Interrupted(begun=1, grace=execution.FINISH_GRACE)
     assert 0.0 < interrupted.seconds < 600.0, "since the second began"
     assert finished.run.key == ("short", "press", "minimum-distance")
     assert isinstance(end, RunFinished)
@@ -246,13 +247,30 @@ def test_a_second_interrupt_kills_what_has_begun(short, tmp_path):
     working = set(multiprocessing.active_children())
     assert working
     signal.raise_signal(signal.SIGINT)
-    assert next(stream) == Interrupted(begun=1)
+    assert next(stream) == Interrupted(begun=1, grace=execution.FINISH_GRACE)
     signal.raise_signal(signal.SIGINT)
-    assert next(stream) == Interrupted(begun=1, at_once=True)
+    given_up = (("short", "slide", "thirdparty:Waits"),)
+    assert next(stream) == Interrupted(begun=1, at_once=True, runs=given_up)
     assert isinstance(next(stream), RunFinished)
     assert not working & set(multiprocessing.active_children())
     results = read_results(tmp_path / "out")
     assert (results.reason, results.ran) == ("interrupted by the user", 1)
+
+
+def test_one_interrupt_gives_up_what_hangs(short, tmp_path, monkeypatch):
+    """Not before its grace has passed, and then without a second interrupt."""
+    monkeypatch.setattr(execution, "FINISH_GRACE", 0.3)
+    options = RunOptions(select=("slide",), output=tmp_path / "out", workers=2)
+    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], options))
+    assert [type(next(stream)) for _ in range(2)] == [RunStarted, JobFinished]
+    signal.raise_signal(signal.SIGINT)
+    assert next(stream) == Interrupted(begun=1, grace=0.3)
+    interrupted_at = time.monotonic()
+    given_up = (("short", "slide", "thirdparty:Waits"),)
+    assert next(stream) == Interrupted(begun=1, at_once=True, runs=given_up)
+    assert time.monotonic() - interrupted_at > 0.25
+    assert isinstance(next(stream), RunFinished)
+    assert read_results(tmp_path / "out").ran == 1
 
 
 def test_what_takes_long_is_reported_while_it_runs(short, tmp_path, monkeypatch):
