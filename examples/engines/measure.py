@@ -22,9 +22,9 @@ from hapticeval.renderer import RendererFactory
 from hapticeval.runner.results import VerdictEntry
 from hapticeval.study.plates import holds, narrow_border
 
-SUITES = ("field", "seams", "solids", "unilateral-surfaces", "hard-cases")
-SETTINGS_SUITES = SUITES[:-1]
-"""The suites in which settings are tried: hard cases ask for numbers, not for other settings."""
+HARD_CASES = "hard-cases"
+"""The group of suites in which a setting is tried where a column fails, and nowhere else: their models are large."""
+SUITES = ("field", "seams", "solids", "unilateral-surfaces", HARD_CASES)
 
 PAGE, RESULTS = Path("docs/engines.md"), Path("results/engines")
 SMALLEST = Path(__file__).with_name("smallest.csv")
@@ -82,7 +82,7 @@ spring on it. A coupled tool is a ball that the hand holds by a spring and that 
 | `fcl-convex` | query | the mesh as a convex body |
 | `fcl-coupled` | coupled tool | a convex body, and a contact spring ten times as stiff as the coupling |
 
-Against what fails these were tried, on the same cases but the hard ones:
+Against what fails these were tried, on the same cases, and of the hard ones on those that fail:
 
 | setting | what it is |
 | --- | --- |
@@ -194,6 +194,18 @@ def title_of(entry: VerdictEntry) -> str:
     return next(title for title, name in (COLUMNS | SETTINGS).items() if name == entry.renderer)
 
 
+def is_hard(entry: VerdictEntry) -> bool:
+    """Return whether a verdict is of a hard case."""
+    return entry.suite.startswith(HARD_CASES)
+
+
+def failing_places(entries: Sequence[VerdictEntry], setting: str) -> list[str]:
+    """Return the CASE/CHECK of hard cases that fail in a column against which a setting is tried, each once."""
+    columns = [column for column, tried in TRIED.items() if setting in tried]
+    failing = [entry for entry in entries if is_hard(entry) and entry.outcome == "fail" and entry.level != "info"]
+    return list(dict.fromkeys(f"{entry.case}/{entry.check}" for entry in failing if title_of(entry) in columns))
+
+
 def tried_words(column: str, failing: int, entries: Sequence[VerdictEntry]) -> str:
     """Return how many of the `failing` verdicts of a check pass by each setting tried, of how many that it decides.
 
@@ -253,9 +265,9 @@ def page(entries: Sequence[VerdictEntry], plates: Sequence[str], smallest: Mappi
         "",
         *count_lines(entries, COLUMNS),
     ]
-    settings = {title: name for title, name in SETTINGS.items() if any(entry.renderer == name for entry in asked)}
-    if settings:
-        lines += ["", SETTINGS_WORDS, "", *count_lines(entries, settings)]
+    of_settings = [entry for entry in asked if title_of(entry) in SETTINGS and not is_hard(entry)]
+    if of_settings:
+        lines += ["", SETTINGS_WORDS, "", *count_lines(of_settings, SETTINGS)]
     lines += ["", CHANGES, "", PLATES_WORDS, "", *plates, "", FACTS, "", FAILURES_WORDS]
     for column in COLUMNS:
         failing = dict.fromkeys(entry.check for entry in asked if title_of(entry) == column and entry.outcome == "fail")
@@ -269,7 +281,10 @@ if __name__ == "__main__":
     suites = tuple(sys.argv[1:]) or SUITES
     # One process: a world of a fine mesh takes gigabytes.
     verdicts = list(hapticeval.run(list(COLUMNS.values()), suites=suites, workers=1, output=RESULTS).verdicts)
-    tried_in = [suite for suite in suites if suite in SETTINGS_SUITES]
+    tried_in = [suite for suite in suites if suite != HARD_CASES]
     if tried_in:
         verdicts += hapticeval.run(list(SETTINGS.values()), suites=tried_in, workers=1).verdicts
+    for setting, name in SETTINGS.items():
+        if places := failing_places(verdicts, setting):
+            verdicts += hapticeval.run(name, suites=HARD_CASES, select=places, workers=1).verdicts
     PAGE.write_text(page(verdicts, plate_lines(), read_smallest()), encoding="utf-8")

@@ -8,6 +8,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import typer
@@ -25,6 +26,9 @@ VERDICTS_SHOWN = 10
 
 CASES_NAMED = 3
 """Cases that are named of those in which a renderer broke in one way, without -v."""
+
+REFUSALS_SHOWN = 3
+"""Reasons for which renderers refuse some of their runs that are shown without -v."""
 
 LEGEND = {
     "!": "!n are not as expected",
@@ -67,6 +71,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
         lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing is Standing.WARNING),
         lines(_verdict_words(verdict) for verdict in unstopping if verdict.standing.excused) if verbose else "",
         lines(_not_applicable_reasons(results)) if verbose else "",
+        lines(_refused_words(results, verbose=verbose)),
         _totals_words(results, verbose=verbose),
         lines(_too_slow_words(results)),
         wrote_lines(written),
@@ -201,12 +206,17 @@ def _aligned_cells(header: Sequence[str], rows: Sequence[Sequence[tuple[str, str
 def _breakdown_words(broken: Breakdown, *, verbose: bool) -> str:
     """Return why a renderer broke, what to do, and in which cases first."""
     cases = broken.cases
-    named_cases = cases if verbose else cases[:CASES_NAMED]
-    more = f", and {plural(len(cases) - len(named_cases), 'other')}" * (len(named_cases) < len(cases))
     text = _problem_lines(f"broke: {broken.words}", broken.error)
     if not broken.error.todo:
         text += f"\n  what to do: see what `hapticeval doctor -r {broken.runs[0].renderer}` finds of the contract"
-    return lines([text, f"  first on {', then '.join(named_cases)}{more}"] if cases else [text])
+    return lines([text, f"  first on {_cases_words(cases, ', then ', verbose=verbose)}"] if cases else [text])
+
+
+def _cases_words(cases: Sequence[str], separator: str, *, verbose: bool) -> str:
+    """Return the names of cases: all if `verbose`, else the first, and how many others there are."""
+    named_cases = cases if verbose else cases[:CASES_NAMED]
+    more = f", and {plural(len(cases) - len(named_cases), 'other')}" * (len(named_cases) < len(cases))
+    return separator.join(named_cases) + more
 
 
 def _problem_lines(head: str, problem: Problem) -> str:
@@ -260,6 +270,20 @@ def _inherent_hint(verdict: VerdictEntry) -> str:
         return ""
     declared = " or ".join(dict.fromkeys(limits_of(verdict.check)))
     return f"in a renderer that declares {declared}, see hapticeval explain {verdict.check}" if declared else ""
+
+
+def _refused_words(results: ResultsDocument, *, verbose: bool) -> Iterator[str]:
+    """Yield a line for each reason for which a renderer that was judged elsewhere has refused runs."""
+    judged = {run.renderer for run in results.runs if not run.refusal}
+    cases: dict[tuple[str, str], list[str]] = {}
+    for run in results.runs:
+        if run.refusal and run.renderer in judged:
+            cases.setdefault((run.renderer, run.refusal.what), []).append(f"{run.suite}/{run.case}")
+    shown = len(cases) if verbose else REFUSALS_SHOWN
+    for (renderer, what), refused_cases in islice(cases.items(), shown):
+        yield f"refused: {renderer} on {_cases_words(refused_cases, ', ', verbose=verbose)}: {what}"
+    if len(cases) > shown:
+        yield f"refused: {plural(len(cases) - shown, 'reason')} more, -v shows them"
 
 
 def _not_applicable_reasons(results: ResultsDocument) -> Iterator[str]:

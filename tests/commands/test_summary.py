@@ -7,6 +7,7 @@ from result_entries import changed, results_of, run_entry
 
 from hapticeval.commands import summary as module
 from hapticeval.commands.summary import VERDICTS_SHOWN, github_annotations, summary
+from hapticeval.errors import RefusalError
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.reports.table import markdown
 from hapticeval.runner.results import Problem, VerdictEntry
@@ -155,6 +156,17 @@ def test_one_cause_is_one_message_with_the_verdicts_that_it_took_away():
     table = markdown(done)
     assert table.count(" lost; ") == 3
     assert "on s/c0/memoryless: error" not in table
+
+
+def test_refused_runs_are_named_with_the_reason():
+    refusals = {"a": "a small model", "b": "a small model", "c": "no edges", "d": "no holes", "e": "no rims"}
+    runs = [run_entry(case=case, refusal=Problem.of(RefusalError(what))) for case, what in refusals.items()]
+    done = results_of(verdict(Outcome.PASS), runs=[run_entry(case="judged"), *runs])
+    assert (
+        "\nrefused: r on s/a, s/b: a small model\nrefused: r on s/c: no edges\nrefused: r on s/d: no holes\n"
+        "refused: 1 reason more, -v shows them\n"
+    ) in summary(done, [])
+    assert "refused: r on s/e: no rims\n" in summary(done, [], verbose=True)
 
 
 def test_what_is_known_is_counted_and_what_is_no_more_is_shown():

@@ -17,7 +17,15 @@ from hapticeval.suite.reading import load_suite
 pytest.importorskip("mujoco", reason="make test installs it")
 pytest.importorskip("fcl", reason="make test installs it")
 
-from hapticeval.examples.engines.measure import COLUMNS, SETTINGS, Smallest, failure_line, largest_push, page
+from hapticeval.examples.engines.measure import (
+    COLUMNS,
+    SETTINGS,
+    Smallest,
+    failing_places,
+    failure_line,
+    largest_push,
+    page,
+)
 
 CASES = {case.name: case for case in load_suite("solids").cases}
 CUBE = Scene(model=make_model("box", x=0.1, y=0.1, z=0.1))
@@ -108,9 +116,11 @@ def test_a_tool_at_rest_lies_as_deep_as_its_contact_is_soft(column, depth):
     assert force[2] == pytest.approx(CUBE.stiffness * (ihip[2] - 0.049), rel=1e-3)
 
 
-def verdict(title: str, outcome: str, margin: float | None, case: str = "cube", check: str = "passivity"):
+def verdict(
+    title: str, outcome: str, margin: float | None, case: str = "cube", check: str = "passivity", suite: str = "solids"
+):
     return SimpleNamespace(
-        renderer=(COLUMNS | SETTINGS)[title], suite="solids", case=case, check=check, level="must", outcome=outcome,
+        renderer=(COLUMNS | SETTINGS)[title], suite=suite, case=case, check=check, level="must", outcome=outcome,
         margin=margin, message=f"margin {margin}",
     )  # fmt: skip
 
@@ -138,3 +148,20 @@ def test_the_page_counts_what_it_is_given_shows_the_worst_and_says_what_was_trie
 def test_what_all_failing_cases_pass_by_is_mended():
     entries = [verdict("mujoco-stiff", "fail", -1.0), verdict("fine", "fail", -1.0), verdict("shown", "pass", 1.0)]
     assert failure_line("mujoco-stiff", "passivity", entries, {}).endswith("| mended: `fine` 0/1, `shown` 1/1 |")
+
+
+def test_of_the_hard_cases_a_setting_is_tried_where_a_column_fails():
+    hard = "hard-cases-places"
+    entries = [
+        verdict("mujoco-query", "fail", -1.0, "needle", suite=hard),
+        verdict("mujoco-coupled", "fail", -1.0, "needle", suite=hard),
+        verdict("mujoco-stiff", "fail", -1.0, "needle", suite=hard),
+        verdict("mujoco-stiff", "pass", 1.0, "fan", suite=hard),
+        verdict("mujoco-stiff", "fail", -1.0, "cube"),
+    ]
+    assert failing_places(entries, "fine") == failing_places(entries, "exact") == ["needle/passivity"]
+    assert failing_places(entries, "fcl-shown") == []
+    tried = [*entries, verdict("fine", "pass", 1.0, "needle", suite=hard), verdict("fine", "fail", -1.0, "cube")]
+    assert "in part: `fine` 1/2 |" in failure_line("mujoco-stiff", "passivity", tried, {})
+    of_settings = page(tried, [], {}).partition("without the hard cases")[2]
+    assert "| [passivity](checks/passivity.md) | - | - | 0/1 | - | - | - |" in of_settings, "by the cube alone"
