@@ -27,7 +27,7 @@ from hapticeval.commands import (
     viewing,
 )
 from hapticeval.commands.arguments import SectionedCommand, SectionedGroup
-from hapticeval.commands.terminal import say
+from hapticeval.commands.terminal import annotation, on_github, say
 from hapticeval.errors import HapticevalError, printable
 
 ABOUT = """Judge haptic renderers by six phenomena of rigid contact.
@@ -106,6 +106,8 @@ def _exit_code_of(command: Callable[..., object], arguments: Sequence[str] | Non
     except HapticevalError as error:
         # Texts of files and foreign code may hold control characters: written out.
         print(printable(f"error: {error}"), file=sys.stderr)
+        if on_github():
+            say(annotation("error", name, printable(str(error))))
         return error.exit_code
     except KeyboardInterrupt:
         return _interrupted_code()

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from hapticeval.errors import printable
+from hapticeval.quantity import name_first
 from hapticeval.reports.grid import (
     Grid,
     Tile,
@@ -24,6 +25,9 @@ LIMIT = 60_000
 
 MOST_LISTED = 50
 """Verdicts that are not as expected, and warnings, that are listed one by one."""
+
+PLACES_NAMED = 5
+"""Verdicts that are known for one reason, and cases refused for one, that are named."""
 
 
 @dataclass(frozen=True)
@@ -216,6 +220,17 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
             lines += [f"- and {len(verdicts) - MOST_LISTED} more"] * (len(verdicts) > MOST_LISTED)
             yield f"## {title}"
             yield "\n".join(map(_escape, lines))
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for verdict in results.verdicts:
+        if verdict.known and verdict.standing is Standing.KNOWN:
+            reasons.setdefault((verdict.renderer, verdict.known), []).append(verdict.place)
+    for title, places_by_reason in (("Known", reasons), ("Refused", results.refusals)):
+        if places_by_reason:
+            yield f"## {title}"
+            yield "\n".join(
+                _escape(f"- {renderer}: {reason}: {name_first(places, PLACES_NAMED)}")
+                for (renderer, reason), places in list(places_by_reason.items())[:MOST_LISTED]
+            )
     ended = [f"{run.renderer} on {run.suite}/{run.case} {ended_words(run)}" for run in results.runs if run.ended]
     if ended:
         yield "## Ended early"

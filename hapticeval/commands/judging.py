@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -27,7 +26,7 @@ from hapticeval.commands.arguments import (
     renderers_option,
 )
 from hapticeval.commands.summary import github_annotations, summary, terminal_width
-from hapticeval.commands.terminal import Terminal, columns, paragraphs, say, wrote_lines
+from hapticeval.commands.terminal import Terminal, columns, on_github, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.recordings.memory import DEFAULT_LIMIT
@@ -279,7 +278,7 @@ def judge_and_summarise(
         say(paragraphs(opening, summary(results.document, written, verbose=verbose, width=terminal_width())))
         if terminal.interrupted and resumable:
             say("to go on: the same command with --resume")
-        if os.environ.get("GITHUB_ACTIONS") == "true":
+        if on_github():
             say(github_annotations(results.document))
     return max(results.exit_code, int(interrupts.count > 0))
 

@@ -8,7 +8,6 @@ import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import islice
 from pathlib import Path
 
 import typer
@@ -16,7 +15,7 @@ import typer
 from hapticeval.commands.terminal import annotation, lines, paragraphs, plural, wrote_lines
 from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.quantity import align_columns, format_duration
+from hapticeval.quantity import align_columns, format_duration, name_first
 from hapticeval.runner.known import describe_outdated
 from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
 from hapticeval.runner.standing import Standing, counts_in_words
@@ -86,7 +85,12 @@ def _stopping_verdicts(results: ResultsDocument) -> list[VerdictEntry]:
 
 def github_annotations(results: ResultsDocument) -> str:
     """Return workflow commands by which GitHub shows beside a job what stops its gate, the worst first."""
-    return lines(
+    # Where all is refused nothing was judged, and the exit code is that of a wrong input.
+    refused = results.refusals if results.all_refused else {}
+    refusals = (
+        annotation("error", f"{name} refuses {name_first(cases, 1)}", what) for (name, what), cases in refused.items()
+    )
+    failures = (
         annotation(
             "error",
             f"{verdict.renderer} on {verdict.place}",
@@ -94,6 +98,7 @@ def github_annotations(results: ResultsDocument) -> str:
         )
         for verdict in _stopping_verdicts(results)[:VERDICTS_SHOWN]
     )
+    return lines([*refusals, *failures])
 
 
 def paint(text: str, colour: str | None) -> str:
@@ -209,14 +214,8 @@ def _breakdown_words(broken: Breakdown, *, verbose: bool) -> str:
     text = _problem_lines(f"broke: {broken.words}", broken.error)
     if not broken.error.todo:
         text += f"\n  what to do: see what `hapticeval doctor -r {broken.runs[0].renderer}` finds of the contract"
-    return lines([text, f"  first on {_cases_words(cases, ', then ', verbose=verbose)}"] if cases else [text])
-
-
-def _cases_words(cases: Sequence[str], separator: str, *, verbose: bool) -> str:
-    """Return the names of cases: all if `verbose`, else the first, and how many others there are."""
-    named_cases = cases if verbose else cases[:CASES_NAMED]
-    more = f", and {plural(len(cases) - len(named_cases), 'other')}" * (len(named_cases) < len(cases))
-    return separator.join(named_cases) + more
+    most = None if verbose else CASES_NAMED
+    return lines([text, f"  first on {name_first(cases, most, ', then ')}"] if cases else [text])
 
 
 def _problem_lines(head: str, problem: Problem) -> str:
@@ -275,15 +274,12 @@ def _inherent_hint(verdict: VerdictEntry) -> str:
 def _refused_words(results: ResultsDocument, *, verbose: bool) -> Iterator[str]:
     """Yield a line for each reason for which a renderer that was judged elsewhere has refused runs."""
     judged = {run.renderer for run in results.runs if not run.refusal}
-    cases: dict[tuple[str, str], list[str]] = {}
-    for run in results.runs:
-        if run.refusal and run.renderer in judged:
-            cases.setdefault((run.renderer, run.refusal.what), []).append(f"{run.suite}/{run.case}")
-    shown = len(cases) if verbose else REFUSALS_SHOWN
-    for (renderer, what), refused_cases in islice(cases.items(), shown):
-        yield f"refused: {renderer} on {_cases_words(refused_cases, ', ', verbose=verbose)}: {what}"
-    if len(cases) > shown:
-        yield f"refused: {plural(len(cases) - shown, 'reason')} more, -v shows them"
+    refusals = [(renderer, what, cases) for (renderer, what), cases in results.refusals.items() if renderer in judged]
+    shown, most = (None, None) if verbose else (REFUSALS_SHOWN, CASES_NAMED)
+    for renderer, what, cases in refusals[:shown]:
+        yield f"refused: {renderer} on {name_first(cases, most)}: {what}"
+    if more := refusals[len(refusals) if shown is None else shown :]:
+        yield f"refused: {plural(len(more), 'reason')} more, -v shows them"
 
 
 def _not_applicable_reasons(results: ResultsDocument) -> Iterator[str]:

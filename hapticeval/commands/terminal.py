@@ -273,6 +273,11 @@ def plural(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def on_github() -> bool:
+    """Return whether this is a job of GitHub, which shows annotations."""
+    return os.environ.get("GITHUB_ACTIONS") == "true"
+
+
 def annotation(kind: str, title: str, message: str) -> str:
     """Return a workflow command that GitHub shows as an annotation of the job."""
 

@@ -514,6 +514,15 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
                 breakdown_by_cause[key] = Breakdown([*runs, run], error, [*before, *lost_verdicts])
         return list(breakdown_by_cause.values())
 
+    @cached_property
+    def refusals(self) -> dict[tuple[str, str], list[str]]:
+        """The suite/case that renderers refused, by renderer and reason."""
+        places: dict[tuple[str, str], list[str]] = {}
+        for run in self.runs:
+            if run.refusal is not None:
+                places.setdefault((run.renderer, run.refusal.what), []).append(f"{run.suite}/{run.case}")
+        return places
+
     def stops(self, verdict: VerdictEntry) -> bool:
         """Return whether a verdict stops the gate of this run."""
         return verdict.stops(strict=self.command.strict)

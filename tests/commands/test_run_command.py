@@ -36,6 +36,18 @@ def test_the_version_is_the_package_s(capsys):
     assert capsys.readouterr().out == f"hapticeval {__version__}\n"
 
 
+def test_on_github_wrong_input_is_an_annotation_of_the_job(monkeypatch, capsys):
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    assert main(["run", "-r", "no_such_module:Thing"]) == 2
+    shown = capsys.readouterr()
+    assert shown.err.startswith("error: ")
+    first_line = shown.err.splitlines()[0].removeprefix("error: ")
+    assert shown.out.startswith(f"::error title=hapticeval::{first_line}%0A")
+    monkeypatch.setenv("GITHUB_ACTIONS", "")
+    assert main(["run", "-r", "no_such_module:Thing"]) == 2
+    assert capsys.readouterr().out == ""
+
+
 def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(here, capsys):
     assert main(["run", "slides.toml", "-r", "local_mine:Good"]) == 0
     shown = capsys.readouterr()

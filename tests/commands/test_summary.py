@@ -203,6 +203,14 @@ def test_what_stops_a_gate_is_an_annotation_of_a_job_the_worst_first():
     ]
 
 
+def test_where_all_is_refused_that_is_the_annotation():
+    runs = [run_entry(case=case, refusal=Problem.of(RefusalError("a model in space"))) for case in "ab"]
+    done = results_of(verdict(Outcome.NOT_APPLICABLE), runs=runs)
+    assert github_annotations(done) == "::error title=r refuses s/a%2C and 1 other::a model in space"
+    judged = results_of(verdict(Outcome.PASS), runs=[*runs, run_entry(case="c")])
+    assert github_annotations(judged) == ""
+
+
 def test_a_renderer_that_is_too_slow_for_the_sampling_rate_is_named():
     runs = [
         run_entry(renderer="slow", case="a", step_seconds=1.5e-3),

@@ -19,6 +19,7 @@ from hapticeval.effects.joint_friction import JointFriction
 from hapticeval.effects.saturation import Saturation
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.effects.viscosity import Viscosity
+from hapticeval.errors import RefusalError
 from hapticeval.files import csv_cell
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.reports import ReportView, junit, markdown, render_pages, summaries
@@ -32,7 +33,7 @@ from hapticeval.reports.exports import (
 )
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.table import LIMIT
-from hapticeval.runner.results import Ended, Robot
+from hapticeval.runner.results import Ended, Problem, Robot
 
 
 def test_the_summary_puts_the_published_values_beside(results):
@@ -86,6 +87,19 @@ def test_markdown_begins_with_the_summary_and_cannot_be_broken_out_of(results):
     interrupted = synthetic_results(planned=40, complete=False, reason="interrupted by the user")
     assert "13 of 40 planned verdicts ran: incomplete, interrupted by the user" in markdown(interrupted)
     assert "|" not in markdown(synthetic_results(runs=[], verdicts=[], table={}, published_table={}))
+
+
+def test_markdown_gives_the_reason_of_what_is_known_and_of_what_is_refused(results):
+    failing = results.verdicts[4]
+    known = [changed(failing, case=f"case-{number}", known="a | limit", as_expected=True) for number in range(7)]
+    refused = changed(results.runs[0], case="far", refusal=Problem.of(RefusalError("a model in space")))
+    text = markdown(synthetic_results(verdicts=known, runs=[*results.runs, refused]))
+    assert (
+        f"## Known\n\n- {failing.renderer}: a \\| limit: {known[0].place}, {known[1].place}, {known[2].place}, "
+        f"{known[3].place}, {known[4].place}, and 2 others\n"
+    ) in text
+    assert f"## Refused\n\n- {refused.renderer}: a model in space: {refused.suite}/far\n" in text
+    assert "## Refused" not in markdown(results)
 
 
 @pytest.mark.parametrize("count", [1, 100, 2000])
