@@ -184,6 +184,30 @@ def test_laps_are_found_both_ways_and_only_where_there_are_two():
     assert laps(100.0 * creeping, 0.2) != []
 
 
+def drifting_laps(radius, gap):
+    """Five laps of eight ticks round (10, 0) mm, each nearer to the origin by `gap` (m) than the one before."""
+    ticks = np.arange(41)
+    angle = 2.0 * np.pi * ticks / 8.0
+    x = 0.01 + radius * np.cos(angle) - gap * ticks / 8.0
+    return Path(1e-3 * ticks, np.column_stack([x, radius * np.sin(angle)]))
+
+
+@pytest.mark.parametrize("radius", [2e-9, 2e-6])
+def test_a_spring_is_not_blamed_for_what_it_had_stored_where_laps_do_not_quite_close(radius):
+    """10 N over a gap of 0.18 nm a lap: points 0.2 nm apart are one."""
+    path = drifting_laps(radius, 0.18e-9)
+    assert laps(path.points, ROUND.model.size)
+    assert judged_field(lambda p: -K * p, path).outcome is PASS
+
+
+def test_what_a_lap_creates_beyond_its_gap_is_seen():
+    """The gap stores 10 N times 0.18 nm = 1.8 nJ at the most, and a curl of 2 K gives 2 K pi r^2 = 25 nJ."""
+    path = drifting_laps(2e-6, 0.18e-9)
+    finding = judged_field(lambda p: -K * p + K * np.array([-p[1], p[0] - 0.01]), path)
+    assert finding.outcome is FAIL
+    assert finding.evidence["way"] == passivity.LAP
+
+
 def test_without_a_closed_way_nothing_is_known():
     finding = judged_field(lambda p: -K * (p + 1.0), Path([0.0, 1.0], [[0.0, 0.0], [0.01, 0.0]]))
     assert finding.outcome is UNDECIDED

@@ -195,11 +195,24 @@ def contact_spans(free: BoolArray) -> Iterator[Span]:
         yield Span(int(first), last, "since free space" if not later.size else "from free space to free space")
 
 
-def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array) -> Gain:
+def unclosed_work(base: Recording, span: Span) -> float:
+    """Return what may still be stored where a lap does not quite close, J: points of two laps are one within a gap.
+
+    Over the straight step d that closes it, S(end) - S(start) is at most the largest |F| times |d|, and of a force that
+    goes straight from one end to the other |F| is largest at an end. From free space nothing is stored.
+    """
+    if span.what != LAP:
+        return 0.0
+    ends = [span.first, span.last]
+    gap = np.linalg.norm(base.hip[span.last] - base.hip[span.first])
+    return float(gap * np.linalg.norm(base.force[ends], axis=1).max())
+
+
+def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, unclosed: float) -> Gain:
     """Return the gain over a lap, or over another span up to the row of it where it is farthest beyond what is open.
 
     `sampled` are the base run, and three of which each has twice the rate of the one before. `rounding` (n,), J, is
-    what the running sums may be off by.
+    what the running sums may be off by, and `unclosed`, J, what a lap that does not quite close leaves stored.
     """
     rows = span.ends
 
@@ -212,7 +225,7 @@ def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array) -> Gain:
     # Richardson's differences: a held force is of first order, so that after / before tends to 1/2.
     before, after = half - coarse, quarter - half
     first, last = np.abs(before), np.abs(after)
-    error = over(finest.error) + over(rounding)
+    error = over(finest.error) + over(rounding) + unclosed
     settled = last <= np.maximum(SETTLING_RATIO * first, error)
     # W(0) = 2 W(T/4) - W(T/2) = quarter + after
     law = np.where(settled, quarter + after, quarter)
@@ -336,7 +349,7 @@ def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, ways: list
         """Return the work, J, of a span up to where it is farthest beyond what is explained."""
         last = int(span.ends[np.argmax((work - explained)[span.ends])])
         gained, granted = (float(sums[last] - sums[span.first]) for sums in (work, explained))
-        return AtOwnRate(span.what, span.first, last, gained, granted, lag)
+        return AtOwnRate(span.what, span.first, last, gained, granted + unclosed_work(base, span), lag)
 
     gains = [min(map(largest, spans), key=lambda gain: gain.excess) for spans in ways]
     return max(gains, key=lambda gain: gain.excess, default=None)
@@ -501,7 +514,10 @@ def _gains(
     # Free in all of the runs: their contacts may begin a tick apart.
     free = np.logical_and.reduce([sums.free[:count] for sums in sampled])
     return [
-        min((_gain(sampled, span, rounding) for span in spans), key=lambda gain: (not gain.telling, gain.excess))
+        min(
+            (_gain(sampled, span, rounding, unclosed_work(base, span)) for span in spans),
+            key=lambda gain: (not gain.telling, gain.excess),
+        )
         for spans in ways(free)
     ]
 
