@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from hapticeval.phenomena.decisions import TELLING_SHARE
+from hapticeval.phenomena.decisions import IMPULSE_ROUNDING, TELLING_SHARE
 from hapticeval.phenomena.regions import Region
 from hapticeval.phenomena.verdict import Finding, Outcome, fault_kind
 
@@ -30,15 +30,20 @@ class Limit(NamedTuple):
 
 
 def _strikes_as_a_spring(declared: Declared, finding: Finding) -> bool:
-    """Return whether a spring takes the momentum: less at first than is asked for, never more, in the end all of it."""
+    """Return whether a spring takes the momentum: less at first than is asked for, in the end all of it.
+
+    It takes more only where the depths make it so: as much as the declared spring, held at them, gives.
+    """
     # Laws that feed the curvature's force forward press by a spring, too.
     if "spring" not in declared and declared.get("closed_form") not in FED_FORWARD:
         return False
     impulse, rigid_impulse = (finding.evidence.get(name) for name in ("impulse_in_window_Ns", "impulse_wanted_Ns"))
     if not isinstance(impulse, float) or not isinstance(rigid_impulse, float):
         return False
+    spring_impulse = finding.evidence.get("spring_impulse_Ns", 0.0)
+    most = max(rigid_impulse, (1.0 + IMPULSE_ROUNDING) * spring_impulse) if isinstance(spring_impulse, float) else 0.0
     # Evidence has the time of the stop only where the tool was stopped.
-    return 0.0 <= impulse <= rigid_impulse and "stopped_after_ms" in finding.evidence
+    return 0.0 <= impulse <= most and "stopped_after_ms" in finding.evidence
 
 
 def _pulls_along_the_error(declared: Declared, _finding: Finding) -> bool:

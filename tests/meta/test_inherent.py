@@ -9,12 +9,14 @@ import pytest
 from honest import Spring as Nearest
 
 from hapticeval import Declaration, Response, Scene, Spring
+from hapticeval.documents import convert
 from hapticeval.phenomena.inherent import LIMITS, declaration_words, reason_inherent
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.runner.results import VerdictEntry
 from hapticeval.runner.standing import Standing
+from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
 
 CASES = {case.name: case for case in load_suite("thesis").cases}
@@ -139,11 +141,39 @@ STRUCK = {"impulse_in_window_Ns": 0.002, "impulse_wanted_Ns": 0.03, "stopped_aft
         ({"impulse_in_window_Ns": 0.031}, False),
         ({"impulse_in_window_Ns": -0.001}, False),
         ({"stopped_after_ms": None}, False),
+        ({"impulse_in_window_Ns": 0.031, "spring_impulse_Ns": 0.031}, True),
+        ({"impulse_in_window_Ns": 0.031, "spring_impulse_Ns": 0.0309}, False),
+        ({"impulse_in_window_Ns": 0.029, "spring_impulse_Ns": 0.028}, True),
     ],
 )
 def test_a_spring_takes_the_momentum_later_and_never_otherwise(changes: dict[str, float], is_inherent: bool) -> None:
     evidence = {name: value for name, value in (STRUCK | changes).items() if value is not None}
     assert bool(reason_inherent("impulsive-collision", finding(**evidence), {"spring": "error"})) is is_inherent
+
+
+@pytest.mark.parametrize(("ratio", "standing"), [(1.0, Standing.INHERENT), (1.25, Standing.FAIL)])
+def test_a_spring_that_is_pressed_before_it_counts_as_contact_gives_what_its_depths_make(ratio, standing):
+    """It slides along a face, into it at 5 um/s: at 40 nm, where contact begins to count, 0.16 mN press already."""
+    grazing = {
+        "position": [-0.08376410213776271, -0.02812140000389391, -0.021507985450097335],
+        "velocity": [0.2, -0.3464, 0.0],
+        "force": [[0.0, -0.25, 0.433, 0.0]],
+        "duration": 0.05,
+    }
+    table = {
+        "name": "grazing",
+        "title": "Along a face",
+        "model": {"kind": "cylinder", "size": 0.2, "length": 0.05, "sides": 6},
+        "scene": {"stiffness": 4000.0, "mass": 0.3},
+        "experiment": grazing,
+        "checks": ["impulsive-collision"],
+    }
+    stiff = type("Stiff", (ManyTimesTheForce,), {"ratio": ratio})
+    judged = judge(stiff, "mine:R", "drawn", convert(table, Case, "grazing"))
+    (verdict,) = judged.verdicts
+    evidence = verdict.finding.evidence
+    assert evidence["impulse_in_window_Ns"] > 1.05 * evidence["impulse_wanted_Ns"]
+    assert VerdictEntry.of(verdict).standing is standing
 
 
 @pytest.mark.parametrize(

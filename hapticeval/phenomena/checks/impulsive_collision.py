@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
+from hapticeval.phenomena.checks.force_magnitude import declared_range
 from hapticeval.phenomena.decisions import IMPULSE_ROUNDING, SAME_FACE_COSINE, UNKNOWN_MOMENTUM, WINDOW_TICKS
 from hapticeval.phenomena.sampling import evidence_at, open_loop_reason, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -78,6 +79,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "peak_force_N": float(np.max(base.force[struck:] @ normal)),
         "stopped_after_ms": stopped_ms,
     }
+    if removed > required:
+        # What (3.5) does not ask for, a spring that is pressed already may give.
+        evidence["spring_impulse_Ns"] = _spring_impulse(base, scene, normal, slice(struck, end))
     message = f"{removed:.3g} N s of {required:.3g} N s are taken out within {WINDOW_TICKS} ticks"
     fails = f"{message}; the tool " + ("is not stopped" if stopped_ms is None else f"stops after {stopped_ms:.3g} ms")
     leaves = np.flatnonzero(~contact[struck:])
@@ -105,6 +109,20 @@ def _meets_another_face(base: Recording, scene: Scene, normal: Array, struck: in
     steps = np.linalg.norm(base.ihip[rows + 1] - base.ihip[rows], axis=1)
     angles = scene.model.boundary.normal_cone(base.ihip[rows], steps)(base.force[rows])
     return bool(np.any(np.cos(angles) >= SAME_FACE_COSINE))
+
+
+def _spring_impulse(base: Recording, scene: Scene, normal: Array, rows: slice) -> float:
+    """Return the impulse, N s, along a unit `normal` (N,), that the scene's spring and damper give in `rows`.
+
+    J = sum of (K d + D max(-v_n, 0)) dt by the depths d in them, each held for a tick; K is the stiffest declared.
+
+    A spring that is pressed by d0 when the contact counts begins at K d0 and not at zero, and one that turns the tool
+    round within the window takes out more than m v_n.
+    """
+    _, stiffest = declared_range(base) or (1.0, 1.0)
+    depths = np.maximum((base.ihip[rows] - base.hip[rows]) @ normal, 0.0)
+    inwards = np.maximum(-base.velocity[rows] @ normal, 0.0)
+    return float(np.sum(stiffest * scene.stiffness * depths + scene.damping * inwards)) * base.dt
 
 
 def _operator_impulses(recording: Recording, normal: Array) -> Array:
