@@ -7,7 +7,8 @@ order of the model's vertices, each step of the hand in two of half the time, an
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -61,16 +62,34 @@ def steepness(runs: Runs, reach: float, scene: Scene) -> Array:
     Along the axes and the diagonals, and at a quarter of the length: a renderer with memory may take another way from a
     tie on, and few nudges find every one. Needs the sibling `moved`.
     """
+    steep = np.zeros(len(runs.base))
+    for near in _nudged_runs(runs, reach, scene):
+        # One nudge may miss the edge that another crosses: the largest change of all counts.
+        steep = np.maximum(steep, answers_apart(runs, near, scene))
+    # In a closed loop the hand is elsewhere from then on.
+    return steep if runs.at_speed is None else np.maximum.accumulate(steep)
+
+
+def apart_beside_ties(runs: Runs, other: Recording, reach: float, scene: Scene) -> Array:
+    """Return how far the answers of `other` are from the nearest ones of hands that are off by up to `reach`: (n,), m.
+
+    Where a way passes an edge nearer than that, it is a tie on which side: either answer is right, and no third. Needs
+    the sibling `moved`.
+    """
+    apart = answers_apart(runs, other, scene)
+    for near in _nudged_runs(runs, reach, scene):
+        apart = np.minimum(apart, answers_apart(replace(runs, base=near), other, scene))
+    return apart
+
+
+def _nudged_runs(runs: Runs, reach: float, scene: Scene) -> Iterator[Recording]:
+    """Yield the runs with the hand off by `reach` (m) on its whole way, and by a quarter of that, if not refused."""
     assert runs.moved is not None
     identity = scaling(1.0, scene.model.dimension)
-    steep = np.zeros(len(runs.base))
     for nudge in reach * _directions(scene.model.dimension):
         near = runs.moved(identity, tuple(nudge.tolist()))
         if near is not None:
-            # One nudge may miss the edge that another crosses: the largest change of all counts.
-            steep = np.maximum(steep, answers_apart(runs, near, scene))
-    # In a closed loop the hand is elsewhere from then on.
-    return steep if runs.at_speed is None else np.maximum.accumulate(steep)
+            yield near
 
 
 def _directions(dimension: int) -> Array:
@@ -124,8 +143,13 @@ def compare_runs(
         allowed += STEEP_FACTOR * steepness(runs, hand + declared, scene)
         if among is not None:
             exempt = among(runs, scene)
-    # A renderer that answers a stimulus whole has events at instants that it has to find.
-    allowed += 0.0 if runs.subdivided is not None else (SAME_SIMULATED_ANSWER - SAME_ANSWER) * scene.model.size
+    if runs.subdivided is None:
+        # A renderer that answers a stimulus whole has events at instants that it has to find.
+        known = SAME_SIMULATED_ANSWER * scene.model.size
+        allowed += known - SAME_ANSWER * scene.model.size
+        if np.any(change > allowed + SAME_ANSWER * scene.model.size) and runs.moved is not None:
+            # Two tools that are one to `known` may meet an edge on either side. Off by half of it, each is one still.
+            change = apart_beside_ties(runs, other, 0.5 * known, scene)
     return relation_finding(check, base, scene, change, allowed, exempt, how)
 
 

@@ -14,6 +14,7 @@ from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Outcome
+from hapticeval.recordings.recording import Recording
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
@@ -106,6 +107,36 @@ def test_a_renderer_that_takes_one_model_alone_is_asked_beside_one_on_the_same()
             super().__init__(scene)
 
     assert findings(Only, {"kind": "star"})["two-at-once"].outcome is Outcome.PASS
+
+
+@pytest.mark.parametrize(("off", "expected"), [(0.0, Outcome.PASS), (1e-9, Outcome.FAIL), (2e-5, Outcome.FAIL)])
+def test_a_rigid_tool_that_flies_straight_at_an_edge_may_go_to_either_side_and_nowhere_else(off, expected):
+    """On one mesh it slides down a face of the prism, on the one that is cut it rests on the other: 20 um apart.
+
+    Which it is rounding of 4e-17 m decides. A tool that is off along the edge as well, by 1 nm of 200 mm, is no tie's.
+    """
+
+    class OffOnTheCutMesh:
+        supports = frozenset({"space"})
+
+        def __init__(self, scene: Scene) -> None:
+            self.ideal, self.off = resolve("ideal")(scene), off * (len(scene.model.boundary.triangles) > 100)
+
+        def simulate(self, stimulus, dt):
+            run = self.ideal.simulate(stimulus, dt)
+            place = run.hip + np.array([0.0, 0.0, self.off])
+            return Recording(run.time, dict(run.channels) | {"hip": place, "ihip": place}, run.meta)
+
+    edge = [[-0.05, -0.096603, 0.0], [-0.05, -0.086594, 0.0]]
+    table = {
+        "name": "tie",
+        "title": "Straight at an edge",
+        "model": {"kind": "cylinder", "size": 0.2, "length": 0.05, "sides": 6},
+        "trajectory": {"kind": "moves", "start": edge[0], "moves": [{"to": edge[1], "seconds": 0.401}]},
+        "checks": ["seams"],
+    }
+    (verdict,) = judge(OffOnTheCutMesh, "r", "s", convert(table, Case, "tie")).verdicts
+    assert verdict.finding.outcome is expected, verdict.finding
 
 
 def pressed(ihip=0.0, **more):
