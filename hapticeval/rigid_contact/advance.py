@@ -32,6 +32,7 @@ from hapticeval.rigid_contact.force import (
     LEAVE,
     LOAD,
     MOST_CORNER_HITS,
+    MOST_STEPS,
     REST,
     SLIDE,
     STOP,
@@ -492,7 +493,7 @@ def _begin_on_boundary(run: Run) -> None:
 @compiled
 def carry_tool(
     start: Array, terrain: BoundaryCells, stretches: Stretches, gains: Array, rows: int, limit: int
-) -> tuple[Array, Array, int]:
+) -> tuple[Array, Array, int, Array]:
     """Carry the tool from `start` (10,), SLIDE where it begins on the boundary at U, through all stretches.
 
     `start` and `gains` are changed: the numbers of a `TOOL`, and of a `LOAD` with its constants filled in. Returned are
@@ -500,7 +501,8 @@ def carry_tool(
     - rows (rows, 8): position (m) and velocity (m/s) at each sample, contact and operator's impulse (N s) until the
       next;
     - the events (k, 6), see `Run`;
-    - the number of events, of which those above `limit` are not kept and end the run.
+    - the number of events, of which those above `limit` are not kept and end the run;
+    - where and when the run was given up, (3,), or nothing, see `Ground.carry`.
     """
     # inside out: no box is known to be free yet
     free = np.array([math.inf, -math.inf, math.inf, -math.inf])
@@ -518,7 +520,7 @@ def carry_tool(
             out[last, 0], out[last, 1], out[last, 2], out[last, 3] = state.x, state.y, state.vx, state.vy
         if i == 0 and state.mode == SLIDE:
             _begin_on_boundary(run)
-        tau, length = 0.0, stretches.lasts[i]
+        tau, length, steps = 0.0, stretches.lasts[i], 0
         while tau < length and run.tally[0] <= limit:
             time_left = length - tau
             if state.mode == FLIGHT:
@@ -527,9 +529,12 @@ def carry_tool(
                 h = _advance_slide(run, tau, time_left)
             else:
                 h = _advance_rest(run, tau, time_left)
+            steps += 1
+            if steps > MOST_STEPS:
+                return out, run.log, int(run.tally[0]), np.array([load.began + tau, state.x, state.y])
             # to the end of the stretch, by rounding too
             if h >= time_left:
                 break
             tau += h
     out[last, 4:8] = run.sums
-    return out, run.log, int(run.tally[0])
+    return out, run.log, int(run.tally[0]), np.empty(0)

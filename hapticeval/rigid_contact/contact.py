@@ -13,6 +13,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.rigid_contact.force import (
     EVENT_KINDS,
     LOAD,
+    MOST_STEPS,
     Stretches,
 )
 from hapticeval.scene import Scene
@@ -43,7 +44,7 @@ class Ground(Protocol):
 
     def carry(
         self, start: Array, stretches: Stretches, gains: Array, rows: int, limit: int
-    ) -> tuple[Array, Array, int]:
+    ) -> tuple[Array, Array, int, Array]:
         """Carry the tool from a state through all stretches; both `start` and `gains` are changed.
 
         `gains` are the numbers of a `LOAD`, with its constants filled in.
@@ -51,7 +52,8 @@ class Ground(Protocol):
         - The first are samples (rows, 4 N): position (m) and velocity (m/s) at each sample, before an impact at that
           very time, then the contact's and the operator's impulse (N s) until the next.
         - The second are events (k, 2 + 2 N): time (s), number in `EVENT_KINDS`, position (m) and impulse (N s).
-        - The last is the number of events. Those above `limit` are not kept; they end the run.
+        - The third is the number of events. Those above `limit` are not kept; they end the run.
+        - The last is empty, or the time (s) and place (m), (1 + N,), at which the run was given up: `MOST_STEPS`.
         """
 
 
@@ -173,10 +175,23 @@ class IdealContact:
     def _follow_stretches(
         self, start: Array, stretches: Stretches, gains: Array, rows: int
     ) -> tuple[Array, list[dict[str, Any]]]:
-        """Return the samples (rows, 4 N) of the run and its events, with a log as long as it takes."""
+        """Return the samples (rows, 4 N) of the run and its events, with a log as long as it takes.
+
+        Raises `RefusalError`, with time and place, where one sample takes more than `MOST_STEPS` steps.
+        """
         limit = 256
         while True:
-            out, log, count = self._ground.carry(start.copy(), stretches, gains.copy(), rows, limit)
+            out, log, count, given_up_at = self._ground.carry(start.copy(), stretches, gains.copy(), rows, limit)
+            if given_up_at.size:
+                time, *place = (f"{number:.6g}" for number in given_up_at)
+                raise RefusalError(
+                    f"the ideal contact with '{self.scene.model.name}' takes more than {MOST_STEPS} steps within one "
+                    f"sample, {time} s into the run, at ({', '.join(place)}) m",
+                    why="its hops do not come to an end, rounding changes what holds it again and again, or it turns "
+                    "far faster than it is sampled",
+                    todo="choose a restitution further below 1, a softer or slower hand, or move the stimulus by more "
+                    "than rounding",
+                )
             if count <= limit:
                 break
             if limit >= MOST_EVENTS:

@@ -41,6 +41,7 @@ from hapticeval.rigid_contact.force import (
     LEAVE,
     LOAD,
     MOST_CORNER_HITS,
+    MOST_STEPS,
     REST,
     SLIDE,
     STOP,
@@ -72,14 +73,9 @@ from hapticeval.rigid_contact.space import (
     put_triple,
     strike_tool,
     triple_of,
+    where_given_up,
 )
 from hapticeval.types import Array, IntArray
-
-MOST_TURNS = MOST_CORNER_HITS
-"""Most steps of one stretch that events cut short, after which a run is given up, however long they took.
-
-As many as one visit to a corner may take hits: neither a shower of hops nor a slide over edges comes near it.
-"""
 
 NOWHERE = (0.0, 0.0, 0.0)
 
@@ -332,8 +328,7 @@ def carry_on_mesh(
 ) -> tuple[Array, Array, int, Array]:
     """Carry the tool from `start`, SLIDE where it begins on the mesh, through all stretches, see `Ground.carry`.
 
-    `start` and `gains` are changed: the numbers of a `SPACE_TOOL`, and of a `LOAD` with its constants filled in. The
-    last that is returned is empty, or the time (s) and the place (m) at which the run was given up, (4,): `MOST_TURNS`.
+    `start` and `gains` are changed: the numbers of a `SPACE_TOOL`, and of a `LOAD` with its constants filled in.
     """
     state, out = as_record(start, SPACE_TOOL), np.zeros((rows, 12))
     tool = Tool(state, as_record(gains, LOAD), np.zeros(6), np.zeros((limit, 8)), np.zeros(1, np.int64))
@@ -344,7 +339,7 @@ def carry_on_mesh(
         begin_stretch(tool, stretches, i, out)
         if i == 0 and state.mode == SLIDE:
             meet(terrain, tool, 0.0, IMPACT)
-        tau, length, turns = 0.0, stretches.lasts[i], 0
+        tau, length, steps = 0.0, stretches.lasts[i], 0
         while tau < length and tool.tally[0] <= limit:
             time_left = length - tau
             if state.mode == FLIGHT:
@@ -355,13 +350,9 @@ def carry_on_mesh(
                 h = advance_on_face(terrain, tool, tau, time_left, near)
             else:
                 h = advance_on_edge(terrain, tool, tau, time_left)
-            if h < longest_flight_step(tool.load, time_left):
-                turns += 1
-            if turns > MOST_TURNS:
-                endless = np.empty(4)
-                endless[0] = stretches.began[i] + tau
-                put_triple(endless, 1, triple_of(state.position))
-                return out, tool.log, int(tool.tally[0]), endless
+            steps += 1
+            if steps > MOST_STEPS:
+                return out, tool.log, int(tool.tally[0]), where_given_up(tool, tau)
             # to the end of the stretch, by rounding too
             if h >= time_left:
                 break

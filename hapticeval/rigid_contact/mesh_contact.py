@@ -10,7 +10,7 @@ from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_feature
 from hapticeval.rigid_contact.contact import ON_BOUNDARY
 from hapticeval.rigid_contact.force import SLIDE, Stretches
-from hapticeval.rigid_contact.mesh_advance import MOST_TURNS, carry_on_mesh
+from hapticeval.rigid_contact.mesh_advance import carry_on_mesh
 from hapticeval.rigid_contact.mesh_terrain import feature_at, prepare_mesh
 from hapticeval.rigid_contact.space import SPACE_TOOL, state_in_flight
 from hapticeval.scene import Scene
@@ -33,7 +33,6 @@ class MeshGround:
                 "it has no next face",
                 todo="compare on a smooth surface, or in the plane",
             )
-        self._name = scene.model.name
         self._mesh = boundary
         self._terrain = prepare_mesh(boundary)
 
@@ -55,19 +54,6 @@ class MeshGround:
 
     def carry(
         self, start: Array, stretches: Stretches, gains: Array, rows: int, limit: int
-    ) -> tuple[Array, Array, int]:
-        """Answer `Ground.carry`: samples (rows, 12) and events (k, 8).
-
-        Raises `RefusalError`, with time and place, where more events come in one stretch than MOST_TURNS.
-        """
-        out, log, count, endless = carry_on_mesh(start, self._terrain, stretches, gains, rows, limit)
-        # time (s) and place (m), (4,), or empty
-        if endless.size:
-            time, *place = endless.tolist()
-            raise RefusalError(
-                f"the ideal contact with '{self._name}' changes more than {MOST_TURNS} times within one sample, "
-                f"{time:.9g} s into the run, at {place} m",
-                why="its hops do not come to an end, or rounding changes the faces that hold it again and again",
-                todo="choose a restitution further below 1, or move the stimulus by more than rounding",
-            )
-        return out, log, count
+    ) -> tuple[Array, Array, int, Array]:
+        """Answer `Ground.carry`: samples (rows, 12) and events (k, 8)."""
+        return carry_on_mesh(start, self._terrain, stretches, gains, rows, limit)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from hapticeval.compiled import compiled, inner, numbers_of, record_type
 from hapticeval.geometry.surface import Triple, plus
 from hapticeval.rigid_contact.force import (
@@ -116,6 +118,15 @@ def log_in_space(tool: Tool, kind: int, tau: float, impulse: Triple) -> None:
         put_triple(log[k], 5, impulse)
     # counted even where the log is full: the caller then takes a longer one
     tool.tally[0] = k + 1
+
+
+@compiled
+def where_given_up(tool: Tool, tau: float) -> Array:
+    """Return the time in the run (s), `tau` (s) into the stretch, and the tool's place (m): (4,)."""
+    place = np.empty(4)
+    place[0] = tool.load.began + tau
+    put_triple(place, 1, triple_of(tool.state.position))
+    return place
 
 
 @compiled

@@ -35,6 +35,7 @@ from hapticeval.rigid_contact.force import (
     IMPACT,
     LEAVE,
     LOAD,
+    MOST_STEPS,
     SKIN_DEPTH,
     SLIDE,
     Stretches,
@@ -54,6 +55,7 @@ from hapticeval.rigid_contact.space import (
     strike_tool,
     triple_at,
     triple_of,
+    where_given_up,
 )
 from hapticeval.types import Array
 
@@ -306,7 +308,8 @@ def advance_flight(tool: Tool, reals: Array, sharpest: float, tau: float, time_l
     p, v = triple_of(tool.state.position), triple_of(tool.state.velocity)
     h, hit = longest_flight_step(load, time_left), math.inf
     height = closest_on_surface(reals, p)[2]
-    while True:
+    # it ends where numbers overflow, too: halved by each turn at least, h becomes zero
+    while h > 0.0:
         place, velocity = fly_in_space(p, v, tau, h, load)
         change = plus(velocity, -1.0, v)
         # no longer than at the faster end's speed, and what that may have been exceeded by
@@ -331,7 +334,7 @@ def advance_flight(tool: Tool, reals: Array, sharpest: float, tau: float, time_l
 @compiled
 def carry_on_surface(
     start: Array, reals: Array, sharpest: float, stretches: Stretches, gains: Array, rows: int, limit: int
-) -> tuple[Array, Array, int]:
+) -> tuple[Array, Array, int, Array]:
     """Carry the tool from `start`, SLIDE where it begins on the surface, through all stretches.
 
     `reals` (ROW_LENGTH,) is the surface, `sharpest` (1/m) its largest curvature. See `Ground.carry` for the rest.
@@ -342,16 +345,19 @@ def carry_on_surface(
         begin_stretch(tool, stretches, i, out)
         if i == 0 and state.mode == SLIDE:
             collide_with_surface(tool, reals, 0.0)
-        tau, length = 0.0, stretches.lasts[i]
+        tau, length, steps = 0.0, stretches.lasts[i], 0
         while tau < length and tool.tally[0] <= limit:
             time_left = length - tau
             if state.mode == FLIGHT:
                 h = advance_flight(tool, reals, sharpest, tau, time_left)
             else:
                 h = advance_slide(tool, reals, sharpest, tau, time_left)
+            steps += 1
+            if steps > MOST_STEPS:
+                return out, tool.log, int(tool.tally[0]), where_given_up(tool, tau)
             # to the end of the stretch, by rounding too
             if h >= time_left:
                 break
             tau += h
     close_sample(tool, stretches, stretches.began.shape[0] - 1, out)
-    return out, tool.log, int(tool.tally[0])
+    return out, tool.log, int(tool.tally[0]), np.empty(0)

@@ -76,3 +76,24 @@ def test_what_it_cannot_do_is_refused(refused):
     with refused(RefusalError) as caught:
         resolve("ideal")(Scene(model=Model("blob", {}, blob)))
     assert "has no search" in caught.value.why
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("start", ["flies", "slides"])
+@pytest.mark.parametrize("kind", ["circle", "sphere", "cube"])
+def test_a_run_that_would_take_days_is_refused_with_time_and_place(kind, start, refused):
+    """1e18 N/m pull 1 mg: a sample of 1 ms has 1e10 steps of 0.1 rad."""
+    model = make_model(kind)
+    path = np.zeros((2, model.dimension))
+    path[:, 0] = [-0.3, -0.04] if start == "flies" else [-0.01, -0.0099]
+    path[:, 1] = 1e-3
+    with refused(RefusalError):
+        resolve("ideal")(Scene(model=model, stiffness=1e18, mass=1e-6)).simulate(Path([0.0, 1e-3], path), 1e-3)
+
+
+@pytest.mark.timeout(120)
+def test_a_flight_whose_numbers_overflow_ends(refused):
+    """At 1e300 m/s the square of the speed is infinite: no step is short enough to look along it."""
+    experiment = Experiment(0.01, [-0.3, 0.0, 0.0], [1e300, 0.0, 0.0], [0.0], [[0.0, 0.0, 0.0]])
+    with refused(RefusalError):
+        resolve("ideal")(Scene(model=make_model("sphere"))).simulate(experiment, 1e-3)
