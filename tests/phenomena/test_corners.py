@@ -64,6 +64,30 @@ def test_a_rigid_tool_on_which_the_hand_rests_before_the_corner_has_lost_nothing
     assert outcome("broken-contact", changed(deep, force=np.where(resting, 0.0, deep.force)), SCENE) is FAIL
 
 
+BLUNT = Scene(model=from_vertices([[-0.1, 0.0], [-0.1, -0.1], [0.15, -0.1], [0.15, -0.009], [0.0, 0.0]]))
+"""A corner of 3.4 degrees at the origin."""
+
+
+@pytest.mark.parametrize(
+    ("height", "lean", "expected"), [(1e-5, 0.0, PASS), (1e-5, 0.01, FAIL), (5e-3, 0.0, FAIL), (None, 0.0, FAIL)]
+)
+def test_a_rigid_tool_that_hops_from_face_to_face_within_ticks_leaves_no_force_behind(height, lean, expected):
+    """4 mm a tick: off the face at each sample and struck between them. A tool a step off, or in its first face's
+    plane with its force, is not, nor is a force that leans from every normal there by 0.6 degrees."""
+    x = np.arange(-0.0499, 0.05, 4e-3)
+    past = x > 0.0
+    post = np.array([0.009, 0.15]) / np.hypot(0.009, 0.15)
+    hip = np.column_stack([x, np.where(past, -0.06 * x, 0.0)])
+    normal = np.array([0.0, 1.0])
+    if height is not None:
+        hip += np.where(past[:, None], height * post, 0.0)
+        normal = post + lean * np.array([post[1], -post[0]])
+    else:
+        hip[:, 1] = 0.0
+    hopping = recorded(hip, hip, 5.0 * np.where(past[:, None], normal, [0.0, 1.0]))
+    assert outcome("broken-contact", hopping, BLUNT) is expected
+
+
 def test_a_force_that_fades_before_the_corner_is_not_kept():
     base = over_the_tip()
     fading = changed(base, force=base.force * np.clip(-TO_TIP / 0.02, 1e-4, 1.0)[:, None])

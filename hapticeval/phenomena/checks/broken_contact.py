@@ -12,11 +12,14 @@ from hapticeval.phenomena.decisions import (
     HELD_FORCE_SHARE,
     LAG_TICKS,
     SAME_DEPTH_SHARE,
+    SAME_NORMAL,
 )
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     evidence_at,
     force_depth,
+    hip_steps,
+    lacks_ihip,
     listed,
     mm,
     position_tolerance,
@@ -25,7 +28,7 @@ from hapticeval.phenomena.sampling import (
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided, worst_finding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.types import BoolArray
+from hapticeval.types import BoolArray, IntArray
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -74,7 +77,8 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
     # before that, the force that begins there is the next contact's.
     if end < len(base) and pushes[end - 1 : end + 1].all() and not pushes[end - 2]:
         end -= 1
-    after = pushes[crossed:end]
+    struck_anew = _struck_anew(base, scene, np.arange(crossed, end), pushes & ~first_face)
+    after = pushes[crossed:end] & ~struck_anew[crossed:end]
     # A force that is only late is gone after a few ticks; up to there it remains wrongly, too.
     ticks_to_zero = int(np.argmax(~after)) if not after.all() else after.size
     # Past the corner no force may remain, and none may come back from the face that was left.
@@ -108,6 +112,25 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
         passes=f"the force keeps n_pre to the corner and is zero {ticks_to_zero} tick(s) after it",
         fails=fails,
     )
+
+
+def _struck_anew(base: Recording, scene: Scene, rows: IntArray, pushes: BoolArray) -> BoolArray:
+    """Return where the tool comes to another face between a row and the next, and is off the surface at both: (n,).
+
+    The mean force of such a tick is that of an impact which no sample shows. So it is of a rigid tool alone, whose IHIP
+    is the HIP: in those of `rows` (k,) in which it `pushes` (n,), a step off the surface at most, along normals of
+    faces within that step.
+    """
+    struck = np.zeros(len(base), dtype=bool)
+    if "ihip" not in base.channels or lacks_ihip(base, scene):
+        return struck
+    steps = np.append(hip_steps(base), 0.0)
+    rows = rows[pushes[rows] & np.all(base.ihip[rows] == base.hip[rows], axis=1)]
+    rows = rows[scene.model.boundary.signed_distance(base.hip[rows]) <= steps[rows]]
+    if rows.size:
+        angles = scene.model.boundary.normal_cone(base.hip[rows], steps[rows])(base.force[rows])
+        struck[rows] = np.cos(angles) > 1.0 - SAME_NORMAL
+    return struck
 
 
 CHECK = Check(
