@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sys
+from pathlib import Path
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 # Threads of linear algebra wait by spinning: two processes that share two cores would take up to three times as long.
@@ -48,10 +50,16 @@ def pytest_collection_modifyitems(items):
 
 
 @pytest.fixture
-def refused(request, tmp_path):
+def refused(request, tmp_path, tmp_path_factory):
     """Expect an error of a type, with the text that stands in `refusals.csv`."""
     test = request.node.nodeid.removeprefix("tests/")
-    refusals = Refusals(test, tmp_path)
+    folders = {
+        "PYTHON": Path(sys.executable),
+        "FOLDER": tmp_path,
+        "TEMPORARY": tmp_path_factory.getbasetemp(),
+        "REPOSITORY": Path(__file__).parents[1],
+    }
+    refusals = Refusals(test, folders)
     yield refusals
     refusals.compare()
 

@@ -7,18 +7,18 @@ from hapticeval.errors import InputError
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    "text",
     [
-        ("a = " + "[" * 5000 + "]" * 5000, "levels deep"),
-        (".".join("a" * (DEEPEST_NESTING + 1)) + " = 1", "levels deep"),
-        ("a = " + "1" * 5000, "is not TOML"),
-        ("a = \ud800".encode("utf-8", "surrogatepass"), "is not TOML"),
+        "a = " + "[" * 5000 + "]" * 5000,
+        ".".join("a" * (DEEPEST_NESTING + 1)) + " = 1",
+        "a = " + "1" * 5000,
+        "a = \ud800".encode("utf-8", "surrogatepass"),
     ],
 )
-def test_toml_beyond_reason_is_refused(tmp_path, text, words):
+def test_toml_beyond_reason_is_refused(refused, tmp_path, text):
     file = tmp_path / "a.toml"
     file.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(InputError, match=rf"a\.toml .*{words}"):
+    with refused(InputError):
         read_toml(file)
 
 
@@ -26,8 +26,8 @@ def test_toml_beyond_reason_is_refused(tmp_path, text, words):
     "text",
     ["[" * 100_000, '{"a":' * (DEEPEST_NESTING + 1) + "1" + "}" * (DEEPEST_NESTING + 1), "1" * 5000, "{", b"\xff"],
 )
-def test_json_beyond_reason_is_refused(text):
-    with pytest.raises(InputError, match="the text is "):
+def test_json_beyond_reason_is_refused(refused, text):
+    with refused(InputError):
         parse_json(text, "the text")
 
 

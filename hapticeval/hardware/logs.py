@@ -55,9 +55,10 @@ def at_the_hand(recording: Recording) -> Recording:
     # Outside of the functional configuration space the kinematics do not hold.
     valid = recording.measured & ~outside
     if not valid.any():
+        first_angles = joint_channels["joint_position"][0]
         raise InputError(
             "every row of the log is outside of the robot's functional workspace",
-            why=f"at row 0 the joints would be {joint_channels['joint_position'][0].tolist()} rad",
+            why=f"at row 0 the joints would be {', '.join(f'{angle:.6g}' for angle in first_angles)} rad",
             todo="check [device]: offsets, directions and counts_per_turn",
         )
     added = {name: values for name, values in {**joint_channels, **hand}.items() if name not in recording.channels}

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import Refusals
 
 import hapticeval
 from hapticeval.adapters import library as adapter
@@ -133,20 +134,20 @@ def test_a_reset_gives_the_tool_a_free_point(build: Build) -> None:
         renderer.reset(np.array([0.01, height]))
 
 
-def test_what_it_does_not_write_is_not_finite(build: Build) -> None:
+def test_what_it_does_not_write_is_not_finite(refused: Refusals, build: Build) -> None:
     path = HandPath(np.array([0.0, 0.01]), np.array([[0.0, 0.001], [0.0, -0.001]]))
-    with pytest.raises(RendererError, match="not finite"):
+    with refused(RendererError):
         play(make_library_renderer(build(STEP="if (hip[1] < 0) return HR_CONTACT")), path, DT, scene=LINE)
 
 
 @pytest.mark.parametrize("returned", [-3, 7])
-def test_a_step_that_broke_names_tick_and_number(build: Build, returned: int) -> None:
+def test_a_step_that_broke_names_tick_and_number(refused: Refusals, build: Build, returned: int) -> None:
     library = build(STEP=f"if (m->ticks > 5) return {returned}")
     path = HandPath(np.array([0.0, 0.01]), np.array([[0.0, 0.001], [0.0, -0.001]]))
-    with pytest.raises(RendererError, match=rf"hr_step\(\) returned {returned} at tick 5"):
+    with refused(RendererError):
         play(Stepping(make_library_renderer(library)), path, DT, scene=LINE)
     push = pushed(0.1)
-    with pytest.raises(RendererError, match=f"returned {-abs(returned)} at tick 5"):
+    with refused(RendererError):
         simulate_closed_loop(make_library_renderer(library), push, LINE, DT)
 
 
@@ -155,12 +156,12 @@ class Stepping:
         self.reset, self.step = renderer.reset, renderer.step
 
 
-def test_a_step_that_refuses_ends_a_loop_and_leaves_what_was(build: Build) -> None:
+def test_a_step_that_refuses_ends_a_loop_and_leaves_what_was(refused: Refusals, build: Build) -> None:
     renderer = make_library_renderer(build(STEP="if (hip[1] < -0.0005) return HR_REFUSES_HIP"))
     push = pushed(0.5)
     recording = simulate_closed_loop(renderer, push, LINE, DT)
     assert "refuses the HIP" in recording.meta["ended"]["what"]
-    with pytest.raises(DomainError, match=r"\(0, -0.001\)"):
+    with refused(DomainError):
         renderer.step(np.array([0.0, -0.001]), np.zeros(2), DT)
 
 
@@ -193,7 +194,7 @@ int32_t hr_run(void *self, uint32_t n, const double *hips, const double *v, doub
     assert make_library_renderer(tmp_path / "librun1.so").run(hips, DT)[1][2, 1] == single[2, 1] + 1.0
 
 
-def test_a_step_is_timed_in_a_compiled_loop_and_one_that_breaks_is_named(build: Build) -> None:
+def test_a_step_is_timed_in_a_compiled_loop_and_one_that_breaks_is_named(refused: Refusals, build: Build) -> None:
     renderer = make_library_renderer(build())
     hips = np.column_stack([np.zeros(300), np.linspace(0.002, -0.002, 300)])
     renderer.reset(hips[0])
@@ -202,7 +203,7 @@ def test_a_step_is_timed_in_a_compiled_loop_and_one_that_breaks_is_named(build: 
     assert nanoseconds.min() >= 0
     assert nanoseconds.max() > 0
     broken = make_library_renderer(build(STEP="if (m->ticks > 5) return -7"))
-    with pytest.raises(RendererError, match="returned -7"):
+    with refused(RendererError):
         broken.time_steps(hips, np.zeros_like(hips), DT)  # type: ignore[attr-defined]
     # Called from Python a step takes as long as Python does; in a loop it takes the library's own time.
     along = Track(hips, list(zip(hips, np.zeros_like(hips), strict=True)), DT)
@@ -226,52 +227,54 @@ def test_a_library_declares_how_its_stiffness_varies_and_how_coarse_its_force_is
 
 
 @pytest.mark.parametrize(
-    ("code", "error", "words"),
+    ("code", "error"),
     [
-        ({"KEEP": ""}, InputError, "has no hr_destroy"),
-        ({"ABI": "9"}, InputError, "has the ABI 9"),
-        ({"FLAGS": "1024"}, InputError, "flags 0x400"),
-        ({"INFO": "if (!self) return -2"}, InputError, "returned -2"),
-        ({"INFO": "if (!self) abort()"}, InputError, "ends the process that loads it: SIGABRT"),
-        ({"INFO": "if (!self) info->max_error = -1"}, InputError, "max_error = -1.0"),
-        ({"INFO": "if (self) info->standoff = NAN"}, RendererError, "standoff = nan"),
-        ({"INFO": "if (self) info->stiffness_least = 0.4"}, RendererError, "stiffness_least = 0.4"),
-        ({"INFO": "if (self) info->force_resolution = -1"}, RendererError, "force_resolution = -1.0 N"),
-        ({"CREATE": 'snprintf(why, n, "no %s today", "lines"); return 1'}, RefusalError, "refuses the model 'line'"),
-        ({"CREATE": "return -5"}, RendererError, "hr_create.. returned -5"),
-        ({"FLAGS": "HR_SPACE"}, RefusalError, "asks for 'plane'"),
+        ({"KEEP": ""}, InputError),
+        ({"ABI": "9"}, InputError),
+        ({"FLAGS": "1024"}, InputError),
+        ({"INFO": "if (!self) return -2"}, InputError),
+        ({"INFO": "if (!self) abort()"}, InputError),
+        ({"INFO": "if (!self) info->max_error = -1"}, InputError),
+        ({"INFO": "if (self) info->standoff = NAN"}, RendererError),
+        ({"INFO": "if (self) info->stiffness_least = 0.4"}, RendererError),
+        ({"INFO": "if (self) info->force_resolution = -1"}, RendererError),
+        ({"CREATE": 'snprintf(why, n, "no %s today", "lines"); return 1'}, RefusalError),
+        ({"CREATE": "return -5"}, RendererError),
+        ({"FLAGS": "HR_SPACE"}, RefusalError),
     ],
 )
-def test_what_is_wrong_with_a_library_is_named(build: Build, code: dict[str, str], error: type, words: str) -> None:
-    with pytest.raises(error, match=words):
+def test_what_is_wrong_with_a_library_is_named(
+    refused: Refusals, build: Build, code: dict[str, str], error: type
+) -> None:
+    with refused(error):
         make_library_renderer(build(**code))
 
 
-def test_a_refusal_has_the_library_s_reason(build: Build) -> None:
-    with pytest.raises(RefusalError) as refused:
+def test_a_refusal_has_the_library_s_reason(refused: Refusals, build: Build) -> None:
+    with refused(RefusalError):
         make_library_renderer(build(CREATE='snprintf(why, n, "no %s today", "lines"); return 1'))
-    assert refused.value.why == "no lines today"
 
 
-def test_what_is_no_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InputError, match="no library"):
+def test_what_is_no_library_is_named(refused: Refusals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with refused(InputError):
         resolve(f"lib:{tmp_path}/none.so")
     (tmp_path / "text.so").write_text("not a library")
-    with pytest.raises(InputError, match="cannot be loaded as a library"):
+    with refused(InputError):
         resolve(f"lib:{tmp_path}/text.so")
-    with pytest.raises(InputError, match="does not name a renderer"):
+    with refused(InputError):
         resolve("lib:")
 
 
-def test_a_missing_name_of_c_plus_plus_is_spelt_out(build: Build) -> None:
-    with pytest.raises(InputError) as refused:
+def test_a_missing_name_of_c_plus_plus_is_spelt_out(refused: Refusals, build: Build) -> None:
+    with refused(InputError):
         resolve(f"lib:{build(STEP='extern int _ZN4chai6updateEd(void); return _ZN4chai6updateEd()')}")
-    assert "_ZN4chai6updateEd, which is chai::update(double)" in refused.value.why
 
 
-def test_one_that_hangs_when_it_is_loaded_is_ended(build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_that_hangs_when_it_is_loaded_is_ended(
+    refused: Refusals, build: Build, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(adapter, "PATIENCE", 0.5)
-    with pytest.raises(InputError, match=r"no answer in 0.5 s"):
+    with refused(InputError):
         resolve(f"lib:{build(INFO='for (;;) {}')}")
 
 
@@ -314,14 +317,14 @@ experiment = { duration = 0.1, position = [0.0, 0.001], velocity = [0.0, -0.1] }
 
 
 @pytest.mark.parametrize("name", ["lib:./libmine.so", "cmd:python3 mine.py"])
-def test_a_file_may_not_name_one(name: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="never code"):
+def test_a_file_may_not_name_one(refused: Refusals, name: str, tmp_path: Path) -> None:
+    with refused(InputError):
         resolve_installed(name, source="mysuite.toml")
     suite = tmp_path / "mine.toml"
     case = '[[case]]\nname = "a"\ntitle = "a"\nmodel = { kind = "line" }\nchecks = ["continuous-contact"]\n'
     way = 'trajectory = { kind = "points", points = [[0.0, 0.1], [0.0, 0.2]], duration = 1 }\n'
     suite.write_text(f'title = "a"\nrenderers = ["{name}"]\n' + case + way)
-    with pytest.raises(InputError, match="suite 'mine' names the renderer"):
+    with refused(InputError):
         hapticeval.run(suites=str(suite))
 
 

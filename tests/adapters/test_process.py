@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import Refusals
 
 import hapticeval
 from hapticeval.adapters import process as adapter
@@ -121,31 +122,31 @@ def test_a_renderer_ends_its_process(command: Callable[..., str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("step", "words"),
+    "step",
     [
-        ("print('rubbish', flush=True)", "answers 'step' with something else: rubbish"),
-        ("say(id=99, ihip=[0, 0], force=[0, 0])", "something else"),
-        ("say(id=id)", "answers without 'ihip'"),
-        ("say(id=id, ihip=[0, 0, 0], force=[0, 0, 0])", r"ihip of shape \(3,\)"),
-        ("say(id=id, ihip='left', force=[0, 0])", "ihip = left"),
-        ("say(id=id, error='no idea')", "reports an error in 'step': no idea"),
-        ("sys.exit(3)", "ended: exit code 3"),
-        ("os.kill(os.getpid(), 11)", "ended: SIGSEGV"),
-        ("os.close(1); time.sleep(60)", "closed its stdout"),
-        ("time.sleep(60)", "no answer to 'step' in 0.3 s"),
-        ("[print('x' * 1000000, end='', flush=True) for _ in iter(int, 1)]", "prints more than"),
-        ("sys.stderr.write('it is the valve'); sys.exit(1)", "exit code 1"),
+        "print('rubbish', flush=True)",
+        "say(id=99, ihip=[0, 0], force=[0, 0])",
+        "say(id=id)",
+        "say(id=id, ihip=[0, 0, 0], force=[0, 0, 0])",
+        "say(id=id, ihip='left', force=[0, 0])",
+        "say(id=id, error='no idea')",
+        "sys.exit(3)",
+        "os.kill(os.getpid(), 11)",
+        "os.close(1); time.sleep(60)",
+        "time.sleep(60)",
+        "[print('x' * 1000000, end='', flush=True) for _ in iter(int, 1)]",
+        "sys.stderr.write('it is the valve'); sys.exit(1)",
     ],
 )
 def test_an_answer_that_makes_no_sense_ends_it(
-    command: Callable[..., str], step: str, words: str, monkeypatch: pytest.MonkeyPatch
+    refused: Refusals, command: Callable[..., str], step: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(adapter, "PATIENCE", 0.3 if "sleep(60)" in step and "close" not in step else 20.0)
     renderer = make_process_renderer(command(step=step))
     renderer.reset(np.zeros(2))
     begun = time.monotonic()
     for _ in range(2):  # and so ever after
-        with pytest.raises(RendererError, match=words) as raised:
+        with refused(RendererError) as raised:
             renderer.step(np.zeros(2), np.zeros(2), DT)
     assert time.monotonic() - begun < 10.0
     assert ("valve" in step) == ("its stderr ends: it is the valve" in raised.value.why)
@@ -158,16 +159,16 @@ def test_an_answer_that_is_not_finite_is_handed_on(command: Callable[..., str], 
 
 
 @pytest.mark.parametrize(
-    ("hello", "words"),
+    "hello",
     [
-        ("say(id=id, version=2)", "speaks version 2"),
-        ("say(id=id, version=1, supports=['everything'])", "supports"),
-        ("say(id=id, version=1, max_error=-1)", "max_error = -1"),
-        ("sys.exit(1)", "ended: exit code 1"),
+        "say(id=id, version=2)",
+        "say(id=id, version=1, supports=['everything'])",
+        "say(id=id, version=1, max_error=-1)",
+        "sys.exit(1)",
     ],
 )
-def test_who_cannot_say_hello_is_no_renderer(command: Callable[..., str], hello: str, words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_who_cannot_say_hello_is_no_renderer(refused: Refusals, command: Callable[..., str], hello: str) -> None:
+    with refused(InputError):
         resolve(command(hello=hello))
 
 
@@ -176,23 +177,22 @@ def test_a_greeting_before_hello_is_left_out(command: Callable[..., str]) -> Non
     assert resolve(name).summary == "greeter"  # type: ignore[attr-defined]
 
 
-def test_it_may_refuse_the_model_and_the_hip(command: Callable[..., str]) -> None:
-    with pytest.raises(RefusalError) as refused:
+def test_it_may_refuse_the_model_and_the_hip(refused: Refusals, command: Callable[..., str]) -> None:
+    with refused(RefusalError):
         make_process_renderer(command(scene="say(id=id, refuse='too thin')"))
-    assert refused.value.why == "too thin"
-    with pytest.raises(DomainError, match=r"refuses the HIP \(0, 0\)"):
+    with refused(DomainError):
         make_process_renderer(command(step="say(id=id, refuse='too far')")).step(np.zeros(2), np.zeros(2), DT)
 
 
-def test_what_is_no_command_is_named() -> None:
-    with pytest.raises(InputError, match="cannot start"):
+def test_what_is_no_command_is_named(refused: Refusals) -> None:
+    with refused(InputError):
         resolve("cmd:./there-is-none")
-    with pytest.raises(InputError, match="is no command"):
+    with refused(InputError):
         resolve("cmd:'open")
 
 
 def test_a_long_message_to_a_child_that_does_not_read_ends(
-    command: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+    refused: Refusals, command: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(adapter, "PATIENCE", 0.5)
     monkeypatch.setattr(adapter, "TICK_PATIENCE", 0.0)
@@ -202,11 +202,13 @@ def test_a_long_message_to_a_child_that_does_not_read_ends(
     )
     renderer = make_process_renderer(name)
     assert renderer.run is not None
-    with pytest.raises(RendererError, match="no answer to 'run'"):
+    with refused(RendererError):
         renderer.run(np.zeros((20_000, 2)), DT)
 
 
-def test_a_process_declares_how_its_stiffness_varies_and_how_coarse_its_force_is(command: Callable[..., str]) -> None:
+def test_a_process_declares_how_its_stiffness_varies_and_how_coarse_its_force_is(
+    refused: Refusals, command: Callable[..., str]
+) -> None:
     said = "say(id=id, stiffness_range=[0.4, 3.0], force_resolution=0.05)"
     assert (
         abilities_of(make_process_renderer(command(scene=said))).meta.items()
@@ -220,7 +222,7 @@ def test_a_process_declares_how_its_stiffness_varies_and_how_coarse_its_force_is
         "stiffness_range='wide'",
         "force_resolution=-1",
     ):
-        with pytest.raises(RendererError, match="stiffness_range = "):
+        with refused(RendererError):
             make_process_renderer(command(scene=f"say(id=id, {wrong})"))
 
 

@@ -232,14 +232,14 @@ def test_polar_rates_are_those_of_table_6_2():
 
 
 @pytest.mark.parametrize(
-    ("name", "scene", "message"),
+    ("name", "scene"),
     [
-        ("6.24", LINE, "6.24 is about a circle, and the model is 'line'"),
-        ("6.19", CIRCLE, "6.19 is about a line"),
-        ("pp-on-curve", Scene(model=star(), bilateral=True), "about a curve"),
-        ("7.38", Scene(model=circle()), "from both sides"),
+        ("6.24", LINE),
+        ("6.19", CIRCLE),
+        ("pp-on-curve", Scene(model=star(), bilateral=True)),
+        ("7.38", Scene(model=circle())),
     ],
 )
-def test_a_scene_that_a_form_is_not_about_is_refused(name, scene, message):
-    with pytest.raises(InputError, match=message):
+def test_a_scene_that_a_form_is_not_about_is_refused(refused, name, scene):
+    with refused(InputError):
         CLOSED_FORMS[name].check(scene)

@@ -95,7 +95,7 @@ def test_a_table_for_a_paper_has_the_renderers_in_their_order(here, capsys):
         assert what in capsys.readouterr().err
 
 
-def test_the_same_from_python(here):
+def test_the_same_from_python(refused, here):
     results = api.run(["local_mine:Good", "local_mine:Jumps"], suites="slides.toml", workers=0)
     fig = results.plot("flat", renderers=["local_mine:Jumps"], check="continuous-contact", width="120mm", font_size=7)
     assert fig.get_figwidth() == pytest.approx(120 / 25.4)
@@ -103,7 +103,7 @@ def test_the_same_from_python(here):
     assert b"/Type3" not in (here / "fig.pdf").read_bytes()
     names = [text.get_text() for text in results.plot("flat", width="88mm").legends[0].get_texts()]
     assert names == ["HIP", "IHIP, local_mine:Good", "IHIP, local_mine:Jumps"]
-    with pytest.raises(InputError, match="6 runs with a recording"):
+    with refused(InputError):
         results.plot(width="88mm")
     with pytest.raises(UnknownNameError):
         results.plot("flat", check="continuous")

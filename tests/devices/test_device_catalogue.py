@@ -50,31 +50,30 @@ def test_parameters_are_listed_by_name():
 
 
 @pytest.mark.parametrize(
-    ("kind", "parameters", "message"),
+    ("kind", "parameters"),
     [
-        ("paralelogram-3dof", {}, "did you mean parallelogram-3dof"),
-        ("parallelogram-3dof", {"l2": 0.3}, "unknown parameter of device 'parallelogram-3dof' 'l2'"),
-        ("parallelogram-3dof", {"dynamics": "lagrange"}, "did you mean lagrangian"),
-        ("parallelogram-3dof", {"base_inertia": "tan"}, "unknown base_inertia of device 'parallelogram-3dof' 'tan'"),
-        ("parallelogram-3dof", {"dynamics": ["printed"]}, "unknown dynamics"),
-        ("parallelogram-2dof", {"mass": 1.0}, "unknown parameter of device 'parallelogram-2dof' 'mass'"),
-        ("parallelogram-2dof", {"l1": 0.0}, "l1 = 0.0 m"),
-        ("parallelogram-2dof", {"l1": -0.3}, "it must be positive"),
-        ("parallelogram-2dof", {"l4": math.inf}, "it must be finite"),
-        ("parallelogram-2dof", {"b2": -0.1}, "b2 = -0.1 N m s/rad"),
-        ("parallelogram-2dof", {"b2": math.nan}, "it must be finite"),
-        ("parallelogram-2dof", {"d3": 0.0}, "d3 = 0.0 kg m²"),
-        ("parallelogram-2dof", {"d3": "heavy"}, "it must be a number"),
-        ("point-mass", {}, "device 'point-mass' lacks the parameter 'mass'"),
-        ("point-mass", {"mass": -1.0}, "it must be positive"),
-        ("point-mass", {"mass": 1.0, "dimension": 4}, "dimension = 4"),
-        ("point-mass", {"mass": math.nan}, "it must be finite"),
+        ("paralelogram-3dof", {}),
+        ("parallelogram-3dof", {"l2": 0.3}),
+        ("parallelogram-3dof", {"dynamics": "lagrange"}),
+        ("parallelogram-3dof", {"base_inertia": "tan"}),
+        ("parallelogram-3dof", {"dynamics": ["printed"]}),
+        ("parallelogram-2dof", {"mass": 1.0}),
+        ("parallelogram-2dof", {"l1": 0.0}),
+        ("parallelogram-2dof", {"l1": -0.3}),
+        ("parallelogram-2dof", {"l4": math.inf}),
+        ("parallelogram-2dof", {"b2": -0.1}),
+        ("parallelogram-2dof", {"b2": math.nan}),
+        ("parallelogram-2dof", {"d3": 0.0}),
+        ("parallelogram-2dof", {"d3": "heavy"}),
+        ("point-mass", {}),
+        ("point-mass", {"mass": -1.0}),
+        ("point-mass", {"mass": 1.0, "dimension": 4}),
+        ("point-mass", {"mass": math.nan}),
     ],
 )
-def test_what_is_no_device_is_refused(kind, parameters, message):
-    with pytest.raises(InputError) as caught:
+def test_what_is_no_device_is_refused(refused, kind, parameters):
+    with refused(InputError):
         make_device(kind, **parameters)
-    assert message in str(caught.value)
 
 
 def test_a_device_can_be_named_in_one_string():

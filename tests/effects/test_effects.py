@@ -143,23 +143,23 @@ def test_a_scene_without_effects_assembles_and_compiles_none():
 
 
 @pytest.mark.parametrize(
-    ("table", "error", "words"),
+    ("table", "error"),
     [
-        ({"effects": [{"kind": "dely", "time": 1.0}]}, UnknownNameError, "effect 'dely'"),
-        ({"effects": [{"kind": "delay", "tme": 1.0}]}, UnknownNameError, "number of effect 'delay' 'tme'"),
-        ({"effects": [{"kind": "delay"}]}, InputError, "lacks a number"),
-        ({"imperfections": {"frictoin": 0.1}}, UnknownNameError, "entry of imperfections 'frictoin'"),
-        ({"imperfections": {"friction": -0.1}}, InputError, r"friction = -0.1 N m"),
-        ({"imperfections": {"velocity_cutoff": 0.0}}, InputError, "velocity_cutoff"),
-        ({"imperfections": {"delay": float("nan")}}, InputError, "delay"),
-        ({"viscosity": -0.2}, InputError, "viscosity = -0.2 kg/s"),
-        ({"viscosity": "much"}, InputError, "viscosity = 'much'"),
-        ({"imperfections": {"encoder_counts": 100, "encoder_step": 0.1}}, InputError, "both encoder_counts and"),
-        ({"effects": [{"kind": "encoder"}]}, InputError, "neither encoder_counts nor|neither"),
+        ({"effects": [{"kind": "dely", "time": 1.0}]}, UnknownNameError),
+        ({"effects": [{"kind": "delay", "tme": 1.0}]}, UnknownNameError),
+        ({"effects": [{"kind": "delay"}]}, InputError),
+        ({"imperfections": {"frictoin": 0.1}}, UnknownNameError),
+        ({"imperfections": {"friction": -0.1}}, InputError),
+        ({"imperfections": {"velocity_cutoff": 0.0}}, InputError),
+        ({"imperfections": {"delay": float("nan")}}, InputError),
+        ({"viscosity": -0.2}, InputError),
+        ({"viscosity": "much"}, InputError),
+        ({"imperfections": {"encoder_counts": 100, "encoder_step": 0.1}}, InputError),
+        ({"effects": [{"kind": "encoder"}]}, InputError),
     ],
 )
-def test_what_cannot_be_meant_is_refused(table, error, words):
-    with pytest.raises(error, match=words):
+def test_what_cannot_be_meant_is_refused(refused, table, error):
+    with refused(error):
         read_effects(table)
 
 

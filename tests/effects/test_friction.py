@@ -333,20 +333,20 @@ def test_a_closed_loop_with_and_without_python_is_the_same():
 
 
 @pytest.mark.parametrize(
-    ("numbers", "words"),
+    "numbers",
     [
-        ({"mu_s": -0.1, "mu_k": 0.1}, "mu_s = -0.1"),
-        ({"mu_s": 0.3, "mu_k": 0.5}, "mu_k = 0.5 is above mu_s = 0.3"),
-        ({"mu_s": float("nan"), "mu_k": 0.1}, "mu_s = nan"),
-        ({"mu_s": math.inf, "mu_k": 0.1}, "mu_s = inf"),
-        ({"mu_s": 0.5, "mu_k": 0.5, "stick": 0.0}, "stick = 0"),
-        ({"mu_s": 0.5, "mu_k": 0.5, "stick": 1.2}, "stick = 1.2"),
-        ({"mu_s": 0.5}, "lacks a number"),
-        ({"mu_s": "rough", "mu_k": 0.1}, "mu_s = 'rough'"),
+        {"mu_s": -0.1, "mu_k": 0.1},
+        {"mu_s": 0.3, "mu_k": 0.5},
+        {"mu_s": float("nan"), "mu_k": 0.1},
+        {"mu_s": math.inf, "mu_k": 0.1},
+        {"mu_s": 0.5, "mu_k": 0.5, "stick": 0.0},
+        {"mu_s": 0.5, "mu_k": 0.5, "stick": 1.2},
+        {"mu_s": 0.5},
+        {"mu_s": "rough", "mu_k": 0.1},
     ],
 )
-def test_what_is_no_friction_is_refused(numbers, words):
-    with pytest.raises(InputError, match=words):
+def test_what_is_no_friction_is_refused(refused, numbers):
+    with refused(InputError):
         make_effect({"kind": "friction", **numbers})
 
 

@@ -198,18 +198,18 @@ def test_it_does_not_creep():
 
 
 @pytest.mark.parametrize(
-    ("numbers", "words"),
+    "numbers",
     [
-        ({"mu_s": 0.3, "mu_k": 0.5}, "mu_k = 0.5 is above mu_s = 0.3"),
-        ({"mu_k": 0.0}, "mu_k = 0"),
-        ({"stribeck": 0.0}, "stribeck = 0"),
-        ({"stiffness": math.nan}, "stiffness = nan"),
-        ({"damping": -1.0}, "damping = -1"),
-        ({"fade": 0.0}, "fade = 0"),
+        {"mu_s": 0.3, "mu_k": 0.5},
+        {"mu_k": 0.0},
+        {"stribeck": 0.0},
+        {"stiffness": math.nan},
+        {"damping": -1.0},
+        {"fade": 0.0},
     ],
 )
-def test_what_is_no_friction_is_refused(numbers, words):
-    with pytest.raises(InputError, match=words):
+def test_what_is_no_friction_is_refused(refused, numbers):
+    with refused(InputError):
         make_effect(TEXTBOOK.document() | numbers)
 
 

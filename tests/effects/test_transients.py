@@ -259,31 +259,29 @@ def test_run_step_and_a_closed_loop_give_the_same_bits(effect, model, device):
 
 
 @pytest.mark.parametrize(
-    ("make", "what", "why"),
+    "make",
     [
-        (lambda: ContactTransient(1.0, 0.0, 10.0), "decay = 0.0 1/s", "unstable"),
-        (lambda: ContactTransient(1.0, -5.0, 10.0), "decay = -5.0 1/s", "unstable"),
-        (lambda: ContactTransient(1.0, math.nan, 10.0), "decay = nan", "unstable"),
-        (lambda: ContactTransient(math.nan, 5.0, 10.0), "amplitude = nan", "finite"),
-        (lambda: ContactTransient(1.0, 5.0, 10.0, cap=0.0), "cap = 0.0 N", "positive"),
-        (lambda: ContactTransient(1.0, 5.0), "without amplitude, decay or frequency", "all three"),
-        (lambda: ContactTransient(1.0, 5.0, 10.0, material="wood"), "of wood, and numbers", "a material is"),
-        (lambda: ContactImpulse(-1.0), "cap = -1.0 N", "positive"),
-        (lambda: ContactImpulse(math.nan), "cap = nan", "positive"),
-        (lambda: RecordedImpulse((), 1e-3), "has no samples", "nothing to replay"),
-        (lambda: RecordedImpulse((0.0, 0.0), 1e-3), "no force in it", "nothing to replay"),
-        (lambda: RecordedImpulse((1.0, math.inf), 1e-3), "sample 1", "finite"),
-        (lambda: RecordedImpulse((1.0,), 0.0), "step = 0.0 s", "positive"),
-        (lambda: of_line(ContactTransient(1.0, 5.0, 500.0)), "500.0 Hz at 1 ms", "Nyquist"),
-        (lambda: of_line(ContactImpulse(), bilateral=True), "bilateral", "no contact begins"),
-        (lambda: of_line(PULSE, bilateral=True), "bilateral", "no contact begins"),
+        lambda: ContactTransient(1.0, 0.0, 10.0),
+        lambda: ContactTransient(1.0, -5.0, 10.0),
+        lambda: ContactTransient(1.0, math.nan, 10.0),
+        lambda: ContactTransient(math.nan, 5.0, 10.0),
+        lambda: ContactTransient(1.0, 5.0, 10.0, cap=0.0),
+        lambda: ContactTransient(1.0, 5.0),
+        lambda: ContactTransient(1.0, 5.0, 10.0, material="wood"),
+        lambda: ContactImpulse(-1.0),
+        lambda: ContactImpulse(math.nan),
+        lambda: RecordedImpulse((), 1e-3),
+        lambda: RecordedImpulse((0.0, 0.0), 1e-3),
+        lambda: RecordedImpulse((1.0, math.inf), 1e-3),
+        lambda: RecordedImpulse((1.0,), 0.0),
+        lambda: of_line(ContactTransient(1.0, 5.0, 500.0)),
+        lambda: of_line(ContactImpulse(), bilateral=True),
+        lambda: of_line(PULSE, bilateral=True),
     ],
 )
-def test_what_makes_no_sense_is_refused(make, what, why):
-    with pytest.raises(InputError) as refused:
+def test_what_makes_no_sense_is_refused(refused, make):
+    with refused(InputError):
         make()
-    assert what in refused.value.what
-    assert why in refused.value.why
 
 
 def test_an_unknown_material_is_refused_with_the_closest(refused):

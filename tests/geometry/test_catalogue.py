@@ -58,69 +58,69 @@ def test_unknown_names_suggest_known_ones(refused):
 
 
 @pytest.mark.parametrize(
-    ("kind", "parameters", "message"),
+    ("kind", "parameters"),
     [
-        ("circle", {"size": math.nan}, "size = nan"),
-        ("circle", {"size": 10**400}, "finite"),
-        ("circle", {"size": -0.2}, "positive"),
-        ("circle", {"size": "0.2"}, "must be a number"),
-        ("circle", {"size": True}, "must be a number"),
-        ("circle", {"size": 1e200}, "larger than the float range"),
-        ("circle", {"size": 1e-200}, "smaller than the float range"),
-        ("star", {"points": 2}, "points = 2"),
-        ("star", {"points": 5.5}, "whole number"),
-        ("star", {"tip_angle": 108.0}, "no star of 5 points"),
-        ("star", {"tip_angle": 0.0}, "no star"),
-        ("star", {"points": 3, "tip_angle": 60.0}, "no star of 3 points"),
-        ("cassinian", {"a_n": 1.0}, "separate curves"),
-        ("cassinian", {"a_n": 0.5}, "separate curves"),
-        ("cassinian", {"a_d": 0.0}, "a_d = 0.0"),
-        ("cassinian", {"a_n": 1e300, "a_d": 1e-300}, "finite"),
-        ("cassinian", {"lobes": 1}, "lobes = 1"),
-        ("ellipse", {"ratio": 0.5}, "ratio = 0.5"),
-        ("ellipse", {"ratio": 1e9}, "ratio"),
-        ("dumbbell", {"neck": 1.0}, "neck = 1.0"),
-        ("dumbbell", {"neck": 0.0}, "neck = 0.0"),
-        ("sphere", {"size": 0.0}, "positive"),
-        ("ellipsoid", {"a": -0.1}, "a = -0.1"),
-        ("ellipsoid", {"a": 1.0, "c": 1e-7}, "ratio"),
-        ("torus", {"major": 0.03, "minor": 0.03}, "(?s)crosses itself.*minor below major"),
-        ("torus", {"major": 1.0, "minor": 1e-7}, "ratio"),
-        ("torus", {"minor": 0.0}, "minor = 0.0"),
+        ("circle", {"size": math.nan}),
+        ("circle", {"size": 10**400}),
+        ("circle", {"size": -0.2}),
+        ("circle", {"size": "0.2"}),
+        ("circle", {"size": True}),
+        ("circle", {"size": 1e200}),
+        ("circle", {"size": 1e-200}),
+        ("star", {"points": 2}),
+        ("star", {"points": 5.5}),
+        ("star", {"tip_angle": 108.0}),
+        ("star", {"tip_angle": 0.0}),
+        ("star", {"points": 3, "tip_angle": 60.0}),
+        ("cassinian", {"a_n": 1.0}),
+        ("cassinian", {"a_n": 0.5}),
+        ("cassinian", {"a_d": 0.0}),
+        ("cassinian", {"a_n": 1e300, "a_d": 1e-300}),
+        ("cassinian", {"lobes": 1}),
+        ("ellipse", {"ratio": 0.5}),
+        ("ellipse", {"ratio": 1e9}),
+        ("dumbbell", {"neck": 1.0}),
+        ("dumbbell", {"neck": 0.0}),
+        ("sphere", {"size": 0.0}),
+        ("ellipsoid", {"a": -0.1}),
+        ("ellipsoid", {"a": 1.0, "c": 1e-7}),
+        ("torus", {"major": 0.03, "minor": 0.03}),
+        ("torus", {"major": 1.0, "minor": 1e-7}),
+        ("torus", {"minor": 0.0}),
     ],
 )
-def test_bad_parameters_are_refused(kind, parameters, message):
-    with pytest.raises(InputError, match=message):
+def test_bad_parameters_are_refused(refused, kind, parameters):
+    with refused(InputError):
         make_model(kind, **parameters)
 
 
 @pytest.mark.parametrize(
-    ("vertices", "message"),
+    "vertices",
     [
-        ([], "0 vertices"),
-        ([[0, 0], [1, 0]], "2 vertices"),
-        ([[0, 0], [1, 0], [0, 0]], "2 vertices"),
-        ([[0, 0], [1, 0], [math.nan, 1]], r"vertex 2 is \(nan, 1.0\)"),
-        ([[0, 0], [math.inf, 0], [1, 1]], "vertex 1"),
-        ([[0, 0, 0], [1, 0, 0], [1, 1, 0]], "three coordinates"),
-        ([[0, 0], [1, 0], [1, 1, 2]], r"vertex 2 is \[1, 1, 2\]"),
-        ([[0, 0], [1, 0], "ab"], "vertex 2"),
-        ([1.0, 2.0, 3.0], "shape"),
-        ("nonsense", "not rows"),
-        ([[0, 0], [1, 0], [1, 0], [1, 1]], r"vertices 1 and 2 are the same point \(1, 0\)"),
-        ([[0, 0], [2, 0], [1, 1], [2, 2], [0, 2], [1, 1]], "vertices 2 and 5 are the same point"),
-        (SQUARE[::-1], "(?s)clockwise.*reverse the order"),
-        ([[0, 0], [1, 1], [1, 0], [0, 1]], r"crosses or touches itself at \(0\.5, 0\.5\)"),
-        ([[0, 0], [2, 0], [2, 2], [1, 0], [0, 2]], r"crosses or touches itself at \(1, 0\)"),
-        ([[0, 0], [1, 1], [2, 2]], "straight line"),
-        ([[0, 0], [1, 1], [2, 2], [0.5, 0.5]], "straight line"),
-        ([[0, 0], [1e200, 0], [0, 1e200]], "larger than the float range"),
-        ([[-1.7e308, 0], [1.7e308, 0], [0, 1.7e308]], "larger than the float range"),
-        ([[0, 0], [1e-200, 0], [0, 1e-200]], "smaller than the float range"),
+        [],
+        [[0, 0], [1, 0]],
+        [[0, 0], [1, 0], [0, 0]],
+        [[0, 0], [1, 0], [math.nan, 1]],
+        [[0, 0], [math.inf, 0], [1, 1]],
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0]],
+        [[0, 0], [1, 0], [1, 1, 2]],
+        [[0, 0], [1, 0], "ab"],
+        [1.0, 2.0, 3.0],
+        "nonsense",
+        [[0, 0], [1, 0], [1, 0], [1, 1]],
+        [[0, 0], [2, 0], [1, 1], [2, 2], [0, 2], [1, 1]],
+        SQUARE[::-1],
+        [[0, 0], [1, 1], [1, 0], [0, 1]],
+        [[0, 0], [2, 0], [2, 2], [1, 0], [0, 2]],
+        [[0, 0], [1, 1], [2, 2]],
+        [[0, 0], [1, 1], [2, 2], [0.5, 0.5]],
+        [[0, 0], [1e200, 0], [0, 1e200]],
+        [[-1.7e308, 0], [1.7e308, 0], [0, 1.7e308]],
+        [[0, 0], [1e-200, 0], [0, 1e-200]],
     ],
 )
-def test_bad_vertices_are_refused(vertices, message):
-    with pytest.raises(InputError, match=message):
+def test_bad_vertices_are_refused(refused, vertices):
+    with refused(InputError):
         from_vertices(vertices)
 
 
@@ -130,53 +130,53 @@ def test_the_closing_vertex_is_dropped():
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    "text",
     [
-        ("", "empty"),
-        ("   ", "empty"),
-        ("POLYGON EMPTY", "empty"),
-        ("POLYGON ((0 0, 1 0, 1 1", "cannot be read"),
-        ("POLYGON ((0 0, 1 0, 1 1, 0 1))", "cannot be read"),
-        ("POLYGON ((0 0, 0 1, 1 1, 1 0, 0 0))", "clockwise"),
-        ("POLYGON ((0 0, 9 0, 9 9, 0 9, 0 0), (1 1, 1 2, 2 2, 1 1))", r"1 hole\(s\)"),
-        ("POLYGON Z ((0 0 1, 1 0 1, 1 1 1, 0 0 1))", "three coordinates"),
-        ("MULTIPOLYGON (((0 0, 1 0, 1 1, 0 0)), ((5 5, 6 5, 6 6, 5 5)))", "(?s)MultiPolygon.*one outline"),
-        ("LINESTRING (0 0, 1 1)", "LineString"),
-        ("POINT (0 0)", "Point"),
-        ("POLYGON ((0 0, nan 0, 1 1, 0 1, 0 0))", "vertex 1|cannot be read"),
-        ("GEOMETRYCOLLECTION (" * 30_000 + ")" * 30_000, "nested too deep"),
-        ("(" * 1_000_000, "nested too deep"),
+        "",
+        "   ",
+        "POLYGON EMPTY",
+        "POLYGON ((0 0, 1 0, 1 1",
+        "POLYGON ((0 0, 1 0, 1 1, 0 1))",
+        "POLYGON ((0 0, 0 1, 1 1, 1 0, 0 0))",
+        "POLYGON ((0 0, 9 0, 9 9, 0 9, 0 0), (1 1, 1 2, 2 2, 1 1))",
+        "POLYGON Z ((0 0 1, 1 0 1, 1 1 1, 0 0 1))",
+        "MULTIPOLYGON (((0 0, 1 0, 1 1, 0 0)), ((5 5, 6 5, 6 6, 5 5)))",
+        "LINESTRING (0 0, 1 1)",
+        "POINT (0 0)",
+        "POLYGON ((0 0, nan 0, 1 1, 0 1, 0 0))",
+        "GEOMETRYCOLLECTION (" * 30_000 + ")" * 30_000,
+        "(" * 1_000_000,
     ],
 )
-def test_bad_wkt_is_refused(text, message):
-    with pytest.raises(InputError, match=message):
+def test_bad_wkt_is_refused(refused, text):
+    with refused(InputError):
         from_wkt(text)
 
 
 @pytest.mark.parametrize(
-    ("document", "message"),
+    "document",
     [
-        ("", "empty"),
-        ("{", "not JSON"),
-        ("[1, 2]", "no 'type'"),
-        ({"coordinates": []}, "no 'type'"),
-        ({"type": "Polygon"}, "cannot be read"),
-        ({"type": "Polygon", "coordinates": []}, "empty"),
-        ({"type": "Polygon", "coordinates": [[[0, 0], [1, 0], "x"]]}, "cannot be read"),
-        ({"type": "Polygon", "coordinates": [[[0, 0], [math.nan, 0], [1, 1], [0, 0]]]}, "cannot be read"),
-        ({"type": "Polygon", "coordinates": [[[0, 0], [0, 1], [1, 1], [0, 0]]]}, "clockwise"),
-        ({"type": "Polygon", "coordinates": [[[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 0, 1]]]}, "three coordinates"),
-        ({"type": "Point", "coordinates": [0, 0]}, "Point"),
-        ({"type": "FeatureCollection", "features": []}, "FeatureCollection"),
-        ({"type": "Feature", "geometry": None, "properties": {}}, "cannot be read"),
-        ({"type": "MultiPolygon", "coordinates": [[[[0, 0], [1, 0], [1, 1], [0, 0]]]]}, "MultiPolygon"),
-        ('{"type": "GeometryCollection", "geometries": [' * 30_000 + "]}" * 30_000, "levels deep"),
-        (reduce(lambda inner, _: {"type": "GeometryCollection", "geometries": [inner]}, range(50), {}), "levels deep"),
-        ('{"type": "Polygon", "coordinates": [[[' + "1" * 5000 + ", 0], [1, 0]]]}", "not JSON"),
+        "",
+        "{",
+        "[1, 2]",
+        {"coordinates": []},
+        {"type": "Polygon"},
+        {"type": "Polygon", "coordinates": []},
+        {"type": "Polygon", "coordinates": [[[0, 0], [1, 0], "x"]]},
+        {"type": "Polygon", "coordinates": [[[0, 0], [math.nan, 0], [1, 1], [0, 0]]]},
+        {"type": "Polygon", "coordinates": [[[0, 0], [0, 1], [1, 1], [0, 0]]]},
+        {"type": "Polygon", "coordinates": [[[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 0, 1]]]},
+        {"type": "Point", "coordinates": [0, 0]},
+        {"type": "FeatureCollection", "features": []},
+        {"type": "Feature", "geometry": None, "properties": {}},
+        {"type": "MultiPolygon", "coordinates": [[[[0, 0], [1, 0], [1, 1], [0, 0]]]]},
+        '{"type": "GeometryCollection", "geometries": [' * 30_000 + "]}" * 30_000,
+        reduce(lambda inner, _: {"type": "GeometryCollection", "geometries": [inner]}, range(50), {}),
+        '{"type": "Polygon", "coordinates": [[[' + "1" * 5000 + ", 0], [1, 0]]]}",
     ],
 )
-def test_bad_geojson_is_refused(document, message):
-    with pytest.raises(InputError, match=message):
+def test_bad_geojson_is_refused(refused, document):
+    with refused(InputError):
         from_geojson(document)
 
 

@@ -298,32 +298,31 @@ def spiked():
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    "given",
     [
-        (mended(triangles=[*TETRAHEDRON[1][:3], [2, 0, 1]]), "triangle 0 shares its second edge, vertex 2 to"),
-        (mended(triangles=[[0, 2, 1], [0, 1, 3], [1, 2, 3]]), "at least four"),
-        ((two([3.0, 0.0, 0.0])[0], two([3.0, 0.0, 0.0])[1][:-1]), "triangle 4 .*open"),
-        (mended(triangles=[[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 3, 0]]), "same way round"),
-        (mended(triangles=[each[::-1] for each in TETRAHEDRON[1]]), "inside out"),
-        (mended(vertices=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 0.0]]), "inside out, or encloses nothing"),
-        (mended(triangles=[[0, 2, 2], [0, 1, 3], [1, 2, 3], [2, 0, 3]]), "triangle 0 is degenerate"),
-        (two([3.0, 0.0, 0.0]), "triangle 4 belongs to another part"),
-        (two([-0.2, 0.1, 0.1], share=(0,)), "touch in a single vertex"),
-        (two([0.0, 0.0, 0.0], share=(0, 1)), "not a manifold"),
-        (spiked(), r"cross or touch at"),
-        (mended(vertices=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, math.nan, 1]]), r"vertex 3 is \(0.0, nan, 1.0\)"),
-        (mended(vertices=[[0, 0], [1, 0], [0, 1], [0, 1]]), r"shape \(4, 2\)"),
-        (mended(vertices=[[0, 0, 0], [1, 0, 0], [0, 1, 0], ["a", 0, 1]]), "not rows of three"),
-        (mended(triangles=[[0, 2, 1], [0, 1, 4], [1, 2, 3], [2, 0, 3]]), r"triangle 1 is \[0, 1, 4\]"),
-        (mended(triangles=[[0, 2, 1], [0, 1, 2.5], [1, 2, 3], [2, 0, 3]]), "whole numbers"),
-        (mended(triangles=[[0, 2, 1, 3]] * 4), r"shape \(4, 4\)"),
-        (mended(vertices=[[1e9 + x, y, z] for x, y, z in TETRAHEDRON[0]]), "farther than the number format"),
+        mended(triangles=[*TETRAHEDRON[1][:3], [2, 0, 1]]),
+        mended(triangles=[[0, 2, 1], [0, 1, 3], [1, 2, 3]]),
+        (two([3.0, 0.0, 0.0])[0], two([3.0, 0.0, 0.0])[1][:-1]),
+        mended(triangles=[[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 3, 0]]),
+        mended(triangles=[each[::-1] for each in TETRAHEDRON[1]]),
+        mended(vertices=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 0.0]]),
+        mended(triangles=[[0, 2, 2], [0, 1, 3], [1, 2, 3], [2, 0, 3]]),
+        two([3.0, 0.0, 0.0]),
+        two([-0.2, 0.1, 0.1], share=(0,)),
+        two([0.0, 0.0, 0.0], share=(0, 1)),
+        spiked(),
+        mended(vertices=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, math.nan, 1]]),
+        mended(vertices=[[0, 0], [1, 0], [0, 1], [0, 1]]),
+        mended(vertices=[[0, 0, 0], [1, 0, 0], [0, 1, 0], ["a", 0, 1]]),
+        mended(triangles=[[0, 2, 1], [0, 1, 4], [1, 2, 3], [2, 0, 3]]),
+        mended(triangles=[[0, 2, 1], [0, 1, 2.5], [1, 2, 3], [2, 0, 3]]),
+        mended(triangles=[[0, 2, 1, 3]] * 4),
+        mended(vertices=[[1e9 + x, y, z] for x, y, z in TETRAHEDRON[0]]),
     ],
 )  # fmt: skip
-def test_what_bounds_no_solid_is_refused_with_the_triangle(given, message):
-    with pytest.raises(InputError, match=message) as caught:
+def test_what_bounds_no_solid_is_refused_with_the_triangle(refused, given):
+    with refused(InputError):
         Mesh("mesh", *given)
-    assert caught.value.why
 
 
 def test_a_sliver_is_no_degenerate_triangle():
@@ -378,25 +377,25 @@ def test_an_icosphere_has_its_corners_on_the_sphere(subdivisions):
 
 
 @pytest.mark.parametrize(
-    ("kind", "parameters", "message"),
+    ("kind", "parameters"),
     [
-        ("wedge", {"angle": 180.0}, "between 0.001 and 179"),
-        ("l-block", {"size": 0.1, "thickness": 0.1}, "without a notch"),
-        ("icosphere", {"subdivisions": 9}, "subdivisions = 9"),
-        ("extruded", {"model": {"kind": "sphere"}}, "model 'sphere' is in space"),
-        ("extruded", {"model": {"kind": "line"}}, "the extruded model: .*unbounded"),
-        ("extruded", {"model": {"size": 1.0}}, "has no kind"),
-        ("box", {"x": -1.0}, "x = -1"),
-        ("mesh", {}, "either a file, or vertices"),
-        ("mesh", {"vertices": [[0, 0, 0]]}, "either a file, or vertices"),
-        ("mesh", {"file": "a.stl"}, "has no unit"),
-        ("mesh", {"vertices": TETRAHEDRON[0], "triangles": TETRAHEDRON[1], "unit": "ft"}, "unknown unit 'ft'"),
-        ("mesh", {"vertices": TETRAHEDRON[0], "triangles": [[0, 1], [1, 2, 3]]}, "not rows of three whole numbers"),
-        ("mesh", {"vertices": TETRAHEDRON[0], "triangles": [["a", "b", "c"]] * 4}, "not rows of three whole numbers"),
+        ("wedge", {"angle": 180.0}),
+        ("l-block", {"size": 0.1, "thickness": 0.1}),
+        ("icosphere", {"subdivisions": 9}),
+        ("extruded", {"model": {"kind": "sphere"}}),
+        ("extruded", {"model": {"kind": "line"}}),
+        ("extruded", {"model": {"size": 1.0}}),
+        ("box", {"x": -1.0}),
+        ("mesh", {}),
+        ("mesh", {"vertices": [[0, 0, 0]]}),
+        ("mesh", {"file": "a.stl"}),
+        ("mesh", {"vertices": TETRAHEDRON[0], "triangles": TETRAHEDRON[1], "unit": "ft"}),
+        ("mesh", {"vertices": TETRAHEDRON[0], "triangles": [[0, 1], [1, 2, 3]]}),
+        ("mesh", {"vertices": TETRAHEDRON[0], "triangles": [["a", "b", "c"]] * 4}),
     ],
 )
-def test_bad_parameters_are_refused(kind, parameters, message):
-    with pytest.raises(InputError, match=message):
+def test_bad_parameters_are_refused(refused, kind, parameters):
+    with refused(InputError):
         make_model(kind, **parameters)
 
 

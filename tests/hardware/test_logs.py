@@ -102,21 +102,21 @@ def test_a_row_outside_is_marked(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    "change",
     [
-        (("kind = \"parallelogram-2dof\"", "kind = \"parallelogram-3dof\""), "joints"),
-        (("l1 = 0.3\n", "l9 = 0.3\n"), "unknown parameter"),
-        (("directions = [1, 1]", "directions = [1, 0]"), "directions"),
-        (("counts_per_turn = 262144\n", ""), "'counts' is no rad"),
-        (("offsets = [0.0, 0.0]", "offsets = [80000.0, 0.0]"), "every row of the log is outside"),
+        ("kind = \"parallelogram-2dof\"", "kind = \"parallelogram-3dof\""),
+        ("l1 = 0.3\n", "l9 = 0.3\n"),
+        ("directions = [1, 1]", "directions = [1, 0]"),
+        ("counts_per_turn = 262144\n", ""),
+        ("offsets = [0.0, 0.0]", "offsets = [80000.0, 0.0]"),
     ],
 )  # fmt: skip
-def test_a_device_that_does_not_fit_says_so(tmp_path, change, words):
+def test_a_device_that_does_not_fit_says_so(refused, tmp_path, change):
     wiring = wired()
     _, run = recorded(tmp_path, twin_of(wiring), wiring, cycles=50)
     log, mapping = logged(tmp_path, run, wiring)
     text = mapping.read_text()
     assert change[0] in text
     mapping.write_text(text.replace(*change))
-    with pytest.raises(HapticevalError, match=words):
+    with refused(HapticevalError):
         load(log, mapping=mapping)

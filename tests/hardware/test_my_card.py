@@ -65,13 +65,13 @@ def test_it_is_short_runs_and_stops(tmp_path, example):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    "name",
     [
-        ("my_card", "does not name a driver"),
-        ("no_such_card:MyCard", "driver 'no_such_card:MyCard': cannot import"),
-        ("my_card:YourCard", "has no 'YourCard'"),
+        "my_card",
+        "no_such_card:MyCard",
+        "my_card:YourCard",
     ],
 )
-def test_a_driver_that_is_not_there_is_told(example, name, words):
-    with pytest.raises(InputError, match=words):
+def test_a_driver_that_is_not_there_is_told(refused, example, name):
+    with refused(InputError):
         load(name, kind="driver")

@@ -50,7 +50,7 @@ def test_turned_and_shifted_joints_make_no_difference(tmp_path):
     assert not np.array_equal(runs[1].channels["raw"], runs[0].channels["raw"])
 
 
-def test_it_says_that_it_hit_a_joint_limit():
+def test_it_says_that_it_hit_a_joint_limit(refused):
     wiring = wired()
     twin = Twin(wiring, (), position=np.array([0.1, 0.0]), hand=None, dt=DT)
 
@@ -59,7 +59,7 @@ def test_it_says_that_it_hit_a_joint_limit():
             twin.read()
             twin.write(np.array([1.0, -1.0]))
 
-    with pytest.raises(HapticevalError, match="joint limit"):
+    with refused(HapticevalError):
         pushed()
 
 

@@ -61,34 +61,34 @@ def test_the_newest_reading_counts(robot):
 
 
 @pytest.mark.parametrize(
-    ("packet", "words"),
+    "packet",
     [
-        (b"", "no encoder reading"),
-        (b"HCRD", "no encoder reading"),
-        (b"hello", "no encoder reading"),
-        (READING.pack(READ, 1, 1, 0.0, 0.0, 0.0) + b".", "no encoder reading"),
-        (STOPPED + b"emergency stop", "the robot stopped: emergency stop"),
-        (None, "is silent\n.*no packet for 0.05 s"),
+        b"",
+        b"HCRD",
+        b"hello",
+        READING.pack(READ, 1, 1, 0.0, 0.0, 0.0) + b".",
+        STOPPED + b"emergency stop",
+        None,
     ],
 )
-def test_what_is_no_reading_is_refused(robot, monkeypatch, packet, words):
+def test_what_is_no_reading_is_refused(refused, robot, monkeypatch, packet):
     monkeypatch.setattr(udp, "SILENCE_SECONDS", 0.05 if packet is None else 60.0)
     device, loop = greeted(robot)
     if packet is not None:
         robot.sendto(packet, loop)
-    with pytest.raises(HapticevalError, match=words):
+    with refused(HapticevalError):
         device.read()
     device.close()
 
 
-def test_an_address_without_a_robot_is_refused(robot):
+def test_an_address_without_a_robot_is_refused(refused, robot):
     device = UdpDevice(robot.getsockname(), 2)
     robot.close()
-    with pytest.raises(HapticevalError, match="is silent"):
+    with refused(HapticevalError):
         device.read()
     device.close()
     for address in (("no.such.host.invalid", 5005), ("127.0.0.1", 99_999)):
-        with pytest.raises(HapticevalError, match="no way to the robot"):
+        with pytest.raises(HapticevalError):  # in the words of the system
             UdpDevice(address, 2)
 
 
@@ -124,7 +124,7 @@ class Stopping:
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_loop_that_was_held_up_still_hears_why_the_robot_stopped(robot):
+def test_a_loop_that_was_held_up_still_hears_why_the_robot_stopped(refused, robot):
     """Its buffer holds a few packets, and the first last word finds it full."""
     device, twin = UdpDevice(robot.getsockname(), 2), Stopping()
     device._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
@@ -137,7 +137,7 @@ def test_a_loop_that_was_held_up_still_hears_why_the_robot_stopped(robot):
         while True:
             device.read()
 
-    with pytest.raises(HapticevalError, match="a joint limit was hit"):
+    with refused(HapticevalError):
         caught_up()
     device.close()
     thread.join(60.0)

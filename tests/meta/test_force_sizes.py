@@ -136,13 +136,13 @@ def test_the_bound_is_the_edge_of_the_declared_range_that_is_left(times, edge):
     ("shares", "sound"),
     [((1.0 / 32.0, 32.0), True), ((0.99 / 32.0, 2.0), False), ((0.5, 32.1), False), ((1e-6, np.inf), False)],
 )
-def test_a_range_that_would_ask_nothing_is_refused(shares, sound):
+def test_a_range_that_would_ask_nothing_is_refused(refused, shares, sound):
     renderer = Spring(CASES["slide"].build_scene())
     renderer.declares = Declaration(stiffness_range=shares)
     if sound:
         assert abilities_of(renderer).declares is renderer.declares
     else:
-        with pytest.raises(RendererError, match="a wider range would ask nothing of the force"):
+        with refused(RendererError):
             abilities_of(renderer)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from statistics import mean
 
 import pytest
+from refusals import Refusals
 
 from hapticeval.errors import InputError
 from hapticeval.phenomena.pages import parse_page, read_page
@@ -76,11 +77,10 @@ def test_a_page_without_a_question_or_a_bound_is_refused(text: str) -> None:
         parse_page(text)
 
 
-def test_a_check_without_a_page_is_refused_by_name() -> None:
+def test_a_check_without_a_page_is_refused_by_name(refused: Refusals) -> None:
     check = replace(OWN["drift"], id="no-such-check")
-    with pytest.raises(InputError, match="'no-such-check' has no page") as refusal:
+    with refused(InputError):
         read_page(check)
-    assert "page=" in str(refusal.value.todo)
 
 
 def test_a_check_of_another_package_brings_its_page() -> None:

@@ -57,54 +57,52 @@ def test_a_torque_at_a_lever_is_a_force_and_an_angle_a_length():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    "changes",
     [
-        ({"hip__unit": "?"}, r"\[channels.hip\]: the unit '\?' is not known"),
-        ({"hip__sign": "?"}, r"\[channels.hip\]: the sign is not known"),
-        ({"hip__unit": "deg"}, "'deg' is no m"),
-        ({"hip__unit": "furlong"}, "unknown unit 'furlong'"),
-        ({"hip__sign": 2}, "sign: unknown choice '2'"),
-        ({"channels": {"hip": {"columns": ["px"], "unit": "mm"}}}, "missing required field `sign`"),
-        ({"hip__columns": []}, "columns: expected `array` of length >= 1"),
-        ({"hip__sign": [1]}, "2 columns, 1 signs"),
-        ({"time__unit": "?"}, r"\[time\]: the unit"),
-        ({"time__unit": "mm"}, "'mm' is no s"),
-        ({"time__rate": 1000}, r"\[time\]: it needs either a column"),
-        ({"time": {"rate": -1}}, "time.rate: expected `float` > 0.0"),
-        ({"hip__sgn": 1}, "unknown entry 'sgn'"),
-        ({"hip__becomes": "mm"}, "is in m, frame world"),
-        ({"hip__scale": "much"}, "is no quantity"),
-        ({"device": {"counts_per_turn": 4096}}, r"\[device\] lacks its kind"),
-        ({"channels": {}}, "channels: expected `object` of length >= 1"),
+        {"hip__unit": "?"},
+        {"hip__sign": "?"},
+        {"hip__unit": "deg"},
+        {"hip__unit": "furlong"},
+        {"hip__sign": 2},
+        {"channels": {"hip": {"columns": ["px"], "unit": "mm"}}},
+        {"hip__columns": []},
+        {"hip__sign": [1]},
+        {"time__unit": "?"},
+        {"time__unit": "mm"},
+        {"time__rate": 1000},
+        {"time": {"rate": -1}},
+        {"hip__sgn": 1},
+        {"hip__becomes": "mm"},
+        {"hip__scale": "much"},
+        {"device": {"counts_per_turn": 4096}},
+        {"channels": {}},
     ],
 )
-def test_what_is_not_stated_is_refused_with_its_place(changes, words):
-    with pytest.raises(InputError, match=words) as caught:
+def test_what_is_not_stated_is_refused_with_its_place(refused, changes):
+    with refused(InputError):
         converted(**changes)
-    assert "sgn" not in words or caught.value.todo == "did you mean sign?"
 
 
-def test_a_channel_of_ones_own_is_described():
+def test_a_channel_of_ones_own_is_described(refused):
     own = {"columns": ["tau"], "unit": "V", "sign": 1, "scale": "2 N/V"}
-    with pytest.raises(InputError, match="no channel that hapticeval knows"):
+    with refused(InputError):
         converted(channels={"grip": own})
     made = converted(channels={"grip": {**own, "becomes": "N", "meaning": "grip force"}})
     assert made.channels["grip"].tolist() == (K * 0.3).tolist()
     assert made.signals["grip"].meaning == "grip force"
 
 
-def test_a_missing_column_suggests_the_closest():
-    with pytest.raises(UnknownNameError) as caught:
+def test_a_missing_column_suggests_the_closest(refused):
+    with refused(UnknownNameError):
         converted(hip__columns=["px", "pzz"])
-    assert "pz" in caught.value.todo
 
 
-def test_rows_out_of_order_without_a_number_or_in_a_gap_are_kept_and_not_valid():
+def test_rows_out_of_order_without_a_number_or_in_a_gap_are_kept_and_not_valid(refused):
     times, positions = K * 2.0, K * 1.0
     times[[7, 20, 21]] = times[[6, 3, 4]]
     positions[25] = math.nan
     source = table(t=times, px=positions)
-    with pytest.raises(InputError, match="does not increase at row 7"):
+    with refused(InputError):
         converted(source)
     made = converted(source, time__disorder="mask")
     assert np.flatnonzero(~made.valid).tolist() == [7, 20, 21, 25]
@@ -128,15 +126,15 @@ def test_without_a_clock_the_rate_is_stated():
     assert np.allclose(np.diff(converted(time={"rate": 500}).time), 2e-3)
 
 
-def test_another_clock_is_refused_or_brought_over_as_stated():
+def test_another_clock_is_refused_or_brought_over_as_stated(refused):
     slow = table(t2=np.arange(0.0, 80.0, 5.0), f=np.arange(16.0))
 
     def made(**how):
         return converted(slow, channels={"hip": HIP, "force": {"columns": ["f"] * 2, "unit": "N", "sign": 1, **how}})
 
-    with pytest.raises(InputError, match="'f' is not on the clock of the time 't'"):
+    with refused(InputError):
         made()
-    with pytest.raises(InputError, match="on the clock 't2'"):
+    with refused(InputError):
         made(time="t2")
     held = made(time="t2", resample="hold")
     assert held.force[:, 0].tolist()[:6] == [0.0, 0.0, 0.0, 1.0, 1.0, 2.0]
@@ -150,7 +148,7 @@ def test_a_time_under_any_name_is_a_clock(name):
     assert clocks(Table({name: np.arange(5.0), "x": np.arange(5.0), "time_constant": np.arange(5.0)})) == [name]
 
 
-def test_two_topics_are_never_put_on_one_clock_by_their_number_of_messages():
+def test_two_topics_are_never_put_on_one_clock_by_their_number_of_messages(refused):
     columns = {"/a.received": np.arange(5) * 1_000_000, "/a.x": np.arange(5.0)}
     columns |= {"/b.received": np.arange(5) * 1_300_000 + 7, "/b.f": 10.0 * np.arange(5.0)}
     units = {"/a.received": "ns", "/b.received": "ns"}
@@ -163,17 +161,16 @@ def test_two_topics_are_never_put_on_one_clock_by_their_number_of_messages():
         hip = {"columns": ["/a.x"], "unit": "mm", "sign": 1}
         return converted(table, time={"column": "/a.received", "unit": "ns"}, channels={"hip": hip, "force": force})
 
-    with pytest.raises(InputError, match=r"'/b\.f' is not on the clock of the time '/a\.received'") as caught:
+    with refused(InputError):
         made()
-    assert "as many rows are not the same times" in caught.value.why
-    with pytest.raises(InputError, match=r"the clock '/a\.received' of 'force' is not that of its column"):
+    with refused(InputError):
         made(time="/a.received", resample="hold")
     held = made(time="/b.received", resample="hold")
     assert held.force[1:4, 0].tolist() == [0.0, 10.0, 20.0]
     assert held.valid.tolist() == [False, True, True, True, True]
 
 
-def test_a_proposal_marks_what_it_does_not_know_and_cannot_be_used_as_it_is(tmp_path):
+def test_a_proposal_marks_what_it_does_not_know_and_cannot_be_used_as_it_is(refused, tmp_path):
     source = Table({"time": np.arange(9.0), "pos.x": np.arange(9.0), "pos.y": np.arange(9.0), "force": np.arange(9.0)})
     text = propose(source, file="run.csv")
     made = tomllib.loads(text)
@@ -181,7 +178,7 @@ def test_a_proposal_marks_what_it_does_not_know_and_cannot_be_used_as_it_is(tmp_
     assert made["channels"]["hip"] == {"columns": ["pos.x", "pos.y"], "unit": "?", "sign": 1}
     assert made["channels"]["force"]["sign"] == "?"
     (tmp_path / "m.toml").write_text(text)
-    with pytest.raises(InputError, match="not known"):
+    with refused(InputError):
         read_mapping(tmp_path / "m.toml")
 
 
@@ -233,30 +230,28 @@ def test_our_own_format_keeps_everything(tmp_path):
     assert dict(read_recording(path).meta) == dict(load(path).meta) == dict(recording().meta)
 
 
-def test_what_cannot_be_exported_is_refused(tmp_path):
-    with pytest.raises(UnknownNameError, match="file ending"):
+def test_what_cannot_be_exported_is_refused(refused, tmp_path):
+    with refused(UnknownNameError):
         export(tmp_path / "run.xls", recording())
     odd = Recording([0.0, 1.0], {"grip.left": [1.0, 2.0]}, signals={"grip.left": Signal("N", "grip")})
-    with pytest.raises(InputError, match=r"grip\.left"):
+    with refused(InputError):
         export(tmp_path / "run.mat", odd)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_foreign_file_needs_a_mapping_for_its_format(tmp_path):
+def test_a_foreign_file_needs_a_mapping_for_its_format(refused, tmp_path):
     np.savez(tmp_path / "a.npz", t=np.arange(9), x=np.arange(9.0))
-    with pytest.raises(InputError, match="is no recording of hapticeval's") as caught:
+    with refused(InputError):
         load(tmp_path / "a.npz")
-    assert "--write-mapping" in caught.value.todo
     mapping = tmp_path / "m.toml"
-    for text, words in (
-        ("this is = = not toml", "is not TOML"),
-        ('format = "csv"\n[time]\nrate = 1000\n[channels.hip]\ncolumns = ["x"]\nunit = "m"\nsign = 1\n',
-         r"is in the format 'npz' .* is for 'csv'"),
-    ):  # fmt: skip
+    for text in (
+        "this is = = not toml",
+        'format = "csv"\n[time]\nrate = 1000\n[channels.hip]\ncolumns = ["x"]\nunit = "m"\nsign = 1\n',
+    ):
         mapping.write_text(text)
-        with pytest.raises(InputError, match=words):
+        with refused(InputError):
             load(tmp_path / "a.npz", mapping=mapping)
-    with pytest.raises(InputError, match="cannot read"):
+    with refused(InputError):
         read_mapping(tmp_path / "none.toml")
 
 
@@ -277,19 +272,19 @@ def test_units_of_rigs(text, factor):
 
 
 @pytest.mark.parametrize(
-    ("time", "hip", "words"),
+    ("time", "hip"),
     [
-        ({"rate": 1e-300}, {}, "a time is .* s"),
-        ({"rate": 1e-10}, {}, "a time is .* s"),
-        ({"column": "t", "unit": "min", "scale": "1e12"}, {}, "a time is .* s"),
-        ({"rate": 10**400}, {}, r"time\.rate: number out of range, and it is 1000+\.\.\."),
-        ({"rate": 1000.0}, {"divide": "1e-320 m"}, "no number holds"),
-        ({"rate": 1000.0}, {"unit": "mm^-99999"}, "no number holds"),
-        ({"rate": 1000.0}, {"offset": 10**400}, "offset: number out of range"),
+        ({"rate": 1e-300}, {}),
+        ({"rate": 1e-10}, {}),
+        ({"column": "t", "unit": "min", "scale": "1e12"}, {}),
+        ({"rate": 10**400}, {}),
+        ({"rate": 1000.0}, {"divide": "1e-320 m"}),
+        ({"rate": 1000.0}, {"unit": "mm^-99999"}),
+        ({"rate": 1000.0}, {"offset": 10**400}),
     ],
 )
-def test_numbers_that_nothing_holds_are_refused_by_name(time, hip, words):
+def test_numbers_that_nothing_holds_are_refused_by_name(refused, time, hip):
     table = Table({"t": np.arange(1, 9), "x": np.arange(8.0)})
     channel = {"columns": ["x"], "unit": "m", "sign": 1, **hip}
-    with pytest.raises(InputError, match=words):
+    with refused(InputError):
         convert(table, parse_mapping({"time": time, "channels": {"hip": channel}}))

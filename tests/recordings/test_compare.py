@@ -10,7 +10,7 @@ from scipy.special import comb
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.recordings.compare.align import Abscissa, Run, align
+from hapticeval.recordings.compare.align import GRID_POINTS, Abscissa, Run, align
 from hapticeval.recordings.compare.permutation import DEALS, LEVEL, Distances, least_p, needed, permutation_p
 from hapticeval.recordings.compare.spread import bands, compare
 from hapticeval.recordings.recording import Recording
@@ -100,12 +100,12 @@ def test_a_hand_that_turns_back_is_refused_at_the_place_or_split():
     assert ways(aligned(slide(trembling))) == about((1, 0, 1.0))
 
 
-def test_a_gap_ends_neither_a_lap_nor_a_way_unless_the_hand_begins_anew():
+def test_a_gap_ends_neither_a_lap_nor_a_way_unless_the_hand_begins_anew(refused):
     angle = np.linspace(0.0, 4.0 * math.pi, 4001)
     found = aligned(slide(angle, standing=paused(angle, 500, 1500, 3000)))
     assert [each[:2] for each in ways(found)] == [(1, 0), (1, 1)]
     back = np.concatenate([np.linspace(0.0, 1.0, 500), np.linspace(0.999, 0.7, 200)])
-    with pytest.raises(InputError, match="turns back by 17"):
+    with refused(InputError):
         aligned(slide(back, standing=paused(back, 500)))
     parts = aligned(slide(back, standing=paused(back, 500)), split=True)
     assert [each[:2] for each in ways(parts)] == [(1, 0), (-1, 0)]
@@ -113,10 +113,10 @@ def test_a_gap_ends_neither_a_lap_nor_a_way_unless_the_hand_begins_anew():
     assert ways(aligned(slide(anew, standing=paused(anew, 500)))) == about((1, 0, 1.0 / 1.1), (1, 1, 1.0))
 
 
-@pytest.mark.parametrize(("pops", "row"), [(True, 200), (False, 300)])
+@pytest.mark.parametrize(("pops", "row"), [(True, 50), (False, 75)])
 def test_nothing_is_interpolated_across_a_jump(pops, row):
     """Of the IHIP, a pop-through, or of the force alone, from a row on."""
-    angle = np.linspace(0.0, 1.0, 401)
+    angle = np.linspace(0.0, 1.0, 101)
     log = lap(angle)
     ihip, force = np.array(log.ihip), np.array(log.force)
     if pops:
@@ -125,9 +125,9 @@ def test_nothing_is_interpolated_across_a_jump(pops, row):
     else:
         force[row:] *= 30.0
     jumping = Recording(log.time, {"hip": log.hip, "ihip": ihip, "force": force})
-    (only,) = align([Run("x", "one", jumping)], Abscissa("angle"), points=1601).passes
-    grid = np.linspace(0.0, 1.0, 1601)
-    assert 3 <= np.count_nonzero(~only.mask) <= 5
+    (only,) = align([Run("x", "one", jumping)], Abscissa("angle")).passes
+    grid = np.linspace(0.0, 1.0, GRID_POINTS)
+    assert 6 <= np.count_nonzero(~only.mask) <= 8
     assert np.all((grid[~only.mask] > angle[row - 1] - 1e-12) & (grid[~only.mask] < angle[row] + 1e-12))
     sizes = only.columns["magnitude"][only.mask]
     before = grid[only.mask] < angle[row - 1] + 1e-12
@@ -151,15 +151,15 @@ def test_gaps_free_space_and_rows_that_are_no_measurement_are_left_out():
     assert sum(each.coverage for each in found.passes) == pytest.approx(0.95, abs=0.01)
 
 
-def test_the_centre_must_not_be_on_the_way():
+def test_the_centre_must_not_be_on_the_way(refused):
     hip = np.column_stack([np.linspace(-0.05, 0.05, 200), np.full(200, 1e-9)])
     recording = Recording(1e-3 * np.arange(200), {"hip": hip, "ihip": hip, "force": np.ones((200, 2))})
-    with pytest.raises(InputError, match=r"passes the centre at t = 0\.0"):
+    with refused(InputError):
         align([Run("through", "one", recording)], Abscissa("angle"))
     assert align([Run("through", "one", recording)], Abscissa("angle", centre=(0.0, -0.2))).passes
 
 
-def test_a_phase_is_any_column_of_a_channel():
+def test_a_phase_is_any_column_of_a_channel(refused):
     hip = np.column_stack([np.linspace(0.0, 0.1, 300), np.full(300, -0.001)])
     ihip = np.column_stack([hip[:, 0], np.zeros(300)])
     recording = Recording(1e-3 * np.arange(300), {"hip": hip, "ihip": ihip, "force": 1000.0 * (ihip - hip)})
@@ -167,11 +167,11 @@ def test_a_phase_is_any_column_of_a_channel():
     assert (found.unit, found.period) == ("m", None)
     assert found.passes[0].coverage == 1.0
     np.testing.assert_allclose(found.passes[0].columns["depth"], 0.001)
-    with pytest.raises(InputError, match="no column 5"):
+    with refused(InputError):
         align([Run("line", "one", recording)], Abscissa("hip:5"))
-    with pytest.raises(InputError, match="--by angle"):
+    with refused(InputError):
         Abscissa("angles")
-    with pytest.raises(InputError, match="--model"):
+    with refused(InputError):
         Abscissa("arc")
 
 
@@ -192,11 +192,11 @@ def test_a_foot_that_leaps_over_the_medial_axis_is_not_bridged():
     assert not np.any((places < low - 1e-4) | (places > high + 1e-4))
 
 
-def test_runs_that_never_touch_are_refused():
+def test_runs_that_never_touch_are_refused(refused):
     recording = lap(np.linspace(0.0, 1.0, 100), size=np.zeros(100))
-    with pytest.raises(InputError, match="touches"):
+    with refused(InputError):
         align([Run("free", "one", recording)], Abscissa("angle"))
-    with pytest.raises(InputError, match="no runs"):
+    with refused(InputError):
         align([], Abscissa("angle"))
 
 
@@ -220,7 +220,7 @@ def hands(rng, renderer, count, *, more=0.0, turned=0.0, trembling=0.0):
 
 
 def compared(*groups, seed=0):
-    aligned = align([each for group in groups for each in group], Abscissa("angle"), points=101)
+    aligned = align([each for group in groups for each in group], Abscissa("angle"))
     return {(each.first, each.second, each.column): each for each in compare(aligned, seed=seed)}
 
 
@@ -260,7 +260,7 @@ def test_the_other_way_is_another_test():
     there = [*hands(rng, "a", 4), *hands(rng, "b", 4, more=9.0)]
     back = [run(each.renderer, f"{k} back", np.linalg.norm(each.recording.force, axis=1), angle=ANGLE[::-1])
             for k, each in enumerate(there)]  # fmt: skip
-    found = compare(align([*there, *back], Abscissa("angle"), points=101))
+    found = compare(align([*there, *back], Abscissa("angle")))
     assert {each.direction for each in found} == {1, -1}
     assert [each.p for each in found if each.column == "magnitude"] == [pytest.approx(2.0 * 2.0 / comb(8, 4))] * 2
 
@@ -273,16 +273,14 @@ def test_a_turned_force_is_found_across_the_cut_of_the_angles():
     assert found.difference == pytest.approx(0.1, abs=1e-3)
 
 
-def test_what_cannot_be_compared_is_refused_with_what_it_takes():
+def test_what_cannot_be_compared_is_refused_with_what_it_takes(refused):
     rng = np.random.default_rng(18)
-    with pytest.raises(InputError, match="'b' has a single repeat, 'a' 4") as caught:
+    with refused(InputError):
         compared(hands(rng, "a", 4), hands(rng, "b", 1))
-    assert "could be the hand's" in caught.value.why
-    assert "takes 3 of 'b' and 4 of 'a' at the least" in caught.value.todo
-    with pytest.raises(InputError, match="two renderers"):
+    with refused(InputError):
         compared(hands(rng, "a", 4))
     one, *others = hands(rng, "a", 4)
-    with pytest.raises(InputError, match="a 0 and again are the same run"):
+    with refused(InputError):
         compared([one, *others, Run("again", "a", one.recording)], hands(rng, "b", 4))
 
 
@@ -320,14 +318,14 @@ def test_the_repeats_that_are_needed_are_the_fewest(first, second, tests, level)
 
 @pytest.mark.parametrize("gaps", [False, True])
 @pytest.mark.parametrize(("ways", "enough"), [(1, (4, 3)), (2, (5, 3))])
-def test_one_run_of_each_is_said_to_be_too_few(gaps, ways, enough):
+def test_one_run_of_each_is_said_to_be_too_few(refused, gaps, ways, enough):
     """And the stretches between the gaps of a run are no laps."""
     angle = ANGLE if ways == 1 else np.concatenate([ANGLE, ANGLE[-2::-1]])
     size = np.full(angle.size, 2.0)
     runs = [run("a", 0, size, angle=angle), run("b", 0, size + 1.0, angle=angle)]
     runs = [torn(torn(each, 100, 20), 400, 30) if gaps else each for each in runs]
-    with pytest.raises(InputError, match="one repeat of 'a' and one of 'b' are too few to compare") as caught:
-        compare(align(runs, Abscissa("angle"), points=101, split=ways == 2))
+    with refused(InputError) as caught:
+        compare(align(runs, Abscissa("angle"), split=ways == 2))
     assert "takes {} of 'a' and {} of 'b' at the least".format(*enough) in caught.value.todo
 
 
@@ -379,7 +377,7 @@ def test_all_curves_of_a_panel_lie_on_one_branch(turned, apart, seed):
         run(each.renderer, f"{k} back", np.full(ANGLE.size, 2.0), turned=turned - apart, angle=ANGLE[::-1])
         for k, each in enumerate(there)
     ]
-    drawn = [b for b in bands(align([*there, *back], Abscissa("angle"), points=101)) if b.column == "direction"]
+    drawn = [b for b in bands(align([*there, *back], Abscissa("angle"))) if b.column == "direction"]
     assert {(b.renderer, b.direction) for b in drawn} == {(name, way) for name in "ab" for way in (1, -1)}
     for one in drawn:
         for other in drawn:
@@ -387,7 +385,7 @@ def test_all_curves_of_a_panel_lie_on_one_branch(turned, apart, seed):
             assert np.max(np.abs(one.median - other.median)[both]) < 2.0 * abs(apart) + 2.0 * 0.03
 
 
-def test_laps_of_a_run_are_no_repeats():
+def test_laps_of_a_run_are_no_repeats(refused):
     """By one hand in one mood: they say how it varies within a run, and not whether another run would be as far off."""
     angle, rng = np.linspace(0.0, 10.0 * math.pi, 9000), np.random.default_rng(8)
 
@@ -400,14 +398,14 @@ def test_laps_of_a_run_are_no_repeats():
             for name, more in (("a", 0.0), ("b", 1.0))
         ]
 
-    with pytest.raises(InputError, match="one repeat of 'a' and one of 'b' are too few"):
+    with refused(InputError):
         compared(*groups(1))
     assert compared(*groups(2))["a", "b", "magnitude"].repeats == (2, 2)
 
 
 def test_the_band_is_the_median_between_the_extremes():
     runs = [run("a", k, np.full(ANGLE.size, size)) for k, size in enumerate((1.0, 2.0, 4.0))]
-    found = next(b for b in bands(align(runs, Abscissa("angle"), points=101)) if b.column == "magnitude")
+    found = next(b for b in bands(align(runs, Abscissa("angle"))) if b.column == "magnitude")
     seen = found.count == 3
     assert seen.mean() > 0.95
     np.testing.assert_allclose(found.median[seen], 2.0, rtol=1e-4)
@@ -415,21 +413,21 @@ def test_the_band_is_the_median_between_the_extremes():
     np.testing.assert_allclose(found.high[seen], 4.0, rtol=1e-4)
 
 
-def test_runs_over_other_places_are_not_compared():
+def test_runs_over_other_places_are_not_compared(refused):
     rng = np.random.default_rng(10)
     far = [run("b", k, 2.0 + 0.1 * rng.standard_normal(500), angle=ANGLE + 1.88) for k in range(3)]
     near = [run("c", k, 2.0 + 0.1 * rng.standard_normal(500)) for k in range(3)]
     found = compared(hands(rng, "a", 3), far, near)
     assert found["a", "b", "magnitude"].outcome == "too little in common"
     assert found["a", "c", "magnitude"].outcome == "too few repeats"
-    with pytest.raises(InputError, match="same places"):
+    with refused(InputError):
         compared(hands(rng, "a", 3), far)
 
 
 def test_a_stray_way_back_does_not_stop_the_comparison():
     rng = np.random.default_rng(12)
     back = run("b", 9, np.full(500, 2.0), angle=ANGLE[::-1])
-    found = align([*hands(rng, "a", 4), *hands(rng, "b", 4), back], Abscissa("angle"), points=101)
+    found = align([*hands(rng, "a", 4), *hands(rng, "b", 4), back], Abscissa("angle"))
     assert {each.direction for each in found.passes} == {1, -1}
     assert {each.direction for each in compare(found)} == {1}
 

@@ -172,26 +172,21 @@ def test_a_file_without_a_row_has_none(table, format, text):
 
 
 @pytest.mark.parametrize(
-    ("text", "name", "words"),
+    ("text", "name"),
     [
-        ("t,x\n0,1\n1,2,3\n", "a.csv", r"more cells(.|\n)*line 3"),
-        ("x,x\n0,1\n1,2\n", "a.csv", "two columns named 'x'"),
-        (LOG + "0.01 0.1\n", "log.txt", r"row 1 \(line 3\)"),
-        ("", "a.csv", "is empty"),
-        ("only words here\nand there\n", "a.csv", "is text without a row of numbers, no recording"),
-        *((head + b"\n" * 8, name, words) for name in ("run.csv", "run.mat", "run.xyz") for head, words in (
-            (b"\x89PNG\r\n\x1a\n0000", "a PNG picture"),
-            (b"%PDF-1.7", "a PDF document"),
-            (b"PAR1....", "a Parquet file"),
-            (b"<!DOCTYPE html><p>404", "a web page"),
-            (b"\x1f\x8b\x08", "a gzip archive"),
-            (b'{"a": 1}', "a JSON file"),
-            (b"SQLite format 3\x00", "an SQLite database"),
+        ("t,x\n0,1\n1,2,3\n", "a.csv"),
+        ("x,x\n0,1\n1,2\n", "a.csv"),
+        (LOG + "0.01 0.1\n", "log.txt"),
+        ("", "a.csv"),
+        ("only words here\nand there\n", "a.csv"),
+        *((head + b"\n" * 8, name) for name in ("run.csv", "run.mat", "run.xyz") for head in (
+            b"\x89PNG\r\n\x1a\n0000", b"%PDF-1.7", b"PAR1....", b"<!DOCTYPE html><p>404", b"\x1f\x8b\x08",
+            b'{"a": 1}', b"SQLite format 3\x00",
         )),
     ],
 )  # fmt: skip
-def test_what_is_no_table_is_named(table, text, name, words):
-    with pytest.raises(InputError, match=words):
+def test_what_is_no_table_is_named(refused, table, text, name):
+    with refused(InputError):
         table(text, name)
 
 
@@ -218,18 +213,17 @@ def test_a_fresh_importer_is_a_few_lines(table, tmp_path, monkeypatch):
     assert read_table(tmp_path / "run.acme").format == "acme"  # known from now on, by its suffix
 
 
-def test_names_are_given_once_and_suggested(table, monkeypatch):
+def test_names_are_given_once_and_suggested(refused, table, monkeypatch):
     monkeypatch.setattr(registry, "REGISTERED", dict(registry.REGISTERED))
-    with pytest.raises(InputError, match="is there already"):
+    with refused(InputError):
         importer("svc", about="another")(lambda path: Table({}))
-    with pytest.raises(UnknownNameError, match="matlab"):
+    with refused(UnknownNameError):
         table("0,1\n", format="matlab")
-    with pytest.raises(UnknownNameError) as caught:
+    with refused(UnknownNameError):
         table("time,pos_x\n0,1\n1,2\n")["posx"]
-    assert "pos_x" in caught.value.todo
 
 
 @pytest.mark.parametrize("values", [[[1.0, 2.0]], ["a"]])
-def test_a_column_must_be_numbers(values):
-    with pytest.raises(InputError, match="'x' is of shape"):
+def test_a_column_must_be_numbers(refused, values):
+    with refused(InputError):
         Table({"x": values})

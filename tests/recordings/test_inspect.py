@@ -323,12 +323,12 @@ def test_the_interval_about_a_mean_is_students(count, point):
     assert half == pytest.approx(point * np.std(impulses, ddof=1) / np.sqrt(count), rel=1e-3)
 
 
-def test_a_force_while_the_tool_leaves_is_no_contact():
+def test_a_force_while_the_tool_leaves_is_no_contact(refused):
     time = np.arange(1000) * DT
     x = -0.1 * time[:, None]
     push = np.where((time > 0.2) & (time < 0.22), 2.0, 0.0)[:, None]
     found = impacts(Recording(time, {"hip": x, "force": -push}, {"force_floor": 0.5}))
     assert found.contacts == ()
     assert found.unexplained == (pytest.approx(0.2005),)
-    with pytest.raises(InputError, match="2 dimensions"):
+    with refused(InputError):
         impacts(Recording(np.arange(400) * 1e-3, smooth()))

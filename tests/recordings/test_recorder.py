@@ -260,53 +260,51 @@ def test_appending_takes_no_memory_beyond_what_was_there_at_the_start(tmp_path):
 
 
 MISFITS = [
-    (((0.0, 0.0),), r"given 1 channels"),
-    (((0.0, 0.0), (0.0, 0.0, 0.0)), r"shape \(3,\) for 'force'"),
-    (((0.0,), (0.0, 0.0)), r"shape \(1,\) for 'hip'"),
-    ((np.zeros((1, 2)), np.zeros(2)), r"shape \(1, 2\) for 'hip'"),
-    ((np.zeros((2, 1)), np.zeros(2)), r"shape \(2, 1\) for 'hip'"),
-    ((1.0, (0.0, 0.0)), r"shape \(\) for 'hip'"),
-    ((("x", "y"), (0.0, 0.0)), r"append\(\) was given .*'x'"),
-    ((None, (0.0, 0.0)), r"shape \(\) for 'hip'"),
+    ((0.0, 0.0),),
+    ((0.0, 0.0), (0.0, 0.0, 0.0)),
+    ((0.0,), (0.0, 0.0)),
+    (np.zeros((1, 2)), np.zeros(2)),
+    (np.zeros((2, 1)), np.zeros(2)),
+    (1.0, (0.0, 0.0)),
+    (("x", "y"), (0.0, 0.0)),
+    (None, (0.0, 0.0)),
 ]
 
 
 @pytest.mark.parametrize("free", [20, 1])
-def test_values_that_do_not_fit_are_refused_and_reach_no_other_row(tmp_path, free):
+def test_values_that_do_not_fit_are_refused_and_reach_no_other_row(refused, tmp_path, free):
     """Also where the ring ends behind the row."""
     recorder = Recorder(tmp_path / "run.journal", CHANNELS, rows=len(MISFITS) + free)
     stop(recorder)
-    for row, (values, message) in enumerate(MISFITS):
-        with pytest.raises(InputError, match=message):
+    for row, values in enumerate(MISFITS):
+        with refused(InputError):
             recorder.append(*values)
         feed(recorder, 1, row)
-    with pytest.raises(InputError, match="stamps are whole nanoseconds"):
+    with refused(InputError):
         recorder.append((0.0, 0.0), (0.0, 0.0), at=1.5)
-    with pytest.raises(InputError, match=r"shape \(500,\) for 'force'"):
+    with refused(InputError):
         recorder.append((9.0, -9.0), [7.0] * 500)
     feed(recorder, 1, len(MISFITS))
     recorder.missed(4)
     os.kill(recorder.writer, signal.SIGCONT)
     summary = recorder.close()
     assert (summary.rows, summary.missed) == (len(MISFITS) + 1, 4)
-    with pytest.raises(InputError, match="closed"):
+    with refused(InputError):
         feed(recorder, 1)
     recording = recover(tmp_path / "run.journal")
     assert recording.clock.sequence.tolist() == list(range(len(MISFITS) + 1))
     assert_fed(recording)
 
 
-def test_a_recorder_that_cannot_start_leaves_no_file(tmp_path, monkeypatch):
+def test_a_recorder_that_cannot_start_leaves_no_file(refused, tmp_path, monkeypatch):
     (tmp_path / "file").write_bytes(b"precious")
-    with pytest.raises(HapticevalError, match="cannot record to") as caught:
+    with refused(HapticevalError):
         Recorder(tmp_path / "file" / "deep" / "run.journal", CHANNELS)
-    assert "cannot be made" in caught.value.why
-    with pytest.raises(InputError, match="is there already"):
+    with refused(InputError):
         Recorder(tmp_path / "file", CHANNELS)
     monkeypatch.setattr(sys, "executable", "false")
-    with pytest.raises(HapticevalError, match="writer of the recorder did not start") as caught:
+    with refused(HapticevalError):
         Recorder(tmp_path / "run.journal", CHANNELS)
-    assert "code 1" in caught.value.why
     assert [each.read_bytes() for each in tmp_path.iterdir()] == [b"precious"]
 
 
@@ -322,11 +320,11 @@ def test_a_loop_that_breaks_leaves_its_reason(tmp_path):
     assert event[1:] == ("ended", "RuntimeError: the motor is hot")
 
 
-def test_events_are_cut_where_a_letter_ends_and_counted_when_there_are_too_many(tmp_path):
+def test_events_are_cut_where_a_letter_ends_and_counted_when_there_are_too_many(refused, tmp_path):
     recorder = Recorder(tmp_path / "run.journal", CHANNELS)
     feed(recorder, 1)
     recorder.event("long", "ö" * 200)
-    with pytest.raises(InputError, match="an event has the kind"):
+    with refused(InputError):
         recorder.event("")
     for k in range(5000):
         recorder.event("many", str(k))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from itertools import pairwise
 
 import numpy as np
@@ -56,7 +55,7 @@ def test_the_hip_in_single_precision_is_still_the_hip(share, apart):
     assert recording.contact.tolist() == [False, apart]
 
 
-def test_what_was_not_recorded_does_not_decide_the_contact():
+def test_what_was_not_recorded_does_not_decide_the_contact(refused):
     hip, felt = np.zeros((3, 2)), np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
     assert Recording([0, 1, 2], {"hip": hip, "force": felt}).contact.tolist() == [False, True, False]
     assert Recording([0, 1, 2], {"hip": hip, "ihip": hip + felt}).contact.tolist() == [False, True, False]
@@ -64,7 +63,7 @@ def test_what_was_not_recorded_does_not_decide_the_contact():
     assert reported.contact.tolist() == [True, False, False]
     masked = Recording([0, 1, 2], {"hip": hip, "force": felt}, valid=np.array([True, False, True]))
     assert not masked.contact.any()
-    with pytest.raises(InputError, match="lacks the channel 'ihip'"):
+    with refused(InputError):
         _ = Recording([0, 1], {"hip": hip[:2]}).contact
 
 
@@ -93,18 +92,17 @@ def test_columns_are_named_by_axis_joint_and_number():
 
 
 @pytest.mark.parametrize(
-    ("widths", "words"),
+    "widths",
     [
-        ({"hip": 4}, "has 4 dimensions"),
-        ({"hip": 2, "force": 3}, r"shape \(3, 3\), not \(3, 2\)"),
-        ({"hip": 2, "joint_position": 2, "joint_velocity": 3}, "one column per joint, as 'joint_position' has"),
-        ({"hip": 0}, r"shape \(3, 0\)"),
+        {"hip": 4},
+        {"hip": 2, "force": 3},
+        {"hip": 2, "joint_position": 2, "joint_velocity": 3},
+        {"hip": 0},
     ],
 )
-def test_channels_of_a_frame_have_its_width(widths, words):
-    with pytest.raises(InputError) as caught:
+def test_channels_of_a_frame_have_its_width(refused, widths):
+    with refused(InputError):
         Recording([0.0, 1.0, 2.0], {name: np.zeros((3, width)) for name, width in widths.items()})
-    assert re.search(words, f"{caught.value.what} {caught.value.why}")
 
 
 class TestClocks:
@@ -164,7 +162,7 @@ def test_an_event_comes_back_whatever_of_it_is_long(tmp_path, event):
 
 
 class TestMemory:
-    def test_what_is_beyond_the_limit_is_refused_with_the_gigabytes_that_are_enough(self):
+    def test_what_is_beyond_the_limit_is_refused_with_the_gigabytes_that_are_enough(self, refused):
         with limited(0.5):
             reserve(GIGABYTE // 2, "it")
             with pytest.raises(InputError) as caught:
@@ -173,25 +171,25 @@ class TestMemory:
             assert caught.value.todo.endswith("--memory-limit 0.6")
             with limited(9.0):
                 reserve(5 * GIGABYTE, "it")
-            with pytest.raises(InputError, match=r"would take 0\.5 GB"):
+            with refused(InputError):
                 reserve(GIGABYTE // 2 + 1, "it")
         reserve(2 * GIGABYTE, "it")
-        with pytest.raises(InputError, match="would take 2 GB"):
+        with refused(InputError):
             reserve(2 * GIGABYTE + 1, "it")
 
-    def test_a_format_is_told_by_the_first_bytes(self, tmp_path):
+    def test_a_format_is_told_by_the_first_bytes(self, refused, tmp_path):
         (tmp_path / "long").write_bytes(b"ab" * HEAD_BYTES)
         assert first_bytes(tmp_path / "long") == b"ab" * (HEAD_BYTES // 2)
         assert HEAD_BYTES == 65536
         (tmp_path / "empty").touch()
-        with pytest.raises(InputError, match="is empty"):
+        with refused(InputError):
             first_bytes(tmp_path / "empty")
         assert first_bytes(tmp_path) == b"folder\nempty\nlong"
-        with pytest.raises(InputError, match="cannot read"):
+        with refused(InputError):
             first_bytes(tmp_path / "none")
 
 
-def test_runs_are_apart_by_the_mean_square_and_the_worst_row():
+def test_runs_are_apart_by_the_mean_square_and_the_worst_row(refused):
     hip = np.zeros((4, 2))
     one = Recording([0.0, 1.0, 2.0, 3.0], {"hip": hip, "ihip": hip, "force": hip})
     other_force = np.array([[3.0, 4.0], [0.0, 0.0], [0.0, 0.0]])
@@ -203,7 +201,7 @@ def test_runs_are_apart_by_the_mean_square_and_the_worst_row():
     assert found.ihip.max == pytest.approx(5e-3)
     bare = Recording([1.0, 2.0], {"hip": hip[:2], "force": hip[:2]})
     assert (difference(bare, one).ihip, difference(bare, one).contact) == (None, None)
-    with pytest.raises(InputError, match="no sample at the same time"):
+    with refused(InputError):
         difference(Recording([0.5], {"hip": hip[:1]}), one)
 
 
@@ -218,29 +216,29 @@ def test_runs_are_apart_by_the_mean_square_and_the_worst_row():
         ("when", ["2025-01-31T14:05:00+01:00"], ["soon", 2025, None]),
     ],
 )
-def test_metadata_is_of_its_kind(key, good, bad):
+def test_metadata_is_of_its_kind(refused, key, good, bad):
     for value in good:
         assert check_metadata({key: value}) == {key: value}
     for value in bad:
-        with pytest.raises(InputError, match=f"meta: {key} = "):
+        with refused(InputError):
             check_metadata({key: value})
 
 
 @pytest.mark.parametrize(
-    ("name", "signal", "words"),
+    ("name", "signal"),
     [
-        ("grip", None, "does not know the channel 'grip'"),
-        ("grip", ("", "no unit"), "is declared as"),
-        ("grip", ("N", 3), "is declared as"),
-        ("hip", ("mm", "hand", "world"), "is declared in mm, frame world"),
-        ("hip", ("m", "hand", "device"), "is declared in m, frame device"),
-        ("2grip", ("N", "grip"), "cannot name a channel"),
-        ("g" * 81, ("N", "grip"), "cannot name a channel"),
-        ("grip", ("N", "grip", "moon"), "is in the frame 'moon'"),
+        ("grip", None),
+        ("grip", ("", "no unit")),
+        ("grip", ("N", 3)),
+        ("hip", ("mm", "hand", "world")),
+        ("hip", ("m", "hand", "device")),
+        ("2grip", ("N", "grip")),
+        ("g" * 81, ("N", "grip")),
+        ("grip", ("N", "grip", "moon")),
     ],
 )
-def test_a_channel_is_known_or_declared_soundly(name, signal, words):
-    with pytest.raises(InputError, match=words):
+def test_a_channel_is_known_or_declared_soundly(refused, name, signal):
+    with refused(InputError):
         declared(name, {} if signal is None else {name: signal})
     assert declared("hip", {}) is CHANNELS["hip"]
     assert declared("g" * 80, {"g" * 80: ("N", "grip")}) == Signal("N", "grip")

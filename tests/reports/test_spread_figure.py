@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hapticeval.cli import main
-from hapticeval.recordings.compare.align import Abscissa, Run, align
+from hapticeval.recordings.compare.align import GRID_POINTS, Abscissa, Run, align
 from hapticeval.recordings.compare.permutation import LEVEL, least_p, needed
 from hapticeval.recordings.compare.spread import bands, compare
 from hapticeval.recordings.hdf5 import write_recording
@@ -35,7 +35,7 @@ def aligned():
     runs = [
         Run(f"{name}{seed}", name, recording(seed + 10 * k, more=k)) for k, name in enumerate("ab") for seed in range(4)
     ]
-    return align(runs, Abscissa("angle"), points=101)
+    return align(runs, Abscissa("angle"))
 
 
 def test_everything_is_written_twice_alike(aligned, tmp_path):
@@ -50,7 +50,7 @@ def test_everything_is_written_twice_alike(aligned, tmp_path):
         assert expected in words
     document = json.loads(first[3].read_text())
     assert document["by"] == "angle"
-    assert len(document["grid"]) == 101
+    assert len(document["grid"]) == GRID_POINTS
     outcomes = {each["column"]: each["outcome"] for each in document["comparisons"]}
     assert outcomes["direction"] == "the same to rounding"
     assert set(outcomes.values()) <= {"differs", "within the spread", "the same to rounding"}
@@ -63,7 +63,7 @@ def test_the_table_states_each_difference_in_spreads(aligned):
     assert size is not None
     assert float(size[1]) == pytest.approx(1.0, abs=0.2)
     assert float(size[2]) > 3.0
-    assert "a and b, forward, direction of the force: the same to rounding: 8.7e-05 degrees apart at most" in text
+    assert "a and b, forward, direction of the force: the same to rounding: 9.3e-05 degrees apart at most" in text
     assert len(re.findall(r"\| [ab] \| [ab]\d \| forward \| 1 \| \S+ \| \S+ \| (?:9\d\.?\d*|100) % \|", text)) == 8
     assert "takes two renderers" in table(aligned, ())
 
@@ -74,9 +74,9 @@ def test_repeats_that_do_not_differ_are_no_spread_to_divide_by():
     for name, more in (("a", 0.0), ("b", 0.1)):
         for k in range(4):
             hip = one.hip.copy()
-            hip[15 + k] *= 1.0 + 1e-9  # no copy, and between two places of the grid
+            hip[15 + k] *= 2.0  # no copy, and at the same angle to the bit
             runs.append(Run(f"{name}{k}", name, Recording(one.time, {"hip": hip, "force": one.force * (1.0 + more)})))
-    apart = align(runs, Abscissa("angle"), points=11)
+    apart = align(runs, Abscissa("angle"))
     text = table(apart, [each for each in compare(apart) if each.column == "magnitude"])
     assert re.search(r"size of the force: differs by \S+ N, where repeats do not differ at all \(p = 0.029", text)
     assert "inf" not in text
@@ -149,7 +149,7 @@ def test_rounding_is_told_as_such(tmp_path):
         for name, more in (("a", 0), ("b", 4))
         for k in range(4)
     ]
-    alike = align(runs, Abscissa("angle"), points=101)
+    alike = align(runs, Abscissa("angle"))
     text = table(alike, compare(alike))
     assert "a and b, forward, size of the force: the same to rounding" in text
     assert "differs" not in text

@@ -73,9 +73,8 @@ def test_what_it_cannot_do_is_refused(refused):
         simulate_closed_loop(resolve("ideal")(scene), drawn([[0.0, 0.1], [0.1, 0.1]], stiffness=0.0), scene, 1e-3)
     blob = SurfaceInSpace()
     blob.name = "blob"
-    with refused(RefusalError) as caught:
+    with refused(RefusalError):
         resolve("ideal")(Scene(model=Model("blob", {}, blob)))
-    assert "has no search" in caught.value.why
 
 
 @pytest.mark.timeout(120)

@@ -328,20 +328,19 @@ def test_a_selection_is_by_case_or_by_check_and_adds_up(short, select, planned):
 
 
 @pytest.mark.parametrize("select", [["glide"], ["slide", "glide"]])
-def test_a_pattern_that_matches_nothing_has_its_own_exit_code(short, select):
-    message = r"nothing matches -k 'glide'\s*why: the cases are: press, slide"
-    with pytest.raises(NothingSelectedError, match=message) as at:
+def test_a_pattern_that_matches_nothing_has_its_own_exit_code(refused, short, select):
+    with refused(NothingSelectedError) as at:
         plan([short], ["constraint"], RunOptions(select=tuple(select)))
     assert at.value.exit_code == 4
 
 
-def test_what_cannot_run_is_refused_before_anything_runs(short, tmp_path):
-    with pytest.raises(UnknownNameError, match="constraint"):
+def test_what_cannot_run_is_refused_before_anything_runs(refused, short, tmp_path):
+    with refused(UnknownNameError):
         plan([short], ["constrain"])
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "short.toml").write_text(SUITE)
-    with pytest.raises(InputError, match="two suites are named 'short'"):
+    with refused(InputError):
         plan([short, str(tmp_path / "other" / "short.toml")], ["constraint"])
     (tmp_path / "bad.toml").write_text(SUITE.replace("position = [0.0, 0.001]", "position = [0.0, nan]"))
-    with pytest.raises(InputError, match=r"suite 'bad': case 'press'.*not finite"):
+    with refused(InputError):
         plan([str(tmp_path / "bad.toml")], ["constraint", "minimum-distance"])

@@ -211,27 +211,26 @@ ENTRY = '[[known]]\nrenderer = "r"\nreason = "why"\nverdicts = ["s/c/memoryless"
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    "text",
     [
-        (ENTRY.replace("why", " "), "known.toml: known[0]: the reason why 's/c/memoryless' is known to fail is empty"),
-        (ENTRY.replace("reason", "raeson"), "did you mean reason?"),
-        (ENTRY.replace('reason = "why"\n', ""), "missing required field `reason`"),
-        (ENTRY.replace("s/c/memoryless", "c/memoryless"), "'c/memoryless' names no verdict"),
-        (ENTRY.replace('["s/c/memoryless"]', "[]"), "known.toml: known[0].verdicts"),
-        (ENTRY.replace('"s/c/memoryless"', '{ verdict = "s/c/memoryless", metric = nan }'), "is no number"),
-        (ENTRY.replace('"s/c/memoryless"', '{ verdict = "s/c/memoryless", matric = 1.0 }'), "did you mean metric?"),
-        (ENTRY + 'outcome = "pass"\n', "known: fail, inconclusive"),
-        (ENTRY + ENTRY.replace("why", "another"), "'s/c/memoryless' of r is listed twice"),
-        ("[[known]\n", "known.toml is not TOML"),
-        ("[known]\n", "known.toml: known"),
+        ENTRY.replace("why", " "),
+        ENTRY.replace("reason", "raeson"),
+        ENTRY.replace('reason = "why"\n', ""),
+        ENTRY.replace("s/c/memoryless", "c/memoryless"),
+        ENTRY.replace('["s/c/memoryless"]', "[]"),
+        ENTRY.replace('"s/c/memoryless"', '{ verdict = "s/c/memoryless", metric = nan }'),
+        ENTRY.replace('"s/c/memoryless"', '{ verdict = "s/c/memoryless", matric = 1.0 }'),
+        ENTRY + 'outcome = "pass"\n',
+        ENTRY + ENTRY.replace("why", "another"),
+        "[[known]\n",
+        "[known]\n",
     ],
 )
-def test_what_cannot_be_meant_is_refused(tmp_path, text, message):
+def test_what_cannot_be_meant_is_refused(refused, tmp_path, text):
     file = tmp_path / "known.toml"
     file.write_text(text)
-    with pytest.raises(InputError) as caught:
+    with refused(InputError):
         read_known(file)
-    assert message in str(caught.value)
 
 
 def test_an_empty_list_knows_nothing(tmp_path):
@@ -240,12 +239,12 @@ def test_an_empty_list_knows_nothing(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("place", "meant"),
-    [("thesis/star-convex-cornr/memoryless", "star-convex-corner"), ("thesis/plane-press/memoryles", "reset-clears")],
+    "place",
+    ["thesis/star-convex-cornr/memoryless", "thesis/plane-press/memoryles"],
 )
-def test_an_entry_without_its_case_or_check_is_refused(place, meant):
+def test_an_entry_without_its_case_or_check_is_refused(refused, place):
     entries = {("r", place): changed(LISTED, verdicts=(place,))}
-    with pytest.raises(InputError, match=meant):
+    with refused(InputError):
         Known(entries, "known.toml").check([load_suite("thesis")])
     Known(entries).check([load_suite("generated")])
 

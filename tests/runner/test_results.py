@@ -119,61 +119,59 @@ def test_numbers_that_json_cannot_hold_become_null_and_are_told(tmp_path):
     json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} was written"))
 
 
-def test_numpy_values_are_written_as_json_and_what_is_no_json_is_refused_by_name():
+def test_numpy_values_are_written_as_json_and_what_is_no_json_is_refused_by_name(refused):
     evidence = {"samples": np.int64(3), "stuck": np.bool_(True), "of": (1, "two"), "level": Level.INFO}
     found = entry(Finding(Outcome.PASS, "fine", Metric("jump", np.float64(1.5), "m"), np.float32(2.0), evidence))
     document = json.loads(msgspec.json.encode(found))
     assert document["evidence"] == {"samples": 3, "stuck": True, "of": [1, "two"], "level": "info"}
     assert document["margin"] == 0.5
-    with pytest.raises(InputError, match=r"verdict\.evidence\.curve is a object"):
+    with refused(InputError):
         entry(Finding(Outcome.PASS, "fine", evidence={"curve": object()}))
 
 
-def test_what_could_not_be_read_is_not_written(tmp_path, whole):
-    with pytest.raises(InputError, match="outcome"):
+def test_what_could_not_be_read_is_not_written(refused, tmp_path, whole):
+    with refused(InputError):
         write_results(tmp_path, changed(whole, verdicts=[changed(whole.verdicts[0], outcome="passed")]))
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    "change",
     [
-        (lambda text: text[: len(text) // 2], [r"results.json is not JSON: line", "column"]),
-        (lambda text: text.replace('"seed": 3', '"seed": NaN'), ["not JSON", "NaN"]),
-        (lambda text: "[" * 100_000, ["not JSON"]),
-        (lambda text: "[]", ["expected `object`, got `array`"]),
-        (lambda text: text.replace('"seed": 3', '"seed": "seven"'), ["seed"]),
-        (lambda text: text.replace('"format_version": 1', '"format_version": 2'), ["format 2", "update hapticeval"]),
-        (lambda text: text.replace(' "format_version": 1,', ""), ["format None"]),
-        (lambda text: text.replace('"outcome": "pass"', '"outcome": "perhaps"'), ["verdicts[0].outcome", "perhaps"]),
-        (lambda text: text.replace('"Yes"', '"Maybe"'), ["table.Resists Pop-Through on Curves.constraint", "Maybe"]),
-        (lambda text: text.replace('"planned": 1', '"planned": 3'), ["1 of 3"]),
-        (lambda text: text.replace('"ran": 1', '"ran": 3'), ["3 of 1"]),
-        (lambda text: text.replace('"complete": true', '"complete": false'), ["no reason"]),
-        (lambda text: text.replace('"kind": "cassinian"', '"name": "x"'), ["the model has no kind"]),
-        (lambda text: text.replace('"strict"', '"struct"'), ["command", "struct"]),
+        lambda text: text[: len(text) // 2],
+        lambda text: text.replace('"seed": 3', '"seed": NaN'),
+        lambda text: "[" * 100_000,
+        lambda text: "[]",
+        lambda text: text.replace('"seed": 3', '"seed": "seven"'),
+        lambda text: text.replace('"format_version": 1', '"format_version": 2'),
+        lambda text: text.replace(' "format_version": 1,', ""),
+        lambda text: text.replace('"outcome": "pass"', '"outcome": "perhaps"'),
+        lambda text: text.replace('"Yes"', '"Maybe"'),
+        lambda text: text.replace('"planned": 1', '"planned": 3'),
+        lambda text: text.replace('"ran": 1', '"ran": 3'),
+        lambda text: text.replace('"complete": true', '"complete": false'),
+        lambda text: text.replace('"kind": "cassinian"', '"name": "x"'),
+        lambda text: text.replace('"strict"', '"struct"'),
         *(
-            (lambda text, path=path: text.replace("recordings/s/c/r.h5", path), ["recording", path])
+            lambda text, path=path: text.replace("recordings/s/c/r.h5", path)
             for path in ("/etc/passwd", "recordings/../../x.h5", "other/x.h5", "recordings/..")
         ),
     ],
 )
-def test_what_is_cut_edited_or_of_another_version_is_refused_with_its_place(tmp_path, whole, change, words):
+def test_what_is_cut_edited_or_of_another_version_is_refused_with_its_place(refused, tmp_path, whole, change):
     path = write_results(tmp_path, whole)
     path.write_text(change(path.read_text()))
-    with pytest.raises(InputError) as caught:
+    with refused(InputError):
         read_results(tmp_path)
-    assert "results.json" in str(caught.value)
-    assert [word for word in words if word not in str(caught.value)] == []
 
 
-def test_a_folder_that_holds_none_says_so(tmp_path):
-    with pytest.raises(InputError, match="no result folder"):
+def test_a_folder_that_holds_none_says_so(refused, tmp_path):
+    with refused(InputError):
         read_results(tmp_path / "gone")
-    with pytest.raises(InputError, match=r"holds no results\.json"):
+    with refused(InputError):
         read_results(tmp_path)
     (tmp_path / "results.json").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="not JSON"):
+    with refused(InputError):
         read_results(tmp_path)
 
 
@@ -214,7 +212,7 @@ def test_file_stems_of_renderer_names():
     assert "/" not in "".join(file_stem(name) for name in hard)
 
 
-def test_a_model_of_a_file_is_made_from_where_the_recording_has_it_and_only_while_it_is_the_same(tmp_path):
+def test_a_model_of_a_file_is_made_from_where_the_recording_has_it_and_only_while_it_is_the_same(refused, tmp_path):
     file = tmp_path / "cube.off"
     file.write_text("OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n", encoding="utf-8")
     model = {"kind": "mesh", "file": str(file), "unit": "m"}
@@ -222,8 +220,8 @@ def test_a_model_of_a_file_is_made_from_where_the_recording_has_it_and_only_whil
     points = np.zeros((3, 3))
     recording = Recording(np.arange(3) * 1e-3, {"hip": points}, {"scene": {"model": model}})
     assert entry.build_model(recording).dimension == 3
-    with pytest.raises(InputError, match="gone"):
+    with refused(InputError):
         entry.build_model(None)
     file.write_text(file.read_text(encoding="utf-8") + "# other\n", encoding="utf-8")
-    with pytest.raises(InputError, match="another by now"):
+    with refused(InputError):
         entry.build_model(recording)

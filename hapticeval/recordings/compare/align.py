@@ -316,7 +316,7 @@ class Aligned:
         )
 
 
-def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, points: int = GRID_POINTS) -> Aligned:
+def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False) -> Aligned:
     """Resample runs over a common grid of the abscissa, linearly between neighbouring samples in contact.
 
     Nothing is interpolated over a gap in time, from contact to free space, or across a jump: an IHIP or a force that
@@ -329,7 +329,7 @@ def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, point
     low, high = _grid_range([segment for segments in segments_of_runs for segment in segments], abscissa.period)
     if not high > low:
         raise InputError("the runs do not move along the abscissa", todo="align them by something else")
-    grid = np.linspace(low, high, points)
+    grid = np.linspace(low, high, GRID_POINTS)
     # Going back by less than one step of the grid is the hand's tremor, and no turn.
     slack = grid[1] - grid[0]
     passes: list[Pass] = []

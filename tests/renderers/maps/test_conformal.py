@@ -274,7 +274,7 @@ def test_a_dumbbell_that_the_flow_splits_is_mapped(neck):
 
 @pytest.mark.parametrize("model", [dumbbell(neck=0.01), ellipse(ratio=20.0), star(tip_angle=10.0)])
 def test_exhausted_precision_is_refused_with_number_and_place(model):
-    with pytest.raises(CrowdingError, match=r"(?s)crowds by.*minimum-distance") as caught:
+    with pytest.raises(CrowdingError) as caught:
         conformal_map(model.curve)
     assert caught.value.crowding > 1e10
     assert caught.value.blur > 0.002
@@ -282,20 +282,20 @@ def test_exhausted_precision_is_refused_with_number_and_place(model):
 
 
 @pytest.mark.parametrize(
-    ("model", "nodes", "what"),
+    ("model", "nodes", "error"),
     [
-        (line(), None, "unbounded"),
-        (cassinian(), 4, "nodes = 4"),
-        (cassinian(), 100_000, "nodes = 100000"),
-        (star(), 40, "nodes = 40"),
-        (from_vertices(cassinian().polygon(400).vertices), None, "400 pieces"),
-        (cassinian(lobes=200, a_n=1.5), None, "resolved|crowds"),
-        (from_vertices(cassinian().polygon(160).vertices), None, "resolved|crowds"),
-        (from_vertices(star(80).polygon().vertices), None, "resolved|crowds"),
+        (line(), None, RefusalError),
+        (cassinian(), 4, InputError),
+        (cassinian(), 100_000, InputError),
+        (star(), 40, InputError),
+        (from_vertices(cassinian().polygon(400).vertices), None, RefusalError),
+        (cassinian(lobes=200, a_n=1.5), None, RefusalError),
+        (from_vertices(cassinian().polygon(160).vertices), None, RefusalError),
+        (from_vertices(star(80).polygon().vertices), None, RefusalError),
     ],
 )
-def test_what_cannot_be_mapped_is_refused(model, nodes, what):
-    with pytest.raises((InputError, RefusalError), match=what):
+def test_what_cannot_be_mapped_is_refused(refused, model, nodes, error):
+    with refused(error):
         conformal_map(model.curve, nodes=nodes)
 
 

@@ -180,15 +180,15 @@ def test_components_are_counted_across_corners_of_cells():
     assert middle == pytest.approx((front.x0 + 3.0 * front.h, front.y0 + 3.0 * front.h))
 
 
-def test_a_thin_neck_splits():
-    with pytest.raises(FlowSplitError, match=r"(?s)splits into 2 parts.*conformal") as caught:
+def test_a_thin_neck_splits(refused):
+    with refused(FlowSplitError) as caught:
         run_flow(dumbbell(neck=0.1), FlowSettings(cells=100))
     assert abs(caught.value.position[0]) < 0.03
 
 
 @pytest.mark.parametrize("model", [ellipse(4.0), ellipse(8.0), dumbbell(0.36)], ids=["4:1", "8:1", "dumbbell"])
-def test_a_long_body_collapses(model):
-    with pytest.raises(FlowCollapseError, match=r"(?s)segment.*conformal") as caught:
+def test_a_long_body_collapses(refused, model):
+    with refused(FlowCollapseError) as caught:
         run_flow(model, SMALL)
     assert isinstance(caught.value, InputError)
     assert caught.value.position == pytest.approx((0.0, 0.0), abs=1e-3)
