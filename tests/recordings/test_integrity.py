@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2
@@ -87,6 +87,7 @@ def spans(soundness):
 
 
 @settings(max_examples=6)
+@example(seed=3, quantised=False, noise=0.0)  # of doubles: nothing but the rounding of the chain is off
 @given(seed=st.integers(0, 99), quantised=st.booleans(), noise=st.sampled_from([0.0, 0.02]))
 def test_a_clean_recording_has_no_findings(seed, quantised, noise):
     run = recording(*parts(seed, quantised=quantised, noise=noise))
@@ -386,6 +387,16 @@ def test_what_keeps_its_value_by_nature_is_left_alone():
     assert not examine(recording(stamps, {"hip": hip, "ihip": np.tile([0.06, 0.0], (ROWS, 1))})).suspicious
 
 
+@pytest.mark.parametrize(("offset", "stuck"), [(1, False), (2, True)])
+def test_a_coarse_converter_s_zero_is_within_a_step_of_none_also_where_it_does_not_come_back(offset, stuck):
+    """Free for three quarters of the run, which ends in the press."""
+    turn = np.linspace(0.0, 8.0 * np.pi, ROWS)
+    press = np.where(turn < 6.0 * np.pi, 0.0, np.abs(np.sin(3.0 * turn)))
+    force = 0.05 * (np.round(np.column_stack([press, 0.5 * press]) / 0.05) + offset)
+    hip = 0.05 * np.column_stack([np.sin(turn), np.cos(1.3 * turn)])
+    assert ("stuck" in kinds(examine(recording(np.arange(ROWS) * 1_000_000, {"hip": hip, "force": force})))) is stuck
+
+
 @pytest.mark.parametrize("share", [0.05, 0.5])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_rows_that_a_logger_wrote_again_are_counted(seed, share):
@@ -398,6 +409,15 @@ def test_rows_that_a_logger_wrote_again_are_counted(seed, share):
     faults = [fault for fault in examine(recording(stamps, channels)).faults if fault.kind == "repeated rows"]
     assert [fault.measures["rows"] for fault in faults] == [again.size]
     assert f"{again.size} of {ROWS} rows repeat the row before in all 12 columns" in faults[0].message
+
+
+@pytest.mark.parametrize(("count", "expected"), [(9, set()), (10, {"repeated rows"})])
+def test_a_device_that_is_late_now_and_then_is_no_logger_that_repeats_rows(count, expected):
+    stamps, channels = parts(noise=0.02)
+    for row in np.linspace(20, ROWS - 20, count).astype(int):
+        for values in channels.values():
+            values[row] = values[row - 1]
+    assert kinds(examine(recording(stamps, channels))) == expected
 
 
 def test_slow_motion_repeats_rows_by_itself():

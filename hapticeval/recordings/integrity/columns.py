@@ -343,8 +343,7 @@ def _is_free_reading(recording: Recording, column: Column, rows: slice, value: f
 
 MOVING_QUANTA = 2.5  # quanta in a step that no encoder at rest makes: between two such steps the row cannot be the same
 STEPS_AROUND = 3  # steps on either side of a repeated row that are looked at
-FEWEST_REPEATED = 10  # so many repeated rows,
-REPEATED_SHARE = 0.005  # and this share of all, are a logger's habit and no chance
+FEWEST_REPEATED = 10  # so many repeated rows in motion are a logger's habit; a device may be late once
 
 
 def repeated_rows(recording: Recording) -> Iterator[Issue]:
@@ -377,7 +376,7 @@ def repeated_rows(recording: Recording) -> Iterator[Issue]:
         either = large[:, :STEPS_AROUND].any(axis=1) & large[:, STEPS_AROUND:].any(axis=1)
         impossible |= one_way & either & np.all(large | (neighbours == 0.0), axis=1)
     count = int(impossible.sum())
-    if count < FEWEST_REPEATED or count < REPEATED_SHARE * len(recording):
+    if count < FEWEST_REPEATED:
         return
     first = int(rows[np.argmax(impossible)]) + 1
     message = (

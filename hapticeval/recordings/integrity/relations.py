@@ -37,7 +37,6 @@ LAGS_TRIED = 20  # ticks over which a lag is looked for
 SHORTEST_WINDOW = 8  # rows of the shortest window
 LEAST_CORRELATION = 0.8  # correlation below which a velocity is not the derivative of its position
 INDEPENDENT_WINDOWS = 10  # so many windows that do not overlap are the fewest that a correlation is taken from
-MOST_WINDOWS = 20_000  # about so many windows are looked at, spread over the stretch
 # Lags that leave up to so many times as much unexplained as the best one explain a velocity as well.
 LAG_TOLERANCE = 1.1
 # How far the ratio of a velocity to the derivative may be from one; a wrong unit is further off by far.
@@ -106,11 +105,12 @@ def derivative_fit(position: Array, speed: Array, time: Array) -> Fit | None:
 
 
 def _regressed(moved: Array, integrated: Array, window: int) -> Fit:
-    """Regress `made` on `moved` at the lag of the least size that explains as much as any; the correlation's size.
+    """Regress `integrated` on `moved` at the lag of the least size that explains as much as any.
 
-    Windows overlap, so one in several is enough. What noise leaves unexplained hardly depends on the lag.
+    Windows overlap, so one in several is enough. What noise leaves unexplained hardly depends on the lag. The
+    correlation of the fit is its size.
     """
-    stride = max(window // SHORTEST_WINDOW, moved.size // MOST_WINDOWS, 1)
+    stride = window // SHORTEST_WINDOW
     # The smallest lag comes first, so that argmax below finds it among those that explain as much.
     lags = sorted(range(-LAGS_TRIED, LAGS_TRIED + 1), key=abs)
     pairs = [[series[::stride] for series in lagged(moved, integrated, lag)] for lag in lags]
