@@ -208,6 +208,17 @@ def test_what_a_lap_creates_beyond_its_gap_is_seen():
     assert finding.evidence["way"] == passivity.LAP
 
 
+INTO_CONTACT = Path([0.0, 0.005, 0.01, 0.015], [[0.0, 1e-12], [0.0, 1e-12], [4e-8, -1e-12], [4e-8, -1e-12]])
+"""Beside a plane and then in it, by a picometre, and 40 nm along it: with an IHIP apart it is contact only there."""
+
+
+@pytest.mark.parametrize(("stiffness", "expected"), [(K, PASS), (0.0, FAIL)])
+def test_a_spring_below_the_floor_of_contact_may_give_what_it_had_stored_and_a_push_may_not(stiffness, expected):
+    """47 uN: a spring of 1,000 N/m stores F^2 / (2 K) = 1.10 pJ and gives 1.08 pJ of it, a steady push 1.88 pJ."""
+    finding = judged_field(lambda p: np.array([47e-6 - stiffness * p[0], 0.0]), INTO_CONTACT, scene=PLANE)
+    assert finding.outcome is expected, finding
+
+
 def test_without_a_closed_way_nothing_is_known():
     finding = judged_field(lambda p: -K * (p + 1.0), Path([0.0, 1.0], [[0.0, 0.0], [0.01, 0.0]]))
     assert finding.outcome is UNDECIDED

@@ -66,6 +66,7 @@ class Gain:
     - `hold`: what holding the force for a tick adds; `lag`: what else vanishes as the tick does.
     - `law`: the limit of fast sampling, which the force gives as a function of the hand's way.
     - `correction`: the last one of the extrapolation to it; `open` bounds all that is not known of it.
+    - `stored`: what it may be without being created: see `stored_before`.
     - `crossed`: all that crossed in either direction; `effort`: the force times the way.
     """
 
@@ -77,6 +78,7 @@ class Gain:
     law: float
     correction: float
     open: float
+    stored: float
     crossed: float
     effort: float
 
@@ -89,13 +91,18 @@ class Gain:
 
         Along a surface a rigid contact's force does no work, whatever is open of it.
         """
-        settled = self.law + self.correction <= 0.0
+        settled = self.law + self.correction <= self.stored
         return settled or self.open <= max(TELLING_SHARE * self.crossed, RIGID_WORK_SHARE * self.effort)
 
     @property
     def excess(self) -> float:
-        """How far the gain is beyond what is open, J."""
-        return self.law - self.open
+        """How far the gain is beyond what is open and what was stored, J."""
+        return self.law - self.granted
+
+    @property
+    def granted(self) -> float:
+        """The largest gain that shows nothing, J."""
+        return self.open + self.stored
 
 
 class SampledWork:
@@ -195,24 +202,25 @@ def contact_spans(free: BoolArray) -> Iterator[Span]:
         yield Span(int(first), last, "since free space" if not later.size else "from free space to free space")
 
 
-def unclosed_work(base: Recording, span: Span) -> float:
-    """Return what may still be stored where a lap does not quite close, J: points of two laps are one within a gap.
+def stored_before(base: Recording, span: Span, scene: Scene) -> float:
+    """Return by how much more may be stored at the start of a span than at its end, J, so that the hand may get it.
 
-    Over the straight step d that closes it, S(end) - S(start) is at most the largest |F| times |d|, and of a force that
-    goes straight from one end to the other |F| is largest at an end. From free space nothing is stored.
+    - From free space a force F below the floor of contact is that of a spring that holds F^2 / (2 K), of the softest K.
+    - Points of two laps are one within a gap. Over the straight step d that closes the lap, S(start) - S(end) is at
+      most the largest |F| times |d|, and of a force that goes straight from one end to the other it is that at an end.
     """
-    if span.what != LAP:
-        return 0.0
-    ends = [span.first, span.last]
-    gap = np.linalg.norm(base.hip[span.last] - base.hip[span.first])
-    return float(gap * np.linalg.norm(base.force[ends], axis=1).max())
+    force_first, force_last = (float(np.linalg.norm(base.force[row])) for row in (span.first, span.last))
+    if span.what == LAP:
+        return float(np.linalg.norm(base.hip[span.last] - base.hip[span.first])) * max(force_first, force_last)
+    softest, _ = declared_range(base) or (1.0, 1.0)
+    return force_first**2 / (2.0 * softest * scene.stiffness)
 
 
-def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, unclosed: float) -> Gain:
+def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, stored: float) -> Gain:
     """Return the gain over a lap, or over another span up to the row of it where it is farthest beyond what is open.
 
     `sampled` are the base run, and three of which each has twice the rate of the one before. `rounding` (n,), J, is
-    what the running sums may be off by, and `unclosed`, J, what a lap that does not quite close leaves stored.
+    what the running sums may be off by, and `stored`, J, is `stored_before`.
     """
     rows = span.ends
 
@@ -225,7 +233,7 @@ def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, unclosed:
     # Richardson's differences: a held force is of first order, so that after / before tends to 1/2.
     before, after = half - coarse, quarter - half
     first, last = np.abs(before), np.abs(after)
-    error = over(finest.error) + over(rounding) + unclosed
+    error = over(finest.error) + over(rounding)
     settled = last <= np.maximum(SETTLING_RATIO * first, error)
     # W(0) = 2 W(T/4) - W(T/2) = quarter + after
     law = np.where(settled, quarter + after, quarter)
@@ -235,7 +243,7 @@ def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, unclosed:
     doubt = error + correction
     # The row with the largest gain beyond what is open; at the end of the span where none is.
     row = int(np.argmax(law - doubt))
-    if law[row] <= doubt[row]:
+    if law[row] <= doubt[row] + stored:
         row = rows.size - 1
     return Gain(
         span.what,
@@ -247,6 +255,7 @@ def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, unclosed:
         law=float(law[row]),
         correction=float(correction[row]),
         open=float(doubt[row]),
+        stored=stored,
         crossed=float(over(finest.crossed)[row]),
         effort=float(over(finest.effort)[row]),
     )
@@ -349,7 +358,7 @@ def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, ways: list
         """Return the work, J, of a span up to where it is farthest beyond what is explained."""
         last = int(span.ends[np.argmax((work - explained)[span.ends])])
         gained, granted = (float(sums[last] - sums[span.first]) for sums in (work, explained))
-        return AtOwnRate(span.what, span.first, last, gained, granted + unclosed_work(base, span), lag)
+        return AtOwnRate(span.what, span.first, last, gained, granted + stored_before(base, span, scene), lag)
 
     gains = [min(map(largest, spans), key=lambda gain: gain.excess) for spans in ways]
     return max(gains, key=lambda gain: gain.excess, default=None)
@@ -481,7 +490,7 @@ def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) 
             f"creates energy: {worst.what}, round {where} until t = {base.time[worst.last]:.4g} s, the hand gets "
             f"{_millijoules(worst.law)} that it never gave, however fast the loop is sampled; beside that {shares}"
         )
-        return Finding(Outcome.FAIL, message, metric, worst.open, evidence)
+        return Finding(Outcome.FAIL, message, metric, worst.granted, evidence)
     if open_ways:
         largest = max(open_ways, key=lambda gain: gain.law)
         message = (
@@ -489,9 +498,9 @@ def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) 
             f"t = {base.time[largest.first]:.4g} s to {base.time[largest.last]:.4g} s; over the others it gets no "
             "energy"
         )
-        return undecided(message, metric, worst.open, evidence)
+        return undecided(message, metric, worst.granted, evidence)
     message = f"the hand gets back no more than it put in; {worst.what} {shares}"
-    return Finding(Outcome.PASS, message, metric, worst.open, evidence)
+    return Finding(Outcome.PASS, message, metric, worst.granted, evidence)
 
 
 def _gains(
@@ -515,7 +524,7 @@ def _gains(
     free = np.logical_and.reduce([sums.free[:count] for sums in sampled])
     return [
         min(
-            (_gain(sampled, span, rounding, unclosed_work(base, span)) for span in spans),
+            (_gain(sampled, span, rounding, stored_before(base, span, scene)) for span in spans),
             key=lambda gain: (not gain.telling, gain.excess),
         )
         for spans in ways(free)
