@@ -256,15 +256,26 @@ def _follow_with_rigid_tool(recording: Recording, mesh: Mesh, slack: float) -> t
     A hand that is on the mesh, to `slack` (m), is on either side of it by rounding. The tool is that of a hand a little
     inside, under all faces there: the hand of a rigid contact is the tool, and is so held. Where a hand a little
     outside has a tool elsewhere, on another face or free, nothing tells which is right: the hand has come over an edge
-    in a face's plane.
+    in a face's plane. Nor does anything later, as long as the tools of both go on to be apart.
     """
     inside, outside = _shift_touching(recording.hip, mesh, slack)
     triangles, faces, tools = _find_faces(mesh, inside)
     if outside is not inside:
         _, other_faces, other_tools = _find_faces(mesh, outside)
-        apart = np.linalg.norm(tools - other_tools, axis=1) > SHIFTED_TOOLS_APART * slack
-        faces[(faces >= 0) & (faces != other_faces) & apart] = UNDECIDED
+        unclear = _differ(faces, tools, other_faces, other_tools, slack)
+        # From where it is clear again, the hand is inside: but the tool stays on the face that either side has led to.
+        for _, end, label in _label_runs(unclear.astype(np.int64)):
+            if label and end < len(faces) and faces[end] >= 0:
+                _, other_faces, other_tools = _find_faces(mesh, np.vstack([outside[:end], inside[end:]]))
+                unclear |= _differ(faces, tools, other_faces, other_tools, slack)
+        faces[unclear] = UNDECIDED
     return faces, triangles, tools
+
+
+def _differ(faces: IntArray, tools: Array, other_faces: IntArray, other_tools: Array, slack: float) -> BoolArray:
+    """Return where a tool (n, 3), m, is on a face (n,), and another elsewhere by more than rounding, `slack` (m)."""
+    apart = np.linalg.norm(tools - other_tools, axis=1) > SHIFTED_TOOLS_APART * slack
+    return np.asarray((faces >= 0) & (faces != other_faces) & apart)
 
 
 def _find_faces(mesh: Mesh, hips: Array) -> tuple[IntArray, IntArray, Array]:

@@ -16,6 +16,7 @@ from hapticeval.phenomena.crossings import find_crossings
 from hapticeval.renderers import constraint
 from hapticeval.rigid_contact import ideal
 from hapticeval.scene import Scene
+from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
 
 STEP, DEPTH = 2e-5, 3e-3
@@ -196,3 +197,17 @@ def test_a_rigid_tool_that_flies_over_a_ring_in_the_plane_of_its_top_is_not_held
     recording = ideal(nut).simulate(Path([0.0, 0.6, 1.2, 1.8], np.array(points)), 1e-3)
     assert [event["kind"] for event in recording.meta["events"]] == ["impact", "leave"]
     assert outcome("broken-contact", recording, nut) is not FAIL
+
+
+def test_a_tool_that_came_in_through_an_edge_stays_on_either_face_for_as_long_as_it_is_inside():
+    """In the plane of one side past the edge, then in that of the other, under both, and out through the top."""
+    corners = [[0.05, 0.065, 0.012], [0.05, 0.0497, 0.012], [0.0497, 0.05, 0.012], [0.0475, -0.032, 0.012]]
+    path = Path(0.6 * np.arange(5.0), [*corners, [0.036, -0.036, 0.056]])
+    base = play(constraint(CUBE), path, 1e-3, scene=CUBE)
+    on_side = (base.ihip[:, 0] == 0.05) & (base.hip[:, 0] < 0.049)
+    assert on_side.any()
+    assert outcome("broken-contact", base, CUBE) is NO
+    # Of a hand that comes in under the other side alone, it is not where a rigid tool is.
+    aside = base.hip - np.array([1e-3, 0.0, 0.0])
+    ihip = np.where((base.force != 0.0).any(axis=1)[:, None], base.ihip, aside)
+    assert outcome("broken-contact", recorded(aside, ihip), CUBE) is FAIL
