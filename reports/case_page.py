@@ -20,7 +20,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import OWN_TOOL, Recording
 from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.reports.canvas import Look, looks_of
 from hapticeval.reports.case_data import Track, drawable_recording, model_document, sample_tracks, tracks_document
@@ -265,6 +265,7 @@ def case_section(
         places={(place.renderer, place.time): place.number for place in places},
         tracks=set(drawn_names), shown=differing_renderers(judged, drawn_names, worst), worst=worst,
         parts=_drawn_parts(tracks),
+        own_tools=[name for name, recording in drawable.items() if is_led and recording.meta.get(OWN_TOOL) is True],
     )  # fmt: skip
 
 

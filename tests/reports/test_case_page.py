@@ -20,7 +20,7 @@ from result_entries import SCENE, changed, run_entry
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import OWN_TOOL, Recording
 from hapticeval.reports import case_data
 from hapticeval.reports.canvas import THEME, looks_of
 from hapticeval.reports.case_data import (
@@ -372,6 +372,14 @@ def test_a_page_has_every_verdict_at_its_anchor_with_a_link_to_its_time():
     assert np.abs(times - time).min() == 0.0
     steps = numbers(document["runs"][0]["step"])[:, 0]
     assert steps[np.argmin(np.abs(times - time))] == pytest.approx(steps.max())
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_a_page_says_whose_hand_is_no_hand_that_is_led_but_a_tool_of_its_own(own):
+    recording = lobe_recording()
+    drawn = Recording(recording.time, recording.channels, {**recording.meta, **({OWN_TOOL: True} if own else {})})
+    text = section([synthetic_run("lobe", "rigid", "cassinian")], {"rigid": drawn}, [])
+    assert ("rigid has a tool of its own" in text) is own
 
 
 def test_hostile_names_end_no_element_and_reach_no_attribute():
