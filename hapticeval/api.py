@@ -93,18 +93,20 @@ def plot_document(
     file: str | Path,
     renderers: Sequence[str] = (),
     *,
+    labels: Mapping[str, str] | None = None,
     width: str | None = None,
     height: str | None = None,
     font_size: float | None = None,
 ) -> Figure:
-    """Return a figure for a paper of a JSON document; see `Results.plot` for the sizes.
+    """Return a figure for a paper of a JSON document; see `Results.plot` for labels and sizes.
 
     - results.json of a run: its grid of renderers by phenomena
     - bench.json of `hapticeval bench`: error against time, with the Pareto front
     - limits-*.json of `hapticeval study limits`: the stiffness up to which a loop is stable
 
-    `renderers` are those of the first two that are drawn, all if none are named. Raises `InputError` for a document
-    that is none of these or damaged, and `UnknownNameError` for a renderer that is not in it.
+    `renderers` are those of the first two that are drawn, all if none are named; `labels` are for these two. Raises
+    `InputError` for a document that is none of these or damaged, and `UnknownNameError` for a renderer that is not in
+    it.
     """
     from hapticeval.files import parse_json
     from hapticeval.reports.limits_figure import paper_limits
@@ -115,10 +117,10 @@ def plot_document(
     path = Path(file)
     sizes: dict[str, Any] = {"width": width, "height": height, "font_size": font_size}
     if path.name == FILE:
-        return Results.read(path.parent).plot_grid(renderers, **sizes)
+        return Results.read(path.parent).plot_grid(renderers, labels=labels, **sizes)
     if path.name == BENCH:
         judged = read_results(path.parent).renderers if (path.parent / FILE).exists() else ()
-        return paper_fronts(read_bench(path.parent), renderers, judged=judged, **sizes)
+        return paper_fronts(read_bench(path.parent), renderers, judged=judged, labels=labels, **sizes)
     document = parse_json(path, todo="run the command again that wrote it")
     try:
         return paper_limits(document, **sizes)
@@ -280,6 +282,7 @@ class Results:
         *,
         renderers: Sequence[str] | None = None,
         check: str | None = None,
+        labels: Mapping[str, str] | None = None,
         width: str | None = None,
         height: str | None = None,
         font_size: float | None = None,
@@ -289,13 +292,17 @@ class Results:
         Numbered marks are the times that its verdicts name. With any of the further options it is a figure for a paper,
         as `hapticeval figure` draws it: the `renderers` (all that have run, if none are named) over each other, a mark
         where the verdict of `check` points, of real `width` and `height` ("88mm", "3.5in"), with text of `font_size`
-        points. Raises as `recording` and `parse_paper_length` do, and `UnknownNameError` for a check that did not run.
+        points. `labels` says by a renderer's name how the legend calls it.
+
+        Raises as `recording` and `parse_paper_length` do, and `UnknownNameError` for a check that did not run, and for
+        a label of a renderer that is not drawn.
         """
         from hapticeval.reports.run_figure import marks_of, run_figure
 
-        if any(choice is not None for choice in (renderers, check, width, height, font_size)):
+        sizes: dict[str, Any] = {"width": width, "height": height, "font_size": font_size}
+        if any(choice is not None for choice in (renderers, check, labels, *sizes.values())):
             named = [renderer] if renderer is not None else []
-            return self._paper_figure(case, [*named, *(renderers or ())], check, width, height, font_size)
+            return self._paper_figure(case, [*named, *(renderers or ())], check, labels=labels, **sizes)
         run = self._run(case, renderer)
         marks = tuple(marks_of(self.document.verdicts_of.get(run.key, [])).values())
         title = f"{run.renderer} on {run.suite}/{run.case}"
@@ -307,11 +314,9 @@ class Results:
         case: str | None,
         renderers: Sequence[str],
         check: str | None,
-        width: str | None,
-        height: str | None,
-        font_size: float | None,
+        **options: Any,
     ) -> Figure:
-        """Return the figure for a paper, see `plot`."""
+        """Return the figure for a paper, with the `options` of `paper_figure`, see `plot`."""
         from hapticeval.reports.canvas import looks_of
         from hapticeval.reports.paper_figure import PaperRun, paper_figure
 
@@ -333,17 +338,18 @@ class Results:
             runs.append(PaperRun(run.renderer, recording, verdicts[check] if check is not None else None))
         model = entries[0].build_model(runs[0].recording)
         looks = looks_of(self.document.renderers)
-        return paper_figure(runs, model, looks=looks, width=width, height=height, font_size=font_size)
+        return paper_figure(runs, model, looks=looks, **options)
 
     def plot_grid(
         self,
         renderers: Sequence[str] = (),
         *,
+        labels: Mapping[str, str] | None = None,
         width: str | None = None,
         height: str | None = None,
         font_size: float | None = None,
     ) -> Figure:
-        """Return the grid of renderers by phenomena as a figure for a paper; see `plot` for the sizes.
+        """Return the grid of renderers by phenomena as a figure for a paper; see `plot` for labels and sizes.
 
         Raises `UnknownNameError` for a renderer that did not run, and as `parse_paper_length` does.
         """
@@ -351,7 +357,7 @@ class Results:
         from hapticeval.reports.paper_figure import paper_grid
 
         grid = phenomenon_grid(self.document)
-        return paper_grid(grid, renderers, width=width, height=height, font_size=font_size)
+        return paper_grid(grid, renderers, labels=labels, width=width, height=height, font_size=font_size)
 
     def latex(
         self,

@@ -150,6 +150,9 @@ LATEX_ESCAPES = {
 }  # fmt: skip
 """Signs that LaTeX would take for commands, or that a long name may be broken after."""
 
+TIED_SPACE = re.compile(r"(?<=\d) (?=%)|(?<=%) (?=left)|(?<=\d) (?=of \d)|(?<=\d of) (?=\d)")
+"""A space at which no line is broken: that in 91 % left, or in 1 of 5."""
+
 
 def latex_table(
     results: ResultsDocument,
@@ -230,7 +233,7 @@ def _latex_text_of(sheet: Sheet, results: ResultsDocument, line: float = 1.0) ->
         frame = pd.DataFrame(part.rows, columns=range(len(part.header)), dtype=str)
         frame.columns = pd.Index(part.header)
         parts.append(_latex_table(part, frame, line))
-    head = f"% {provenance(results)}\n% \\usepackage{{booktabs,array,longtable}}\n"
+    head = f"% {provenance(results)}\n% \\usepackage{{booktabs,array,longtable}}\n{FLOAT_HINT}"
     return head + "\n".join(parts)
 
 
@@ -261,7 +264,8 @@ def _columns_of(sheet: Sheet) -> list[tuple[str, ...]]:
 
 def _longest_word(column: Sequence[str]) -> int:
     """Return the longest part of a column's cells that is not broken: at spaces, and after signs of LATEX_ESCAPES."""
-    return max(len(word) for cell in column for word in re.split(r"\s|(?<=\w)[-+@/]", cell))
+    cells = (TIED_SPACE.sub("_", cell) for cell in column)
+    return max(len(word) for cell in cells for word in re.split(r"\s|(?<=\w)[-+@/]", cell))
 
 
 def _latex_table(sheet: Sheet, frame: pd.DataFrame, line: float) -> str:
@@ -276,12 +280,18 @@ def _latex_table(sheet: Sheet, frame: pd.DataFrame, line: float) -> str:
         label=f"tab:{sheet.name}",
         longtable=environment == "longtable",
         column_format=columns,
+        position="tbp" if environment == "tabular" else None,
     )
+    # Classes leave no room between a caption and a table below it.
+    table = table.replace("{table}[tbp]\n", "{table}[tbp]\n\\centering\n\\setlength{\\belowcaptionskip}{6pt}\n")
     # The size has to hold inside the table's own group.
     begin, end = (f"\\{command}{{{environment}}}" for command in ("begin", "end"))
     sized_begin = f"{{{size}\\setlength{{\\tabcolsep}}{{2pt}}\n{begin}"
     return table.replace(begin, sized_begin).replace(end, f"{end}}}") if size else table
 
+
+FLOAT_HINT = "% [tbp]: at the top or bottom of a column, or on a page of floats; table* is as wide as the page.\n"
+"""A comment on where a table comes to stand."""
 
 LONG_TABLE_ROWS = 40
 """Rows from which on a table goes over several pages."""
@@ -326,7 +336,11 @@ def _latex_columns(sheet: Sheet, line: float) -> tuple[str, str]:
 def _latex_text(text: str) -> str:
     # A minus, not a hyphen, before a number.
     sign, text = (r"$-$", text[1:]) if re.match(r"-\d", text) else ("", text)
-    return sign + "".join(LATEX_ESCAPES.get(character, character) for character in printable(text))
+    parts = (
+        "".join(LATEX_ESCAPES.get(character, character) for character in printable(part))
+        for part in TIED_SPACE.split(text)
+    )
+    return sign + "~".join(parts).replace(r"~\%", r"\,\%")
 
 
 def write_figures(directory: Path, results: ResultsDocument, globs: Sequence[str]) -> list[Path]:

@@ -110,6 +110,18 @@ MARKS_OF_CURVE = 9
 """About so many markers stand on a curve, those of different renderers at different places."""
 
 
+def labels_of(names: Sequence[str], labels: Mapping[str, str] | None) -> dict[str, str]:
+    """Return what each renderer that is drawn is called: as `labels` has it for its name, else by its name.
+
+    Raises `UnknownNameError` for a label of a renderer that is not drawn.
+    """
+    labels = labels or {}
+    for name in labels:
+        if name not in names:
+            raise UnknownNameError("renderer of the figure", name, names)
+    return {name: labels.get(name, name) for name in names}
+
+
 @dataclass(frozen=True)
 class PaperRun:
     """What a renderer did on the case, and, if a check's verdict is to be shown, that."""
@@ -119,14 +131,11 @@ class PaperRun:
     verdict: VerdictEntry | None = None
 
     @property
-    def label(self) -> str:
-        """The name in the legend, with the outcome where there is a verdict."""
-        return self.renderer if self.verdict is None else f"{self.renderer} ({self.verdict.outcome})"
-
-    @property
     def tick(self) -> int | None:
-        """The sample that the verdict's evidence names by time or HIP; None where it names none."""
-        evidence: Mapping[str, Any] = {} if self.verdict is None else self.verdict.evidence
+        """The sample that the verdict's evidence names by time or HIP; None where it names none, or passes."""
+        if self.verdict is None or self.verdict.outcome is Outcome.PASS:
+            return None
+        evidence: Mapping[str, Any] = self.verdict.evidence
         time, hip = evidence.get("time"), evidence.get("hip")
         if isinstance(time, int | float):
             return int(np.argmin(np.abs(self.recording.time - time)))
@@ -140,23 +149,25 @@ def paper_figure(
     model: Model | None,
     *,
     looks: Mapping[str, Look] | None = None,
+    labels: Mapping[str, str] | None = None,
     width: str | None = None,
     height: str | None = None,
     font_size: float | None = None,
 ) -> PaperFigure:
-    """Draw the runs of one case over each other; see `paper_page` for sizes.
+    """Draw the runs of one case over each other; see `paper_page` for sizes and `labels_of` for `labels`.
 
     `looks` are those that the renderers have on the pages of a report; if not given, those of a report of these runs.
     Runs in space are drawn in their `clearest_coordinates`. A ring and a line in time stand where the verdict of a run
-    points. Raises as `paper_page` does.
+    that does not pass points. Raises as `paper_page` does.
     """
+    names = labels_of([run.renderer for run in runs], labels)
     with paper_page(width, height, font_size, natural=_natural_height) as fig:
         plane, force = fig.subplots(2, 1, height_ratios=(2.6, 1.0))
         looks = looks or looks_of(run.renderer for run in runs)
         _draw_forces(force, runs, looks)
         coordinates = clearest_coordinates([run.recording for run in runs])
         low, high = _draw_paths(plane, runs, coordinates, looks)
-        legend_height = add_legend(fig, _legend_handles(runs, looks))
+        legend_height = add_legend(fig, _legend_handles(runs, looks, names))
         if height is None:
             fig.set_figheight(fig.get_figheight() + legend_height)
         fig.align_ylabels()
@@ -270,8 +281,8 @@ def _draw_forces(axes: Axes, runs: Sequence[PaperRun], looks: Mapping[str, Look]
     include_zero(axes, *sizes)
 
 
-def _legend_handles(runs: Sequence[PaperRun], looks: Mapping[str, Look]) -> list[Any]:
-    """Return the names of all that is drawn."""
+def _legend_handles(runs: Sequence[PaperRun], looks: Mapping[str, Look], names: Mapping[str, str]) -> list[Any]:
+    """Return the key of all that is drawn: a renderer by its name among `names`, with the outcome of its verdict."""
     from matplotlib.lines import Line2D
 
     words = "HIP" if _have_one_path(runs) else "HIP of each renderer"
@@ -279,11 +290,13 @@ def _legend_handles(runs: Sequence[PaperRun], looks: Mapping[str, Look]) -> list
     for number, run in enumerate(runs):
         look = looks[run.renderer]
         style = _curve_style(look, number, len(runs))
-        handles.append(Line2D([], [], color=colour_of(look.role), label=f"IHIP, {run.label}", **style))
+        outcome = "" if run.verdict is None else f" ({run.verdict.outcome})"
+        label = f"IHIP, {names[run.renderer]}{outcome}"
+        handles.append(Line2D([], [], color=colour_of(look.role), label=label, **style))
     marked = [run.verdict for run in runs if run.verdict is not None and run.tick is not None]
     if marked:
         fails = all(verdict.outcome is Outcome.FAIL for verdict in marked)
-        words = f"where {marked[0].check} fails" if fails else f"worst place of {marked[0].check}"
+        words = f"where {marked[0].check} {'fails' if fails else 'does not pass'}"
         handles.append(Line2D([], [], label=words, **_ring("ink")))
     return handles
 
@@ -309,6 +322,7 @@ def paper_fronts(
     renderers: Sequence[str] = (),
     *,
     judged: Sequence[str] = (),
+    labels: Mapping[str, str] | None = None,
     width: str | None = None,
     height: str | None = None,
     font_size: float | None = None,
@@ -333,6 +347,7 @@ def paper_fronts(
         raise InputError("the bench has nothing to draw", why="no setting has a time and an error")
     all_looks = looks_of([*judged, *(setting.renderer for setting in bench.settings)])
     looks = {name: all_looks[name] for name in chosen}
+    texts = labels_of(chosen, labels)
     with paper_page(width, height, font_size, natural=lambda across: 0.75 * across * len(plots)) as fig:
         all_axes = fig.subplots(len(plots), 1, squeeze=False)[:, 0]
         for axes, (model, plotted) in zip(all_axes, plots.items(), strict=True):
@@ -340,7 +355,7 @@ def paper_fronts(
             axes.set_title(model, loc="left")
             axes.set_ylabel("largest IHIP error (mm)")
         all_axes[-1].set_xlabel("time of a step, median (µs)")
-        legend_height = add_legend(fig, _front_handles(plots.values(), looks))
+        legend_height = add_legend(fig, _front_handles(plots.values(), looks, texts))
         if height is None:
             fig.set_figheight(fig.get_figheight() + legend_height)
         return fig
@@ -374,10 +389,10 @@ def _draw_front(axes: Axes, plotted: PlottedSettings, looks: Mapping[str, Look])
             axes.plot(*place, marker=look.marker, markersize=4.5, color=colour, markerfacecolor=fill, linestyle="none")
 
 
-def _front_handles(plots: Iterable[PlottedSettings], looks: Mapping[str, Look]) -> list[Any]:
-    """Return the key of every mark that is drawn."""
+def _front_handles(plots: Iterable[PlottedSettings], looks: Mapping[str, Look], texts: Mapping[str, str]) -> list[Any]:
+    """Return the key of every mark that is drawn: a renderer by its name among `texts`."""
     handles = [
-        Line2D([], [], color=colour_of(look.role), marker=look.marker, markersize=4.5, linewidth=0.7, label=name)
+        Line2D([], [], color=colour_of(look.role), marker=look.marker, markersize=4.5, linewidth=0.7, label=texts[name])
         for name, look in looks.items()
     ]
     handles.append(Line2D([], [], color=colour_of("ink"), linewidth=1.2, label="Pareto front"))
@@ -391,6 +406,7 @@ def paper_grid(
     grid: Grid,
     renderers: Sequence[str] = (),
     *,
+    labels: Mapping[str, str] | None = None,
     width: str | None = None,
     height: str | None = None,
     font_size: float | None = None,
@@ -406,6 +422,7 @@ def paper_grid(
             raise unknown_renderer(name, [row for row, _ in grid.rows])
     if not rows or not grid.columns:
         raise InputError("there is no grid to draw", why="no verdict was given")
+    names = labels_of(list(rows), labels)
 
     # The headings stand upright: the longest takes about 0.45 of a column's width.
     def natural_height(across: float) -> float:
@@ -419,7 +436,7 @@ def paper_grid(
             for column, tile in enumerate(tiles):
                 if tile is not None:
                     _draw_cell(axes, column, row, tile)
-        axes.set_yticks([row + 0.5 for row in range(len(rows))], list(rows))
+        axes.set_yticks([row + 0.5 for row in range(len(rows))], list(names.values()))
         axes.set_xticks([column + 0.5 for column in range(len(grid.columns))], grid.columns, rotation=90)
         axes.xaxis.tick_top()
         axes.tick_params(length=0)

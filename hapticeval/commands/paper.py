@@ -40,7 +40,11 @@ def figure(
     ],
     renderers: Annotated[list[str] | None, renderers_option("those that `run` takes, or that DIR has")] = None,
     check: Annotated[
-        str | None, option("--check", metavar="CHECK", help="Mark where the verdicts of this check point.")
+        str | None, option("--check", metavar="CHECK", help="Mark where this check does not pass.")
+    ] = None,
+    labels: Annotated[
+        list[str] | None,
+        option("--label", metavar="NAME=TEXT", help="What the legend calls a renderer; may be repeated."),
     ] = None,
     width: Annotated[
         str | None, option(metavar="LENGTH", help="Width on paper: mm, cm, in or pt; else 88mm, a journal's column.")
@@ -69,6 +73,7 @@ def figure(
       hapticeval figure cassinian-deep-slide -r minimum-distance -r constraint
       hapticeval figure solids/cube-vertex -r minimum-distance -r constraint --width 3.5in -o cube.svg
       hapticeval figure star-convex-corner --check continuous-contact --from results -o corner.pdf
+      hapticeval figure star-convex-corner -r mine:Nearest -r constraint --label 'mine:Nearest=nearest point'
       hapticeval figure results/results.json results/bench.json limits-plane-press-point-mass.json -o figures
     """
     from hapticeval import api
@@ -79,14 +84,14 @@ def figure(
         if size is not None:  # before anything runs
             parse_paper_length(size, option=name)
     paths = _paths_of(subjects, output)
-    sizes: dict[str, Any] = {"width": width, "height": height, "font_size": font_size}
+    looks: dict[str, Any] = {"width": width, "height": height, "font_size": font_size, "labels": _labels(labels)}
     cases = [subject for subject in paths if not subject.endswith(".json")]
     results = _results_of(cases, renderers or (), check, source) if cases else None
     drawings = {
-        subject: api.plot_document(subject, renderers=renderers or (), **sizes)
+        subject: api.plot_document(subject, renderers=renderers or (), **looks)
         if results is None or subject not in cases
         # Results name a suite by its file's stem.
-        else results.plot(_place(subject), renderers=renderers or (), check=check, **sizes)
+        else results.plot(_place(subject), renderers=renderers or (), check=check, **looks)
         for subject in paths
     }
     written: list[Path] = []
@@ -97,6 +102,17 @@ def figure(
     refused = [] if source or results is None else [run for run in results.document.runs if run.refusal]
     notes = [f"not drawn: {run.renderer} refuses {run.suite}/{run.case}" for run in refused]
     say(lines([*notes, wrote_lines(written)]))
+
+
+def _labels(texts: list[str] | None) -> dict[str, str] | None:
+    """Return labels by renderer, as NAME=TEXT gives them. Raises `InputError` for a text without both."""
+    labels = {}
+    for text in texts or ():
+        name, _, label = text.rpartition("=")  # a name may hold a sign of its own, as a process's arguments do
+        if not name or not label:
+            raise InputError(f"--label {text}", why="it is no NAME=TEXT", todo="for instance 'constraint=god-object'")
+        labels[name] = label
+    return labels or None
 
 
 def _paths_of(subjects: list[str], output: Path | None) -> dict[str, Path]:

@@ -28,7 +28,11 @@ def test_a_figure_of_two_renderers_in_every_format_and_of_an_earlier_run(here, c
     assert (here / "fig.png").read_bytes().startswith(b"\x89PNG")
     assert not (here / "results").exists()
     main(["run", "slides.toml", "--no-report", *TWO])
-    assert main(["figure", "slides.toml/flat", "--from", "results", "-o", "again.svg"]) == 0
+    named = ["--label", "local_mine:Good=nearest point"]
+    assert main(["figure", "slides.toml/flat", "--from", "results", *named, "-o", "again.svg"]) == 0
+    again = (here / "again.svg").read_text()
+    assert ">IHIP, nearest point<" in again
+    assert ">IHIP, local_mine:Jumps<" in again
     assert main(["figure", "flat", "--from", "results", "--width", "3.5in"]) == 0
     assert b"/MediaBox [ 0 0 252 " in (here / "figure-flat.pdf").read_bytes()
 
@@ -40,6 +44,8 @@ def test_a_figure_of_two_renderers_in_every_format_and_of_an_earlier_run(here, c
         (["slides.toml/flat", *TWO, "--height", "3ft"], 2, "'ft' is no such unit"),
         (["slides.toml/flat", *TWO, "--width", "3mm"], 2, "30 to 1200 mm"),
         (["slides.toml/flat", *TWO, "-o", "fig.jpg"], 2, ".pdf, .svg, .png"),
+        (["slides.toml/flat", *TWO, "--label", "nearest"], 2, "it is no NAME=TEXT"),
+        (["slides.toml/flat", *TWO, "--label", "local_mine:Goood=a"], 2, "did you mean local_mine:Good"),
         (["slides.toml/flta", *TWO], 2, "did you mean flat"),
         (["slides.toml/flat", *TWO, "--check", "continuous"], 2, "continuous-contact"),
         (["slides.toml/flat", "-r", "local_mine:Breaks"], 3, "the sensor is gone"),
@@ -103,6 +109,10 @@ def test_the_same_from_python(refused, here):
     assert b"/Type3" not in (here / "fig.pdf").read_bytes()
     names = [text.get_text() for text in results.plot("flat", width="88mm").legends[0].get_texts()]
     assert names == ["HIP", "IHIP, local_mine:Good", "IHIP, local_mine:Jumps"]
+    fig = results.plot("flat", labels={"local_mine:Good": "right"}, check="continuous-contact")
+    assert [text.get_text() for text in fig.legends[0].get_texts()][1] == "IHIP, right (pass)"
+    ticks = results.plot_grid(labels={"local_mine:Jumps": "wrong"}).axes[0].get_yticklabels()
+    assert [tick.get_text() for tick in ticks] == ["local_mine:Good", "wrong"]
     with refused(InputError):
         results.plot(width="88mm")
     with pytest.raises(UnknownNameError):

@@ -58,12 +58,14 @@ def test_the_legend_names_what_is_drawn_and_the_mark_stands_where_the_verdict_po
     tick = jump_tick(lobe_recording())
     time = float(lobe_recording().time[tick])
     fig = paper_figure(two_runs(time=time), make_model("cassinian"))
-    assert texts(fig) == ["HIP", "IHIP, one (fail)", "IHIP, two (pass)", "worst place of continuous-contact"]
+    assert texts(fig) == ["HIP", "IHIP, one (fail)", "IHIP, two (pass)", "where continuous-contact fails"]
     plane, force = fig.axes
     rings = [line for line in plane.lines if line.get_markersize() >= RING]
-    np.testing.assert_allclose([ring.get_xydata()[0] for ring in rings], 1e3 * lobe_recording().ihip[[tick, tick]])
-    assert [line.get_xdata()[0] for line in force.lines if line.get_xdata()[0] == line.get_xdata()[-1]] == [time, time]
+    np.testing.assert_allclose([ring.get_xydata()[0] for ring in rings], 1e3 * lobe_recording().ihip[[tick]])
+    assert [line.get_xdata()[0] for line in force.lines if line.get_xdata()[0] == line.get_xdata()[-1]] == [time]
     assert texts(paper_figure(two_runs(), None)) == texts(fig)[:3], "no place is named, no mark is explained"
+    passing = two_runs(time=time)[1:]
+    assert texts(paper_figure(passing, None)) == ["HIP", "IHIP, two (pass)"], "there is nothing to look at"
 
 
 def test_a_renderer_looks_as_on_the_pages_of_its_report():

@@ -57,6 +57,7 @@ def test_a_renderer_is_named_with_or_without_its_representation(refused):
     given = bench(setting("a@curve"), setting("a@lut"), setting("b"))
     assert key_of(paper_fronts(given, ["a"]))[:2] == ["a@curve", "a@lut"]
     assert key_of(paper_fronts(given, ["a@lut"]))[:2] == ["a@lut", "Pareto front"]
+    assert key_of(paper_fronts(given, ["a@lut"], labels={"a@lut": "table"}))[:2] == ["table", "Pareto front"]
     with pytest.raises(UnknownNameError):
         paper_fronts(given, ["c"])
     with refused(InputError):

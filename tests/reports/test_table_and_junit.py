@@ -297,6 +297,17 @@ def test_a_wide_table_is_set_small_in_columns_that_share_the_page(count):
     assert (r"{\scriptsize" in text or r"{\footnotesize" in text) == (count == 9)
 
 
+def test_a_share_and_a_count_are_broken_over_no_line():
+    cells = ["pass, 1 of 12, 100 % left", "-0.5", "of 2 % or 3 of them"]
+    sheet = Sheet("t", ["", "a", "b"], [cells], "Title")
+    text = _latex_table(sheet, pd.DataFrame([cells], columns=sheet.header), 1.0)
+    assert "pass, 1~of~12, 100\\,\\%~left & $-$0.5 & of 2\\,\\% or 3 of them" in text
+    assert text.startswith("\\begin{table}[tbp]\n\\centering\n\\setlength{\\belowcaptionskip}{6pt}\n\\caption{Title}\n")
+    narrow = _latex_table(sheet, pd.DataFrame([cells], columns=sheet.header), 0.1)
+    widths = [float(width) for width in re.findall(r"p{([\d.]+)\\linewidth}", narrow)]
+    assert widths[0] == pytest.approx(10 * widths[1] / len("-0.5"), rel=0.05), "as wide as 100 % left"
+
+
 @pytest.mark.parametrize("line", [0.5, 1.0])
 def test_a_table_that_is_too_wide_is_cut_into_parts_that_fit(line):
     """Each column of words of 20 characters; 88 fit into a line of the smallest letters."""
