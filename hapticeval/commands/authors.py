@@ -17,7 +17,7 @@ from typing import Annotated
 import typer
 
 from hapticeval.commands.arguments import argument
-from hapticeval.commands.terminal import Terminal, columns, say, wrote_lines
+from hapticeval.commands.terminal import Terminal, columns, lines, say, wrote_lines
 from hapticeval.errors import InputError, UnknownNameError
 
 ANSWER_SECONDS = 60.0
@@ -71,7 +71,7 @@ def doctor(
       hapticeval doctor -r lib:./libmine.so
       hapticeval doctor -r mymodule:factory --timeout 5
     """
-    from hapticeval.study.doctor import examine, exit_code
+    from hapticeval.study.doctor import examine, exit_code, next_steps
 
     findings = []
     kind = ""
@@ -84,6 +84,8 @@ def doctor(
                 kind = finding.kind
                 say(f"in {'the ' * (kind == 'plane')}{kind}" if kind else "")
             say(columns([(f"  {finding.state:<8}{finding.what:<12}", finding.text)]))
+    if steps := next_steps(renderer, findings):
+        say(lines(["", *steps]))
     raise typer.Exit(exit_code(findings))
 
 

@@ -6,7 +6,7 @@ Each question is put to the renderer in a process beside this one, so that it ma
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import StrEnum
 from functools import lru_cache
 from types import MappingProxyType
@@ -62,12 +62,16 @@ class State(StrEnum):
 
 
 class ContractFinding(NamedTuple):
-    """An answer: what was asked, on which kind of model ("plane", "space" or ""), its state, and the words."""
+    """An answer: what was asked, on which kind of model ("plane", "space" or ""), its state, and the words.
+
+    `hip` (N,), m, is the hand's position at which the renderer broke, where it broke in a tick.
+    """
 
     what: str
     kind: str
     state: State
     text: str
+    hip: tuple[float, ...] | None = None
 
 
 StateAndText = tuple[State, str]
@@ -78,11 +82,11 @@ Waiting = Callable[[str, float, float], None]
 
 
 class RendererBroke(Exception):
-    """The renderer broke at a question: `text` says how, `cause` what such breaks have in common."""
+    """The renderer broke at a question: `text` says how, `cause` what such breaks have in common, `hip` (m) where."""
 
-    def __init__(self, text: str, cause: object, *, last: bool = False) -> None:
-        super().__init__(text, cause)
-        self.text, self.cause, self.last = text, cause, last
+    def __init__(self, text: str, cause: object, hip: tuple[float, ...] | None = None, *, last: bool = False) -> None:
+        super().__init__(text, cause, hip)  # its arguments are what travels between processes
+        self.text, self.cause, self.hip, self.last = text, cause, hip, last
 
 
 class HandPath(NamedTuple):
@@ -122,10 +126,11 @@ def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> It
             _await_answer(crew, MODEL_PATIENCE, waiting, f"preparing the {MODELS[kind]}", name, kind, "")
             for what in QUESTIONS:
                 place = f"'{what}' in {'the ' * (kind == 'plane')}{kind}"
+                hip = None
                 try:
                     state, text = _await_answer(crew, patience, waiting, f"waiting for {place}", name, kind, what)
                 except RendererBroke as broke:
-                    state, text = State.BROKE, broke.text
+                    state, text, hip = State.BROKE, broke.text, broke.hip
                     # The same fault breaks most questions: it is told once.
                     if broke.cause in first:
                         text = f"as at {first[broke.cause]}"
@@ -133,7 +138,7 @@ def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> It
                     if broke.last:
                         yield ContractFinding(what, kind, state, text)
                         return
-                yield ContractFinding(what, kind, state, text)
+                yield ContractFinding(what, kind, state, text, hip)
                 # A renderer that was not made can be asked nothing on this model.
                 if what == "made" and state is not State.OK:
                     refused += state is State.NOTE
@@ -179,7 +184,9 @@ def _put_question(name: str, kind: str, what: str) -> StateAndText:
             return _check_made(name, kind)
         return QUESTIONS[what](_case(name, kind))
     except HapticevalError as error:
-        raise RendererBroke("; ".join(filter(None, (error.what, error.why))), Problem.of(error).kind) from None
+        hip = error.hip if isinstance(error, RendererError) else None
+        text = "; ".join(filter(None, (error.what, error.why, error.todo)))
+        raise RendererBroke(text, Problem.of(error).kind, hip) from None
     except Exception as error:  # of a property, or of what an answer was taken for
         text = f"it raised {describe_error(error)}; {origin(error)}"
         raise RendererBroke(text, text) from None
@@ -457,6 +464,28 @@ QUESTIONS: Mapping[str, Callable[..., StateAndText]] = MappingProxyType(
     }
 )
 """All questions in order, by name; the first makes the renderer."""
+
+
+def next_steps(name: str, findings: Sequence[ContractFinding]) -> list[str]:
+    """Return lines on what to do about what broke first, with a program that asks the renderer there; else none."""
+    broke = next((finding for finding in findings if finding.state is State.BROKE), None)
+    if broke is None:
+        return []
+    steps = [f"next: mend what broke at '{broke.what}' first; what broke as it did goes with it"]
+    if broke.what == "free space":
+        steps.append("in free space hand and tool are one point: what divides by their distance divides by zero")
+    if broke.hip is not None:
+        steps += [
+            "to ask it there yourself, with prints or in a debugger:",
+            "  import numpy as np",
+            "  from hapticeval import Scene, make_model, resolve",
+            f'  scene = Scene(model=make_model("{MODELS[broke.kind]}"))',
+            f"  renderer = resolve({name!r})(scene)",
+            f"  hip = np.array({list(broke.hip)})",
+            "  renderer.reset(hip)",
+            "  print(renderer.step(hip, 0.0 * hip, scene.sampling_time))",
+        ]
+    return steps
 
 
 def exit_code(findings: list[ContractFinding]) -> int:

@@ -63,6 +63,18 @@ class Other(Good):
     def run(self, hips, dt):
         return hips, 0.0 * hips
 
+class Divides(Good):
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        with np.errstate(all="ignore"):
+            return ihip, np.linalg.norm(force) * (ihip - hip) / np.linalg.norm(ihip - hip)
+
+class Trips(Good):
+    def step(self, hip, velocity, dt):
+        if self.boundary.signed_distance(np.array([hip])) < 0.0:
+            raise IndexError("no face is here")
+        return super().step(hip, velocity, dt)
+
 class Three(Good):
     def run(self, hips, dt):
         return hips, 0.0 * hips, hips
@@ -211,3 +223,25 @@ def test_the_command_shows_it(here: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "missing leaving" in out
     assert "still holds the hand" in out
     assert main(["doctor", "-r", "patients:None"]) == 2
+
+
+def test_what_broke_can_be_asked_again_by_the_program_that_the_doctor_prints(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, place in (("Divides", "free space"), ("Trips", "contact")):
+        assert main(["doctor", "-r", f"patients:{name}"]) == 3
+        advice = capsys.readouterr().out.partition("\nnext: ")[2]
+        assert advice.startswith(f"mend what broke at '{place}' first")
+        assert ("divides by zero" in advice) is (name == "Divides")
+        program = "".join(f"{line[2:]}\n" for line in advice.splitlines() if line.startswith("  "))
+        if name == "Divides":
+            exec(program, {})
+            assert "nan" in capsys.readouterr().out
+        else:
+            with pytest.raises(IndexError, match="no face is here"):
+                exec(program, {})
+    assert main(["doctor", "-r", "patients:Good"]) == 0
+    assert "next:" not in capsys.readouterr().out
+    assert doctor.next_steps("p", list(examine("patients:Raises", patience=ANSWER_SECONDS))) == [
+        "next: mend what broke at 'made' first; what broke as it did goes with it"
+    ]
