@@ -121,6 +121,10 @@ class RendererError(HapticevalError):
             else RendererError(self.what, tick=tick, hip=hip, why=self.why, todo=self.todo)
         )
 
+    def after_lead_in(self, call: int, ticks: int) -> None:
+        """Say which `call` of step() since the reset it was, of which so many `ticks` led the hand in before tick 0."""
+        self.what += f"; call {call} of step() since the reset, {ticks} of which lead the hand in before tick 0"
+
 
 class RunawayError(RendererError):
     """A simulated loop ran away: the renderer's force feeds energy into the device without end."""

@@ -101,7 +101,11 @@ def _play(renderer: Renderer, time: Array, hips: Array, dt: float, scene: Scene 
     velocity = backward_difference(hips, time)
     answers = run_path(renderer, hips, velocity, dt, scene=scene)
     channels = {"hip": hips, **answers.channels, "velocity": velocity}
-    return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(renderer).meta})
+    meta = {"source": "playback", "dt": dt, **abilities_of(renderer).meta}
+    # How many steps a log that the renderer keeps itself has before the first row.
+    if ticks := len(lead_in_path(renderer, hips, scene)):
+        meta["lead_in_ticks"] = ticks
+    return Recording(time, channels, meta=meta)
 
 
 class Answers(NamedTuple):
@@ -294,6 +298,10 @@ def _step_by_step(
         try:
             answers.ihip[row], answers.force[row] = step_checked(renderer, tick, hips[row], velocity[row], step)
             answers.contact[row] = reported_contact(renderer)
+        except RendererError as error:
+            if ahead:
+                error.after_lead_in(row + 1, ahead)
+            raise
         except RefusalError as refusal:
             if row == 0:
                 raise

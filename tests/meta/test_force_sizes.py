@@ -81,6 +81,29 @@ def test_a_kick_where_the_contact_begins_is_called_so(name):
     assert "a kick where the contact begins" in verdict(force_sizes.faulty(name), CASES["slide"]).finding.message
 
 
+@pytest.mark.parametrize("judged", ["plane-press", "cassinian-loops", "plane-impact"])
+def test_a_low_pass_of_the_force_is_called_so_with_its_time(judged):
+    """One of 10 Hz, of which a tick of 1 ms lets T = 1 ms / (exp(2 pi 10 Hz 1 ms) - 1) be late."""
+    finding = verdict(force_sizes.faulty("slow"), THESIS[judged]).finding
+    assert "it comes late, as behind a low-pass filter of 15.4 ms" in finding.message
+    assert finding.evidence["low_pass_ms"] == pytest.approx(1.0 / np.expm1(2.0 * np.pi * 0.01), rel=1e-2)
+
+
+def test_a_restitution_above_one_is_told_beside_what_holding_the_force_gives():
+    """Late by half a tick a spring is damped by -K T / 2: exp(pi T sqrt(K / m) / 4) over half a period."""
+    bounce = verdict(honest.Spring, THESIS["plane-impact"], "impulsive-collision").finding
+    assert "leaves with restitution 1.08 (a spring's force that is held for a tick gives 1.08)" in bounce.message
+    assert bounce.evidence["apparent_restitution"] == pytest.approx(np.exp(0.25 * np.pi * 0.1), rel=0.01)
+    late = verdict(force_sizes.faulty("slow"), THESIS["plane-impact"], "impulsive-collision").finding
+    assert late.evidence["apparent_restitution"] > 1.5
+    assert "gives 1.08)" in late.message
+
+
+@pytest.mark.parametrize("name", ["half", "dead-band", "by-place", "outage"])
+def test_no_other_force_that_is_off_is_called_late(name):
+    assert "low-pass" not in verdict(force_sizes.faulty(name), LOOPS).finding.message
+
+
 VARYING = [THESIS[name] for name in ("cassinian-loops", "ellipse-loops", "cassinian-deep-slide")]
 VARYING += [case for case in load_suite("unilateral-surfaces").cases if case.name == "ellipsoid-deep"]
 

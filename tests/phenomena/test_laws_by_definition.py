@@ -245,10 +245,10 @@ class TestNormalForce:
         _, allowed, _ = _static_balance(self.pressed(speed=speed), LINE)
         assert allowed == pytest.approx(2.0 * 0.1 * speed / (99 * 1e-3) + SINGLE * 2.0)
         fast = 1.01 * 0.1 * 2.0 * 99e-3 / (2.0 * 0.1)
-        assert _static_balance(self.pressed(speed=fast), LINE) is None, "a tenth of the push is not known"
-        assert _static_balance(self.pressed(speed=0.97 * fast), LINE) is not None
-        assert _static_balance(self.pressed(drift=1e-4), LINE) is None, "not at one place"
-        assert _static_balance(self.pressed(push=-2.0), LINE) is None, "it pulls"
+        assert "momentum may make a tenth" in _static_balance(self.pressed(speed=fast), LINE)
+        assert isinstance(_static_balance(self.pressed(speed=0.97 * fast), LINE), tuple)
+        assert "not at rest" in _static_balance(self.pressed(drift=1e-4), LINE)
+        assert "does not push" in _static_balance(self.pressed(push=-2.0), LINE)
         held = Scene(model=line(), stiffness=1000.0, mass=0.1, bilateral=True)
-        assert _static_balance(self.pressed(), held) is None
-        assert _static_balance(self.pressed(count=1), LINE) is None
+        assert _static_balance(self.pressed(), held) == ""
+        assert _static_balance(self.pressed(count=1), LINE) == ""

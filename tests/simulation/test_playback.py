@@ -265,6 +265,36 @@ def test_a_broken_answer_in_one_call_is_named_with_tick_and_hip(refused):
     assert caught.value.tick == 51
 
 
+def test_a_tick_after_the_way_in_is_found_in_a_log_of_the_renderer(refused):
+    """The hand begins inside: the renderer answers the way in, too, which is no part of the recording."""
+    scene = Scene(model=line())
+
+    class Logs(Echo):
+        def reset(self, hip):
+            self.log = []
+
+        def step(self, hip, velocity, dt):
+            self.log.append(hip)
+            if self.breaks_at is not None and hip[0] >= self.breaks_at:
+                raise IndexError("no such face")
+            return super().step(hip, velocity, dt)
+
+    path = Path(np.array([0.0, 1.0]), np.array([[0.0, -0.01], [1.0, -0.01]]))
+    renderer = Logs()
+    renderer.breaks_at = None
+    recording = play(renderer, path, 0.01, scene=scene)
+    led_in = recording.meta["lead_in_ticks"]
+    assert led_in == len(renderer.log) - len(recording) > 0
+    np.testing.assert_array_equal(renderer.log[led_in:], recording.hip)
+    assert "lead_in_ticks" not in play(renderer, path, 0.01).meta, "without a scene nothing is led in"
+    renderer.breaks_at = 0.505
+    with refused(RendererError) as caught:
+        play(renderer, path, 0.01, scene=scene)
+    assert caught.value.tick == 51
+    assert f"; call {led_in + 52} of step() since the reset, {led_in} of which lead" in caught.value.what
+    np.testing.assert_array_equal(renderer.log[led_in + 51], caught.value.hip)
+
+
 UP = np.array([0.0, 0.01])
 
 

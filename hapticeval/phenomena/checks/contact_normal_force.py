@@ -90,10 +90,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             evidence["angle_by_resolution_deg"] = leaning
             granted = f" (but for up to {leaning:.2g} degrees, which its resolution of {mm(declared)} allows)"
     balance = _static_balance(base, scene)
-    if balance is None:
+    if isinstance(balance, str):
         message = f"the force is along the surface normal throughout{granted}"
-        if base.meta.get("source") == "experiment" and not scene.bilateral:
-            message += "; the tool is not at rest at the end, so the size of the force is not judged"
+        if base.meta.get("source") == "experiment" and balance:
+            message += f"; {balance}, so the size of the force is not judged"
         return Finding(Outcome.PASS, message, metric, bound, evidence)
     difference, static_bound, push = balance
     depth = float(np.linalg.norm(base.hip[-1] - base.ihip[-1]))
@@ -290,26 +290,28 @@ def _rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) 
     return np.asarray(angle)
 
 
-def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, float] | None:
-    """Return force less push along the normal, what the momentum allows, and the push, N; None if not at rest.
+def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, float] | str:
+    """Return force less push along the normal, what the momentum allows, and the push, N; else why there is none.
 
     Over a window of W seconds the mean of all forces is m (v_end - v_start) / W, so a tool whose speed stays below
     v_max may show up to 2 m v_max / W. At rest means that this is a small part of the operator's push.
 
-    None too where motors hold back what the renderer asks for.
+    Without words where it is not asked: without an operator, or of a constraint that holds from both sides.
     """
     if "operator_force" not in recording.channels or scene.bilateral:
-        return None
+        return ""
     count = max(int(STATIC_SHARE * len(recording)), 2)
     if count > len(recording):
-        return None
+        return ""
     window = slice(len(recording) - count, len(recording))
     ihip, velocity = recording.ihip[window], recording.velocity[window]
     travel = float(np.linalg.norm(np.ptp(ihip, axis=0)))
     # At one place as well as one can be told: and so with one normal.
     still = LAG_TICKS * hip_step(recording, scene) + standoff(recording, scene)
-    if travel > still or not touching(recording, scene)[window].all():
-        return None
+    if not touching(recording, scene)[window].all():
+        return "the tool is not in contact to the end"
+    if travel > still:
+        return "the tool is not at rest at the end"
     normal = scene.model.boundary.closest_point(ihip[-1:]).normal[0]
     # The last force acts behind the last velocity that is known.
     acting = slice(window.start, window.stop - 1)
@@ -317,7 +319,7 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     # The push is positive into the surface.
     push = -float(np.mean(recording.channels["operator_force"][acting] @ normal))
     if _motors_hold_back(recording, scene, acting):
-        return None
+        return "at the end motors hold back what the renderer asks for"
     momentum = scene.mass * float(np.max(np.abs(velocity @ normal)))
     if not isinstance(scene.robot, PointMass):
         # The inertia of a robot differs with the direction: what moves along the surface has a momentum across it too.
@@ -325,8 +327,10 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
         momentum = max(scene.mass, heaviest) * float(np.max(np.linalg.norm(velocity, axis=1)))
     # 2 m v_max / W, and the rounding of a push in single precision
     allowed = 2.0 * momentum / ((count - 1) * recording.dt) + SINGLE * abs(push)
-    if push <= 0.0 or allowed > TELLING_SHARE * push:
-        return None
+    if push <= 0.0:
+        return "at the end the operator does not push into the surface"
+    if allowed > TELLING_SHARE * push:
+        return "at the end the tool's momentum may make a tenth of the push or more"
     # (3.3): F_n = -(n_e . F_o) n_e, so the difference is zero at rest.
     return force - push, allowed, push
 

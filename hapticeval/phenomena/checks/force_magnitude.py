@@ -399,6 +399,10 @@ def _describe_pattern(
         return f"a kick where the contact begins or ends: up to {largest:.3g} N", numbers | {"kicks": ticks.size}
     inner = measured.rows(~measured.begins)
     deviates = deviates[~measured.begins]
+    constant = _low_pass_constant(base, scene, inner.ticks)
+    if constant is not None:
+        filtered = f"it comes late, as behind a low-pass filter of {1e3 * constant:.3g} ms"
+        return filtered, numbers | {"low_pass_ms": 1e3 * constant}
     # The plainest cause first: a missing force, then what goes with direction, depth, time or place.
     quiet = _describe_missing_force(base, scene, inner, deviates)
     if quiet is not None:
@@ -437,6 +441,23 @@ def _describe_pattern(
         f"{SIDES[second_side]})",
         numbers,
     )
+
+
+def _low_pass_constant(base: Recording, scene: Scene, ticks: IntArray) -> float | None:
+    """Return the time constant T (s) of a low-pass filter F + T F' = s behind which the force is the spring's s.
+
+    By least squares over `ticks` (n,). None where that leaves more than a tenth of |s - F|^2, and without an IHIP.
+    """
+    if "ihip" not in base.channels:
+        return None
+    ticks = ticks[np.isin(ticks - 1, ticks)]
+    missing = scene.stiffness * (base.ihip[ticks] - base.hip[ticks]) - base.force[ticks]
+    change = (base.force[ticks] - base.force[ticks - 1]) / base.dt
+    power, common = float(np.sum(change**2)), float(np.sum(missing * change))
+    # |s - F - T F'|^2 at the T that makes it least is |s - F|^2 less common^2 / power.
+    if common <= 0.0 or common**2 < (1.0 - TELLING_SHARE) * power * float(np.sum(missing**2)):
+        return None
+    return common / power
 
 
 SIDES = {
