@@ -265,7 +265,7 @@ def test_a_broken_answer_in_one_call_is_named_with_tick_and_hip(refused):
     assert caught.value.tick == 51
 
 
-def test_a_tick_after_the_way_in_is_found_in_a_log_of_the_renderer(refused):
+def test_a_tick_after_the_way_in_is_found_in_a_log_of_the_renderer():
     """The hand begins inside: the renderer answers the way in, too, which is no part of the recording."""
     scene = Scene(model=line())
 
@@ -288,7 +288,7 @@ def test_a_tick_after_the_way_in_is_found_in_a_log_of_the_renderer(refused):
     np.testing.assert_array_equal(renderer.log[led_in:], recording.hip)
     assert "lead_in_ticks" not in play(renderer, path, 0.01).meta, "without a scene nothing is led in"
     renderer.breaks_at = 0.505
-    with refused(RendererError) as caught:
+    with pytest.raises(RendererError) as caught:
         play(renderer, path, 0.01, scene=scene)
     assert caught.value.tick == 51
     assert f"; call {led_in + 52} of step() since the reset, {led_in} of which lead" in caught.value.what
