@@ -257,7 +257,9 @@
         const point = this.flat(columns, k);
         least = least.map((x, i) => Math.min(x, point[i])); most = most.map((x, i) => Math.max(x, point[i]));
       }
-      if (solid.length && this.view.closed && Math.max(most[0] - least[0], most[1] - least[1]) < 2.5 * wide) { add(least); add(most); }
+      // The solid where the paths go over much of it, and where nothing moves: a tool at rest is seen on what holds it.
+      const fills = wide <= 1e-6 || Math.max(most[0] - least[0], most[1] - least[1]) < 2.5 * wide;
+      if (solid.length && this.view.closed && fills) { add(least); add(most); }
       this.centre = [0, 1].map((i) => 0.5 * (low[i] + high[i]));
       this.scale = 0.86 * Math.min(this.width / Math.max(high[0] - low[0], 1e-6), (this.height - 20) / Math.max(high[1] - low[1], 1e-6));
       this.whole = this.scale;

@@ -46,12 +46,20 @@ def pages(tmp_path_factory):
     lobe, ball = ("synthetic", "lobe"), ("synthetic", "ball")
     write_case_page(folder, lobe, runs, {"plain": plane, "other": other}, verdicts=given)
     write_case_page(folder, ball, space, {"plain": round_a_sphere()}, verdicts={})
+    resting = Recording(
+        0.001 * np.arange(50),
+        {name: np.tile([[0.1, 0.0, 0.0]], (50, 1)) for name in ("hip", "ihip", "force")},
+        {"source": "playback"},
+    )
+    rest = ("synthetic", "rest")
+    write_case_page(folder, rest, [synthetic_run("rest", "plain", "sphere")], {"plain": resting}, verdicts={})
     names = ["plain", "other", "third", "fourth", "fifth"]
     many, five = ("synthetic", "many"), [synthetic_run("many", name, "cassinian") for name in names]
     given = {name: verdicts("many", name, plane) for name in names}
     write_case_page(folder, many, five, dict.fromkeys(names, plane) | {"other": other}, verdicts=given)
     write_assets(folder)
-    return {"plane": folder / case_file(*lobe), "space": folder / case_file(*ball), "many": folder / case_file(*many)}
+    cases = {"plane": lobe, "space": ball, "rest": rest, "many": many}
+    return {name: folder / case_file(*case) for name, case in cases.items()}
 
 
 @pytest.fixture
@@ -204,6 +212,17 @@ def test_a_solid_turns_with_the_tool_until_it_is_turned_by_hand(opened):
     assert browser.run(pressed) == "false"
     browser.page.click(".zoom button[title='show everything']")
     assert browser.run(pressed) == "true"
+
+
+def test_a_tool_at_rest_is_seen_on_the_whole_solid(opened):
+    """The scale that is written in the picture is of millimetres, not of the micrometre that nothing goes beyond."""
+    browser = opened("rest")
+    browser.run("""(() => { const picture = CanvasRenderingContext2D.prototype, write = picture.fillText;
+        globalThis.written = [];
+        picture.fillText = function (text, ...at) { written.push(text); return write.call(this, text, ...at); };
+        return 0; })()""")
+    browser.page.click(".zoom button[title='show everything']")
+    assert [text for text in browser.run("globalThis.written") if text.endswith("m")] == ["50 mm"]
 
 
 @pytest.mark.parametrize("name", ["plane", "space", "many"])
