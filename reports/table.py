@@ -175,6 +175,8 @@ def _report_blocks(results: ResultsDocument) -> Iterator[str]:
                 for row in summary.rows
             ],
         )
+    if results.table_notes:
+        yield "\n".join(_escape(f"- {note}") for note in results.table_notes)
     yield from _list_blocks(results)
     names, digits = hard_cases(results)
     if digits:

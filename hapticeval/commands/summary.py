@@ -55,6 +55,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
     return paragraphs(
         _pass_grid(results, width),
         *_summary_tables(results, width),
+        lines(results.table_notes),
         lines(_breakdown_words(breakdown, verbose=verbose) for breakdown in results.breakdowns),
         lines(
             _problem_lines(f"refuses: {run.renderer} on {run.suite}/{run.case}", run.refusal)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 import platform
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from functools import cached_property
@@ -513,6 +514,30 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
                 lost_verdicts = filter(self.lost, self.verdicts_of.get(run.key, []))
                 breakdown_by_cause[key] = Breakdown([*runs, run], error, [*before, *lost_verdicts])
         return list(breakdown_by_cause.values())
+
+    @cached_property
+    def table_notes(self) -> list[str]:
+        """What a Yes of the summary table leaves open: a tool that jumps nowhere may still not follow the hand."""
+        off_normal = Counter(
+            verdict.renderer
+            for verdict in self.verdicts
+            if verdict.check == "contact-normal-force"
+            and verdict.outcome is Outcome.FAIL
+            and verdict.standing.unexpected
+        )
+        rows = {title: places for suite in self.suites for title, places in suite.cells.items()}
+        about_jumps = [
+            title for title, places in rows.items() if any("/continuous-contact" in place for place in places)
+        ]
+        notes = []
+        for renderer, count in off_normal.items():
+            resisted = [title for title in about_jumps if self.table.get(title, {}).get(renderer) == "Yes"]
+            if resisted:
+                notes.append(
+                    f"{renderer}: {' and '.join(resisted)}: Yes says that its tool jumps nowhere, not that it follows "
+                    f"the hand: contact-normal-force fails in {count} case{'s' * (count > 1)}"
+                )
+        return notes
 
     @cached_property
     def refusals(self) -> dict[tuple[str, str], list[str]]:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from result_entries import results_of
 
+from hapticeval.commands.summary import summary
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
+from hapticeval.reports.table import markdown
 from hapticeval.runner.progress import fill_table, suite_entry
+from hapticeval.runner.results import VerdictEntry
 from hapticeval.suite.reading import load_suite
 
 SUITE = load_suite("thesis")
@@ -62,3 +66,27 @@ def test_other_checks_and_suites_do_not_count():
         Verdict("mine", "thesis", CASES[0], "broken-contact", Level.MUST, Finding(Outcome.FAIL, "")),
     ]
     assert fill_table([ENTRY], foreign)[ROW] == {}
+
+
+@pytest.mark.parametrize(
+    ("jumps", "normal", "more", "noted"),
+    [
+        (Outcome.PASS, Outcome.FAIL, {}, True),
+        (Outcome.PASS, Outcome.PASS, {}, False),
+        (Outcome.FAIL, Outcome.FAIL, {}, False),
+        (Outcome.PASS, Outcome.FAIL, {"inherent": "a theorem"}, False),
+    ],
+)
+def test_a_yes_for_a_tool_that_may_not_follow_the_hand_has_a_note(jumps, normal, more, noted):
+    off = Verdict(
+        "mine", "thesis", CASES[0], "contact-normal-force", Level.MUST, Finding(normal, "off the normal"), **more
+    )
+    entries = [VerdictEntry.of(verdict) for verdict in [*verdicts(jumps, jumps), off]]
+    results = results_of(*entries, suites=[ENTRY], table=fill_table([ENTRY], entries))
+    note = (
+        f"mine: {ROW}: Yes says that its tool jumps nowhere, not that it follows the hand: "
+        "contact-normal-force fails in 1 case"
+    )
+    assert results.table_notes == [note] * noted
+    for shown in (summary(results, []), markdown(results)):
+        assert (note in shown) is noted
