@@ -432,3 +432,24 @@ def _typeof(value: FirstClass, _context: object) -> Any:
 def first_class(kernel: Callable[..., Any], signature: Any) -> FirstClass:
     """Return a `kernel`, made by `compiled`, as a value of the given signature (`LAW`, `KINEMATICS`, ...)."""
     return FirstClass(kernel, signature)
+
+
+@borrowing
+def lead_by_law(
+    law: Callable[..., Any], data: Any, push: Array, hips: Array, velocities: Array, dt: Array, ihips: Array,
+    forces: Array, reported: Array, contact: Array,
+) -> tuple[int, int]:  # fmt: skip
+    """Answer each row of a path by a law, a tick a row, from the state that it has.
+
+    `hips` (n, N), m, and `velocities` (n, N), m/s, are the hand's, and `push` (N,), N, what it is sensed to push; tick
+    k lasts `dt[k]` s. Writes `ihips` (n, N), m, and `forces` (n, N), N. What the law leaves in `reported` (1,), unless
+    that is empty, goes to `contact` (n,). Returns the row at which the law refuses or breaks, and its number; else n
+    and 0.
+    """
+    for row in range(hips.shape[0]):
+        number = law(data, hips[row], velocities[row], push, dt[row], ihips[row], forces[row])
+        if number != 0:
+            return row, number
+        for i in range(reported.shape[0]):
+            contact[row] = reported[i]
+    return hips.shape[0], 0

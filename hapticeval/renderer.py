@@ -8,7 +8,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
 
 from hapticeval.effects.catalogue import FORCE_SENSOR
 from hapticeval.errors import InputError, RefusalError, RendererError, UnknownNameError, renderer_errors
@@ -127,6 +130,23 @@ class Response(NamedTuple):
     force: Array
 
 
+class Answers(NamedTuple):
+    """Answers to HIPs: IHIPs (n, N), m; forces (n, N), N; and (n,) whether contact is reported, NaN where unknown."""
+
+    ihip: Array
+    force: Array
+    contact: Array
+
+    @classmethod
+    def room(cls, hips: Array) -> Answers:
+        """Return room for the answers to HIPs (n, N), m, of which nothing is known yet."""
+        return cls(np.empty_like(hips), np.empty_like(hips), np.full(hips.shape[0], np.nan))
+
+    def part(self, rows: slice) -> Answers:
+        """Return some of the rows."""
+        return Answers(*(column[rows] for column in self))
+
+
 @runtime_checkable
 class Renderer(Protocol):
     """Answers a HIP with an IHIP and a force, a tick at a time; made from a scene, by any callable that takes one.
@@ -184,12 +204,30 @@ class CompiledStep(NamedTuple):
       `hapticeval.simulation.answers`.
     - `refusals`: what the kernel's numbers above 0 mean, in words. One below 0 is the renderer's own, and it broke.
     - `contact` (1,): where each tick leaves 1 if it reports contact, and else 0; None where it reports none.
+    - `rows`: `compiled.lead_by_law` for this function alone, which is compiled into it and so is not an argument: for
+      one so short that calling it takes longer. None where there is none.
     """
 
     function: Callable[..., Any]
     data: LawData
     refusals: Mapping[int, str]
     contact: Array | None = None
+    rows: Callable[..., tuple[int, int]] | None = None
+
+    def lead(self, hips: Array, velocities: Array, dt: Array, answers: Answers) -> tuple[int, int]:
+        """Answer HIPs (n, N), m, a tick a row, from the state that it has: the compiled loop along any given path.
+
+        `velocities` (n, N), m/s, are the hand's, which nobody pushes; `dt` (n,), s. Writes into `answers` as far as it
+        gets: returns the row at which it refuses or breaks, and its number, or n and 0.
+        """
+        from hapticeval.compiled import for_kernels, law_value, lead_by_law
+
+        # The law as a value first, compiled with all its ways in: `rows` then calls that code.
+        law = law_value(self.function, self.data)
+        rows = partial(lead_by_law, law) if self.rows is None else self.rows
+        reported = np.empty(0) if self.contact is None else self.contact
+        asked = (for_kernels(np.asarray(column, dtype=np.float64)) for column in (hips, velocities, dt))
+        return rows(self.data, np.zeros(hips.shape[1]), *asked, *answers[:2], reported, answers.contact)
 
 
 RendererFactory: TypeAlias = Callable[[Scene], Renderer | TrajectoryRenderer]

@@ -18,7 +18,7 @@ from hapticeval.renderers.maps.flow import FlowSettings
 from hapticeval.renderers.maps.flow_map import flow_map
 from hapticeval.renderers.nearest import nearest
 from hapticeval.renderers.outline import Outline, frame, nearest_on, outline_of
-from hapticeval.renderers.projective import Projection, ProxyState
+from hapticeval.renderers.projective import Projected, Projection
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -67,22 +67,22 @@ class DiskProjection:
         self._boundary = outline_of(curve)
         self._bilateral = bilateral
 
-    def project(self, hip: Array) -> ProxyState:
+    def project(self, hip: Array) -> Projected:
         """Project a HIP (2,), m, in one tick (5.17)."""
         x, y = hip.tolist()
         inside, _ = _side_and_clearance(self._boundary, x, y)
         u = self.map.parameter(x, y) if inside else math.nan
         px, py, nx, ny = _ihip_and_normal(self._boundary, self._bilateral, inside, u, x, y)
-        return ProxyState((px, py), (nx, ny), inside or self._bilateral)
+        return Projected(np.array((px, py)), np.array((nx, ny)), np.bool_(inside or self._bilateral))
 
-    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """Project HIPs (n, 2), m, a tick a row: IHIPs (n, 2), m, outward unit normals (n, 2), and contact (n,)."""
+    def trace(self, hips: Array) -> Projected:
+        """Project HIPs (n, 2), m, a tick a row."""
         inside = _are_inside(self._boundary, hips)
         # (5.17): to the disk, radially out to its circle, and back to the boundary
         parameters = np.full(inside.size, np.nan)
         parameters[inside] = self.map.surface(self.map.to_angle(np.ascontiguousarray(hips[inside])))
         answers = _ihips_and_normals(self._boundary, self._bilateral, inside, parameters, hips)
-        return answers[:, :2], answers[:, 2:], np.ones_like(inside) if self._bilateral else inside
+        return Projected(answers[:, :2], answers[:, 2:], np.ones_like(inside) if self._bilateral else inside)
 
 
 @compiled

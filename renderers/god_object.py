@@ -20,7 +20,7 @@ from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_feature, closest_on_mesh, side_and_normal
 from hapticeval.geometry.mesh_tool import RESTS, fly_to_hand, walk_downhill
 from hapticeval.renderers.family import VERTICES
-from hapticeval.renderers.law import GAINS, PAST, move_on, regulate, release
+from hapticeval.renderers.law import GAINS, PAST, regulate, release
 from hapticeval.renderers.outline import (
     LEAVES,
     Outline,
@@ -96,16 +96,16 @@ def follow(
 
 @borrowing
 def follow_rows(
-    data: LawData, push: Array, hips: Array, velocity: Array, dt: float, ihips: Array, forces: Array
-) -> tuple[int, int]:
-    """Answer each row of a path, as `answer_rows` does: a tick on a polygon takes less time than a call by `LAW`.
+    data: LawData, push: Array, hips: Array, velocities: Array, dt: Array, ihips: Array, forces: Array,
+    reported: Array, contact: Array,  # noqa: ARG001 - as `lead_by_law`
+) -> tuple[int, int]:  # fmt: skip
+    """Answer each row of a path, as `lead_by_law` does: a tick on a polygon takes less time than a call by `LAW`.
 
-    `hips` (n, N), m, `velocity` (N,), m/s, at the first, `push` (N,), N; `ihips` (n, N), m, and `forces` (n, N), N, are
-    written. Returns n and 0: it never refuses.
+    `hips` (n, 2), m, and `velocities` (n, 2), m/s, are the hand's, `push` (2,), N; tick k lasts `dt[k]` s. Writes
+    `ihips` (n, 2), m, and `forces` (n, 2), N. Returns n and 0: it never refuses, and reports no contact.
     """
     for row in range(hips.shape[0]):
-        move_on(hips, row, dt, velocity)
-        follow(data, hips[row], velocity, push, dt, ihips[row], forces[row])
+        follow(data, hips[row], velocities[row], push, dt[row], ihips[row], forces[row])
     return hips.shape[0], 0
 
 

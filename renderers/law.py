@@ -8,18 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from copy import copy
-from functools import partial
 from typing import Any, Self, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from hapticeval.compiled import (
-    LAW,
-    LawData,
     as_record,
-    borrowing,
-    first_class,
     for_kernels,
     inner,
     numbers_of,
@@ -29,7 +24,8 @@ from hapticeval.compiled import (
 from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
-from hapticeval.renderer import CompiledStep, Response
+from hapticeval.recordings.recording import path_velocities
+from hapticeval.renderer import Answers, CompiledStep, Response
 from hapticeval.renderers.regulation import (
     GRADIENT,
     PP,
@@ -63,9 +59,6 @@ class LawRenderer:
 
     `surface` is the curve, or surface in space, that is really rendered, `resolution` (m) the length of it over which
     the representation is blurred, and `standoff` (m) how far it may lie off the model.
-
-    `rows` is `answer_rows` for this law alone, with the law compiled into it: for one so short that calling it takes
-    longer.
     """
 
     def __init__(
@@ -75,13 +68,11 @@ class LawRenderer:
         *,
         resolution: float = 0.0,
         standoff: float = 0.0,
-        rows: Callable[..., tuple[int, int]] | None = None,
     ) -> None:
         self.law = law
         self.surface = surface
         self.resolution = resolution
         self.standoff = standoff
-        self._rows = rows
         self._push = np.zeros(surface.dimension)
 
     def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
@@ -105,15 +96,12 @@ class LawRenderer:
         (n, N), N. Raises as `step` does.
         """
         hips = as_rows(hips)
-        velocity, ihips, forces = np.zeros(hips.shape[1]), np.empty_like(hips), np.empty_like(hips)
+        answers = Answers.room(hips)
         self.reset(hips[0])
-        # The law as a value first, compiled with all its ways in: `rows` then calls that code.
-        law = first_class(self.law.function, LAW)
-        answer = self._rows or partial(answer_rows, law)
-        row, refusal = answer(self.law.data, self._push, hips, velocity, dt, ihips, forces)
+        row, refusal = self.law.lead(hips, path_velocities(hips, dt), np.full(len(hips), dt), answers)
         if refusal:
             raise self.led_out(hips[row], self.law.refusals[refusal])
-        return ihips, forces
+        return answers.ihip, answers.force
 
     def led_out(self, hip: Array, what: str) -> DomainError:
         """Return the error for a hand at `hip` (N,), m, where the law is not defined, as `what` says."""
@@ -140,38 +128,6 @@ def checked_hand(hip: Array) -> Array:
 def as_rows(values: Array) -> Array:
     """Return rows (n, N), or one (N,), of any unit (m, N, s) as kernels take them: float64, writable and contiguous."""
     return for_kernels(np.asarray(values, dtype=np.float64))
-
-
-@inner
-def move_on(hips: Array, row: int, dt: float, velocity: Array) -> None:
-    """Write the hand's `velocity` (N,), m/s, at a row of the path `hips` (n, N), m, as a recording has it.
-
-    The first row keeps what is there.
-    """
-    if row > 0:
-        # the difference of the sample times, rounded as they are: the same bits as a recording's
-        span = dt * float(row) - dt * float(row - 1)
-        for i in range(hips.shape[1]):
-            velocity[i] = (hips[row, i] - hips[row - 1, i]) / span
-
-
-@borrowing
-def answer_rows(
-    law: Callable[..., Any], data: LawData, push: Array, hips: Array, velocity: Array, dt: float, ihips: Array,
-    forces: Array,
-) -> tuple[int, int]:  # fmt: skip
-    """Answer each row of a path by a law, with the velocities that a recording has: differences backwards in time.
-
-    `push` (N,), N, is the hand's force as sensed; `hips` (n, N), m; `velocity` (N,), m/s, is that at the first row;
-    `ihips` (n, N), m, and `forces` (n, N), N, are written. Returns the row at which the law refuses, and its number, 0
-    where it does not.
-    """
-    for row in range(hips.shape[0]):
-        move_on(hips, row, dt, velocity)
-        refusal = law(data, hips[row], velocity, push, dt, ihips[row], forces[row])
-        if refusal != 0:
-            return row, refusal
-    return hips.shape[0], 0
 
 
 REFERENCE_DEPTH = 1e-3

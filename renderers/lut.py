@@ -53,7 +53,7 @@ from hapticeval.geometry.curve import as_curve
 from hapticeval.geometry.polygon_kernels import signed_distances
 from hapticeval.renderers.law import once
 from hapticeval.renderers.outline import outline_of
-from hapticeval.renderers.projective import Projection, ProxyState
+from hapticeval.renderers.projective import Projected, Projection
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, ByteArray
 
@@ -290,39 +290,6 @@ class Table:
         """Read the table at HIPs (n, N), m, in plane or space: IHIPs (n, N), m, unit normals (n, N), status (n,)."""
         look_up = look_up_many if self.grid.dimension == 2 else look_up_in_space
         return look_up(*self._arrays, self.everywhere, for_kernels(hips))
-
-    def answers(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """IHIPs (n, N), normals (n, N) and contact (n,) for hips (n, N), m, from the table alone, in plane and space.
-
-        A HIP off the grid is in free space, or, `everywhere`, taken as that of the nearest cell. In a marked cell the
-        nearest node answers: a point of the surface.
-        """
-        hips = np.ascontiguousarray(hips, dtype=np.float64)
-        n = self.grid.dimension
-        if hips.ndim != 2 or hips.shape[1] != n:
-            raise InputError(
-                f"HIPs of shape {hips.shape} for a table of {n} dimensions",
-                why=f"they must be rows of {n} numbers",
-            )
-        cell_counts = np.array(self.grid.cells)
-        grid_coordinates = (hips - self.grid.origin) / self.grid.cell
-        on_grid = np.all((grid_coordinates >= 0.0) & (grid_coordinates <= cell_counts), axis=1)
-        clipped = np.clip(np.nan_to_num(grid_coordinates), 0.0, cell_counts)
-        cell = np.minimum(clipped.astype(np.int64), cell_counts - 1)
-        share, kinds = clipped - cell, self.cells[tuple(cell.T[::-1])]
-        kinds = np.where(on_grid, kinds, HELD + MARKED if self.everywhere else FREE)
-        # in a marked cell the nearest node alone
-        share = np.where((kinds >= MARKED)[:, np.newaxis], share > 0.5, share)
-        answer = np.zeros((len(hips), 2 * n))
-        for corner in itertools.product((0, 1), repeat=n):
-            weight = np.prod(np.where(corner, share, 1.0 - share), axis=1)
-            answer += weight[:, np.newaxis] * self.nodes[tuple((cell + corner).T[::-1])]
-        ihips, normals = answer[:, :n], answer[:, n:]
-        with np.errstate(invalid="ignore"):
-            normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-        behind = np.sum((hips - ihips) * normals, axis=1) < 0.0
-        contact = (kinds != FREE) & (behind | (kinds & EDGE == 0)) & ~np.isnan(hips).any(axis=1)
-        return np.where(contact[:, None], ihips, hips), np.where(contact[:, None], normals, 0.0), contact
 
     @cached_property
     def _arrays(self) -> tuple[Array, ByteArray, Array]:
@@ -626,18 +593,18 @@ class LutProjection:
         self.support_range: Sequence[float] = _blurred_supports(exact.support_range, STRETCH * resolution)
         self._exact = exact
 
-    def project(self, hip: Array) -> ProxyState:
+    def project(self, hip: Array) -> Projected:
         """Project a HIP (N,), m, in one tick."""
         if hip.size == 3:
-            return ProxyState(*(answers[0] for answers in self.trace(hip[np.newaxis])))
+            return Projected(*(column[0] for column in self.trace(hip[np.newaxis])))
         x, y = hip.tolist()
         status, px, py, nx, ny = self.table.look(x, y)
         if status == ASK:
             return self._exact.project(hip)
-        return ProxyState((px, py), (nx, ny), status == TOUCHES)
+        return Projected(np.array((px, py)), np.array((nx, ny)), np.bool_(status == TOUCHES))
 
-    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """Project HIPs (n, N), m, a tick a row: IHIPs (n, N), m, outward unit normals (n, N), and contact (n,)."""
+    def trace(self, hips: Array) -> Projected:
+        """Project HIPs (n, N), m, a tick a row."""
         ihips, normals, status = self.table.look_many(hips)
         contact = status == TOUCHES
         marked_rows = np.flatnonzero(status == ASK)
@@ -645,7 +612,7 @@ class LutProjection:
             ihips[marked_rows], normals[marked_rows], contact[marked_rows] = self._exact.trace(
                 np.ascontiguousarray(hips[marked_rows])
             )
-        return ihips, normals, contact
+        return Projected(ihips, normals, contact)
 
 
 def _blurred_supports(supports: Sequence[float], reach: float) -> tuple[float, ...]:

@@ -17,11 +17,11 @@ from hapticeval.compiled import (
     compiled,
     first_class,
     for_kernels,
-    inner,
     law_data,
     room_for,
 )
 from hapticeval.geometry.boundary import Boundary
+from hapticeval.recordings.recording import path_velocities
 from hapticeval.renderer import SCHEMES, STIFFNESS_LIMITS, CompiledStep, Declaration, Response
 from hapticeval.renderers.law import (
     GAINS,
@@ -31,7 +31,6 @@ from hapticeval.renderers.law import (
     LawRenderer,
     as_rows,
     gains,
-    move_on,
     regulate,
     release,
 )
@@ -41,15 +40,17 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
 
-class ProxyState(NamedTuple):
-    """Where one HIP is projected to: IHIP (N,), m, and outward unit normal (N,) there, and whether it touches.
+class Projected(NamedTuple):
+    """Where a projection leads HIPs: the one form of it, for a single HIP (N,) and for HIPs (n, N), a row each.
 
-    Out of contact the IHIP is the HIP and the normal is zero.
+    - `ihip` (N,) or (n, N), m: the tool on the surface; out of contact the HIP itself.
+    - `normal` (N,) or (n, N): the outward unit normal there; out of contact zero.
+    - `contact`, a truth or (n,): whether the tool is held. A bilateral projection always holds it.
     """
 
-    ihip: Sequence[float] | Array
-    normal: Sequence[float] | Array
-    contact: bool
+    ihip: Array
+    normal: Array
+    contact: BoolArray
 
 
 class Projection(Protocol):
@@ -71,11 +72,11 @@ class Projection(Protocol):
     def surface(self) -> Boundary:
         """What is really rendered."""
 
-    def project(self, hip: Array) -> ProxyState:
+    def project(self, hip: Array) -> Projected:
         """Project a HIP (N,), m, in one tick: for a projection without memory."""
 
-    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """Project HIPs (n, N), m, a tick a row: IHIPs (n, N), m, unit normals (n, N) and contact (n,), as `project`."""
+    def trace(self, hips: Array) -> Projected:
+        """Project HIPs (n, N), m, a tick a row, from a free start: a row as `project` where there is no memory."""
 
 
 def regulated(projection: Projection, regulation: Regulation, scene: Scene) -> ProjectiveRenderer | ProjectedRenderer:
@@ -112,7 +113,7 @@ class CompiledProjection:
     - `tables`: fields of its `LawData`, whose `params` begin with the gains; `own` follows.
     - `state`: the record that the law's state is, which begins with `PAST`, and `begin` (data, hip) what prepares it at
       the start of a run, for a projection with memory.
-    - `rows`: as of `LawRenderer`; `potential` and `support_range`: as of `Projection`.
+    - `rows`: as of `CompiledStep`; `potential` and `support_range`: as of `Projection`.
     - `exact`: whether it goes to the nearest point of the exact surface: what a scheme does with that has closed forms.
     """
 
@@ -140,16 +141,16 @@ class CompiledProjection:
         as_record(params, GAINS).bilateral = bilateral  # the other gains come with a scheme: see `data`
         self._data = law_data(params, state=room_for(state), **tables)
 
-    def project(self, hip: Array) -> ProxyState:
+    def project(self, hip: Array) -> Projected:
         """Project a HIP (N,), m, in one tick: for a projection without memory."""
-        return ProxyState(*(answers[0] for answers in self.trace(hip[np.newaxis])))
+        return Projected(*(column[0] for column in self.trace(hip[np.newaxis])))
 
-    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """Project HIPs (n, N), m, a tick a row: IHIPs (n, N), m, outward unit normals (n, N), and contact (n,)."""
+    def trace(self, hips: Array) -> Projected:
+        """Project HIPs (n, N), m, a tick a row, from a free start."""
         data, hips = self.data(self._data.params[:OWN]), as_rows(hips)  # without gains: no force is wanted
         if self.begin is not None:
             self.begin(data, hips[0])
-        return _trace(first_class(self.law, LAW), data, hips)
+        return Projected(*_trace(first_class(self.law, LAW), data, hips))
 
     def data(self, gains: Array) -> LawData:
         """Return what the law works on with `gains` (OWN,), of the units N/m, N s/m and kg, in a state of its own."""
@@ -165,9 +166,9 @@ class ProjectiveRenderer(LawRenderer):
 
     def __init__(self, projection: CompiledProjection, regulation: Regulation, scene: Scene) -> None:
         # each renderer has a state of its own, and shares the tables with its projection
-        law = CompiledStep(projection.law, projection.data(gains(regulation, scene)), refusals={})
+        law = CompiledStep(projection.law, projection.data(gains(regulation, scene)), refusals={}, rows=projection.rows)
         lengths = {"resolution": projection.resolution, "standoff": projection.standoff}
-        super().__init__(law, projection.surface, rows=projection.rows, **lengths)
+        super().__init__(law, projection.surface, **lengths)
         self.projection = projection
         self.regulation = regulation
         # the error of nearest points on the exact surface follows the closed forms of section 6.3
@@ -205,41 +206,35 @@ class ProjectedRenderer:
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s."""
         hip = as_rows(hip)
+        # the same as a row of `lead`, but for what a projection saves with a single HIP
         ihip, normal, contact = self.projection.project(hip)
-        answers = np.array([ihip]), np.array([normal]), np.array([contact])
-        rows = hip[np.newaxis], as_rows(velocity)[np.newaxis], np.array([dt])
-        return Response(answers[0][0], self._led(*rows, answers)[0])
+        projected = Projected(ihip[np.newaxis], normal[np.newaxis], np.array([contact]))
+        forces = self._regulated(hip[np.newaxis], as_rows(velocity)[np.newaxis], np.array([dt]), projected)
+        return Response(ihip, forces[0])
 
     def lead(self, hips: Array, velocities: Array, dt: Array) -> tuple[Array, Array]:
         """Answer a `step` a row from where the last one ended: HIPs (n, N), m, velocities (n, N), m/s, `dt` (n,), s.
 
         Returns IHIPs (n, N), m, and forces (n, N), N.
         """
-        rows = as_rows(hips), as_rows(velocities), as_rows(dt)
-        answers = self.projection.trace(rows[0])
-        return answers[0], self._led(*rows, answers)
-
-    def _led(self, hips: Array, velocities: Array, dt: Array, answers: tuple[Array, Array, BoolArray]) -> Array:
-        forces = np.empty_like(hips)
-        _regulate_timed_rows(self._params, self._state, hips, velocities, dt, _contiguous(answers), forces)
-        return forces
+        hips = as_rows(hips)
+        projected = self.projection.trace(hips)
+        return projected.ihip, self._regulated(hips, as_rows(velocities), as_rows(dt), projected)
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
         """Answer a whole path: `reset` at the first of `hips` (n, N), m, and a `step` a row, as often as every `dt` s.
 
         The velocities are a recording's, differences backwards. Returns IHIPs (n, N), m, and forces (n, N), N.
         """
-        hips = as_rows(hips)
         self.reset(hips[0])
-        answers = self.projection.trace(hips)
+        return self.lead(hips, path_velocities(hips, dt), np.full(len(hips), dt))
+
+    def _regulated(self, hips: Array, velocities: Array, dt: Array, projected: Projected) -> Array:
+        """Return the forces (n, N), N, of projected rows, from the state that the last tick left."""
         forces = np.empty_like(hips)
-        _regulate_rows(self._params, self._state, hips, np.zeros(hips.shape[1]), dt, _contiguous(answers), forces)
-        return answers[0], forces
-
-
-def _contiguous(answers: tuple[Array, Array, BoolArray]) -> tuple[Array, Array, BoolArray]:
-    ihips, normals, contact = answers
-    return for_kernels(ihips), for_kernels(normals), for_kernels(contact)
+        rows = tuple(for_kernels(column) for column in projected)
+        _regulate_rows(self._params, self._state, hips, velocities, dt, rows, forces)
+        return forces
 
 
 @compiled
@@ -258,40 +253,21 @@ def _trace(law: Callable[..., Any], data: LawData, hips: Array) -> tuple[Array, 
     return ihips, normals, contact
 
 
-@inner
-def _regulate_row(
-    params: Array, state: Array, row: int, hip: Array, velocity: Array, dt: float,
-    answers: tuple[Array, Array, BoolArray], force: Array,
-) -> None:  # fmt: skip
-    """Write the force of one projected row: `answers` are IHIPs (n, N), normals (n, N) and contact (n,)."""
-    ihips, normals, contact = answers
-    if contact[row]:
-        past, known = as_record(state, PAST), 0.0
-        for i in range(hip.shape[0]):  # where `regulate` reads the normal
-            past.normal[i] = normals[row, i]
-        if as_record(params, GAINS).scheme == GRADIENT:
-            known = stretch_at(as_record(params, POTENTIAL, OWN), hip, ihips[row], normals[row])
-        regulate(params, state, hip, velocity, known, dt, ihips[row], force)
-    else:
-        release(state, hip, ihips[row], force)
-
-
 @borrowing
 def _regulate_rows(
-    params: Array, state: Array, hips: Array, velocity: Array, dt: float, answers: tuple[Array, Array, BoolArray],
+    params: Array, state: Array, hips: Array, velocities: Array, dt: Array, projected: tuple[Array, Array, BoolArray],
     forces: Array,
 ) -> None:  # fmt: skip
-    """Write the forces (n, N) of projected rows of a path, with `velocity` (N,), m/s, at the first."""
+    """Write the forces (n, N), N, of `Projected` rows, with their own `velocities` (n, N), m/s, and `dt` (n,), s."""
+    ihips, normals, contact = projected
+    past = as_record(state, PAST)
     for row in range(hips.shape[0]):
-        move_on(hips, row, dt, velocity)
-        _regulate_row(params, state, row, hips[row], velocity, dt, answers, forces[row])
-
-
-@borrowing
-def _regulate_timed_rows(
-    params: Array, state: Array, hips: Array, velocities: Array, dt: Array, answers: tuple[Array, Array, BoolArray],
-    forces: Array,
-) -> None:  # fmt: skip
-    """Write the forces (n, N) of projected rows, each with its own velocity and `dt` (n,)."""
-    for row in range(hips.shape[0]):
-        _regulate_row(params, state, row, hips[row], velocities[row], dt[row], answers, forces[row])
+        if not contact[row]:
+            release(state, hips[row], ihips[row], forces[row])
+            continue
+        for i in range(hips.shape[1]):  # where `regulate` reads the normal
+            past.normal[i] = normals[row, i]
+        known = 0.0
+        if as_record(params, GAINS).scheme == GRADIENT:
+            known = stretch_at(as_record(params, POTENTIAL, OWN), hips[row], ihips[row], normals[row])
+        regulate(params, state, hips[row], velocities[row], known, dt[row], ihips[row], forces[row])

@@ -21,11 +21,12 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from hapticeval.adapters.outside import Outside, path_velocities
+from hapticeval.adapters.outside import Outside
 from hapticeval.compiled import LawData, borrowing, call_clock, call_step, law_data
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.pulse import PENDING_SIZE, pending_memory
-from hapticeval.renderer import RANGE_WORDS, CompiledStep, Declaration, Response, Spring
+from hapticeval.recordings.recording import path_velocities
+from hapticeval.renderer import RANGE_WORDS, Answers, CompiledStep, Declaration, Response, Spring
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 from hapticeval.workers import describe_exit
@@ -284,28 +285,6 @@ def ask(
 
 
 @borrowing
-def ask_rows(
-    data: LawData, push: Array, hips: Array, velocity: Array, dt: float, ihips: Array, forces: Array,
-    contact: BoolArray,
-) -> int:  # fmt: skip
-    """Ask a library for a whole path, tick by tick; return the row at which it refuses or broke, or n.
-
-    `hips` (n, N), m, are in steps of `dt` (s). `velocity` (N,), m/s, is that of the first; of others it is the backward
-    difference, as in a recording. Writes `ihips` (n, N), m, `forces` (n, N), N, and `contact` (n,).
-    """
-    for row in range(hips.shape[0]):
-        if row > 0:
-            # v_i = (x_i - x_(i-1)) / (t_i - t_(i-1)) with t_i = i dt rounded as a recording's times, for the same bits.
-            span = dt * float(row) - dt * float(row - 1)
-            for i in range(hips.shape[1]):
-                velocity[i] = (hips[row, i] - hips[row - 1, i]) / span
-        if ask(data, hips[row], velocity, push, dt, ihips[row], forces[row]) != 0:
-            return row
-        contact[row] = data.state[ANSWER] == CONTACT
-    return int(hips.shape[0])
-
-
-@borrowing
 def time_rows(
     data: LawData, push: Array, hips: Array, velocities: Array, dt: float, clock: int, number: int, stamp: IntArray,
     answers: Array, nanoseconds: IntArray,
@@ -445,26 +424,23 @@ class LibraryRenderer:
         Raises `DomainError` where `reset` does, and `RuntimeError` where a tick cannot be answered: single steps tell.
         """
         hips = np.array(hips, dtype=np.float64, order="C")
-        ihips, forces = np.empty_like(hips), np.empty_like(hips)
+        velocities, answers = path_velocities(hips, dt), Answers.room(hips)
         self.reset(hips[0])
         self.contact = None
         if hasattr(self._library, "hr_run"):
-            velocities = path_velocities(hips, dt)
-            ihips[:], forces[:] = np.nan, np.nan
+            answers.ihip[:], answers.force[:] = np.nan, np.nan
             addresses = (array.ctypes.data for array in (hips, velocities))
             status = self._library.hr_run(
-                self._self, len(hips), *addresses, dt, ihips.ctypes.data, forces.ctypes.data
+                self._self, len(hips), *addresses, dt, answers.ihip.ctypes.data, answers.force.ctypes.data
             )  # fmt: skip
             if status:
                 raise RuntimeError(f"hr_run returned {status}")  # single steps find out where
         else:
-            # Along a path nobody pushes, and at its start the hand rests.
-            zero, contact = np.zeros(hips.shape[1]), np.zeros(len(hips), dtype=bool)
-            row = ask_rows(self.law.data, zero, hips, zero.copy(), dt, ihips, forces, contact)
-            if row < len(hips):
+            _, number = self.law.lead(hips, velocities, np.full(len(hips), dt), answers)
+            if number:
                 raise RuntimeError(f"hr_step returned {self.law.data.state[ANSWER]:.0f}")
-            self.contact = contact
-        return ihips, forces
+            self.contact = answers.contact != 0.0
+        return answers.ihip, answers.force
 
     def time_steps(self, hips: Array, velocities: Array, dt: float) -> IntArray | None:
         """Return how long steps at `hips` (n, N), m, with `velocities` (n, N), m/s, take in a compiled loop: (n,), ns.

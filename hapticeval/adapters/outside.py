@@ -12,7 +12,6 @@ import numpy as np
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.representations import Facets
-from hapticeval.recordings.recording import backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -128,8 +127,3 @@ def _longest_edge(mesh: Mesh) -> float:
     """Return the longest edge, m."""
     corners = mesh.vertices[mesh.triangles]
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
-
-
-def path_velocities(hips: Array, dt: float) -> Array:
-    """Return the velocities (n, N), m/s, that single steps along HIPs (n, N) in steps of `dt` (s) are given."""
-    return backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))

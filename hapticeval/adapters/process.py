@@ -26,8 +26,9 @@ from typing import IO, Any, NoReturn, cast
 
 import numpy as np
 
-from hapticeval.adapters.outside import Outside, path_velocities
+from hapticeval.adapters.outside import Outside
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
+from hapticeval.recordings.recording import path_velocities
 from hapticeval.renderer import RANGE_WORDS, Declaration, Response, Spring
 from hapticeval.scene import Scene, requirements
 from hapticeval.types import Array, BoolArray

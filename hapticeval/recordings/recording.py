@@ -54,6 +54,11 @@ def backward_difference(values: Array, time: Array) -> Array:
     return out
 
 
+def path_velocities(hips: Array, dt: float) -> Array:
+    """Return the velocities (n, N), m/s, that single steps along HIPs (n, N), m, every `dt` (s), are given."""
+    return backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
+
+
 def check_finite(name: str, values: Array, valid: BoolArray | None = None) -> None:
     """Raise `InputError` with the first row of a channel (n,) or (n, N) that is not finite.
 

@@ -15,7 +15,7 @@ from hapticeval.recordings.stretches import Stretch, steps, stretches
 from hapticeval.renderer import Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.replay.subject import ReplayCase
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import rows_defined, run_path, simulate_checked
+from hapticeval.simulation.playback import channels_of, rows_defined, run_path, simulate_checked
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
@@ -199,7 +199,7 @@ def _play_recorded(
     first: int = 0,
 ) -> Recording:
     answers = run_path(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=first)
-    channels = {"hip": hip, **answers.channels, "velocity": velocity}
+    channels = {"hip": hip, **channels_of(answers), "velocity": velocity}
     return Recording(time, channels, {"source": "replay", **abilities_of(renderer).meta, "dt": float(np.median(dt))})
 
 

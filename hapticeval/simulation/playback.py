@@ -28,7 +28,7 @@ from hapticeval.geometry.boundary import Boundary
 from hapticeval.pulse import count_answer, note_pending, note_run
 from hapticeval.recordings.channels import REQUIRED
 from hapticeval.recordings.recording import OWN_TOOL, SINGLE, Recording, backward_difference
-from hapticeval.renderer import Batch, Renderer, TrajectoryRenderer, abilities_of
+from hapticeval.renderer import Answers, Batch, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
 from hapticeval.types import Array, BoolArray
@@ -100,7 +100,7 @@ def rows_defined(lead: Callable[[int], object], count: int) -> int:
 def _play(renderer: Renderer, time: Array, hips: Array, dt: float, scene: Scene | None) -> Recording:
     velocity = backward_difference(hips, time)
     answers = run_path(renderer, hips, velocity, dt, scene=scene)
-    channels = {"hip": hips, **answers.channels, "velocity": velocity}
+    channels = {"hip": hips, **channels_of(answers), "velocity": velocity}
     meta = {"source": "playback", "dt": dt, **abilities_of(renderer).meta}
     # How many steps a log that the renderer keeps itself has before the first row.
     if ticks := len(lead_in_path(renderer, hips, scene)):
@@ -108,26 +108,35 @@ def _play(renderer: Renderer, time: Array, hips: Array, dt: float, scene: Scene 
     return Recording(time, channels, meta=meta)
 
 
-class Answers(NamedTuple):
-    """Answers to HIPs: IHIPs (n, N), m; forces (n, N), N; and (n,) whether contact is reported, NaN where unknown."""
+class Rows(NamedTuple):
+    """What a renderer is asked, tick by tick: HIP (n, N), m; velocity (n, N), m/s; dt (n,), s."""
 
-    ihip: Array
-    force: Array
-    contact: Array
+    hip: Array
+    velocity: Array
+    dt: Array
+
+    def part(self, begin: int, end: int) -> Rows:
+        """Return the rows from `begin` to before `end`."""
+        return Rows(*(column[begin:end] for column in self))
+
+    def followed_by(self, other: Rows) -> Rows:
+        """Return these rows and then others."""
+        return Rows(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
 
     @classmethod
-    def room(cls, hips: Array) -> Answers:
-        """Return room for the answers to HIPs (n, N), m, of which nothing is known yet."""
-        return cls(np.empty_like(hips), np.empty_like(hips), np.full(hips.shape[0], np.nan))
+    def along(cls, time: Array, hips: Array, dt: float) -> Rows:
+        """Return the rows of a path, `hips` (n, N), m, at `time` (n,), s, every `dt` (s)."""
+        return cls(hips, backward_difference(hips, time), np.full(time.size, dt))
 
-    def part(self, rows: slice) -> Answers:
-        """Return some of the rows."""
-        return Answers(*(column[rows] for column in self))
+    @classmethod
+    def resting(cls, hip: Array, dt: float, count: int) -> Rows:
+        """Return rows of a hand that rests at `hip` (N,), m, for `count` ticks of `dt` (s)."""
+        return cls(np.tile(hip, (count, 1)), np.zeros((count, hip.size)), np.full(count, dt))
 
-    @property
-    def channels(self) -> dict[str, Array]:
-        """What a recording holds of them."""
-        return {"ihip": self.ihip, "force": self.force, **contact_channel(self.contact)}
+
+def channels_of(answers: Answers) -> dict[str, Array]:
+    """Return what a recording holds of answers."""
+    return {"ihip": answers.ihip, "force": answers.force, **contact_channel(answers.contact)}
 
 
 def contact_channel(contact: Array) -> dict[str, Array]:
@@ -170,21 +179,24 @@ def run_path(
     `first` on.
     """
     abilities = abilities_of(renderer)
-    if not abilities.observe_force:
-        pushes = None
-    lead_in = lead_in_path(renderer, hips, scene)
-    count = lead_in.shape[0]
-    if count:  # the hand starts inside: it is led in at the path's median rate
-        step = float(np.median(dt))
-        lead_in_velocity = np.diff(lead_in, axis=0, prepend=lead_in[:1]) / step
-        hips, velocity = np.vstack([lead_in, hips]), np.vstack([lead_in_velocity, velocity])
-        dt = np.concatenate([np.full(count, step), dt]) if isinstance(dt, np.ndarray) else dt
-        pushes = None if pushes is None else np.vstack([np.zeros_like(lead_in), pushes])
-    if abilities.run and not isinstance(dt, np.ndarray) and pushes is None:
-        answers = _all_at_once(renderer, hips, velocity, dt, first, count)
+    one_step = not isinstance(dt, np.ndarray)
+    # the hand starts inside: it is led in at the path's median rate
+    lead_in = lead_in_rows(renderer, hips, float(np.median(dt)), scene)
+    count = lead_in.dt.size
+    rows = lead_in.followed_by(Rows(hips, velocity, np.broadcast_to(dt, len(hips))))
+    if pushes is not None and abilities.observe_force:
+        answers = _step_by_step(renderer, rows, first, count, np.vstack([np.zeros_like(lead_in.hip), pushes]))
+    elif abilities.run and one_step:
+        answers = _all_at_once(renderer, rows, first, count)
     else:
-        answers = _step_by_step(renderer, hips, velocity, dt, first, count, pushes)
+        answers = _step_by_step(renderer, rows, first, count)
     return answers.part(slice(count, None))
+
+
+def lead_in_rows(renderer: object, hips: Array, dt: float, scene: Scene | None) -> Rows:
+    """Return the ticks of `lead_in_path`, every `dt` (s)."""
+    lead_in = lead_in_path(renderer, hips, scene)
+    return Rows(lead_in, np.diff(lead_in, axis=0, prepend=lead_in[:1]) / dt, np.full(len(lead_in), dt))
 
 
 def lead_in_path(renderer: object, hips: Array, scene: Scene | None) -> Array:
@@ -245,7 +257,9 @@ def simulate_checked(renderer: TrajectoryRenderer, stimulus: Stimulus, dt: float
     return replace(recording, meta={**recording.meta, OWN_TOOL: True})
 
 
-def _all_at_once(renderer: Renderer, hips: Array, velocity: Array, dt: float, first: int, ahead: int) -> Answers:
+def _all_at_once(renderer: Renderer, rows: Rows, first: int, ahead: int = 0) -> Answers:
+    """Answer rows of one `dt` from a reset by `run`; the `ahead` rows of the way in count as tick `first`."""
+    hips = rows.hip
     with renderer_errors(
         "run()",
         tick=first,
@@ -255,14 +269,14 @@ def _all_at_once(renderer: Renderer, hips: Array, velocity: Array, dt: float, fi
     ):
         note_run(first - ahead)
         try:
-            answer = cast("Batch", renderer).run(hips.copy(), dt)
+            answer = cast("Batch", renderer).run(hips.copy(), float(rows.dt[0]))
             ihips, forces = (np.asarray(part, dtype=np.float64) for part in answer)
             count_answer()
         except (Exception, SystemExit) as error:
             if isinstance(error, HapticevalError) and not isinstance(error, RefusalError):
                 raise
             # A batch does not say where it broke; single steps do.
-            _step_by_step(renderer, hips, velocity, dt, first, ahead)
+            _step_by_step(renderer, rows, first, ahead)
             raise
     for name, array in (("IHIPs", ihips), ("forces", forces)):
         if array.shape != hips.shape:
@@ -278,26 +292,29 @@ def _all_at_once(renderer: Renderer, hips: Array, velocity: Array, dt: float, fi
     return Answers(ihips, forces, _reported_contacts(renderer, hips.shape[0]))
 
 
-def _step_by_step(
-    renderer: Renderer,
-    hips: Array,
-    velocity: Array,
-    dt: float | Array,
-    first: int,
-    ahead: int,
+def _step_by_step(renderer: Renderer, rows: Rows, first: int, ahead: int = 0, pushes: Array | None = None) -> Answers:
+    """Answer rows from a reset by `step`; the `ahead` rows of the way in count as tick `first`."""
+    answers = Answers.room(rows.hip)
+    reset_checked(renderer, rows.hip[0])
+    _answer_each(renderer, rows, answers, range(len(rows.hip)), first, ahead, pushes)
+    return answers
+
+
+def _answer_each(
+    renderer: Renderer, rows: Rows, answers: Answers, numbers: range, first: int, ahead: int = 0,
     pushes: Array | None = None,
-) -> Answers:
-    """A step a row; the `ahead` rows of the way in count as tick `first`."""
-    answers = Answers.room(hips)
-    steps = np.broadcast_to(dt, hips.shape[0]).tolist()
-    reset_checked(renderer, hips[0])
-    for row, step in enumerate(steps):
-        tick = first + max(row - ahead, 0)
+) -> None:  # fmt: skip
+    """Write the answers of the rows `numbers`, a `step` a row: the one loop in Python over a path that is given.
+
+    One that feels is given `pushes` (n, N), N. Errors count ticks from `first` on, to which the first `ahead` rows
+    belong.
+    """
+    for row in numbers:
+        tick, hip = first + max(row - ahead, 0), rows.hip[row]
         if pushes is not None:
-            observe_force_checked(renderer, tick, hips[row], pushes[row])
+            observe_force_checked(renderer, tick, hip, pushes[row])
         try:
-            answers.ihip[row], answers.force[row] = step_checked(renderer, tick, hips[row], velocity[row], step)
-            answers.contact[row] = reported_contact(renderer)
+            ihip, force = step_checked(renderer, tick, hip, rows.velocity[row], float(rows.dt[row]))
         except RendererError as error:
             if ahead:
                 error.after_lead_in(row + 1, ahead)
@@ -308,11 +325,11 @@ def _step_by_step(
             raise RendererError(
                 f"the renderer refuses in the middle of a run: {refusal.what}",
                 tick=tick,
-                hip=hips[row],
+                hip=hip,
                 why="a refusal is about a scene, and stands before the first answer",
                 todo="refuse in the factory, in reset() or in the first step()",
             ) from refusal
-    return answers
+        answers.ihip[row], answers.force[row], answers.contact[row] = ihip, force, reported_contact(renderer)
 
 
 def reset_checked(renderer: Renderer, hip: Array) -> None:
@@ -429,21 +446,19 @@ def compare_batch(
     allowed[1] += 4.0 * SINGLE * float(np.max(np.abs(recording.force)))
     count, length = COMPARED
     for first in sorted({int(touched[k]) for k in np.linspace(0, touched.size - 1, count + 1).astype(int)[:-1]}):
-        hips = recording.hip[first : first + length]
-        velocity = backward_difference(hips, recording.time[first : first + length])
+        rows = Rows.along(recording.time[first : first + length], recording.hip[first : first + length], dt)
         try:
-            batch = np.stack(_all_at_once(renderer, hips, velocity, dt, first, 0)[:2], axis=1)
+            batch = np.stack(_all_at_once(renderer, rows, first)[:2], axis=1)
         except DomainError:
             continue  # it may be led here, and not start here
-        single = np.stack(_step_by_step(renderer, hips, velocity, dt, first, 0)[:2], axis=1)
+        single = np.stack(_step_by_step(renderer, rows, first)[:2], axis=1)
         differences = np.linalg.norm(batch - single, axis=2)
         wrong = np.flatnonzero(np.any(differences > allowed, axis=1))
         if wrong.size == 0:
             continue
         row = int(wrong[0])
         if np.any(
-            differences[row]
-            > allowed + _change_of_answer(renderer, hips[: row + 1], velocity, dt, rounding, single[row])
+            differences[row] > allowed + _change_of_answer(renderer, rows.part(0, row + 1), rounding, single[row])
         ):
             ihip, force = differences[row]
             answers_of_both = [
@@ -453,40 +468,22 @@ def compare_batch(
             raise RendererError(
                 f"the renderer's run() and step() differ by {1e3 * ihip:.3g} mm in the IHIP and {force:.3g} N",
                 tick=first + row,
-                hip=hips[row],
+                hip=rows.hip[row],
                 why=f"{', '.join(answers_of_both)}, both from a reset at tick {first} on; "
                 f"rounding allows for {1e3 * allowed[0]:.2g} mm and {allowed[1]:.2g} N",
                 todo="make run() equal to reset() and a step() a row",
             )
 
 
-def _change_of_answer(renderer: Renderer, hips: Array, velocity: Array, dt: float, by: float, answer: Array) -> Array:
-    """How far the last answer of `step` moves, (IHIP, force), when the last of `hips` is moved by `by` either way."""
+def _change_of_answer(renderer: Renderer, rows: Rows, by: float, answer: Array) -> Array:
+    """How far the last answer of `step` moves, (IHIP, force), when the last HIP is moved by `by` (m) either way."""
     largest_change = np.zeros(2)
-    for shift in by * np.vstack([np.eye(hips.shape[1]), -np.eye(hips.shape[1])]):
-        shaken = hips.copy()
+    for shift in by * np.vstack([np.eye(rows.hip.shape[1]), -np.eye(rows.hip.shape[1])]):
+        shaken = rows.hip.copy()
         shaken[-1] += shift
-        answer_there = np.stack(_step_by_step(renderer, shaken, velocity, dt, 0, 0)[:2], axis=1)[-1]
+        answer_there = np.stack(_step_by_step(renderer, rows._replace(hip=shaken), 0)[:2], axis=1)[-1]
         largest_change = np.maximum(largest_change, np.linalg.norm(answer_there - answer, axis=1))
     return largest_change
-
-
-class _Rows(NamedTuple):
-    """What a renderer is asked, tick by tick: HIP (n, N), m; velocity (n, N), m/s; dt (n,), s."""
-
-    hip: Array
-    velocity: Array
-    dt: Array
-
-    def part(self, begin: int, end: int) -> _Rows:
-        return _Rows(*(column[begin:end] for column in self))
-
-    def followed_by(self, other: _Rows) -> _Rows:
-        return _Rows(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
-
-    @classmethod
-    def resting(cls, hip: Array, dt: float, count: int) -> _Rows:
-        return cls(np.tile(hip, (count, 1)), np.zeros((count, hip.size)), np.full(count, dt))
 
 
 TURN = 8
@@ -504,10 +501,8 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
     parties = []
     for renderer, path, scene in (first, second):
         time, hips = path.sampled(dt)
-        rows = _Rows(hips, backward_difference(hips, time), np.full(time.size, dt))
-        lead_in = lead_in_path(renderer, hips, scene)
-        lead_in_rows = _Rows(lead_in, np.diff(lead_in, axis=0, prepend=lead_in[:1]) / dt, np.full(len(lead_in), dt))
-        parties.append((renderer, lead_in_rows.followed_by(rows)))
+        lead_in = lead_in_rows(renderer, hips, dt, scene)
+        parties.append((renderer, lead_in.followed_by(Rows.along(time, hips, dt))))
         reset_checked(renderer, parties[-1][1].hip[0])
     first_rows = parties[0][1]  # only the first renderer's answers are recorded
     answers = Answers.room(first_rows.hip)
@@ -517,7 +512,7 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
             column[begin : begin + TURN] = answered
     time, hips = first[1].sampled(dt)
     recorded = slice(len(first_rows.dt) - len(time), None)
-    channels = {"hip": hips, **answers.part(recorded).channels, "velocity": first_rows.velocity[recorded]}
+    channels = {"hip": hips, **channels_of(answers.part(recorded)), "velocity": first_rows.velocity[recorded]}
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(first[0]).meta})
 
 
@@ -532,7 +527,7 @@ class Closeup:
     renderer where it can be copied, else by leading it there anew from its reset. `recording` holds what it answered.
     """
 
-    def __init__(self, recording: Recording, rows: _Rows, before: _Rows, subject: _Original) -> None:
+    def __init__(self, recording: Recording, rows: Rows, before: Rows, subject: _Original) -> None:
         self.recording = recording
         self._rows = rows
         self._before = before
@@ -546,11 +541,10 @@ class Closeup:
         The renderer's copies have the scene in common with it.
         """
         dt = float(recording.meta["dt"])
-        rows = _Rows(recording.hip, recording.channel("velocity"), np.full(len(recording), dt))
-        lead_in = lead_in_path(renderer, recording.hip, scene)
-        before = _Rows(lead_in, np.diff(lead_in, axis=0, prepend=lead_in[:1]) / dt, np.full(len(lead_in), dt))
+        rows = Rows(recording.hip, recording.channel("velocity"), np.full(len(recording), dt))
+        before = lead_in_rows(renderer, recording.hip, dt, scene)
         shared = (scene, scene.model, scene.model.boundary)
-        return cls(recording, rows, before, _Original(renderer, dt, shared, len(lead_in)))
+        return cls(recording, rows, before, _Original(renderer, dt, shared, before.dt.size))
 
     def closer(self, first: int, last: int, factor: int, *, lag: int) -> Closeup:
         """Return a close-up of the path from row `first` to row `last` > `first`, each step in `factor` equal ones.
@@ -571,13 +565,13 @@ class Closeup:
         dt = np.repeat(self._rows.dt[first + 1 : last + 1] / factor, factor)
         # where a step ends the HIP is the path's own, to the bit
         hip = np.where(share == 1.0, end, start + share * (end - start))
-        fine_rows = _Rows(hip, (end - start) / (factor * dt)[:, np.newaxis], dt)
-        fine_rows = fine_rows.followed_by(_Rows.resting(hip[-1], float(dt[-1]), lag))
+        fine_rows = Rows(hip, (end - start) / (factor * dt)[:, np.newaxis], dt)
+        fine_rows = fine_rows.followed_by(Rows.resting(hip[-1], float(dt[-1]), lag))
         fine_answers = _lead_on(renderer, fine_rows, tick)
         answers = Answers(*(np.concatenate(pair) for pair in zip(rest_answer, fine_answers, strict=True)))
         time = self.recording.time[first] + np.concatenate([[0.0], np.cumsum(fine_rows.dt)])
         rows = rest_rows.part(-1, rest_rows.dt.size).followed_by(fine_rows)
-        channels = {"hip": rows.hip, **answers.channels, "velocity": rows.velocity}
+        channels = {"hip": rows.hip, **channels_of(answers), "velocity": rows.velocity}
         recording = Recording(time, channels, {**self.recording.meta, "dt": float(dt[-1])})
         before = self._before.followed_by(self._rows.part(0, first + 1)).followed_by(rest_rows.part(0, -1))
         closer = Closeup(recording, rows, before, self._subject)
@@ -589,9 +583,9 @@ class Closeup:
         """As errors count it, from where the path begins."""
         return self._before.dt.size - self._subject.ahead + row
 
-    def _rest_at(self, renderer: Renderer, row: int, lag: int) -> tuple[_Rows, Answers]:
+    def _rest_at(self, renderer: Renderer, row: int, lag: int) -> tuple[Rows, Answers]:
         """The ticks of a rest at `row`, and the last answer, a single row."""
-        rows = _Rows.resting(self._rows.hip[row], self._subject.dt, PATIENCE)
+        rows = Rows.resting(self._rows.hip[row], self._subject.dt, PATIENCE)
         answers: list[tuple[Array, Array]] = []
         for _ in range(PATIENCE):
             answers.append(step_checked(renderer, self._tick(row), rows.hip[0], rows.velocity[0], self._subject.dt))
@@ -672,7 +666,7 @@ class _Original:
             self.copies = False
             return None
 
-    def proves_copies(self, renderer: Renderer, rows: _Rows) -> bool:
+    def proves_copies(self, renderer: Renderer, rows: Rows) -> bool:
         """Whether copies are independent: of a handle to a state elsewhere a copy is the same state once more.
 
         Two copies are led along the same rows one after the other, and must give the same answers to the bit.
@@ -688,41 +682,30 @@ class _Original:
         return self.copies
 
 
-def _lead_on(renderer: Renderer, rows: _Rows, first: int) -> Answers:
+def _lead_on(renderer: Renderer, rows: Rows, first: int) -> Answers:
     """The answers of a renderer that is led on without a reset. Errors count ticks from `first` on.
 
     By its compiled `law` or its `lead`, where it has one, as far as that answers: what that refuses its `step` words.
     """
     answers = Answers.room(rows.hip)
-    ihips, forces, contact = answers
+    ihips, forces, _ = answers
     answered = _lead_at_once(renderer, rows, answers, first)
     not_finite_rows = ~np.isfinite([ihips[:answered], forces[:answered]]).all(axis=(0, 2))
     if not_finite_rows.any():
         row = int(np.argmax(not_finite_rows))
         raise not_finite(max(first + row, 0), rows.hip[row], ihips[row], forces[row])
-    for row in range(answered, rows.dt.size):
-        ihips[row], forces[row] = step_checked(
-            renderer, max(first + row, 0), rows.hip[row], rows.velocity[row], float(rows.dt[row])
-        )
-        contact[row] = reported_contact(renderer)
+    # ticks before `first` = 0 are those of the way in
+    _answer_each(renderer, rows, answers, range(answered, rows.dt.size), max(first, 0), max(-first, 0))
     return answers
 
 
-def _lead_at_once(renderer: Renderer, rows: _Rows, answers: Answers, first: int) -> int:
+def _lead_at_once(renderer: Renderer, rows: Rows, answers: Answers, first: int) -> int:
     """Write what a renderer answers in one call, and return how many rows that are: none where it cannot."""
     abilities, count = abilities_of(renderer), rows.dt.size
     # compiled first: it says itself how far it got; a `lead` in Python answers all rows or none
     if abilities.law is not None and count:
-        from hapticeval.compiled import for_kernels, law_value
-        from hapticeval.simulation.answer_kernels import lead
-
-        law = law_value(abilities.law.function, abilities.law.data)
-        columns = for_kernels(rows.hip), for_kernels(rows.velocity), for_kernels(rows.dt)
-        reported = np.empty(0) if abilities.law.contact is None else abilities.law.contact
         note_run(first)
-        return lead(
-            law, abilities.law.data, np.zeros(rows.hip.shape[1]), *columns, answers[:2], reported, answers.contact
-        )
+        return abilities.law.lead(*rows, answers)[0]
     if abilities.lead and count:
         with suppress(Exception):  # it does not say where it broke; single steps do
             answers.ihip[:], answers.force[:] = renderer.lead(*(column.copy() for column in rows))  # type: ignore[attr-defined]
