@@ -15,15 +15,13 @@ from refusals import Refusals
 import hapticeval
 from hapticeval.adapters import library as adapter
 from hapticeval.adapters.library import HEADER, LibraryRenderer
-from hapticeval.compiled import law_value
 from hapticeval.discovery import Name, parse, resolve, resolve_installed
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import backward_difference
-from hapticeval.renderer import Declaration, Spring, abilities_of
+from hapticeval.renderer import Answers, Declaration, Spring, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
-from hapticeval.simulation.answer_kernels import lead
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Experiment
@@ -72,12 +70,9 @@ def test_step_run_and_the_compiled_step_give_the_same_bits(
     reported = renderer.contact
     law = abilities_of(renderer).law
     assert law is not None
-    answers = np.empty_like(hips), np.empty_like(hips)
+    answers = Answers.room(hips)
     renderer.reset(hips[0])
-    value = law_value(law.function, law.data)
-    push, contact = np.zeros(hips.shape[1]), np.zeros(len(hips))
-    rows = lead(value, law.data, push, hips, velocities, np.full(len(hips), DT), answers, law.contact, contact)
-    assert rows == len(hips)
+    assert law.lead(hips, velocities, np.full(len(hips), DT), answers) == (len(hips), 0)
     for part in range(2):
         single = np.array([step[part] for step in steps])
         np.testing.assert_array_equal(batch[part], single)
@@ -85,7 +80,7 @@ def test_step_run_and_the_compiled_step_give_the_same_bits(
     assert np.any(batch[1] != 0.0)
     touched = np.any(batch[1] != 0.0, axis=1)
     np.testing.assert_array_equal(reported, touched)
-    np.testing.assert_array_equal(contact, touched)
+    np.testing.assert_array_equal(answers.contact, touched)
 
 
 def test_a_closed_loop_is_the_same_with_and_without_the_compiled_step(build: Build) -> None:

@@ -17,11 +17,10 @@ from hapticeval.effects.delay import Delay
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import abilities_of
+from hapticeval.renderer import Answers, abilities_of
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
-from hapticeval.simulation.answer_kernels import lead
 from hapticeval.simulation.closed_loop import loop_of
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.suite.reading import load_suite
@@ -274,12 +273,11 @@ def test_ten_million_ticks_of_laps_do_not_drift(name):
     hips = np.tile(lap, (PART // 500, 1))
     renderer.reset(np.array([0.2, 0.0]))
     law = abilities_of(renderer).law
-    function = law_value(law.function, law.data)
-    speeds, times, out = np.zeros_like(hips), np.full(PART, 1e-3), (np.empty_like(hips), np.empty_like(hips))
-    first, drift, silent = None, 0.0, (np.empty(0), np.empty(PART))
+    speeds, times, out = np.zeros_like(hips), np.full(PART, 1e-3), Answers.room(hips)
+    first, drift = None, 0.0
     for _ in range(TICKS // PART):
-        assert lead(function, law.data, np.zeros(2), hips, speeds, times, out, *silent) == PART
-        answers = np.hstack(out).reshape(-1, 500, 4)
+        assert law.lead(hips, speeds, times, out) == (PART, 0)
+        answers = np.hstack(out[:2]).reshape(-1, 500, 4)
         first = answers[1] if first is None else first
         drift = max(drift, float(np.abs(answers[1:] - first).max()))
     print(f"\n{name}: {TICKS:.0e} ticks, answers {drift:.2g}")
