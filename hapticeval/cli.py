@@ -24,7 +24,6 @@ from hapticeval.commands import (
     record,
     recordings,
     search,
-    viewing,
 )
 from hapticeval.commands.arguments import SectionedCommand, SectionedGroup
 from hapticeval.commands.terminal import annotation, on_github, say
@@ -181,7 +180,7 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
             (record.record, record.EXIT_CODES, "Run a renderer on a robot and record it."),
             (recordings.inspect, recordings.INSPECT_CODES, "Examine a recording: clock, channels, units, physics."),
             (judging.replay, judging.REPLAY_CODES, "Lead renderers along a recorded hand path."),
-            (viewing.view, viewing.VIEW_CODES, "Show a recording in a page, with a slider over time."),
+            (recordings.view, recordings.VIEW_CODES, "Show a recording in a page, with a slider over time."),
             (recordings.convert, recordings.CONVERT_CODES, "Convert foreign files, journals and recordings."),
             (recordings.compare, recordings.COMPARE_CODES, "Compare the force of runs that no clock can align."),
         ),

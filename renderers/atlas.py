@@ -28,7 +28,7 @@ import numpy as np
 
 from hapticeval.compiled import LawData, as_record, compiled
 from hapticeval.geometry.surface import FIRST, Triple, closest_on_surface, dot, plus
-from hapticeval.renderers.law import PAST, as_rows, release
+from hapticeval.renderers.projective import PAST, as_rows, release
 from hapticeval.renderers.stabilisation_laws import (
     BEYOND,
     FOCAL,

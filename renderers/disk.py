@@ -12,13 +12,12 @@ from hapticeval.compiled import compiled
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import piece_index
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
-from hapticeval.renderers.law import once
 from hapticeval.renderers.maps.conformal import conformal_map
 from hapticeval.renderers.maps.flow import FlowSettings
 from hapticeval.renderers.maps.flow_map import flow_map
 from hapticeval.renderers.nearest import nearest
 from hapticeval.renderers.outline import Outline, frame, nearest_on, outline_of
-from hapticeval.renderers.projective import Projected, Projection
+from hapticeval.renderers.projective import Projected, Projection, once
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 

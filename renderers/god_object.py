@@ -20,7 +20,6 @@ from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_feature, closest_on_mesh, side_and_normal
 from hapticeval.geometry.mesh_tool import RESTS, fly_to_hand, walk_downhill
 from hapticeval.renderers.family import VERTICES
-from hapticeval.renderers.law import GAINS, PAST, regulate, release
 from hapticeval.renderers.outline import (
     LEAVES,
     Outline,
@@ -32,7 +31,7 @@ from hapticeval.renderers.outline import (
     representation_of,
     slide,
 )
-from hapticeval.renderers.projective import CompiledProjection
+from hapticeval.renderers.projective import GAINS, PAST, CompiledProjection, regulate, release
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 

@@ -53,7 +53,6 @@ from hapticeval.geometry.mesh_kernels import NORMAL, first_triangle_hit
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.surface import Surface, closest_on_surface, dot, plus
 from hapticeval.renderers.family import VERTICES
-from hapticeval.renderers.law import GAINS, OWN, PAST, once, regulate, release
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
 from hapticeval.renderers.potential import (
     LAST,
@@ -66,7 +65,7 @@ from hapticeval.renderers.potential import (
     potential_record,
     stretch,
 )
-from hapticeval.renderers.projective import CompiledProjection
+from hapticeval.renderers.projective import GAINS, OWN, PAST, CompiledProjection, once, regulate, release
 from hapticeval.renderers.regulation import GRADIENT
 from hapticeval.scene import Scene
 from hapticeval.types import Array

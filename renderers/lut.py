@@ -51,9 +51,8 @@ from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import as_curve
 from hapticeval.geometry.polygon_kernels import signed_distances
-from hapticeval.renderers.law import once
 from hapticeval.renderers.outline import outline_of
-from hapticeval.renderers.projective import Projected, Projection
+from hapticeval.renderers.projective import Projected, Projection, once
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, ByteArray
 

@@ -45,7 +45,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import first_crossing_kernel, nearest_kernel, side_kernel
 from hapticeval.geometry.representations import Polygon
 from hapticeval.renderers.family import VERTICES
-from hapticeval.renderers.law import GAINS, once
+from hapticeval.renderers.projective import GAINS, once
 from hapticeval.types import Array
 
 MARGIN = 1.1

@@ -76,7 +76,7 @@ from hapticeval.geometry.surface import (
     shape_operator,
     shape_operator_change,
 )
-from hapticeval.renderers.law import PAST, release
+from hapticeval.renderers.projective import PAST, release
 from hapticeval.types import Array
 
 SET_GAINS = record_type("stiffness", "damping", "mass", "viscosity", "bilateral")

@@ -21,16 +21,23 @@ from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import OWN_TOOL, Recording
-from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.reports.canvas import Look, looks_of
 from hapticeval.reports.case_data import Track, drawable_recording, model_document, sample_tracks, tracks_document
-from hapticeval.reports.case_figure import Panel, Place, case_panels, panels_svg, plane_svg
+from hapticeval.reports.case_figure import (
+    Panel,
+    Place,
+    atlas_svg,
+    case_panels,
+    charts_words,
+    has_charts,
+    panels_svg,
+    plane_svg,
+)
 from hapticeval.reports.grid import gravest_first
-from hapticeval.reports.places import ASSETS as ASSET_FOLDER
-from hapticeval.reports.places import CHECK_PAGES, INDEX, ROOT, anchor, case_file
 from hapticeval.reports.plane import refusal_svg
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
-from hapticeval.reports.templates import environment
+from hapticeval.reports.templates import ASSETS as ASSET_FOLDER
+from hapticeval.reports.templates import CHECK_PAGES, INDEX, ROOT, anchor, case_file, environment
 from hapticeval.runner.results import RunEntry, VerdictEntry
 
 ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.js")

@@ -33,10 +33,9 @@ from hapticeval.reports.grid import (
     phenomenon_grid,
     worst_verdicts,
 )
-from hapticeval.reports.places import CHECK_PAGES, FOLDER, INDEX, anchor, case_file
 from hapticeval.reports.table import Summary, provenance, ran_words, renderers_by_commit, summaries
-from hapticeval.reports.templates import environment, explain_terms
-from hapticeval.runner.history import Edition, History
+from hapticeval.reports.templates import CHECK_PAGES, FOLDER, INDEX, anchor, case_file, environment, explain_terms
+from hapticeval.runner.diff import Edition, History
 from hapticeval.runner.results import (
     Breakdown,
     Replay,

@@ -9,15 +9,39 @@ from functools import cache
 from html import escape
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
+from hapticeval.files import file_stem
 from hapticeval.quantity import format_duration, format_length, format_number, format_quantity, format_size
 from hapticeval.reports.grid import step_ratio
-from hapticeval.reports.places import ASSETS, CHECK_PAGES, INDEX, ROOT, anchor, case_file
 from hapticeval.runner.results import Measure, RunEntry
 from hapticeval.runner.standing import Standing
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+
+FOLDER = "report"
+"""The folder of the pages, beside results.json."""
+
+INDEX = "index.html"
+CHECK_PAGES = "checks.html"
+ASSETS = "assets"
+"""The first page, the page of what checks ask, and the folder of what all pages share, below `FOLDER`."""
+
+ROOT = "../../"
+"""From the page of a case to `FOLDER`."""
+
+
+def anchor(*names: str) -> str:
+    """Return the id of `renderer/check` on the page of a case, of `suite/case/renderer/check` on that of all."""
+    # Quoted as in a URL, so that the link and the id are the same text.
+    return "/".join(quote(name, safe="@+:,~", errors="surrogatepass") for name in names)
+
+
+def case_file(suite: str, case: str) -> str:
+    """Return the path of a case's page below `FOLDER`."""
+    return f"cases/{file_stem(suite)}/{file_stem(case)}.html"
 
 
 GLOSSARY: Mapping[str, str] = MappingProxyType(

@@ -20,9 +20,9 @@ from hapticeval.reports.exports import write_tables
 from hapticeval.reports.grid import worst_verdicts
 from hapticeval.reports.junit import junit
 from hapticeval.reports.pages import MOST_FAILURES, Counterexample, Drawing, ReportView, Single, render_pages
-from hapticeval.reports.places import FOLDER, INDEX, ROOT, case_file
 from hapticeval.reports.run_figure import figure_svg, marks_of
 from hapticeval.reports.table import markdown
+from hapticeval.reports.templates import FOLDER, INDEX, ROOT, case_file
 from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, VerdictEntry, read_results
 from hapticeval.study.bench.document import FILE as BENCH
 from hapticeval.study.bench.document import read_bench

@@ -62,7 +62,7 @@ RUNNING = {
 }
 RESULTS = {
     "runner.events",
-    "runner.history",
+    "runner.diff",
     "runner.results",
     "runner.standing",
     "study.bench.document",

@@ -21,7 +21,7 @@ import typer
 from hapticeval.cli import run_program
 from hapticeval.commands.arguments import argument, option
 from hapticeval.commands.terminal import Terminal, lines, paragraphs, say, wrote_lines
-from hapticeval.compiled import Composed, for_kernels, law_value, specialised
+from hapticeval.compiled import Composed, change_rows, for_kernels, law_value, specialised
 from hapticeval.discovery import resolve
 from hapticeval.effects.effect import Stage
 from hapticeval.errors import HapticevalError
@@ -36,7 +36,6 @@ from hapticeval.runner.planning import Job, plan
 from hapticeval.runner.results import environment
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
-from hapticeval.simulation.answer_kernels import change_rows
 from hapticeval.simulation.answers import Affected
 from hapticeval.simulation.closed_loop import loop_of, simulate_closed_loop
 from hapticeval.simulation.playback import lead_in_path, play

@@ -19,7 +19,7 @@ from hapticeval.runner.diff import Diff, MarginMove, VerdictChange, compare_resu
 from hapticeval.runner.results import FILE, read_results
 
 if TYPE_CHECKING:
-    from hapticeval.runner.history import History
+    from hapticeval.runner.diff import History
     from hapticeval.study.bench.document import Change
 
 
@@ -232,7 +232,7 @@ def history(
       hapticeval history --as-given good middle bad -r mine:Nearest -o bisect.html
     """
     from hapticeval.reports.pages import write_history
-    from hapticeval.runner.history import histories_of
+    from hapticeval.runner.diff import histories_of
     from hapticeval.runner.results import read_results
 
     runs = [(folder, read_results(folder)) for folder in dict.fromkeys(folders)]

@@ -54,9 +54,8 @@ class Affected:
     """A renderer with `effects` on its answers; what else it offers, but for a stiffness, is the renderer's."""
 
     def __init__(self, renderer: Renderer, effects: Sequence[Effect], scene: Scene) -> None:
-        from hapticeval.compiled import specialised
+        from hapticeval.compiled import REFUSALS_PER_EFFECT, change_rows, specialised
         from hapticeval.geometry.boundary import closest_of
-        from hapticeval.simulation.answer_kernels import REFUSALS_PER_EFFECT, change_rows
 
         self.base = renderer
         self.effects = tuple(effects)
@@ -146,15 +145,15 @@ class Affected:
 
     def _change(self, hips: Array, velocities: Array, dt: float, ihips: Array, forces: Array) -> None:
         """Change answers (n, N) to `hips` (n, N) in place."""
-        from hapticeval.simulation import answer_kernels as kernels
+        from hapticeval.compiled import change_row
 
         changes_and_closest = self._changes, self._closest
         if self._compiled:
             row, refusal = self._change_rows(*changes_and_closest, hips, velocities, dt, ihips, forces)
         else:  # the boundary is in Python, and so is all that asks it
-            change_row = getattr(kernels.change_row, "py_func", kernels.change_row)
+            change_in_python = getattr(change_row, "py_func", change_row)
             ticks = enumerate(zip(hips, velocities, ihips, forces, strict=True))
-            numbers = ((row, change_row(*changes_and_closest, *tick[:2], dt, *tick[2:])) for row, tick in ticks)
+            numbers = ((row, change_in_python(*changes_and_closest, *tick[:2], dt, *tick[2:])) for row, tick in ticks)
             row, refusal = next((row_and_number for row_and_number in numbers if row_and_number[1]), (0, 0))
         if refusal:
             place = ", ".join(f"{x:.6g}" for x in hips[row])
@@ -163,8 +162,7 @@ class Affected:
     def _composed(self, law: CompiledStep | None) -> CompiledStep | None:
         if law is None or not self._compiled:
             return None
-        from hapticeval.compiled import Composed, law_value
-        from hapticeval.simulation.answer_kernels import answer
+        from hapticeval.compiled import Composed, answer, law_value
 
         base = law_value(law.function, law.data)
         data: Any = Composed(base, law.data, self._changes, self._closest)

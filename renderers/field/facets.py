@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from hapticeval.compiled import inner, law_data
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.renderer import CompiledStep, Declaration, Spring
-from hapticeval.renderers.law import LawRenderer, once
+from hapticeval.renderers.projective import LawRenderer, once
 from hapticeval.types import Array
 
 if TYPE_CHECKING:

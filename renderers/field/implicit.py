@@ -61,7 +61,7 @@ import numpy as np
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.renderer import Declaration, Response, Spring
-from hapticeval.renderers.law import checked_hand, once
+from hapticeval.renderers.projective import checked_hand, once
 from hapticeval.types import Array
 
 if TYPE_CHECKING:

@@ -52,7 +52,7 @@ import numpy as np
 from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.renderers.field.facets import MIDDLE, NORMAL, REACH, OnFacets, facets_of, way_off
-from hapticeval.renderers.law import once
+from hapticeval.renderers.projective import once
 from hapticeval.types import Array, IntArray
 
 if TYPE_CHECKING:

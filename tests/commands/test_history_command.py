@@ -5,7 +5,7 @@ from result_entries import results_of
 
 from hapticeval.cli import main
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
-from hapticeval.runner.history import histories_of
+from hapticeval.runner.diff import histories_of
 from hapticeval.runner.results import VerdictEntry, write_results
 
 COMMITS = {name: character * 40 for name, character in (("one", "a"), ("two", "b"), ("three", "c"), ("four", "d"))}

@@ -20,7 +20,7 @@ from hapticeval.geometry.catalogue import (
     torus,
 )
 from hapticeval.renderers import minimum_distance
-from hapticeval.renderers.contour import contour_of
+from hapticeval.renderers.nearest import contour_of
 from hapticeval.scene import Scene
 
 MODELS = [star(), cassinian(), circle(), dumbbell()]

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hapticeval.compiled import numbers_of
-from hapticeval.renderers.law import PAST, REFERENCE_DEPTH, REFERENCE_RATE, gains, regulate
+from hapticeval.renderers.projective import PAST, REFERENCE_DEPTH, REFERENCE_RATE, gains, regulate
 from hapticeval.renderers.regulation import REGULATIONS
 
 NUMBER = st.floats(-10.0, 10.0).map(lambda x: round(x, 6))

@@ -45,9 +45,8 @@ from hapticeval.reports.case_page import (
     write_case_page,
     write_view,
 )
-from hapticeval.reports.places import case_file
 from hapticeval.reports.plane import solid_mesh
-from hapticeval.reports.templates import environment, evidence_words
+from hapticeval.reports.templates import case_file, environment, evidence_words
 from hapticeval.runner.results import Measure, Refusal
 
 # What of a run is kept, and how it is packed.

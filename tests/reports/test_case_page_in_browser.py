@@ -12,7 +12,7 @@ from reports_synthetic import jump_tick, lobe_recording, synthetic_run, verdicts
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.case_page import write_assets, write_case_page
-from hapticeval.reports.places import case_file
+from hapticeval.reports.templates import case_file
 
 pytestmark = pytest.mark.browser
 READY = "document.documentElement.dataset.ready"

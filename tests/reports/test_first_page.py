@@ -19,8 +19,7 @@ from hapticeval.replay import OPEN_LOOP
 from hapticeval.reports import ReportView, markdown, render_pages, write_reports
 from hapticeval.reports.canvas import THEME
 from hapticeval.reports.pages import worst_words
-from hapticeval.reports.places import anchor, case_file
-from hapticeval.reports.templates import GLOSSARY, explain_terms
+from hapticeval.reports.templates import GLOSSARY, anchor, case_file, explain_terms
 from hapticeval.runner.results import Replay, SuiteEntry, write_results
 from hapticeval.runner.standing import SYMBOLS, Standing
 from hapticeval.study.bench.document import (
