@@ -118,7 +118,7 @@ def test_a_naive_table_smears_between_the_sheets():
     made = table_of("minimum-distance", "cassinian")
     table = made.table
     naive = Table(table.grid, table.nodes, table.cells & (HELD + EDGE), standoff=table.standoff)
-    ihips, _, contact = naive.answers(scattered(200_000, 0.1))
+    ihips, _, contact = answers(naive, scattered(200_000, 0.1))
     off = np.abs(MODELS["cassinian"].curve.signed_distance(ihips[contact]))
     assert np.max(off) > 0.02
     assert np.max(off) > 200.0 * made.standoff
