@@ -72,7 +72,7 @@ class DiskProjection:
         inside, _ = _side_and_clearance(self._boundary, x, y)
         u = self.map.parameter(x, y) if inside else math.nan
         px, py, nx, ny = _ihip_and_normal(self._boundary, self._bilateral, inside, u, x, y)
-        return Projected(np.array((px, py)), np.array((nx, ny)), np.bool_(inside or self._bilateral))
+        return Projected(np.array((px, py)), np.array((nx, ny)), inside or self._bilateral)
 
     def trace(self, hips: Array) -> Projected:
         """Project HIPs (n, 2), m, a tick a row."""

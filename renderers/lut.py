@@ -595,12 +595,12 @@ class LutProjection:
     def project(self, hip: Array) -> Projected:
         """Project a HIP (N,), m, in one tick."""
         if hip.size == 3:
-            return Projected(*(column[0] for column in self.trace(hip[np.newaxis])))
+            return self.trace(hip[np.newaxis]).row(0)
         x, y = hip.tolist()
         status, px, py, nx, ny = self.table.look(x, y)
         if status == ASK:
             return self._exact.project(hip)
-        return Projected(np.array((px, py)), np.array((nx, ny)), np.bool_(status == TOUCHES))
+        return Projected(np.array((px, py)), np.array((nx, ny)), status == TOUCHES)
 
     def trace(self, hips: Array) -> Projected:
         """Project HIPs (n, N), m, a tick a row."""

@@ -245,7 +245,11 @@ class Projected(NamedTuple):
 
     ihip: Array
     normal: Array
-    contact: BoolArray
+    contact: BoolArray | bool
+
+    def row(self, number: int) -> Projected:
+        """Return one of the rows, as of a single HIP."""
+        return Projected(self.ihip[number], self.normal[number], bool(np.atleast_1d(self.contact)[number]))
 
 
 class Projection(Protocol):
@@ -338,7 +342,7 @@ class CompiledProjection:
 
     def project(self, hip: Array) -> Projected:
         """Project a HIP (N,), m, in one tick: for a projection without memory."""
-        return Projected(*(column[0] for column in self.trace(hip[np.newaxis])))
+        return self.trace(hip[np.newaxis]).row(0)
 
     def trace(self, hips: Array) -> Projected:
         """Project HIPs (n, N), m, a tick a row, from a free start."""
@@ -427,7 +431,7 @@ class ProjectedRenderer:
     def _regulated(self, hips: Array, velocities: Array, dt: Array, projected: Projected) -> Array:
         """Return the forces (n, N), N, of projected rows, from the state that the last tick left."""
         forces = np.empty_like(hips)
-        rows = tuple(for_kernels(column) for column in projected)
+        rows = for_kernels(projected.ihip), for_kernels(projected.normal), for_kernels(np.atleast_1d(projected.contact))
         _regulate_rows(self._params, self._state, hips, velocities, dt, rows, forces)
         return forces
 
