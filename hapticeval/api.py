@@ -109,8 +109,8 @@ def plot_document(
     it.
     """
     from hapticeval.files import parse_json
-    from hapticeval.reports.limits_figure import paper_limits
     from hapticeval.reports.paper_figure import paper_fronts
+    from hapticeval.reports.study_figures import paper_limits
     from hapticeval.study.bench.document import FILE as BENCH
     from hapticeval.study.bench.document import read_bench
 

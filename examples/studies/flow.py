@@ -22,7 +22,7 @@ from hapticeval.files import file_stem
 from hapticeval.geometry.model import Model
 from hapticeval.renderers.maps.flow import Flow, FlowSettings, run_flow
 from hapticeval.reports.canvas import MM, PALETTE, save_figure
-from hapticeval.reports.fields_figure import add_legend, add_lines, model_figure
+from hapticeval.reports.study_figures import add_legend, add_lines, model_figure
 
 LEVEL_STRIDE, LINE_STRIDE = 4, 8
 """Of a flow's levels and lines, those that are drawn."""

@@ -70,7 +70,7 @@ def field(
       hapticeval study field mapping outline.wkt --within 2mm
     """
     from hapticeval.quantity import parse_length
-    from hapticeval.reports.fields_figure import caption, write_field
+    from hapticeval.reports.study_figures import caption, write_field
     from hapticeval.study.projection_field.study import study_field
 
     distance = parse_length(within, option="--within")
@@ -125,7 +125,7 @@ def limits(
 
     from hapticeval.devices.catalogue import device_named
     from hapticeval.discovery import resolve
-    from hapticeval.reports.limits_figure import write_limits
+    from hapticeval.reports.study_figures import write_limits
     from hapticeval.stimulus.stimulus import Path as HandPath
     from hapticeval.study.limits.loop import Place
     from hapticeval.study.limits.study import describe, study_limits
@@ -168,7 +168,7 @@ def plates(
       hapticeval study plates -r virtual-proxy -r coupled -o pictures
     """
     from hapticeval.discovery import resolve
-    from hapticeval.reports.fields_figure import write_plates
+    from hapticeval.reports.study_figures import write_plates
     from hapticeval.study.plates import CITED, THICKEST, THINNEST, describe_border, study_plates
 
     if not renderers:

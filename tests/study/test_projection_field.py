@@ -185,7 +185,7 @@ def test_a_line_and_an_ideal_contact_have_no_field(refused):
 
 
 def test_the_picture_and_its_numbers(tmp_path):
-    from hapticeval.reports.fields_figure import caption, write_field
+    from hapticeval.reports.study_figures import caption, write_field
 
     found, document = study_field("minimum-distance@polygon", cassinian(), within=MM, knobs={"vertices": 24}, cells=60)
     files = write_field(tmp_path, found, document)
