@@ -10,7 +10,6 @@ import pytest
 
 from hapticeval.cli import main
 from hapticeval.commands.arguments import parse_knobs
-from hapticeval.commands.bench import describe
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import star
 from hapticeval.knob import Knob
@@ -42,6 +41,7 @@ from hapticeval.study.bench.sweep import (
     settings_by_model,
     settings_of,
 )
+from hapticeval.study.bench.text import describe
 
 TINY = Effort(models=("cassinian", "star"), finer=(1, 2, 4), rounds=3, steps=20, batches=3, builds=2)
 
