@@ -278,11 +278,11 @@ class Projection(Protocol):
         """Project HIPs (n, N), m, a tick a row, from a free start: a row as `project` where there is no memory."""
 
 
-def regulated(projection: Projection, regulation: Regulation, scene: Scene) -> ProjectiveRenderer | ProjectedRenderer:
+def regulated(projection: Projection, regulation: Regulation, scene: Scene) -> CompiledRenderer | RendererInPython:
     """Return the renderer that a projection makes with a scheme and the scene's gains."""
     if isinstance(projection, CompiledProjection):
-        return ProjectiveRenderer(projection, regulation, scene)
-    return ProjectedRenderer(projection, regulation, scene)
+        return CompiledRenderer(projection, regulation, scene)
+    return RendererInPython(projection, regulation, scene)
 
 
 def declaration_of(projection: Projection, regulation: Regulation, scene: Scene) -> Declaration:
@@ -357,7 +357,7 @@ class CompiledProjection:
         return self._data._replace(params=params, state=np.zeros_like(self._data.state))
 
 
-class ProjectiveRenderer(LawRenderer):
+class CompiledRenderer(LawRenderer):
     """Projects the HIP (4.4), and regulates the position error (4.5) with the scene's gains (4.6), in compiled code.
 
     In free space the IHIP is the HIP and the force zero.
@@ -382,7 +382,7 @@ class ProjectiveRenderer(LawRenderer):
             self.projection.begin(self.law.data, as_rows(hip))
 
 
-class ProjectedRenderer:
+class RendererInPython:
     """Projects the HIP in Python, and regulates in compiled code: for a projection without memory that is no kernel.
 
     `step` and `run` agree to the last bit.
