@@ -219,8 +219,9 @@ def tried_words(column: str, failing: int, entries: Sequence[VerdictEntry]) -> s
         for setting, count in counts.items()
         if count["pass"] + count["fail"]
     }
-    if not decided:
-        return "not tried"
+    if not decided:  # refused, as a model that is not convex
+        undecided = ", ".join(f"`{setting}`" for setting, count in counts.items() if count)
+        return f"not decided with {undecided}" if undecided else "not tried"
     passes = [counts[setting]["pass"] for setting in decided]
     outcome = "mended" if max(passes) == failing else "in part" if any(passes) else "no setting of it mends this"
     return f"{outcome}: {', '.join(decided.values())}"

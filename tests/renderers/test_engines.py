@@ -145,6 +145,11 @@ def test_the_page_counts_what_it_is_given_shows_the_worst_and_says_what_was_trie
     assert "not shrunk | cause not looked into | not tried |" in line
 
 
+def test_a_setting_that_refuses_the_model_decides_nothing():
+    entries = [verdict("fcl-triangles", "fail", -1.0), verdict("fcl-convex", "not-applicable", None)]
+    assert failure_line("fcl-triangles", "passivity", entries, {}).endswith("| not decided with `fcl-convex` |")
+
+
 def test_what_all_failing_cases_pass_by_is_mended():
     entries = [verdict("mujoco-stiff", "fail", -1.0), verdict("fine", "fail", -1.0), verdict("shown", "pass", 1.0)]
     assert failure_line("mujoco-stiff", "passivity", entries, {}).endswith("| mended: `fine` 0/1, `shown` 1/1 |")
