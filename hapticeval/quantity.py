@@ -81,7 +81,7 @@ def format_length(metres: float, *, micro: str = "µ") -> str:
         ("pm", 1e12),
     )
     value = metres * scale
-    return f"{format_number(value, 2) if value < 99.5 else format_number(round(value))} {unit}"
+    return f"{format_number(value, 2) if value < 99.5 else format_number(round(value, 0))} {unit}"
 
 
 def format_duration(seconds: float, *, micro: str = "µ") -> str:

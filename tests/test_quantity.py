@@ -34,6 +34,7 @@ def test_the_unit_suits_the_size():
     ]
     assert [format_length(each) for each in (0.0994, 0.0996, 0.397)] == ["99 mm", "100 mm", "397 mm"]
     assert [format_duration(each) for each in (2.0, 0.0024, 2.4e-6, 9e-8)] == ["2 s", "2.4 ms", "2.4 µs", "90 ns"]
+    assert format_length(1e308) == "inf mm", "a file may hold any number"
     assert format_length(3.1e-6, micro="u") == "3.1 um"
     assert [format_size(each) for each in (12, 1_200, 1_234_567, 2_000_000_000)] == [
         "12 B",

@@ -34,6 +34,13 @@ VERSIONED_PACKAGES = ("hapticeval", "hypothesis", "numpy", "scipy", "numba")
 """Packages whose versions may change what a search finds."""
 
 
+class _DrawnMesh(Struct):
+    """The table of a mesh that was drawn: vertices, m, and the numbers of three of them a triangle."""
+
+    vertices: list[tuple[float, float, float]]
+    triangles: list[tuple[int, int, int]]
+
+
 class StoredCounterexample(Struct, frozen=True, kw_only=True):
     """What CHECK.json holds: the case as it was found, its fault, and what found it.
 
@@ -52,6 +59,15 @@ class StoredCounterexample(Struct, frozen=True, kw_only=True):
     complete: bool
     jump: tuple[tuple[float, ...], tuple[float, ...], float] | None = None
     versions: dict[str, str] = {}
+
+    def __post_init__(self) -> None:
+        # What is read beside the case's own tables: a file may have been edited.
+        if (self.trajectory is None) == (self.experiment is None):
+            raise ValueError("it needs a trajectory or an experiment, and has both or none")
+        if _is_drawn_mesh(self.case.model):
+            msgspec.convert(self.model, _DrawnMesh)
+        if self.jump is not None and not len(self.jump[0]) == len(self.jump[1]) > 0:
+            raise ValueError("the two HIPs of its jump need as many numbers each")
 
     @property
     def case(self) -> Case:

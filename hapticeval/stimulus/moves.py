@@ -27,7 +27,7 @@ from msgspec import Meta, Struct
 from hapticeval.errors import InputError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.stimulus.paths import Point, Positive, Trajectory, as_array
-from hapticeval.stimulus.stimulus import Path
+from hapticeval.stimulus.stimulus import Path, check_duration
 from hapticeval.types import Array
 
 HAND_BAND = 10.0
@@ -82,6 +82,7 @@ class Moves(Trajectory, frozen=True, kw_only=True, tag="moves"):
                 f"a tremor in {len(self.tremor.amplitude)}D on moves in {corners.shape[1]}D",
                 todo="give its amplitude as many numbers as a point has",
             )
+        check_duration(self.seconds, POINT_SPACING)
         times, points = [np.zeros(1)], [corners[:1]]
         begin = 0.0
         for move, before, after in zip(self.moves, corners[:-1], corners[1:], strict=True):

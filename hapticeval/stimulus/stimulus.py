@@ -21,14 +21,19 @@ def sample_times(duration: float, dt: float) -> Array:
 
     Raises `InputError` for more than `MOST_TICKS`.
     """
+    check_duration(duration, dt)
+    # the tolerance counts an end that is missed by rounding alone
+    return np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1, dtype=np.float64) * dt
+
+
+def check_duration(duration: float, dt: float) -> None:
+    """Raise `InputError` where a `duration` (s) in steps of `dt` (s) is more than `MOST_TICKS`."""
     if not duration / dt <= MOST_TICKS:
         raise InputError(
             f"{duration:g} s in steps of {dt:g} s are {duration / dt:.3g} samples",
             why=f"a run has {MOST_TICKS:,} at the most",
             todo="choose a shorter duration, or a longer sampling time",
         )
-    # the tolerance counts an end that is missed by rounding alone
-    return np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1, dtype=np.float64) * dt
 
 
 @dataclass(frozen=True)

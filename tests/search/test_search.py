@@ -415,6 +415,48 @@ def test_a_file_that_is_none_of_ours_is_refused_by_name(refused, tmp_path):
         read_all(Path(tmp_path))
 
 
+LED = {"start": [0.0, 0.11, 0.0], "moves": [{"to": [0.0, 0.08, 0.0], "seconds": 0.5}]}
+MESH = {"kind": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "triangles": [[0, 2, 1]]}
+STORED = {
+    "renderer": "constraint",
+    "fault": {"check": "continuous-contact", "kind": "major", "message": "", "value": 0.01, "unit": "m", "time": 0.1},
+    "model": MESH,
+    "checks": ["continuous-contact"],
+    "trajectory": LED,
+    "examples": 3,
+    "seed": 1,
+    "complete": True,
+}
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        {"trajectory": None},
+        {"experiment": {"duration": 1.0, "position": [0.0, 0.0]}},
+        {"model": {}},
+        {"model": MESH | {"vertices": 0}},
+        {"model": MESH | {"triangles": [[0, 1]]}},
+        {"jump": [[], [], 0.01]},
+        {"jump": [[0.0, 0.0], [0.0], 0.01]},
+    ],
+)
+def test_an_edited_file_is_refused_by_name(refused, tmp_path, edit):
+    (tmp_path / "a.toml").write_text("")
+    stored = STORED | {"fault": STORED["fault"] | {"level": "must"}}
+    (tmp_path / "a.json").write_text(json.dumps(stored))
+    assert read_all(tmp_path)
+    (tmp_path / "a.json").write_text(json.dumps(stored | edit))
+    with refused(InputError):
+        read_all(tmp_path)
+
+
+def test_a_move_of_ages_is_refused(refused):
+    moves = Moves(start=[0.0, 0.0], moves=(Move(to=[0.0, 1.0], seconds=1e300),))
+    with refused(InputError):
+        moves.path()
+
+
 MUTANTS = {
     "Ticks": "time-subdivision",
     "Keeps": "reset-clears",
