@@ -46,6 +46,7 @@ system: .venv/dev.stamp
 tables: .venv/dev.stamp
 	HAPTICEVAL_PUBLISH=1 $(BIN)/pytest -q -m '' -k 'recorded or published or page_counts or page_is_the_table' tests/phenomena/test_decisions.py \
 	  tests/meta/test_kill_matrix.py tests/suites
+	HAPTICEVAL_PUBLISH=1 $(BIN)/pytest -q tests/phenomena tests/meta tests/recordings/test_drawn.py
 	HAPTICEVAL_PUBLISH=1 $(BIN)/pytest -q -m 'refusals and not slow'
 
 fuzz: .venv/dev.stamp

@@ -12,6 +12,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 # Threads of linear algebra wait by spinning: two processes that share two cores would take up to three times as long.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import measured
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
@@ -62,6 +63,18 @@ def refused(request, tmp_path, tmp_path_factory):
     refusals = Refusals(test, folders)
     yield refusals
     refusals.compare()
+
+
+@pytest.fixture(autouse=True)
+def as_measured(request):
+    """Hold what a test of the checks asks them against what they found before; what hypothesis draws may change."""
+    test = request.node.nodeid
+    drawn = hasattr(request.function, "hypothesis") or request.node.get_closest_marker("system")
+    if drawn or not test.startswith(("tests/phenomena/", "tests/meta/")):
+        yield
+    else:
+        with measured.watched(test.removeprefix("tests/")):
+            yield
 
 
 @pytest.fixture

@@ -166,7 +166,7 @@ def relation_finding(
     size = scene.model.size
     excess = np.where(exempt, 0.0, np.maximum(change - allowed, 0.0)) / size
     # Without an excess the largest change of a row that counts is shown.
-    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(exempt, -1.0, change)))
+    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(exempt, -np.inf, change)))
     return compared(
         Metric(check.metric, float(excess.max()), check.unit),
         SAME_ANSWER,

@@ -1,9 +1,9 @@
 """What checks measure beside their metric, the numbers of evidence and message, at places of every kind of finding.
 
 They stand in `measured.csv` beside this file: of each kind, which is a check's outcome with the words of its message
-and the names of its evidence, the first few places of suites, of broken renderers, and of what tests ask a check about.
-Where a change means to change one of them, run the tests that fail with HAPTICEVAL_PUBLISH=1, in one process, and look
-at the difference. Words alone may change without.
+and the names of its evidence, the first few places of suites, of broken renderers, and of what tests ask a check about,
+as it is and shaken (`shaken.py`). Where a change means to change one of them, run the tests that fail with
+HAPTICEVAL_PUBLISH=1, in one process, and look at the difference.
 """
 
 from __future__ import annotations
@@ -11,27 +11,38 @@ from __future__ import annotations
 import csv
 import os
 import re
+import time
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from shaken import off_by_rounding, shaken
 
+from hapticeval.errors import InputError
+from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.verdict import Finding
+from hapticeval.scene import Scene
 
 TABLE = Path(__file__).with_name("measured.csv")
-EACH = 2
-"""Places of each kind of finding."""
+EACH, EACH_ASKED = 2, 3
+"""Places of each kind of finding: of suites and broken renderers, and of what tests ask."""
 CLOSE, ROUNDING = 2e-3, 1e-9
-"""Share by which numbers may differ between two machines, and size, in SI units, under which they are rounding."""
+"""Share by which numbers of a simulation may differ between two machines, and size, in SI units, that is rounding."""
+EXACT, TINY = 1e-6, 1e-12
+"""The same of recordings that tests make."""
 
 CHAOTIC = "comes-to-rest"
 """A loop that does not come to rest makes rounding grow: no number of it is the same on another machine."""
-FIRST_CALLS = 4
-"""Findings of a check that one test may record: a property asks for many."""
+FIRST_CALLS, SHAKES = 4, 3
+"""Findings of a check that one test may record, for a test may ask for many, and how often each is shaken."""
+QUICK = 0.015
+"""What takes longer to judge, s of the processor, is not asked once more."""
+MOST_NUMBERS = 60
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
@@ -57,12 +68,12 @@ class Row(NamedTuple):
 
     @property
     def text(self) -> str:
-        return " ".join(f"{name}={value:.5g}" for name, value in self.numbers.items())
+        return " ".join(f"{name}={value:.9g}" for name, value in self.numbers.items())
 
 
 def flattened(name: str, value: Any) -> Iterator[tuple[str, float]]:
     """Yield the numbers of evidence, by names that say where they are."""
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if isinstance(value, int | float):
         yield name, float(value)
     elif isinstance(value, Mapping):
         for key, inner in value.items():
@@ -97,34 +108,90 @@ def compare(suite: str, renderer: str, findings: Mapping[tuple[str, str], Findin
     """Assert that what is measured of a renderer, by case and check, is what is recorded of it, where it is."""
     rows = {Place(suite, renderer, *place): row_of(finding) for place, finding in findings.items()}
     if os.environ.get("HAPTICEVAL_PUBLISH"):
-        publish(rows)
+        publish({place: row for place, row in rows.items() if row.tells and place.check != CHAOTIC}, EACH)
     for place, row in rows.items():
-        if place in recorded():
-            before = recorded()[place].numbers
-            assert row.numbers == pytest.approx(before, rel=CLOSE, abs=ROUNDING, nan_ok=True), place
+        agree(place, row, CLOSE, ROUNDING)
 
 
-_calls: list[Any] = ["", Counter()]
-"""The test that is running, and how often it has asked each check."""
+def agree(place: Place, row: Row, close: float, rounding: float) -> None:
+    """Assert that a row has the numbers that are recorded of its place, where it is; those that are new may be."""
+    if place in recorded():
+        before = recorded()[place].numbers
+        numbers = {name: row.numbers.get(name) for name in before}
+        assert numbers == pytest.approx(before, rel=close, abs=rounding, nan_ok=True), place
 
 
-def compare_asked(check: str, finding: Finding) -> None:
-    """Assert the same of what a test asks a check about, the first few times."""
-    test, _, phase = os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" ")
-    if _calls[0] != test:
-        _calls[:] = test, Counter()
-    number = _calls[1][check]
-    _calls[1][check] += 1
-    if phase == "(call)" and number < FIRST_CALLS:
-        compare("tests", test, {(str(number), check): finding})
+class Call(NamedTuple):
+    """What a test asked a check, and what was found."""
+
+    check: Check
+    runs: Runs
+    scene: Scene
+    seconds: float
+
+    def row(self, seed: int | None = None, change: Callable[[Runs], Runs] = lambda runs: runs) -> Row:
+        """Return what the check finds, shaken by a seed and changed; nothing where a shake leaves what it refuses."""
+        if seed is None:
+            return row_of(self.check(change(self.runs), self.scene))
+        try:
+            return row_of(self.check(change(shaken(self.runs, self.scene, seed)), self.scene))
+        except (InputError, ValueError):  # a channel that it reads is missing, or siblings do not fit each other
+            return Row("", {})
+
+    def is_sound(self, row: Row, seed: int | None) -> bool:
+        """Return whether a row stays the same, a hundred times closer than is asked, for numbers off by rounding."""
+        other = self.row(seed, off_by_rounding)
+        same = pytest.approx(other.numbers, rel=0.01 * EXACT, abs=0.01 * TINY, nan_ok=True)
+        return row.kind == other.kind and row.numbers == same
 
 
-def publish(rows: Mapping[Place, Row]) -> None:
+@contextmanager
+def watched(test: str) -> Iterator[None]:
+    """Assert that what a test asks checks about has the findings that are recorded, as it is and shaken."""
+    calls: dict[tuple[str, int], Call] = {}
+    counts: Counter[str] = Counter()
+    ask = Check.__call__
+
+    def listen(check: Check, runs: Runs, scene: Scene) -> Finding:
+        began = time.process_time()
+        finding = ask(check, runs, scene)
+        if counts[check.id] < FIRST_CALLS:
+            calls[check.id, counts[check.id]] = Call(check, runs, scene, time.process_time() - began)
+        counts[check.id] += 1
+        return finding
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Check, "__call__", listen)
+        yield
+    publishing = bool(os.environ.get("HAPTICEVAL_PUBLISH"))
+    for (check, number), call in calls.items():
+        for shake in range(SHAKES + 1):
+            place = Place("tests", test, f"{number}.{shake}", check)
+            if place not in recorded() and not publishing:
+                continue
+            seed = zlib.crc32(" ".join(place).encode()) if shake else None
+            if publishing and place not in recorded() and call.seconds > QUICK:
+                continue
+            row = call.row(seed)
+            new = publishing and 0 < len(row.numbers) < MOST_NUMBERS and is_wanted(place, row, EACH_ASKED)
+            if new and call.is_sound(row, seed):
+                publish({place: row}, EACH_ASKED)
+            agree(place, row, EXACT, TINY)
+            assert place not in recorded() or row.kind == recorded()[place].kind, f"{place}: other words"
+
+
+def is_wanted(place: Place, row: Row, each: int) -> bool:
+    """Return whether a place is recorded already, or one of the first of its kind."""
+    table = recorded()
+    alike = sum(other.kind == row.kind and there.check == place.check for there, other in table.items())
+    return place in table or alike < each
+
+
+def publish(rows: Mapping[Place, Row], each: int) -> None:
     """Record what is measured at places that are recorded, and at the first places of each kind."""
     table = recorded()
     for place, row in rows.items():
-        alike = sum(other.kind == row.kind and there.check == place.check for there, other in table.items())
-        if row.tells and place.check != CHAOTIC and (place in table or alike < EACH):
+        if is_wanted(place, row, each):
             table[place] = row
     write(table.items())
 

@@ -464,3 +464,13 @@ def test_from_which_tick_on_a_reset_leaves_something_is_told(rows, off, named):
 def test_a_second_run_that_ends_earlier_differs_from_where_it_ends():
     finding = found("reset-clears", twice(0.0, 0.0, shorter=10), PLANE)
     assert (finding.outcome, finding.evidence["first_tick"]) == (FAIL, 90)
+
+
+def test_a_tool_that_may_be_on_the_surface_yet_needs_no_force_and_may_not_pull():
+    """The first half of the way is pressed 1 mm deep, the other 0.1 mm: less than the tool stands off."""
+    along, deep = 1e-4 * np.arange(400), np.where(np.arange(400) < 200, 1e-3, 1e-4)
+    hip, ihip = np.column_stack([along, -deep]), np.column_stack([along, np.full(400, 2e-4)])
+    for share, expected in ((1.0, PASS), (0.0, PASS), (-1.0, FAIL)):
+        force = K * np.column_stack([0.0 * along, np.where(deep > 5e-4, 1.0, share) * (ihip - hip)[:, 1]])
+        finding = found("force-magnitude", recorded(hip, ihip, force, meta={"standoff": 4e-4}), PLANE)
+        assert finding.outcome is expected, (share, finding.message)

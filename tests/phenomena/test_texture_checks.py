@@ -233,3 +233,40 @@ def test_a_texture_that_is_missing_at_one_of_two_forces_is_a_thousand_decibels_d
     assert found.outcome is Outcome.FAIL
     offs = [stretch["off_dB"] for stretch in found.finding.evidence["stretches"]]
     assert sorted(offs) == pytest.approx([-500.0, 500.0], abs=5.0)
+
+
+def scaled(gains):
+    """Return the factory of a renderer whose texture is so many decibels too loud, by the depth (m) that is nearest."""
+
+    def make(scene):
+        plain, textured = resolve("minimum-distance")(scene), with_effects(resolve("minimum-distance")(scene), scene)
+
+        class Scaled:
+            supports = frozenset({"stochastic-texture"})
+
+            def reset(self, hip):
+                plain.reset(hip)
+                textured.reset(hip)
+
+            def step(self, hip, velocity, dt):
+                (ihip, force), (_, felt) = plain.step(hip, velocity, dt), textured.step(hip, velocity, dt)
+                decibels = gains[min(gains, key=lambda depth: abs(depth + hip[1]))]
+                return ihip, force + 10.0 ** (decibels / 20.0) * (felt - force)
+
+        return Scaled()
+
+    return make
+
+
+def test_of_several_stretches_the_one_farthest_beyond_its_own_bound_is_named():
+    """A stretch of 2 s may be off by more than one of 20 s, and is not the worst where both are off."""
+    depths = [5e-4] * 20 + [4e-3] * 3 + [2e-3] * 20
+    points = np.column_stack([0.005 * np.arange(len(depths)), -np.array(depths)]).tolist()
+    way = {"kind": "points", "points": points, "duration": len(depths) - 1.0}
+    make = scaled({5e-4: -0.6, 4e-3: 1.6, 2e-3: -1.0})
+    finding = judged(["texture-amplitude"], way, RIBBED, make=make)["texture-amplitude"].finding
+    offs = {stretch["force_N"]: abs(stretch["off_dB"]) for stretch in finding.evidence["stretches"]}
+    assert finding.outcome is Outcome.FAIL
+    assert max(offs, key=offs.__getitem__) == 4.0
+    assert finding.evidence["force_N"] == 2.0
+    assert finding.message.startswith("at 0.00504 m/s and 2 N the rms is -0.8"), finding.message

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.journal import recover
 from hapticeval.recordings.provenance import describe_losses
-from hapticeval.recordings.recorder import LossWarning, Recorder
+from hapticeval.recordings.recorder import LossWarning, Recorder, State, Writer
 
 CHANNELS = {"hip": 2, "force": 2}
 GRIP = {"grip": Signal("N", "grip force", "device")}
@@ -365,3 +366,25 @@ def test_a_script_needs_no_guard_and_ctrl_c_ends_with_everything_written(tmp_pat
     assert describe_losses(recording) == ()
     assert_fed(recording)
     assert recording.events[-1].kind == "ended"
+
+
+@pytest.mark.parametrize(
+    ("losses", "reported", "told"),
+    [
+        ((0, 0), (0, 0), []),
+        ((3, 0), (0, 0), ["3 rows"]),
+        ((3, 2), (3, 0), ["2 events"]),
+        ((7, 2), (3, 2), ["4 rows"]),
+        ((7, 5), (3, 2), ["4 rows", "3 events"]),
+    ],
+)
+def test_what_was_lost_since_the_last_look_is_told_once(losses, reported, told):
+    state = [0] * len(State)
+    state[State.OVERRUN], state[State.EVENT_OVERRUN] = losses
+    writer, texts = Writer(SimpleNamespace(state=state), -1), []
+    writer.reported = reported
+    writer._event = lambda stamp, kind, text: texts.append(text) or True
+    writer._report_overrun()
+    assert texts == [f"{what} were lost: the writer was too late" for what in told]
+    writer._report_overrun()
+    assert len(texts) == len(told)

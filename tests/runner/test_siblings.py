@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from honest import Spring
+from msgspec import structs
 from outsiders import CASES
 
 from hapticeval.errors import RefusalError
@@ -16,6 +17,7 @@ from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Response
 from hapticeval.runner.judging import (
+    _answers_the_hip,
     _end_of,
     _finding,
     _ran_away,
@@ -136,6 +138,27 @@ class TestOfAPath:
         turns = runs.in_turns()
         np.testing.assert_array_equal(turns.force, runs.base.force)
         assert bench.simulated == pytest.approx(before + 2.0 * len(turns) * DT)
+
+
+FILTER, VISCOSITY = {"kind": "velocity-filter", "cutoff": 100.0}, {"kind": "viscosity", "coefficient": 1.0}
+
+
+@pytest.mark.parametrize("damping", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("effects", "exact"),
+    [
+        ((), True),
+        ((VISCOSITY,), True),
+        ((FILTER,), False),
+        ((FILTER, VISCOSITY), False),
+        ((VISCOSITY, FILTER), False),
+    ],
+)
+def test_a_loop_is_asked_again_without_an_effect_where_its_places_tell_all(effects, exact, damping):
+    """Along the recorded HIPs a renderer answers as in the loop only if it was given these, and no velocity."""
+    case = CASES["press"]
+    scene = structs.replace(case, scene={**case.scene, "effects": list(effects), "damping": damping}).build_scene()
+    assert _answers_the_hip(scene) is (exact and damping == 0.0)
 
 
 class TestFindings:

@@ -281,7 +281,7 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
             message = f"a step of {mm(jump)} is within the declared standoff of {mm(surface_gap)}"
         else:
             message = _continuous_message(base, scene, float(steps.max()))
-        longest = int(np.argmax(np.where(steps <= bounds, steps, -1.0)))
+        longest = int(np.argmax(np.where(steps <= bounds, steps, -np.inf)))
         metric = Metric(CHECK.metric, float(steps[longest]), "m")
         return Finding(Outcome.PASS, message, metric, float(bounds[longest]), _jump_evidence(base, scene, tick))
     bound = float(bounds[place.tick])

@@ -29,7 +29,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     ]
     if not lap_runs:
         return undecided("the hand never goes round a closed loop three times in contact")
-    largest_excess, largest_change, worst, number = -1.0, -1.0, 0, 0
+    largest_excess, largest_change, worst, number = -math.inf, -math.inf, 0, 0
     for first, period, count in lap_runs:
         # (laps - 1, period, N), from the second lap on; forces as lengths, by the stiffness.
         rows = slice(first + period, first + count * period)

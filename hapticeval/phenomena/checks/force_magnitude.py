@@ -178,7 +178,9 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
         # A tool that stands off by s may be pulled from the surface or from where it stands: its depth is known to s.
         gap = standoff(base, scene)
         low *= np.divide(depth, depth + gap, out=np.ones_like(depth), where=depth > 0.0)
-        high *= np.divide(depth, depth - gap, out=np.full_like(depth, np.inf), where=depth > gap)
+        # Where it may be on the surface, no share is known, and that of no force is no NaN.
+        unknown = np.where(high < 0.0, -np.inf, np.inf)
+        high = np.divide(high * depth, depth - gap, out=unknown, where=depth > gap)
     # There a force may be too large, and not too small.
     low[begins], high[begins] = explained[begins], np.inf
     velocity, sinking = hand_velocity(base), backward_difference(error, base.time)

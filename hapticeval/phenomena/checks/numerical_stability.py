@@ -91,7 +91,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     clear = contact & (steep <= AMPLIFIED_FACTOR * (hand + declared) + ANSWER_CHANGE * size)
     excess = np.where(contact, np.maximum(change - allowed, 0.0), 0.0) / size
     # Without an excess the answer with the fewest digits is shown.
-    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(clear, change, -1.0)))
+    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(clear, change, -np.inf)))
     digits = -math.log10(max(float(change[clear].max(initial=0.0)) / size, EPS))
     motion_name = max(
         answering_runs,

@@ -95,7 +95,7 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
         message = "the tool crosses no edge at which an unshaded force would turn farther: nothing to be smoothed"
         return undecided(message)
     excess = np.where(pressed, turn - allowed, -np.inf)
-    worst = int(np.argmax(excess)) if excess.max() > 0.0 else int(np.argmax(np.where(pressed, turn, -1.0)))
+    worst = int(np.argmax(excess)) if excess.max() > 0.0 else int(np.argmax(np.where(pressed, turn, -np.inf)))
     evidence = {
         **evidence_at(base, worst + 1),
         "turns_without_rad": float(flat[pressed].max()),
