@@ -162,7 +162,10 @@ class Place(NamedTuple):
 
 
 def places(tree: ast.AST) -> Iterator[Place]:
-    """Yield each node that may be changed, but those of annotations and of format specifications."""
+    """Yield each node that may be changed, but those of annotations, format specifications and `strict` of `zip`.
+
+    That one only guards against what is a defect elsewhere, and nothing that is right shows it.
+    """
     stack: list[tuple[ast.AST, int, ast.AST, str | None, str]] = [(tree, 1, tree, None, "")]
     while stack:
         node, line, shown, function, prefix = stack.pop()
@@ -170,6 +173,8 @@ def places(tree: ast.AST) -> Iterator[Place]:
         small = isinstance(node, ast.Constant | ast.Name) and isinstance(shown, SHOWN)
         if isinstance(node, SHOWN) and not (small or isinstance(shown, ast.JoinedStr)):
             shown = node
+        if isinstance(node, ast.keyword) and node.arg == "strict":
+            continue
         yield Place(node, line, shown, function)
         for name, value in ast.iter_fields(node):
             if name in ("annotation", "returns", "format_spec"):

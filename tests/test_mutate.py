@@ -39,6 +39,12 @@ def test_each_operator_comparison_and_number_is_changed_and_nothing_else(tmp_pat
         assert mutant.before != mutant.after
 
 
+def test_a_guard_is_not_changed(tmp_path):
+    file = tmp_path / "module.py"
+    file.write_text("pairs = zip(a, b, strict=True)\n")
+    assert mutate.count_in(file) == 0
+
+
 def test_equality_is_asked_of_counts_alone(tmp_path):
     file = tmp_path / "module.py"
     for source, count in (
