@@ -8,16 +8,17 @@ import msgspec
 import pytest
 
 CORE = ("hapticeval.phenomena", "hapticeval.phenomena.checks", "hapticeval.suite", "hapticeval.recordings")
+JUDGING = "hapticeval.runner.judging"
 
 
 def core_types(is_kind):
     """The types of one kind in the core's rooms: of recordings the type and its file, not the rooms of the lab."""
-    for package in map(importlib.import_module, CORE):
-        for found in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
-            module = importlib.import_module(found.name)
-            for name, value in vars(module).items():
-                if isinstance(value, type) and value.__module__ == module.__name__ and is_kind(value):
-                    yield pytest.param(value, id=f"{found.name.removeprefix('hapticeval.')}.{name}")
+    packages = map(importlib.import_module, CORE)
+    names = [found.name for room in packages for found in pkgutil.iter_modules(room.__path__, f"{room.__name__}.")]
+    for module in map(importlib.import_module, (*names, JUDGING)):
+        for name, value in vars(module).items():
+            if isinstance(value, type) and value.__module__ == module.__name__ and is_kind(value):
+                yield pytest.param(value, id=f"{module.__name__.removeprefix('hapticeval.')}.{name}")
 
 
 def is_struct(kind):

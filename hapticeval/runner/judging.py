@@ -37,7 +37,7 @@ FEWEST_TIMED_STEPS = 100
 """Steps whose median says how long one takes: what is compiled on first use slows the first of them alone."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Judged:
     """What came of one renderer in one case; `recording` is None where the renderer broke in the run that is judged.
 
@@ -321,7 +321,7 @@ def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | Trajecto
     return with_effects(renderer, scene)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recorded:
     """What there is to judge: the `recording` as it is stored, and the `runs` that checks may read.
 

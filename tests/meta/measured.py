@@ -29,7 +29,7 @@ from hapticeval.phenomena.verdict import Finding
 from hapticeval.scene import Scene
 
 TABLE = Path(__file__).with_name("measured.csv")
-EACH, EACH_ASKED = 2, 3
+EACH, EACH_ASKED = 2, 6
 """Places of each kind of finding: of suites and broken renderers, and of what tests ask."""
 CLOSE, ROUNDING = 2e-3, 1e-9
 """Share by which numbers of a simulation may differ between two machines, and size, in SI units, that is rounding."""
@@ -38,7 +38,7 @@ EXACT, TINY = 1e-6, 1e-12
 
 CHAOTIC = "comes-to-rest"
 """A loop that does not come to rest makes rounding grow: no number of it is the same on another machine."""
-FIRST_CALLS, SHAKES = 4, 3
+FIRST_CALLS, SHAKES = 4, 8
 """Findings of a check that one test may record, for a test may ask for many, and how often each is shaken."""
 QUICK = 0.015
 """What takes longer to judge, s of the processor, is not asked once more."""
