@@ -23,22 +23,35 @@ from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import Affected
-from hapticeval.stimulus.paths import Loop
+from hapticeval.stimulus.paths import Loop, Points
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
 
 RELIEFS = ("height-map-line", "height-map-circle", "height-map-sphere", "bump-map-line", "height-map-drawn")
 
 
+POINTS = {"height-map-sphere": 6, "lugre-plane": 5}
+"""Points of a path that show a fault, of many laps: those of the first."""
+
+
 def _asked(suite: str, names: tuple[str, ...], checks: tuple[str, ...]) -> dict[str, Case]:
-    """Return cases of a suite with these checks of theirs; loops as far as they show a fault."""
+    """Return cases of a suite with these checks of theirs; loops and laps as far as they show a fault."""
     cases = {}
     for name in names:
         case = load_suite(suite).case(name)
         if isinstance(case.trajectory, Loop):
-            case = structs.replace(case, trajectory=structs.replace(case.trajectory, laps=1, lap=1.0, radius=0.0005))
+            case = structs.replace(case, trajectory=structs.replace(case.trajectory, laps=1, lap=0.5, radius=0.0005))
+        elif isinstance(case.trajectory, Points) and name in POINTS:
+            case = structs.replace(case, trajectory=_begin(case.trajectory, POINTS[name]))
         cases[name] = structs.replace(case, checks=tuple(check for check in case.checks if check in checks))
     return cases
+
+
+def _begin(path: Points, count: int) -> Points:
+    """Return the first `count` points of a path, at the same speed."""
+    lengths = np.linalg.norm(np.diff(path.points, axis=0), axis=1)
+    share = float(lengths[: count - 1].sum() / lengths.sum())
+    return structs.replace(path, points=path.points[:count], duration=share * path.duration)
 
 
 DRY = ("plane-to-and-fro", "plane-literal", "plane-drawn-robot", "circle-to-and-fro", "sphere-slide")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -84,14 +85,14 @@ def read(file):
     return Page(file.read_text(encoding="utf-8"))
 
 
-@pytest.fixture
-def report(folder):
-    write_reports(folder, workers=0)
-    return folder / "report"
+def read_files(folder):
+    """Return the bytes of every file below a folder by its path there."""
+    return {file.relative_to(folder): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
-@pytest.fixture
-def pages(report):
+@pytest.fixture(scope="module")
+def pages(reported):
+    report = reported / "report"
     return {str(file.relative_to(report)): read(file) for file in sorted(report.rglob("*.html"))}
 
 
@@ -139,7 +140,8 @@ def test_each_case_has_a_page_with_a_place_for_each_verdict_and_every_link_leads
             assert not place or place in pages[target].ids, (name, link)
 
 
-def test_nothing_that_a_renderer_says_becomes_markup_and_no_network_is_needed(pages, report):
+def test_nothing_that_a_renderer_says_becomes_markup_and_no_network_is_needed(pages, reported):
+    report = reported / "report"
     assert HOSTILE in pages["index.html"].words
     for file in report.rglob("*.html"):
         page = read(file)
@@ -226,14 +228,12 @@ def test_a_model_that_is_not_known_costs_only_its_figure(folder, results):
     assert "pop-through <here>" in read(folder / "report" / case_file("synthetic", "lobe")).words
 
 
-def test_any_number_of_processes_draws_the_same_pages_and_progress_is_told(folder):
+def test_any_number_of_processes_draws_the_same_pages_and_progress_is_told(folder, reported):
     told = []
-    written = write_reports(folder, progress=lambda done, total: told.append((done, total)), workers=1)
+    written = write_reports(folder, progress=lambda done, total: told.append((done, total)), workers=2)
     assert [path.name for path in written] == ["table.md", "junit.xml", "index.html", "tables"]
     assert told == [(done, total) for total in [told[0][1]] for done in range(total + 1)]
-    alone = {file: file.read_bytes() for file in (folder / "report").rglob("*") if file.is_file()}
-    write_reports(folder, workers=2)
-    assert alone == {file: file.read_bytes() for file in (folder / "report").rglob("*") if file.is_file()}
+    assert read_files(folder / "report") == read_files(reported / "report")
 
 
 def test_a_page_whose_process_dies_costs_only_its_figures(folder, monkeypatch):
@@ -254,12 +254,12 @@ def test_a_page_whose_process_dies_costs_only_its_figures(folder, monkeypatch):
     assert told[-1][0] == told[-1][1]
 
 
-def test_a_report_that_is_given_up_leaves_the_one_before(folder):
-    write_reports(folder, workers=0)
-    before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+def test_a_report_that_is_given_up_leaves_the_one_before(reported, tmp_path):
+    folder = shutil.copytree(reported, tmp_path / "copy")
+    before = read_files(folder)
     with pytest.raises(KeyboardInterrupt):
         write_reports(folder, workers=0, stopped=lambda: True)
-    assert before == {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    assert before == read_files(folder)
 
 
 def test_a_folder_without_results_is_an_error(refused, tmp_path):
