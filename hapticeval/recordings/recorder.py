@@ -1,7 +1,7 @@
 """The live recorder: rows of a running loop into a journal, without the loop ever waiting for a disk.
 
 The loop puts rows into a ring in shared memory, which a process beside it empties into the journal; neither ever waits.
-Counters that only grow say how far each is: the loop owns `HEAD`, the writer `TAIL`. A full ring takes no more rows and
+Counters that only grow say how far each is: the loop owns `head`, the writer `tail`. A full ring takes no more rows and
 counts them. All of it is allocated, and every page touched, before the loop starts.
 
 The writer looks ten times a second, and outlives the loop: when that ends without a word, what is in the ring is still
@@ -11,6 +11,7 @@ written. A disk that is full leaves the rows in the ring, to be tried again.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import errno
 import json
 import mmap
@@ -24,7 +25,6 @@ import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import IntEnum
 from pathlib import Path
 from time import monotonic_ns
 from typing import Any
@@ -60,26 +60,23 @@ LOOK_ROWS = 256
 """Rows between two looks at whether the writer still lives: a quarter of a second at 1 kHz, for 2 us."""
 
 
-class State(IntEnum):
-    """The counters at the front of the memory, an int64 each."""
+class Counters(ctypes.Structure):
+    """What stands at the front of the memory: each is written by one of the two processes only, so no lock is needed.
 
-    HEAD = 0
-    TAIL = 1
-    OVERRUN = 2
-    MISSED = 3
-    EVENT_HEAD = 4
-    EVENT_TAIL = 5
-    EVENT_OVERRUN = 6
-    CLOSED = 7
-    READY = 8
-    BYTES = 9
-    BLOCKS = 10
-    ERROR = 11
+    The loop counts rows up to `head`, of which the writer has written those before `tail`; events alike.
+    """
+
+    _fields_ = [
+        (name, ctypes.c_int64)
+        for name in (
+            "head", "tail", "overrun", "missed", "event_head", "event_tail", "event_overrun", "closed", "ready",
+            "bytes", "blocks", "error",
+        )
+    ]  # fmt: skip
 
 
-OVERRUN, HEAD, TAIL = map(int, (State.OVERRUN, State.HEAD, State.TAIL))
-STATE_BYTES = 256
-ROWS_AT = STATE_BYTES + RING_EVENTS * EVENT_TYPE.itemsize
+COUNTERS_BYTES = 256
+ROWS_AT = COUNTERS_BYTES + RING_EVENTS * EVENT_TYPE.itemsize
 
 
 class Ring:
@@ -97,9 +94,8 @@ class Ring:
         if descriptor is None:
             # Touches every page now, so that no page fault comes while the loop runs.
             self.memory[:] = bytes(length)
-        # Counters as int64, each written by one of the two processes only: no lock is needed.
-        self.state: Any = self.memory[:STATE_BYTES].cast("q")
-        self.events = np.frombuffer(self.memory, dtype=EVENT_TYPE, count=RING_EVENTS, offset=STATE_BYTES)
+        self.counters = Counters.from_buffer(self.memory)
+        self.events = np.frombuffer(self.memory, dtype=EVENT_TYPE, count=RING_EVENTS, offset=COUNTERS_BYTES)
 
     def bytes_of(self, first: int, count: int) -> memoryview:
         """Return the bytes of `count` rows from counter `first` on, which must not reach over the end of the ring."""
@@ -123,61 +119,61 @@ def _shared(length: int) -> int:
 
 
 class Writer:
-    """Empties `ring` into the journal that is open as `descriptor`, from byte `State.BYTES` on."""
+    """Empties `ring` into the journal that is open as `descriptor`, from the byte that the counters say on."""
 
     def __init__(self, ring: Ring, descriptor: int) -> None:
-        self.ring, self.state, self.descriptor = ring, ring.state, descriptor
+        self.ring, self.counters, self.descriptor = ring, ring.counters, descriptor
         self.reported = (0, 0)
         self.synced = time.monotonic()
 
     def run(self, parent: int) -> None:
         """Write until the loop closes the recorder or is gone."""
-        self.state[State.READY] = 1
+        self.counters.ready = 1
         known_head = 0
         while not (select.select([sys.stdin], [], [], LOOK_SECONDS)[0] or os.getppid() != parent):
             # Only rows that were there at the last look: their bytes have long arrived in this process too.
             self.drain(known_head)
-            known_head = self.state[HEAD]
+            known_head = self.counters.head
         # The loop is closed or gone: what it wrote last has arrived after this.
         time.sleep(SETTLE_SECONDS)
-        self.finish("closed" if self.state[State.CLOSED] else UNCLOSED)
+        self.finish("closed" if self.counters.closed else UNCLOSED)
 
     def finish(self, how: str) -> None:
         """Write what is left, and the end."""
-        state = self.state
-        self.drain(state[HEAD])
+        counters = self.counters
+        self.drain(counters.head)
         self._report_overrun()  # also where rows found no room
         end = {
             "how": how,
-            "next": int(state[HEAD] + state[OVERRUN] + state[State.MISSED]),
-            "unwritten": state[HEAD] - state[TAIL],
-            "overrun": state[OVERRUN],
-            "events_lost": state[State.EVENT_OVERRUN],
+            "next": int(counters.head + counters.overrun + counters.missed),
+            "unwritten": counters.head - counters.tail,
+            "overrun": counters.overrun,
+            "events_lost": counters.event_overrun,
         }
         self._put(Kind.END, 0, json.dumps(end).encode())
         self._sync(0.0)
 
     def drain(self, until: int) -> None:
         """Write the rows before counter `until`, as far as the disk takes them, the events, and what was lost."""
-        while (tail := self.state[TAIL]) < until:
+        while (tail := self.counters.tail) < until:
             # A block ends at the ring's end at the latest: its rows lie side by side.
             count = min(until - tail, ROWS_A_BLOCK, self.ring.capacity - tail % self.ring.capacity)
             if not self._put(Kind.ROWS, count, self.ring.bytes_of(tail, count)):
                 return
             # Only after they are written: until then their places in the ring are not free.
-            self.state[TAIL] = tail + count
-        while (at := self.state[State.EVENT_TAIL]) < self.state[State.EVENT_HEAD]:
+            self.counters.tail = tail + count
+        while (at := self.counters.event_tail) < self.counters.event_head:
             event = self.ring.events[at % RING_EVENTS]
             if not self._event(int(event["nanoseconds"]), event["kind"].decode(), event["text"].decode()):
                 return
-            self.state[State.EVENT_TAIL] = at + 1
+            self.counters.event_tail = at + 1
         self._report_overrun()
         self._sync(SYNC_SECONDS)
 
     def _report_overrun(self) -> None:
         """Record as events how many rows and events found no room since the last report, and why."""
-        losses = (self.state[OVERRUN], self.state[State.EVENT_OVERRUN])
-        error = self.state[State.ERROR]
+        losses = (self.counters.overrun, self.counters.event_overrun)
+        error = self.counters.error
         why = f"the journal could not be written: {os.strerror(error)}" if error else "the writer was too late"
         for count, before, what in zip(losses, self.reported, ("rows", "events"), strict=True):
             text = f"{count - before} {what} were lost: {why}"
@@ -192,20 +188,20 @@ class Writer:
     def _put(self, kind: Kind, rows: int, payload: memoryview | bytes) -> bool:
         """Add a block; where that fails, the journal ends with the last whole one as before."""
         # Both counters move only after the whole block is written.
-        end = at = self.state[State.BYTES]
+        end = at = self.counters.bytes
         try:
-            for part in (memoryview(block_head(kind, self.state[State.BLOCKS], rows, payload)), memoryview(payload)):
+            for part in (memoryview(block_head(kind, self.counters.blocks, rows, payload)), memoryview(payload)):
                 while part:
                     # The system may take less than it is given.
                     done = os.pwrite(self.descriptor, part, at)
                     part, at = part[done:], at + done
         except OSError as error:
-            self.state[State.ERROR] = error.errno or -1
+            self.counters.error = error.errno or -1
             with contextlib.suppress(OSError):
                 os.ftruncate(self.descriptor, end)
             return False
-        self.state[State.BYTES] = at
-        self.state[State.BLOCKS] += 1
+        self.counters.bytes = at
+        self.counters.blocks += 1
         return True
 
     def _sync(self, after: float) -> None:
@@ -213,7 +209,7 @@ class Writer:
             try:
                 os.fsync(self.descriptor)
             except OSError as error:
-                self.state[State.ERROR] = error.errno or -1
+                self.counters.error = error.errno or -1
             self.synced = time.monotonic()
 
 
@@ -294,7 +290,7 @@ class Recorder:
         self._names, self._columns = tuple(channels), tuple(channels.values())
         self._ring = Ring(layout.dtype.itemsize, rows)
         self._capacity = rows
-        self._state = self._ring.state
+        self._counters = self._ring.counters
         self._numbers = layout.dtype.itemsize // 8
         # Two views of the same rows: int64 for sequence and stamp, float64 for the channels.
         self._integers: Any = self._ring.memory[ROWS_AT:].cast("q")
@@ -307,7 +303,7 @@ class Recorder:
         try:
             if os.write(self._journal, begin) != len(begin):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            self._state[State.BYTES], self._state[State.BLOCKS] = len(begin), HEADER_COPIES
+            self._counters.bytes, self._counters.blocks = len(begin), HEADER_COPIES
             self._process = self._started()
         except BaseException as error:
             os.close(self._journal)
@@ -334,7 +330,7 @@ class Recorder:
         )
         assert process.stdin is not None
         late = time.monotonic() + START_SECONDS
-        while not self._state[State.READY]:
+        while not self._counters.ready:
             if process.poll() is not None or time.monotonic() > late:
                 process.kill()
                 process.stdin.close()
@@ -353,9 +349,9 @@ class Recorder:
         """
         head = self._head
         # The ring is full: the row is counted and numbered, but not kept.
-        if head - self._state[TAIL] >= self._capacity:
+        if head - self._counters.tail >= self._capacity:
             self._sequence += 1
-            self._state[OVERRUN] += 1
+            self._counters.overrun += 1
             return
         place = head % self._capacity * self._numbers
         try:
@@ -379,7 +375,7 @@ class Recorder:
         self._sequence += 1
         self._head = head + 1
         # Last of all: from now on the writer may read the row.
-        self._state[HEAD] = head + 1
+        self._counters.head = head + 1
         if head % LOOK_ROWS == 0 and not self.failed:
             self._look()
 
@@ -389,7 +385,7 @@ class Recorder:
         if code is None:
             return
         self.failed = f"the writer's process ended with code {code}"
-        room = self._capacity - (self._head - self._state[TAIL])
+        room = self._capacity - (self._head - self._counters.tail)
         warnings.warn(
             f"{self.path.name}: {self.failed}; {room} more rows fit into memory, and close() writes them",
             LossWarning,
@@ -398,7 +394,7 @@ class Recorder:
 
     def wait_for_room(self) -> None:
         """Wait until a row finds room, or the writer has died: for a loop that no clock holds back."""
-        while self._head - self._state[TAIL] >= self._capacity and not self.failed:
+        while self._head - self._counters.tail >= self._capacity and not self.failed:
             self._look()
             time.sleep(LOOK_SECONDS)
 
@@ -406,14 +402,14 @@ class Recorder:
         """Count cycles that the loop left out since the last row."""
         if cycles < 0:
             raise InputError(f"{cycles} cycles cannot have been missed")
-        self._state[State.MISSED] += cycles
+        self._counters.missed += int(cycles)
         self._sequence += cycles
 
     def event(self, kind: str, text: str = "", *, at: int | None = None) -> None:
         """Record that something happened. Texts are cut after 216 bytes, kinds after 32."""
-        head = self._state[State.EVENT_HEAD]
-        if head - self._state[State.EVENT_TAIL] >= RING_EVENTS:
-            self._state[State.EVENT_OVERRUN] += 1
+        head = self._counters.event_head
+        if head - self._counters.event_tail >= RING_EVENTS:
+            self._counters.event_overrun += 1
             return
         event = self._ring.events[head % RING_EVENTS]
         for name, content in (("kind", kind), ("text", text)):
@@ -422,7 +418,7 @@ class Recorder:
             # Cut by bytes, and not within a character: decoding drops the half that may be left.
             event[name] = content.encode()[: EVENT_TYPE[name].itemsize].decode(errors="ignore").encode()
         event["nanoseconds"] = monotonic_ns() if at is None else at
-        self._state[State.EVENT_HEAD] = head + 1
+        self._counters.event_head = head + 1
 
     @property
     def writer(self) -> int:
@@ -434,16 +430,16 @@ class Recorder:
         """How the recorder stands, and, once closed, how it ended."""
         if self._summary is not None:
             return self._summary
-        state, code = self._state, self._process.poll()
+        counters, code = self._counters, self._process.poll()
         failure = ""
         # An error of the disk that was overcome later lost nothing, and is no failure.
-        rows_missing = state[HEAD] > state[TAIL] or state[OVERRUN] or state[State.EVENT_OVERRUN]
-        if state[State.ERROR] and rows_missing:
-            failure = f"the journal could not be written: {os.strerror(state[State.ERROR])}"
-        elif code is not None and (code or not state[State.CLOSED]):
+        rows_missing = counters.head > counters.tail or counters.overrun or counters.event_overrun
+        if counters.error and rows_missing:
+            failure = f"the journal could not be written: {os.strerror(counters.error)}"
+        elif code is not None and (code or not counters.closed):
             failure = f"the writer's process ended with code {code}"
-        counts = state[OVERRUN], state[State.MISSED], state[State.EVENT_OVERRUN]
-        return Summary(state[TAIL], state[HEAD] - state[TAIL], *counts, failure)
+        counts = counters.overrun, counters.missed, counters.event_overrun
+        return Summary(counters.tail, counters.head - counters.tail, *counts, failure)
 
     def close(self) -> Summary:
         """Have everything written; return what was recorded and what was lost, which is a `LossWarning` as well.
@@ -452,7 +448,7 @@ class Recorder:
         """
         if self._summary is not None:
             return self._summary
-        self._state[State.CLOSED] = 1
+        self._counters.closed = 1
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):
             self._process.stdin.close()
@@ -464,7 +460,7 @@ class Recorder:
         # The writer died: its last block may be half written, and the rest of the ring is still here.
         if self._process.returncode:
             with contextlib.suppress(OSError):
-                os.ftruncate(self._journal, self._state[State.BYTES])
+                os.ftruncate(self._journal, self._counters.bytes)
             Writer(self._ring, self._journal).finish(self.summary.failure)
         self._summary = summary = self.summary
         # From now on `append` finds no columns for its values, and raises.
