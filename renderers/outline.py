@@ -21,7 +21,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import EMPTY_TABLE, LawData, as_record, borrowing, compiled, for_kernels, inner, record_type
+from hapticeval.compiled import (
+    EMPTY_TABLE,
+    LawData,
+    as_record,
+    borrowing,
+    compiled,
+    for_kernels,
+    inner,
+    record_type,
+    room_for,
+)
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn, project
 from hapticeval.geometry.kernels import (
@@ -92,8 +102,8 @@ def _cassinian(scale: float, lobes: float, above: float) -> tuple[float, float]:
     return MARGIN * float(mixed_product), MARGIN * float(third_derivative)
 
 
-TURN, BEND, BEND_PER_METRE, CHORD = range(4)
-"""Columns of `Outline.joints`: the turn at the start of a piece, its `third_bounds`, and its first chord."""
+JOINT = record_type("turn", "bend", "bend_per_metre", "first_chord")
+"""A row of `Outline.joints`: the turn (rad) at the start of a piece, its two `third_bounds`, and its first chord."""
 
 RESTS, LEAVES = 0, 1
 """How a slide ends: at the local minimum of the distance, or because the hand is free of the surface there."""
@@ -152,9 +162,10 @@ def slide(
             return RESTS, piece, u
         # a step of zero length means that g has vanished to rounding
         # M of the module, and the step to the first zero of the bound
-        third_bound = joints[piece, BEND]
-        if joints[piece, BEND_PER_METRE] > 0.0:
-            third_bound += joints[piece, BEND_PER_METRE] * math.hypot(ex, ey)
+        bounds = as_record(joints, JOINT, piece)
+        third_bound = bounds.bend
+        if bounds.bend_per_metre > 0.0:
+            third_bound += bounds.bend_per_metre * math.hypot(ex, ey)
         step = _first_zero(abs(g), slope, third_bound)
         next_u = u + onwards * step
         end = pieces[piece, U1] if onwards > 0.0 else pieces[piece, U0]
@@ -170,7 +181,7 @@ def slide(
         # the march reaches the joint with the next piece
         k = (piece + 1) % count if onwards > 0.0 else (piece - 1) % count
         start = pieces[k, U0] if onwards > 0.0 else pieces[k, U1]
-        turn = joints[k if onwards > 0.0 else piece, TURN]
+        turn = as_record(joints, JOINT, k if onwards > 0.0 else piece).turn
         px, py, dx, dy, _, _ = evaluate_at(pieces, k, start)
         ex, ey = x - px, y - py
         if releases and turn > -SMOOTH_TURN and ex * dy - ey * dx > 0.0:
@@ -201,10 +212,10 @@ def _other_wall(pieces: Array, joints: Array, piece: int, u: float, x: float, y:
         return -1
     if u == pieces[piece, U1]:
         k = (piece + 1) % count
-        turn, joint_u = joints[k, TURN], pieces[k, U0]
+        turn, joint_u = as_record(joints, JOINT, k).turn, pieces[k, U0]
     elif u == pieces[piece, U0]:
         k = (piece - 1) % count
-        turn, joint_u = joints[piece, TURN], pieces[k, U1]
+        turn, joint_u = as_record(joints, JOINT, piece).turn, pieces[k, U1]
     else:
         return -1
     if turn > -SMOOTH_TURN:
@@ -231,7 +242,7 @@ def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float
     if pieces[0, KIND] != UNBOUNDED and u in (first, last):
         count = pieces.shape[0]
         k = (piece + 1) % count if u == last else (piece - 1) % count
-        turn = joints[k if u == last else piece, TURN]
+        turn = as_record(joints, JOINT, k if u == last else piece).turn
         if abs(turn) > SMOOTH_TURN:
             _, _, dx, dy, _, _ = evaluate(pieces[k], pieces[k, U0] if u == pieces[piece, U1] else pieces[k, U1])
             speed = math.hypot(dx, dy)
@@ -255,7 +266,7 @@ class Outline(NamedTuple):
     """What is rendered, and the outline of chords in which collisions with it are looked for.
 
     - `pieces` as in `geometry.kernels`.
-    - `joints` (n, 4) for each piece: the turn (rad) where it starts, its two `third_bounds`, and its first chord.
+    - `joints` (n, 4): a `JOINT` for each piece, the one where it starts.
     - `samples`: the curve's table for its nearest point.
     - `vertices` (m, 2), m, and `tree`: the outline of chords, into which each piece is cut by equal steps of u.
     - `stray` (m): no chord strays from the curve by more. Zero for straight pieces.
@@ -297,10 +308,11 @@ def outline_of(curve: Curve) -> Outline:
     """Return the boundary of a curve, cut into chords, or of a polygon, whose edges they are."""
     pieces = for_kernels(curve.pieces)
     count = len(pieces)
-    joints = np.zeros((count, 4))
+    joints = np.zeros((count, room_for(JOINT)))
+    named_joints = joints.view(JOINT)[:, 0]  # the same memory
     if not curve.closed:
         return Outline(pieces, joints, for_kernels(curve.samples), np.empty((0, 2)), np.empty((0, 6)), 0.0)
-    joints[:, TURN], joints[:, CHORD] = _turns(pieces), np.arange(count)
+    named_joints["turn"], named_joints["first_chord"] = _turns(pieces), np.arange(count)
     if isinstance(curve, Polygon):
         return Outline(pieces, joints, EMPTY_TABLE, for_kernels(curve.vertices), for_kernels(curve.tree), 0.0)
     start, end = curve.u_range
@@ -308,7 +320,8 @@ def outline_of(curve: Curve) -> Outline:
     curved = pieces[:, KIND] != LINE
     share = (pieces[curved, U1] - pieces[curved, U0]) / (end - start)
     cuts[curved] = np.maximum(16, np.ceil(CHORDS * share))
-    joints[:, BEND : BEND_PER_METRE + 1], joints[:, CHORD] = third_bounds(pieces), np.cumsum(cuts) - cuts
+    named_joints["bend"], named_joints["bend_per_metre"] = third_bounds(pieces).T
+    named_joints["first_chord"] = np.cumsum(cuts) - cuts
     us = np.concatenate([np.linspace(p[U0], p[U1], n, endpoint=False) for p, n in zip(pieces, cuts, strict=True)])
     vertices = evaluate_many(pieces, us)[:, :2]
     # a chord strays from its arc by about the sagitta, at the middle of the parameter; twice that is on the safe side
@@ -394,12 +407,13 @@ def _piece_at(b: Outline, chord: int, t: float) -> tuple[int, float]:
     low, high = 0, b.pieces.shape[0] - 1
     while low < high:  # the last piece whose first chord is not after this one
         middle = (low + high + 1) // 2
-        if b.joints[middle, CHORD] <= chord:
+        if as_record(b.joints, JOINT, middle).first_chord <= chord:
             low = middle
         else:
             high = middle - 1
-    first = b.joints[low, CHORD]
-    after = b.joints[low + 1, CHORD] if low + 1 < b.pieces.shape[0] else b.vertices.shape[0]
+    first, after = as_record(b.joints, JOINT, low).first_chord, float(b.vertices.shape[0])
+    if low + 1 < b.pieces.shape[0]:
+        after = as_record(b.joints, JOINT, low + 1).first_chord
     share = (chord - first + t) / (after - first)
     return low, b.pieces[low, U0] + share * (b.pieces[low, U1] - b.pieces[low, U0])
 

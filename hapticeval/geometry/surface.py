@@ -22,7 +22,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled, law_data
+from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled, inner, law_data
 from hapticeval.geometry.boundary import ClosestPoint, SurfaceInSpace, spread_over_sphere
 from hapticeval.geometry.kernels import check_finite
 from hapticeval.geometry.motion import Motion
@@ -42,6 +42,12 @@ MOST_ROOT_STEPS = 200
 
 ZERO_SHARE = 1e-150
 """Share of a semi-axis below which a coordinate counts as zero: its reciprocal's square is still a number."""
+
+
+@inner
+def triple_of(vector: Array) -> Triple:
+    """Return a vector (3,) of a record as three numbers of its unit, such as m."""
+    return vector[0], vector[1], vector[2]
 
 
 @compiled

@@ -32,7 +32,7 @@ from hapticeval.geometry.mesh_kernels import (
     normal_of,
     position_of,
 )
-from hapticeval.geometry.surface import Triple, dot, plus
+from hapticeval.geometry.surface import Triple, dot, plus, triple_of
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
     CONTACT_HOP,
@@ -72,7 +72,6 @@ from hapticeval.rigid_contact.space import (
     move_tool,
     put_triple,
     strike_tool,
-    triple_of,
     where_given_up,
 )
 from hapticeval.types import Array, IntArray

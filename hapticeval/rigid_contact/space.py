@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.compiled import compiled, inner, numbers_of, record_type
-from hapticeval.geometry.surface import Triple, plus
+from hapticeval.geometry.surface import Triple, plus, triple_of
 from hapticeval.rigid_contact.force import (
     FLIGHT,
     Stretches,
@@ -46,20 +46,14 @@ def state_in_flight(point: Array, velocity: Array) -> Array:
 
 
 @inner
-def triple_of(vector: Array) -> Triple:
-    """Return a vector (3,) of a record as three numbers."""
-    return vector[0], vector[1], vector[2]
-
-
-@inner
 def triple_at(row: Array, first: int) -> Triple:
-    """Return the vector that stands in a row (n,) from place `first` on."""
+    """Return the vector, of any unit such as m, that stands in a row (n,) from place `first` on."""
     return row[first], row[first + 1], row[first + 2]
 
 
 @inner
 def put_triple(row: Array, first: int, a: Triple) -> None:
-    """Write a vector into a row (n,) from place `first` on."""
+    """Write a vector, of any unit such as m, into a row (n,) from place `first` on."""
     row[first], row[first + 1], row[first + 2] = a
 
 
@@ -147,6 +141,6 @@ def begin_stretch(tool: Tool, stretches: Stretches, i: int, out: Array) -> None:
 
 @compiled
 def close_sample(tool: Tool, stretches: Stretches, i: int, out: Array) -> None:
-    """Write the impulses since the sample of stretch i into its row of `out` (n, 12), and count anew."""
+    """Write the impulses (N s) since the sample of stretch i into its row of `out` (n, 12), and count anew."""
     out[stretches.samples[i], 6:12] = tool.sums
     tool.sums[:] = 0.0

@@ -27,6 +27,7 @@ from hapticeval.geometry.surface import (
     closest_on_surface,
     dot,
     plus,
+    triple_of,
 )
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
@@ -54,7 +55,6 @@ from hapticeval.rigid_contact.space import (
     put_triple,
     strike_tool,
     triple_at,
-    triple_of,
     where_given_up,
 )
 from hapticeval.types import Array
@@ -73,8 +73,8 @@ FLIGHT_ANGLE = 0.2
 def surface_terms(reals: Array, p: Triple, v: Triple) -> tuple[float, Triple, float]:
     """Return f (m^2 or 1), its gradient, and the second derivative v.H v along v, at p (m) on or beside the surface.
 
-    Of a torus 2 f = (rho - major)^2 + z^2 - minor^2, with rho the distance from the axis; of an ellipsoid 2 f =
-    sum (x_i / e_i)^2 - 1.
+    `reals` (k,) has the surface's kind and lengths (m). Of a torus 2 f = (rho - major)^2 + z^2 - minor^2, with rho the
+    distance from the axis; of an ellipsoid 2 f = sum (x_i / e_i)^2 - 1.
     """
     if reals[KIND] == TORUS:
         rho = math.hypot(p[0], p[1])
@@ -99,7 +99,10 @@ def surface_terms(reals: Array, p: Triple, v: Triple) -> tuple[float, Triple, fl
 
 @compiled
 def contact_in_space(reals: Array, p: Triple, v: Triple, tau: float, load: Any) -> tuple[float, Triple, Triple]:
-    """Return the contact force N (N), the outward unit normal, and the operator's force (N), for sliding at v (m/s)."""
+    """Return the contact force N (N), the outward unit normal, and the operator's force (N), for sliding at v (m/s).
+
+    `reals` (k,) is of `surface_terms`.
+    """
     _, gradient, bend = surface_terms(reals, p, v)
     steepness = math.sqrt(dot(gradient, gradient))
     normal = (gradient[0] / steepness, gradient[1] / steepness, gradient[2] / steepness)
@@ -110,7 +113,10 @@ def contact_in_space(reals: Array, p: Triple, v: Triple, tau: float, load: Any) 
 
 @compiled
 def onto_surface(reals: Array, p: Triple, v: Triple) -> tuple[Triple, Triple]:
-    """Return a place (m) beside the surface put onto it, and the velocity (m/s) without its part across."""
+    """Return a place (m) beside the surface put onto it, and the velocity (m/s) without its part across.
+
+    `reals` (k,) is of `surface_terms`.
+    """
     gradient = (0.0, 0.0, 0.0)
     # Newton's method along the gradient: from 1e-13 m off, the first step gets to rounding
     for _ in range(2):
@@ -180,7 +186,7 @@ def _locate_lift(reals: Array, p: Triple, v: Triple, tau: float, h: float, load:
 def advance_slide(tool: Tool, reals: Array, sharpest: float, tau: float, time_left: float) -> float:
     """Carry a sliding tool by one step of at most `time_left` seconds, and return how long it took.
 
-    `sharpest` (1/m) is the surface's largest curvature.
+    `reals` (k,) is of `surface_terms`, `sharpest` (1/m) the surface's largest curvature.
     """
     state, load = tool.state, tool.load
     p, v = triple_of(state.position), triple_of(state.velocity)
@@ -213,7 +219,9 @@ def advance_slide(tool: Tool, reals: Array, sharpest: float, tau: float, time_le
 def collide_with_surface(tool: Tool, reals: Array, tau: float) -> None:
     """Let the tool, with the velocity that it has, meet the surface where it is: thesis (3.5).
 
-    It slides on if it does not bounce and is pressed on; otherwise it flies. `tau` (s) is the time within the stretch.
+    It slides on if it does not bounce and is pressed on; otherwise it flies.
+
+    `reals` (k,) is of `surface_terms`, `tau` (s) the time within the stretch.
     """
     state, load = tool.state, tool.load
     v = triple_of(state.velocity)
@@ -285,7 +293,8 @@ def _locate_change(
 def first_hit(reals: Array, flight: tuple[Triple, Triple, float], h: float, load: Any) -> float:
     """Return the time (s) at which a short flight of h seconds first meets the surface; infinite where it does not.
 
-    Its height has one extremum at most: it ends inside, or it dips inside between two heights.
+    Its height has one extremum at most: it ends inside, or it dips inside between two heights. `reals` (k,) is of
+    `surface_terms`.
     """
     p, v, tau = flight
     _, rate = _height(reals, p, v, tau, 0.0, load)
@@ -303,7 +312,10 @@ def first_hit(reals: Array, flight: tuple[Triple, Triple, float], h: float, load
 
 @compiled
 def advance_flight(tool: Tool, reals: Array, sharpest: float, tau: float, time_left: float) -> float:
-    """Carry a flying tool by one step of at most `time_left` seconds, and return how long it took."""
+    """Carry a flying tool by one step of at most `time_left` seconds, and return how long it took, in s.
+
+    `reals` (k,) is of `surface_terms`, `sharpest` (1/m) the surface's largest curvature.
+    """
     load = tool.load
     p, v = triple_of(tool.state.position), triple_of(tool.state.velocity)
     h, hit = longest_flight_step(load, time_left), math.inf

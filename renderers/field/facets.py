@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import inner, law_data
-from hapticeval.geometry.surface import Triple, dot, plus
+from hapticeval.compiled import as_record, inner, law_data, record_type
+from hapticeval.geometry.surface import Triple, dot, plus, triple_of
 from hapticeval.renderer import CompiledStep, Declaration, Spring
 from hapticeval.renderers.projective import LawRenderer, once
 from hapticeval.types import Array
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 FINE = 1e-5
 """Share of the model's size by which facets lie off a smooth surface at the most."""
 
-MIDDLE, REACH, NORMAL, SIZE = 9, 12, 13, 16
-"""In a facet's row, m: three corners (an edge repeats its second), the middle, how far corners lie from it, and the
-outward unit normal (3,). In the plane z = 0."""
+FACET = record_type("reach", a=3, b=3, c=3, middle=3, normal=3)
+"""A facet's row: its corners, m (an edge repeats its second), their middle, how far they lie from it, and the outward
+unit normal. In the plane z = 0."""
 
 
 class OnFacets(LawRenderer):
@@ -47,11 +47,11 @@ class OnFacets(LawRenderer):
         super().__init__(CompiledStep(law, data, refusals={}), facets.boundary, standoff=standoff + facets.chord_error)
         if facets.chord_error > 0.0:  # the facets of a smooth model are not its fault
             self.pieces = facets.boundary
-            self.resolution = float(2.0 * rows[:, REACH].max())
+            self.resolution = float(2.0 * rows.view(FACET)["reach"].max())
 
 
 def facets_of(scene: Scene) -> tuple[Facets, Array]:
-    """Return the model's facets, and their rows (c, 16): see `MIDDLE`."""
+    """Return the model's facets, and their rows (c, 16), each a `FACET`, in m."""
     model = scene.model
     facets = once(model, ("facets", FINE), lambda: model.mesh(max_error=FINE * model.size))
     return facets, once(model, ("facet rows", FINE), lambda: _rows(facets))
@@ -68,26 +68,27 @@ def _rows(facets: Facets) -> Array:
     along, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(along, [0.0, 0.0, 1.0] if plane else other)  # the inside is on the left of an edge
     normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
-    return np.column_stack([corners.reshape(-1, 9), middle, reach, normal])
+    return np.column_stack([reach, corners.reshape(-1, 9), middle, normal])
 
 
 @inner
-def _on_edge(facet: Array, first: int, second: int, p: Triple) -> tuple[float, Triple]:
-    """Return the squared distance (m^2) of p from an edge of a facet, and the vector (m) from its closest point."""
-    a = (facet[first], facet[first + 1], facet[first + 2])
-    ab = (facet[second] - a[0], facet[second + 1] - a[1], facet[second + 2] - a[2])
-    ap = plus(p, -1.0, a)
+def _on_edge(a: Triple, b: Triple, p: Triple) -> tuple[float, Triple]:
+    """Return the squared distance (m^2) of p from an edge, and the vector (m) from its closest point."""
+    ab, ap = plus(b, -1.0, a), plus(p, -1.0, a)
     from_edge = plus(ap, -min(max(dot(ap, ab) / dot(ab, ab), 0.0), 1.0), ab)
     return dot(from_edge, from_edge), from_edge
 
 
 @inner
-def way_off(facet: Array, p: Triple) -> tuple[float, Triple]:
-    """Return the distance (m) of p from a facet, and the unit vector there from its closest point; on it the normal."""
-    a = (facet[0], facet[1], facet[2])
-    ab = (facet[3] - a[0], facet[4] - a[1], facet[5] - a[2])
-    ac = (facet[6] - a[0], facet[7] - a[1], facet[8] - a[2])
-    ap = plus(p, -1.0, a)
+def way_off(facets: Array, k: int, p: Triple) -> tuple[float, Triple]:
+    """Return the distance (m) of p from facet k of (c, 16), and the unit vector from its closest point.
+
+    On it that is the normal.
+    """
+    facet = as_record(facets, FACET, k)
+    a, b_corner, c_corner = triple_of(facet.a), triple_of(facet.b), triple_of(facet.c)
+    ab, ac, ap = plus(b_corner, -1.0, a), plus(c_corner, -1.0, a), plus(p, -1.0, a)
+    out = triple_of(facet.normal)
     n = (ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0])
     normal_squared = dot(n, n)  # twice the area, squared, m^4
     # shares of b and c in the foot on the plane, times normal_squared; an edge has none
@@ -95,17 +96,16 @@ def way_off(facet: Array, p: Triple) -> tuple[float, Triple]:
     c = dot((ab[1] * ap[2] - ab[2] * ap[1], ab[2] * ap[0] - ab[0] * ap[2], ab[0] * ap[1] - ab[1] * ap[0]), n)
     # the foot on the plane is inside of the triangle
     if normal_squared > 0.0 and b >= 0.0 and c >= 0.0 and b + c <= normal_squared:
-        out = (facet[NORMAL], facet[NORMAL + 1], facet[NORMAL + 2])
         height = dot(ap, out)
         side = 1.0 if height >= 0.0 else -1.0
         return abs(height), (side * out[0], side * out[1], side * out[2])
-    nearest_squared, from_edge = _on_edge(facet, 0, 3, p)
+    nearest_squared, from_edge = _on_edge(a, b_corner, p)
     if normal_squared > 0.0:
-        for first, second in ((3, 6), (6, 0)):
-            distance_squared, other = _on_edge(facet, first, second, p)
+        for first, second in ((b_corner, c_corner), (c_corner, a)):
+            distance_squared, other = _on_edge(first, second, p)
             if distance_squared < nearest_squared:
                 nearest_squared, from_edge = distance_squared, other
     distance = math.sqrt(nearest_squared)
     if distance == 0.0:
-        return 0.0, (facet[NORMAL], facet[NORMAL + 1], facet[NORMAL + 2])
+        return 0.0, out
     return distance, (from_edge[0] / distance, from_edge[1] / distance, from_edge[2] / distance)

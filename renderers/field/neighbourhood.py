@@ -49,19 +49,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticeval.compiled import LawData, compiled
-from hapticeval.geometry.surface import Triple, dot, plus
-from hapticeval.renderers.field.facets import MIDDLE, NORMAL, REACH, OnFacets, facets_of, way_off
+from hapticeval.compiled import LawData, as_record, compiled, record_type, room_for
+from hapticeval.geometry.surface import Triple, dot, plus, triple_of
+from hapticeval.renderers.field.facets import FACET, OnFacets, facets_of, way_off
 from hapticeval.renderers.projective import once
 from hapticeval.types import Array, IntArray
 
 if TYPE_CHECKING:
     from hapticeval.scene import Scene
 
-STIFFNESS, TOUCH = range(2)
-"""In `params`: K (N/m), and the distance (m) within which a point lies on a face."""
-TOUCHES, FACE, HAND = range(3)
-"""In `state`: whether there is contact, on which face, and from here on the last hand (3,), m."""
+GAINS = record_type("stiffness", "touch")
+"""The law's numbers: K (N/m), and the distance (m) within which a point lies on a face."""
+TOOL = record_type("touches", "face", hand=3)
+"""The law's state: whether there is contact, on which face, and the last hand (3,), m."""
 ROUNDING = 1e-9
 """Share of the model's size within which points are the same."""
 
@@ -72,16 +72,16 @@ class Neighbourhood(OnFacets):
     def __init__(self, scene: Scene) -> None:
         facets, _ = facets_of(scene)
         around = once(scene.model, "neighbourhood", lambda: neighbours(facets.cells))
-        super().__init__(follow, scene, own=[ROUNDING * scene.model.size], state=HAND + 3, lookup=around)
+        super().__init__(follow, scene, own=[ROUNDING * scene.model.size], state=room_for(TOOL), lookup=around)
 
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: inside it starts at the nearest face."""
         super().reset(hip)
         data = self.law.data
-        data.state[HAND : HAND + hip.size] = hip
-        data.state[TOUCHES] = float(self.surface.signed_distance(hip[np.newaxis])[0] < 0.0)
-        h = (data.state[HAND], data.state[HAND + 1], data.state[HAND + 2])
-        data.state[FACE] = nearest_face(data.segments, h)
+        tool = as_record(data.state, TOOL)
+        tool.hand[: hip.size] = hip
+        tool.touches = float(self.surface.signed_distance(hip[np.newaxis])[0] < 0.0)
+        tool.face = nearest_face(data.segments, (tool.hand[0], tool.hand[1], tool.hand[2]))
 
 
 def neighbours(cells: IntArray) -> Array:
@@ -102,7 +102,7 @@ def nearest_face(facets: Array, p: Triple) -> int:
     """Return the face (its row of `facets` (c, 16), m) that is nearest to p (m)."""
     best, smallest = 0, math.inf
     for k in range(facets.shape[0]):
-        distance, _ = way_off(facets[k], p)
+        distance, _ = way_off(facets, k, p)
         if distance < smallest:
             best, smallest = k, distance
     return best
@@ -110,22 +110,23 @@ def nearest_face(facets: Array, p: Triple) -> int:
 
 @compiled
 def entered(facets: Array, touch: float, start: Triple, end: Triple) -> int:
-    """Return the face through which the way from start to end first goes inwards, -1 if through none: step 1."""
+    """Return which of `facets` (c, 16) the way from start to end, m, first goes through inwards, -1 if none: step 1."""
     motion = plus(end, -1.0, start)
     reach = math.sqrt(dot(motion, motion)) + touch
     best, first = -1, math.inf
     for k in range(facets.shape[0]):
-        facet = facets[k]
-        apart = (facet[MIDDLE] - start[0], facet[MIDDLE + 1] - start[1], facet[MIDDLE + 2] - start[2])
-        if dot(apart, apart) > (facet[REACH] + reach) * (facet[REACH] + reach):
-            continue
-        n = (facet[NORMAL], facet[NORMAL + 1], facet[NORMAL + 2])
-        above = -dot(n, (facet[0] - start[0], facet[1] - start[1], facet[2] - start[2]))
+        facet = as_record(facets, FACET, k)
+        apart = plus(triple_of(facet.middle), -1.0, start)
+        if dot(apart, apart) > (facet.reach + reach) * (facet.reach + reach):
+            continue  # all of the facet is farther away than the hand moves
+        n = triple_of(facet.normal)
+        # heights above the facet's plane: at the start, and what is lost on the way
+        above = -dot(n, plus(triple_of(facet.a), -1.0, start))
         falls = -dot(n, motion)
         if above < -touch or falls <= 0.0 or above - falls >= 0.0:
             continue
         t = max(above, 0.0) / falls  # n . (start + t motion - corner) = 0
-        off, _ = way_off(facet, plus(start, t, motion))
+        off, _ = way_off(facets, k, plus(start, t, motion))
         if off <= touch and t < first:
             best, first = k, t
     return best
@@ -133,14 +134,14 @@ def entered(facets: Array, touch: float, start: Triple, end: Triple) -> int:
 
 @compiled
 def watched(facets: Array, around: Array, face: int, h: Triple) -> int:
-    """Return the face that h's nearest point is on, from `face` over neighbours that come nearer: steps 2 and 3."""
-    smallest, _ = way_off(facets[face], h)
+    """Return which of `facets` (c, 16) h's nearest point is on, m, from `face` over its neighbours: steps 2 and 3."""
+    smallest, _ = way_off(facets, face, h)
     while True:
         best = face
         for k in around[face]:
             if k < 0.0:
                 break
-            distance, _ = way_off(facets[int(k)], h)
+            distance, _ = way_off(facets, int(k), h)
             if distance < smallest:
                 best, smallest = int(k), distance
         if best == face:
@@ -156,30 +157,29 @@ def follow(
 
     `hip` (N,), m, is the hand's; `ihip` (N,), m, and `force` (N,), N, are written. Returns 0: it never refuses.
     """
-    facets, state, touch = data.segments, data.state, data.params[TOUCH]
+    facets, gains, tool = data.segments, as_record(data.params, GAINS), as_record(data.state, TOOL)
     h = (hip[0], hip[1], hip[2] if hip.shape[0] == 3 else 0.0)
-    if state[TOUCHES] == 0.0:
-        face = entered(facets, touch, (state[HAND], state[HAND + 1], state[HAND + 2]), h)
+    if tool.touches == 0.0:
+        face = entered(facets, gains.touch, triple_of(tool.hand), h)  # step 1
         if face >= 0:
-            state[TOUCHES], state[FACE] = 1.0, face
-    state[HAND], state[HAND + 1], state[HAND + 2] = h
+            tool.touches, tool.face = 1.0, face
+    tool.hand[0], tool.hand[1], tool.hand[2] = h
     distance, direction = 0.0, (0.0, 0.0, 0.0)
-    if state[TOUCHES] == 1.0:
-        face = watched(facets, data.lookup, int(state[FACE]), h)
-        distance, direction = way_off(facets[face], h)
+    if tool.touches == 1.0:
+        face = watched(facets, data.lookup, int(tool.face), h)  # steps 2 and 3
+        distance, direction = way_off(facets, face, h)
         outside = 0.0
         for k in data.lookup[face]:  # step 5: of the faces that s is on, the one whose plane h is farthest from
             if k < 0.0:
                 break
-            other = facets[int(k)]
-            off, _ = way_off(other, plus(h, -distance, direction))
-            height = distance * dot(direction, (other[NORMAL], other[NORMAL + 1], other[NORMAL + 2]))
-            if off <= touch and abs(height) > abs(outside):
+            off, _ = way_off(facets, int(k), plus(h, -distance, direction))
+            height = distance * dot(direction, triple_of(as_record(facets, FACET, int(k)).normal))
+            if off <= gains.touch and abs(height) > abs(outside):
                 outside = height
-        state[FACE] = face
+        tool.face = face
         if outside > 0.0:
-            state[TOUCHES], distance = 0.0, 0.0
+            tool.touches, distance = 0.0, 0.0
     for i in range(hip.shape[0]):
         ihip[i] = hip[i] - distance * direction[i]
-        force[i] = data.params[STIFFNESS] * (ihip[i] - hip[i])  # step 4
+        force[i] = gains.stiffness * (ihip[i] - hip[i])  # step 4
     return 0

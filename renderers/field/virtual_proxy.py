@@ -49,10 +49,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticeval.compiled import LawData, compiled
+from hapticeval.compiled import LawData, as_record, compiled, record_type
 from hapticeval.geometry.mesh_kernels import closest_in_cone
-from hapticeval.geometry.surface import Triple, dot, plus
-from hapticeval.renderers.field.facets import MIDDLE, REACH, OnFacets, way_off
+from hapticeval.geometry.surface import Triple, dot, plus, triple_of
+from hapticeval.renderers.field.facets import FACET, OnFacets, way_off
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -71,11 +71,11 @@ ROUNDING, SAME = 1e-12, 1e-6
 ARRIVED = 1e-9
 """Share of the way to the hand that is none."""
 
-POINT, DISTANCE, FACET, LEAST = 3, 6, 7, 8
+POINT, DISTANCE, TOUCHED, LEAST = 3, 6, 7, 8
 """In a contact's row, after its normal: see `touched`; LEAST is 1 where no way over the surface leads closer."""
 
-STIFFNESS, RADIUS = range(2)
-"""In `params`: K (N/m) and r (m). In `state`: the centre (3,), m, at z = 0 in the plane."""
+GAINS = record_type("stiffness", "radius")
+"""The law's numbers: K (N/m) and r (m). Its state is the centre (3,), m, at z = 0 in the plane."""
 
 
 class VirtualProxy(OnFacets):
@@ -95,21 +95,21 @@ class VirtualProxy(OnFacets):
 
 @compiled
 def first_touch(facets: Array, radius: float, p: Triple, d: Triple) -> float:
-    """Return the share t of the way d from p after which a ball first touches a facet: 1 if it touches none.
+    """Return the share t of the way d from p after which a ball first touches one of `facets` (c, 16): 1 if none.
 
     The distance f(t) from a facet, which is convex, is a convex function. Newton's steps from the left never pass its
     first root f(t) = r, and where f rises there is none: nothing is tunnelled through.
     """
     length, first_share = math.sqrt(dot(d, d)), 1.0
     for k in range(facets.shape[0]):
-        facet = facets[k]
-        apart = (facet[MIDDLE] - p[0], facet[MIDDLE + 1] - p[1], facet[MIDDLE + 2] - p[2])
-        reach = facet[REACH] + radius * (1.0 + 2.0 * GAP) + first_share * length
+        facet = as_record(facets, FACET, k)
+        apart = plus(triple_of(facet.middle), -1.0, p)
+        reach = facet.reach + radius * (1.0 + 2.0 * GAP) + first_share * length
         if dot(apart, apart) > reach * reach:
             continue
         t = 0.0
         for _ in range(ROUNDS):
-            distance, n = way_off(facet, plus(p, t, d))
+            distance, n = way_off(facets, k, plus(p, t, d))
             slope = dot(n, d)
             if slope >= ALONG * length or t >= first_share:
                 break
@@ -130,16 +130,16 @@ def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
     """
     count, kept_count = 0, 0
     for k in range(facets.shape[0]):
-        facet = facets[k]
-        apart = (facet[MIDDLE] - p[0], facet[MIDDLE + 1] - p[1], facet[MIDDLE + 2] - p[2])
-        reach = facet[REACH] + radius * (1.0 + 2.0 * GAP)
+        facet = as_record(facets, FACET, k)
+        apart = plus(triple_of(facet.middle), -1.0, p)
+        reach = facet.reach + radius * (1.0 + 2.0 * GAP)
         if dot(apart, apart) > reach * reach:
             continue
-        distance, n = way_off(facet, p)
+        distance, n = way_off(facets, k, p)
         if distance <= radius * (1.0 + 2.0 * GAP) and count < CONTACTS:
             for axis in range(3):
                 contacts[count, axis], contacts[count, POINT + axis] = n[axis], p[axis] - distance * n[axis]
-            contacts[count, DISTANCE], contacts[count, FACET] = distance, k
+            contacts[count, DISTANCE], contacts[count, TOUCHED] = distance, k
             count += 1
     # a contact whose closest point lies on a facet that is nearer is felt as that one alone
     for i in range(count):
@@ -147,7 +147,7 @@ def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
         c = (contacts[i, POINT], contacts[i, POINT + 1], contacts[i, POINT + 2])
         for j in range(count):
             if contacts[j, DISTANCE] < contacts[i, DISTANCE] - ROUNDING * radius:
-                off, _ = way_off(facets[int(contacts[j, FACET])], c)
+                off, _ = way_off(facets, int(contacts[j, TOUCHED]), c)
                 is_closest = is_closest and off > SAME * radius
         contacts[i, LEAST] = 1.0 if is_closest else 0.0
     for i in range(count):
@@ -165,7 +165,8 @@ def follow(
 
     `hip` (N,), m, is the hand's; `ihip` (N,), m, and `force` (N,), N, are written. Returns 0: it never refuses.
     """
-    facets, radius, state = data.segments, data.params[RADIUS], data.state
+    facets, gains, state = data.segments, as_record(data.params, GAINS), data.state
+    radius = gains.radius
     h = (hip[0], hip[1], hip[2] if hip.shape[0] == 3 else 0.0)
     p = (state[0], state[1], state[2])
     contacts = np.empty((CONTACTS, LEAST + 1))
@@ -189,5 +190,5 @@ def follow(
     state[0], state[1], state[2] = p
     for i in range(hip.shape[0]):
         ihip[i] = p[i]
-        force[i] = data.params[STIFFNESS] * (p[i] - hip[i])  # step 5
+        force[i] = gains.stiffness * (p[i] - hip[i])  # step 5
     return 0
