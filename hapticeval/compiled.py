@@ -15,7 +15,10 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 import numba
 import numpy as np
 from llvmlite import ir
+from llvmlite.binding import Linkage, parse_assembly
 from numba import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.sigutils import normalize_signature
 from numba.core.typing.typeof import typeof_impl
@@ -47,6 +50,9 @@ MARGIN = types.float64(VECTOR, VECTOR)
 EFFECT = types.float64(VECTOR, MATRIX, MATRIX, types.int64, types.float64, VECTOR, VECTOR)
 """(params, samples, state, tick, dt, first, second): one tick of an effect, see `hapticeval.effects.effect.Part`."""
 
+
+ENVIRONMENT = "_ZN08NumbaEnv"
+"""How the names of numba's environments begin, one a kernel: what it needs of Python."""
 
 EMPTY_TABLE: Array = np.empty((0, 0))
 """The table that a law has no use for."""
@@ -221,6 +227,8 @@ def numbers_of(record: np.dtype[Any], **fields: ArrayLike) -> Array:
 def as_record(numbers: Array, record: np.dtype[Any], at: int = 0) -> Any:
     """Return the record that begins at `numbers[at]`, of numbers (k,) or of rows (n, k): `state.normal[0]`.
 
+    Their units, N, m or none, are those of the record's fields.
+
     Nothing is copied: a field is read and written where it is. So numbers have names inside of kernels, and to the
     outside one type: what takes them is compiled once, whatever record they are.
 
@@ -308,7 +316,14 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT is set
         return function
     # Other kernels call code without the ways in from Python and from C, which are a third of the work of compiling.
-    called = _dispatcher(function, folder / "called", **options, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    called = _dispatcher(
+        function,
+        folder / "called",
+        **options,
+        no_cpython_wrapper=True,
+        no_cfunc_wrapper=True,
+        pipeline_class=_LinkedCompiler,
+    )
     kernel.called = called
     own_call_template, own_overload = kernel.get_call_template, kernel.get_overload
 
@@ -331,6 +346,41 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
 
     kernel.get_call_template, kernel.get_overload = call_template, overload
     return kernel  # type: ignore[no-any-return]
+
+
+class _LinkedLibrary(JITCodeLibrary):
+    """The code of a kernel that others call: it becomes a part of theirs, so no machine code is made of it alone."""
+
+    def _optimize_final_module(self) -> None:
+        # The first of numba's two rounds: who calls it has both run over all that it is linked with.
+        codegen: Any = self._codegen
+        manager = codegen._module_pass_manager(
+            loop_vectorize=codegen._loopvect, slp_vectorize=False, opt=codegen._opt_level, cost="cheap"
+        )
+        passes, *builder = manager if isinstance(manager, tuple) else (manager,)  # numba 0.61 has no builder
+        passes.run(self._final_module, *builder)
+
+    def _finalize_final_module(self) -> None:
+        self._shared_module = linked = self._final_module
+        for function in linked.functions:
+            if not function.is_declaration and function.linkage == Linkage.external:
+                function.linkage = "linkonce_odr"  # as numba has it: each of those that it is linked with has a copy
+        # Numba sets the environment of each kernel that it compiles or loads: that alone gets a place in memory.
+        places = [str(place) for place in linked.global_variables if place.name.startswith(ENVIRONMENT)]
+        codegen: Any = self._codegen
+        self._final_module = parse_assembly("\n".join([str(codegen._create_empty_module(self.name)), *places]))
+        super()._finalize_final_module()  # type: ignore[no-untyped-call]
+
+
+class _LinkedCompiler(Compiler):
+    """Numba's compiler, into a `_LinkedLibrary`."""
+
+    def compile_extra(self, func: Callable[..., Any]) -> Any:
+        """Compile a function, as numba calls this."""
+        library: Any = _LinkedLibrary
+        self.state.library = library(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library.enable_object_caching()
+        return super().compile_extra(func)  # type: ignore[no-untyped-call]
 
 
 def _dispatcher(function: Callable[..., Any], folder: Path, **options: Any) -> Any:

@@ -214,6 +214,26 @@ def _halve_constants(size):
     return _halve(size, True) + _halve(size, False) + _halve(7, True)
 
 
+@compiled
+def _quarter(size):
+    return 0.25 * size
+
+
+@compiled
+def _sum_of_quarters(size):
+    return _quarter(size) + _quarter(2.0 * size)
+
+
+def test_no_machine_code_is_made_of_what_only_kernels_call():
+    assert _sum_of_quarters(4.0) == 3.0
+    assert not _quarter.signatures
+    (code,) = (each.library for each in _quarter.called.overloads.values())
+    assert not list(code.get_defined_functions())
+    # and Python can still call it: that is code of its own
+    assert _quarter(8.0) == 2.0
+    assert len(_quarter.signatures) == 1
+
+
 def test_a_constant_argument_compiles_no_kernel_of_its_own():
     assert _halve(3, True) == 1
     assert _halve_constants(5) == 7.5
