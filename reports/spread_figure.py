@@ -251,7 +251,7 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
         else:
             finding = (
                 f"too few repeats: {size} apart, {spreads}, "
-                f"and these repeats cannot give a p below {comparison.least:.2g} ({tested}); "
+                f"and these repeats cannot give a p below {comparison.smallest_p:.2g} ({tested}); "
                 f"{_repeats_needed(comparison)}"
             )
         what = f"{DIRECTION_WORDS[comparison.direction]}, {TITLES[comparison.column]}"

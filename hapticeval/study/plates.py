@@ -92,15 +92,15 @@ def holds(factory: RendererFactory, thickness: float, speed: float, push: float)
     )
 
 
-def narrow_border(is_held: Callable[[float], bool], held: float, lost: float) -> float:
-    """Return the number nearest to `lost` for which a plate is held, to `RATIO`, by bisection from one that is `held`.
+def narrow_border(is_held: Callable[[float], bool], holding: float, failing: float) -> float:
+    """Return the number nearest to `failing` for which a plate is held, to `RATIO`, by bisection from one `holding` it.
 
     Both are positive, in any one unit: a thickness, or a push.
     """
-    while max(held, lost) / min(held, lost) > RATIO:
-        middle = math.sqrt(held * lost)
-        held, lost = (middle, lost) if is_held(middle) else (held, middle)
-    return held
+    while max(holding, failing) / min(holding, failing) > RATIO:
+        middle = math.sqrt(holding * failing)
+        holding, failing = (middle, failing) if is_held(middle) else (holding, middle)
+    return holding
 
 
 def find_thinnest(factory: RendererFactory, speed: float, push: float) -> float | None:

@@ -288,7 +288,7 @@ def test_too_few_repeats_are_called_so_and_as_many_as_are_asked_for_can_decide()
     rng = np.random.default_rng(6)
     found = compared(hands(rng, "a", 3), hands(rng, "b", 3, more=9.0))["a", "b", "magnitude"]
     assert found.outcome == "too few repeats"
-    assert found.least == found.p == pytest.approx(0.1)
+    assert found.smallest_p == found.p == pytest.approx(0.1)
     assert (found.repeats, found.needed) == ((3, 3), (4, 3))
     enough = compared(hands(rng, "a", 4), hands(rng, "b", 3, more=9.0))["a", "b", "magnitude"]
     assert enough.outcome == "differs"

@@ -173,8 +173,8 @@ class Comparison:
       difference among all that are compared (None: no number can).
     - `difference`: root mean square of the difference of their medians, over what at least two repeats of each cover;
       `spread`: that between repeats of one renderer; both in the column's unit.
-    - `p`: of the permutation test over all columns, times the number of pairs and directions compared; `least`: the
-      smallest that so many repeats can give.
+    - `p`: of the permutation test over all columns, times the number of pairs and directions compared;
+      `smallest_p`: the smallest that so many repeats can give.
     - `worst`: the place (in the abscissa's unit) of the largest difference of the medians, `largest`.
     - `rounding`: the largest difference of any two repeats, of either renderer, in what counts as rounding.
     - `common`: the share of the grid that both medians cover; where it is too small, nothing else is known.
@@ -190,7 +190,7 @@ class Comparison:
     difference: float = math.nan
     spread: float = math.nan
     p: float = 1.0
-    least: float = 1.0
+    smallest_p: float = 1.0
     largest: float = math.nan
     worst: float = math.nan
     rounding: float = math.nan
@@ -209,7 +209,7 @@ class Comparison:
             return "the same to rounding"
         if self.p < LEVEL:
             return "differs"
-        return "within the spread" if self.least < LEVEL else "too few repeats"
+        return "within the spread" if self.smallest_p < LEVEL else "too few repeats"
 
 
 def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
@@ -318,7 +318,7 @@ def _compare_pair(
                 spread=distances.spread,
                 # Bonferroni over pairs of renderers and directions; the columns are one test already.
                 p=min(1.0, families * p.get(column, 1.0)),
-                least=min(1.0, families * smallest_p),
+                smallest_p=min(1.0, families * smallest_p),
                 largest=float(abs(difference[worst])),
                 worst=float(grid[worst]),
                 rounding=rounding,
