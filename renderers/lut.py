@@ -358,6 +358,7 @@ def source_of(projection: Projection) -> Source:
     """
 
     def project(points: Array) -> tuple[Array, Array]:
+        """Return the IHIPs (n, N), m, and normals (n, N) of points (n, N), m."""
         ihips, normals, _ = projection.trace(np.ascontiguousarray(points))
         return ihips, normals
 
@@ -368,6 +369,7 @@ def source_of(projection: Projection) -> Source:
 
     # the polygon of the chords is as good as the curve, to `stray`, and far cheaper
     def distance(points: Array) -> Array:
+        """Return the signed distances (n,), m, of points (n, 2), m."""
         return signed_distances(outline.vertices, outline.tree, points)
 
     return Source(project=project, distance=distance, stray=outline.stray)

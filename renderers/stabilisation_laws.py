@@ -96,7 +96,7 @@ FOCAL = 1e-9
 def contact_ends(state: Array, n: float, pressing: float, spring: float) -> bool:
     """Return whether a contact is over at `n` (m), with N = `pressing` and S = `spring` (N); else note that it lasts.
 
-    `state` is the law's; why both N and S count stands in the module.
+    `state` (k,) is the law's; why both N and S count stands in the module.
     """
     past = as_record(state, TOUCH)
     if n > 0.0 and (pressing <= 0.0 or (spring <= 0.0 and n >= past.n)):

@@ -127,7 +127,10 @@ def plant_of(device: Device) -> Plant:
 
 
 def motion_of(device: Device, load: Load, method: Method, knobs: Array | None = None) -> Motion:
-    """Return a device under its load, to be integrated by `method` with the settings `knobs` of `control`."""
+    """Return a device under its load, to be integrated by `method` with the settings `knobs` (3,) of `control`.
+
+    Lengths are in m, angles in rad, as the device has its joints.
+    """
     size = device.dimension
     steps = Steps(method.table, control(method) if knobs is None else knobs, np.array([load.dt]))
     return Motion(plant_of(device), load, steps, scratch_of(size, method.b.size))
@@ -455,7 +458,10 @@ def push_at(push: Array, tick: int, i: int, time: float, dt: float) -> float:
 def advance_point_mass(
     motion: Motion, tick: int, begin: float, finish: float, joints: Array, rates: Array, torque: Array
 ) -> int:
-    """`advance` for a point mass that no hand holds, by its exact integral: `PointMass.advance`, to the last bit."""
+    """`advance` for a point mass that no hand holds, by its exact integral: `PointMass.advance`, to the last bit.
+
+    `joints` (N,), m, and `rates` (N,), m/s, become those at `finish` s into the tick; `torque` (N,), N.
+    """
     load, duration = motion.load, finish - begin
     gain = duration / motion.plant.parameters[0]
     for i in range(joints.shape[0]):

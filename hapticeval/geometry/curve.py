@@ -107,12 +107,12 @@ class Curve:
         return self._evaluate(u)[..., 0:2]
 
     def tangent(self, u: ArrayLike) -> Array:
-        """Return unit tangents (..., 2), anticlockwise, at the parameters u (...,); at a corner the one after it."""
+        """Return unit tangents (..., 2), anticlockwise, at u (...,), m or rad; at a corner the one after it."""
         derivative = self._evaluate(u)[..., 2:4]
         return np.asarray(derivative / np.hypot(derivative[..., 0], derivative[..., 1])[..., np.newaxis])
 
     def normal(self, u: ArrayLike) -> Array:
-        """Return outward unit normals (..., 2) at the parameters u (...,); at a corner the one after it."""
+        """Return outward unit normals (..., 2) at u (...,), m or rad; at a corner the one after it."""
         tangent = self.tangent(u)
         # the tangent turned clockwise: the inside is on the left
         return np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)

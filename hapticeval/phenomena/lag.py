@@ -101,7 +101,7 @@ def resting_ticks(values: Array) -> IntArray:
 
 
 def largest_in_lag(values: Array, *, earlier: int = 0) -> Array:
-    """Return the largest of `values` (n,) within the granted lag of each, and so many ticks `earlier` too: (n,)."""
+    """Return the largest (n,) of `values` (n,), N or m, within the lag of each, and so many ticks `earlier` too."""
     padded = np.pad(values, (LAG_TICKS + earlier, LAG_TICKS), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * LAG_TICKS + 1 + earlier)
     return np.asarray(windows.max(axis=1))

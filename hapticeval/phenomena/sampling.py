@@ -87,7 +87,7 @@ def trailing(recording: Recording, scene: Scene) -> BoolArray:
 
 
 def clear_of_surface(recording: Recording, rows: IntArray, scene: Scene) -> BoolArray:
-    """Return at which of `rows` (k,) the IHIP is farther outside than a contact point may be, (k,).
+    """Return at which of `rows` (k,) the IHIP is farther outside, in m, than a contact point may be, (k,).
 
     It may be off by what is declared, and late; where the renderer says itself that it has no contact, it is not late.
     """

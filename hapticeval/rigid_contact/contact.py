@@ -47,7 +47,8 @@ class Ground(Protocol):
     ) -> tuple[Array, Array, int, Array]:
         """Carry the tool from a state through all stretches; both `start` and `gains` are changed.
 
-        `gains` are the numbers of a `LOAD`, with its constants filled in.
+        `start` (2 N,) is position (m) and velocity (m/s). `gains` (k,) are the numbers of a `LOAD`, with its constants
+        filled in.
 
         - The first are samples (rows, 4 N): position (m) and velocity (m/s) at each sample, before an impact at that
           very time, then the contact's and the operator's impulse (N s) until the next.

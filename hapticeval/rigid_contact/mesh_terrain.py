@@ -124,7 +124,7 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
 
 @inner
 def edge_direction(faces: Array, vertices: Array, k: int, i: int) -> Triple:
-    """Return the unit direction of edge i of triangle k, from its corner i to the next."""
+    """Return the unit direction of edge i of triangle k, a row of `faces` (t, k), between `vertices` (v, 3), m."""
     a, b = position_of(vertices, faces[k, CORNER + i]), position_of(vertices, faces[k, CORNER + (i + 1) % 3])
     ab = _minus(b, a)
     return _scaled(1.0 / math.sqrt(dot(ab, ab)), ab)

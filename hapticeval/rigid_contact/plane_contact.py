@@ -45,5 +45,5 @@ class PlaneGround:
     def carry(
         self, start: Array, stretches: Stretches, gains: Array, rows: int, limit: int
     ) -> tuple[Array, Array, int, Array]:
-        """Answer `Ground.carry`: samples (rows, 8) and events (k, 6)."""
+        """Answer `Ground.carry`: samples (rows, 8) and events (k, 6), in m, m/s, s and N s."""
         return carry_tool(start, self._terrain, stretches, gains, rows, limit)

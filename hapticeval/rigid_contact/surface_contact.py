@@ -32,7 +32,7 @@ class SurfaceGround:
     def carry(
         self, start: Array, stretches: Stretches, gains: Array, rows: int, limit: int
     ) -> tuple[Array, Array, int, Array]:
-        """Answer `Ground.carry`: samples (rows, 12) and events (k, 8)."""
+        """Answer `Ground.carry`: samples (rows, 12) and events (k, 8), in m, m/s, s and N s."""
         return carry_on_surface(start, self.surface.row, self._sharpest, stretches, gains, rows, limit)
 
 

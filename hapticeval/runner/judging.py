@@ -185,6 +185,7 @@ class _RunFactory:
         missing = np.full_like(hips[tick], np.nan)
 
         def force_for(hip: Array, velocity: Array) -> Array | None:
+            """Return the force (N,), N, at a hip (N,), m, with a velocity (N,), m/s; None where it refuses."""
             try:
                 return np.asarray(renderer.step(hip, velocity, dt)[1], dtype=np.float64)
             except Exception:  # a refusal is what a renderer of any kind may raise

@@ -254,7 +254,7 @@ def act(loop: Loop, tick: int) -> int:
 
 @inner
 def note_contact(reported: Array | None, loop: Loop, tick: int) -> None:
-    """Keep whether the law reports contact at the tick."""
+    """Keep whether the law reports contact, `reported` (1,), at the tick: 1 or 0, beside vectors in m and N."""
     if reported is None:
         return
     loop.out[CONTACT, tick, 0] = reported[0]
