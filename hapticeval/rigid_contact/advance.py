@@ -9,7 +9,7 @@ Impacts, corners and coming to rest change the state at an instant, and every ch
 Sequences of ever smaller hops (bounces with 0 < c_r < 1, slides up and down the faces of a notch) never end in number
 but do in time.
 
-A hop that stays within CONTACT_HOP of where it began is taken as contact: the tool slides or rests.
+A hop that stays within HOP_SHARE of the size of where it began is taken as contact: the tool slides or rests.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED
 from hapticeval.rigid_contact.collision import BoundaryCells, first_entry
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
-    CONTACT_HOP,
     CORNER,
     FLIGHT,
     IMPACT,
@@ -33,6 +32,7 @@ from hapticeval.rigid_contact.force import (
     LOAD,
     MOST_CORNER_HITS,
     MOST_STEPS,
+    PLACE_REACH,
     REST,
     SLIDE,
     STOP,
@@ -128,7 +128,7 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
     # within a hop of a concave joint it is the corner that is hit
     for end in range(2):
         joint = (piece + end) % count
-        if terrain.joints[joint] < 0.0 and load.bilateral == 0.0 and abs(u - row[U0 + end]) <= CONTACT_HOP:
+        if terrain.joints[joint] < 0.0 and load.bilateral == 0.0 and abs(u - row[U0 + end]) <= PLACE_REACH:
             hit_corner(run, joint, tau, IMPACT)
             return
     u = min(max(u, row[U0]), row[U1])
@@ -153,9 +153,9 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
         return
     # (3.5) along the normal: c_r times the speed into the face
     bounce = -load.restitution * normal_speed
-    # a hop of height m v^2 / (2 N) below CONTACT_HOP counts as contact
+    # a hop of height m v^2 / (2 N) below the shortest that is one counts as contact
     if normal_speed >= -ALIGNED_SHARE * abs(tangent_speed) or (
-        contact > 0.0 and mass * bounce * bounce < 2.0 * contact * CONTACT_HOP
+        contact > 0.0 and mass * bounce * bounce < 2.0 * contact * load.hop
     ):
         bounce = 0.0
     jx, jy = apply_impulse(run, tangent_speed * tx + bounce * ty, tangent_speed * ty - bounce * tx)
@@ -215,8 +215,8 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
             vx, vy = vx - (1.0 + rebound) * across * ty, vy + (1.0 + rebound) * across * tx
             fx, fy = operator_force(load, tau, x, y, vx, vy)
             contact, bounce = -(fx * ty - fy * tx), -rebound * across
-            # a bounce that the force ends within CONTACT_HOP is left out
-            if contact > 0.0 and mass * bounce * bounce < 2.0 * contact * CONTACT_HOP:
+            # a bounce that the force ends within a hop that is contact is left out
+            if contact > 0.0 and mass * bounce * bounce < 2.0 * contact * load.hop:
                 vx, vy = vx - bounce * ty, vy + bounce * tx
         else:
             # still hitting after MOST_CORNER_HITS: each hit took speed, none is left
@@ -242,7 +242,7 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
         if (
             pull > 0.0
             and other_pull > 0.0
-            and max(speed * speed / pull, next_speed * next_speed / other_pull) < 2.0 * CONTACT_HOP
+            and max(speed * speed / pull, next_speed * next_speed / other_pull) < 2.0 * load.hop
         ):
             # The corner takes the same share of the speed at every pass: the passes' times are a geometric series.
             wait = 2.0 * (speed / pull + next_speed / other_pull) / (1.0 - share * share) if rebound == 0.0 else 0.0

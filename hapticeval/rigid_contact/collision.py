@@ -19,7 +19,7 @@ from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn
 from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, UNBOUNDED, evaluate, evaluate_many
-from hapticeval.rigid_contact.force import SEAM_REACH, SKIN_DEPTH
+from hapticeval.rigid_contact.force import SEAM_REACH
 from hapticeval.rigid_contact.motion import fly_for
 from hapticeval.types import Array
 
@@ -241,10 +241,10 @@ def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, lo
         end = turn if part == 0 else h
         f_end = _height_in_flight(cell, pieces, flight, end, load)[0]
         # it goes below the skin on this part of the step
-        if f >= -SKIN_DEPTH and f_end < -SKIN_DEPTH:
-            entry_time = _crossing_time(cell, pieces, flight, start, end, SKIN_DEPTH, load)
+        if f >= -load.skin and f_end < -load.skin:
+            entry_time = _crossing_time(cell, pieces, flight, start, end, load.skin, load)
             # A flight that began within the skin was on this face: its first crossing of the surface is rounding.
-            if f > SKIN_DEPTH:
+            if f > load.skin:
                 entry_time = _crossing_time(cell, pieces, flight, start, entry_time, 0.0, load)
             _, _, u, overhang = _height_in_flight(cell, pieces, flight, entry_time, load)
             # through this cell, and not past its ends
@@ -272,7 +272,7 @@ def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Any, fre
     ya, yb = y0 + vy0 * h / 3.0, y1 - vy1 * h / 3.0
     xmin, xmax = min(x0, x1, xa, xb), max(x0, x1, xa, xb)
     ymin, ymax = min(y0, y1, ya, yb), max(y0, y1, ya, yb)
-    margin = 0.05 * (xmax - xmin + ymax - ymin) + SKIN_DEPTH
+    margin = 0.05 * (xmax - xmin + ymax - ymin) + load.skin
     xmin, xmax, ymin, ymax = xmin - margin, xmax + margin, ymin - margin, ymax + margin
     # the whole flight is inside the free box
     if xmin > free[0] and xmax < free[1] and ymin > free[2] and ymax < free[3]:

@@ -12,8 +12,11 @@ from hapticeval.errors import InputError, RefusalError
 from hapticeval.recordings.recording import Recording
 from hapticeval.rigid_contact.force import (
     EVENT_KINDS,
+    HOP_SHARE,
     LOAD,
     MOST_STEPS,
+    SKIN_ROUNDING,
+    SKIN_SHARE,
     Stretches,
 )
 from hapticeval.scene import Scene
@@ -117,6 +120,10 @@ class IdealContact:
         load = as_record(gains, LOAD)
         load.mass, load.restitution = self.scene.mass, self.scene.restitution
         load.bilateral = float(self.scene.bilateral)
+        size, farthest = self.scene.model.size, float(np.abs(self.scene.model.boundary.bounds).max())
+        # a line has no end: its coordinates are those of its size
+        load.hop = HOP_SHARE * size
+        load.skin = SKIN_SHARE * size + SKIN_ROUNDING * (farthest if math.isfinite(farthest) else size)
         if isinstance(stimulus, Path):
             load.spring = self.scene.stiffness
             # critical damping: 2 sqrt(k m)

@@ -21,9 +21,10 @@ from typing import Any, NamedTuple
 from hapticeval.compiled import compiled, inner, record_type
 from hapticeval.types import Array, IntArray
 
-LOAD = record_type("spring", "damper", "mass", "restitution", "bilateral", "began", g0=3, g1=3)
+LOAD = record_type("spring", "damper", "mass", "restitution", "bilateral", "hop", "skin", "began", g0=3, g1=3)
 """The spring's k (N/m), the damper's d (N s/m), the tool's mass (kg), the coefficient of restitution, 1 if the boundary
-holds the tool from both sides, and when the stretch began (s); then g0 (N) and g1 (N/s) by axis."""
+holds the tool from both sides, the longest hop that is contact and the depth that is inside (m), when the stretch began
+(s); then g0 (N) and g1 (N/s) by axis."""
 
 FLIGHT, SLIDE, REST = 0.0, 1.0, 2.0
 """What the tool does: it flies, slides on the boundary, or is at rest in a corner."""
@@ -32,9 +33,15 @@ IMPACT, LEAVE, CORNER, STOP = range(4)
 EVENT_KINDS = ("impact", "leave", "corner", "rest")
 """Kinds of events, and their names in a recording."""
 
-CONTACT_HOP = 1e-12
-"""Longest hop (m) that is taken as contact: well above the rounding of positions, and the impulse that it leaves
-out, below m sqrt(8 a CONTACT_HOP), is 1e-6 of that of a metre's fall."""
+PLACE_REACH = 1e-12
+"""How far (m) a tool may be off an edge or a corner that it has come to: well above the rounding of positions."""
+
+HOP_SHARE = 5e-12
+"""Longest hop that is taken as contact, as a share of the model's size: 1 pm of 200 mm, well above the rounding of
+positions. The impulse that it leaves out, below m sqrt(8 a hop), is 1e-6 of that of a fall from five times the size.
+
+A share and no length, so that a scene that is scaled moves alike; so is `SKIN_SHARE`.
+"""
 
 ALIGNED_SHARE = 1e-12
 """Share of the speed below which a velocity across a face is rounding."""
@@ -52,8 +59,9 @@ SEAM_REACH = 1e-9
 """How far (m) a piece of the boundary, a cell of a curve or a triangle, reaches beyond its ends that are not convex, so
 that no path slips through between two."""
 
-SKIN_DEPTH = 1e-13
-"""Depth (m) from which a tool in flight counts as inside: above the rounding of positions up to 100 m.
+SKIN_SHARE, SKIN_ROUNDING = 5e-13, 1e-15
+"""Depth from which a tool in flight counts as inside: a share of the model's size, 0.1 pm of 200 mm, and a share of its
+farthest coordinate, above the rounding of positions.
 
 So a tool that has just left the surface, or bounced, does not collide with it again. The collision itself is located
 where the depth is zero.

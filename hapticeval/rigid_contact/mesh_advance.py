@@ -10,12 +10,13 @@ An impact takes its impulse from one normal after the other (thesis (3.5)) until
 - in a concave edge or corner that of the face which the velocity runs against most, as in the plane. Between faces at
   right angles the order makes no difference, nor without restitution between two at an acute one. Else it is a choice.
 
-A hop that stays within CONTACT_HOP of where it began is taken as contact: the tool slides or rests.
+A hop that stays within HOP_SHARE of the size of where it began is taken as contact: the tool slides or rests.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -35,13 +36,13 @@ from hapticeval.geometry.mesh_kernels import (
 from hapticeval.geometry.surface import Triple, dot, plus, triple_of
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
-    CONTACT_HOP,
     FLIGHT,
     IMPACT,
     LEAVE,
     LOAD,
     MOST_CORNER_HITS,
     MOST_STEPS,
+    PLACE_REACH,
     REST,
     SLIDE,
     STOP,
@@ -106,13 +107,13 @@ def meet(terrain: MeshTerrain, tool: Tool, tau: float, kind: int) -> None:
         # (3.5) on that face
         v, bounce = plus(v, -across, normal), -rebound * across
         contact = -dot(force_in_space(load, tau, p, v), normal)
-        # a bounce that the force ends within CONTACT_HOP, of height m u^2 / (2 N), is left out
-        if contact <= 0.0 or mass * bounce * bounce >= 2.0 * contact * CONTACT_HOP:
+        # a bounce that the force ends within a hop that is contact, of height m u^2 / (2 N), is left out
+        if contact <= 0.0 or mass * bounce * bounce >= 2.0 * contact * load.hop:
             v = plus(v, bounce, normal)
     if dot(v, v) <= rest_speed * rest_speed:
         v = NOWHERE
     if feature != FACE:
-        v = _without_hops(terrain, k, feature, v, force_in_space(load, tau, p, v), mass)
+        v = _without_hops(terrain, k, feature, v, force_in_space(load, tau, p, v), load)
     impulse = strike_tool(tool, v)
     if hits > 0:
         log_in_space(tool, kind, tau, impulse)
@@ -120,18 +121,18 @@ def meet(terrain: MeshTerrain, tool: Tool, tau: float, kind: int) -> None:
 
 
 @compiled
-def _without_hops(terrain: MeshTerrain, k: int, feature: int, v: Triple, force: Triple, mass: float) -> Triple:
-    """Return a velocity (m/s) without the part whose hops a force (N) ends within CONTACT_HOP of an edge or corner."""
+def _without_hops(terrain: MeshTerrain, k: int, feature: int, v: Triple, force: Triple, load: Any) -> Triple:
+    """Return a velocity (m/s) without the part whose hops a force (N) ends too soon for a `load` to be hops."""
     if feature >= VERTEX:
         pull = pull_into(terrain, k, feature, force)
-        return NOWHERE if pull > 0.0 and mass * dot(v, v) < 2.0 * pull * CONTACT_HOP else v
+        return NOWHERE if pull > 0.0 and load.mass * dot(v, v) < 2.0 * pull * load.hop else v
     if terrain.turns[k, feature - EDGE] >= 0.0:
         return v
     e = edge_direction(terrain.faces, terrain.vertices, k, feature - EDGE)
     # what is along the edge stays; a hop of what is square to it, m u^2 / (2 F) high, is left out
     along = _scaled(dot(v, e), e)
     aside, pull = _minus(v, along), pull_into(terrain, k, feature, force)
-    return along if pull > 0.0 and mass * dot(aside, aside) < 2.0 * pull * CONTACT_HOP else v
+    return along if pull > 0.0 and load.mass * dot(aside, aside) < 2.0 * pull * load.hop else v
 
 
 @compiled
@@ -177,7 +178,7 @@ def let_go(tool: Tool, tau: float) -> None:
 @compiled
 def reach_place(terrain: MeshTerrain, tool: Tool, k: int, convex_reach: float) -> None:
     """Put the tool on the feature of triangle k that it has come to, within a hop, or `convex_reach` (m) if convex."""
-    feature, foot = feature_at(terrain, k, triple_of(tool.state.position), CONTACT_HOP, convex_reach)
+    feature, foot = feature_at(terrain, k, triple_of(tool.state.position), PLACE_REACH, convex_reach)
     put_triple(tool.state.position, 0, foot)
     tool.state.triangle, tool.state.feature = k, feature
 
@@ -232,7 +233,7 @@ def advance_on_face(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     # the contact's impulse: N integrated over the step, h (N + N' h / 2)
     move_tool(tool, p, v, _scaled(h * (contact + 0.5 * rate * h), normal))
     if edge_triangle >= 0:
-        reach_place(terrain, tool, edge_triangle, CONTACT_HOP)
+        reach_place(terrain, tool, edge_triangle, PLACE_REACH)
         meet(terrain, tool, tau + h, AT_CORNER)
     elif lifts:
         let_go(tool, tau + h)

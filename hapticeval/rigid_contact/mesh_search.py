@@ -15,9 +15,8 @@ from hapticeval.geometry.mesh_kernels import CORNER, FACE, _cross, _minus, norma
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
-    CONTACT_HOP,
+    PLACE_REACH,
     SEAM_REACH,
-    SKIN_DEPTH,
 )
 from hapticeval.rigid_contact.mesh_terrain import (
     MeshTerrain,
@@ -120,11 +119,11 @@ def first_fall(normal: Triple, anchor: Triple, path: ToolPath, begin: float, h: 
         if high <= low:
             continue
         end_height = watch(HEIGHT, normal, anchor, path, high, load)
-        if height >= -SKIN_DEPTH and end_height < -SKIN_DEPTH:
-            # height = -SKIN_DEPTH: it is surely inside
-            time = root_between(HEIGHT, SKIN_DEPTH, normal, anchor, path, low, high, load)
+        if height >= -load.skin and end_height < -load.skin:
+            # deeper than the skin: it is surely inside
+            time = root_between(HEIGHT, load.skin, normal, anchor, path, low, high, load)
             # it came from outside: back to where the height is zero
-            if height > SKIN_DEPTH:
+            if height > load.skin:
                 time = root_between(HEIGHT, 0.0, normal, anchor, path, low, time, load)
             return time
         height = end_height
@@ -220,7 +219,7 @@ def _grazes(terrain: MeshTerrain, k: int, p: Triple, v: Triple) -> bool:
     k by less than rounding. Put back onto that edge it would come to it again and again.
     """
     # a convex edge is hit only by what falls on neither of its faces
-    feature, _ = feature_at(terrain, k, p, CONTACT_HOP, 0.0)
+    feature, _ = feature_at(terrain, k, p, PLACE_REACH, 0.0)
     rounding = ALIGNED_SHARE * math.sqrt(dot(v, v))
     if feature == FACE or dot(normal_of(terrain.faces, k), v) >= -rounding:
         return False
@@ -228,7 +227,9 @@ def _grazes(terrain: MeshTerrain, k: int, p: Triple, v: Triple) -> bool:
 
 
 @compiled
-def _stays_on_one_side(normal: Triple, anchor: Triple, start: Triple, out: Triple, back: Triple, end: Triple) -> bool:
+def _stays_on_one_side(
+    normal: Triple, anchor: Triple, start: Triple, out: Triple, back: Triple, end: Triple, skin: float
+) -> bool:
     """Return whether a path stays on one side of the plane through `anchor` (m) with a unit normal.
 
     A cubic runs in the hull of its control polygon, `start` to `end`. A path under the spring is none: a twentieth of
@@ -242,7 +243,7 @@ def _stays_on_one_side(normal: Triple, anchor: Triple, start: Triple, out: Tripl
     )
     # by more than what the path may differ from the polygon
     spread = 0.05 * (max(heights) - min(heights))
-    return min(heights) > spread + SKIN_DEPTH or max(heights) < -spread - SKIN_DEPTH
+    return min(heights) > spread + skin or max(heights) < -spread - skin
 
 
 @compiled
@@ -272,7 +273,7 @@ def first_face(
         k = near[row]
         normal = normal_of(terrain.faces, k)
         anchor = (terrain.anchors[k, 0], terrain.anchors[k, 1], terrain.anchors[k, 2])
-        if _stays_on_one_side(normal, anchor, path.p, out, back, end):
+        if _stays_on_one_side(normal, anchor, path.p, out, back, end, load.skin):
             continue
         time = first_fall(normal, anchor, path, 0.0, h, load)
         while time < first:
@@ -330,17 +331,17 @@ def first_edge(
             inward = _cross(path.contact_normal, e)
             a = position_of(terrain.vertices, terrain.faces[j, CORNER + i])
             b = position_of(terrain.vertices, terrain.faces[j, CORNER + (i + 1) % 3])
-            if _stays_on_one_side(inward, a, path.p, out, back, end):
+            if _stays_on_one_side(inward, a, path.p, out, back, end, load.skin):
                 continue
             time = first_fall(inward, a, path, 0.0, h, load)
             while time < first:
                 p, v = follow(path, time, load)
                 past_a, past_b = -dot(_minus(p, a), e), dot(_minus(p, b), e)
                 # past this edge, and not past its ends, where others meet
-                if past_a <= CONTACT_HOP and past_b <= CONTACT_HOP:
+                if past_a <= PLACE_REACH and past_b <= PLACE_REACH:
                     # over its very end, by rounding, and on in the face: round a corner of more than half a turn
-                    ends = past_a >= -CONTACT_HOP or past_b >= -CONTACT_HOP
-                    if not (ends and _leads_into_face(terrain, j, i if past_a >= -CONTACT_HOP else (i + 1) % 3, v)):
+                    ends = past_a >= -PLACE_REACH or past_b >= -PLACE_REACH
+                    if not (ends and _leads_into_face(terrain, j, i if past_a >= -PLACE_REACH else (i + 1) % 3, v)):
                         first, best, place = time, j, p
                         break
                 time = first_fall(inward, a, path, time + FALL_GAP * h, h, load)

@@ -31,13 +31,11 @@ from hapticeval.geometry.surface import (
 )
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
-    CONTACT_HOP,
     FLIGHT,
     IMPACT,
     LEAVE,
     LOAD,
     MOST_STEPS,
-    SKIN_DEPTH,
     SLIDE,
     Stretches,
     longest_flight_step,
@@ -244,8 +242,8 @@ def collide_with_surface(tool: Tool, reals: Array, tau: float) -> None:
         return
     # (3.5) along the normal: c_r times the speed into the surface
     bounce = -load.restitution * normal_speed
-    # a hop of height m v^2 / (2 N) below CONTACT_HOP counts as contact
-    if normal_speed >= -rounding or (contact > 0.0 and load.mass * bounce * bounce < 2.0 * contact * CONTACT_HOP):
+    # a hop of height m v^2 / (2 N) below the shortest that is one counts as contact
+    if normal_speed >= -rounding or (contact > 0.0 and load.mass * bounce * bounce < 2.0 * contact * load.hop):
         bounce = 0.0
     impulse = strike_tool(tool, plus(along, bounce, normal))
     if bounce > 0.0 or contact < 0.0:
@@ -299,13 +297,13 @@ def first_hit(reals: Array, flight: tuple[Triple, Triple, float], h: float, load
     p, v, tau = flight
     _, rate = _height(reals, p, v, tau, 0.0, load)
     end_height, end_rate = _height(reals, p, v, tau, h, load)
-    if end_height < -SKIN_DEPTH:
+    if end_height < -load.skin:
         # it may rise before it falls: from the surface, it falls back on it after that
         top = _locate_change(True, reals, flight, 0.0, h, load) if rate > 0.0 else 0.0
         return _locate_change(False, reals, flight, top, h, load)
     if rate < 0.0 < end_rate:
         lowest = _locate_change(True, reals, flight, 0.0, h, load)
-        if _height(reals, p, v, tau, lowest, load)[0] < -SKIN_DEPTH:
+        if _height(reals, p, v, tau, lowest, load)[0] < -load.skin:
             return _locate_change(False, reals, flight, 0.0, lowest, load)
     return math.inf
 

@@ -334,6 +334,32 @@ def test_level_with_a_face_a_tool_flies_in_over_its_edge_as_if_there_were_none(l
     assert recording.meta["events"] == []
 
 
+SLOT = {
+    "kind": "polygon",
+    "vertices": [[0.02, 0.006], [0.002, 0.025], [-0.012, 0.019], [-0.009233, 0.006473], [-0.021517, 0.000797],
+                 [-0.016564, -0.025], [0.021517, -0.007406]],
+}  # fmt: skip
+"""A section with a concave corner, the fourth, which a hand goes into and stays at within 20 um."""
+
+
+@pytest.mark.parametrize("factor", [7.0, 1.0 / 7.0])
+def test_a_scaled_scene_gives_the_scaled_motion_in_a_corner_too(factor):
+    """Hops that are contact, and depths that are inside, are shares of the size: to rounding nothing differs."""
+    points = np.array([
+        [-0.0258, 0.0081, 0.0], [-0.0031, 0.0125, 0.0], [-0.0117, 0.0068, 0.04], [-0.01113, 0.00555, 0.04],
+        [-0.009217, 0.006438, 0.04], [-0.009178, 0.006445, 0.04], [-0.009195, 0.00648, 0.04], [-0.0096, 0.0087, 0.04],
+    ])  # fmt: skip
+    model = make_model("extruded", model=SLOT, length=0.1)
+    large = mesh_model(factor * model.boundary.vertices, model.boundary.triangles)
+    times = 0.3 * np.arange(len(points))
+    base, scaled = (
+        contact(scene_model).simulate(Path(times, share * points), 1e-3)
+        for scene_model, share in ((model, 1.0), (large, factor))
+    )
+    assert "corner" in kinds(base)
+    np.testing.assert_allclose(scaled.hip, factor * base.hip, rtol=0.0, atol=1e-13 * factor)
+
+
 @pytest.mark.timeout(60)
 def test_hops_without_number_are_refused_with_time_and_place(refused):
     """Hops of 0.2 us, which no restitution ends: half a million in one sample."""
