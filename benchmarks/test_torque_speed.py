@@ -16,14 +16,14 @@ import numba
 import numpy as np
 import pytest
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import as_record, compiled
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.motion_kernels import solve
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.geometry.catalogue import cassinian
 from hapticeval.geometry.curve_kernels import project
 from hapticeval.renderers import set_stabilisation
-from hapticeval.renderers.stabilisation_laws import MASS, on_curve
+from hapticeval.renderers.stabilisation_laws import SET_GAINS, on_curve
 from hapticeval.scene import Scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "renderers"))
@@ -42,7 +42,7 @@ def torque_of(state, out, room, data):
 
     As the inner loop's own kernel, which is given the robot's dynamics: a call from Python would be slow for that.
     """
-    joints, rates, parameters, reals = state[:2], state[2:], room[:ROBOT], data.params
+    joints, rates, parameters, gains = state[:2], state[2:], room[:ROBOT], as_record(data.params, SET_GAINS)
     rows, squares = room[ROBOT : ROBOT + 18].reshape((9, 2)), room[ROBOT + 18 :].reshape((2, 2, 2))
     hip, velocity, drift, ihip, force, push = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
     goal, bias, jacobian, inertia = rows[7], rows[8], squares[0], squares[1]
@@ -50,7 +50,7 @@ def torque_of(state, out, room, data):
     refusal = on_curve(data, hip, velocity, push, 1e-3, ihip, force)
     dynamics2(parameters, joints, rates, inertia, bias)
     for i in range(2):
-        goal[i] = force[i] / reals[MASS] - drift[i]
+        goal[i] = force[i] / gains.mass - drift[i]
     solve(jacobian, goal)
     for i in range(2):
         out[i] = inertia[i, 0] * goal[0] + inertia[i, 1] * goal[1] + bias[i]
