@@ -16,7 +16,7 @@ from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.journal import recover
 from hapticeval.recordings.provenance import describe_losses
-from hapticeval.recordings.recorder import LossWarning, Recorder, State, Writer
+from hapticeval.recordings.recorder import Counters, LossWarning, Recorder, Writer
 
 CHANNELS = {"hip": 2, "force": 2}
 GRIP = {"grip": Signal("N", "grip force", "device")}
@@ -379,9 +379,9 @@ def test_a_script_needs_no_guard_and_ctrl_c_ends_with_everything_written(tmp_pat
     ],
 )
 def test_what_was_lost_since_the_last_look_is_told_once(losses, reported, told):
-    state = [0] * len(State)
-    state[State.OVERRUN], state[State.EVENT_OVERRUN] = losses
-    writer, texts = Writer(SimpleNamespace(state=state), -1), []
+    overrun, event_overrun = losses
+    counters = Counters(overrun=overrun, event_overrun=event_overrun)
+    writer, texts = Writer(SimpleNamespace(counters=counters), -1), []
     writer.reported = reported
     writer._event = lambda stamp, kind, text: texts.append(text) or True
     writer._report_overrun()
