@@ -54,6 +54,9 @@ EFFECT = types.float64(VECTOR, MATRIX, MATRIX, types.int64, types.float64, VECTO
 ENVIRONMENT = "_ZN08NumbaEnv"
 """How the names of numba's environments begin, one a kernel: what it needs of Python."""
 
+LINKS_IN, LINKS_BEFORE = (0, 61), (0, 69)
+"""The versions of numba in which `_LinkedLibrary` does its work, by inner methods; in others numba does all."""
+
 EMPTY_TABLE: Array = np.empty((0, 0))
 """The table that a law has no use for."""
 
@@ -322,7 +325,7 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
         **options,
         no_cpython_wrapper=True,
         no_cfunc_wrapper=True,
-        pipeline_class=_LinkedCompiler,
+        pipeline_class=_LinkedCompiler if LINKS_IN <= numba.version_info.short < LINKS_BEFORE else Compiler,
     )
     kernel.called = called
     own_call_template, own_overload = kernel.get_call_template, kernel.get_overload
