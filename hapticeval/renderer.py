@@ -226,8 +226,8 @@ class CompiledStep(NamedTuple):
         law = law_value(self.function, self.data)
         rows = partial(lead_by_law, law) if self.rows is None else self.rows
         reported = np.empty(0) if self.contact is None else self.contact
-        asked = (for_kernels(np.asarray(column, dtype=np.float64)) for column in (hips, velocities, dt))
-        return rows(self.data, np.zeros(hips.shape[1]), *asked, *answers[:2], reported, answers.contact)
+        inputs = (for_kernels(np.asarray(column, dtype=np.float64)) for column in (hips, velocities, dt))
+        return rows(self.data, np.zeros(hips.shape[1]), *inputs, *answers[:2], reported, answers.contact)
 
 
 RendererFactory: TypeAlias = Callable[[Scene], Renderer | TrajectoryRenderer]

@@ -215,8 +215,8 @@ def _breakdown_words(broken: Breakdown, *, verbose: bool) -> str:
     text = _problem_lines(f"broke: {broken.words}", broken.error)
     if not broken.error.todo:
         text += f"\n  what to do: see what `hapticeval doctor -r {broken.runs[0].renderer}` finds of the contract"
-    most = None if verbose else CASES_NAMED
-    return lines([text, f"  first on {name_first(cases, most, ', then ')}"] if cases else [text])
+    limit = None if verbose else CASES_NAMED
+    return lines([text, f"  first on {name_first(cases, limit, ', then ')}"] if cases else [text])
 
 
 def _problem_lines(head: str, problem: Problem) -> str:
@@ -276,10 +276,10 @@ def _refused_words(results: ResultsDocument, *, verbose: bool) -> Iterator[str]:
     """Yield a line for each reason for which a renderer that was judged elsewhere has refused runs."""
     judged = {run.renderer for run in results.runs if not run.refusal}
     refusals = [(renderer, what, cases) for (renderer, what), cases in results.refusals.items() if renderer in judged]
-    shown, most = (None, None) if verbose else (REFUSALS_SHOWN, CASES_NAMED)
-    for renderer, what, cases in refusals[:shown]:
-        yield f"refused: {renderer} on {name_first(cases, most)}: {what}"
-    if more := refusals[len(refusals) if shown is None else shown :]:
+    listed, limit = (None, None) if verbose else (REFUSALS_SHOWN, CASES_NAMED)
+    for renderer, what, cases in refusals[:listed]:
+        yield f"refused: {renderer} on {name_first(cases, limit)}: {what}"
+    if more := refusals[len(refusals) if listed is None else listed :]:
         yield f"refused: {plural(len(more), 'reason')} more, -v shows them"
 
 

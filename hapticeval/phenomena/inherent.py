@@ -40,10 +40,11 @@ def _strikes_as_a_spring(declared: Declared, finding: Finding) -> bool:
     impulse, rigid_impulse = (finding.evidence.get(name) for name in ("impulse_in_window_Ns", "impulse_wanted_Ns"))
     if not isinstance(impulse, float) or not isinstance(rigid_impulse, float):
         return False
-    spring_impulse = finding.evidence.get("spring_impulse_Ns", 0.0)
-    most = max(rigid_impulse, (1.0 + IMPULSE_ROUNDING) * spring_impulse) if isinstance(spring_impulse, float) else 0.0
+    allowed, spring_impulse = rigid_impulse, finding.evidence.get("spring_impulse_Ns")
+    if isinstance(spring_impulse, float):
+        allowed = max(rigid_impulse, (1.0 + IMPULSE_ROUNDING) * spring_impulse)
     # Evidence has the time of the stop only where the tool was stopped.
-    return 0.0 <= impulse <= most and "stopped_after_ms" in finding.evidence
+    return 0.0 <= impulse <= allowed and "stopped_after_ms" in finding.evidence
 
 
 def _pulls_along_the_error(declared: Declared, _finding: Finding) -> bool:

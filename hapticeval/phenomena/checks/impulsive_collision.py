@@ -94,8 +94,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         fails += f" and leaves with restitution {leaving / approach:.2f}"
         if leaving > approach:
             # A force held for a tick T is late by T / 2, a damper of -K T / 2, over half a period pi sqrt(m / K).
-            held = math.exp(0.25 * math.pi * base.dt * math.sqrt(scene.stiffness / scene.mass))
-            fails += f" (a spring's force that is held for a tick gives {held:.2f})"
+            restitution = math.exp(0.25 * math.pi * base.dt * math.sqrt(scene.stiffness / scene.mass))
+            fails += f" (a spring's force that is held for a tick gives {restitution:.2f})"
     return compared(
         Metric(CHECK.metric, missing, ""), turning / approach + IMPULSE_ROUNDING, evidence, passes=message, fails=fails
     )
