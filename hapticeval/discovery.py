@@ -11,6 +11,8 @@ entry point of the group `hapticeval.modifiers`, which changes what any renderer
 
     lib:PATH        a shared library with the C ABI of `hapticeval header`
     cmd:COMMAND     a process that speaks JSON lines
+
+Code is named on the command line only: `resolve_installed` resolves the names that files give.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""TOML documents that people write, as typed values; what does not fit is refused, with place and likely meaning."""
+"""TOML documents that people write, as typed values; what does not fit is refused, with place and likely meaning.
+
+`convert` is the one door from TOML and JSON values to types.
+"""
 
 from __future__ import annotations
 

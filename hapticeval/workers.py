@@ -4,7 +4,8 @@ A pool of the standard library cannot do the last: it neither says which calls h
 of one of its processes.
 
 Here each process has a pipe of its own and shares no lock. One that dies, or is killed in the middle of an answer,
-takes nothing along but its call.
+takes nothing along but its call. One that hangs writes its stack at a signal before it is killed, in which
+`errors.place_in_stack` finds the line of the renderer.
 """
 
 from __future__ import annotations

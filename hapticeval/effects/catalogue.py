@@ -1,7 +1,8 @@
 """All effects by kind, and how suites, results and recordings write them.
 
 An effect is imported when something first calls for it: a process whose scenes call for none imports none. So what has
-to be known of every effect stands here, and the rest in its class.
+to be known of every effect stands here, and the rest in its class. A check or a renderer names a kind by the constants
+below.
 
 To add one: a file with its class, whose `kind` is the key, and an entry in `EFFECTS` at the place at which it takes its
 turn among those of its stage.

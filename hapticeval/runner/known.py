@@ -1,5 +1,7 @@
 """Known failures: a list that a project keeps, each with a reason, so that a gate stops at new ones only.
 
+Verdicts are marked where `Progress` takes them: reports, summary, `diff` and the pytest plugin see the same.
+
 [[known]]
 renderer = "mine:Nearest"
 outcome = "fail"                  # or "inconclusive"; fail if not given
