@@ -81,17 +81,25 @@ class Declaration:
     smooth_only: bool = False
 
     @property
-    def sound(self) -> bool:
-        """Whether all its values are of the types and in the ranges that they should be."""
-        lengths = (self.ihip_scatter, self.force_scatter, self.force_resolution)
-        return (
-            # Declarations come from foreign code: no type is trusted.
-            self.spring in (None, *Spring)
-            and self.closed_form in (None, *SCHEMES)
-            and all(isinstance(flag, bool) for flag in (self.force_only, self.memoryless, self.smooth_only))
-            and all(_is_number(length) and 0.0 <= length < math.inf for length in lengths)
-            and (self.stiffness_range is None or _is_range(self.stiffness_range))
-        )
+    def faults(self) -> list[str]:
+        """What is wrong with its values, each named: empty where all are of the types and in the ranges asked for."""
+        # Declarations come from foreign code: no type is trusted.
+        length = "is no number that is finite and not negative"
+        expected = {
+            "spring": (self.spring in (None, *Spring), "is neither a Spring nor None"),
+            "stiffness_range": (
+                self.stiffness_range is None or _is_range(self.stiffness_range),
+                f"is neither None nor (least, largest) as shares of the scene's stiffness, {RANGE_WORDS}",
+            ),
+            "force_resolution": (_is_length(self.force_resolution), length),
+            "closed_form": (self.closed_form in (None, *SCHEMES), f"is neither None nor one of {', '.join(SCHEMES)}"),
+            "ihip_scatter": (_is_length(self.ihip_scatter), length),
+            "force_scatter": (_is_length(self.force_scatter), length),
+            "force_only": (isinstance(self.force_only, bool), "is neither True nor False"),
+            "memoryless": (isinstance(self.memoryless, bool), "is neither True nor False"),
+            "smooth_only": (isinstance(self.smooth_only, bool), "is neither True nor False"),
+        }
+        return [f"{name} = {getattr(self, name)!r} {wrong}" for name, (right, wrong) in expected.items() if not right]
 
     @property
     def meta(self) -> dict[str, Any]:
@@ -111,6 +119,10 @@ class Declaration:
 def _is_number(value: object) -> bool:
     # bool is a subclass of int.
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_length(value: object) -> bool:
+    return _is_number(value) and 0.0 <= value < math.inf  # type: ignore[operator]
 
 
 def _is_range(shares: object) -> bool:
@@ -323,13 +335,15 @@ def _read_abilities(renderer: object) -> Abilities:
             )
     if law is not None and not isinstance(law, CompiledStep):
         raise RendererError(f"the renderer's law is a {type(law).__name__}", todo="give a CompiledStep, or None")
-    if promise is not None and not (isinstance(promise, Declaration) and promise.sound):
+    if promise is not None and not isinstance(promise, Declaration):
         raise RendererError(
-            f"the renderer declares {promise!r}",
-            why="declares is a hapticeval.Declaration, with a Spring or None, scatters and a resolution that are "
-            f"finite and not negative, and a range of stiffness as (least, largest), {RANGE_WORDS}, and a closed_form "
-            f"of {', '.join(SCHEMES)} or None",
-            todo="give such a one, or leave declares out",
+            f"the renderer's declares is a {type(promise).__name__}",
+            todo="give a hapticeval.Declaration, or leave declares out",
+        )
+    if promise is not None and promise.faults:
+        raise RendererError(
+            f"the renderer's declaration is wrong: its {'; its '.join(promise.faults)}",
+            todo="give other values, or leave out what is not promised",
         )
     return Abilities(
         steps=steps,

@@ -317,7 +317,7 @@ def _declaration(info: Info, answer: InfoStruct) -> Declaration:
         stiffness_range=shares if any(shares) else None,
         force_resolution=float(answer.force_resolution),
     )
-    if not promise.sound:
+    if promise.faults:
         raise RendererError(
             f"the library's hr_info_get() has stiffness_least = {shares[0]!r}, stiffness_largest = {shares[1]!r} and "
             f"force_resolution = {promise.force_resolution!r} N",

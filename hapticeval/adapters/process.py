@@ -320,7 +320,7 @@ def _declaration(child: Child, hello: Hello, answer: Mapping[str, Any]) -> Decla
         stiffness_range=shares if shares is None or not isinstance(shares, list) else tuple(shares),
         force_resolution=answer.get("force_resolution", 0.0),
     )
-    if not promise.sound:
+    if promise.faults:
         child.fail(
             f"has stiffness_range = {_excerpt(answer.get('stiffness_range'))} and force_resolution = "
             f"{_excerpt(answer.get('force_resolution', 0.0))}",

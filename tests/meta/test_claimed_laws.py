@@ -126,9 +126,9 @@ def test_a_law_has_the_form_in_print_where_its_assumptions_hold(law, scene, form
 
 @pytest.mark.parametrize("law", [None, *SCHEMES])
 def test_a_law_that_is_declared_is_one_that_there_is(law):
-    assert Declaration(closed_form=law).sound
+    assert not Declaration(closed_form=law).faults
 
 
 @pytest.mark.parametrize("law", ["pd", "", 7.38])
 def test_another_is_refused(law):
-    assert not Declaration(closed_form=law).sound
+    assert Declaration(closed_form=law).faults

@@ -235,7 +235,7 @@ def test_a_declaration_is_kept_with_the_recording() -> None:
     assert Declared(scene).declares.meta["memory"] == "none"
     assert Declaration(smooth_only=True).meta["surfaces"] == "smooth"
     assert Declaration(closed_form="pp").meta["closed_form"] == "pp"
-    assert not Declaration(memoryless="yes").sound  # type: ignore[arg-type]
+    assert Declaration(memoryless="yes").faults  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("limit", LIMITS, ids=lambda limit: limit.declared)
@@ -243,4 +243,4 @@ def test_what_explain_says_of_declaring_is_python_that_declares_it(limit):
     names = {"Declaration": Declaration, "Spring": Spring}
     exec(declaration_words(limit.declared).split(", or")[0], names)
     assert names["declares"] != Declaration()
-    assert names["declares"].sound
+    assert not names["declares"].faults
