@@ -33,12 +33,12 @@ LEFT_OUT_COLOUR = "#9a9a9a"
 LINE_COLOURS = ("#0072b2", "#d55e00", "#009e73")
 """Of a channel's columns, in turns."""
 
-FINDING_COLOURS = {Severity.FAULT: "#cc3311", Severity.SUSPICIOUS: "#e69f00", Severity.NOTE: "#56b4e9"}
-"""Of findings, by how grave they are."""
+ISSUE_COLOURS = {Severity.FAULT: "#cc3311", Severity.SUSPICIOUS: "#e69f00", Severity.NOTE: "#56b4e9"}
+"""Of issues, by how grave they are."""
 
 MOST_CHANNELS = 6
 """Channels that are drawn."""
-MOST_FINDINGS = 100
+MOST_ISSUES = 100
 """Findings that are drawn of each channel."""
 
 
@@ -58,20 +58,20 @@ def write_integrity(
         valid = soundness.rows(len(recording))
         for axes, name in zip(channels, names, strict=True):
             _draw_channel(axes, recording, name, valid)
-            _draw_findings(axes, [fault for fault in report.faults if fault.channel.partition(".")[0] == name])
+            _draw_issues(axes, [issue for issue in report.issues if issue.channel.partition(".")[0] == name])
         # ms; from whole nanoseconds, as differences of seconds would show rounding.
         steps = 1e3 * np.diff(recording.nanoseconds) * 1e-9
         clock.plot(recording.time[1:], steps, ".", color=INK, markersize=1.5, rasterized=True)
         clock.set(ylabel="step (ms)", xlabel="time (s)")
-        _draw_findings(clock, [fault for fault in report.faults if fault.channel == "time"])
+        _draw_issues(clock, [issue for issue in report.issues if issue.channel == "time"])
         not_drawn = f"\n(not drawn: {', '.join(left)})" if left else ""
         panels[0].set_title(
             f"{title}: {'suspicious' if report.suspicious else 'nothing suspicious'}{not_drawn}", color=INK
         )
-        severities = {fault.severity for fault in report.faults if fault.time is not None}
+        severities = {issue.severity for issue in report.issues if issue.time is not None}
         handles = [
-            Patch(color=FINDING_COLOURS[severity], alpha=0.5, label=str(severity))
-            for severity in FINDING_COLOURS
+            Patch(color=ISSUE_COLOURS[severity], alpha=0.5, label=str(severity))
+            for severity in ISSUE_COLOURS
             if severity in severities
         ]
         if not valid.all():
@@ -97,12 +97,12 @@ def _draw_channel(axes: Axes, recording: Recording, name: str, valid: BoolArray)
         axes.axvspan(recording.time[first], recording.time[end - 1], color=LEFT_OUT_COLOUR, alpha=0.25, linewidth=0)
 
 
-def _draw_findings(axes: Axes, faults: Sequence[Issue]) -> None:
+def _draw_issues(axes: Axes, issues: Sequence[Issue]) -> None:
     """What was found, over its times: a line for a moment, a band for a stretch."""
-    # A finding about the whole channel has no time, and stands in the text only.
-    for fault in faults[:MOST_FINDINGS]:
-        if fault.time is not None:
-            axes.axvspan(*fault.time, color=FINDING_COLOURS[fault.severity], alpha=0.5, linewidth=1.2)
+    # An issue about the whole channel has no time, and stands in the text only.
+    for issue in issues[:MOST_ISSUES]:
+        if issue.time is not None:
+            axes.axvspan(*issue.time, color=ISSUE_COLOURS[issue.severity], alpha=0.5, linewidth=1.2)
 
 
 COLOURS = ("#0067b1", "#c4501b", "#2f7d32", "#7b3f99", "#8a6d00", "#00757a")

@@ -20,7 +20,7 @@ from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
 GIVEN_CHANNELS = ("hip", "measured_hip")
-"""Channels that a renderer is given: only their faults break the hand's path."""
+"""Channels that a renderer is given: only their issues break the hand's path."""
 
 MOST_NAMED = 12
 """So many left-out intervals are named; of more, the number."""
@@ -33,7 +33,7 @@ class HandPath:
     Where the recording holds what the sensors gave to the renderer, that is the path and not the true HIP.
 
     - `dt` (s): the duration of each step that a renderer is told, where that is not what the clock says.
-    - `judged`: over which the recorded run itself is judged; a fault of its force or IHIP parts these, too.
+    - `judged`: over which the recorded run itself is judged; an issue of its force or IHIP parts these, too.
     - `left_out`: what is not used, and when; `suspicious`: what else a person should look at.
     """
 
@@ -73,18 +73,18 @@ def hand_path(replay_case: ReplayCase) -> HandPath:
 
         report = examine(recording, model=scene.model, stiffness=None if scene.damping else scene.stiffness)
         soundness = sound_intervals(recording, report)
-        # A fault of force or IHIP does not break the hand's path, which only needs what the renderer is given.
+        # An issue of force or IHIP does not break the hand's path, which only needs what the renderer is given.
         hand = recording.measured.copy()
-        for fault in report.faults:
-            if fault.kind in LEFT_OUT and fault.channel.partition(".")[0] in GIVEN_CHANNELS and fault.first is not None:
-                hand[fault.first : fault.end] = False
+        for issue in report.issues:
+            if issue.kind in LEFT_OUT and issue.channel.partition(".")[0] in GIVEN_CHANNELS and issue.first is not None:
+                hand[issue.first : issue.end] = False
         left = [f"{why}, {stretch.times(recording)}" for stretch, why in soundness.left_out]
         if len(left) > MOST_NAMED:
             left = [*left[:MOST_NAMED], f"and {len(left) - MOST_NAMED} more"]
         hand_stretches = stretches(recording, hand)
         # Where nothing of the run is sound throughout, the hand's path alone decides.
         judged = soundness.sound or hand_stretches
-        path = HandPath(recording, hand_stretches, judged, tuple(left), tuple(_suspicious(report.faults)))
+        path = HandPath(recording, hand_stretches, judged, tuple(left), tuple(_suspicious(report.issues)))
     if not path.stretches:
         raise InputError(
             f"{replay_case.file} has no stretch of hand path to replay",
@@ -94,13 +94,13 @@ def hand_path(replay_case: ReplayCase) -> HandPath:
     return path
 
 
-def _suspicious(faults: Sequence[Issue]) -> Iterator[str]:
-    """Yield a line for each kind of finding and channel: the first of them, and how many there are."""
+def _suspicious(issues: Sequence[Issue]) -> Iterator[str]:
+    """Yield a line for each kind of issue and channel: the first of them, and how many there are."""
     issues_of: dict[tuple[str, str], list[Issue]] = {}
-    for fault in faults:
+    for issue in issues:
         # A note asks nobody to look.
-        if fault.severity is not Severity.NOTE:
-            issues_of.setdefault((fault.kind, fault.channel), []).append(fault)
+        if issue.severity is not Severity.NOTE:
+            issues_of.setdefault((issue.kind, issue.channel), []).append(issue)
     for key, alike in issues_of.items():
         place = "" if alike[0].place == "all" else f" ({alike[0].place})"
         more = f", and {len(alike) - 1} more" if len(alike) > 1 else ""

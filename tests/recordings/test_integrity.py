@@ -75,11 +75,11 @@ def planted(change, *keep, seed=0, noise=0.0, **meta):
 
 
 def fault_rows(report):
-    return [(fault.kind, fault.channel, fault.first, fault.end) for fault in report.faults]
+    return [(issue.kind, issue.channel, issue.first, issue.end) for issue in report.issues]
 
 
 def kinds(report):
-    return {fault.kind for fault in report.faults}
+    return {issue.kind for issue in report.issues}
 
 
 def spans(soundness):
@@ -89,10 +89,10 @@ def spans(soundness):
 @settings(max_examples=6)
 @example(seed=3, quantised=False, noise=0.0)  # of doubles: nothing but the rounding of the chain is off
 @given(seed=st.integers(0, 99), quantised=st.booleans(), noise=st.sampled_from([0.0, 0.02]))
-def test_a_clean_recording_has_no_findings(seed, quantised, noise):
+def test_a_clean_recording_has_no_issues(seed, quantised, noise):
     run = recording(*parts(seed, quantised=quantised, noise=noise))
     report = examine(run) if noise else full(run)
-    assert report.faults == ()
+    assert report.issues == ()
     assert not report.suspicious
     assert spans(sound_intervals(run, report)) == [(0, ROWS)]
 
@@ -110,7 +110,7 @@ def test_a_gap_has_the_rows_it_lacks_and_the_advice_on_what_becomes_of_it(missin
             sequence=np.flatnonzero(keep) if numbered else None,
         )  # fmt: skip
         report = examine(run)
-        (gap,) = [fault for fault in report.faults if fault.kind == "gap"]
+        (gap,) = [issue for issue in report.issues if issue.kind == "gap"]
         bridged = len(stretches(run)) == 1
         assert bridged == (missing <= 3)
         assert (gap.first, gap.end, gap.measures) == (199, 201, {"missing": missing, "bridged": bridged})
@@ -126,7 +126,7 @@ def test_a_row_that_is_late_is_jitter_and_no_gap(late):
     stamps, channels = parts(keep=["hip"])
     stamps[200] += late
     report = examine(recording(stamps, channels))
-    assert report.faults == ()
+    assert report.issues == ()
     assert report.timing.jitter[3] == pytest.approx(late * 1e-9)
     assert report.timing.rate == pytest.approx(1000.0)
 
@@ -144,7 +144,7 @@ def test_missed_cycles_and_late_rows_do_not_change_the_rate():
     assert report.timing.rate == pytest.approx(1000.0, rel=1e-6)
     assert "rate" not in kinds(report)
     missing = np.diff(sequence) - 1
-    gaps = [fault.measures["missing"] for fault in report.faults if fault.kind == "gap"]
+    gaps = [issue.measures["missing"] for issue in report.issues if issue.kind == "gap"]
     assert set(gaps) <= set(missing[missing > 0].tolist())
     assert sum(gaps) == report.timing.missing
     clock = Clock((1.05e6 * np.arange(1000)).astype(np.int64), sequence=np.arange(1000))
@@ -162,14 +162,14 @@ def test_stamps_that_repeat_or_go_back_are_named(back, kind):
     stamps, channels = parts(keep=["hip"])
     stamps[77] = stamps[76] - back
     run = recording(stamps, channels, valid=np.arange(ROWS) != 77)
-    faults = [fault for fault in examine(run).faults if fault.severity == "fault"]
-    assert [(f.kind, f.first, f.end) for f in faults] == [(kind, 77, 78)]
-    assert "marked as no measurement already" in faults[0].todo
+    issues = [issue for issue in examine(run).issues if issue.severity == "fault"]
+    assert [(f.kind, f.first, f.end) for f in issues] == [(kind, 77, 78)]
+    assert "marked as no measurement already" in issues[0].todo
 
 
 def test_declared_rows_and_missed_cycles_are_named():
     report = planted(lambda c: None, "hip", rows=ROWS + 7)
-    assert [fault.message for fault in report.faults] == [f"{ROWS + 7} rows are declared, {ROWS} are there"]
+    assert [issue.message for issue in report.issues] == [f"{ROWS + 7} rows are declared, {ROWS} are there"]
     stamps, channels = parts(keep=["hip"])
     sequence = np.arange(ROWS) + (np.arange(ROWS) > 100) * 3
     assert kinds(examine(recording(stamps, channels, sequence=sequence))) == {"missed"}
@@ -218,8 +218,8 @@ def test_a_clipped_column_is_found_and_clipped_motors_are_a_note(channel, share)
     values = np.sin(np.arange(ROWS) * 0.05 + 1.0)[:, None]
     report = examine(recording(np.arange(ROWS) * 1_000_000, {channel: 0.1 * np.clip(values, -share, share)}))
     assert kinds(report) == {"saturated"}
-    assert len(report.faults) >= 5
-    assert all(np.all(np.abs(values[fault.first : fault.end]) >= share) for fault in report.faults)
+    assert len(report.issues) >= 5
+    assert all(np.all(np.abs(values[issue.first : issue.end]) >= share) for issue in report.issues)
     assert report.suspicious == (channel == "hip")
 
 
@@ -230,10 +230,10 @@ def test_rows_without_a_number_are_counted_and_left_out(rows):
     channels["hip"][sorted(rows)] = np.nan
     valid = ~np.isnan(channels["hip"][:, 0])
     run = recording(stamps, channels, valid=valid)
-    faults = [fault for fault in examine(run).faults if fault.kind == "no number"]
-    assert {fault.channel for fault in faults} == {"hip"}
-    assert [row for fault in faults for row in range(fault.first, fault.end)] == sorted(rows)
-    assert all(f"row{'s' * (fault.end - fault.first > 1)} without a number (x, y)" in fault.message for fault in faults)
+    issues = [issue for issue in examine(run).issues if issue.kind == "no number"]
+    assert {issue.channel for issue in issues} == {"hip"}
+    assert [row for issue in issues for row in range(issue.first, issue.end)] == sorted(rows)
+    assert all(f"row{'s' * (issue.end - issue.first > 1)} without a number (x, y)" in issue.message for issue in issues)
     beside = np.concatenate([[False], valid, [False]])
     soundness = sound_intervals(run)
     assert soundness.rows(ROWS).tolist() == (valid & (beside[:-2] | beside[2:])).tolist()
@@ -286,14 +286,14 @@ def test_a_column_that_is_another_one_shifted_is_found(lag, seed):
 @pytest.mark.parametrize("lag", [0, 7])
 def test_a_signal_of_another_run_is_found(lag):
     one, other = (recording(*parts(seed, ["hip", "force"], noise=0.02)) for seed in (1, 2))
-    assert examine(one, others={"run 2": other}).faults == ()
+    assert examine(one, others={"run 2": other}).issues == ()
     force = np.roll(other.channels["force"], lag, axis=0)
     force[[30, 90]] += 0.1
     mixed = recording(parts(1)[0], {"hip": one.hip, "force": force})
-    faults = [fault for fault in examine(mixed, others={"run 2": other}).faults if fault.kind == "from another run"]
-    assert [fault.channel for fault in faults] == ["force.x", "force.y"]
+    issues = [issue for issue in examine(mixed, others={"run 2": other}).issues if issue.kind == "from another run"]
+    assert [issue.channel for issue in issues] == ["force.x", "force.y"]
     rows = ROWS - lag - 1
-    assert f" in {rows - 2} of {rows} rows, bit for bit" in faults[0].message
+    assert f" in {rows - 2} of {rows} rows, bit for bit" in issues[0].message
 
 
 @pytest.mark.parametrize("lag", [-12, -2, 0, 3, 5, 15])
@@ -301,8 +301,8 @@ def test_a_force_that_lags_is_found(lag):
     stamps, channels = parts(4, ["hip"])
     reach = np.cumsum(np.random.default_rng(0).normal(size=(ROWS + 40, 2)), axis=0) * 1e-4
     ihip, force = channels["hip"] + reach[20 : 20 + ROWS], 1e3 * reach[20 - lag : 20 - lag + ROWS]
-    faults = examine(recording(stamps, {**channels, "ihip": ihip, "force": force})).faults
-    lags = [fault.measures["lag"] for fault in faults if fault.kind == "force lag"]
+    issues = examine(recording(stamps, {**channels, "ihip": ihip, "force": force})).issues
+    lags = [issue.measures["lag"] for issue in issues if issue.kind == "force lag"]
     assert lags == ([lag] if abs(lag) > 3 else [])
 
 
@@ -311,7 +311,7 @@ def test_a_force_that_lags_is_found(lag):
 )
 def test_a_unit_that_no_device_has_is_suspected(channel, factor):
     report = planted(lambda c: c[channel].__imul__(factor), channel, seed=5)
-    assert {(fault.kind, fault.channel.partition(".")[0]) for fault in report.faults} == {("unit", channel)}
+    assert {(issue.kind, issue.channel.partition(".")[0]) for issue in report.issues} == {("unit", channel)}
 
 
 @pytest.mark.parametrize(
@@ -330,18 +330,18 @@ def test_what_does_not_follow_is_found(change, expected):
     change(channels)
     report = full(recording(stamps, channels))
     assert kinds(report) == expected
-    assert all("off by up to" in fault.message for fault in report.faults if fault.kind != "force sign")
-    assert all("quanta" in fault.message for fault in report.faults if fault.kind == "forward kinematics")
+    assert all("off by up to" in issue.message for issue in report.issues if issue.kind != "force sign")
+    assert all("quanta" in issue.message for issue in report.issues if issue.kind == "forward kinematics")
 
 
 @pytest.mark.parametrize(("rows", "factor"), [(slice(200, 300), 1.5), (slice(0, ROWS), 1.25)])
 def test_a_residual_is_placed_with_the_stiffness_that_fits(rows, factor):
     stamps, channels = parts(6)
     channels["force"][rows] *= factor
-    (fault,) = [each for each in full(recording(stamps, channels)).faults if each.kind == "spring"]
-    assert (fault.first, fault.end, fault.measures["rows"]) == (rows.start, rows.stop, rows.stop - rows.start)
+    (issue,) = [each for each in full(recording(stamps, channels)).issues if each.kind == "spring"]
+    assert (issue.first, issue.end, issue.measures["rows"]) == (rows.start, rows.stop, rows.stop - rows.start)
     if rows.start == 0:
-        assert fault.measures["stiffness"] == pytest.approx(1250.0)
+        assert issue.measures["stiffness"] == pytest.approx(1250.0)
 
 
 @pytest.mark.parametrize("both", [False, True])
@@ -355,11 +355,11 @@ def test_a_component_that_is_frozen_is_found_from_the_first_row_on(seed, first, 
     channels["force"][first:end] += 2e-14 * random.uniform(-1.0, 1.0, (end - first, 2))
     run = recording(stamps, channels)
     report = examine(run)
-    stuck = [fault for fault in report.faults if fault.kind == "stuck"]
-    assert [(fault.channel, fault.first, fault.end) for fault in stuck] == [
+    stuck = [issue for issue in report.issues if issue.kind == "stuck"]
+    assert [(issue.channel, issue.first, issue.end) for issue in stuck] == [
         (f"force.{'xy'[column]}", first, end) for column in range(1 + both)
     ]
-    assert all("while hip moves" in fault.message for fault in stuck)
+    assert all("while hip moves" in issue.message for issue in stuck)
     assert report.suspicious
     assert not sound_intervals(run, report).rows(ROWS)[first:end].any()
 
@@ -368,10 +368,10 @@ def test_a_component_that_is_frozen_is_found_from_the_first_row_on(seed, first, 
 def test_a_force_that_never_changes_while_the_hand_moves(value, severity):
     stamps, channels = parts(0, ["hip", "force"], noise=0.02)
     channels["force"][:, 1] = value * (1.0 + 1e-15 * np.random.default_rng(0).normal(size=ROWS))
-    faults = [fault for fault in examine(recording(stamps, channels)).faults if fault.kind == "constant"]
-    assert [(fault.channel, fault.severity) for fault in faults] == [("force.y", severity)]
+    issues = [issue for issue in examine(recording(stamps, channels)).issues if issue.kind == "constant"]
+    assert [(issue.channel, issue.severity) for issue in issues] == [("force.y", severity)]
     channels["hip"] = np.tile(channels["hip"][0], (ROWS, 1))
-    assert not [fault for fault in examine(recording(stamps, channels)).faults if fault.channel == "force.y"]
+    assert not [issue for issue in examine(recording(stamps, channels)).issues if issue.channel == "force.y"]
 
 
 def test_what_keeps_its_value_by_nature_is_left_alone():
@@ -406,9 +406,9 @@ def test_rows_that_a_logger_wrote_again_are_counted(seed, share):
     for row in again:
         for values in channels.values():
             values[row] = values[row - 1]
-    faults = [fault for fault in examine(recording(stamps, channels)).faults if fault.kind == "repeated rows"]
-    assert [fault.measures["rows"] for fault in faults] == [again.size]
-    assert f"{again.size} of {ROWS} rows repeat the row before in all 12 columns" in faults[0].message
+    issues = [issue for issue in examine(recording(stamps, channels)).issues if issue.kind == "repeated rows"]
+    assert [issue.measures["rows"] for issue in issues] == [again.size]
+    assert f"{again.size} of {ROWS} rows repeat the row before in all 12 columns" in issues[0].message
 
 
 @pytest.mark.parametrize(("count", "expected"), [(9, set()), (10, {"repeated rows"})])
@@ -524,5 +524,5 @@ def test_a_spring_written_with_few_digits_is_still_one(digits):
     channels = {"hip": hip, "ihip": ihip, "force": 800.0 * (ihip - hip)}
     kept = {name: written(values[:, 0], digits)[:, None] for name, values in channels.items()}
     run = Recording(1e-3 * np.arange(500), kept)
-    assert inverse_checks(run, stiffness=800.0)[0].faults == ()
-    assert digits == 4 or inverse_checks(run, stiffness=792.0)[0].faults
+    assert inverse_checks(run, stiffness=800.0)[0].issues == ()
+    assert digits == 4 or inverse_checks(run, stiffness=792.0)[0].issues

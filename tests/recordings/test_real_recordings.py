@@ -58,7 +58,7 @@ def test_units_signs_and_clock(name):
 @pytest.mark.parametrize("name", [RIGID, FOAM, FREE])
 def test_real_measurements_raise_no_suspicion(name):
     report = examine(run(name))
-    assert [(fault.kind, fault.severity) for fault in report.faults] == [("copy", "note")]  # the mapping uses it twice
+    assert [(issue.kind, issue.severity) for issue in report.issues] == [("copy", "note")]  # the mapping uses it twice
     (interval,) = sound_intervals(run(name), report).sound
     assert (interval.first, interval.end) == (0, len(run(name)))
 
@@ -95,12 +95,12 @@ def test_the_mapping_of_the_other_file_is_suspected(name):
     """Of the two mappings one has the hand's force with the other sign: each is wrong for the other's files."""
     made = load(DATA / f"{name}.mat", mapping=MAPPING if name == FOAM else MAPPING_M2)
     report = examine(made)
-    (fault,) = [each for each in report.faults if each.kind == "force sign"]
-    assert (fault.channel, fault.severity) == ("force", "suspicious")
-    assert f"would have given {fault.measures['energy']:.3g} J to the hand" in fault.message
+    (issue,) = [each for each in report.issues if each.kind == "force sign"]
+    assert (issue.channel, issue.severity) == ("force", "suspicious")
+    assert f"would have given {issue.measures['energy']:.3g} J to the hand" in issue.message
     # Between those rests, on its way there and back, it took as much: what it gave in all is known from the file.
     work = np.sum(0.5 * (made.force[1:] + made.force[:-1]) * np.diff(made.hip, axis=0))
-    assert 0.7 * work < fault.measures["energy"] < 1.05 * work
+    assert 0.7 * work < issue.measures["energy"] < 1.05 * work
     assert np.array_equal(made.force, -run(name).force)  # nothing was changed
 
 
@@ -111,7 +111,7 @@ def test_a_wall_that_pushes_what_leaves_is_suspected(name, sign):
     turned = replace(made, channels={**made.channels, "wall_force": -made.channels["wall_force"]})
     report = examine(turned)
     assert {each.channel: each.sign for each in report.signs} == {"force": 1, "wall_force": sign}
-    assert [each.channel for each in report.faults if each.kind == "force sign"] == ["wall_force"] * -sign
+    assert [each.channel for each in report.issues if each.kind == "force sign"] == ["wall_force"] * -sign
 
 
 def test_impacts_on_the_rigid_wall():
@@ -174,7 +174,7 @@ def test_a_pen_stroke_is_a_path_with_gaps_where_the_pen_is_up_and_its_report_has
         _ = made.force
     report = examine(made)
     assert not report.suspicious
-    assert {fault.kind for fault in report.faults} == {"gap"}
+    assert {issue.kind for issue in report.issues} == {"gap"}
     assert report.timing.step == pytest.approx(0.008)
     assert report.timing.rate == pytest.approx(133.1, abs=0.1)
     assert report.timing.jitter[3] == pytest.approx(1e-3)

@@ -38,7 +38,7 @@ def pushed(hip, *, stiffness, damping, mass=0.0, seed=0, noise=0.0, step=0.0, la
 
 def signed(hip, force, **meta):
     (judged,) = force_signs(Recording(TIME, {"hip": hip, "force": force}, meta))
-    assert (judged.fault is not None and judged.fault.kind == "force sign") == (judged.sign < 0)
+    assert (judged.issue is not None and judged.issue.kind == "force sign") == (judged.sign < 0)
     return judged.sign
 
 
@@ -78,11 +78,11 @@ def test_what_takes_energy_is_known_by_it_either_way(knots, stiffness, damping, 
 def test_the_energy_is_what_the_damper_took():
     hip, force = pushed(WAY, stiffness=30.0, damping=8.0)
     taken = 8.0 * np.sum(np.gradient(hip[:, 0], DT) ** 2) * DT
-    (fault,) = examine(Recording(TIME, {"hip": hip, "force": -force})).faults
-    assert fault.kind == "force sign"
-    assert fault.measures["energy"] == pytest.approx(taken, rel=0.01)
-    assert 0.0 < fault.measures["open"] < 0.3 * taken
-    assert fault.time[1] - fault.time[0] == pytest.approx(6.0, abs=0.1)
+    (issue,) = examine(Recording(TIME, {"hip": hip, "force": -force})).issues
+    assert issue.kind == "force sign"
+    assert issue.measures["energy"] == pytest.approx(taken, rel=0.01)
+    assert 0.0 < issue.measures["open"] < 0.3 * taken
+    assert issue.time[1] - issue.time[0] == pytest.approx(6.0, abs=0.1)
 
 
 WAY = eased(np.array([[0.0], [0.02], [0.0], [0.02], [0.0], [0.02], [0.0]]))
@@ -148,7 +148,7 @@ def test_the_force_of_the_hand_is_judged_by_its_own_sense():
     for sense in (1.0, -1.0):
         signs = force_signs(Recording(TIME, {"hip": hip, "force": force, "operator_force": -sense * of_hand}))
         assert {each.channel: each.sign for each in signs} == {"force": 1, "operator_force": int(sense)}
-        assert [each.fault.channel for each in signs if each.fault] == ["operator_force"] * (sense < 0.0)
+        assert [each.issue.channel for each in signs if each.issue] == ["operator_force"] * (sense < 0.0)
 
 
 def slide(*, rows=600, sign=1.0, **meta):
@@ -164,9 +164,9 @@ def test_a_force_that_points_into_what_is_touched_is_suspected():
     assert force_signs(slide())[0].sign == 1
     (judged,) = force_signs(slide(sign=-1.0))
     assert judged.sign == -1
-    assert "away from the IHIP, into what is touched, in 600 of 600 rows" in judged.fault.message
+    assert "away from the IHIP, into what is touched, in 600 of 600 rows" in judged.issue.message
     (judged,) = force_signs(slide(sign=-1.0, scene={"bilateral": True}))  # such a surface may pull
-    assert (judged.sign, judged.fault) == (0, None)
+    assert (judged.sign, judged.issue) == (0, None)
 
 
 def test_rows_that_are_no_measurement_do_not_count():

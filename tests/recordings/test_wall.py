@@ -40,9 +40,9 @@ def test_places_are_measured_from_the_wall_and_forces_turned_with_it(at, outward
     assert not placed.hip[:, 0].any()
     assert placed.hip[100, 1] < 0.0 < placed.force[100, 1]
     run, line = pressed(at=at, outward=outward), make_model("line")
-    assert {issue.severity for issue in examine(run, model=line, stiffness=STIFFNESS).faults} <= {"note"}
+    assert {issue.severity for issue in examine(run, model=line, stiffness=STIFFNESS).issues} <= {"note"}
     moved = replace(run, meta={**run.meta, "wall": {"at": at + 0.5e-3, "outward": outward}})
-    assert {"surface", "contact"} <= {issue.kind for issue in examine(moved, model=line).faults}
+    assert {"surface", "contact"} <= {issue.kind for issue in examine(moved, model=line).issues}
 
 
 @pytest.mark.parametrize("wall", [{"at": "left"}, {"outward": 2}, {"place": 0.1}, {"at": float("nan")}])

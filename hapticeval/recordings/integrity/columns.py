@@ -43,7 +43,7 @@ FORCE_UNITS = ("N", "N m")
 Span = tuple[int, int]
 
 
-def faults_of_numbers(recording: Recording) -> Iterator[Issue]:
+def issues_of_numbers(recording: Recording) -> Iterator[Issue]:
     """Yield the stretches of rows in which a channel lacks a number, in whichever of its columns."""
     channels: dict[str, dict[str, BoolArray]] = {}
     for name, column in columns_of(recording).items():
@@ -59,7 +59,7 @@ def faults_of_numbers(recording: Recording) -> Iterator[Issue]:
             )
 
 
-def faults_of_values(recording: Recording) -> Iterator[Issue]:
+def issues_of_values(recording: Recording) -> Iterator[Issue]:
     """Yield the jumps, stuck, clipped and spiking rows of each column, over its rows that follow each other.
 
     - jump: only of a position or an angle, which no hand moves from row to row; a proxy may.
@@ -77,7 +77,7 @@ def faults_of_values(recording: Recording) -> Iterator[Issue]:
         for stretch in stretches(recording, sound):
             begin, part = stretch.first, values[stretch.rows]
             stuck = list(_stuck(part, step))
-            # A frozen sensor jumps where it wakes: one finding is enough.
+            # A frozen sensor jumps where it wakes: one issue is enough.
             woken = {end for _, end in stuck}
             # Only a place has no jumps by nature: forces switch on, and a proxy may leap from face to face.
             jumps = _jumps(part, step) if unit in ("m", "rad") and not proxy else ()
@@ -214,7 +214,7 @@ REFERENCE_OF = {"velocity": "hip", "measured_velocity": "hip", "joint_velocity":
 def frozen(recording: Recording, known: Sequence[Issue]) -> Iterator[Issue]:
     """Yield stretches over which a force, torque or speed keeps its value though the hand moves, and constant columns.
 
-    `known` are findings whose rows need no second one. Answers of a simulation are exact, and left alone.
+    `known` are issues whose rows need no second one. Answers of a simulation are exact, and left alone.
     """
     if recording.meta.get("source") in SIMULATED or len(recording) <= STUCK_ROWS:
         return
@@ -273,7 +273,7 @@ def _unit(recording: Recording, reference: str) -> str:
 
 
 def _constant_column(recording: Recording, name: str, column: Column, travel: Array, other: str) -> Iterator[Issue]:
-    """Yield the finding on a column that never changes, where its reference does."""
+    """Yield the issue on a column that never changes, where its reference does."""
     channel, unit, values = column
     if np.count_nonzero(travel) < LEAST_MOVES or recording.signals[channel].frame not in ("world", "joint"):
         return
@@ -347,7 +347,7 @@ FEWEST_REPEATED = 10  # so many repeated rows in motion are a logger's habit; a 
 
 
 def repeated_rows(recording: Recording) -> Iterator[Issue]:
-    """Yield a finding on rows that hold the row before over again, in all columns, in the middle of a motion.
+    """Yield an issue on rows that hold the row before over again, in all columns, in the middle of a motion.
 
     At rest, and in motion slower than a quantum per row, that may be so. Between two steps of `MOVING_QUANTA` quanta in
     the same direction it cannot: the logger wrote an old sample.

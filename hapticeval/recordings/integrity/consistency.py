@@ -52,7 +52,7 @@ class ConsistencyTest:
     """An inverse check, see `RELATIONS`: made over `rows` rows, or not made, and `why`.
 
     `largest` and `median` residual are in `unit`, and so is the `quantum` that the numbers of its channels resolve.
-    `faults` are what contradicts it.
+    `issues` are what contradicts it.
     """
 
     name: str
@@ -61,7 +61,7 @@ class ConsistencyTest:
     largest: float = 0.0
     median: float = 0.0
     quantum: float = 0.0
-    faults: tuple[Issue, ...] = ()
+    issues: tuple[Issue, ...] = ()
     why: str = ""
 
     @property
@@ -133,7 +133,7 @@ def forward_kinematics(recording: Recording, rows: IntArray, device: Kinematics)
 def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics) -> ConsistencyTest:
     """Check the joint torques against J^T F (2.8), F being the force on the hand, at `rows` (n,); residual in N m.
 
-    A loop that adds the device's own dynamics (2.11) has more torque than that, which is a finding too.
+    A loop that adds the device's own dynamics (2.11) has more torque than that, which is an issue too.
     """
     force, torque = recording.force[rows], recording.channels["joint_torque"][rows]
     jacobians = np.array([device.jacobian(row) for row in recording.channels["joint_position"][rows]])
@@ -148,7 +148,7 @@ def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics
 def spring(recording: Recording, rows: IntArray, stiffness: float) -> ConsistencyTest:
     """Check that the force is that of a spring, F = K_p (IHIP - HIP) of (6.1), at `rows` (n,): residual in N.
 
-    `stiffness` is K_p, N/m. A finding also names the stiffness that fits best.
+    `stiffness` is K_p, N/m. An issue also names the stiffness that fits best.
     """
     hip, ihip, force = recording.hip[rows], recording.ihip[rows], recording.force[rows]
     reach = ihip - hip
@@ -180,7 +180,7 @@ def on_the_model(recording: Recording, rows: IntArray, model: Model) -> Consiste
 def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: float) -> ConsistencyTest:
     """Check the tool that the force implies, HIP + F / K_p (6.1), against the model's boundary: residual in m.
 
-    Of `rows` (n,) those with a force are checked; `stiffness` is K_p, N/m. A finding names the stiffness that fits
+    Of `rows` (n,) those with a force are checked; `stiffness` is K_p, N/m. An issue names the stiffness that fits
     best: the least squares of d + n . F / K_p, which is the distance to first order. What the renderer
     declares of its own representation is allowed.
     """
@@ -226,7 +226,7 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
     bare = (size <= floor) & (_through(recording, deeper, np.minimum) > 0.0) & (farthest < -allowed)
     away = (size > floor) & (nearest > allowed) & (not is_bilateral(recording))
     off = np.where(bare, -farthest, np.where(away, nearest, 0.0))
-    faults = []
+    issues = []
     for words, at in (
         ("no force though the HIP goes deeper inside the model", np.flatnonzero(bare)),
         ("a force though the HIP is outside the model", np.flatnonzero(away)),
@@ -234,11 +234,11 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
         if at.size:
             largest, span = float(off[at].max()), (int(at[0]), int(at[-1]) + 1)
             message = f"{words}, by up to {1e3 * largest:.3g} mm, at {at.size} rows"
-            faults.append(make_issue(recording, CONTACT, message, "force", span, residual=largest, rows=int(at.size)))
+            issues.append(make_issue(recording, CONTACT, message, "force", span, residual=largest, rows=int(at.size)))
     off = off[rows]
     largest_residual, median = float(off.max(initial=0.0)), float(np.median(off))
     return ConsistencyTest(
-        CONTACT, "m", int(rows.size), largest_residual, median, allowed / RESIDUAL_QUANTA, tuple(faults)
+        CONTACT, "m", int(rows.size), largest_residual, median, allowed / RESIDUAL_QUANTA, tuple(issues)
     )
 
 
@@ -266,7 +266,7 @@ def _checked(
     *,
     size: float | None = None,
 ) -> ConsistencyTest:
-    """Judge a residual (n,) at `rows` (n,): one finding where some are beyond rounding and `RESIDUAL_QUANTA` steps.
+    """Judge a residual (n,) at `rows` (n,): one issue where some are beyond rounding and `RESIDUAL_QUANTA` steps.
 
     It names the stretch from the first to the last of them. `size` is that of the signal of which rounding is a share:
     the channel's unless it is given.
@@ -285,18 +285,18 @@ def _checked(
         f"off by up to {largest:.3g} {unit}{quanta}, at {bad.size} of {rows.size} rows (typically {median:.3g} {unit})"
     )
     span = int(bad[0]), int(bad[-1]) + 1
-    fault = make_issue(recording, name, message, channel, span, residual=largest, bound=bound, rows=int(bad.size))
-    return replace(check, faults=(fault,))
+    issue = make_issue(recording, name, message, channel, span, residual=largest, bound=bound, rows=int(bad.size))
+    return replace(check, issues=(issue,))
 
 
 def _fitted(check: ConsistencyTest, declared: float, share: float, square: float) -> ConsistencyTest:
-    """Name in the findings of a check the stiffness that fits best, share / square, where that is positive."""
+    """Name in the issues of a check the stiffness that fits best, share / square, where that is positive."""
     # Without any reach, or with forces that do not push out of the model, no stiffness fits.
     if not square > 0.0:
         return check
     words = f"; {share / square:.6g} N/m fits best, {declared:.6g} N/m is declared"
-    faults = tuple(
-        replace(fault, message=fault.message + words, measures={**fault.measures, "stiffness": share / square})
-        for fault in check.faults
+    issues = tuple(
+        replace(issue, message=issue.message + words, measures={**issue.measures, "stiffness": share / square})
+        for issue in check.issues
     )
-    return replace(check, faults=faults)
+    return replace(check, issues=issues)

@@ -46,13 +46,13 @@ CHANCE_LEVEL = 0.05  # of the probability that chance alone makes a wall push wh
 class Sign:
     """What is known of the sign of a force `channel`: 1 as it is, -1 the other, 0 undecided; and why, in `words`.
 
-    `fault` is the finding on a sign that seems wrong.
+    `issue` is of a sign that seems wrong.
     """
 
     channel: str
     sign: int
     words: str
-    fault: Issue | None = None
+    issue: Issue | None = None
 
 
 def force_signs(recording: Recording) -> tuple[Sign, ...]:
@@ -116,10 +116,10 @@ def _suspected(
     todo: str = SEE_SIGN,
     **measures: Any,
 ) -> Sign:
-    """Return a sign that seems wrong, in `words`, with the finding, which has the `detail`."""
+    """Return a sign that seems wrong, in `words`, with the issue, which has the `detail`."""
     message = f"the sign seems wrong: {words}{detail}"
-    fault = make_issue(recording, "force sign", message, channel, span, todo=todo, **measures)
-    return Sign(channel, -1, f"seems wrong: {words}", fault)
+    issue = make_issue(recording, "force sign", message, channel, span, todo=todo, **measures)
+    return Sign(channel, -1, f"seems wrong: {words}", issue)
 
 
 def _unclear(balances: list[PassivityTest]) -> str:

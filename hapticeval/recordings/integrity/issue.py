@@ -25,7 +25,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True)
 class Issue:
-    """One finding: `kind` in a word or two, the channel and column, the rows [first, end), and the times there.
+    """What is wrong somewhere: `kind` in a word or two, channel and column, rows [first, end), and the times there.
 
     `first` is None for what concerns the whole recording. `measures` are the numbers behind it.
     """
@@ -89,7 +89,7 @@ ADVICE: Mapping[str, str] = {
     "separate them",
     "contact": "see the model, its size and its frame; a motor that is off or a force of something else does so too",
 }
-"""What to do about each kind of finding, unless its detector knows better."""
+"""What to do about each kind of issue, unless its detector knows better."""
 
 FAULT_KINDS = ("duplicate", "reversal", "no number")
 """Kinds that are faults. That a run ended is a note; all others are suspicious unless their detector knows better."""
@@ -106,7 +106,7 @@ def make_issue(
     todo: str | None = None,
     **measures: Any,
 ) -> Issue:
-    """Make a finding of a kind of `ADVICE` at the rows [first, end) of `span`; `measures` are the numbers behind it."""
+    """Make an issue of a kind of `ADVICE` at the rows [first, end) of `span`; `measures` are the numbers behind it."""
     # A detector that knows better overrides severity and advice.
     usual = Severity.FAULT if kind in FAULT_KINDS else Severity.NOTE if kind == "ended" else Severity.SUSPICIOUS
     first, end = span or (None, None)

@@ -24,7 +24,7 @@ from hapticeval.recordings.stretches import Stretch, stretches
 from hapticeval.types import BoolArray
 
 LEFT_OUT = ("stuck", "spike", "jump")
-"""Findings whose rows are no measurement of the hand, though they are valid: checks leave them out."""
+"""Issues whose rows are no measurement of the hand, though they are valid: checks leave them out."""
 
 DETECTORS: tuple[Callable[[Recording], Iterable[Issue]], ...] = (
     columns.repeated_rows,
@@ -34,7 +34,7 @@ DETECTORS: tuple[Callable[[Recording], Iterable[Issue]], ...] = (
     relations.units,
     relations.time_unit,
 )
-"""What looks for faults in a whole recording; clock, single columns, signs and inverse checks come beside them."""
+"""What looks for issues in a whole recording; clock, single columns, signs and inverse checks come beside them."""
 
 
 class ColumnFacts(NamedTuple):
@@ -67,7 +67,7 @@ class Integrity:
     """What an examination of a recording found.
 
     - `timing` and `columns`: what the clock and the columns are like;
-    - `faults`: the findings, worst and earliest first;
+    - `issues`: what is wrong or good to know, worst and earliest first;
     - `signs`: what is known of the signs of the forces;
     - `checks`: the inverse checks that were made, or asked for and not made.
     """
@@ -77,14 +77,14 @@ class Integrity:
     duration: float
     timing: Timing
     columns: Mapping[str, ColumnFacts]
-    faults: tuple[Issue, ...] = ()
+    issues: tuple[Issue, ...] = ()
     signs: tuple[Sign, ...] = ()
     checks: tuple[ConsistencyTest, ...] = ()
 
     @property
     def suspicious(self) -> bool:
         """Whether anything was found that a person should look at."""
-        return any(fault.severity is not Severity.NOTE for fault in self.faults)
+        return any(issue.severity is not Severity.NOTE for issue in self.issues)
 
 
 def examine(
@@ -105,44 +105,44 @@ def examine(
     for name, column in columns_of(recording).items():
         numbers = column.values[ordered & np.isfinite(column.values)]
         if numbers.size:
-            # A column without a single number has no range, and a finding says so.
+            # A column without a single number has no range, and an issue says so.
             facts[name] = ColumnFacts(column.unit, float(numbers.min()), float(numbers.max()), numeric_step(numbers))
-    timing, faults = examine_timing(recording)
-    faults += [*columns.faults_of_values(recording), *columns.faults_of_numbers(recording)]
-    # Rows that are found to be stuck already need no second finding.
-    faults += columns.frozen(recording, list(faults))
+    timing, issues = examine_timing(recording)
+    issues += [*columns.issues_of_values(recording), *columns.issues_of_numbers(recording)]
+    # Rows that are found to be stuck already need no second one.
+    issues += columns.frozen(recording, list(issues))
     for detect in DETECTORS:
-        faults += detect(recording)
+        issues += detect(recording)
     signs = force_signs(recording)
-    faults += [sign.fault for sign in signs if sign.fault is not None]
+    issues += [sign.issue for sign in signs if sign.issue is not None]
     for name, other in (others or {}).items():
-        faults += relations.of_another_run(recording, other, name)
+        issues += relations.of_another_run(recording, other, name)
     # A run in one dimension is held against the wall in the plane: see `before_the_wall`.
     walled = model is not None and model.name == LINE_MODEL and recording.dimension == 1
     placed = before_the_wall(recording) if walled else recording
     checks = inverse_checks(placed, device=device, model=model, stiffness=stiffness)
-    faults += [fault for check in checks for fault in check.faults]
+    issues += [issue for check in checks for issue in check.issues]
     # Worst first, then by row; what concerns the whole recording stands before the rows.
     order = list(Severity)
-    faults.sort(key=lambda fault: (order.index(fault.severity), fault.first if fault.first is not None else -1))
+    issues.sort(key=lambda issue: (order.index(issue.severity), issue.first if issue.first is not None else -1))
     duration = float(np.ptp(recording.time[ordered])) if ordered.any() else 0.0
-    return Integrity(len(recording), int(np.sum(ordered)), duration, timing, facts, tuple(faults), signs, checks)
+    return Integrity(len(recording), int(np.sum(ordered)), duration, timing, facts, tuple(issues), signs, checks)
 
 
 def sound_intervals(recording: Recording, report: Integrity | None = None) -> Soundness:
     """Return the stretches that checks may use, of two rows or more, and what was left out, and why.
 
     They are valid, without a hole in the clock that no late answer reaches over (`GAP_STEPS`), and without the rows of
-    a finding that is no measurement.
+    an issue that is no measurement.
     """
     report = examine(recording) if report is None else report
     keep = recording.measured.copy()
-    # Why rows are left out: marked as no measurement, named by a finding, or alone between others.
+    # Why rows are left out: marked as no measurement, named by an issue, or alone between others.
     left = [(span, "no measurement") for span in runs_of(~keep)]
-    for fault in report.faults:
-        if fault.kind in LEFT_OUT and fault.first is not None and keep[fault.first : fault.end].any():
-            keep[fault.first : fault.end] = False
-            left.append(((fault.first, fault.end or 0), f"{fault.kind} in {fault.channel}"))
+    for issue in report.issues:
+        if issue.kind in LEFT_OUT and issue.first is not None and keep[issue.first : issue.end].any():
+            keep[issue.first : issue.end] = False
+            left.append(((issue.first, issue.end or 0), f"{issue.kind} in {issue.channel}"))
     sound = stretches(recording, keep)
     for stretch in sound:
         keep[stretch.rows] = False
@@ -152,11 +152,11 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
 
 
 MOST_LISTED = 5
-"""Findings of one kind and channel beyond so many are counted, not listed."""
+"""Issues of one kind and channel beyond so many are counted, not listed."""
 
 
 def describe_report(report: Integrity, soundness: Soundness, *, title: str) -> str:
-    """Describe the whole report: clock, columns, findings, and the intervals that checks may use."""
+    """Describe the whole report: clock, columns, issues, and the intervals that checks may use."""
     timing = report.timing
     jitter = ", ".join(f"{1e6 * value:.4g}" for value in timing.jitter)
     lines = [
@@ -173,30 +173,30 @@ def describe_report(report: Integrity, soundness: Soundness, *, title: str) -> s
         *((name, unit, f"{low:.6g}", f"{high:.6g}", "-" if step is None else f"{step:.6g}")
           for name, (unit, low, high, step) in report.columns.items()),
     ])]  # fmt: skip
-    lines += ["", *_faults(report), "", *_checks(report)]
+    lines += ["", *_issues(report), "", *_checks(report)]
     lines += ["", *(f"sign of {sign.channel}: {sign.words}" for sign in report.signs), *_intervals(report, soundness)]
     return "\n".join(lines)
 
 
-def _faults(report: Integrity) -> list[str]:
-    """Return the findings as lines: the first few of a kind and channel, with advice, and how many more there are."""
-    if not report.faults:
+def _issues(report: Integrity) -> list[str]:
+    """Return the issues as lines: the first few of a kind and channel, with advice, and how many more there are."""
+    if not report.issues:
         open_ = sum(not check.made for check in report.checks)
         return ["nothing found" + f"; what {open_} of the inverse checks would find is open: see below" * (open_ > 0)]
     lines = []
     counts: dict[tuple[str, str], int] = {}
     advised: set[tuple[str, str, str]] = set()
-    for fault in report.faults:
-        key = (fault.kind, fault.channel)
+    for issue in report.issues:
+        key = (issue.kind, issue.channel)
         # Of one kind and channel the first few say it all: the others are counted.
         counts[key] = counts.get(key, 0) + 1
         if counts[key] > MOST_LISTED:
             continue
-        lines.append(f"{fault.severity}: {' '.join(key).rstrip()} ({fault.place}): {fault.message}")
-        if fault.todo and fault.severity is not Severity.NOTE and (*key, fault.todo) not in advised:
+        lines.append(f"{issue.severity}: {' '.join(key).rstrip()} ({issue.place}): {issue.message}")
+        if issue.todo and issue.severity is not Severity.NOTE and (*key, issue.todo) not in advised:
             # The same advice is given once for a kind and channel.
-            advised.add((*key, fault.todo))
-            lines.append(f"  what to do: {fault.todo}")
+            advised.add((*key, issue.todo))
+            lines.append(f"  what to do: {issue.todo}")
     more = {key: count - MOST_LISTED for key, count in counts.items() if count > MOST_LISTED}
     return lines + [f"and {count} more, marked in the picture: {' '.join(key)}".rstrip() for key, count in more.items()]
 
@@ -208,7 +208,7 @@ def _checks(report: Integrity) -> list[str]:
         ("inverse check", "what should hold", "largest residual", "in quanta", "rows", "found"),
         *((check.name, check.relation, f"{check.largest:.3g} {check.unit}",
            f"{check.largest / check.quantum:.3g}" if check.quantum > 0.0 else "-", f"{check.rows}",
-           "contradicted" if check.faults else "holds") for check in checks_made),
+           "contradicted" if check.issues else "holds") for check in checks_made),
     ]) if checks_made else []  # fmt: skip
     lines += [f"not checked: {check.name}: {check.why}" for check in report.checks if not check.made]
     return lines or ["inverse checks: none, as no device, model or stiffness is given or stated by the recording"]
@@ -229,7 +229,7 @@ def _intervals(report: Integrity, soundness: Soundness) -> list[str]:
 
 def _lacking(report: Integrity, span: Stretch) -> str:
     """Describe how many rows a sound stretch lacks in gaps that checks go across."""
-    gaps = (fault for fault in report.faults if fault.kind == "gap" and fault.first is not None)
+    gaps = (issue for issue in report.issues if issue.kind == "gap" and issue.first is not None)
     # Only gaps within the stretch: a gap that parts it lies between two of them.
     counts = [int(gap.measures["missing"]) for gap in gaps if span.first <= (gap.first or 0) < span.end - 1]
     return f" (but for {plural(sum(counts), 'row')} missing in {plural(len(counts), 'short gap')})" if counts else ""

@@ -54,13 +54,13 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
     if rising.size == 0:
         return Timing(), list(_stated_issues(recording))
     median = float(np.median(rising))
-    faults = []
+    issues = []
     for row in np.flatnonzero(steps <= 0).tolist():
         kind, message = "duplicate", f"the time repeats that of row {row}"
         if steps[row] < 0:
             kind, message = "reversal", f"the time goes back by {-1e-9 * steps[row]:.6g} s"
         todo = None if measured[row + 1] else "it is marked as no measurement already, and left out"
-        faults.append(make_issue(recording, kind, message, "time", (row + 1, row + 2), todo=todo))
+        issues.append(make_issue(recording, kind, message, "time", (row + 1, row + 2), todo=todo))
     # `cycle` is in ns; `gaps` gives for each row how many are missing after it.
     cycle, gaps = _gaps(stamps, steps, sequence, median)
     for row, count in gaps.items():
@@ -69,7 +69,7 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
         message = (
             f"{'about ' * (sequence is None)}{count} row{'s' * (count != 1)} missing ({1e-9 * count * cycle:.4g} s)"
         )
-        faults.append(
+        issues.append(
             make_issue(
                 recording, "gap", message, "time", (row, row + 2),
                 severity=None if between_measurements else Severity.NOTE,
@@ -90,8 +90,8 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
     declared_step = recording.meta.get("dt")
     if isinstance(declared_step, int | float) and abs(mean - declared_step) > RATE_TOLERANCE * declared_step:
         message = f"the loop was meant to take {1e3 * declared_step:.6g} ms, its rows are {1e3 * mean:.6g} ms apart"
-        faults.append(make_issue(recording, "rate", message, "time", declared=float(declared_step), found=mean))
-    return timing, [*faults, *_stated_issues(recording)]
+        issues.append(make_issue(recording, "rate", message, "time", declared=float(declared_step), found=mean))
+    return timing, [*issues, *_stated_issues(recording)]
 
 
 def _gaps(stamps: IntArray, steps: IntArray, sequence: IntArray | None, median: float) -> tuple[float, dict[int, int]]:
