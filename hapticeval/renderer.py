@@ -16,7 +16,6 @@ import numpy as np
 from hapticeval.effects.catalogue import FORCE_SENSOR
 from hapticeval.errors import InputError, RefusalError, RendererError, UnknownNameError, renderer_errors
 from hapticeval.geometry.boundary import Boundary, is_boundary
-from hapticeval.knob import Knob, refuse_unknown
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import PLANE, SPACE, Scene, requirements
 from hapticeval.stimulus.stimulus import Stimulus
@@ -432,6 +431,43 @@ def check_support(scene: Scene, supports: frozenset[str]) -> None:
             f"supports = {{{', '.join(map(repr, lacking))}}}".replace("'", '"')
             + "; a library by flags, as HR_PLANE",
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knob:
+    """One setting of a renderer, such as a cell's size, so that `hapticeval bench` can sweep it.
+
+    `values`, the coarsest first, are in `unit` ("" for a count). A factory declares knobs by name, see `Choices`.
+
+    `quick` are the values of a quick sweep, all `values` where it is empty.
+
+    A renderer that has no exact form is measured against itself at the last of `finest`, and the one before shows how
+    far that has converged; without `finest` these are the last two that are swept.
+
+    Raises `InputError` for a knob without values.
+    """
+
+    values: tuple[float, ...]
+    unit: str
+    meaning: str
+    quick: tuple[float, ...] = ()
+    finest: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.values:
+            raise InputError("a knob without values", why="a sweep needs at least one", todo="give it values")
+
+
+Settings = Mapping[str, float]
+"""Values by knob."""
+
+
+def refuse_unknown(settings: Mapping[str, object], known: Mapping[str, Knob], *, name: str) -> None:
+    """Raise `UnknownNameError` for the first of `settings` that is no knob of the renderer `name`."""
+    for knob in settings:
+        if knob not in known:
+            # Of several the first is named: the user mends one word at a time.
+            raise UnknownNameError(f"knob of {name}", knob, known)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
-from hapticeval.knob import Knob, Settings, refuse_unknown
+from hapticeval.renderer import Knob, Settings, refuse_unknown
 from hapticeval.renderers.regulation import REGULATIONS
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ LAYERS = (
     {"errors", "compiled", "extras"},
     {"bracket"},
     {"documents"},
-    {"files", "geometry", "knob", "quantity", "workers"},
+    {"files", "geometry", "quantity", "workers"},
     {"devices", "recordings"},
     {"effects"},
     {"scene"},

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.validate import checked_number
-from hapticeval.knob import Knob, Settings, refuse_unknown
+from hapticeval.renderer import Knob, Settings, refuse_unknown
 
 if TYPE_CHECKING:
     from hapticeval.renderer import Renderer

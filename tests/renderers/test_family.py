@@ -8,8 +8,7 @@ import pytest
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, line, star
-from hapticeval.knob import Knob
-from hapticeval.renderer import choices_of, configured
+from hapticeval.renderer import Knob, choices_of, configured
 from hapticeval.renderers import constraint, minimum_distance
 from hapticeval.scene import Scene
 

@@ -12,8 +12,7 @@ from hapticeval.cli import main
 from hapticeval.commands.arguments import parse_knobs
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import star
-from hapticeval.knob import Knob
-from hapticeval.renderer import Response
+from hapticeval.renderer import Knob, Response
 from hapticeval.renderers import minimum_distance
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.bench import sweep as sweeping

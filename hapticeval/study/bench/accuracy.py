@@ -21,10 +21,9 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.representations import triangulate_surface
-from hapticeval.knob import Knob, Settings
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.sampling import force_floor
-from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
+from hapticeval.renderer import Knob, Renderer, RendererFactory, Settings, choices_of, configured
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play, reset_checked, step_checked
 from hapticeval.stimulus.experiments import build_path

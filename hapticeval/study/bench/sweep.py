@@ -14,9 +14,8 @@ import numpy as np
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, describe_error
 from hapticeval.geometry.representations import triangulate_surface
-from hapticeval.knob import Settings
 from hapticeval.phenomena.sampling import force_floor
-from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
+from hapticeval.renderer import Renderer, RendererFactory, Settings, choices_of, configured
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import environment
 from hapticeval.scene import Scene
