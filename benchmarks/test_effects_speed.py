@@ -52,12 +52,12 @@ def loop_run(renderer, scene, experiment):
 
     def once():
         loop = loop_of(experiment, scene, DT)
-        renderer.reset(loop.out[kernels.MEASURED_HIP, 0])
+        renderer.reset(loop.out.measured_hip[0])
         began = time.thread_time()
         ticks, status = run(value, law.data, loop)
         took = time.thread_time() - began
-        assert (ticks, status) == (loop.out.shape[1], kernels.DONE)
-        return took, loop.out[kernels.FORCE]
+        assert (ticks, status) == (loop.out.hip.shape[0], kernels.DONE)
+        return took, loop.out.force
 
     return once
 

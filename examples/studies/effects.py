@@ -211,7 +211,7 @@ def _prepare_loop(renderer: Renderer, law: CompiledStep, experiment: Experiment,
     def once() -> tuple[float, int]:
         # A loop of its own for each run: it keeps what it has recorded.
         loop = loop_of(experiment, scene, scene.sampling_time)
-        renderer.reset(loop.out[kernels.MEASURED_HIP, 0])
+        renderer.reset(loop.out.measured_hip[0])
         return _time_run(lambda: run(value, law.data, loop)[0])
 
     # Effects beside the answer: sensors, what the hand feels, and the motors.

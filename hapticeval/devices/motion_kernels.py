@@ -301,10 +301,11 @@ def break_loose(friction: Array, rows: Array) -> bool:
 
     Its mode is then the direction in which it goes. `rows` (ROWS, N) are those of `Scratch`.
     """
+    mode, hold = rows[MODE], rows[HOLD]
     broke_loose = False
-    for i in range(rows.shape[1]):
-        if rows[MODE, i] == 0.0 and abs(rows[HOLD, i]) > friction[i]:
-            rows[MODE, i] = math.copysign(1.0, rows[HOLD, i])
+    for i in range(mode.shape[0]):
+        if mode[i] == 0.0 and abs(hold[i]) > friction[i]:
+            mode[i] = math.copysign(1.0, hold[i])
             broke_loose = True
     return broke_loose
 
@@ -317,15 +318,16 @@ def joint_event(friction: Array, motion: Motion, tick: int, time: float, torque:
     motors' `torque` (N,), N m.
     """
     rows = motion.scratch.rows
+    mode, hold, end, end_rate = rows[MODE], rows[HOLD], rows[END], rows[END_RATE]
     some_at_rest = False
-    for i in range(rows.shape[1]):
-        if rows[MODE, i] * rows[END_RATE, i] < 0.0:
+    for i in range(mode.shape[0]):
+        if mode[i] * end_rate[i] < 0.0:
             return True
-        some_at_rest = some_at_rest or rows[MODE, i] == 0.0
-    if some_at_rest:  # what would hold them, in rows[HOLD]
-        accelerate(motion, tick, time, rows[END], rows[END_RATE], torque, rows[STAGE])
-        for i in range(rows.shape[1]):
-            if rows[MODE, i] == 0.0 and abs(rows[HOLD, i]) > friction[i]:
+        some_at_rest = some_at_rest or mode[i] == 0.0
+    if some_at_rest:  # what would hold them
+        accelerate(motion, tick, time, end, end_rate, torque, rows[STAGE])
+        for i in range(mode.shape[0]):
+            if mode[i] == 0.0 and abs(hold[i]) > friction[i]:
                 return True
     return False
 
@@ -341,9 +343,10 @@ def set_modes(
     if friction is None:
         return
     rows = motion.scratch.rows
+    mode, events = rows[MODE], rows[EVENTS]
     for i in range(joints.shape[0]):
-        rows[MODE, i] = 0.0 if rates[i] == 0.0 else math.copysign(1.0, rates[i])
-        rows[EVENTS, i] = 0.0
+        mode[i] = 0.0 if rates[i] == 0.0 else math.copysign(1.0, rates[i])
+        events[i] = 0.0
     # a joint at rest that the motors or the hand overcome goes at once
     accelerate(motion, tick, time, joints, rates, torque, rows[STAGE])
     break_loose(friction, rows)
@@ -368,9 +371,10 @@ def end_at_event(
     if friction is None:
         return h
     dt, rows = motion.load.dt, motion.scratch.rows
-    if rows[EVENTS, 0] < MOST_EVENTS and joint_event(friction, motion, tick, time + h, torque):
+    mode, end, end_rate, events = rows[MODE], rows[END], rows[END_RATE], rows[EVENTS]
+    if events[0] < MOST_EVENTS and joint_event(friction, motion, tick, time + h, torque):
         low, high = 0.0, h
-        rows[EVENTS, 0] += 1.0
+        events[0] += 1.0
         # bisection on the length: no event in a step of `low` seconds, one in a step of `high`
         while high - low > 1e-15 * dt + 1e-13 * high:
             middle = 0.5 * (low + high)
@@ -385,11 +389,11 @@ def end_at_event(
         take_step(motion, tick, time, h, joints, rates, torque)
     some_at_rest = False
     for i in range(joints.shape[0]):
-        if rows[MODE, i] * rows[END_RATE, i] < 0.0:  # it stops: what is left of its rate is rounding
-            rows[END_RATE, i], rows[MODE, i] = 0.0, 0.0
-        some_at_rest = some_at_rest or rows[MODE, i] == 0.0
+        if mode[i] * end_rate[i] < 0.0:  # it stops: what is left of its rate is rounding
+            end_rate[i], mode[i] = 0.0, 0.0
+        some_at_rest = some_at_rest or mode[i] == 0.0
     if some_at_rest:
-        accelerate(motion, tick, time + h, rows[END], rows[END_RATE], torque, rows[STAGE])
+        accelerate(motion, tick, time + h, end, end_rate, torque, rows[STAGE])
         break_loose(friction, rows)
     return h
 
@@ -401,6 +405,7 @@ def advance(motion: Motion, tick: int, begin: float, finish: float, joints: Arra
     `joints` (N,), rad or m, and `rates` (N,) are changed in place; `torque` (N,), N m or N, is the motors'.
     """
     control, pace, rows = motion.steps.control, motion.steps.pace, motion.scratch.rows
+    end, end_rate = rows[END], rows[END_RATE]
     time, step_count = begin, 0
     adaptive = control[TOLERANCE] > 0.0
     # part of a tick takes its share of the tick's steps
@@ -437,7 +442,7 @@ def advance(motion: Motion, tick: int, begin: float, finish: float, joints: Arra
         h = end_at_event(motion.load.friction, motion, tick, time, h, joints, rates, torque)
         time = finish if h >= time_left else time + h
         for i in range(joints.shape[0]):
-            joints[i], rates[i] = rows[END, i], rows[END_RATE, i]
+            joints[i], rates[i] = end[i], end_rate[i]
     return step_count
 
 

@@ -136,8 +136,8 @@ def _drive_device(
     time = sample_times(experiment.duration, dt)
     loop = loop_of(experiment, scene, dt)
     out = loop.out
-    out[kernels.CONTACT] = np.nan  # unknown, until a renderer reports it
-    reset_checked(renderer, out[kernels.MEASURED_HIP, 0])
+    out.contact[:] = np.nan  # unknown, until a renderer reports it
+    reset_checked(renderer, out.measured_hip[0])
     end = None
     if law is None:
         end = _ask_tick_by_tick(renderer, loop, scene.robot, dt)
@@ -146,21 +146,21 @@ def _drive_device(
         note_run(0)
         tick, status = kernels.run(law_value(law.function, law.data), law.data, loop)
         if status == kernels.OUTSIDE:
-            end = _end_of_run(tick, _outside_error(scene.robot, loop.state[kernels.JOINTS]))
+            end = _end_of_run(tick, _outside_error(scene.robot, loop.state.joints))
         elif status == kernels.RAN_AWAY:
-            end = _end_of_run(tick, _runaway_error(tick, out[kernels.HIP, tick], loop.state[kernels.JOINTS]))
+            end = _end_of_run(tick, _runaway_error(tick, out.hip[tick], loop.state.joints))
         elif status == kernels.NOT_FINITE:
-            raise not_finite(tick, *(out[plane, tick] for plane in (kernels.MEASURED_HIP, kernels.IHIP, kernels.FORCE)))
+            raise not_finite(tick, out.measured_hip[tick], out.ihip[tick], out.force[tick])
         elif status < 0:
             raise RendererError(
                 f"the renderer's compiled step returned {status}",
                 tick=tick,
-                hip=out[kernels.MEASURED_HIP, tick],
+                hip=out.measured_hip[tick],
                 why="it is below 0: the renderer broke",
             )
         elif status >= kernels.REFUSED:  # the law's own number, from 1 on
-            end = _end_of_run(tick, _refusal_error(law, status - kernels.REFUSED + 1, out[kernels.MEASURED_HIP, tick]))
-    return _recording_of(renderer, experiment, time, _channels_of(loop, scene), dt, end, out[kernels.CONTACT, :, 0])
+            end = _end_of_run(tick, _refusal_error(law, status - kernels.REFUSED + 1, out.measured_hip[tick]))
+    return _recording_of(renderer, experiment, time, _channels_of(loop, scene), dt, end, out.contact[:, 0])
 
 
 def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float) -> _End | None:
@@ -169,24 +169,22 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
     from hapticeval.simulation import kernels
 
     sense, act = (specialised(kernel, loop, 0) for kernel in (kernels.sense, kernels.act))
-    out, joints = loop.out, loop.state[kernels.JOINTS]
-    hips, speeds, pushes = out[kernels.MEASURED_HIP], out[kernels.MEASURED_SPEED], out[kernels.MEASURED_FORCE]
+    out, joints = loop.out, loop.state.joints
+    hips, speeds, pushes = out.measured_hip, out.measured_velocity, out.measured_force
     observes_force = loop.feeling is not None and abilities_of(renderer).observe_force
-    for tick in range(out.shape[1]):
+    for tick in range(out.hip.shape[0]):
         # `loop_of` has sensed the first tick
         if tick > 0 and sense(loop, tick) == kernels.OUTSIDE:
             return _end_of_run(tick, _outside_error(device, joints))
         if observes_force:
             observe_force_checked(renderer, tick, hips[tick], pushes[tick])
         try:
-            out[kernels.IHIP, tick], out[kernels.FORCE, tick] = step_checked(
-                renderer, tick, hips[tick], speeds[tick], dt
-            )
+            out.ihip[tick], out.force[tick] = step_checked(renderer, tick, hips[tick], speeds[tick], dt)
         except DomainError as error:
             return _end_of_run(tick, error)
-        out[kernels.CONTACT, tick, 0] = reported_contact(renderer)
+        out.contact[tick, 0] = reported_contact(renderer)
         if act(loop, tick) != kernels.DONE:
-            return _end_of_run(tick, _runaway_error(tick, out[kernels.HIP, tick], joints))
+            return _end_of_run(tick, _runaway_error(tick, out.hip[tick], joints))
     return None
 
 
@@ -282,11 +280,11 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
         np.sum(frictions, axis=0) if frictions else None,
     )
     has_exact_integral = isinstance(device, PointMass) and hand is None and not frictions
-    state = np.zeros((kernels.ROWS, size))
+    state = kernels.LoopState(*np.zeros((len(kernels.LoopState._fields), size)))
     joints = device.joints(experiment.position)
-    state[kernels.JOINTS] = state[kernels.START] = joints
+    state.joints[:] = state.start[:] = joints
     if device.margin(joints) > 0.0:  # q̇ = J⁻¹ ẏ; elsewhere the sensing below refuses
-        state[kernels.RATES] = np.linalg.solve(device.jacobian(joints), experiment.velocity)
+        state.rates[:] = np.linalg.solve(device.jacobian(joints), experiment.velocity)
     motion = motion_of(device, load, default_method())
     loop = kernels.Loop(
         motion,
@@ -297,7 +295,7 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
         advance_of(motion, exact=has_exact_integral),
         RUNAWAY * (1.0 if device.turning else scene.model.size),
         state,
-        np.zeros((kernels.PLANES, count, size)),
+        kernels.LoopChannels(*np.zeros((len(kernels.LoopChannels._fields), count, size))),
     )
     if kernels.sense(loop, 0) == kernels.OUTSIDE:
         raise _outside_error(device, joints)
@@ -318,22 +316,9 @@ def _outside_error(device: Device, joints: Array) -> DomainError:
 
 def _channels_of(loop: Loop, scene: Scene) -> dict[str, Array]:
     """Return what the recording holds of a run: the channels of any loop, of its effects, and of joints that turn."""
-    from hapticeval.simulation import kernels
-
-    plane_of = {
-        "hip": kernels.HIP,
-        "ihip": kernels.IHIP,
-        "force": kernels.FORCE,
-        "velocity": kernels.SPEED,
-        "operator_force": kernels.OPERATOR,
-    }
-    measured_planes = {
-        "measured_hip": kernels.MEASURED_HIP,
-        "measured_velocity": kernels.MEASURED_SPEED,
-        "measured_force": kernels.MEASURED_FORCE,
-    }
+    names = ["hip", "ihip", "force", "velocity", "operator_force"]
     added_by_effects = {name for effect in scene.effects for name in effect.channels}
-    plane_of |= {name: plane for name, plane in measured_planes.items() if name in added_by_effects}
+    names += [name for name in ("measured_hip", "measured_velocity", "measured_force") if name in added_by_effects]
     if scene.robot.turning:
-        plane_of |= {"joint_position": kernels.JOINT, "joint_velocity": kernels.RATE, "joint_torque": kernels.TORQUE}
-    return {name: loop.out[plane] for name, plane in plane_of.items()}
+        names += ["joint_position", "joint_velocity", "joint_torque"]
+    return {name: getattr(loop.out, name) for name in names}

@@ -21,18 +21,6 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from hapticeval.effects.effect import Part
 
-(
-    HIP, IHIP, FORCE, SPEED, OPERATOR, MEASURED_HIP, MEASURED_SPEED, MEASURED_FORCE, JOINT, RATE, TORQUE, CONTACT,
-    PLANES,
-) = range(13)  # fmt: skip
-"""Planes of `Loop.out`: one per channel. CONTACT has its first column only."""
-
-JOINTS, RATES, MEASURED_JOINTS, MEASURED_RATES, PREVIOUS_TORQUE, PLACE, PLACE_RATE, POSITION_INTEGRAL, START, ROWS = (
-    range(10)
-)
-"""Rows of `Loop.state`: true joints and rates, and those that the controller is given; what the motors gave before;
-position and velocity at the end of a part of a tick, the integral of the position; joints at the start."""
-
 DONE, OUTSIDE, RAN_AWAY, NOT_FINITE, REFUSED = range(5)
 """How a run ends. From REFUSED on the law refused, with the number status - REFUSED + 1; below 0 it is the number with
 which the law broke."""
@@ -51,12 +39,54 @@ Hook: TypeAlias = "tuple[Attached, ...]"
 """The effects of one stage of a tick, in order."""
 
 
+class LoopState(NamedTuple):
+    """What a tick leaves to the next, (N,) each: the joints are in rad or m, their rates per s.
+
+    - `joints` and `rates` are the true ones, `measured_joints` and `measured_rates` those that the controller is given;
+    - `previous_torque` (N m, N) is what the motors gave before;
+    - `place` (m) and `place_rate` (m/s) are the tool's at the end of a part of a tick, `position_integral` (m s) is the
+      integral of its place over the tick;
+    - `start`: the joints at the start of the run.
+    """
+
+    joints: Array
+    rates: Array
+    measured_joints: Array
+    measured_rates: Array
+    previous_torque: Array
+    place: Array
+    place_rate: Array
+    position_integral: Array
+    start: Array
+
+
+class LoopChannels(NamedTuple):
+    """All that a run keeps, (ticks, N) each, in m, s, N and rad, by the names of a recording's channels.
+
+    `operator_force` is the mean over the tick that follows, and so is `joint_torque` where a delay changes it within.
+    `contact` has its first column only.
+    """
+
+    hip: Array
+    ihip: Array
+    force: Array
+    velocity: Array
+    operator_force: Array
+    measured_hip: Array
+    measured_velocity: Array
+    measured_force: Array
+    joint_position: Array
+    joint_velocity: Array
+    joint_torque: Array
+    contact: Array
+
+
 class Loop(NamedTuple):
     """A closed loop, ready to run.
 
     The device moves by `advance`, see `motion_kernels.advance_of`. `reach` (rad, m) is how far a joint may go from
-    where it started. `state` (ROWS, N) is what a tick leaves to the next, and `out` (PLANES, ticks, N) all that a run
-    keeps. `reported` is the `contact` of a `CompiledStep`.
+    where it started. `state` is what a tick leaves to the next, and `out` all that a run keeps. `reported` is the
+    `contact` of a `CompiledStep`.
     """
 
     motion: Motion
@@ -66,8 +96,8 @@ class Loop(NamedTuple):
     motors: Hook | None
     advance: FirstClass
     reach: float
-    state: Array
-    out: Array
+    state: LoopState
+    out: LoopChannels
     reported: Array | None = None
 
 
@@ -113,11 +143,11 @@ def measure_force(feeling: Hook | None, loop: Loop, tick: int) -> None:
     """Write what the force sensor gives at the sample, N: the hand's push and grip, through the sensor's effects."""
     if feeling is None:
         return
-    load, force = loop.motion.load, loop.out[MEASURED_FORCE, tick]
+    load, force = loop.motion.load, loop.out.measured_force[tick]
     for i in range(force.shape[0]):
         # what is prescribed, and what the grip adds, before the sensor makes of it what it can
         force[i] = push_at(load.push, tick, i, 0.0, load.dt)
-        force[i] += grip_force(load.grip, tick, i, load.dt, loop.out[HIP, tick], loop.out[SPEED, tick])
+        force[i] += grip_force(load.grip, tick, i, load.dt, loop.out.hip[tick], loop.out.velocity[tick])
     apply_effects(feeling, tick, load.dt, force, force)
 
 
@@ -125,16 +155,16 @@ def measure_force(feeling: Hook | None, loop: Loop, tick: int) -> None:
 def measure_state(sensors: Hook | None, loop: Loop, tick: int) -> None:
     """Write what the controller is given of joints, rates, HIP and velocity at the sample, through the sensors."""
     state, out, motion = loop.state, loop.out, loop.motion
-    seen_joints, seen_rates = state[MEASURED_JOINTS], state[MEASURED_RATES]
+    seen_joints, seen_rates = state.measured_joints, state.measured_rates
     for i in range(seen_joints.shape[0]):
-        seen_joints[i], seen_rates[i] = state[JOINTS, i], state[RATES, i]
-        out[MEASURED_HIP, tick, i], out[MEASURED_SPEED, tick, i] = out[HIP, tick, i], out[SPEED, tick, i]
+        seen_joints[i], seen_rates[i] = state.joints[i], state.rates[i]
+        out.measured_hip[tick, i], out.measured_velocity[tick, i] = out.hip[tick, i], out.velocity[tick, i]
     if sensors is None:
         return
     apply_effects(sensors, tick, motion.load.dt, seen_joints, seen_rates)
     # HIP and velocity, J and J̇ q̇ anew, of the joints as they are measured
     motion.plant.kinematics(
-        motion.plant.parameters, seen_joints, seen_rates, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick],
+        motion.plant.parameters, seen_joints, seen_rates, out.measured_hip[tick], out.measured_velocity[tick],
         motion.scratch.squares[JACOBIAN], motion.scratch.rows[DRIFT],
     )  # fmt: skip
 
@@ -146,15 +176,15 @@ def sense(loop: Loop, tick: int) -> int:
     OUTSIDE is a device beyond its functional configuration space, where it is not defined.
     """
     state, out, plant, scratch = loop.state, loop.out, loop.motion.plant, loop.motion.scratch
-    joints, rates = state[JOINTS], state[RATES]
+    joints, rates = state.joints, state.rates
     if not plant.margin(plant.parameters, joints) > 0.0:  # beyond a limit, or not finite
         return OUTSIDE
     plant.kinematics(
-        plant.parameters, joints, rates, out[HIP, tick], out[SPEED, tick], scratch.squares[JACOBIAN],
+        plant.parameters, joints, rates, out.hip[tick], out.velocity[tick], scratch.squares[JACOBIAN],
         scratch.rows[DRIFT],
     )  # fmt: skip
     for i in range(joints.shape[0]):
-        out[JOINT, tick, i], out[RATE, tick, i] = joints[i], rates[i]
+        out.joint_position[tick, i], out.joint_velocity[tick, i] = joints[i], rates[i]
     measure_force(loop.feeling, loop, tick)
     measure_state(loop.sensors, loop, tick)
     return DONE
@@ -164,12 +194,12 @@ def sense(loop: Loop, tick: int) -> int:
 def write_torques(feeling: Hook | None, loop: Loop, tick: int) -> None:
     """Write the torques that the inner loop makes of the renderer's force, and of the hand's where it is measured."""
     state, motion = loop.state, loop.motion
-    seen_joints, seen_rates, force = state[MEASURED_JOINTS], state[MEASURED_RATES], loop.out[FORCE, tick]
-    torques = loop.out[TORQUE, tick]
+    seen_joints, seen_rates, force = state.measured_joints, state.measured_rates, loop.out.force[tick]
+    torques = loop.out.joint_torque[tick]
     if feeling is None:
         torque(loop.servo, motion.plant, seen_joints, seen_rates, force, None, motion.scratch, torques)
     else:
-        push = loop.out[MEASURED_FORCE, tick]
+        push = loop.out.measured_force[tick]
         torque(loop.servo, motion.plant, seen_joints, seen_rates, force, push, motion.scratch, torques)
 
 
@@ -179,7 +209,7 @@ def move_device(loop: Loop, tick: int, begin: float, end: float, torque: Array) 
 
     Returns False where it has no finite state at the end.
     """
-    joints, rates = loop.state[JOINTS], loop.state[RATES]
+    joints, rates = loop.state.joints, loop.state.rates
     # with h = end - begin: h/2 (y_0 + h/6 ẏ_0) at the start, h/2 (y_1 - h/6 ẏ_1) at the end
     add_to_position_integral(loop.motion.load.grip, loop, 0.5 * (end - begin), (end - begin) / 6.0)
     if loop.advance(loop.motion, tick, begin, end, joints, rates, torque) == 0:
@@ -198,11 +228,11 @@ def add_to_position_integral(grip: Grip | None, loop: Loop, weight: float, lever
         return
     state, plant, scratch = loop.state, loop.motion.plant, loop.motion.scratch
     plant.kinematics(
-        plant.parameters, state[JOINTS], state[RATES], state[PLACE], state[PLACE_RATE], scratch.squares[JACOBIAN],
+        plant.parameters, state.joints, state.rates, state.place, state.place_rate, scratch.squares[JACOBIAN],
         scratch.rows[DRIFT],
     )  # fmt: skip
-    for i in range(state.shape[1]):
-        state[POSITION_INTEGRAL, i] += weight * (state[PLACE, i] + lever * state[PLACE_RATE, i])
+    for i in range(state.joints.shape[0]):
+        state.position_integral[i] += weight * (state.place[i] + lever * state.place_rate[i])
 
 
 @inner
@@ -218,24 +248,24 @@ def add_mean_grip_force(grip: Grip | None, loop: Loop, tick: int, i: int, mean: 
         return mean
     path, dt = grip.path, loop.motion.load.dt
     # the means of k (x_d - y) and of b (ẋ_d - ẏ)
-    mean += grip.gains[0] * (0.5 * (path[tick, i] + path[tick + 1, i]) - loop.state[POSITION_INTEGRAL, i] / dt)
-    hand_step = loop.state[PLACE, i] - loop.out[HIP, tick, i]
+    mean += grip.gains[0] * (0.5 * (path[tick, i] + path[tick + 1, i]) - loop.state.position_integral[i] / dt)
+    hand_step = loop.state.place[i] - loop.out.hip[tick, i]
     return float(mean + grip.gains[1] * (path[tick + 1, i] - path[tick, i] - hand_step) / dt)
 
 
 @borrowing
 def act(loop: Loop, tick: int) -> int:
-    """End a tick: go from the renderer's force in out[FORCE, tick] to the device's state at the next sample.
+    """End a tick: go from the renderer's force in out.force[tick] to the device's state at the next sample.
 
     Returns DONE, or RAN_AWAY where a joint is not finite or farther than `Loop.reach` from the start.
     """
     state, out, load = loop.state, loop.out, loop.motion.load
-    dt, torques, previous_torques = load.dt, out[TORQUE, tick], state[PREVIOUS_TORQUE]
+    dt, torques, previous_torques = load.dt, out.joint_torque[tick], state.previous_torque
     write_torques(loop.feeling, loop, tick)
     # until `switch` seconds into the tick a delay lets the motors give the torques of before
     switch = apply_effects(loop.motors, tick, dt, torques, previous_torques)
     for i in range(torques.shape[0]):
-        state[POSITION_INTEGRAL, i] = 0.0
+        state.position_integral[i] = 0.0
     for part in range(2):  # one place that calls: it is compiled once
         begin, end = (switch, dt) if part else (0.0, switch)
         if end > begin:
@@ -245,9 +275,9 @@ def act(loop: Loop, tick: int) -> int:
     for i in range(torques.shape[0]):
         if switch > 0.0:  # the channel holds the tick's mean
             torques[i] = (switch * previous_torques[i] + (dt - switch) * torques[i]) / dt
-        out[OPERATOR, tick, i] = add_mean_grip_force(load.grip, loop, tick, i, mean_push(load.push, tick, i))
+        out.operator_force[tick, i] = add_mean_grip_force(load.grip, loop, tick, i, mean_push(load.push, tick, i))
     for i in range(torques.shape[0]):
-        if not abs(state[JOINTS, i] - state[START, i]) < loop.reach:  # also for nan
+        if not abs(state.joints[i] - state.start[i]) < loop.reach:  # also for nan
             return RAN_AWAY
     return DONE
 
@@ -257,30 +287,30 @@ def note_contact(reported: Array | None, loop: Loop, tick: int) -> None:
     """Keep whether the law reports contact, `reported` (1,), at the tick: 1 or 0, beside vectors in m and N."""
     if reported is None:
         return
-    loop.out[CONTACT, tick, 0] = reported[0]
+    loop.out.contact[tick, 0] = reported[0]
 
 
 @borrowing
 def run(law: Callable[..., Any], data: Any, loop: Loop) -> tuple[int, int]:
     """Run all ticks with a compiled law; return the tick that the run ended at, and how."""
     out, dt = loop.out, loop.motion.load.dt
-    for tick in range(out.shape[1]):
+    for tick in range(out.hip.shape[0]):
         status = sense(loop, tick)
         if status != DONE:
             return tick, status
         # the law knows only what the sensors give
         number = law(
-            data, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick], out[MEASURED_FORCE, tick], dt, out[IHIP, tick],
-            out[FORCE, tick],
+            data, out.measured_hip[tick], out.measured_velocity[tick], out.measured_force[tick], dt, out.ihip[tick],
+            out.force[tick],
         )  # fmt: skip
         if number != 0:  # below zero it broke, above it refuses: `_drive_device` words both
             return tick, number if number < 0 else REFUSED - 1 + number
-        for i in range(out.shape[2]):
+        for i in range(out.hip.shape[1]):
             # no number that is not finite reaches the motors
-            if not math.isfinite(out[IHIP, tick, i]) or not math.isfinite(out[FORCE, tick, i]):
+            if not math.isfinite(out.ihip[tick, i]) or not math.isfinite(out.force[tick, i]):
                 return tick, NOT_FINITE
         note_contact(loop.reported, loop, tick)
         status = act(loop, tick)
         if status != DONE:
             return tick, status
-    return out.shape[1], DONE
+    return out.hip.shape[0], DONE

@@ -252,11 +252,11 @@ def test_ten_million_ticks_of_rest_do_not_drift(name):
     renderer = resolve(name)(scene)
     experiment = replace(case.build_stimulus(scene, renderer), duration=(PART - 1) * 1e-3)
     loop, law = loop_of(experiment, scene, 1e-3), abilities_of(renderer).law
-    renderer.reset(loop.out[kernels.MEASURED_HIP, 0])
+    renderer.reset(loop.out.measured_hip[0])
     ends = []
     for _ in range(TICKS // PART):
         assert kernels.run(law_value(law.function, law.data), law.data, loop) == (PART, kernels.DONE)
-        ends.append(np.concatenate([loop.out[each, -1] for each in (kernels.HIP, kernels.IHIP, kernels.SPEED)]))
+        ends.append(np.concatenate([channel[-1] for channel in (loop.out.hip, loop.out.ihip, loop.out.velocity)]))
     drift = np.abs(np.array(ends) - ends[0]).max(axis=0)
     print(f"\n{name}: {TICKS:.0e} ticks, HIP {drift[:2].max():.2g} m, IHIP {drift[2:4].max():.2g} m")
     assert drift.max() < 1e-14
