@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.devices.device import Device
 from hapticeval.devices.parallelogram import ENCODER_COUNTS
 from hapticeval.effects.encoder import Encoder
 from hapticeval.effects.joint_friction import JointFriction
@@ -143,20 +143,20 @@ def try_hands(factory: RendererFactory, scene: Scene, place: Place, encoder_step
     assert isinstance(renderer, Renderer)
     device, still = scene.robot, np.zeros_like(place.point)
 
-    def force_at(depth: float) -> float:
+    @cache  # many depths lie within one count
+    def force_where(counts: tuple[float, ...]) -> float:
         """Return the force (N) along the normal that the renderer answers where the encoders say that the hand is."""
-        hip = as_encoders_say(device, place.point - depth * place.normal, encoder_step)
+        hip = np.asarray(device.position(encoder_step * np.array(counts)))
         renderer.reset(hip)
         return float(renderer.step(hip, still, scene.sampling_time)[1] @ place.normal)
 
+    def forces_at(depths: Array) -> Array:
+        """Return the forces (n,), N, at true depths (n,), m, each by joints in whole counts."""
+        points = place.point - depths[:, None] * place.normal
+        return np.array([force_where(tuple(np.rint(device.joints(point) / encoder_step))) for point in points])
+
     depths = STEP + losses.encoder_count * np.linspace(0.0, 3.0, DEPTHS)
-    gains, strokes = [], []
-    for stroke in losses.encoder_count * np.array(STROKES):
-        gains += [(force_at(depth + stroke) - force_at(depth)) / scene.stiffness for depth in depths]
-        strokes += [stroke] * DEPTHS
-    return WorstHand(np.array(gains), np.array(strokes), losses, scene.sampling_time)
-
-
-def as_encoders_say(device: Device, point: Array, step: float) -> Array:
-    """Return where the hand is by joints in whole counts of `step` (rad, or m), for the true `point` (N,), m."""
-    return np.asarray(device.position(step * np.rint(device.joints(point) / step)))
+    strokes = losses.encoder_count * np.array(STROKES)
+    shallow = forces_at(depths)
+    gains = [(forces_at(depths + stroke) - shallow) / scene.stiffness for stroke in strokes]
+    return WorstHand(np.concatenate(gains), np.repeat(strokes, DEPTHS), losses, scene.sampling_time)
