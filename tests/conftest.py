@@ -43,6 +43,13 @@ def pytest_collection_finish():
     gc.freeze()
 
 
+def pytest_runtest_teardown(item, nextitem):
+    """Do so again after each module: what its tests have imported stays too."""
+    if nextitem is None or nextitem.path != item.path:
+        gc.collect()
+        gc.freeze()
+
+
 def pytest_collection_modifyitems(items):
     """Mark the tests whose errors have their texts in the list, so that these alone can write it anew."""
     for item in items:
