@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.compiled import LawData, as_record, compiled
-from hapticeval.geometry.surface import FIRST, Triple, closest_on_surface, dot, plus
+from hapticeval.geometry.surface import SURFACE, Triple, closest_on_surface, dot, plus
 from hapticeval.renderers.projective import PAST, as_rows, release
 from hapticeval.renderers.stabilisation_laws import (
     BEYOND,
@@ -146,7 +146,7 @@ def by_charts(
     bilateral = gains.bilateral != 0.0
     if not bilateral and n > 0.0 and as_record(state, PAST).in_contact == 0.0:
         return release(state, hip, ihip, force)
-    radius, mass, rate = surface[FIRST], gains.mass, dot(normal, yd)
+    radius, mass, rate = as_record(surface, SURFACE).lengths[0], gains.mass, dot(normal, yd)
     length = radius + n
     if not length / radius > FOCAL:  # 1 + n κ of a sphere
         return BEYOND
@@ -186,7 +186,7 @@ def by_charts(
 def _chart_many(
     number: int, params: Array, surface: Array, y: Array, yd: Array, push: Array
 ) -> tuple[BoolArray, Array, Array]:
-    gains, radius, count = as_record(params, SET_GAINS), surface[FIRST], y.shape[0]
+    gains, radius, count = as_record(params, SET_GAINS), as_record(surface, SURFACE).lengths[0], y.shape[0]
     mass = gains.mass
     defined, eta, force = np.zeros(count, np.bool_), np.zeros((count, 4)), np.zeros((count, 3))
     for i in range(count):

@@ -22,7 +22,19 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled, inner, law_data
+from hapticeval.compiled import (
+    FOOT,
+    NORMAL,
+    SHAPE,
+    Closest,
+    LawData,
+    as_record,
+    compiled,
+    inner,
+    law_data,
+    numbers_of,
+    record_type,
+)
 from hapticeval.geometry.boundary import ClosestPoint, SurfaceInSpace, spread_over_sphere
 from hapticeval.geometry.kernels import check_finite
 from hapticeval.geometry.motion import Motion
@@ -30,9 +42,8 @@ from hapticeval.geometry.validate import answer_by_kernel
 from hapticeval.types import Array
 
 SPHERE, ELLIPSOID, TORUS = 0.0, 1.0, 2.0
-KIND, FIRST, SECOND, THIRD = range(4)
-"""Places in `reals`: what the surface is, and its lengths (m)."""
-ROW_LENGTH = 4
+SURFACE = record_type("kind", lengths=3)
+"""What `reals` holds: SPHERE, ELLIPSOID or TORUS, and the lengths (m) that a `Surface` of that kind has."""
 
 Triple: TypeAlias = tuple[float, float, float]
 Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
@@ -76,13 +87,14 @@ def apply_matrix(w: Symmetric, v: Triple) -> Triple:
 def closest_on_surface(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
     """Return the globally nearest surface point, the outward unit normal there, and the signed distance (m) of y.
 
-    `reals` (ROW_LENGTH,) is the surface; y is a point (m); negative is inside. On the medial set, where several points
+    `reals` (4,) is the surface; y is a point (m); negative is inside. On the medial set, where several points
     are nearest, it is one of them, always the same: y = foot + distance normal holds.
     """
-    if reals[KIND] == SPHERE:
-        return _on_sphere(reals[FIRST], y)
-    if reals[KIND] == TORUS:
-        return _on_torus(reals[FIRST], reals[SECOND], y)
+    surface = as_record(reals, SURFACE)
+    if surface.kind == SPHERE:
+        return _on_sphere(surface.lengths[0], y)
+    if surface.kind == TORUS:
+        return _on_torus(surface.lengths[0], surface.lengths[1], y)
     return _on_ellipsoid(reals, y)
 
 
@@ -127,7 +139,7 @@ def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
 
     In terms of g, zero on the medial disc, nothing cancels near it.
     """
-    a, b, c = reals[FIRST], reals[SECOND], reals[THIRD]
+    a, b, c = triple_of(as_record(reals, SURFACE).lengths)
     e = min(a, b, c)
     rs = ((a / e) ** 2, (b / e) ** 2, (c / e) ** 2)
     qs = ((a - e) * (a + e) / e / e, (b - e) * (b + e) / e / e, (c - e) * (c + e) / e / e)
@@ -177,15 +189,16 @@ def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
 def shape_operator(reals: Array, p: Triple, normal: Triple) -> Symmetric:
     """Return the shape operator W (1/m) at the surface point p (m): symmetric, W normal = 0, positive where convex.
 
-    `reals` (ROW_LENGTH,) is the surface. A foot that moves with velocity ṗ turns the normal by W ṗ.
+    `reals` (4,) is the surface. A foot that moves with velocity ṗ turns the normal by W ṗ.
     """
     x, y, z = normal
-    if reals[KIND] == SPHERE:
+    surface = as_record(reals, SURFACE)
+    if surface.kind == SPHERE:
         # W = (I - normal normal^T) / radius
-        k = 1.0 / reals[FIRST]
+        k = 1.0 / surface.lengths[0]
         return k * (1.0 - x * x), -k * x * y, -k * x * z, k * (1.0 - y * y), -k * y * z, k * (1.0 - z * z)
-    if reals[KIND] == TORUS:
-        major, minor = reals[FIRST], reals[SECOND]
+    if surface.kind == TORUS:
+        major, minor = surface.lengths[0], surface.lengths[1]
         k = 1.0 / minor
         across = math.hypot(p[0], p[1])
         # unit tangent of the parallel
@@ -218,14 +231,15 @@ def shape_operator(reals: Array, p: Triple, normal: Triple) -> Symmetric:
 def shape_operator_change(reals: Array, p: Triple, normal: Triple, v: Triple, w: Triple) -> Triple:
     """Return (∇_v W) w, by how much the shape operator W (1/m) changes along v, applied to w: 1/m^2 times both.
 
-    `reals` (ROW_LENGTH,) is the surface; v and w are tangent at the point p (m). The covariant derivative is symmetric
+    `reals` (4,) is the surface; v and w are tangent at the point p (m). The covariant derivative is symmetric
     in v and w (Codazzi).
     """
+    surface = as_record(reals, SURFACE)
     # a sphere bends alike everywhere
-    if reals[KIND] == SPHERE:
+    if surface.kind == SPHERE:
         return 0.0, 0.0, 0.0
-    if reals[KIND] == TORUS:
-        major, minor = reals[FIRST], reals[SECOND]
+    if surface.kind == TORUS:
+        major, minor = surface.lengths[0], surface.lengths[1]
         across = math.hypot(p[0], p[1])
         ex, ey, sin = p[0] / across, p[1] / across, normal[2]
         cos = normal[0] * ex + normal[1] * ey
@@ -258,7 +272,7 @@ def _quadric_terms(reals: Array, p: Triple) -> tuple[Triple, float]:
 
     With the form sum (x_i / e_i)^2 these are 1 / e_i^2 and |(p_i / e_i^2)|.
     """
-    a, b, c = reals[FIRST], reals[SECOND], reals[THIRD]
+    a, b, c = triple_of(as_record(reals, SURFACE).lengths)
     d = (1.0 / a / a, 1.0 / b / b, 1.0 / c / c)
     # the gradient of sum (x_i / e_i)^2 / 2 at p
     g = (d[0] * p[0], d[1] * p[1], d[2] * p[2])
@@ -269,25 +283,26 @@ def _quadric_terms(reals: Array, p: Triple) -> tuple[Triple, float]:
 def medial_reach(reals: Array, p: Triple, normal: Triple) -> tuple[float, float]:
     """Return how far (m) from the surface point p (m) the medial set lies: along the normal inwards, and outwards.
 
-    `reals` (ROW_LENGTH,) is the surface. Up to there p is the one nearest point. The medial set of the torus is its
+    `reals` (4,) is the surface. Up to there p is the one nearest point. The medial set of the torus is its
     core circle inside, its axis outside.
     """
-    if reals[KIND] == SPHERE:
-        return reals[FIRST], math.inf
-    if reals[KIND] == TORUS:
+    surface = as_record(reals, SURFACE)
+    if surface.kind == SPHERE:
+        return surface.lengths[0], math.inf
+    if surface.kind == TORUS:
         across = math.hypot(p[0], p[1])
         cos = (normal[0] * p[0] + normal[1] * p[1]) / across
         # outwards only the inner half of the tube looks at the axis
-        return reals[SECOND], across / -cos if cos < 0.0 else math.inf
+        return surface.lengths[1], across / -cos if cos < 0.0 else math.inf
     # from g = 0 in `_on_ellipsoid`: the distance there is -e^2 |grad|
-    e = min(reals[FIRST], reals[SECOND], reals[THIRD])
+    e = min(surface.lengths[0], surface.lengths[1], surface.lengths[2])
     _, s = _quadric_terms(reals, p)
     return e * e * s, math.inf
 
 
 @compiled
 def signed_distances(reals: Array, points: Array) -> Array:
-    """Return the signed distances (n,), m, of points (n, 3), m, from a surface `reals` (ROW_LENGTH,).
+    """Return the signed distances (n,), m, of points (n, 3), m, from a surface `reals` (4,).
 
     Raises as `check_finite` does.
     """
@@ -300,7 +315,7 @@ def signed_distances(reals: Array, points: Array) -> Array:
 
 @compiled
 def closest_points(reals: Array, points: Array) -> ClosestPoint:
-    """Return the `ClosestPoint` of points (n, 3), m, on a surface `reals` (ROW_LENGTH,).
+    """Return the `ClosestPoint` of points (n, 3), m, on a surface `reals` (4,).
 
     Raises as `check_finite` does.
     """
@@ -353,7 +368,7 @@ def closest_in_space(data: LawData, point: Array, frame: Array) -> float:
 
 
 KINDS = {"sphere": SPHERE, "ellipsoid": ELLIPSOID, "torus": TORUS}
-"""For each kind its number in the """
+"""For each kind its number in a `SURFACE`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -372,11 +387,8 @@ class Surface(SurfaceInSpace):
 
     @cached_property
     def row(self) -> Array:
-        """What the kernels take: kind and lengths, see the top."""
-        row = np.zeros(ROW_LENGTH)
-        row[0] = KINDS[self.kind]
-        row[1 : 1 + len(self.reals)] = self.reals
-        return row
+        """What the kernels take: the numbers of a `SURFACE`."""
+        return numbers_of(SURFACE, kind=KINDS[self.kind], lengths=self.reals)
 
     @cached_property
     def compiled_closest(self) -> Closest:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
-from hapticeval.compiled import compiled, for_kernels
+from hapticeval.compiled import as_record, compiled, for_kernels, record_type, room_for
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn
 from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, UNBOUNDED, evaluate, evaluate_many
@@ -33,16 +33,18 @@ TIP_REACH = 1e-15
 """The same at a convex corner, where nothing is there to be hit: only so far that rounding cannot let a tool that is
 dropped straight onto the tip fall between the two faces."""
 
-PIECE, UA, UB, OX, OY, EX, EY, SPAN, SLOPE_A, SLOPE_B, REACH_A, REACH_B, XMIN, XMAX, YMIN, YMAX = range(16)
-"""Columns of a cell.
+CELL = record_type(
+    "piece", "ua", "ub", "ox", "oy", "ex", "ey", "span", "slope_a", "slope_b", "reach_a", "reach_b",
+    "xmin", "xmax", "ymin", "ymax",
+)  # fmt: skip
+"""A cell.
 
-- PIECE it lies on, and its range of u from UA to UB;
-- start of the chord (OX, OY), m, its unit direction (EX, EY) and its length SPAN (m);
-- SLOPE_A and SLOPE_B of the boundary over the chord at both ends;
-- how far (m) it reaches beyond its ends, REACH_A and REACH_B;
-- a box (m) that holds it.
+- `piece` it lies on, and its range of u from `ua` to `ub`;
+- start of the chord (`ox`, `oy`), m, its unit direction (`ex`, `ey`) and its length `span` (m);
+- `slope_a` and `slope_b` of the boundary over the chord at both ends;
+- how far (m) it reaches beyond its ends, `reach_a` and `reach_b`;
+- a box (m) that holds it: `xmin`, `xmax`, `ymin`, `ymax`.
 """
-CELL_COLUMNS = 16
 
 
 class BoundaryCells(NamedTuple):
@@ -51,7 +53,7 @@ class BoundaryCells(NamedTuple):
     - `pieces` (n, 9) as in `kernels`;
     - `joints` (n,), rad: how the boundary turns where piece i begins, positive where convex;
     - `paces` (n,), 1/m: how fast each piece changes with arc length;
-    - `cells` (m, 16): see the column names.
+    - `cells` (m, 16): a `CELL` a row.
     """
 
     pieces: Array
@@ -98,87 +100,90 @@ def _cuts_and_pace(piece: Array) -> tuple[Array, float]:
 
 def _cell_rows(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_end: bool) -> Array:
     """Return the rows (m, 16) of cells on piece i between consecutive `cuts` (m + 1,)."""
-    cells = np.zeros((cuts.size - 1, CELL_COLUMNS))
-    cells[:, PIECE] = i
-    cells[:, UA], cells[:, UB] = cuts[:-1], cuts[1:]
-    cells[:, REACH_A : REACH_B + 1] = SEAM_REACH
+    table = np.zeros((cuts.size - 1, room_for(CELL)))
+    # the same numbers, by their names
+    cells = table.view(CELL)[:, 0]
+    cells["piece"] = i
+    cells["ua"], cells["ub"] = cuts[:-1], cuts[1:]
+    cells["reach_a"] = cells["reach_b"] = SEAM_REACH
     # one cell without ends, which every flight is measured over
     if pieces[i, KIND] == UNBOUNDED:
-        cells[:, OX : EY + 1] = pieces[i, 3:7]
-        cells[:, UA], cells[:, SPAN] = 0.0, math.inf
-        cells[:, REACH_A] = math.inf
-        cells[:, [XMIN, YMIN]], cells[:, [XMAX, YMAX]] = -math.inf, math.inf
-        return cells
+        cells["ox"], cells["oy"], cells["ex"], cells["ey"] = pieces[i, 3:7]
+        cells["ua"], cells["span"] = 0.0, math.inf
+        cells["reach_a"] = math.inf
+        cells["xmin"] = cells["ymin"] = -math.inf
+        cells["xmax"] = cells["ymax"] = math.inf
+        return table
     rows = evaluate_many(pieces[i : i + 1], cuts)
     chords = np.diff(rows[:, :2], axis=0)
-    cells[:, SPAN] = np.hypot(chords[:, 0], chords[:, 1])
-    ex, ey = (chords / cells[:, SPAN, np.newaxis]).T
-    cells[:, OX : OY + 1] = rows[:-1, :2]
-    cells[:, EX], cells[:, EY] = ex, ey
+    cells["span"] = np.hypot(chords[:, 0], chords[:, 1])
+    ex, ey = (chords / cells["span"][:, np.newaxis]).T
+    cells["ox"], cells["oy"] = rows[:-1, :2].T
+    cells["ex"], cells["ey"] = ex, ey
     if pieces[i, KIND] == LINE:
-        cells[:, EX], cells[:, EY] = pieces[i, 5], pieces[i, 6]
+        cells["ex"], cells["ey"] = pieces[i, 5], pieces[i, 6]
     else:
-        for column, ends in ((SLOPE_A, rows[:-1]), (SLOPE_B, rows[1:])):
+        for slope, ends in (("slope_a", rows[:-1]), ("slope_b", rows[1:])):
             # slope of the boundary over the chord where the cell begins and where it ends
-            cells[:, column] = (ends[:, 2] * ey - ends[:, 3] * ex) / (ends[:, 2] * ex + ends[:, 3] * ey)
+            cells[slope] = (ends[:, 2] * ey - ends[:, 3] * ex) / (ends[:, 2] * ex + ends[:, 3] * ey)
     # A graph whose slope stays within CELL_TURN of its chord's lies within half of that times its span.
-    margin = (0.0 if pieces[i, KIND] == LINE else CELL_TURN) * cells[:, SPAN] + SEAM_REACH
-    for low, high, axis in ((XMIN, XMAX, 0), (YMIN, YMAX, 1)):
-        cells[:, low] = np.minimum(rows[:-1, axis], rows[1:, axis]) - margin
-        cells[:, high] = np.maximum(rows[:-1, axis], rows[1:, axis]) + margin
+    margin = (0.0 if pieces[i, KIND] == LINE else CELL_TURN) * cells["span"] + SEAM_REACH
+    for low, high, axis in (("xmin", "xmax", 0), ("ymin", "ymax", 1)):
+        cells[low] = np.minimum(rows[:-1, axis], rows[1:, axis]) - margin
+        cells[high] = np.maximum(rows[:-1, axis], rows[1:, axis]) + margin
     if convex_start:
-        cells[0, REACH_A] = TIP_REACH
+        cells["reach_a"][0] = TIP_REACH
     if convex_end:
-        cells[-1, REACH_B] = TIP_REACH
-    return cells
+        cells["reach_b"][-1] = TIP_REACH
+    return table
 
 
 @compiled
-def height_over_cell(cell: Array, pieces: Array, x: float, y: float) -> tuple[float, float, float, float]:
-    """Return the height (m) of a point (x, y), m, over a cell (16,), along the chord's outward normal.
+def height_over_cell(cell: Any, pieces: Array, x: float, y: float) -> tuple[float, float, float, float]:
+    """Return the height (m) of a point (x, y), m, over a `CELL`, along the chord's outward normal.
 
     With it come the boundary's slope below the point, its u there, and how far (m) beyond the cell's ends the point is,
     negative before the start; there the boundary goes on straight. `pieces` (n, 9) are the boundary's.
     """
-    dx, dy = x - cell[OX], y - cell[OY]
+    dx, dy = x - cell.ox, y - cell.oy
     # coordinates along the chord and along its outward normal
-    xi = dx * cell[EX] + dy * cell[EY]
-    eta = dx * cell[EY] - dy * cell[EX]
-    span = cell[SPAN]
-    piece = pieces[int(cell[PIECE])]
+    xi = dx * cell.ex + dy * cell.ey
+    eta = dx * cell.ey - dy * cell.ex
+    span = cell.span
+    piece = pieces[int(cell.piece)]
     overhang = min(xi, 0.0) + max(xi - span, 0.0)
     # the chord is the boundary
     if piece[KIND] in (LINE, UNBOUNDED):
-        return eta, 0.0, cell[UA] + xi, overhang
+        return eta, 0.0, cell.ua + xi, overhang
     # before the cell's start and past its end
     if xi <= 0.0:
-        return eta - cell[SLOPE_A] * xi, cell[SLOPE_A], cell[UA], overhang
+        return eta - cell.slope_a * xi, cell.slope_a, cell.ua, overhang
     if xi >= span:
-        return eta - cell[SLOPE_B] * (xi - span), cell[SLOPE_B], cell[UB], overhang
-    u = cell[UA] + (cell[UB] - cell[UA]) * xi / span
+        return eta - cell.slope_b * (xi - span), cell.slope_b, cell.ub, overhang
+    u = cell.ua + (cell.ub - cell.ua) * xi / span
     # Newton for the u above which the point lies; it ends when it no longer comes closer
     shift = math.inf
     bottom, slope = 0.0, 0.0
     for _ in range(20):
         px, py, tx, ty, _, _ = evaluate(piece, u)
-        px -= cell[OX]
-        py -= cell[OY]
+        px -= cell.ox
+        py -= cell.oy
         # how fast the point of the boundary moves along the chord with u
-        progress = tx * cell[EX] + ty * cell[EY]
-        slope = (tx * cell[EY] - ty * cell[EX]) / progress
-        miss = xi - (px * cell[EX] + py * cell[EY])
+        progress = tx * cell.ex + ty * cell.ey
+        slope = (tx * cell.ey - ty * cell.ex) / progress
+        miss = xi - (px * cell.ex + py * cell.ey)
         # first order in what is left to the point: the error goes with its square
-        bottom = px * cell[EY] - py * cell[EX] + slope * miss
+        bottom = px * cell.ey - py * cell.ex + slope * miss
         if abs(miss) >= shift or miss == 0.0:
             break
         shift = abs(miss)
-        u = min(max(u + miss / progress, cell[UA]), cell[UB])
+        u = min(max(u + miss / progress, cell.ua), cell.ub)
     return eta - bottom, slope, u, overhang
 
 
 @compiled
 def _height_in_flight(
-    cell: Array, pieces: Array, flight: Flight, h: float, load: Any
+    cell: Any, pieces: Array, flight: Flight, h: float, load: Any
 ) -> tuple[float, float, float, float]:
     """Return the height (m) over the cell h seconds into the flight, how fast it grows, u, and the overhang.
 
@@ -187,13 +192,13 @@ def _height_in_flight(
     x, y, vx, vy = fly_for(flight[0], flight[1], flight[2], flight[3], flight[4], h, load)
     f, slope, u, overhang = height_over_cell(cell, pieces, x, y)
     # d/dt (eta - bottom(xi)): the velocity across the chord, less the slope times that along it
-    climb = vx * cell[EY] - vy * cell[EX] - slope * (vx * cell[EX] + vy * cell[EY])
+    climb = vx * cell.ey - vy * cell.ex - slope * (vx * cell.ex + vy * cell.ey)
     return f, climb, u, overhang
 
 
 @compiled
 def _crossing_time(
-    cell: Array,
+    cell: Any,
     pieces: Array,
     flight: Flight,
     low: float,
@@ -221,7 +226,7 @@ def _crossing_time(
 
 
 @compiled
-def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, load: Any) -> tuple[float, float]:
+def _entry_through_cell(cell: Any, pieces: Array, flight: Flight, h: float, load: Any) -> tuple[float, float]:
     """Return the first time (s) within h at which the flight enters through the cell, and u there; else infinity."""
     # within a step the height has at most one extremum: on both sides of it it rises or falls
     f0, climb0, _, _ = _height_in_flight(cell, pieces, flight, 0.0, load)
@@ -248,7 +253,7 @@ def _entry_through_cell(cell: Array, pieces: Array, flight: Flight, h: float, lo
                 entry_time = _crossing_time(cell, pieces, flight, start, entry_time, 0.0, load)
             _, _, u, overhang = _height_in_flight(cell, pieces, flight, entry_time, load)
             # through this cell, and not past its ends
-            if -cell[REACH_A] <= overhang <= cell[REACH_B]:
+            if -cell.reach_a <= overhang <= cell.reach_b:
                 return entry_time, u
         if turn >= h:
             break
@@ -280,16 +285,16 @@ def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Any, fre
     # `room` is the gap to the nearest cell that the flight's box does not touch
     room, first_time, first_piece, u = math.inf, math.inf, 0, 0.0
     for i in range(terrain.cells.shape[0]):
-        cell = terrain.cells[i]
+        cell = as_record(terrain.cells, CELL, i)
         # the boxes are apart by at least this
-        gap = max(cell[XMIN] - xmax, xmin - cell[XMAX], cell[YMIN] - ymax, ymin - cell[YMAX])
+        gap = max(cell.xmin - xmax, xmin - cell.xmax, cell.ymin - ymax, ymin - cell.ymax)
         if gap > 0.0:
             room = min(room, gap)
             continue
         room = 0.0
         entry_time, entry_u = _entry_through_cell(cell, terrain.pieces, flight, h, load)
         if entry_time < first_time:
-            first_time, first_piece, u = entry_time, int(cell[PIECE]), entry_u
+            first_time, first_piece, u = entry_time, int(cell.piece), entry_u
     # a cell was touched: no box is known to be free
     if room == 0.0:
         room = -math.inf

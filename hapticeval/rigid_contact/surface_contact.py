@@ -19,11 +19,8 @@ from hapticeval.bracket import MOST_GUESSES, guess_between
 from hapticeval.compiled import as_record, compiled
 from hapticeval.geometry.surface import (
     ELLIPSOID,
-    FIRST,
-    KIND,
-    SECOND,
     SPHERE,
-    THIRD,
+    SURFACE,
     TORUS,
     Surface,
     Triple,
@@ -78,19 +75,21 @@ def surface_terms(reals: Array, p: Triple, v: Triple) -> tuple[float, Triple, fl
     `reals` (k,) has the surface's kind and lengths (m). Of a torus 2 f = (rho - major)^2 + z^2 - minor^2, with rho the
     distance from the axis; of an ellipsoid 2 f = sum (x_i / e_i)^2 - 1.
     """
-    if reals[KIND] == TORUS:
+    surface = as_record(reals, SURFACE)
+    if surface.kind == TORUS:
+        major, minor = surface.lengths[0], surface.lengths[1]
         rho = math.hypot(p[0], p[1])
-        off_core = rho - reals[FIRST]
+        off_core = rho - major
         share = off_core / rho
         # velocity away from the axis; what is left of it in the plane goes round the axis
         outwards = (p[0] * v[0] + p[1] * v[1]) / rho
         round_squared = v[0] * v[0] + v[1] * v[1] - outwards * outwards
-        value = 0.5 * (off_core * off_core + p[2] * p[2] - reals[SECOND] * reals[SECOND])
+        value = 0.5 * (off_core * off_core + p[2] * p[2] - minor * minor)
         bend = outwards * outwards + share * round_squared + v[2] * v[2]
         return value, (share * p[0], share * p[1], p[2]), bend
     value, bend, gradient = -0.5, 0.0, (0.0, 0.0, 0.0)
     for i in range(3):
-        axis = reals[FIRST] if reals[KIND] == SPHERE else reals[FIRST + i]
+        axis = surface.lengths[0] if surface.kind == SPHERE else surface.lengths[i]
         scale = 1.0 / (axis * axis)
         value += 0.5 * scale * p[i] * p[i]
         bend += scale * v[i] * v[i]
@@ -351,7 +350,7 @@ def carry_on_surface(
 ) -> tuple[Array, Array, int, Array]:
     """Carry the tool from `start`, SLIDE where it begins on the surface, through all stretches.
 
-    `reals` (ROW_LENGTH,) is the surface, `sharpest` (1/m) its largest curvature. See `Ground.carry` for the rest.
+    `reals` (4,) is the surface, `sharpest` (1/m) its largest curvature. See `Ground.carry` for the rest.
     """
     state, out = as_record(start, SPACE_TOOL), np.zeros((rows, 12))
     tool = Tool(state, as_record(gains, LOAD), np.zeros(6), np.zeros((limit, 8)), np.zeros(1, np.int64))
@@ -402,12 +401,13 @@ class SurfaceGround:
 
 
 def _largest_curvature(row: Array) -> float:
-    """Return the largest |principal curvature| (1/m) of the surface in a row (ROW_LENGTH,) of `geometry.surface`."""
+    """Return the largest |principal curvature| (1/m) of the surface in a row (4,) of `geometry.surface`."""
+    surface = as_record(row, SURFACE)
+    axes = surface.lengths
     # round the tube, or round the hole
-    if row[KIND] == TORUS:
-        return float(max(1.0 / row[SECOND], 1.0 / (row[FIRST] - row[SECOND])))
+    if surface.kind == TORUS:
+        return float(max(1.0 / axes[1], 1.0 / (axes[0] - axes[1])))
     # at the tip of the longest semi-axis, across the shortest
-    if row[KIND] == ELLIPSOID:
-        axes = row[FIRST : THIRD + 1]
+    if surface.kind == ELLIPSOID:
         return float(axes.max() / axes.min() ** 2)
-    return float(1.0 / row[FIRST])
+    return float(1.0 / axes[0])
