@@ -20,6 +20,8 @@ from hapticeval.geometry.mesh_kernels import (
     _minus,
     _product_error,
     box_middle,
+    corner_of,
+    neighbour_of,
     normal_of,
     position_of,
 )
@@ -304,7 +306,7 @@ def build_tables(
                 vertices[row, PSEUDO + axis] += angle * faces[k, NORMAL + axis]
     for k in range(n):
         for i in range(3):
-            normal_here, normal_across = normal_of(faces, k), normal_of(faces, int(faces[k, ACROSS + i]))
+            normal_here, normal_across = normal_of(faces, k), normal_of(faces, neighbour_of(faces, k, i))
             total = plus(normal_here, 1.0, normal_across)
             # normals nearly opposite: their sum is as long as the angle between the triangles
             if dot(total, total) <= LEAST_OPENING * LEAST_OPENING:
@@ -377,7 +379,7 @@ def _write_disc(faces: Array, vertices: Array, tree: Array, i: int, slack: float
     radius_squared, half_thickness = 0.0, 0.0
     for k in range(begin, end):
         for corner in range(3):
-            q = _minus(position_of(vertices, faces[k, CORNER + corner]), middle)
+            q = _minus(corner_of(faces, vertices, k, corner), middle)
             aside = _cross(mean, q)
             radius_squared = max(radius_squared, dot(aside, aside))
             half_thickness = max(half_thickness, abs(dot(mean, q)))
@@ -429,10 +431,10 @@ def _meet_as_neighbours(faces: Array, vertices: Array, j: int, k: int, first: Ar
     if shared > 1:
         return True
     # both triangles seen from the shared corner, which is exact then
-    origin = position_of(vertices, faces[j, CORNER + first_corner])
+    origin = corner_of(faces, vertices, j, first_corner)
     for i in range(3):
-        a = _minus(position_of(vertices, faces[j, CORNER + (first_corner + i) % 3]), origin)
-        b = _minus(position_of(vertices, faces[k, CORNER + (second_corner + i) % 3]), origin)
+        a = _minus(corner_of(faces, vertices, j, (first_corner + i) % 3), origin)
+        b = _minus(corner_of(faces, vertices, k, (second_corner + i) % 3), origin)
         for axis in range(3):
             first[i, axis], second[i, axis] = a[axis], b[axis]
     n, p = normal_of(faces, j), normal_of(faces, k)

@@ -87,6 +87,24 @@ def position_of(vertices: Array, row: float) -> Triple:
 
 
 @inner
+def corner_of(faces: Array, vertices: Array, k: int, i: int) -> Triple:
+    """Return the position (m) of corner i of triangle k; `faces` (t, 9) and `vertices` (v, 6), m, are the mesh."""
+    return position_of(vertices, faces[k, CORNER + i])
+
+
+@inner
+def neighbour_of(faces: Array, k: int, i: int) -> int:
+    """Return the triangle across the edge of triangle k that begins at its corner i; `faces` (t, 9), lengths in m."""
+    return int(faces[k, ACROSS + i])
+
+
+@inner
+def pseudonormal_of(vertices: Array, row: int) -> Triple:
+    """Return the pseudonormal, unit length, of the vertex in a row of `vertices` (v, 6), m."""
+    return vertices[row, PSEUDO], vertices[row, PSEUDO + 1], vertices[row, PSEUDO + 2]
+
+
+@inner
 def normal_of(faces: Array, k: int) -> Triple:
     """Return the outward unit normal of triangle k of `faces` (t, 9); lengths are in m."""
     return faces[k, NORMAL], faces[k, NORMAL + 1], faces[k, NORMAL + 2]
@@ -119,13 +137,13 @@ def distance_to_triangle(
     closest point of an edge by that edge alone: so errors are roundings of the coordinates, whatever the triangle's
     shape.
     """
-    a, n = position_of(vertices, faces[k, CORNER]), normal_of(faces, k)
+    a, n = corner_of(faces, vertices, k, 0), normal_of(faces, k)
     ap = _minus(p, a)
     height = dot(n, ap)
     best_squared = height * height
     if best_squared > limit_squared:
         return math.inf, FACE, 0.0
-    b, c = position_of(vertices, faces[k, CORNER + 1]), position_of(vertices, faces[k, CORNER + 2])
+    b, c = corner_of(faces, vertices, k, 1), corner_of(faces, vertices, k, 2)
     ab, bc, ca = _minus(b, a), _minus(c, b), _minus(a, c)
     bp, cp = _minus(p, b), _minus(p, c)
     # (n x edge) . (p - corner): negative outside of that edge
@@ -248,7 +266,7 @@ def closest_on_mesh(
     pseudonormal.
     """
     k, feature, share, distance_squared = nearest_triangle(faces, vertices, tree, p, start)
-    n, a = normal_of(faces, k), position_of(vertices, faces[k, CORNER])
+    n, a = normal_of(faces, k), corner_of(faces, vertices, k, 0)
     if feature == FACE:
         height = dot(n, _minus(p, a))
         foot = plus(p, -height, n)
@@ -256,11 +274,11 @@ def closest_on_mesh(
         return k, plus(foot, -dot(n, _minus(foot, a)), n), n, height
     if feature < VERTEX:
         i = feature - EDGE
-        a, b = position_of(vertices, faces[k, CORNER + i]), position_of(vertices, faces[k, CORNER + (i + 1) % 3])
+        a, b = corner_of(faces, vertices, k, i), corner_of(faces, vertices, k, (i + 1) % 3)
         ab = _minus(b, a)
         foot, q = plus(a, share, ab), plus(_minus(p, a), -share, ab)
     else:
-        foot = position_of(vertices, faces[k, CORNER + feature - VERTEX])
+        foot = corner_of(faces, vertices, k, feature - VERTEX)
         q = _minus(p, foot)
     side, normal = side_and_normal(faces, vertices, k, feature, foot, q)
     return k, foot, normal, side * math.sqrt(distance_squared)
@@ -290,11 +308,11 @@ def side_and_normal(
         return (-1.0 if dot(n, q) < 0.0 else 1.0), n
     if feature < VERTEX:
         # an edge's pseudonormal is the mean of both normals, a vertex's is in the table
-        mean = plus(n, 1.0, normal_of(faces, int(faces[k, ACROSS + feature - EDGE])))
+        mean = plus(n, 1.0, normal_of(faces, neighbour_of(faces, k, feature - EDGE)))
         mean = _scaled(1.0 / math.sqrt(dot(mean, mean)), mean)
     else:
         row = int(faces[k, CORNER + feature - VERTEX])
-        mean = (vertices[row, PSEUDO], vertices[row, PSEUDO + 1], vertices[row, PSEUDO + 2])
+        mean = pseudonormal_of(vertices, row)
     side = -1.0 if dot(mean, q) < 0.0 else 1.0
     bent = _minus(mean, n)
     # faces of one plane: an inner edge is no edge
@@ -452,9 +470,9 @@ def first_triangle_hit(
         j = i - m
         for k in range(j * n // m, (j + 1) * n // m):
             # the origin of the sheared plane is the line: a triangle is hit where it holds it
-            a = _minus(position_of(vertices, faces[k, CORNER]), start)
-            b = _minus(position_of(vertices, faces[k, CORNER + 1]), start)
-            c = _minus(position_of(vertices, faces[k, CORNER + 2]), start)
+            a = _minus(corner_of(faces, vertices, k, 0), start)
+            b = _minus(corner_of(faces, vertices, k, 1), start)
+            c = _minus(corner_of(faces, vertices, k, 2), start)
             ax, ay, bx, by = a[kx] - sx * a[kz], a[ky] - sy * a[kz], b[kx] - sx * b[kz], b[ky] - sy * b[kz]
             u, side = _signed_area(bx, by, ax, ay)
             cx, cy = c[kx] - sx * c[kz], c[ky] - sy * c[kz]
@@ -568,7 +586,7 @@ def normals_in_reach(faces: Array, vertices: Array, tree: Array, points: Array, 
                 normals[total, 0], normals[total, 1], normals[total, 2] = normal
                 total += 1
             for i in range(3):
-                neighbour = int(faces[face, ACROSS + i])
+                neighbour = neighbour_of(faces, face, i)
                 if (
                     visited_for[neighbour] != row
                     and distance_to_triangle(faces, vertices, neighbour, foot, math.inf)[0] <= limit * limit

@@ -18,20 +18,21 @@ import numpy as np
 
 from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh_kernels import (
-    ACROSS,
     CORNER,
     EDGE,
     FACE,
-    PSEUDO,
     VERTEX,
     _cross,
     _minus,
     _scaled,
     closest_feature,
     closest_on_mesh,
+    corner_of,
     first_entry,
+    neighbour_of,
     normal_of,
     position_of,
+    pseudonormal_of,
 )
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.types import Array, IntArray
@@ -94,7 +95,7 @@ def walk_downhill(
                 return RESTS, k, feature, point
         else:
             i = feature - EDGE
-            a, b = position_of(vertices, faces[k, CORNER + i]), position_of(vertices, faces[k, CORNER + (i + 1) % 3])
+            a, b = corner_of(faces, vertices, k, i), corner_of(faces, vertices, k, (i + 1) % 3)
             ab = _minus(b, a)
             # where along the edge the goal's foot lies: rest there, or go on from the end
             share = dot(_minus(goal, a), ab) / dot(ab, ab)
@@ -145,9 +146,9 @@ def _choose_at_edge(faces: Array, vertices: Array, free: bool, k: int, i: int, d
 
     Where both faces lead down it is its own.
     """
-    j = int(faces[k, ACROSS + i])
+    j = neighbour_of(faces, k, i)
     n, p = normal_of(faces, k), normal_of(faces, j)
-    a, b = position_of(vertices, faces[k, CORNER + i]), position_of(vertices, faces[k, CORNER + (i + 1) % 3])
+    a, b = corner_of(faces, vertices, k, i), corner_of(faces, vertices, k, (i + 1) % 3)
     e = _minus(b, a)
     e = _scaled(1.0 / math.sqrt(dot(e, e)), e)
     # directions in each face, square to the edge and away from it
@@ -183,16 +184,16 @@ def _choose_at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int,
     row = faces[k, CORNER + i]
     apex, size_squared = position_of(vertices, row), dot(d, d)
     vertex = int(row)
-    mean = (vertices[vertex, PSEUDO], vertices[vertex, PSEUDO + 1], vertices[vertex, PSEUDO + 2])
+    mean = pseudonormal_of(vertices, vertex)
     # nearest of all to d so far: the vertex, with its pseudonormal
     least_squared, side = size_squared, dot(mean, d)
     steepest, best, steepest_feature = DIRECTION_ROUNDING * DIRECTION_ROUNDING * size_squared, k, VERTEX + i
     j, h = k, i
     while True:
         n = normal_of(faces, j)
-        p = _minus(position_of(vertices, faces[j, CORNER + (h + 1) % 3]), apex)
-        q = _minus(position_of(vertices, faces[j, CORNER + (h + 2) % 3]), apex)
-        height, after = dot(n, d), int(faces[j, ACROSS + h])
+        p = _minus(corner_of(faces, vertices, j, (h + 1) % 3), apex)
+        q = _minus(corner_of(faces, vertices, j, (h + 2) % 3), apex)
+        height, after = dot(n, d), neighbour_of(faces, j, h)
         # d projects into this triangle: p and q bound it at the apex
         if dot(_cross(n, p), d) >= 0.0 and dot(_cross(q, n), d) >= 0.0:
             if height * height < least_squared:

@@ -24,8 +24,6 @@ from hapticeval.compiled import as_record, compiled
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import (
-    ACROSS,
-    CORNER,
     EDGE,
     FACE,
     VERTEX,
@@ -33,8 +31,9 @@ from hapticeval.geometry.mesh_kernels import (
     _minus,
     _scaled,
     closest_feature,
+    corner_of,
+    neighbour_of,
     normal_of,
-    position_of,
 )
 from hapticeval.geometry.surface import Triple, dot, plus, triple_of
 from hapticeval.rigid_contact.contact import ON_BOUNDARY
@@ -255,7 +254,7 @@ def advance_on_edge(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     """
     load, state = tool.load, tool.state
     k, i = int(state.triangle), int(state.feature) - EDGE
-    j, e = int(terrain.faces[k, ACROSS + i]), edge_direction(terrain.faces, terrain.vertices, k, i)
+    j, e = neighbour_of(terrain.faces, k, i), edge_direction(terrain.faces, terrain.vertices, k, i)
     p, v = triple_of(state.position), triple_of(state.velocity)
     force, rate = force_in_space(load, tau, p, v), triple_of(load.g1)
     h, onto = longest_flight_step(load, time_left), -1
@@ -269,8 +268,8 @@ def advance_on_edge(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
             h, onto = -drive / growth, face
     path = ToolPath(p, v, tau, NOWHERE)
     a, b = (
-        position_of(terrain.vertices, terrain.faces[k, CORNER + i]),
-        position_of(terrain.vertices, terrain.faces[k, CORNER + (i + 1) % 3]),
+        corner_of(terrain.faces, terrain.vertices, k, i),
+        corner_of(terrain.faces, terrain.vertices, k, (i + 1) % 3),
     )
     # past either end
     end = VERTEX + i
