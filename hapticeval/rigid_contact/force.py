@@ -56,8 +56,8 @@ hits, and of the shortest steps, 0.02 rad of a turn or an oscillation, 318 turns
 """
 
 SEAM_REACH = 1e-9
-"""How far (m) a piece of the boundary, a cell of a curve or a triangle, reaches beyond its ends that are not convex, so
-that no path slips through between two."""
+"""How far (m) a cell of a curve reaches beyond its ends that are not convex, and a triangle beyond its concave edges:
+no path slips through between two."""
 
 SKIN_SHARE, SKIN_ROUNDING = 5e-13, 1e-15
 """Depth from which a tool in flight counts as inside: a share of the model's size, 0.1 pm of 200 mm, and a share of its

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
 from hapticeval.compiled import compiled, inner
-from hapticeval.geometry.mesh_kernels import CORNER, FACE, _cross, _minus, normal_of, position_of
+from hapticeval.geometry.mesh_kernels import CORNER, FACE, VERTEX, _cross, _minus, normal_of, position_of
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
@@ -188,9 +188,9 @@ def near_triangles(terrain: MeshTerrain, low: Triple, high: Triple, near: IntArr
 
 @inner
 def _lies_over(terrain: MeshTerrain, k: int, p: Triple) -> bool:
-    """Whether a point (m) on the plane of triangle k lies on the triangle, within its reach beyond each edge.
+    """Whether a point (m) on the plane of triangle k lies on the triangle, within its reach beyond each concave edge.
 
-    Past a corner with a convex edge it does not reach: along a concave edge that ends there nothing is left to be hit.
+    Where such an edge ends at a corner with a convex one, it does not reach past the corner, nor out of the solid.
     """
     for i in range(3):
         a, e = (
@@ -201,13 +201,17 @@ def _lies_over(terrain: MeshTerrain, k: int, p: Triple) -> bool:
         inside = dot(_cross(normal_of(terrain.faces, k), e), _minus(p, a))
         if inside >= -terrain.tip_reach:
             continue
-        if terrain.turns[k, i] > 0.0 or inside < -SEAM_REACH:
+        # within a flat face the neighbour has the same plane: what is past this edge lies on that, or on no triangle
+        if terrain.turns[k, i] >= 0.0 or inside < -SEAM_REACH:
             return False
         b = position_of(terrain.vertices, terrain.faces[k, CORNER + (i + 1) % 3])
         # past a: e.(p - a) < 0; past b: e.(p - b) > 0
-        for corner, past in ((i, -dot(e, _minus(p, a))), ((i + 1) % 3, dot(e, _minus(p, b)))):
-            if past > 0.0 and turns_at_corner(terrain, k, corner)[1] > 0.0:
-                return False
+        for corner, apex, past in ((i, a, -dot(e, _minus(p, a))), ((i + 1) % 3, b, dot(e, _minus(p, b)))):
+            if turns_at_corner(terrain, k, corner)[1] > 0.0:
+                # the neighbour may be narrow there: what is past this edge is then past the neighbour too
+                height = nearest_around(terrain, k, VERTEX + corner, _minus(p, apex))[0]
+                if past > 0.0 or height > terrain.tip_reach:
+                    return False
     return True
 
 

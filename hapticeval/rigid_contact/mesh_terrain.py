@@ -42,8 +42,8 @@ class MeshTerrain(NamedTuple):
     - `facets` (t,): the number of the flat face that a triangle belongs to;
     - `anchors` (t, 3), m: a point of that face, the same for all of its triangles;
     - `turns` (t, 3): how the mesh turns at each edge, the sine of the angle, positive where convex, 0 inside of a face;
-    - `tip_reach` (m): rounding of coordinates, by which a triangle reaches beyond its convex edges, so that no tool
-      that is dropped straight onto one falls between its faces.
+    - `tip_reach` (m): rounding of coordinates, by which a triangle reaches beyond its edges that are not concave, so
+      that no tool that is dropped straight onto one falls between two triangles.
     """
 
     faces: Array

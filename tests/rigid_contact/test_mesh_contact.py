@@ -60,6 +60,10 @@ def kinds(recording):
     return [event["kind"] for event in recording.meta["events"]]
 
 
+def unit(vector):
+    return vector / np.linalg.norm(vector)
+
+
 def energy(recording, force):
     return 0.5 * MASS * np.sum(recording.velocity**2, axis=1) - recording.hip @ force
 
@@ -321,6 +325,77 @@ def test_past_the_end_of_a_concave_edge_nothing_is_left_to_push(speed):
     assert recording.meta["events"][-1] == leave
     assert np.all(recording.force[recording.time > leave["time"]] == 0.0)
     assert recording.hip[-1, 0] < -0.1
+
+
+@pytest.mark.parametrize("beside", [-6e-10, 0.0, 6e-10])
+def test_beside_a_cut_of_a_concave_edge_both_faces_meet_the_tool_as_elsewhere_on_it(beside):
+    """Over the notch of an L of many triangles, some of which reach its edge in a corner only."""
+    block = make_model("l-block")
+    for edge_height in (-0.041, -0.02, 0.029):
+        target = np.array([-0.01, -0.01, edge_height + beside])
+        velocity = np.array([-0.3, -0.1, -0.07])
+        experiment = Experiment(0.2, target - 0.1 * velocity, velocity, [0.0], [[0.0, 0.0, 0.0]])
+        plain, cut = (contact(model, restitution=0.3).simulate(experiment, 1e-3) for model in (block, block.cut()))
+        assert kinds(plain) == kinds(cut) == ["impact"]
+        np.testing.assert_allclose(plain.hip, cut.hip, rtol=0.0, atol=1e-12)
+
+
+def test_no_tool_slips_through_between_the_triangles_of_a_face():
+    """Turned and shifted, so that corners are off their faces by rounding; aimed at edges within faces, and corners."""
+    cut = make_model("icosphere", subdivisions=1, size=0.1).cut().boundary
+    model = mesh_model(cut.vertices @ TURN.T + np.array([0.3, -0.2, 0.1]), cut.triangles)
+    mesh, tool, rng = model.boundary, contact(model), np.random.default_rng(3)
+    for triangle in rng.choice(len(mesh.triangles), 100, replace=False):
+        # the last corner of each lies within the face that was cut, and so do the edges to it
+        _, outer, inner = mesh.vertices[mesh.triangles[triangle]]
+        normal = mesh.normals[triangle]
+        for share in (1.0, rng.uniform()):
+            # at angles to the face down to some 1e-3 rad
+            velocity = 0.1 * unit(unit(rng.normal(size=3)) - 10.0 ** rng.uniform(-1.0, 1.0) * normal)
+            velocity -= normal * max(0.0, velocity @ normal + 1e-4)
+            target = outer + share * (inner - outer)
+            experiment = Experiment(0.1, target - 0.05 * velocity, velocity, [0.0], [[0.0, 0.0, 0.0]])
+            if mesh.signed_distance(experiment.position[np.newaxis])[0] > 0.0:
+                recording = tool.simulate(experiment, 1e-3)
+                assert mesh.signed_distance(recording.hip).min() > -1e-12
+                assert "impact" in kinds(recording)
+
+
+def dimpled_icosphere():
+    """An icosphere with a corner pushed in: around it, narrow faces meet in concave edges and end in convex ones."""
+    icosphere = make_model("icosphere", subdivisions=1, size=0.1).boundary
+    vertices = icosphere.vertices.copy()
+    vertices[0] *= 0.6
+    return mesh_model(vertices, icosphere.triangles)
+
+
+@pytest.mark.parametrize("faces", ["whole", "cut"])
+def test_within_a_nanometre_of_a_corner_a_tool_goes_as_it_does_within_a_micrometre(faces):
+    """A corner is a cone, which is itself at any scale: no face of it reaches out beside its edges."""
+    model, rng, impacts = dimpled_icosphere(), np.random.default_rng(7), 0
+    mesh = model.boundary
+    for corner in np.unique(mesh.triangles[np.any(mesh.triangles == 0, axis=1)]):
+        centred = mesh_model(mesh.vertices - mesh.vertices[corner], mesh.triangles)
+        tool = contact(centred if faces == "whole" else centred.cut())
+        for _ in range(60):
+            velocity, offset = 0.1 * unit(rng.normal(size=3)), rng.normal(size=3)
+            offset = rng.uniform(0.0, 1.0) * unit(offset - (offset @ unit(velocity)) * unit(velocity))
+            near, far = (
+                first_impulse(tool, Experiment(0.02, reach * offset - 0.01 * velocity, velocity, [0.0], [[0, 0, 0]]))
+                for reach in (1e-9, 1e-6)
+            )
+            np.testing.assert_allclose(near, far, rtol=0.0, atol=1e-9)
+            impacts += bool(np.any(near))
+    assert impacts > 50
+
+
+def first_impulse(tool, experiment):
+    """The impulse (3,), N s, of the first impact; zero without one, and for a way that begins in the solid."""
+    try:
+        events = tool.simulate(experiment, 1e-3).meta["events"]
+    except RefusalError:
+        return np.zeros(3)
+    return np.array(events[0]["impulse"]) if events else np.zeros(3)
 
 
 @pytest.mark.timeout(60)
