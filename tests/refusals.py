@@ -7,8 +7,9 @@ A test asks for the type alone, by the fixture `refused`:
 
 and the text is held against the list. Where a sentence becomes plainer, `make tables` writes the list anew: read the
 difference. The test's folder is FOLDER in it, any other of this run TEMPORARY, the repository REPOSITORY, the
-interpreter PYTHON, an object's place in memory ADDRESS, a port PORT, and the rounding of zero 0. What the system or an
-ill-conditioned computation says differs from machine to machine: such a test asks for the type by `pytest.raises`.
+interpreter PYTHON, an object's place in memory ADDRESS, a port PORT, the line of code that raised LINE, and the rounding
+of zero 0. What the system or an ill-conditioned computation says differs from machine to machine: such a test asks for
+the type by `pytest.raises`.
 """
 
 from __future__ import annotations
@@ -33,6 +34,9 @@ ROUNDING = re.compile(r"(?<![\d.])-?\d(\.\d+)?e-(1[7-9]|2\d)\b")
 
 LOCAL_PORT = re.compile(r"(?<=127\.0\.0\.1:)\d+")
 """A port of this machine, which the system chooses."""
+
+RAISING_LINE = re.compile(r"(?<=\.py, line )\d+(?=, in )")
+"""The line of code that raised: it moves with each line that is written above it. `test_errors.py` asks for it."""
 
 NUMBERED_FOLDER = re.compile(r"(?<=TEMPORARY/)(\w*?)\d+\b")
 """A folder of a fixture that several tests share: pytest counts those of one name."""
@@ -72,7 +76,7 @@ class Refusals:
         with pytest.raises(kind) as caught:
             yield caught
         text = str(caught.value)
-        for pattern, word in ((ADDRESS, "ADDRESS"), (ROUNDING, "0"), (LOCAL_PORT, "PORT")):
+        for pattern, word in ((ADDRESS, "ADDRESS"), (ROUNDING, "0"), (LOCAL_PORT, "PORT"), (RAISING_LINE, "LINE")):
             text = pattern.sub(word, text)
         for word, folder in self.folders.items():
             text = text.replace(str(folder), word)

@@ -36,3 +36,10 @@ def test_a_folder_of_the_test_does_not_show(tmp_path):
     with told(InputError):
         raise InputError(f"no file {tmp_path}/a.stl, nor {tmp_path.parent}/shared17/b.stl")
     assert told.texts == ["no file FOLDER/a.stl, nor TEMPORARY/shared/b.stl"]
+
+
+def test_the_line_that_raised_does_not_show():
+    told = refusals.Refusals("a.py::test", {})
+    with told(InputError):
+        raise InputError("the step() raised", why='in test_a.py, line 79, in step: raise KeyError("a.py, line 3")')
+    assert told.texts == ['the step() raised / why: in test_a.py, line LINE, in step: raise KeyError("a.py, line 3")']
