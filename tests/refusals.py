@@ -7,9 +7,9 @@ A test asks for the type alone, by the fixture `refused`:
 
 and the text is held against the list. Where a sentence becomes plainer, `make tables` writes the list anew: read the
 difference. The test's folder is FOLDER in it, any other of this run TEMPORARY, the repository REPOSITORY, the
-interpreter PYTHON, an object's place in memory ADDRESS, a port PORT, the line of code that raised LINE, and the rounding
-of zero 0. What the system or an ill-conditioned computation says differs from machine to machine: such a test asks for
-the type by `pytest.raises`.
+interpreter PYTHON, an object's place in memory ADDRESS, a port PORT, the line of code that raised LINE, the rounding of
+zero 0. What the system or an ill-conditioned computation says differs from machine to machine: such a test asks for the
+type by `pytest.raises`.
 """
 
 from __future__ import annotations
