@@ -29,20 +29,6 @@ MM = 1e3
 """Millimetres in a metre: figures show lengths in mm, everything else is in m."""
 
 INK, QUIET = "#1c1f23", "#6b7280"  # of what is read, and of what stands beside it
-PALETTE: Mapping[str, str] = MappingProxyType(
-    {
-        "model": "#f3f5f7",
-        "inside": "#eaf1f7",
-        "rests": "#d5dee8",
-        "line": "#0072b2",
-        "jump": "#d1350f",
-        "tool": "#8e3fa8",
-        "stop": "#00796b",
-        "inertia": "#9a6700",
-    }
-)
-"""Colours of figures that stand alone, in files."""
-
 THEME: Mapping[str, str] = MappingProxyType(
     {
         "ink": "#1c1f23",
@@ -61,8 +47,22 @@ THEME: Mapping[str, str] = MappingProxyType(
 )
 """Role -> the colour that it is drawn in, which becomes `var(--fig-<role>)`: the page defines how it looks.
 
-Curves are in the colour-blind-safe palette of Okabe and Ito; no two roles share a colour.
+Curves have the colours of Okabe and Ito, which the colour-blind tell apart; no two roles share a colour.
 """
+
+PALETTE: Mapping[str, str] = MappingProxyType(
+    {
+        "model": "#f3f5f7",
+        "inside": "#eaf1f7",
+        "rests": "#d5dee8",
+        "line": "#0072b2",
+        "jump": "#d1350f",
+        "tool": "#8e3fa8",
+        "stop": "#00796b",
+        "inertia": "#9a6700",
+    }
+)
+"""What is drawn -> its colour in a study's figure, a file of its own. Renderers have those of `THEME`: `looks_of`."""
 
 CURVES = ("ihip", "hip", "one", "two", "ink", "three", "mark")
 """Roles of what is drawn beside each other, in the order in which they are taken: those that look alike come late."""

@@ -255,18 +255,20 @@ HELD_FORCE_SHARE = 0.5
 *Chosen*: a spring that is kept has one, a rounded corner takes it to nothing. Doubled, every change of the force on a
 face would count as its loss."""
 
-# crossings
+SAME_DEPTH_SHARE = 0.25
+"""Share of the depth by which it may vary where a force counts as given at one depth: half of `HELD_FORCE_SHARE`.
+
+Derived from it: a spring's force varies with the depth, and so by no more than half of what would count as its loss.
+Doubled, a hand that rises to half its depth could by itself look like a lost force."""
+
+# broken_contact, abrupt_switch, crossings
 
 FACE_TURN_SHARE = 0.05
 """Share of the corner's turn within which a direction counts as a face's: far above rounding, far below a switch.
 *Chosen*: doubled, the corner of a conformal map that leaves a tenth of the turn open counts as switched by
 `abrupt-switch`, and `broken-contact` lets a force lean from n_pre by a tenth of the turn before the corner."""
 
-SAME_DEPTH_SHARE = 0.25
-"""Share of the depth by which it may vary where a force counts as given at one depth: half of `HELD_FORCE_SHARE`.
-
-Derived from it: a spring's force varies with the depth, and so by no more than half of what would count as its loss.
-Doubled, a hand that rises to half its depth could by itself look like a lost force."""
+# crossings
 
 FACE_SAMPLES_SHARE = 1e-3
 """Share of the position tolerance by which a face may be off in a line of fewer points. *Chosen*, for time: doubled,
