@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from importlib import resources
 from itertools import groupby
 from pathlib import Path
@@ -35,7 +34,6 @@ from hapticeval.reports.case_figure import (
 )
 from hapticeval.reports.grid import gravest_first
 from hapticeval.reports.plane import refusal_svg
-from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.templates import ASSETS as ASSET_FOLDER
 from hapticeval.reports.templates import CHECK_PAGES, INDEX, ROOT, anchor, case_file, environment
 from hapticeval.runner.results import RunEntry, VerdictEntry
@@ -46,8 +44,11 @@ ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.
 PAGE_ASSETS = (*ASSETS, "filter.js")
 """What all pages of a report need."""
 
-VIEW_FILES = {INDEX, ASSET_FOLDER}
-"""Names in a folder that an earlier view wrote: it may be written over."""
+VIEW_MARK = '<meta name="generator" content="hapticeval view">'
+"""What stands in the page of a view, and in no other: the next view of that folder may write over it."""
+
+HEAD_CHARACTERS = 4096
+"""Characters of a page in which its head ends."""
 
 LICENCES = ("LICENSE-uPlot.txt",)
 """Licences of scripts that are not ours, written beside them."""
@@ -112,6 +113,69 @@ class CheckSection:
         ]
 
 
+class Charts(NamedTuple):
+    """The charts of one renderer: the name of their figure among `CaseView.figures`, and what they show in words."""
+
+    renderer: str
+    figure: str
+    words: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseView:
+    """All that `case_section.html.j2` shows of a case.
+
+    Of the case:
+
+    - `case`: its suite and name; `entries`: its runs, one of each renderer, drawn by its `looks`.
+    - `model`: None where this version cannot make it; a `note` stands beside the scene.
+    - `enclosing_names` tell ids apart on a page of several cases.
+
+    What is drawn:
+
+    - `shown`: the renderers that are shown at first, of the `drawn_names`; `own_tools`: those whose hand is no hand.
+    - `problems`: why there is no recording, by renderer.
+    - `figures`: SVG elements by name; `data`: what the page's script reads, as JSON.
+    - `parts`: which runs are too long to be drawn whole, see `_drawn_parts`; `charts`: those that walk over a sphere's.
+
+    What is said of it:
+
+    - `verdicts` by renderer, and by check as `checks`; the `worst` of those with a place.
+    - `questions` by check, which link to where `check_pages` tells of them; empty for no link.
+    - `place_numbers`: the mark in the figures by renderer and time (s).
+    """
+
+    case: tuple[str, str]
+    entries: Sequence[RunEntry]
+    looks: Mapping[str, Look]
+    model: Model | None
+    note: str
+    enclosing_names: Sequence[str]
+    shown: Sequence[str]
+    drawn_names: Sequence[str]
+    own_tools: Sequence[str]
+    problems: Mapping[str, str]
+    figures: Mapping[str, str]
+    data: str
+    parts: Mapping[tuple[float, float], Sequence[str]]
+    charts: Sequence[Charts]
+    verdicts: Mapping[str, Sequence[VerdictEntry]]
+    checks: Sequence[CheckSection]
+    questions: Mapping[str, str]
+    check_pages: str
+    worst: VerdictEntry | None
+    place_numbers: Mapping[tuple[str, float], int]
+
+    @property
+    def numbers(self) -> Mapping[str, int]:
+        """The number of each renderer's run in the script's data."""
+        return {entry.renderer: number for number, entry in enumerate(self.entries)}
+
+    def place(self, renderer: str, check: str) -> str:
+        """Return the id of a verdict."""
+        return anchor(*self.enclosing_names, renderer, check)
+
+
 def write_case_page(
     folder: Path,
     case: tuple[str, str],
@@ -122,7 +186,7 @@ def write_case_page(
     order: Sequence[str] = (),
     neighbours: Neighbours | None = None,
 ) -> None:
-    """Write the page of a case (suite and name) below `folder` as `places.case_file`.
+    """Write the page of a case (suite and name) below `folder`, in the place of `templates.case_file`.
 
     - `entries`: the runs of the case
     - `recordings`, `verdicts`: by renderer; a text in place of a recording is the reason why there is none
@@ -141,10 +205,8 @@ def write_view(
 
     Raises `InputError` for a folder that holds other files than those of an earlier page.
     """
-    # A file in the folder's place counts as foreign, under an empty name.
-    names_there = {file.name for file in folder.iterdir()} if folder.is_dir() else {""} if folder.exists() else set()
-    # A folder with a page of an earlier view is written over, any other is left alone.
-    if names_there and not names_there >= VIEW_FILES:
+    is_empty = not any(folder.iterdir()) if folder.is_dir() else not folder.exists()
+    if not is_empty and not holds_earlier_view(folder):
         raise InputError(
             f"'{folder}' is not empty and holds no page of an earlier view",
             why="files that hapticeval did not write are never overwritten",
@@ -153,14 +215,26 @@ def write_view(
     case, path = (entry.suite, entry.case), folder / INDEX
     section = case_section(case, [entry], {entry.renderer: recording}, verdicts={entry.renderer: verdicts}, note=note)
     write_assets(folder)
-    _write_page(path, section, entry, Neighbours(), "")
+    _write_page(path, section, entry, Neighbours(), "", mark=VIEW_MARK)
     return path
 
 
-def _write_page(path: Path, section: str, first: RunEntry, neighbours: Neighbours, root: str) -> None:
-    """Write the page round a case's section; `root` leads from it to the report's folder."""
+def holds_earlier_view(folder: Path) -> bool:
+    """Whether the page of a folder is one that `write_view` wrote: by its mark, which no other page has."""
+    try:
+        # The mark stands in the page's head, before its data: of some pages these are megabytes.
+        with (folder / INDEX).open(encoding="utf-8", errors="replace") as page:
+            return VIEW_MARK in page.read(HEAD_CHARACTERS)
+    except OSError:
+        return False
+
+
+def _write_page(
+    path: Path, section: str, first: RunEntry, neighbours: Neighbours, root: str, *, mark: str = ""
+) -> None:
+    """Write the page round a case's section; `root` leads from it to the report's folder, a `mark` is for its head."""
     text = environment().get_template("case_page.html.j2").render(
-        section=section, neighbours=neighbours, first=first, files=ASSETS, root=root
+        section=section, neighbours=neighbours, first=first, files=ASSETS, root=root, mark=mark
     )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -219,7 +293,7 @@ def case_section(
         if isinstance(recording, Recording) and _has_measured_hips(recording)
     }
     problems = {name: reason for name, reason in recordings.items() if isinstance(reason, str)}
-    times = {name: [t for v in verdicts.get(name, ()) if (t := time_of(v)) is not None] for name in drawable}
+    times = {name: [t for v in verdicts.get(name, ()) if (t := v.time) is not None] for name in drawable}
     model = model_of(entries[0], next(iter(drawable.values()), None))
     # A foreign recording may be of another space than the model that its entry names.
     if model is not None and any(recording.dimension != model.dimension for recording in drawable.values()):
@@ -235,7 +309,7 @@ def case_section(
     }
     drawn_names = [track.name for track in tracks]
     places = _failed_places(judged, set(drawn_names))
-    timed = [verdict for verdict in judged if time_of(verdict) is not None and verdict.renderer in drawn_names]
+    timed = [verdict for verdict in judged if verdict.time is not None and verdict.renderer in drawn_names]
     worst = next(iter(gravest_first(timed)), None)
     questions = {v.check: read_page(CHECKS[v.check]).question for v in judged if v.check in CHECKS}
     figures: dict[str, str] = {}
@@ -256,24 +330,35 @@ def case_section(
     elif crosses and model is not None and model.dimension == 2:
         title = f"{label}: the outline of the model, and where renderers refuse it"
         figures = {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{prefix}p", title=title)}
-    charts: list[tuple[str, str, str]] = []
+    charts: list[Charts] = []
     for name, recording in drawable.items():
         if model is not None and has_charts(recording):
             title, key = f"{name} in {label}: the charts", f"charts of {name}"
             figures[key] = atlas_svg(recording, model, prefix=f"{prefix}a{len(charts)}", title=title)
-            charts.append((name, key, charts_words(recording)))
-    return environment().get_template("case_section.html.j2").render(
-        suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems, model=model,
-        checks=_check_sections(judged), questions=questions, check_pages=check_pages,
-        figures=figures, data=data, charts=charts,
-        time_of=time_of, place=partial(anchor, *enclosing_names),
-        numbers={name: k for k, name in enumerate(names)}, note=note,
-        scene_words=scene_words, robot_words=robot_words, ended_words=ended_words, figures_cited=figures_cited,
-        places={(place.renderer, place.time): place.number for place in places},
-        tracks=set(drawn_names), shown=differing_renderers(judged, drawn_names, worst), worst=worst,
-        parts=_drawn_parts(tracks),
+            charts.append(Charts(name, key, charts_words(recording)))
+    view = CaseView(
+        case=case,
+        entries=entries,
+        looks=looks,
+        model=model,
+        note=note,
+        enclosing_names=enclosing_names,
+        shown=differing_renderers(judged, drawn_names, worst),
+        drawn_names=drawn_names,
         own_tools=[name for name, recording in drawable.items() if is_led and recording.meta.get(OWN_TOOL) is True],
-    )  # fmt: skip
+        problems=problems,
+        figures=figures,
+        data=data,
+        parts=_drawn_parts(tracks),
+        charts=charts,
+        verdicts=verdicts,
+        checks=_check_sections(judged),
+        questions=questions,
+        check_pages=check_pages,
+        worst=worst,
+        place_numbers={(place.renderer, place.time): place.number for place in places},
+    )
+    return environment().get_template("case_section.html.j2").render(view=view)
 
 
 def differing_renderers(
@@ -319,17 +404,11 @@ def model_of(entry: RunEntry, recording: Recording | None) -> Model | None:
         return None
 
 
-def time_of(verdict: VerdictEntry) -> float | None:
-    """Return the time, s, that a verdict's evidence names; None where it names none."""
-    time: Any = verdict.evidence.get("time")
-    return float(time) if type(time) in (int, float) else None
-
-
 def _failed_places(verdicts: Iterable[VerdictEntry], drawn_renderers: set[str]) -> list[Place]:
     """Number the places where something failed; verdicts of one place share its number."""
     place_by_key: dict[tuple[str, float], Place] = {}
     for verdict in verdicts:
-        time = time_of(verdict)
+        time = verdict.time
         if time is not None and verdict.outcome is Outcome.FAIL and verdict.renderer in drawn_renderers:
             key = (verdict.renderer, time)
             # Numbers from 1 in the order of the verdicts.
@@ -354,7 +433,7 @@ def _check_sections(verdicts: Sequence[VerdictEntry]) -> list[CheckSection]:
     checks: dict[str, dict[tuple[Any, ...], list[VerdictEntry]]] = {}
     for verdict in verdicts:
         # Only verdicts that show nothing of their own can share a row.
-        is_bare = verdict.metric is None and time_of(verdict) is None
+        is_bare = verdict.metric is None and verdict.time is None
         key = (verdict.outcome, verdict.message, verdict.level) if is_bare else (verdict.renderer,)
         checks.setdefault(verdict.check, {}).setdefault(key, []).append(verdict)
     sections = [CheckSection(check, list(rows.values())) for check, rows in checks.items()]

@@ -80,10 +80,10 @@ class Mark:
 
 def marks_of(verdicts: Sequence[VerdictEntry]) -> dict[str, Mark]:
     """Return the marks of one run's verdicts, by check; verdicts whose evidence names no time have none."""
-    timed = [verdict for verdict in verdicts if type(verdict.evidence.get("time")) in (int, float)]
+    timed = [(verdict, verdict.time) for verdict in verdicts if verdict.time is not None]
     return {
-        verdict.check: Mark(number, float(verdict.evidence["time"]), verdict.outcome is Outcome.FAIL)
-        for number, verdict in enumerate(timed, start=1)
+        verdict.check: Mark(number, time, verdict.outcome is Outcome.FAIL)
+        for number, (verdict, time) in enumerate(timed, start=1)
     }
 
 

@@ -14,6 +14,7 @@ from urllib.parse import quote
 from hapticeval.files import file_stem
 from hapticeval.quantity import format_duration, format_length, format_number, format_quantity, format_size
 from hapticeval.reports.grid import step_ratio
+from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.runner.results import Measure, RunEntry
 from hapticeval.runner.standing import Standing
 
@@ -133,11 +134,15 @@ def environment() -> Environment:
         "anchor": anchor,
         "case_file": case_file,
         "check_page": CHECK_PAGES,
+        "ended_words": ended_words,
         "evidence_words": evidence_words,
+        "figures_cited": figures_cited,
         "glossary": GLOSSARY,
         "model_words": model_words,
+        "robot_words": robot_words,
         "root": ROOT,
         "index": INDEX,
+        "scene_words": scene_words,
         "assets": ASSETS,
     }
     return jinja

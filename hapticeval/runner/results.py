@@ -373,6 +373,12 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
         return self.suite, self.case, self.renderer
 
     @property
+    def time(self) -> float | None:
+        """The time, s, that the evidence names; None where it names none."""
+        time: Any = self.evidence.get("time")
+        return float(time) if type(time) in (int, float) else None
+
+    @property
     def place(self) -> str:
         """Suite, case and check, as `suite/case/check`."""
         return f"{self.suite}/{self.case}/{self.check}"

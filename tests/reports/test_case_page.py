@@ -21,7 +21,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import OWN_TOOL, Recording
-from hapticeval.reports import case_data
+from hapticeval.reports import case_data, write_reports
 from hapticeval.reports.canvas import THEME, looks_of
 from hapticeval.reports.case_data import (
     EYE_AXES,
@@ -443,6 +443,20 @@ def test_a_view_is_never_written_over_other_files(refused, tmp_path):
     (tmp_path / "mine" / "thesis.tex").touch()
     with refused(InputError):
         write_view(tmp_path / "mine", entry, tip_recording(), [])
+
+
+def test_a_site_or_a_report_is_no_earlier_view(folder, tmp_path):
+    entry = changed(run_entry(model={"kind": "unknown"}), scene=SCENE, judged=False)
+    write_reports(folder, workers=0)
+    case_page = next((folder / "report" / "cases").rglob("*.html")).parent
+    (tmp_path / "site" / "assets").mkdir(parents=True)
+    (tmp_path / "site" / "index.html").write_bytes(b"<html>caf\xe9")
+    (tmp_path / "file").touch()
+    for place in (folder / "report", case_page, tmp_path / "site", tmp_path / "file"):
+        before = {file: file.read_bytes() for file in place.rglob("*") if file.is_file()}
+        with pytest.raises(InputError):
+            write_view(place, entry, tip_recording(), [])
+        assert {file: file.read_bytes() for file in place.rglob("*") if file.is_file()} == before
 
 
 @pytest.mark.parametrize(
