@@ -5,7 +5,8 @@ to be known of every effect stands here, and the rest in its class. A check or a
 below.
 
 To add one: a file with its class, whose `kind` is the key, and an entry in `EFFECTS` at the place at which it takes its
-turn among those of its stage.
+turn among those of its stage. One that acts outside of contact (`Alters.FREE_SPACE`) comes last wherever it stands:
+friction and its like take any force that they are given as contact.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hapticeval.effects.effect import Effect
+from hapticeval.effects.effect import Alters, Effect
 from hapticeval.errors import InputError, UnknownNameError
 
 
@@ -87,7 +88,7 @@ EFFECTS: dict[str, Entry] = {
     "delay": Entry(".delay:Delay", short={"imperfections.delay": "time"}),
     "joint-friction": Entry(".joint_friction:JointFriction", short={"imperfections.friction": "torque"}),
 }
-"""Kind -> entry, in the order in which effects take part in a tick."""
+"""Kind -> entry, in the order in which effects take part in a tick; see `in_order`."""
 
 LISTED, EACH = "effects", "effect"
 """The entries of a scene's table that list effects, each a table of `kind` and its numbers: as `effects = [...]`, or
@@ -148,14 +149,19 @@ def make_effect(document: Mapping[str, Any], folder: Path = Path()) -> Effect:
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Return effects in the catalogue's order, without those that are off. Raises `InputError` for two of a kind."""
+    """Return effects in the catalogue's order, without those that are off. Raises `InputError` for two of a kind.
+
+    Those with a force in free space come last: the others would take it for contact.
+    """
     effect_of: dict[str, Effect] = {}
     for effect in effects:
         if effect.kind in effect_of:
             raise InputError(f"the scene lists two effects '{effect.kind}'", todo="leave one out")
         effect_of[effect.kind] = effect
     order = list(EFFECTS)
-    active_effects = (effect for effect in effect_of.values() if not effect.off)
-    return tuple(
-        sorted(active_effects, key=lambda effect: order.index(effect.kind) if effect.kind in order else len(order))
-    )
+
+    def turn(effect: Effect) -> tuple[bool, int]:
+        place = order.index(effect.kind) if effect.kind in order else len(order)
+        return Alters.FREE_SPACE in effect.alters, place
+
+    return tuple(sorted((effect for effect in effect_of.values() if not effect.off), key=turn))

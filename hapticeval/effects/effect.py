@@ -48,7 +48,11 @@ class Stage(StrEnum):
     JOINTS = "joints"
     """Give Coulomb friction to the joints: `params` (N,), without a function."""
     ANSWER = "answer"
-    """Change the answer of a renderer that does not declare to support the effect, see `Effect.change`."""
+    """Change the answer of a renderer that does not declare to support the effect, see `Effect.change`.
+
+    A force that is not zero is contact to the effects of this stage. So those that act outside of contact, such as a
+    magnet, have `Alters.FREE_SPACE`, by which `catalogue.in_order` puts them behind all others.
+    """
 
 
 class Alters(StrEnum):
@@ -65,8 +69,8 @@ class Part(NamedTuple):
     `function(params, samples, state, tick, dt, first, second)` returns a float and writes in place; it is plain Python
     over arrays that numba can compile, and calls nothing of the package but compiled functions.
 
-    `params` (k,) are its numbers, `samples` (ticks, N) what it is given at each tick, and `state` (2D) what it keeps,
-    zero at the start.
+    `params` (k,) are its numbers, and `samples` (ticks, N) what it is given at each tick. `state` (2D) is what one tick
+    leaves to the next: here with the numbers that a run begins with.
     """
 
     function: Callable[..., float] | None

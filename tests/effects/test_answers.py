@@ -7,11 +7,14 @@ from itertools import product
 
 import numpy as np
 import pytest
-from suction import ENTRY, Suction
+from made_up_effect import ENTRY, MAGNET_ENTRY, Magnet, Suction
 
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
+from hapticeval.effects import catalogue
 from hapticeval.effects.catalogue import EFFECTS
+from hapticeval.effects.friction import Friction
+from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.errors import DomainError, RefusalError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import abilities_of
@@ -126,6 +129,25 @@ def test_who_shows_an_effect_keeps_it_and_who_cannot_get_it_is_refused(refused):
         make_renderer(resolve("ideal"), scene)
     plain = replace(scene, effects=())
     assert type(make_renderer(resolve("constraint"), plain)) is type(resolve("constraint")(plain))
+
+
+@pytest.mark.parametrize("effect", [ViscousFriction(0.5), Friction(0.5, 0.3)], ids=lambda effect: effect.kind)
+def test_a_force_outside_of_contact_is_no_contact_to_others(monkeypatch, effect):
+    """A magnet pulls in free space too. Whatever its place in the catalogue, friction has had its turn before."""
+    monkeypatch.setattr(catalogue, "EFFECTS", {Magnet.kind: MAGNET_ENTRY, **EFFECTS})
+    hips = path_into_model(2)
+    hips[:, 1] += np.linspace(0.0, 0.02, len(hips))  # along the surface from the start
+    magnet_alone, both, other_alone = (
+        make_renderer(resolve("minimum-distance"), scene_of("circle", *effects)).run(hips, 1e-3)
+        for effects in ((Magnet(0.2),), (Magnet(0.2), effect), (effect,))
+    )
+    outside = make_model("circle").boundary.signed_distance(hips) > 0.0
+    assert outside.any()
+    assert not outside.all()
+    np.testing.assert_array_equal(both[0][outside], hips[outside])
+    np.testing.assert_array_equal(both[1][outside], magnet_alone[1][outside])
+    np.testing.assert_array_equal(both[0], other_alone[0])
+    np.testing.assert_allclose(both[1], other_alone[1] - [0.2, 0.0], atol=1e-15)
 
 
 def test_an_effect_refuses_by_name(refused):

@@ -8,11 +8,11 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import made_up_effect
 import numpy as np
 import pytest
-import suction
+from made_up_effect import Suction
 from numba.core.types import FunctionType
-from suction import Suction
 
 from hapticeval.compiled import LAW, LawData, law_value
 from hapticeval.devices.parallelogram import Parallelogram2
@@ -116,7 +116,7 @@ from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
 from hapticeval.simulation.closed_loop import loop_of, simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
-from suction import Suction
+from made_up_effect import Suction
 import numpy as np
 trial = Experiment(0.05, np.array([0.0, 0.0998]), np.zeros(2), np.array([0.0, 0.05]), np.array([[0.3, -1.0]] * 2))
 plain = Scene(model=make_model("circle"), device=Parallelogram2())
@@ -134,7 +134,7 @@ def test_the_machine_code_of_a_loop_without_effects_is_the_same_whatever_else_wa
     """In a cache that has seen no effect, and in one that has compiled a loop with effects before."""
     found = []
     for name, scenes in (("bare", "plain,"), ("after", "affected, plain")):
-        code = CODE.format(meta=str(Path(suction.__file__).parent), scenes=scenes)
+        code = CODE.format(meta=str(Path(made_up_effect.__file__).parent), scenes=scenes)
         done = subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True,
             env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / name)},

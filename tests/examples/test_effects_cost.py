@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from suction import ENTRY, Suction
+from made_up_effect import ENTRY, Suction
 
 from hapticeval.compiled import law_value, machine_code
 from hapticeval.devices.parallelogram import Parallelogram2

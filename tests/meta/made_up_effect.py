@@ -1,4 +1,4 @@
-"""An effect of the surface that no catalogue knows, and its entry for tests that add it."""
+"""Effects of the surface that no catalogue knows, and their entries for tests that add them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from hapticeval.effects.catalogue import Entry
-from hapticeval.effects.effect import Effect, Part, Stage, number
+from hapticeval.effects.effect import Alters, Effect, Part, Stage, number
 
 
 @dataclass(frozen=True)
@@ -37,4 +37,24 @@ def suck(numbers, closest, hip, velocity, dt, ihip, force):
     return 0
 
 
-ENTRY = Entry("suction:Suction", "the surface sucks")
+@dataclass(frozen=True)
+class Magnet(Effect):
+    """Pull the hand along the first axis with `force`, wherever it is: outside of contact too."""
+
+    force: float = number("N")
+
+    kind: ClassVar[str] = "magnet"
+    stage: ClassVar[Stage] = Stage.ANSWER
+    alters: ClassVar[frozenset[Alters]] = frozenset({Alters.FREE_SPACE})
+
+    def change(self, scene):
+        return Part(pull, np.array([self.force]))
+
+
+def pull(numbers, closest, hip, velocity, dt, ihip, force):
+    force[0] -= numbers.params[0]
+    return 0
+
+
+ENTRY = Entry("made_up_effect:Suction", "the surface sucks")
+MAGNET_ENTRY = Entry("made_up_effect:Magnet", "the surface draws the hand near")
