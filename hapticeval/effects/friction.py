@@ -14,13 +14,14 @@ that the cone stands on the tool's own place, on round surfaces too.
 
 On a flat surface that gives (4.17)-(4.19), which assume one. At its first tick of contact the tool is put to p.
 
-Of F_b only the load counts: its part along p - HIP or along the normal at p, whichever is larger. What a damper or
-another effect adds along the surface does not press the tool.
+Of F_b only what presses the tool counts: its part along p - HIP or along the normal at p, whichever is larger. What a
+damper or another effect adds along the surface does not.
 
 - A tool that sticks stays at s while |F_t| <= mu_s |F_n| (4.18).
-- Otherwise it slides along the surface towards p until |F_t| = mu_k |F_n| (4.20). It follows the line to p,
-  projected on to the surface; a corner stops it where it is pulled back from the other side. Where the renderer's
-  own force leaves the cone at p, as that of a facet may, it goes on past p.
+- Otherwise it slides along the surface towards p until |F_t| = mu_k |F_n| (4.20). Its way is the chord from s to p,
+  bent over an edge or into a hollow (`friction_kernels.bulge_path`), and projected on to the surface. A corner stops it
+  where it is pulled back from the other side. Where the renderer's own force leaves the cone at p, as that of a facet
+  may, it goes on past p.
 - A tool that slides goes on doing so while |F_t| > mu_k |F_n|, and sticks again at |F_t| <= `stick` mu_k |F_n|.
 
 The thesis gives no rule for the last. Its text, taken literally, tests the static cone at every tick: that is `stick` =
@@ -48,10 +49,11 @@ from hapticeval.errors import InputError
 
 @dataclass(frozen=True)
 class Friction(Effect):
-    """Hold the tool with the coefficient `mu_s` where it sticks and `mu_k` where it slides; see the module.
+    """Hold the tool with the coefficient `mu_s` where it sticks and `mu_k` where it slides, both without a unit.
 
-    A tool that slides sticks again at the share `stick` of the kinetic cone; 1 tests the static cone at every tick.
-    Raises `InputError` for numbers out of range, mu_k > mu_s, and a share beyond 1.
+    A tool that slides sticks again at the share `stick` of the kinetic cone, which is above 0 and at most 1; 1 tests
+    the static cone at every tick. The module tells the rules, (4.17) to (4.20). Raises `InputError` for numbers out of
+    range and mu_k > mu_s.
     """
 
     mu_s: float = number("", at=True)

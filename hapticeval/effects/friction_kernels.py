@@ -13,11 +13,18 @@ CONE = record_type("stiffness", "mu_s", "mu_k", "stick", "bilateral")
 surface is bilateral."""
 
 ROWS = 10
-"""Rows of `state`: place (m) and outward unit normal of the tool, of p, and of a trial place, two each; then the load
-(N), a point to be projected (m), the flags [in contact, sliding], and the bulge (m) of the path."""
+"""Rows of `state`: place (m) and outward unit normal of the tool, of p, and of a trial place, two each; then the
+pressing force (N), a point to be projected (m), the flags [in contact, sliding], and the bulge (m) of the path."""
 
 MOST_TRIALS, MOST_SECANTS = 64, 16
 """Most places at which a slide tests the kinetic cone, and the trial from which on it bisects instead of secants."""
+
+AT_TOOL, AT_TARGET, BEYOND_TARGET = range(3)
+"""The first trials of a slide: the tool's place s, then p, then, where the root is not between them, a place past p."""
+
+BEYOND_LAGS = 2.0
+"""How far past p that place is: so many times the lag at which the spring makes the renderer's own force along the
+surface at p. *Chosen*: where the force leaves the cone there too, the tool stays at p."""
 
 SAME_PLACE = 1e-15
 """Width of the bracket, as a share of the chord from s to p, at which it is one place: a corner, where the pull turns
@@ -38,11 +45,12 @@ ON_CONE = 1e-13
 
 
 @inner
-def measure_load(hip: Array, ihip: Array, force: Array, normal: Array, load: Array) -> float:
-    """Write the `load` (N,), N: of the renderer's `force` (N,), N, the part along p - HIP or along the normal at p.
+def measure_pressing_force(hip: Array, ihip: Array, force: Array, normal: Array, pressing_force: Array) -> float:
+    """Write the `pressing_force` (N,), N: the part along p - HIP, or along the normal at p, of the renderer's `force`.
 
-    `hip` and `ihip` (N,), m, are the HIP and p, `normal` (N,) the outward unit normal at p. Returns the load's size, N,
-    positive where it pushes the hand outwards. Of both parts the larger counts: a damper's along the surface does not.
+    `force` (N,) is in N, `hip` and `ihip` (N,), m, are the HIP and p, `normal` (N,) is the outward unit normal at p.
+    Returns the size of the part, N, positive where it pushes the hand outwards. Of both the larger counts: a damper's
+    along the surface does not.
     """
     error_squared, force_squared, error_outwards, force_dot_error, press_on_normal = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(hip.shape[0]):
@@ -57,11 +65,11 @@ def measure_load(hip: Array, ihip: Array, force: Array, normal: Array, load: Arr
     press_on_error = force_dot_error * (outwards / math.sqrt(error_squared) if error_squared > 0.0 else 0.0)
     by_normal = error_squared == 0.0 or abs(press_on_normal) > abs(press_on_error)
     press = press_on_normal if by_normal else press_on_error
-    # a force that is nothing but load is taken to the bit, without the rounding of its projection
-    all_load = abs(press) >= (1.0 - ALL_ALONG) * math.sqrt(force_squared)
+    # a force that is nothing but pressing is taken to the bit, without the rounding of its projection
+    all_press = abs(press) >= (1.0 - ALL_ALONG) * math.sqrt(force_squared)
     for i in range(hip.shape[0]):
         direction = normal[i] if by_normal else (ihip[i] - hip[i]) * outwards / math.sqrt(error_squared)
-        load[i] = force[i] if all_load else press * direction
+        pressing_force[i] = force[i] if all_press else press * direction
     return press
 
 
@@ -85,18 +93,18 @@ def bulge_path(tool: Array, target: Array, chord_squared: float, bulge: Array) -
 
 @inner
 def force_at(
-    place: Array, tool: Array, target: Array, load: Array, stiffness: float, side: float
+    place: Array, tool: Array, target: Array, pressing_force: Array, stiffness: float, side: float
 ) -> tuple[float, float, bool]:
     """Return F_n and F_t (N) on the tool at a `place`, and whether the hand pulls it onwards there.
 
-    `place`, `tool` and `target` (2, N) are places (m) and outward unit normals: on trial, of s, and of p; `load` (N,),
-    N; `stiffness` is K (N/m). `side` is -1 where F_n counts inwards. The force is load + K (place - p).
+    `place`, `tool` and `target` (2, N) are places (m) and outward unit normals: on trial, of s, and of p. The force is
+    `pressing_force` (N,), N, plus K (place - p), K the `stiffness` (N/m). `side` is -1 where F_n counts inwards.
     """
     normal_force, tangential_squared, pull_onwards = 0.0, 0.0, 0.0
-    for i in range(load.shape[0]):  # (4.17): its part along the normal
-        normal_force += (load[i] + stiffness * (place[0, i] - target[0, i])) * place[1, i]
-    for i in range(load.shape[0]):  # (4.19): what remains
-        tangential = load[i] + stiffness * (place[0, i] - target[0, i]) - normal_force * place[1, i]
+    for i in range(pressing_force.shape[0]):  # (4.17): its part along the normal
+        normal_force += (pressing_force[i] + stiffness * (place[0, i] - target[0, i])) * place[1, i]
+    for i in range(pressing_force.shape[0]):  # (4.19): what remains
+        tangential = pressing_force[i] + stiffness * (place[0, i] - target[0, i]) - normal_force * place[1, i]
         tangential_squared += tangential**2
         # the hand pulls the tool against the force that it feels: onwards along the chord where this is positive
         pull_onwards -= tangential * (target[0, i] - tool[0, i])
@@ -107,7 +115,7 @@ def force_at(
 def excess_of(normal_force: float, tangential_force: float, onwards: bool, kinetic: float, press: float) -> float:
     """Return |F_t| - mu_k F_n (N), (4.20): positive where the tool is pulled on, negative where it is held or back.
 
-    Where nothing presses the tool there is no cone, and it goes on: by the load's size `press` (N).
+    Where nothing presses the tool there is no cone, and it goes on: by the pressing force's size `press` (N).
     """
     if normal_force <= 0.0:
         return abs(press)
@@ -130,7 +138,7 @@ def slide(
     cone, state, dimension = as_record(numbers.params, CONE), numbers.state, hip.shape[0]
     # each is two rows: a place on the surface (m), and the outward unit normal there
     tool, target, trial = state[0:2], state[2:4], state[4:6]
-    load, point, mode, bulge = state[6], state[7], state[8], state[9]
+    pressing_force, point, mode, bulge = state[6], state[7], state[8], state[9]
     force_squared, chord_squared = 0.0, 0.0  # |F_b|^2, N^2; |p - s|^2, m^2
     for i in range(dimension):
         force_squared += force[i] ** 2
@@ -140,7 +148,7 @@ def slide(
     closest.function(closest.data, ihip, target)
     for i in range(dimension):
         chord_squared += (target[0, i] - tool[0, i]) ** 2
-    press = measure_load(hip, ihip, force, target[1], load)
+    press = measure_pressing_force(hip, ihip, force, target[1], pressing_force)
     # a bilateral surface also holds a tool that is pulled off it: F_n then counts inwards
     side = -1.0 if press < 0.0 and cone.bilateral == 1.0 else 1.0
     # No lag: contact begins, s is p already, or nothing presses the tool on the surface.
@@ -152,26 +160,26 @@ def slide(
     bulge_path(tool, target, chord_squared, bulge)
 
     # The share of the path at which the excess |F_t| - mu_k F_n (4.20) is zero: above it at `low`, below it at `high`.
-    # Trial 0 is s itself, trial 1 is p; then secants (Illinois), and bisection if these are slow.
+    # Secants (Illinois) follow the first trials, and bisection if these are slow.
     low, high, excess_low, excess_high = 0.0, 1.0, 0.0, 0.0
     share, side_kept, past_target = 0.0, 0, False
     for k in range(MOST_TRIALS):
-        if k == 0:
+        if k == AT_TOOL:
             trial[:] = tool
-        elif k == 1:
+        elif k == AT_TARGET:
             share = 1.0
             trial[:] = target
         else:
-            if k > 2 or not past_target:
+            if k == BEYOND_TARGET and past_target:
+                share = high
+            else:
                 # where the line through both ends' excesses is zero
                 share = low + (high - low) * (excess_low / (excess_low - excess_high) if k < MOST_SECANTS else 0.5)
-            else:
-                share = high
             for i in range(dimension):
                 point[i] = tool[0, i] + share * (target[0, i] - tool[0, i]) + share * (1.0 - share) * bulge[i]
             closest.function(closest.data, point, trial)
-        normal_force, tangential_force, onwards = force_at(trial, tool, target, load, cone.stiffness, side)
-        if k == 0:
+        normal_force, tangential_force, onwards = force_at(trial, tool, target, pressing_force, cone.stiffness, side)
+        if k == AT_TOOL:
             # (4.18): a tool inside the static cone stays, and so does a sliding one inside the kinetic cone
             coefficient = cone.mu_k if mode[1] == 1.0 else cone.mu_s
             if normal_force > 0.0 and tangential_force <= coefficient * normal_force:
@@ -181,14 +189,14 @@ def slide(
         if abs(excess) <= ON_CONE * cone.mu_k * normal_force:
             break
         if excess > 0.0:
-            if k == 2 and past_target:  # not even there does the force come back into the cone: stay at p
+            if k == BEYOND_TARGET and past_target:  # not even there does the force come back into the cone: stay at p
                 trial[:] = target
                 break
-            if k == 1:
+            if k == AT_TARGET:
                 # At p the lag is zero, and the renderer's own force is off the normal by more than the cone, as that of
-                # a facet may be. The root is past p: try where K |s - p| is twice that force.
+                # a facet may be. The root is past p: try where K |s - p| is BEYOND_LAGS times that force.
                 past_target = True
-                high = 1.0 + 2.0 * tangential_force / (cone.stiffness * math.sqrt(chord_squared))
+                high = 1.0 + BEYOND_LAGS * tangential_force / (cone.stiffness * math.sqrt(chord_squared))
         low, high, excess_low, excess_high, side_kept = narrow_bracket(
             low, high, excess_low, excess_high, side_kept, share, excess, True
         )

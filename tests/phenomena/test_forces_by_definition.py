@@ -28,7 +28,7 @@ from hapticeval.phenomena.checks.force_magnitude import (
     _sure_depth,
     largest_other_force,
 )
-from hapticeval.phenomena.checks.friction import _dissipated_work, _stored_energy, load_of, lugre_force
+from hapticeval.phenomena.checks.friction import _dissipated_work, _stored_energy, lugre_force, surface_force_of
 from hapticeval.phenomena.checks.passivity import explained_work, force_lag
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.renderer import Spring
@@ -240,40 +240,42 @@ class TestEnergy:
 class TestFriction:
     SCENE = LINE.with_effects(Friction(mu_s=0.5, mu_k=0.3))
 
-    def test_the_load_is_what_is_across_and_along_the_surface(self):
+    def test_a_force_s_parts_are_across_and_along_the_surface(self):
         base = moving(self.SCENE, extra=np.array([0.4, 0.0]), velocity=np.tile([0.1, -0.02], (COUNT, 1)))
-        load = load_of(base, self.SCENE)
-        np.testing.assert_allclose(load.normal, 2.0)
-        np.testing.assert_allclose(load.tangential, np.tile([0.4, 0.0], (COUNT, 1)), atol=1e-12)
-        np.testing.assert_allclose(load.size, 0.4)
-        np.testing.assert_allclose(load.velocity, np.tile([0.1, 0.0], (COUNT, 1)), atol=1e-12)
+        surface_force = surface_force_of(base, self.SCENE)
+        np.testing.assert_allclose(surface_force.normal, 2.0)
+        np.testing.assert_allclose(surface_force.tangential, np.tile([0.4, 0.0], (COUNT, 1)), atol=1e-12)
+        np.testing.assert_allclose(surface_force.size, 0.4)
+        np.testing.assert_allclose(surface_force.velocity, np.tile([0.1, 0.0], (COUNT, 1)), atol=1e-12)
         reach = 1000.0 * np.abs(base.hip).max() + math.hypot(2.0, 0.4)
-        np.testing.assert_allclose(load.other, 8.0 * 2.0**-52 * reach, rtol=1e-6)
+        np.testing.assert_allclose(surface_force.other, 8.0 * 2.0**-52 * reach, rtol=1e-6)
         damped = Scene(model=line(), stiffness=1000.0, damping=3.0, effects=(ViscousFriction(2.0),))
-        np.testing.assert_allclose(load_of(base, damped).other, 5.0 * 0.1, rtol=1e-6)
+        np.testing.assert_allclose(surface_force_of(base, damped).other, 5.0 * 0.1, rtol=1e-6)
         lifted = changed(base, force=np.zeros((COUNT, 2)))
-        assert not load_of(lifted, self.SCENE).pressed.any()
+        assert not surface_force_of(lifted, self.SCENE).pressed.any()
 
     def test_a_pull_on_a_constraint_that_holds_from_both_sides_presses(self):
         scene = Scene(model=line(), stiffness=1000.0, bilateral=True, effects=(Friction(mu_s=0.5, mu_k=0.3),))
         base = moving(scene, depth=-2e-3)
-        np.testing.assert_allclose(load_of(base, scene).normal, 2.0)
-        np.testing.assert_allclose(load_of(base, self.SCENE).normal, -2.0)
+        np.testing.assert_allclose(surface_force_of(base, scene).normal, 2.0)
+        np.testing.assert_allclose(surface_force_of(base, self.SCENE).normal, -2.0)
 
     def test_a_lap_takes_the_slip_s_friction_and_what_the_spring_relaxes(self):
         """The tool follows the hand by steps of its own, held back by mu_k F_n."""
         base = moving(self.SCENE, extra=np.array([-0.6, 0.0]))
         behind = changed(base, ihip=base.ihip - np.array([6e-4, 0.0]))
         moved = np.diff(behind.hip, axis=0)
-        work, doubt = _dissipated_work(behind, load_of(behind, self.SCENE), self.SCENE, moved)
+        work, doubt = _dissipated_work(behind, surface_force_of(behind, self.SCENE), self.SCENE, moved)
         # mu_k F_n ds, and K ds . (ds - dx) / 2 = 0 for a tool that moves as the hand does
         np.testing.assert_allclose(work, 0.3 * 2.0 * STEP, rtol=1e-6)
         np.testing.assert_array_equal(doubt, 0.0)
-        np.testing.assert_allclose(_stored_energy(behind, load_of(behind, self.SCENE), self.SCENE), (4.0 + 0.36) / 2e3)
+        np.testing.assert_allclose(
+            _stored_energy(behind, surface_force_of(behind, self.SCENE), self.SCENE), (4.0 + 0.36) / 2e3
+        )
         halves = changed(
             behind, ihip=behind.ihip + 0.5 * STEP * np.column_stack([np.arange(COUNT) % 2, np.zeros(COUNT)])
         )
-        relaxed = _dissipated_work(halves, load_of(halves, self.SCENE), self.SCENE, moved)[0]
+        relaxed = _dissipated_work(halves, surface_force_of(halves, self.SCENE), self.SCENE, moved)[0]
         slip = np.diff(halves.ihip, axis=0)[:, 0]
         beside_spring = (1000.0 * (halves.ihip - halves.hip) - halves.force)[1:, 0] * slip
         np.testing.assert_allclose(
@@ -284,9 +286,9 @@ class TestFriction:
         scene = LINE.with_effects(ViscousFriction(2.0))
         speeds = np.column_stack([0.1 + 0.01 * np.arange(COUNT), np.zeros(COUNT)])
         base = moving(scene, velocity=speeds)
-        work, _ = _dissipated_work(base, load_of(base, scene), scene, np.diff(base.hip, axis=0))
+        work, _ = _dissipated_work(base, surface_force_of(base, scene), scene, np.diff(base.hip, axis=0))
         np.testing.assert_allclose(work, 2.0 * 0.5 * (speeds[1:, 0] + speeds[:-1, 0]) * STEP, rtol=1e-6)
-        np.testing.assert_array_equal(_stored_energy(base, load_of(base, scene), scene), 0.0)
+        np.testing.assert_array_equal(_stored_energy(base, surface_force_of(base, scene), scene), 0.0)
 
     @pytest.mark.parametrize("speed", [1e-3, 2e-2])
     def test_the_bristles_bend_as_their_equation_has_it(self, speed):
@@ -296,8 +298,8 @@ class TestFriction:
         count = 60
         hip = np.column_stack([speed * DT * np.arange(count), np.full(count, -2e-3)])
         base = recorded(hip, hip * [1.0, 0.0], velocity=np.tile([speed, 0.0], (count, 1)))
-        load = load_of(base, scene)
-        force = lugre_force(law, load, DT, 1)[:, 0]
+        surface_force = surface_force_of(base, scene)
+        force = lugre_force(law, surface_force, DT, 1)[:, 0]
         limit = float(law.limit(np.array([[speed]]))[0, 0]) * 2.0
         rate = lambda _, z: speed - 2e4 * speed * z / limit  # noqa: E731
         # A tick of bending is over in the first row already.
@@ -305,7 +307,7 @@ class TestFriction:
         damping = float(np.ravel(law.damping_at(np.array([[speed]])))[0])
         expected = 2e4 * z + damping * np.array([rate(0.0, bent) for bent in z]) + 4.0 * speed
         np.testing.assert_allclose(force, expected, rtol=1e-5)
-        np.testing.assert_allclose(lugre_force(law, load, DT, 8)[2:, 0], expected[2:], rtol=1e-5)
+        np.testing.assert_allclose(lugre_force(law, surface_force, DT, 8)[2:, 0], expected[2:], rtol=1e-5)
 
     def test_bristles_turn_back_with_the_hand_and_let_go_without_a_press(self):
         law = LuGre(0.5, 0.3, stribeck=5e-3, stiffness=2e4, damping=0.0, viscosity=0.0)
@@ -313,11 +315,11 @@ class TestFriction:
         there = np.concatenate([np.arange(30), np.arange(30, 0, -1)])
         hip = np.column_stack([STEP * there, np.full(60, -2e-3)])
         base = recorded(hip, hip * [1.0, 0.0])
-        force = lugre_force(law, load_of(base, scene), DT, 1)[:, 0]
+        force = lugre_force(law, surface_force_of(base, scene), DT, 1)[:, 0]
         assert force[28] > 0.0 > force[58]
         assert force[28] == pytest.approx(-force[58], rel=1e-3)
         lifted = np.array(base.force)
         lifted[15:20] = 0.0
-        gap = lugre_force(law, load_of(changed(base, force=lifted), scene), DT, 1)[:, 0]
+        gap = lugre_force(law, surface_force_of(changed(base, force=lifted), scene), DT, 1)[:, 0]
         np.testing.assert_array_equal(gap[15:20], 0.0)
         np.testing.assert_allclose(gap[20:29], force[1:10], rtol=1e-6)

@@ -53,7 +53,7 @@ HAND = ("hip", "velocity")
 
 
 @dataclass(frozen=True, eq=False)
-class Load:
+class SurfaceForce:
     """The force of each tick, (n,), as parts across and along the surface at the IHIP.
 
     - `pressed` (n,): where the force is above the floor.
@@ -76,8 +76,8 @@ class Load:
     between: Array
 
 
-def load_of(base: Recording, scene: Scene, between: Array | None = None) -> Load:
-    """Return the load of every tick; zero where the force is not above the floor.
+def surface_force_of(base: Recording, scene: Scene, between: Array | None = None) -> SurfaceForce:
+    """Return the force of every tick by its parts; zero where the force is not above the floor.
 
     `between` (n,), N, is what is not known of the force where a channel was held back by no whole number of ticks.
     """
@@ -117,8 +117,8 @@ def load_of(base: Recording, scene: Scene, between: Array | None = None) -> Load
         column[rows] = part
         filled.append(column)
     filled.append(np.zeros(len(base)) if between is None else between)
-    load = Load(pressed, *filled)
-    return replace(load, other=load.other + load.between)
+    surface_force = SurfaceForce(pressed, *filled)
+    return replace(surface_force, other=surface_force.other + surface_force.between)
 
 
 def along_surface(vectors: Array, normals: Array) -> Array:
@@ -138,7 +138,7 @@ def ihip_precision(base: Recording) -> float:
 
 
 def judge_with_lag(
-    runs: Runs, judge: Callable[[Runs, Load], Finding], on_time: tuple[tuple[str, ...], ...], scene: Scene
+    runs: Runs, judge: Callable[[Runs, SurfaceForce], Finding], on_time: tuple[tuple[str, ...], ...], scene: Scene
 ) -> Finding:
     """Judge a recording, and where it fails, one with channels held back by up to three ticks: a lag is granted.
 
@@ -146,14 +146,14 @@ def judge_with_lag(
     takes energy for that alone: see `passivity`. Where all fail, the finding is that without a lag.
     """
     base = runs.base
-    finding = judge(runs, load_of(base, scene))
+    finding = judge(runs, surface_force_of(base, scene))
     for lag in range(1, LAG_TICKS + 1):
         for names in on_time:
             if finding.outcome is not Outcome.FAIL:
                 return finding
             # Held back by `lag` rows, so that they meet the late ones.
             late = _held_back(base, dict.fromkeys(names, float(lag)))
-            again = judge(replace(runs, base=late), load_of(late, scene))
+            again = judge(replace(runs, base=late), surface_force_of(late, scene))
             if again.outcome is Outcome.PASS:
                 channel = "IHIP" if "force" in names else "force"
                 return replace(again, message=f"{again.message}; the {channel} is {lag} ticks late")
@@ -162,7 +162,7 @@ def judge_with_lag(
     return _judge_between_ticks(runs, judge, scene) or finding
 
 
-def _judge_between_ticks(runs: Runs, judge: Callable[[Runs, Load], Finding], scene: Scene) -> Finding | None:
+def _judge_between_ticks(runs: Runs, judge: Callable[[Runs, SurfaceForce], Finding], scene: Scene) -> Finding | None:
     """Return a pass with the answers earlier by one lag between two ticks; None where the law is kept with none.
 
     The hand stays as it is, so that its laps close.
@@ -173,7 +173,7 @@ def _judge_between_ticks(runs: Runs, judge: Callable[[Runs, Load], Finding], sce
         between = np.maximum(
             *(beside_straight(run.force) + scene.stiffness * beside_straight(run.ihip) for run in (runs.base, early))
         )
-        finding = judge(replace(runs, base=early), load_of(early, scene, between))
+        finding = judge(replace(runs, base=early), surface_force_of(early, scene, between))
         if finding.outcome is Outcome.PASS:
             return replace(finding, message=f"{finding.message}; the answer is {max(hip, -ihip):.2g} ticks late")
     return None
@@ -187,13 +187,13 @@ def _held_back(base: Recording, ticks: Mapping[str, float]) -> Recording:
 
 
 def _check_of_friction(
-    judge: Callable[[Runs, Load, Scene], Finding],
+    judge: Callable[[Runs, SurfaceForce, Scene], Finding],
     *,
     damped: bool = True,
     on_time: tuple[tuple[str, ...], ...] = (),
     **data: Any,
 ) -> Check:
-    """Return a check of friction: it opens as all of them do, and then asks `judge`, which is given the load.
+    """Return a check of friction: it opens as all of them do, and then asks `judge`, which is given the force's parts.
 
     - `damped`: it is asked of a scene with a damper too.
     - `on_time`: the channels that may be on time where the others are late, see `judge_with_lag`.
@@ -204,19 +204,21 @@ def _check_of_friction(
         reason = not_alone(scene, *FRICTIONS, because=because) or nothing_pressed(runs.base, scene)
         if reason is None and not damped and scene.damping > 0.0:
             reason = Finding(Outcome.NOT_APPLICABLE, f"a damper of {scene.damping:g} N s/m brakes the tool too")
-        return reason or judge_with_lag(runs, lambda runs, load: judge(runs, load, scene), on_time, scene)
+        return reason or judge_with_lag(
+            runs, lambda runs, surface_force: judge(runs, surface_force, scene), on_time, scene
+        )
 
     return Check(
         judge=judge_friction, channels=("hip", "ihip", "force"), reads_also=("velocity",), **{"unit": "", **data}
     )
 
 
-def judge_cone(runs: Runs, load: Load, scene: Scene) -> Finding:
+def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare |F_t| with mu_s F_n at every tick."""
     base, friction = runs.base, scene.effect(FRICTION)
     # |F_t| less what the scene's dampers and rounding may make of it.
-    tangential = np.maximum(load.size - load.other, 0.0)
-    limit = friction.mu_s * np.maximum(load.normal, 0.0)
+    tangential = np.maximum(surface_force.size - surface_force.other, 0.0)
+    limit = friction.mu_s * np.maximum(surface_force.normal, 0.0)
     # |F_t| / (mu_s F_n); infinite where nothing presses the tool
     shares = np.divide(tangential, limit, out=np.where(tangential > 0.0, np.inf, 0.0), where=limit > 0.0)
     worst = int(np.argmax(shares))
@@ -227,32 +229,41 @@ def judge_cone(runs: Runs, load: Load, scene: Scene) -> Finding:
     return compared(
         Metric(CONE.metric, share, ""),
         1.0 + CONE_ROUNDING,
-        {**evidence_at(base, worst), "normal_N": float(load.normal[worst]), "tangential_N": float(load.size[worst])},
+        {
+            **evidence_at(base, worst),
+            "normal_N": float(surface_force.normal[worst]),
+            "tangential_N": float(surface_force.size[worst]),
+        },
         passes=f"the force stays in the cone of mu_s = {friction.mu_s:g}, and fills it to {share:.4g}",
         fails=(
-            f"leaves the cone: {load.size[worst]:.4g} N along the surface at t = {base.time[worst]:.4g} s "
-            f"(tick {worst}), where mu_s = {friction.mu_s:g} holds {limit[worst]:.4g} N of {load.normal[worst]:.4g} N "
-            "across it"
+            f"leaves the cone: {surface_force.size[worst]:.4g} N along the surface at t = {base.time[worst]:.4g} s "
+            f"(tick {worst}), where mu_s = {friction.mu_s:g} holds {limit[worst]:.4g} N of "
+            f"{surface_force.normal[worst]:.4g} N across it"
         ),
     )
 
 
-def judge_break_away(runs: Runs, load: Load, scene: Scene) -> Finding:
+def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the force along the surface with mu_s F_n (4.18) where a tool that stuck begins to slide."""
     base, friction = runs.base, scene.effect(FRICTION)
     # Ticks in which the tool begins to slide, after it has surely stuck.
-    slips = _break_away_ticks(base, load, scene, min(STICKING_SHARE, friction.stick) * friction.mu_k)
+    slips = _break_away_ticks(base, surface_force, scene, min(STICKING_SHARE, friction.stick) * friction.mu_k)
     # |F_t| / (mu_s F_n): 1 on the edge of the static cone (4.18)
-    share = np.divide(load.size, friction.mu_s * load.normal, where=load.normal > 0.0, out=np.zeros(len(base)))
+    share = np.divide(
+        surface_force.size,
+        friction.mu_s * surface_force.normal,
+        where=surface_force.normal > 0.0,
+        out=np.zeros(len(base)),
+    )
     # In the tick before, of a channel that is late too, the hand was a step less far, or two where that is between two.
     feet = np.diff(scene.model.boundary.closest_point(base.hip).foot, axis=0)
     step = largest_in_lag(np.concatenate([[0.0], np.maximum(hip_steps(base), np.linalg.norm(feet, axis=1))]), earlier=1)
     # How much the normal force, N, changes in a tick near it.
-    press = largest_in_lag(np.abs(np.diff(load.normal, prepend=load.normal[:1])), earlier=1)
-    holds = friction.mu_s * load.normal[slips - 1]
+    press = largest_in_lag(np.abs(np.diff(surface_force.normal, prepend=surface_force.normal[:1])), earlier=1)
+    holds = friction.mu_s * surface_force.normal[slips - 1]
     with np.errstate(divide="ignore", invalid="ignore"):
         # 2 K |dx| + mu_s |dF_n| and rounding: what the force may have lacked in the tick before.
-        open_ = 2.0 * scene.stiffness * step[slips] + friction.mu_s * press[slips] + load.other[slips - 1]
+        open_ = 2.0 * scene.stiffness * step[slips] + friction.mu_s * press[slips] + surface_force.other[slips - 1]
         allowed = np.where(holds > 0.0, open_ / holds, np.inf)
     # Known to a tenth, or to half of what lies between the static and the kinetic cone.
     clear = allowed <= max(TELLING_SHARE, 0.5 * (1.0 - friction.mu_k / friction.mu_s))
@@ -279,7 +290,7 @@ def judge_break_away(runs: Runs, load: Load, scene: Scene) -> Finding:
     )
 
 
-def _break_away_ticks(base: Recording, load: Load, scene: Scene, surely: float) -> IntArray:
+def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene, surely: float) -> IntArray:
     """Return the ticks in which a tool that has stuck begins to slide, away from corners.
 
     It has stuck when it rested for longer than the granted lag, and was pulled by less than the share `surely` of F_n.
@@ -287,10 +298,10 @@ def _break_away_ticks(base: Recording, load: Load, scene: Scene, surely: float) 
     # Below this way, m, an IHIP has not moved: the rounding of its coordinates.
     place = 8.0 * ihip_precision(base) * float(np.max(np.abs(base.hip)))
     length = np.linalg.norm(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), axis=1)
-    pressed = load.pressed & (load.normal > 0.0)
+    pressed = surface_force.pressed & (surface_force.normal > 0.0)
     # What is no contact ends a rest as well as a motion does.
     moves = (length > place) | ~pressed | ~np.roll(pressed, 1)
-    sticks = pressed & (load.size <= surely * load.normal)
+    sticks = pressed & (surface_force.size <= surely * surface_force.normal)
     near = np.zeros(len(base), dtype=bool)
     # At a corner the tool may change its face: there a step is no slip.
     for corner in scene.model.boundary.corners:
@@ -309,12 +320,12 @@ def _break_away_ticks(base: Recording, load: Load, scene: Scene, surely: float) 
     )
 
 
-def judge_sticking(runs: Runs, load: Load, scene: Scene) -> Finding:
+def judge_sticking(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Measure how far the IHIP moves while the force along the surface is small."""
     base, friction = runs.base, scene.effect(FRICTION)
     # |F_t| / (mu_k F_n); 0 where nothing presses
-    pulled = load.size / np.where(load.normal > 0.0, friction.mu_k * load.normal, np.inf)
-    sticks = load.pressed & (load.normal > 0.0) & (pulled <= STICKING_SHARE)
+    pulled = surface_force.size / np.where(surface_force.normal > 0.0, friction.mu_k * surface_force.normal, np.inf)
+    sticks = surface_force.pressed & (surface_force.normal > 0.0) & (pulled <= STICKING_SHARE)
     # First rows and rows behind the last of the stretches that stick, by turns.
     edges = np.flatnonzero(np.diff(np.concatenate([[False], sticks, [False]]).astype(int)))
     creeps = []
@@ -349,29 +360,36 @@ def judge_sticking(runs: Runs, load: Load, scene: Scene) -> Finding:
     )
 
 
-def judge_sliding(runs: Runs, load: Load, scene: Scene) -> Finding:
+def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare F_t at every tick in which the IHIP moves with mu_k F_n against that motion (4.20)."""
     base = runs.base
     friction = scene.effect(FRICTION)
     # The slip ds of a tick, along the surface.
-    step = along_surface(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), load.normals)
+    step = along_surface(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), surface_force.normals)
     length = np.linalg.norm(step, axis=1)
     # (4.20): F_t = -mu_k F_n ds / |ds|
-    braking = friction.mu_k * load.normal
+    braking = friction.mu_k * surface_force.normal
     shape = scene.model.boundary.closest_point(base.ihip).shape
     bend, twist = _curvature(shape)
     # Below this way, m, an IHIP has not moved: the rounding of its coordinates.
     place = 8.0 * ihip_precision(base) * np.max(np.abs(base.hip))
     # How far, m, the HIP may lie from the IHIP along the surface: the slip and the spring's length.
-    lag = length + (load.size + np.maximum(load.normal, 0.0)) / scene.stiffness
+    lag = length + (surface_force.size + np.maximum(surface_force.normal, 0.0)) / scene.stiffness
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         deviation = (
-            np.linalg.norm(load.tangential + braking[:, np.newaxis] * step / length[:, np.newaxis], axis=1) / braking
+            np.linalg.norm(surface_force.tangential + braking[:, np.newaxis] * step / length[:, np.newaxis], axis=1)
+            / braking
         )
         # The tangent plane turns by curvature times that way; of first order only where it twists.
         turned = twist * lag + (bend * lag) ** 2
-        allowed = load.other / braking + turned + place / length + SLIDING_ROUNDING
-    slides = load.pressed & np.roll(load.pressed, 1) & (length > place) & (braking > 0.0) & (allowed <= TELLING_SHARE)
+        allowed = surface_force.other / braking + turned + place / length + SLIDING_ROUNDING
+    slides = (
+        surface_force.pressed
+        & np.roll(surface_force.pressed, 1)
+        & (length > place)
+        & (braking > 0.0)
+        & (allowed <= TELLING_SHARE)
+    )
     slides[0] = False
     # A slip over a corner has two directions.
     for corner in scene.model.boundary.corners:
@@ -381,7 +399,7 @@ def judge_sliding(runs: Runs, load: Load, scene: Scene) -> Finding:
         return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
     worst = int(ticks[np.argmax((deviation - allowed)[ticks])])
     # The force against the motion, N, for the message.
-    against = -float(np.sum(load.tangential[worst] * step[worst])) / float(length[worst])
+    against = -float(np.sum(surface_force.tangential[worst] * step[worst])) / float(length[worst])
     comparison = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {braking[worst]:.4g} N"
     return compared(
         Metric(SLIDING.metric, float(deviation[worst]), ""),
@@ -390,7 +408,7 @@ def judge_sliding(runs: Runs, load: Load, scene: Scene) -> Finding:
             **evidence_at(base, worst),
             "against_N": against,
             "asked_N": float(braking[worst]),
-            "normal_N": float(load.normal[worst]),
+            "normal_N": float(surface_force.normal[worst]),
             "ticks": int(ticks.size),
         },
         passes=f"a tool that slides is braked by mu_k F_n in {ticks.size} ticks; at the worst {comparison}",
@@ -411,23 +429,23 @@ def _curvature(shape: Array) -> tuple[Array, Array]:
     return largest, 0.5 * np.sqrt(np.maximum(difference_squared, 0.0))
 
 
-def judge_force(runs: Runs, load: Load, scene: Scene) -> Finding:
+def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the force along the surface with that of the law at every tick in contact."""
     base = runs.base
     if any(effect.stage is Stage.SENSE for effect in scene.effects):
         return undecided("the renderer answers the speed that its sensors show, and not the hand's")
     (kind,) = (effect.kind for effect in scene.effects if effect.kind in FORCE.effects)
-    tangential = load.tangential
+    tangential = surface_force.tangential
     if runs.without is not None:
         plain = runs.without(kind).force
         # What the renderer itself gives along the surface, without the friction, is not the law's.
-        tangential = tangential - along_surface(plain, load.normals)
+        tangential = tangential - along_surface(plain, surface_force.normals)
     # What the queue of a late renderer begins with is not of the law.
-    judged = load.pressed & (np.arange(len(base)) >= LAG_TICKS)
-    law = _friction_law(base, load, scene)
+    judged = surface_force.pressed & (np.arange(len(base)) >= LAG_TICKS)
+    law = _friction_law(base, surface_force, scene)
     straight = law(0.0, BRISTLE_PARTS)
     strength = np.linalg.norm(straight, axis=1)
-    rounding = load.other - viscous_coefficient(scene) * np.linalg.norm(load.velocity, axis=1)
+    rounding = surface_force.other - viscous_coefficient(scene) * np.linalg.norm(surface_force.velocity, axis=1)
     # The law with a held speed and with one that goes straight: what sampling leaves open.
     doubt = rounding + np.linalg.norm(law(0.0, 1) - straight, axis=1)
     if not (judged & (doubt <= TELLING_SHARE * strength)).any():
@@ -453,7 +471,7 @@ def judge_force(runs: Runs, load: Load, scene: Scene) -> Finding:
     worst = int(np.argmax(np.where(judged, deviation - doubt, -np.inf)))
     what = (
         f"at t = {base.time[worst]:.4g} s (tick {worst}) it is {deviation[worst]:.3g} N off the {strength[worst]:.3g} "
-        f"N that the {kind} makes of {1e3 * np.linalg.norm(load.velocity[worst]):.3g} mm/s"
+        f"N that the {kind} makes of {1e3 * np.linalg.norm(surface_force.velocity[worst]):.3g} mm/s"
     )
     return compared(
         Metric(FORCE.metric, float(deviation[worst]), "N"),
@@ -464,21 +482,21 @@ def judge_force(runs: Runs, load: Load, scene: Scene) -> Finding:
     )
 
 
-def _friction_law(base: Recording, load: Load, scene: Scene) -> Callable[[float, int], Array]:
+def _friction_law(base: Recording, surface_force: SurfaceForce, scene: Scene) -> Callable[[float, int], Array]:
     """Return -F_t of the law (n, N), N, as a function of a lag in ticks and the parts of a tick: see `lugre_force`."""
     lugre = scene.effect(LUGRE)
     rows = np.arange(len(base), dtype=np.int64)
 
     def law(lag: float, parts: int) -> Array:
-        moving = delayed(load.velocity, rows, lag) if lag else load.velocity
+        moving = delayed(surface_force.velocity, rows, lag) if lag else surface_force.velocity
         if lugre is None:
             return viscous_coefficient(scene) * moving
-        return lugre_force(lugre, replace(load, velocity=moving), base.dt, parts)
+        return lugre_force(lugre, replace(surface_force, velocity=moving), base.dt, parts)
 
     return law
 
 
-def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
+def lugre_force(law: LuGre, surface_force: SurfaceForce, dt: float, parts: int) -> Array:
     """Return -F_t of LuGre friction at each tick, (n, N), N, for a speed that is held over each of `parts` of a tick.
 
     With one part that is the speed of the tick, else it goes straight from the last to that of the tick.
@@ -486,8 +504,8 @@ def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
     The bristles' deflection z (m) obeys z' = v - sigma0 |v| z / g(v), and F_t = -(sigma0 z + sigma1 z' + sigma2 v):
     Canudas de Wit et al. 1995. `dt` is in s.
     """
-    now, pressed = load.velocity, load.normal > 0.0
-    press = np.where(pressed, load.normal, 1.0)
+    now, pressed = surface_force.velocity, surface_force.normal > 0.0
+    press = np.where(pressed, surface_force.normal, 1.0)
     before = np.concatenate([now[:1], now[:-1]])
     # Over a tick z becomes a z + b.
     grow, add = np.ones((len(now), 1)), np.zeros_like(now)
@@ -503,7 +521,9 @@ def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
     tiny, longest = np.finfo(float).tiny, (law.mu_s / law.stiffness * press).tolist()
     free, bends, size = [0.0] * now.shape[1], [], 0.0
     bent = free
-    rows = zip(pressed.tolist(), load.normals.tolist(), grow[:, 0].tolist(), add.tolist(), longest, strict=True)
+    rows = zip(
+        pressed.tolist(), surface_force.normals.tolist(), grow[:, 0].tolist(), add.tolist(), longest, strict=True
+    )
     for touches, normal, shrinks, added, holds in rows:
         # The part of z along the normal goes; what is left in the tangent plane is stretched back to its length.
         lifted = sum(map(mul, bent, normal))
@@ -521,7 +541,7 @@ def lugre_force(law: LuGre, load: Load, dt: float, parts: int) -> Array:
     return np.where(pressed[:, np.newaxis], force, 0.0)
 
 
-def judge_energy(runs: Runs, load: Load, scene: Scene) -> Finding:
+def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the work that the hand gets since free space with what holding the force may give."""
     base = runs.base
     free = ~touching(base, scene)
@@ -535,9 +555,13 @@ def judge_energy(runs: Runs, load: Load, scene: Scene) -> Finding:
     # Across the surface a law may be steeper than the scene's spring: of any that grows with the depth a force that is
     # held gives no more than its change times the way.
     across = np.max(
-        [np.abs(np.sum(moved * normals, axis=1)) for normals in (load.normals[:-1], load.normals[1:])], axis=0
+        [
+            np.abs(np.sum(moved * normals, axis=1))
+            for normals in (surface_force.normals[:-1], surface_force.normals[1:])
+        ],
+        axis=0,
     )
-    change = np.abs(np.diff(load.normal))
+    change = np.abs(np.diff(surface_force.normal))
     steep = np.where(change > STEEPER_THAN_SPRING * scene.stiffness * across, change * across, 0.0)
     before = np.concatenate([[0.0], length[:-1]])
     strength = np.linalg.norm(base.force[:-1], axis=1)
@@ -568,7 +592,7 @@ def judge_energy(runs: Runs, load: Load, scene: Scene) -> Finding:
     )
 
 
-def judge_work(runs: Runs, load: Load, scene: Scene) -> Finding:
+def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the hand's work over each lap after the first with the work of the friction's law."""
     base = runs.base
     spans = [
@@ -577,15 +601,15 @@ def judge_work(runs: Runs, load: Load, scene: Scene) -> Finding:
         for lap in range(1, number)
         if first + (lap + 1) * period < len(base)
     ]
-    spans = [(start, stop) for start, stop in spans if load.pressed[start : stop + 1].all()]
+    spans = [(start, stop) for start, stop in spans if surface_force.pressed[start : stop + 1].all()]
     if not spans:
         return undecided("the hand goes round no closed lap twice in contact")
     moved = np.diff(base.hip, axis=0)
     # Work of the hand by the trapezoid: -F . dx
     mean = 0.5 * (base.force[1:] + base.force[:-1])
     put_in = -np.sum(mean * moved, axis=1)
-    dissipated, doubt = _dissipated_work(base, load, scene, moved)
-    stored = _stored_energy(base, load, scene)
+    dissipated, doubt = _dissipated_work(base, surface_force, scene, moved)
+    stored = _stored_energy(base, surface_force, scene)
     lap_works = []
     for start, stop in spans:
         law = float(dissipated[start:stop].sum())
@@ -616,19 +640,19 @@ def judge_work(runs: Runs, load: Load, scene: Scene) -> Finding:
     )
 
 
-def _dissipated_work(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
+def _dissipated_work(base: Recording, surface_force: SurfaceForce, scene: Scene, moved: Array) -> tuple[Array, Array]:
     """Return the work (n - 1,), J, that the laws take over each step `moved` (n - 1, N), m, and its doubt."""
     dissipated = np.zeros(len(moved))
     # A force that is off by so much between two ticks, over the way of tool and hand.
     ways = np.linalg.norm(np.diff(base.ihip, axis=0), axis=1) + np.linalg.norm(moved, axis=1)
-    doubt = load.between[1:] * ways
+    doubt = surface_force.between[1:] * ways
     friction, lugre = scene.effect(FRICTION), scene.effect(LUGRE)
     if friction is not None:
         slip = np.diff(base.ihip, axis=0)
-        after = load.normals[1:]
+        after = surface_force.normals[1:]
         across = np.sum(slip * after, axis=1)
         along = np.linalg.norm(along_surface(slip, after), axis=1)
-        normal = load.normal[1:]
+        normal = surface_force.normal[1:]
         # The law's force after the slip, times the slip: mu_k F_n |ds|, and F_n times what the foot moves across
         dissipated += normal * (friction.mu_k * along - across)
         # A law that is not the scene's spring: its difference does work on the slip, too.
@@ -636,21 +660,25 @@ def _dissipated_work(base: Recording, load: Load, scene: Scene, moved: Array) ->
         # K ds . (ds - dx) / 2: the spring relaxes by ds while the hand moves on by dx.
         dissipated += 0.5 * scene.stiffness * np.sum(slip * (slip - moved), axis=1)
     # b v . dx, with the mean speed of the step
-    dissipated += 0.5 * viscous_coefficient(scene) * np.sum((load.velocity[1:] + load.velocity[:-1]) * moved, axis=1)
+    dissipated += (
+        0.5
+        * viscous_coefficient(scene)
+        * np.sum((surface_force.velocity[1:] + surface_force.velocity[:-1]) * moved, axis=1)
+    )
     if lugre is not None:
-        stepped, straight = (lugre_force(lugre, load, base.dt, parts) for parts in (1, BRISTLE_PARTS))
+        stepped, straight = (lugre_force(lugre, surface_force, base.dt, parts) for parts in (1, BRISTLE_PARTS))
         work = [0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1) for force in (stepped, straight)]
         dissipated += work[1]
         doubt += work[1] - work[0]
     return dissipated, doubt
 
 
-def _stored_energy(base: Recording, load: Load, scene: Scene) -> Array:
+def _stored_energy(base: Recording, surface_force: SurfaceForce, scene: Scene) -> Array:
     """Return what a tool that lags behind the hand stores at each tick, F^2 / (2 K): (n,), J."""
     if scene.effect(FRICTION) is None:
         return np.zeros(len(base))
-    pull = load.tangential + viscous_coefficient(scene) * load.velocity
-    return np.asarray((load.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
+    pull = surface_force.tangential + viscous_coefficient(scene) * surface_force.velocity
+    return np.asarray((surface_force.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
 
 
 CONE = _check_of_friction(

@@ -12,7 +12,7 @@ from hapticeval.effects.friction import Friction
 from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import friction
-from hapticeval.phenomena.checks.friction import _break_away_ticks, load_of
+from hapticeval.phenomena.checks.friction import _break_away_ticks, surface_force_of
 from hapticeval.scene import Scene
 
 SCENE = Scene(model=line(), stiffness=1000.0, mass=0.1, effects=(Friction(mu_s=0.5, mu_k=0.3),))
@@ -24,7 +24,7 @@ def numbers(text):
 
 
 def asked(judge, base):
-    return judge(Runs(base), load_of(base, SCENE), SCENE)
+    return judge(Runs(base), surface_force_of(base, SCENE), SCENE)
 
 
 def pressed_and_pulled(aside, *, normal=2.0):
@@ -46,7 +46,7 @@ class TestBreakAway:
         return recorded(hip, ihip, force)
 
     def ticks(self, base):
-        return _break_away_ticks(base, load_of(base, SCENE), SCENE, 0.6 * 0.3).tolist()
+        return _break_away_ticks(base, surface_force_of(base, SCENE), SCENE, 0.6 * 0.3).tolist()
 
     def test_a_tool_that_has_rested_for_longer_than_a_lag_breaks_away_where_it_slips(self):
         assert self.ticks(self.ends_with(1e-3)) == [13]
