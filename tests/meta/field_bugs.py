@@ -2,7 +2,8 @@
 
 Each is the nearest point and a spring with one fault, written anew from what its thread describes. `BROKEN` and
 `HONEST` are as in `outsiders`, and led along `CASES`: those in space of the suites `field` and `seams`. The first check
-that one fails is the one that has to name it; `THREADS` says where each was reported.
+that one fails is the one that has to name it. The threads in which they were `reported` were read; what is done here is
+made from their words, not their code.
 """
 
 from __future__ import annotations
@@ -31,29 +32,6 @@ CASES = {
 CASES["press-and-leave-damped"] = msgspec.structs.replace(
     CASES["press-and-leave"], name="press-and-leave-damped", scene={"damping": 5.0}
 )
-
-THREADS: Mapping[str, str] = {
-    "internal-edges": "github.com/bulletphysics/bullet3 issue 288; dimforge/rapier issue 95",
-    "triangle-by-triangle": "github.com/coal-library/coal issue 357",
-    "depth-stops-at-radius": "github.com/google-deepmind/mujoco issue 2206",
-    "normal-to-corner": "github.com/flexible-collision-library/fcl issue 545",
-    "right-on-occasion": "github.com/flexible-collision-library/fcl issue 76",
-    "sixty-hertz": "github.com/sofa-framework/sofa issue 5158",
-    "impulse-for-force": "github.com/sofa-framework/sofa pull request 6117",
-    "keeps-last-force": "github.com/isaac-sim/IsaacLab pull request 6637, review of haptic_feedback.py",
-    "free-behind-plate": "github.com/google-deepmind/mujoco issues 441 and 1443",
-    "both-sides-push": "github.com/RobotLocomotion/drake issue 12441",
-    "sign-by-area": "github.com/llnl/axom issue 783 and pull request 784",
-    "jumps-to-zero": "github.com/raisimTech/raisimLib issue 322",
-    "phantom-depth": "github.com/google-deepmind/mujoco issue 3476",
-    "spurious-contact": "github.com/raisimTech/raisimLib issue 5",
-    "contact-with-margin": "github.com/google-deepmind/mujoco issue 1857",
-    "late-to-see": "github.com/NVIDIAGameWorks/PhysX issue 468",
-    "force-of-old-contact": "github.com/newton-physics/newton issue 2885",
-    "convex-hull": "MuJoCo's documentation: a mesh collides as its convex hull",
-    "unclipped-damper": "the formula F = K d n - b v of introductory texts, clipped nowhere",
-}
-"""Where each fault was reported. The threads were read; what is done here is made from their words, not their code."""
 
 
 class Faulty(Spring):
@@ -330,9 +308,13 @@ BROKEN: Mapping[str, Outsider] = {
             "force-magnitude": "a part of it is aside",
         },
         ("across-many-angles",),
+        reported="github.com/bulletphysics/bullet3 issue 288; dimforge/rapier issue 95",
     ),
     "triangle-by-triangle": Outsider(
-        TriangleByTriangle, {"seams": "as many forces as triangles"}, ("across-many-angles",)
+        TriangleByTriangle,
+        {"seams": "as many forces as triangles"},
+        ("across-many-angles",),
+        reported="github.com/coal-library/coal issue 357",
     ),
     "sixty-hertz": Outsider(
         SixtyHertz,
@@ -344,9 +326,13 @@ BROKEN: Mapping[str, Outsider] = {
             "force-magnitude": STALE,
         },
         ("round-a-ball",),
+        reported="github.com/sofa-framework/sofa issue 5158",
     ),
     "keeps-last-force": Outsider(
-        KeepsLastForce, {"drop-out": "the force of the last position stays on"}, ("press-and-leave",)
+        KeepsLastForce,
+        {"drop-out": "the force of the last position stays on"},
+        ("press-and-leave",),
+        reported="github.com/isaac-sim/IsaacLab pull request 6637, review of haptic_feedback.py",
     ),
     "unclipped-damper": Outsider(
         UnclippedDamper,
@@ -356,23 +342,68 @@ BROKEN: Mapping[str, Outsider] = {
             "force-magnitude": "the damper is most of it at little depth",
         },
         ("press-and-leave",),
+        reported="the formula F = K d n - b v of introductory texts, clipped nowhere",
     ),
-    "depth-stops-at-radius": Outsider(DepthStops, {"force-magnitude": "softer the deeper"}, ("deep",)),
-    "impulse-for-force": Outsider(ImpulseForForce, {"force-magnitude": "a thousandth, dt"}, ("steady-push",)),
-    "jumps-to-zero": Outsider(JumpsToZero, {"force-magnitude": "none in every other pair of ticks"}, ("steady-push",)),
-    "phantom-depth": Outsider(PhantomDepth, {"force-magnitude": "100 N in a tick of 64"}, ("steady-push",)),
-    "both-sides-push": Outsider(BothSidesPush, {"force-magnitude": "the far face takes from it"}, ("plate-pressed",)),
+    "depth-stops-at-radius": Outsider(
+        DepthStops,
+        {"force-magnitude": "softer the deeper"},
+        ("deep",),
+        reported="github.com/google-deepmind/mujoco issue 2206",
+    ),
+    "impulse-for-force": Outsider(
+        ImpulseForForce,
+        {"force-magnitude": "a thousandth, dt"},
+        ("steady-push",),
+        reported="github.com/sofa-framework/sofa pull request 6117",
+    ),
+    "jumps-to-zero": Outsider(
+        JumpsToZero,
+        {"force-magnitude": "none in every other pair of ticks"},
+        ("steady-push",),
+        reported="github.com/raisimTech/raisimLib issue 322",
+    ),
+    "phantom-depth": Outsider(
+        PhantomDepth,
+        {"force-magnitude": "100 N in a tick of 64"},
+        ("steady-push",),
+        reported="github.com/google-deepmind/mujoco issue 3476",
+    ),
+    "both-sides-push": Outsider(
+        BothSidesPush,
+        {"force-magnitude": "the far face takes from it"},
+        ("plate-pressed",),
+        reported="github.com/RobotLocomotion/drake issue 12441",
+    ),
     "normal-to-corner": Outsider(
-        NormalToCorner, {"contact-normal-force": "a normal to the corner"}, ("beside-a-diagonal",)
+        NormalToCorner,
+        {"contact-normal-force": "a normal to the corner"},
+        ("beside-a-diagonal",),
+        reported="github.com/flexible-collision-library/fcl issue 545",
     ),
     "right-on-occasion": Outsider(
-        RightOnOccasion, {"contact-normal-force": "the same in every other tick"}, ("beside-a-diagonal",)
+        RightOnOccasion,
+        {"contact-normal-force": "the same in every other tick"},
+        ("beside-a-diagonal",),
+        reported="github.com/flexible-collision-library/fcl issue 76",
     ),
-    "sign-by-area": Outsider(SignByArea, {"contact-normal-force": "pulls in from outside"}, ("past-a-fin",)),
+    "sign-by-area": Outsider(
+        SignByArea,
+        {"contact-normal-force": "pulls in from outside"},
+        ("past-a-fin",),
+        reported="github.com/llnl/axom issue 783 and pull request 784",
+    ),
     "free-behind-plate": Outsider(
-        Spring, {"contact-kept": "a hand that passes a plate in a tick is free"}, ("plate-in-a-tick",)
+        Spring,
+        {"contact-kept": "a hand that passes a plate in a tick is free"},
+        ("plate-in-a-tick",),
+        reported="github.com/google-deepmind/mujoco issues 441 and 1443",
     ),
-    "late-to-see": Outsider(LateToSee, {"contact-kept": "1.5 mm deep before it is seen"}, ("steady-push",)),
+    "late-to-see": Outsider(
+        LateToSee,
+        {"contact-kept": "1.5 mm deep before it is seen"},
+        ("steady-push",),
+        reported="github.com/NVIDIAGameWorks/PhysX issue 468",
+    ),
     "spurious-contact": Outsider(
         SpuriousContact,
         {
@@ -381,18 +412,28 @@ BROKEN: Mapping[str, Outsider] = {
             "force-magnitude": "a kick where the contact begins",
         },
         ("hover",),
+        reported="github.com/raisimTech/raisimLib issue 5",
     ),
     "force-of-old-contact": Outsider(
-        ForceOfOldContact, {"contact-kept": "a force in free space", "continuous-contact": OFF}, ("hover",)
+        ForceOfOldContact,
+        {"contact-kept": "a force in free space", "continuous-contact": OFF},
+        ("hover",),
+        reported="github.com/newton-physics/newton issue 2885",
     ),
-    "contact-with-margin": Outsider(ContactWithMargin, {"continuous-contact": "1.2 mm off the surface"}, ("hover",)),
+    "contact-with-margin": Outsider(
+        ContactWithMargin,
+        {"continuous-contact": "1.2 mm off the surface"},
+        ("hover",),
+        reported="github.com/google-deepmind/mujoco issue 1857",
+    ),
     "convex-hull": Outsider(
         ConvexHull,
         {"continuous-contact": "the hull's face, 30 mm off", "contact-normal-force": "the hull's normal"},
         ("in-a-notch",),
+        reported="MuJoCo's documentation: a mesh collides as its convex hull",
     ),
 }
-"""Each fault of `THREADS`: what stops it, and why; the check that has to name it comes first."""
+"""Each fault: what stops it, and why, the check that has to name it first; and where it was reported."""
 
 HONEST: Mapping[str, Outsider] = {
     "held-at-plates": Outsider(resolve("constraint"), cases=("plate-in-a-tick", "in-a-notch", "across-many-angles")),

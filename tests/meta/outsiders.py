@@ -111,15 +111,21 @@ CASES = {
 
 @dataclass(frozen=True)
 class Outsider:
-    """A renderer, the checks that it fails, each with the cause, and the cases that it is judged in.
+    """A renderer that these tests judge, right or broken.
 
-    One that breaks the contract is not judged: every verdict is `breaks`, an error.
+    - `make`: its factory.
+    - `fails`: the checks that it fails in one of its cases, each with the cause; none of one that is right. A new
+      check of these cases has its line here too, where it stops the renderer rightly.
+    - `cases`: the names of those that it is judged in, of the `CASES` of its module.
+    - `breaks`: why one that breaks the contract is not judged. Every verdict is an error then, whose message has this.
+    - `reported`: where its fault was, by users of a renderer or an engine.
     """
 
     make: Callable[[Scene], Any]
     fails: Mapping[str, str] = field(default_factory=dict)
     cases: tuple[str, ...] = ("slide",)
     breaks: str = ""
+    reported: str = ""
 
 
 class ThriceAsStiff(Spring):
