@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -177,11 +177,13 @@ class Curve:
 
     def signed_distance(self, points: ArrayLike) -> Array:
         """Return the signed distances (n,), m, of points (n, 2), m, negative inside: see `Boundary.signed_distance`."""
-        return answer_by_kernel(curve_kernels.signed_distances, self._lookup_tables, points, 2)
+        located = self._project(points)
+        return located[:, 1] * located[:, 2]
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
-        """Return the closest points of points (n, 2), m, in one compiled call: see `Boundary.closest_point`."""
-        return answer_by_kernel(curve_kernels.closest_points, self._lookup_tables, points, 2)
+        """Return the closest points of points (n, 2), m: see `Boundary.closest_point`."""
+        closest_of = curve_kernels.closest_on_edges if self.straight else curve_kernels.closest_on_pieces
+        return closest_of(self._rows, self._project(points))
 
     def contains(self, points: ArrayLike) -> BoolArray:
         """Return whether each of points (n, 2), m, lies inside (n,); points on the curve do not."""
@@ -309,11 +311,13 @@ class Curve:
         return for_kernels(self.pieces)
 
     @cached_property
-    def _lookup_tables(self) -> tuple[Array, Array | None, Array | None, Array, Array | None]:
-        """What `curve_kernels.locate_point` looks a point up in: None for what the curve's kind has no use for."""
-        arcs = None if self.straight or self._smooth else self._rows
-        samples, tree = self.samples if self._smooth else None, self.tree if self.straight else None
-        return self._rows, arcs, samples, for_kernels(self.pieces[:, A : B + 1]), tree
+    def _lookup(self) -> tuple[Callable[..., Array], Sequence[Array]]:
+        """The kernel that locates points by a curve of this kind, and what it looks them up in."""
+        if self.straight:
+            return curve_kernels.locate_on_edges, (self._rows, for_kernels(self.pieces[:, A : B + 1]), self.tree)
+        if self._smooth:
+            return curve_kernels.locate_on_smooth, (self._rows, self.samples)
+        return curve_kernels.locate_on_pieces, (self._rows,)
 
     @cached_property
     def compiled_closest(self) -> Closest:
@@ -355,8 +359,9 @@ class Curve:
         return evaluate_many(self._rows, for_kernels(np.ravel(u))).reshape((*u.shape, 6))
 
     def _project(self, points: ArrayLike) -> Array:
-        """Return rows (n, 3) of u, distance (m) and side for points (n, 2), m: see `curve_kernels.locate_points`."""
-        return answer_by_kernel(curve_kernels.locate_points, self._lookup_tables, points, 2)
+        """Return rows (n, 3) of u, distance (m) and side for points (n, 2), m."""
+        locate, tables = self._lookup
+        return answer_by_kernel(locate, tables, points, 2)
 
     def _extremes(self, piece: Array) -> Array:
         """Points among which a piece's largest and smallest x and y are."""

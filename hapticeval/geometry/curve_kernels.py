@@ -436,116 +436,91 @@ def locate_on_outline(pieces: Array, vertices: Array, tree: Array, x: float, y: 
 
 
 @compiled
-def locate_point(
-    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array, tree: Array | None,
-    x: float, y: float,
-) -> tuple[float, float, float]:  # fmt: skip
-    """Return (u, distance (m), side) of one point (x, y), m, in the way for the curve's kind.
+def locate_on_edges(pieces: Array, vertices: Array, tree: Array, points: Array) -> Array:
+    """Return where points (n, 2), m, lie by a curve of straight edges: rows (n, 3) of u, distance (m) and side.
 
-    `pieces` (n, 9) are the curve's, and `vertices` (n, 2), m, where straight ones start. `arcs`, the same pieces again,
-    `samples` (m, 8) and `tree` (k, 6) are None for a curve of another kind, and what would look into them is not
-    compiled.
-    """
-    if arcs is None:
-        return _locate_on_smooth(pieces, samples, vertices, tree, x, y)
-    _, u, distance, side, _ = _nearest_on_pieces_with_values(arcs, x, y)
-    return u, distance, side
-
-
-@compiled
-def _locate_on_smooth(
-    pieces: Array, samples: Array | None, vertices: Array, tree: Array | None, x: float, y: float
-) -> tuple[float, float, float]:
-    """Answer `locate_point` for one smooth piece, or for straight edges."""
-    if samples is None:
-        return _locate_on_edges(pieces, vertices, tree, x, y)
-    _, u, distance, side, _ = _nearest_on_smooth_with_values(pieces[0], samples, x, y)
-    return u, distance, side
-
-
-@compiled
-def _locate_on_edges(
-    pieces: Array, vertices: Array, tree: Array | None, x: float, y: float
-) -> tuple[float, float, float]:
-    """Answer `locate_point` for straight edges; without their tree it is not asked."""
-    if tree is None:
-        return 0.0, 0.0, 0.0
-    return locate_on_outline(pieces, vertices, tree, x, y)
-
-
-@compiled
-def locate_points(
-    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array, tree: Array | None, points: Array
-) -> Array:
-    """Return `locate_point` for each row of points (n, 2), m: rows (n, 3) of u, distance (m) and side.
-
-    Raises as `check_finite` does.
+    `pieces` (k, 9), `vertices` (k, 2), m, and `tree` (m, 6). Raises as `check_finite` does.
     """
     check_finite(points)
-    out = np.empty((points.shape[0], 3))
+    located = np.empty((points.shape[0], 3))
     for i in range(points.shape[0]):
-        out[i, 0], out[i, 1], out[i, 2] = locate_point(
-            pieces, arcs, samples, vertices, tree, points[i, 0], points[i, 1]
+        located[i, 0], located[i, 1], located[i, 2] = locate_on_outline(
+            pieces, vertices, tree, points[i, 0], points[i, 1]
         )
-    return out
+    return located
 
 
 @compiled
-def signed_distances(
-    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array, tree: Array | None, points: Array
-) -> Array:
-    """Return the signed distances (n,), m, of points (n, 2), m. Raises as `check_finite` does."""
+def locate_on_smooth(pieces: Array, samples: Array, points: Array) -> Array:
+    """Answer `locate_on_edges` for one smooth piece, of `pieces` (1, 9) and `samples` (m, 8)."""
     check_finite(points)
-    out = np.empty(points.shape[0])
+    located = np.empty((points.shape[0], 3))
     for i in range(points.shape[0]):
-        _, distance, side = locate_point(pieces, arcs, samples, vertices, tree, points[i, 0], points[i, 1])
-        out[i] = distance * side
-    return out
+        _, u, distance, side, _ = _nearest_on_smooth_with_values(pieces[0], samples, points[i, 0], points[i, 1])
+        located[i, 0], located[i, 1], located[i, 2] = u, distance, side
+    return located
 
 
 @compiled
-def closest_points(
-    pieces: Array, arcs: Array | None, samples: Array | None, vertices: Array, tree: Array | None, points: Array
-) -> ClosestPoint:
-    """Return the `ClosestPoint` of points (n, 2), m; the tables as in `locate_point`. Raises as `check_finite` does."""
+def locate_on_pieces(pieces: Array, points: Array) -> Array:
+    """Answer `locate_on_edges` for a curve of `pieces` (k, 9), lines and arcs."""
     check_finite(points)
-    n = points.shape[0]
-    feet, normals, distances, shapes = np.empty((n, 2)), np.empty((n, 2)), np.empty(n), np.empty((n, 2, 2))
-    closed = pieces[0, 0] != UNBOUNDED
+    located = np.empty((points.shape[0], 3))
+    for i in range(points.shape[0]):
+        _, u, distance, side, _ = _nearest_on_pieces_with_values(pieces, points[i, 0], points[i, 1])
+        located[i, 0], located[i, 1], located[i, 2] = u, distance, side
+    return located
+
+
+@compiled
+def closest_on_edges(pieces: Array, located: Array) -> ClosestPoint:
+    """Return the closest points that `locate_on_edges` has `located` (n, 3), on `pieces` (k, 9)."""
+    closest = _room_for_closest(located.shape[0])
+    for i in range(located.shape[0]):
+        u = _wrapped(pieces, located[i, 0])
+        piece = pieces[piece_index(pieces, u)]
+        _write_closest(evaluate_line(piece, u - piece[U0]), located, i, closest)
+    return closest
+
+
+@compiled
+def closest_on_pieces(pieces: Array, located: Array) -> ClosestPoint:
+    """Answer `closest_on_edges` for pieces of any kind; this compiles all kinds."""
+    closest = _room_for_closest(located.shape[0])
+    for i in range(located.shape[0]):
+        u = _wrapped(pieces, located[i, 0])
+        _write_closest(evaluate(pieces[piece_index(pieces, u)], u), located, i, closest)
+    return closest
+
+
+@compiled
+def _room_for_closest(n: int) -> ClosestPoint:
+    """Return room for n closest points, to be written."""
+    return ClosestPoint(np.empty((n, 2)), np.empty((n, 2)), np.empty(n), np.empty((n, 2, 2)))
+
+
+@compiled
+def _wrapped(pieces: Array, u: float) -> float:
+    """Return u on `pieces` (k, 9); on a closed curve it wraps, and rounding may wrap it onto the end: the start."""
     start, end = pieces[0, U0], pieces[pieces.shape[0] - 1, U1]
-    for i in range(n):
-        u, distance, side = locate_point(pieces, arcs, samples, vertices, tree, points[i, 0], points[i, 1])
-        distances[i] = distance * side
-        # u wraps on a closed curve, and rounding may wrap it onto the end
-        if closed and not start <= u < end:
-            u = start + (u - start) % (end - start)
-            u = u if u < end else start
-        x, y, dx, dy, ddx, ddy = _values_at(pieces, arcs, samples, u)
-        speed = math.hypot(dx, dy)
-        tx, ty = dx / speed, dy / speed
-        # κ = (x' y'' - y' x'') / |c'|^3, and W = κ t t^T
-        curvature = (dx * ddy - dy * ddx) / math.pow(speed, 3.0)
-        feet[i, 0], feet[i, 1], normals[i, 0], normals[i, 1] = x, y, ty, -tx
-        shapes[i, 0, 0], shapes[i, 0, 1] = curvature * tx * tx, curvature * tx * ty
-        shapes[i, 1, 0], shapes[i, 1, 1] = curvature * ty * tx, curvature * ty * ty
-    return ClosestPoint(feet, normals, distances, shapes)
+    if pieces[0, KIND] == UNBOUNDED or start <= u < end:
+        return u
+    u = start + (u - start) % (end - start)
+    return u if u < end else start
 
 
 @compiled
-def _values_at(pieces: Array, arcs: Array | None, samples: Array | None, u: float) -> Values:
-    """Return `evaluate` at u of a curve of `pieces` (n, 9), m; the tables as in `locate_point`."""
-    if arcs is None:
-        return _values_on_smooth(pieces, samples, u)
-    return evaluate(arcs[piece_index(arcs, u)], u)
-
-
-@compiled
-def _values_on_smooth(pieces: Array, samples: Array | None, u: float) -> Values:
-    """Answer `_values_at` for one smooth piece, or for straight edges."""
-    piece = pieces[piece_index(pieces, u)]
-    if samples is None:
-        return evaluate_line(piece, u - piece[U0])
-    return evaluate(piece, u)
+def _write_closest(values: Values, located: Array, i: int, closest: ClosestPoint) -> None:
+    """Write the closest point number i of those `located` (n, 3), where the curve has these `values`."""
+    x, y, dx, dy, ddx, ddy = values
+    closest.distance[i] = located[i, 1] * located[i, 2]
+    speed = math.hypot(dx, dy)
+    tx, ty = dx / speed, dy / speed
+    # κ = (x' y'' - y' x'') / |c'|^3, and W = κ t t^T
+    curvature = (dx * ddy - dy * ddx) / math.pow(speed, 3.0)
+    closest.foot[i, 0], closest.foot[i, 1], closest.normal[i, 0], closest.normal[i, 1] = x, y, ty, -tx
+    closest.shape[i, 0, 0], closest.shape[i, 0, 1] = curvature * tx * tx, curvature * tx * ty
+    closest.shape[i, 1, 0], closest.shape[i, 1, 1] = curvature * ty * tx, curvature * ty * ty
 
 
 @compiled
@@ -566,7 +541,7 @@ def sample_table(piece: Array, panels: Array, cuts: int) -> Array:
 
 
 def closest_of_curve(pieces: Array, samples: Array, vertices: Array, tree: Array) -> Closest:
-    """Return the compiled closest point of a plane curve, given what `curve_kernels.locate_point` looks a point up in.
+    """Return the compiled closest point of a plane curve, given what a point is looked up in.
 
     `pieces` (n, 9), `samples` (m, 8), `vertices` (v, 2), m, and `tree` (k, 6): tables that do not apply are empty.
     """
