@@ -543,8 +543,8 @@ class NormalCone:
         middle = 0.5 * (low + high)
 
         def angle_outside_of(directions: Array) -> Array:
-            # the turn of each angle that is closest to the interval
             """Return the angles (n,), rad, by which directions (n, 2) leave the intervals."""
+            # the turn of each angle that is closest to the interval
             angle = middle + wrap_angle(_angles_of(directions) - middle)
             return np.maximum(0.0, np.maximum(low - angle, angle - high))
 
@@ -556,11 +556,13 @@ def _inflections(curve: Curve, u: Array, tiny: float) -> list[float]:
 
     Each lies at least `tiny` from both.
     """
-    from scipy.optimize import brentq
-
     sign = np.sign(curve.curvature(u))
     # the angle's extremes lie where the curvature changes its sign
     changes = np.flatnonzero(sign[:-1] * sign[1:] < 0.0)
+    if not changes.size:
+        return []
+    from scipy.optimize import brentq
+
     roots = [(brentq(lambda at: float(curve.curvature(at)), u[k], u[k + 1], xtol=tiny), k) for k in changes]
     return [root for root, k in roots if u[k] + tiny < root < u[k + 1] - tiny]
 

@@ -162,8 +162,6 @@ def _normal_reach(recording: Recording, scene: Scene) -> Array:
     - Positions in single precision and the declared standoff come to it, that one as declared: in a corner the tool may
       lie on one face, and so far off the others that hold it.
     """
-    from scipy.ndimage import maximum_filter1d
-
     steps = np.linalg.norm(np.diff(recording.ihip, axis=0, prepend=recording.ihip[:1]), axis=1)
     if "velocity" in recording.channels and np.array_equal(recording.ihip, recording.hip):
         # x = F dt^2 / m: as far as the contact's force may have thrown the tool in a tick.
@@ -171,7 +169,8 @@ def _normal_reach(recording: Recording, scene: Scene) -> Array:
         travel = recording.dt * np.linalg.norm(recording.velocity, axis=1)
         steps = np.maximum(steps, np.minimum(travel, steps + pushed))
     # The longest step within three ticks either way.
-    around = maximum_filter1d(steps, 2 * LAG_TICKS + 1, mode="nearest")
+    padded = np.pad(steps, LAG_TICKS, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * LAG_TICKS + 1).max(axis=1)
     return np.asarray(LAG_TICKS * around + believed_standoff(recording, scene) + rounding(scene))
 
 
