@@ -240,6 +240,14 @@ def as_record(numbers: Array, record: np.dtype[Any], at: int = 0) -> Any:
     return numbers[at:].reshape(-1)[: room_for(record)].view(record).view(np.recarray)[0]
 
 
+def as_records(rows: Array, record: np.dtype[Any]) -> Any:
+    """Return the record that each of the rows (n, k) begins with, in their order: `joints.turn` is (n,).
+
+    Their units, N, m or none, are those of the record's fields. Nothing is copied; kernels ask for one row's record.
+    """
+    return rows[:, : room_for(record)].view(record)[:, 0].view(np.recarray)
+
+
 @type_callable(as_record)
 def _type_record(_context: Any) -> Any:
     """Tell numba the type of what `as_record` gives."""

@@ -25,6 +25,7 @@ from hapticeval.compiled import (
     EMPTY_TABLE,
     LawData,
     as_record,
+    as_records,
     borrowing,
     compiled,
     for_kernels,
@@ -36,17 +37,15 @@ from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn, project
 from hapticeval.geometry.kernels import (
     ARC,
+    ARC_PIECE,
     CASSINIAN,
+    CASSINIAN_PIECE,
     ELLIPSE,
-    KIND,
+    ELLIPSE_PIECE,
     LINE,
-    U0,
-    U1,
+    LINE_PIECE,
+    PIECE,
     UNBOUNDED,
-    A,
-    B,
-    C,
-    D,
     evaluate,
     evaluate_many,
     piece_index,
@@ -70,14 +69,16 @@ def third_bounds(pieces: Array) -> Array:
     length as parameter y'·y'' = 0, and |y'''| is the square of an arc's curvature.
     """
     out = np.zeros((pieces.shape[0], 2))
-    arcs = pieces[:, KIND] == ARC
-    out[arcs, 1] = pieces[arcs, C] ** -2.0
+    kinds = as_records(pieces, PIECE).kind
+    arcs = kinds == ARC
+    out[arcs, 1] = as_records(pieces[arcs], ARC_PIECE).radius ** -2.0
     # (a cos u, b sin u): y'·y'' = (a^2 - b^2) sin u cos u, and y''' is as long as y' at most
-    for i in np.flatnonzero(pieces[:, KIND] == ELLIPSE):
-        a, b = pieces[i, A], pieces[i, B]
-        out[i] = 1.5 * abs(a * a - b * b), max(a, b)
-    for i in np.flatnonzero(pieces[:, KIND] == CASSINIAN):
-        out[i] = _cassinian(pieces[i, A], pieces[i, B], pieces[i, D])
+    for i in np.flatnonzero(kinds == ELLIPSE):
+        ellipse = as_record(pieces[i], ELLIPSE_PIECE)
+        out[i] = 1.5 * abs(ellipse.a * ellipse.a - ellipse.b * ellipse.b), max(ellipse.a, ellipse.b)
+    for i in np.flatnonzero(kinds == CASSINIAN):
+        oval = as_record(pieces[i], CASSINIAN_PIECE)
+        out[i] = _cassinian(oval.scale, oval.lobes, oval.above)
     return out
 
 
@@ -117,10 +118,10 @@ def evaluate_at(pieces: Array, k: int, u: float) -> tuple[float, float, float, f
 
     Straight pieces, by far the most, come without the cost of a view of the row.
     """
-    if pieces[k, KIND] == LINE:
-        along = u - pieces[k, U0]
-        dx, dy = pieces[k, C], pieces[k, D]
-        return pieces[k, A] + along * dx, pieces[k, B] + along * dy, dx, dy, 0.0, 0.0
+    start = as_record(pieces, PIECE, k)
+    if start.kind == LINE:
+        line, along = as_record(pieces, LINE_PIECE, k), u - start.u0
+        return line.x + along * line.dx, line.y + along * line.dy, line.dx, line.dy, 0.0, 0.0
     return evaluate(pieces[k], u)
 
 
@@ -144,6 +145,7 @@ def slide(
     onwards = 0.0  # the direction of the march in u: 0 before it is known, then 1 or -1, never turned round
     steps = 0
     while True:
+        this_piece = as_record(pieces, PIECE, piece)
         px, py, dx, dy, ddx, ddy = evaluate_at(pieces, piece, u)
         ex, ey = x - px, y - py
         if releases and ex * dy - ey * dx > 0.0:  # along the outward normal (dy, -dx): the hand is outside
@@ -151,7 +153,8 @@ def slide(
             k = _other_wall(pieces, joints, piece, u, x, y) if onwards == 0.0 else -1
             if k < 0:
                 return LEAVES, piece, u
-            u = pieces[k, U0] if u == pieces[piece, U1] else pieces[k, U1]
+            wall = as_record(pieces, PIECE, k)
+            u = wall.u0 if u == this_piece.u1 else wall.u1
             piece = k
             continue
         g = ex * dx + ey * dy
@@ -162,25 +165,26 @@ def slide(
             return RESTS, piece, u
         # a step of zero length means that g has vanished to rounding
         # M of the module, and the step to the first zero of the bound
-        bounds = as_record(joints, JOINT, piece)
-        third_bound = bounds.bend
-        if bounds.bend_per_metre > 0.0:
-            third_bound += bounds.bend_per_metre * math.hypot(ex, ey)
+        joint = as_record(joints, JOINT, piece)
+        third_bound = joint.bend
+        if joint.bend_per_metre > 0.0:
+            third_bound += joint.bend_per_metre * math.hypot(ex, ey)
         step = _first_zero(abs(g), slope, third_bound)
         next_u = u + onwards * step
-        end = pieces[piece, U1] if onwards > 0.0 else pieces[piece, U0]
+        end = this_piece.u1 if onwards > 0.0 else this_piece.u0
         if (end - next_u) * onwards > 0.0:
             steps += 1
-            tiny = 2e-16 * (pieces[piece, U1] - pieces[piece, U0])
+            tiny = 2e-16 * (this_piece.u1 - this_piece.u0)
             if next_u == u or third_bound == 0.0 or step <= tiny or steps > LONGEST_MARCH:
                 return RESTS, piece, next_u
             u = next_u
             continue
-        if pieces[0, KIND] == UNBOUNDED:
+        if this_piece.kind == UNBOUNDED:
             return RESTS, piece, next_u
         # the march reaches the joint with the next piece
         k = (piece + 1) % count if onwards > 0.0 else (piece - 1) % count
-        start = pieces[k, U0] if onwards > 0.0 else pieces[k, U1]
+        next_piece = as_record(pieces, PIECE, k)
+        start = next_piece.u0 if onwards > 0.0 else next_piece.u1
         turn = as_record(joints, JOINT, k if onwards > 0.0 else piece).turn
         px, py, dx, dy, _, _ = evaluate_at(pieces, k, start)
         ex, ey = x - px, y - py
@@ -207,15 +211,15 @@ def _first_zero(g: float, slope: float, third_bound: float) -> float:
 @borrowing
 def _other_wall(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float) -> int:
     """The piece that still holds the tool in a concave corner when it is free of `piece`, or -1."""
-    count = pieces.shape[0]
-    if pieces[0, KIND] == UNBOUNDED:
+    count, this_piece = pieces.shape[0], as_record(pieces, PIECE, piece)
+    if this_piece.kind == UNBOUNDED:
         return -1
-    if u == pieces[piece, U1]:
+    if u == this_piece.u1:
         k = (piece + 1) % count
-        turn, joint_u = as_record(joints, JOINT, k).turn, pieces[k, U0]
-    elif u == pieces[piece, U0]:
+        turn, joint_u = as_record(joints, JOINT, k).turn, as_record(pieces, PIECE, k).u0
+    elif u == this_piece.u0:
         k = (piece - 1) % count
-        turn, joint_u = as_record(joints, JOINT, piece).turn, pieces[k, U1]
+        turn, joint_u = as_record(joints, JOINT, piece).turn, as_record(pieces, PIECE, k).u1
     else:
         return -1
     if turn > -SMOOTH_TURN:
@@ -234,17 +238,18 @@ def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float
     IHIP, which is continuous with the faces' normals, or their mean where the two points coincide.
     """
     px, py, dx, dy, _, _ = evaluate_at(pieces, piece, u)
-    first, last = pieces[piece, U0], pieces[piece, U1]
+    this_piece = as_record(pieces, PIECE, piece)
     nx, ny = dy, -dx  # unit length already on a line, whose parameter is the arc length
-    if pieces[piece, KIND] != LINE:
+    if this_piece.kind != LINE:
         speed = math.hypot(dx, dy)
         nx, ny = nx / speed, ny / speed
-    if pieces[0, KIND] != UNBOUNDED and u in (first, last):
-        count = pieces.shape[0]
-        k = (piece + 1) % count if u == last else (piece - 1) % count
-        turn = as_record(joints, JOINT, k if u == last else piece).turn
+    if this_piece.kind != UNBOUNDED and u in (this_piece.u0, this_piece.u1):
+        count, is_last = pieces.shape[0], u == this_piece.u1
+        k = (piece + 1) % count if is_last else (piece - 1) % count
+        turn = as_record(joints, JOINT, k if is_last else piece).turn
         if abs(turn) > SMOOTH_TURN:
-            _, _, dx, dy, _, _ = evaluate(pieces[k], pieces[k, U0] if u == pieces[piece, U1] else pieces[k, U1])
+            neighbour = as_record(pieces, PIECE, k)
+            _, _, dx, dy, _, _ = evaluate(pieces[k], neighbour.u0 if is_last else neighbour.u1)
             speed = math.hypot(dx, dy)
             mx, my = nx + dy / speed, ny - dx / speed  # the sum of both faces' normals
             ex, ey = x - px, y - py
@@ -296,12 +301,12 @@ def outline_in(data: LawData) -> Outline:
 @inner
 def is_closed(b: Outline) -> bool:
     """Return whether an outline is closed; else it is the unbounded line."""
-    return bool(b.pieces[0, KIND] != UNBOUNDED)
+    return bool(as_record(b.pieces, PIECE).kind != UNBOUNDED)
 
 
 def is_straight(curve: Curve) -> bool:
     """Return whether a curve is made of straight edges alone, and so is its own polygon."""
-    return bool(np.all(curve.pieces[:, KIND] == LINE))
+    return bool(np.all(as_records(curve.pieces, PIECE).kind == LINE))
 
 
 def outline_of(curve: Curve) -> Outline:
@@ -309,20 +314,20 @@ def outline_of(curve: Curve) -> Outline:
     pieces = for_kernels(curve.pieces)
     count = len(pieces)
     joints = np.zeros((count, room_for(JOINT)))
-    named_joints = joints.view(JOINT)[:, 0]  # the same memory
+    at_joints, ranges = as_records(joints, JOINT), as_records(pieces, PIECE)  # the same memory
     if not curve.closed:
         return Outline(pieces, joints, for_kernels(curve.samples), np.empty((0, 2)), np.empty((0, 6)), 0.0)
-    named_joints["turn"], named_joints["first_chord"] = _turns(pieces), np.arange(count)
+    at_joints.turn, at_joints.first_chord = _turns(pieces), np.arange(count)
     if isinstance(curve, Polygon):
         return Outline(pieces, joints, EMPTY_TABLE, for_kernels(curve.vertices), for_kernels(curve.tree), 0.0)
     start, end = curve.u_range
     cuts = np.ones(count, dtype=np.int64)
-    curved = pieces[:, KIND] != LINE
-    share = (pieces[curved, U1] - pieces[curved, U0]) / (end - start)
+    curved = ranges.kind != LINE
+    share = (ranges.u1[curved] - ranges.u0[curved]) / (end - start)
     cuts[curved] = np.maximum(16, np.ceil(CHORDS * share))
-    named_joints["bend"], named_joints["bend_per_metre"] = third_bounds(pieces).T
-    named_joints["first_chord"] = np.cumsum(cuts) - cuts
-    us = np.concatenate([np.linspace(p[U0], p[U1], n, endpoint=False) for p, n in zip(pieces, cuts, strict=True)])
+    at_joints.bend, at_joints.bend_per_metre = third_bounds(pieces).T
+    at_joints.first_chord = np.cumsum(cuts) - cuts
+    us = np.concatenate([np.linspace(p.u0, p.u1, n, endpoint=False) for p, n in zip(ranges, cuts, strict=True)])
     vertices = evaluate_many(pieces, us)[:, :2]
     # a chord strays from its arc by about the sagitta, at the middle of the parameter; twice that is on the safe side
     middles = evaluate_many(pieces, 0.5 * (us + np.append(us[1:], end)))[:, :2]
@@ -351,9 +356,9 @@ def nearest_on(b: Outline, x: float, y: float) -> tuple[int, float, float, float
         u, distance, side = project(b.pieces, b.samples, x, y)
         return piece_index(b.pieces, u), u, distance, side
     edge, along, distance2 = nearest_kernel(b.vertices, b.tree, x, y)
-    row = b.pieces[edge]
+    piece = as_record(b.pieces, PIECE, edge)
     side = side_kernel(b.vertices, edge, along, x, y) if distance2 > 0.0 else 1.0
-    return edge, row[U0] + along * (row[U1] - row[U0]), math.sqrt(distance2), side
+    return edge, piece.u0 + along * (piece.u1 - piece.u0), math.sqrt(distance2), side
 
 
 @borrowing
@@ -415,7 +420,8 @@ def _piece_at(b: Outline, chord: int, t: float) -> tuple[int, float]:
     if low + 1 < b.pieces.shape[0]:
         after = as_record(b.joints, JOINT, low + 1).first_chord
     share = (chord - first + t) / (after - first)
-    return low, b.pieces[low, U0] + share * (b.pieces[low, U1] - b.pieces[low, U0])
+    piece = as_record(b.pieces, PIECE, low)
+    return low, piece.u0 + share * (piece.u1 - piece.u0)
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,17 @@
 """Plane curves as rows of numbers, so that compiled loops can walk any of them.
 
-A curve is an array `pieces` of shape (n, 9), a row a piece:
+A curve is an array `pieces` of shape (n, 9), a row a piece. A row begins with a `PIECE`: the kind, and the range of the
+parameter u, which runs from u0 to u1 on the piece, and from one piece into the next. What follows depends on the kind:
 
-    kind, u0, u1, a, b, c, d, e, f
+| kind      | record            | what it holds                                              | u is           |
+|-----------|-------------------|------------------------------------------------------------|----------------|
+| LINE      | `LINE_PIECE`      | start (m), unit tangent                                    | arc length (m) |
+| ARC       | `ARC_PIECE`       | centre (m), radius (m), angle of the start (rad), sense    | arc length (m) |
+| CASSINIAN | `CASSINIAN_PIECE` | scale (m), lobes n_l, ratio a_n / a_d, `above`: that less 1 | s of (4.1)    |
+| ELLIPSE   | `ELLIPSE_PIECE`   | semi-axes a and b (m)                                      | angle (rad)    |
+| UNBOUNDED | `LINE_PIECE`      | a point (m), unit tangent; u runs over all reals           | arc length (m) |
 
-with the parameter u running from u0 to u1 on the piece, and from one piece into the next.
-
-| kind        | a, b           | c, d                | e            | u is           |
-|-------------|----------------|---------------------|--------------|----------------|
-| LINE        | start (m)      | unit tangent        | -            | arc length (m) |
-| ARC         | centre (m)     | radius (m), angle of the start (rad) | +1 anticlockwise or -1 | arc length (m) |
-| CASSINIAN   | scale (m), lobes n_l | a_n / a_d, that minus 1 | -       | s of (4.1)     |
-| ELLIPSE     | semi-axes (m)  | -                   | -            | angle (rad)    |
-| UNBOUNDED   | a point (m)    | unit tangent        | -            | arc length (m), over all reals |
+The sense of an arc is +1 anticlockwise, -1 clockwise.
 """
 
 from __future__ import annotations
@@ -23,12 +22,18 @@ from typing import TypeAlias
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import as_record, as_records, compiled, record_type
 from hapticeval.types import Array
 
 LINE, ARC, CASSINIAN, ELLIPSE, UNBOUNDED = 0.0, 1.0, 2.0, 3.0, 4.0
+PIECE = record_type("kind", "u0", "u1")
+LINE_PIECE = record_type("x", "y", "dx", "dy", base=PIECE)
+ARC_PIECE = record_type("x", "y", "radius", "angle", "sense", base=PIECE)
+CASSINIAN_PIECE = record_type("scale", "lobes", "ratio", "above", base=PIECE)
+ELLIPSE_PIECE = record_type("a", "b", base=PIECE)
+"""What a row of pieces begins with, of any kind and of each, see the table above."""
 KIND, U0, U1, A, B, C, D, E = range(8)
-"""Columns of a piece, see the table above."""
+"""Columns of a piece, in the order of its records."""
 PIECE_COLUMNS = 9
 
 Values: TypeAlias = tuple[float, float, float, float, float, float]
@@ -61,7 +66,8 @@ def cassinian_root(lobes: float, above: float, u: float) -> tuple[float, float, 
 @compiled
 def evaluate_line(piece: Array, along: float) -> Values:
     """Return what `evaluate` gives on a straight piece (9,), m, `along` (m) from its start."""
-    return piece[A] + along * piece[C], piece[B] + along * piece[D], piece[C], piece[D], 0.0, 0.0
+    line = as_record(piece, LINE_PIECE)
+    return line.x + along * line.dx, line.y + along * line.dy, line.dx, line.dy, 0.0, 0.0
 
 
 @compiled
@@ -70,31 +76,32 @@ def evaluate(piece: Array, u: float) -> Values:
 
     Positions are in m, derivatives in m per unit of u: arc length (m) on lines and arcs, an angle (rad) on the others.
     """
-    kind = piece[KIND]
+    start = as_record(piece, PIECE)
+    kind = start.kind
     if kind == LINE:
-        return evaluate_line(piece, u - piece[U0])
+        return evaluate_line(piece, u - start.u0)
     # its range begins at -infinity: u itself is the arc length from its point
     if kind == UNBOUNDED:
         return evaluate_line(piece, u)
     if kind == ARC:
-        radius = piece[C]
-        angle = piece[D] + piece[E] * (u - piece[U0]) / radius
+        arc = as_record(piece, ARC_PIECE)
+        radius, sense = arc.radius, arc.sense
+        angle = arc.angle + sense * (u - arc.u0) / radius
         cos, sin = math.cos(angle), math.sin(angle)
-        # +1 anticlockwise, -1 clockwise
-        turn = piece[E]
         return (
-            piece[A] + radius * cos,
-            piece[B] + radius * sin,
-            -turn * sin,
-            turn * cos,
+            arc.x + radius * cos,
+            arc.y + radius * sin,
+            -sense * sin,
+            sense * cos,
             -cos / radius,
             -sin / radius,
         )
     if kind == CASSINIAN:
-        lobes, ratio = piece[B], piece[C]
-        sin_n, cos_n, root, lift = cassinian_root(lobes, piece[D], u)
+        oval = as_record(piece, CASSINIAN_PIECE)
+        lobes, ratio = oval.lobes, oval.ratio
+        sin_n, cos_n, root, lift = cassinian_root(lobes, oval.above, u)
         # radius(u) of (4.1) and its logarithmic derivatives: r'/r = g, g' = -n_l (a_n/a_d) cos / root^3
-        radius = piece[A] * (lift / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
+        radius = oval.scale * (lift / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
         g = -sin_n / root
         g1 = -lobes * ratio * cos_n / (root * root * root)
         cos, sin = math.cos(u), math.sin(u)
@@ -109,26 +116,28 @@ def evaluate(piece: Array, u: float) -> Values:
             radius * (second * sin + 2.0 * g * cos),
         )
     # what is left is an ellipse: (a cos u, b sin u)
-    cos, sin = math.cos(u), math.sin(u)
-    return piece[A] * cos, piece[B] * sin, -piece[A] * sin, piece[B] * cos, -piece[A] * cos, -piece[B] * sin
+    ellipse = as_record(piece, ELLIPSE_PIECE)
+    a, b, cos, sin = ellipse.a, ellipse.b, math.cos(u), math.sin(u)
+    return a * cos, b * sin, -a * sin, b * cos, -a * cos, -b * sin
 
 
 @compiled
 def curvature_rate(piece: Array, u: float) -> float:
     """Return how fast the signed curvature changes along one piece (9,), dκ/ds, 1/m^2: zero on lines and arcs."""
-    kind = piece[KIND]
+    kind = as_record(piece, PIECE).kind
     if kind == ELLIPSE:
-        cos, sin = math.cos(u), math.sin(u)
-        long, short = piece[A], piece[B]
+        ellipse, cos, sin = as_record(piece, ELLIPSE_PIECE), math.cos(u), math.sin(u)
+        long, short = ellipse.a, ellipse.b
         # κ = a b / speed^3, so dκ/ds = -3 a b speed' / speed^5, and speed speed' = (a^2 - b^2) sin cos
         speed_squared = (long * sin) ** 2 + (short * cos) ** 2
         speed_to_sixth = speed_squared * speed_squared * speed_squared
         return float(-3.0 * long * short * (long * long - short * short) * sin * cos / speed_to_sixth)
     if kind == CASSINIAN:
-        lobes, ratio = piece[B], piece[C]
-        sin_n, cos_n, root, lift = cassinian_root(lobes, piece[D], u)
+        oval = as_record(piece, CASSINIAN_PIECE)
+        lobes, ratio = oval.lobes, oval.ratio
+        sin_n, cos_n, root, lift = cassinian_root(lobes, oval.above, u)
         root_squared = root * root
-        radius = piece[A] * (lift / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
+        radius = oval.scale * (lift / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
         # with g, g', g'' as in `evaluate` and h^2 = 1 + g^2: κ = (h^2 - g') / (radius h^3), ds/du = radius h
         g = -sin_n / root
         g1 = -lobes * ratio * cos_n / (root_squared * root)
@@ -151,7 +160,7 @@ def piece_index(pieces: Array, u: float) -> int:
     # bisection over the starts, which rise
     while low < high:
         middle = (low + high + 1) // 2
-        if pieces[middle, U0] <= u:
+        if as_record(pieces, PIECE, middle).u0 <= u:
             low = middle
         else:
             high = middle - 1
@@ -184,11 +193,12 @@ def line_pieces(vertices: Array) -> Array:
     # u is the arc length from the first vertex
     ends = np.cumsum(lengths)
     pieces = np.zeros((vertices.shape[0], PIECE_COLUMNS))
-    pieces[:, KIND] = LINE
-    pieces[1:, U0] = ends[:-1]
-    pieces[:, U1] = ends
-    pieces[:, A : B + 1] = vertices
-    pieces[:, C : D + 1] = edges / lengths[:, np.newaxis]
+    lines = as_records(pieces, LINE_PIECE)
+    lines.kind = LINE
+    lines.u0[1:] = ends[:-1]
+    lines.u1 = ends
+    lines.x, lines.y = vertices.T
+    lines.dx, lines.dy = (edges / lengths[:, np.newaxis]).T
     return pieces
 
 
@@ -201,7 +211,7 @@ def line_piece(start: Sequence[float], end: Sequence[float]) -> Array:
 
 def arc_piece(centre: Sequence[float], radius: float, start: float, sweep: float) -> Array:
     """Return one ARC piece from angle `start` through `sweep` (rad, negative is clockwise), with u from 0."""
-    # E takes the sense of the sweep, u runs over the arc length
+    # u runs over the arc length
     length = abs(sweep) * radius
     return np.array([ARC, 0.0, length, centre[0], centre[1], radius, start, np.sign(sweep), 0.0])
 
@@ -209,7 +219,8 @@ def arc_piece(centre: Sequence[float], radius: float, start: float, sweep: float
 def concatenate_segments(rows: Sequence[Array]) -> Array:
     """Return pieces (n, PIECE_COLUMNS), m, put one after the other: u runs on from each into the next."""
     pieces = np.array(rows)
-    ends = np.cumsum(pieces[:, U1])
-    pieces[:, U1] = ends
-    pieces[1:, U0] = ends[:-1]
+    ranges = as_records(pieces, PIECE)
+    ends = np.cumsum(ranges.u1)
+    ranges.u1 = ends
+    ranges.u0[1:] = ends[:-1]
     return pieces
