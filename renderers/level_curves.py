@@ -29,22 +29,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.bracket import step_within
-from hapticeval.compiled import LawData, as_record, borrowing, inner, record_type
+from hapticeval.compiled import LawData, as_record, as_records, borrowing, inner, record_type
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import (
     ARC,
+    ARC_PIECE,
     CASSINIAN,
     ELLIPSE,
-    KIND,
+    ELLIPSE_PIECE,
     LINE,
-    U0,
-    U1,
-    A,
-    B,
-    C,
-    D,
-    E,
+    LINE_PIECE,
+    PIECE,
     evaluate,
     piece_index,
 )
@@ -146,17 +142,18 @@ def ray_table(curve: Curve, centre: ArrayLike) -> Array:
     turn, and the curve's end.
     """
     parts = []
-    for row in curve.pieces:
-        share = (row[U1] - row[U0]) / (curve.pieces[-1, U1] - curve.pieces[0, U0])
-        count = 1 if row[KIND] == LINE else max(8, math.ceil(CUTS * share))
-        parts.append(np.linspace(row[U0], row[U1], count, endpoint=False))
+    start, end = curve.u_range
+    for piece in as_records(curve.pieces, PIECE):
+        share = (piece.u1 - piece.u0) / (end - start)
+        count = 1 if piece.kind == LINE else max(8, math.ceil(CUTS * share))
+        parts.append(np.linspace(piece.u0, piece.u1, count, endpoint=False))
     parameters = np.concatenate(parts)
     if len(curve.samples):
         parameters = np.unique(np.concatenate([parameters, curve.samples[:-1, 0]]))
     directions = curve.position(parameters) - np.asarray(centre)
     turns = [_turn(*directions[0], *direction) for direction in directions]
     # 4 is a whole turn
-    return np.vstack([np.column_stack([turns, parameters]), [4.0, curve.pieces[-1, U1]]])
+    return np.vstack([np.column_stack([turns, parameters]), [4.0, end]])
 
 
 @borrowing
@@ -179,7 +176,7 @@ def on_ray(pieces: Array, table: Array, cx: float, cy: float, ex: float, ey: flo
     `pieces` (n, k) are the curve's, and `table` (m, 2) is its `ray_table`. A ray without direction meets its first
     point.
     """
-    first = evaluate(pieces[0], pieces[0, U0])
+    first = evaluate(pieces[0], as_record(pieces, PIECE).u0)
     turn = _turn(first[0] - cx, first[1] - cy, ex, ey)
     low, high = 0, table.shape[0] - 1
     while high - low > 1:
@@ -191,14 +188,14 @@ def on_ray(pieces: Array, table: Array, cx: float, cy: float, ex: float, ey: flo
     # between two rays of the table there is one piece
     u0, u1 = table[low, 1], table[high, 1]
     piece = piece_index(pieces, u0)
-    if pieces[piece, KIND] == LINE:
+    line = as_record(pieces, LINE_PIECE, piece)
+    if line.kind == LINE:
         # the edge a + s t meets the ray where (a - c) x e + s (t x e) = 0
-        tx, ty = pieces[piece, C], pieces[piece, D]
-        away = ex * ty - ey * tx
+        away = ex * line.dy - ey * line.dx
         if away == 0.0:
             return piece, u0
-        along = (ey * (pieces[piece, A] - cx) - ex * (pieces[piece, B] - cy)) / away
-        return piece, min(max(pieces[piece, U0] + along, u0), u1)
+        along = (ey * (line.x - cx) - ex * (line.y - cy)) / away
+        return piece, min(max(line.u0 + along, u0), u1)
     u = u0 + (u1 - u0) * (turn - table[low, 0]) / (table[high, 0] - table[low, 0])
     begin, end = u0, u1
     for _ in range(RAY_STEPS):
@@ -380,11 +377,14 @@ def largest_curvature(boundary: Curve | Surface) -> float:
         return max(axes) / min(axes) ** 2
     largest = 0.0
     for row in boundary.pieces:
-        if row[KIND] == ARC:
-            largest = max(largest, row[E] / row[C])
-        elif row[KIND] == ELLIPSE:
-            largest = max(row[A : B + 1]) / min(row[A : B + 1]) ** 2
-        elif row[KIND] == CASSINIAN:
+        kind = as_record(row, PIECE).kind
+        if kind == ARC:
+            arc = as_record(row, ARC_PIECE)
+            largest = max(largest, arc.sense / arc.radius)
+        elif kind == ELLIPSE:
+            ellipse = as_record(row, ELLIPSE_PIECE)
+            largest = max(ellipse.a, ellipse.b) / min(ellipse.a, ellipse.b) ** 2
+        elif kind == CASSINIAN:
             # sampled, and four times more finely between the neighbours of the largest
             us = boundary.samples[:, 0]
             for _ in range(4):
@@ -403,7 +403,7 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
     """
     pieces, potential = data.segments, as_record(data.params, POTENTIAL, COMBESCURE)
     support, cx, cy = potential.support, potential.centre[0], potential.centre[1]
-    first_u, last_u = pieces[0, U0], pieces[pieces.shape[0] - 1, U1]
+    first_u, last_u = as_record(pieces, PIECE).u0, as_record(pieces, PIECE, pieces.shape[0] - 1).u1
     ex, ey = x - cx, y - cy
     settled = SETTLED * support + ROUNDING * (abs(x) + abs(y) + abs(cx) + abs(cy))
     t = -1.0

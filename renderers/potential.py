@@ -47,12 +47,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.bracket import step_within
-from hapticeval.compiled import as_record, borrowing, compiled, for_kernels, inner, numbers_of, record_type
+from hapticeval.compiled import (
+    as_record,
+    as_records,
+    borrowing,
+    compiled,
+    for_kernels,
+    inner,
+    numbers_of,
+    record_type,
+)
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import NODES, WEIGHTS
-from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, evaluate_many
+from hapticeval.geometry.kernels import ARC, LINE, PIECE, evaluate_many
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.surface import Surface
 from hapticeval.types import Array, IntArray
@@ -278,20 +287,20 @@ def _weighted(points: Array, normals: Array, sizes: Array) -> Sampled:
 def _curve_samples(curve: Curve) -> tuple[Array, Array]:
     """Return parameters of a closed curve and the length (m) that each stands for: Gauss's rule, one for an edge."""
     us, lengths = [], []
-    for row in curve.pieces:
-        if row[KIND] == LINE:
-            us.append(np.array([0.5 * (row[U0] + row[U1])]))
-            lengths.append(np.array([row[U1] - row[U0]]))
+    for piece in as_records(curve.pieces, PIECE):
+        if piece.kind == LINE:
+            us.append(np.array([0.5 * (piece.u0 + piece.u1)]))
+            lengths.append(np.array([piece.u1 - piece.u0]))
             continue
-        cuts = np.linspace(row[U0], row[U1], SPREAD // NODES.size + 1)
-        if row[KIND] != ARC:
+        cuts = np.linspace(piece.u0, piece.u1, SPREAD // NODES.size + 1)
+        if piece.kind != ARC:
             # the rows of the table are dense where the curve bends
             cuts = np.unique(np.concatenate([cuts, curve.samples[:, 0]]))
         half = 0.5 * np.diff(cuts)[:, np.newaxis]
         nodes = 0.5 * (cuts[1:] + cuts[:-1])[:, np.newaxis] + half * NODES
         speeds = (
             1.0
-            if row[KIND] == ARC
+            if piece.kind == ARC
             else np.linalg.norm(evaluate_many(for_kernels(curve.pieces), nodes.ravel())[:, 2:4], axis=1)
         )
         us.append(nodes.ravel())

@@ -172,7 +172,8 @@ class Model:
 
     def _polygon_parameters(self, n: int) -> Array:
         """Return the parameters of the polygon's vertices: corners split the curve into runs of equal steps."""
-        from hapticeval.geometry.kernels import U0
+        from hapticeval.compiled import as_records
+        from hapticeval.geometry.kernels import PIECE
 
         curve = self.curve
         if not curve.closed:
@@ -185,7 +186,7 @@ class Model:
             raise InputError(f"a polygon of {n} vertices", why="it needs at least three", todo="give n >= 3")
         # its own corners, whatever n
         if curve.straight:
-            return np.array(curve.pieces[:, U0])
+            return np.array(as_records(curve.pieces, PIECE).u0)
         start, end = curve.u_range
         return equal_steps_between([corner.u for corner in curve.corners] or [start], end - start, n)
 

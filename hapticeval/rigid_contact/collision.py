@@ -15,10 +15,10 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
-from hapticeval.compiled import as_record, compiled, for_kernels, record_type, room_for
+from hapticeval.compiled import as_record, as_records, compiled, for_kernels, record_type, room_for
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn
-from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, UNBOUNDED, evaluate, evaluate_many
+from hapticeval.geometry.kernels import ARC, LINE, LINE_PIECE, PIECE, UNBOUNDED, evaluate, evaluate_many
 from hapticeval.rigid_contact.force import SEAM_REACH
 from hapticeval.rigid_contact.motion import fly_for
 from hapticeval.types import Array
@@ -82,7 +82,7 @@ def _cuts_and_pace(piece: Array) -> tuple[Array, float]:
 
     The latter is the largest of |kappa| and |d kappa / ds|^(1/2).
     """
-    kind, start, end = piece[KIND], piece[U0], piece[U1]
+    kind, start, end = as_record(piece, PIECE)
     if kind in (LINE, UNBOUNDED):
         return np.array([start, end]), 0.0
     us = np.linspace(start, end, 4097)
@@ -101,40 +101,40 @@ def _cuts_and_pace(piece: Array) -> tuple[Array, float]:
 def _cell_rows(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_end: bool) -> Array:
     """Return the rows (m, 16) of cells on piece i between consecutive `cuts` (m + 1,)."""
     table = np.zeros((cuts.size - 1, room_for(CELL)))
-    # the same numbers, by their names
-    cells = table.view(CELL)[:, 0]
-    cells["piece"] = i
-    cells["ua"], cells["ub"] = cuts[:-1], cuts[1:]
-    cells["reach_a"] = cells["reach_b"] = SEAM_REACH
+    # the same numbers, by their names; what the piece is if it is straight
+    cells, line = as_records(table, CELL), as_record(pieces, LINE_PIECE, i)
+    cells.piece = i
+    cells.ua, cells.ub = cuts[:-1], cuts[1:]
+    cells.reach_a = cells.reach_b = SEAM_REACH
     # one cell without ends, which every flight is measured over
-    if pieces[i, KIND] == UNBOUNDED:
-        cells["ox"], cells["oy"], cells["ex"], cells["ey"] = pieces[i, 3:7]
-        cells["ua"], cells["span"] = 0.0, math.inf
-        cells["reach_a"] = math.inf
-        cells["xmin"] = cells["ymin"] = -math.inf
-        cells["xmax"] = cells["ymax"] = math.inf
+    if line.kind == UNBOUNDED:
+        cells.ox, cells.oy, cells.ex, cells.ey = line.x, line.y, line.dx, line.dy
+        cells.ua, cells.span = 0.0, math.inf
+        cells.reach_a = math.inf
+        cells.xmin = cells.ymin = -math.inf
+        cells.xmax = cells.ymax = math.inf
         return table
     rows = evaluate_many(pieces[i : i + 1], cuts)
     chords = np.diff(rows[:, :2], axis=0)
-    cells["span"] = np.hypot(chords[:, 0], chords[:, 1])
-    ex, ey = (chords / cells["span"][:, np.newaxis]).T
-    cells["ox"], cells["oy"] = rows[:-1, :2].T
-    cells["ex"], cells["ey"] = ex, ey
-    if pieces[i, KIND] == LINE:
-        cells["ex"], cells["ey"] = pieces[i, 5], pieces[i, 6]
+    cells.span = np.hypot(chords[:, 0], chords[:, 1])
+    ex, ey = (chords / cells.span[:, np.newaxis]).T
+    cells.ox, cells.oy = rows[:-1, :2].T
+    cells.ex, cells.ey = ex, ey
+    if line.kind == LINE:
+        cells.ex, cells.ey = line.dx, line.dy
     else:
         for slope, ends in (("slope_a", rows[:-1]), ("slope_b", rows[1:])):
             # slope of the boundary over the chord where the cell begins and where it ends
             cells[slope] = (ends[:, 2] * ey - ends[:, 3] * ex) / (ends[:, 2] * ex + ends[:, 3] * ey)
     # A graph whose slope stays within CELL_TURN of its chord's lies within half of that times its span.
-    margin = (0.0 if pieces[i, KIND] == LINE else CELL_TURN) * cells["span"] + SEAM_REACH
+    margin = (0.0 if line.kind == LINE else CELL_TURN) * cells.span + SEAM_REACH
     for low, high, axis in (("xmin", "xmax", 0), ("ymin", "ymax", 1)):
         cells[low] = np.minimum(rows[:-1, axis], rows[1:, axis]) - margin
         cells[high] = np.maximum(rows[:-1, axis], rows[1:, axis]) + margin
     if convex_start:
-        cells["reach_a"][0] = TIP_REACH
+        cells.reach_a[0] = TIP_REACH
     if convex_end:
-        cells["reach_b"][-1] = TIP_REACH
+        cells.reach_b[-1] = TIP_REACH
     return table
 
 
@@ -151,9 +151,10 @@ def height_over_cell(cell: Any, pieces: Array, x: float, y: float) -> tuple[floa
     eta = dx * cell.ey - dy * cell.ex
     span = cell.span
     piece = pieces[int(cell.piece)]
+    kind = as_record(piece, PIECE).kind
     overhang = min(xi, 0.0) + max(xi - span, 0.0)
     # the chord is the boundary
-    if piece[KIND] in (LINE, UNBOUNDED):
+    if kind in (LINE, UNBOUNDED):
         return eta, 0.0, cell.ua + xi, overhang
     # before the cell's start and past its end
     if xi <= 0.0:

@@ -23,7 +23,7 @@ import numpy as np
 
 from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
 from hapticeval.compiled import as_record, compiled, record_type, room_for
-from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED, piece_index
+from hapticeval.geometry.kernels import PIECE, UNBOUNDED, piece_index
 from hapticeval.rigid_contact.collision import BoundaryCells, first_entry, prepare_boundary
 from hapticeval.rigid_contact.contact import ON_BOUNDARY
 from hapticeval.rigid_contact.force import (
@@ -127,15 +127,15 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
     It slides on if it does not bounce and is pressed on; otherwise it flies. `tau` (s) is the time within the stretch.
     """
     state, load, terrain = run.state, run.load, run.terrain
-    row = terrain.pieces[piece]
+    row, piece_range = terrain.pieces[piece], as_record(terrain.pieces, PIECE, piece)
     count = terrain.pieces.shape[0]
     # within a hop of a concave joint it is the corner that is hit
     for end in range(2):
-        joint = (piece + end) % count
-        if terrain.joints[joint] < 0.0 and load.bilateral == 0.0 and abs(u - row[U0 + end]) <= PLACE_REACH:
+        joint, joint_u = (piece + end) % count, piece_range.u0 if end == 0 else piece_range.u1
+        if terrain.joints[joint] < 0.0 and load.bilateral == 0.0 and abs(u - joint_u) <= PLACE_REACH:
             hit_corner(run, joint, tau, IMPACT)
             return
-    u = min(max(u, row[U0]), row[U1])
+    u = min(max(u, piece_range.u0), piece_range.u1)
     _, _, tx, ty, _, _ = surface_frame(row, u)
     mass = load.mass
     # velocity along the face, and along its outward normal (negative: into the model)
@@ -170,15 +170,15 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
 
 
 @compiled
-def _faces_at_joint(run: Run, joint: int) -> tuple[int, Array, Array, tuple[float, float, float, float, float, float]]:
-    """Return the pieces at a joint: the number of the one before, both rows, and the place with both unit tangents."""
+def _faces_at_joint(run: Run, joint: int) -> tuple[int, float, float, tuple[float, float, float, float, float, float]]:
+    """Return the piece before a joint, its last u, the first u of the joint's own, and the place with both tangents."""
     pieces = run.terrain.pieces
     before = (joint - 1) % pieces.shape[0]
-    pre, post = pieces[before], pieces[joint]
+    pre_end, post_start = as_record(pieces, PIECE, before).u1, as_record(pieces, PIECE, joint).u0
     # unit tangents where the piece before ends, and where the joint's own begins
-    _, _, ax, ay, _, _ = surface_frame(pre, pre[U1])
-    x, y, bx, by, _, _ = surface_frame(post, post[U0])
-    return before, pre, post, (x, y, ax, ay, bx, by)
+    _, _, ax, ay, _, _ = surface_frame(pieces[before], pre_end)
+    x, y, bx, by, _, _ = surface_frame(pieces[joint], post_start)
+    return before, pre_end, post_start, (x, y, ax, ay, bx, by)
 
 
 @compiled
@@ -191,7 +191,7 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
     A tool that is held loses its velocity across the next face.
     """
     state, load = run.state, run.load
-    before, pre, post, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
+    before, pre_end, post_start, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
     mass, rebound = load.mass, load.restitution
     vx, vy = state.vx, state.vy
     # normal velocities below this are rounding
@@ -255,7 +255,7 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
         # it slides off along the face that its velocity lies in
         piece = joint if on_post else before
         w = forth if on_post else -back
-        place_on_piece(run, piece, post[U0] if on_post else pre[U1], w)
+        place_on_piece(run, piece, post_start if on_post else pre_end, w)
         if load.bilateral == 0.0 and contact_force(run.terrain.pieces[piece], state.u, w, tau, load)[0] < 0.0:
             state.mode = FLIGHT
         return
@@ -277,7 +277,7 @@ def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) 
       rounding; else 0.
     """
     state, load = run.state, run.load
-    before, pre, post, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
+    before, pre_end, post_start, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
     was_rest = state.mode == REST
     apply_impulse(run, 0.0, 0.0)
     state.x, state.y, state.w = x, y, 0.0
@@ -294,9 +294,9 @@ def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) 
         if not was_rest:
             log_event(run, STOP, tau + wait, 0.0, 0.0)
     elif goes_forth and (lifts_post <= 0.0 or (bilateral and forth >= back)):
-        place_on_piece(run, joint, post[U0], 0.0)
+        place_on_piece(run, joint, post_start, 0.0)
     elif goes_back and (lifts_pre <= 0.0 or bilateral):
-        place_on_piece(run, before, pre[U1], 0.0)
+        place_on_piece(run, before, pre_end, 0.0)
     else:
         state.mode = FLIGHT
         log_event(run, LEAVE, tau, 0.0, 0.0)
@@ -376,9 +376,10 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
     direction = w + end_w
     crossed_end = 0
     # the piece's ends, as du
-    first, last = piece[U0] - began, piece[U1] - began
+    piece_range = as_record(piece, PIECE)
+    first, last = piece_range.u0 - began, piece_range.u1 - began
     # past an end of the piece, in the direction of the motion
-    if piece[KIND] != UNBOUNDED and ((du >= last and direction > 0.0) or (du <= first and direction < 0.0)):
+    if piece_range.kind != UNBOUNDED and ((du >= last and direction > 0.0) or (du <= first and direction < 0.0)):
         crossed_end = 1 if direction > 0.0 else -1
         end = last if crossed_end == 1 else first
         # What has begun at the end, and got beyond it by less than rounding, stays there for the step.
@@ -418,7 +419,8 @@ def _pass_joint(run: Run, direction: int, tau: float) -> None:
     if terrain.joints[joint] == 0.0:
         next_piece = joint if direction > 0 else (joint - 1) % count
         state.piece, state.du = next_piece, 0.0
-        state.u = terrain.pieces[next_piece, U0] if direction > 0 else terrain.pieces[next_piece, U1]
+        next_range = as_record(terrain.pieces, PIECE, next_piece)
+        state.u = next_range.u0 if direction > 0 else next_range.u1
     # convex: the boundary turns away
     elif terrain.joints[joint] > 0.0 and run.load.bilateral == 0.0:
         _leave_boundary(run, tau)
@@ -478,14 +480,15 @@ def _begin_on_boundary(run: Run) -> None:
     state, terrain = run.state, run.terrain
     index, u = int(state.piece), state.u
     count = terrain.pieces.shape[0]
-    piece = terrain.pieces[index]
-    joint = index if u == piece[U0] else (index + 1) % count
-    if u in (piece[U0], piece[U1]) and terrain.joints[joint] > 0.0 and run.load.bilateral == 0.0:
+    piece = as_record(terrain.pieces, PIECE, index)
+    joint = index if u == piece.u0 else (index + 1) % count
+    if u in (piece.u0, piece.u1) and terrain.joints[joint] > 0.0 and run.load.bilateral == 0.0:
         # On a tip the tool is on the face that it runs along; otherwise the flight decides which one it meets.
         state.mode = FLIGHT
         for side in (1, -1):
             index = joint if side == 1 else (joint - 1) % count
-            u = terrain.pieces[index, U0] if side == 1 else terrain.pieces[index, U1]
+            face = as_record(terrain.pieces, PIECE, index)
+            u = face.u0 if side == 1 else face.u1
             _, _, tx, ty, _, _ = surface_frame(terrain.pieces[index], u)
             along = state.vx * tx + state.vy * ty
             if along * side > 0.0 and abs(state.vx * ty - state.vy * tx) <= ALIGNED_SHARE * abs(along):
@@ -564,7 +567,8 @@ class PlaneGround:
         u = float(curve.nearest(point[np.newaxis])[0])
         index = piece_index(pieces, u)
         state = self.in_flight(curve.position(u), velocity)
-        for joint in (pieces[index, U0], pieces[index, U1]):
+        piece = as_record(pieces, PIECE, index)
+        for joint in (piece.u0, piece.u1):
             # beside a joint it starts at the joint, so that corners are seen
             if abs(u - joint) <= ON_BOUNDARY:
                 u = float(joint)

@@ -47,10 +47,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lu_factor, lu_solve
 
-from hapticeval.compiled import for_kernels
+from hapticeval.compiled import as_record, as_records, for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.kernels import ARC, KIND, U0, U1, C, D, E, evaluate_many
+from hapticeval.geometry.kernels import ARC, ARC_PIECE, LINE_PIECE, PIECE, evaluate_many
 from hapticeval.geometry.validate import checked_points
 from hapticeval.renderers.maps import conformal_kernels as kernels
 from hapticeval.renderers.maps.conformal_kernels import Complex
@@ -315,22 +315,25 @@ def boundary_nodes(curve: Curve, n: int) -> Nodes:
     after, before, slope = np.array([kernels.grading_substitution((i + 0.5) / per) for i in range(per)]).T
     # the first half of a piece's nodes are kept as offsets from its start, the rest from its end
     early = np.arange(per) < per // 2
-    starts = evaluate_many(pieces, for_kernels(pieces[:, U0]))
+    starts = evaluate_many(pieces, for_kernels(as_records(pieces, PIECE).u0))
     joints = starts[:, 0] + 1j * starts[:, 1]
     anchors, offsets, steps = [], [], []
     for k, row in enumerate(pieces):
-        length = row[U1] - row[U0]
+        piece = as_record(row, PIECE)
+        length = piece.u1 - piece.u0
         signed = np.where(early, after, -before) * length
-        if row[KIND] == ARC:
-            radius, turn = row[C], row[E]
+        if piece.kind == ARC:
+            arc = as_record(row, ARC_PIECE)
+            radius, sense = arc.radius, arc.sense
             # the angle on the arc of the joint that the node is kept from
-            ends = row[D] + turn * np.where(early, 0.0, length / radius)
-            swept = turn * signed / radius
+            ends = arc.angle + sense * np.where(early, 0.0, length / radius)
+            swept = sense * signed / radius
             # r e^(ia) (e^(ib) - 1), with cos b - 1 = -2 sin^2(b / 2): exact for short offsets
             offset = radius * np.exp(1j * ends) * (1j * np.sin(swept) - 2.0 * np.sin(swept / 2.0) ** 2)
-            tangent = 1j * turn * np.exp(1j * (ends + swept))
+            tangent = 1j * sense * np.exp(1j * (ends + swept))
         else:
-            tangent = np.full(per, complex(row[C], row[D]))
+            line = as_record(row, LINE_PIECE)
+            tangent = np.full(per, complex(line.dx, line.dy))
             offset = signed * tangent
         anchors.append(np.where(early, joints[k], joints[(k + 1) % joints.size]))
         offsets.append(offset)

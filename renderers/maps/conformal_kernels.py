@@ -8,8 +8,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hapticeval.compiled import compiled
-from hapticeval.geometry.kernels import U0, U1
+from hapticeval.compiled import as_record, compiled
+from hapticeval.geometry.kernels import PIECE
 from hapticeval.types import Array
 
 Complex: TypeAlias = NDArray[np.complex128]
@@ -64,7 +64,7 @@ def parameter_at(pieces: Array, n: int, per_piece: int, t: float) -> float:
 
     `pieces` (k, 9); u is in m of arc length on a curve of lines and arcs.
     """
-    start, end = pieces[0, U0], pieces[pieces.shape[0] - 1, U1]
+    start, end = as_record(pieces, PIECE).u0, as_record(pieces, PIECE, pieces.shape[0] - 1).u1
     # a smooth curve: equal steps of u
     if per_piece == 0:
         share = t / n
@@ -75,7 +75,8 @@ def parameter_at(pieces: Array, n: int, per_piece: int, t: float) -> float:
     place -= pieces.shape[0] * np.floor(place / pieces.shape[0])
     k = min(int(place), pieces.shape[0] - 1)
     after, before, _ = grading_substitution(place - k)
-    low, high = pieces[k, U0], pieces[k, U1]
+    piece = as_record(pieces, PIECE, k)
+    low, high = piece.u0, piece.u1
     # from the nearer end, so that no digits are lost
     u = low + (high - low) * after if after < 0.5 else high - (high - low) * before
     return float(u if u < end else start)
