@@ -94,7 +94,7 @@ def _steady_spans(speed: Array, press: Array, where: BoolArray) -> list[tuple[in
         # From this row on as far as both quantities stay close to what they are here.
         near = where[row:].copy()
         for quantity in (speed, press):
-            near &= np.abs(quantity[row:] - quantity[row]) <= STEADY_SHARE * quantity[row]
+            near &= np.abs(quantity[row:] - quantity[row]) <= STEADY_SHARE * abs(quantity[row])  # a force may pull
         count = int(np.argmin(near)) if not near.all() else near.size
         spans.append((row, row + count))
         row += count
