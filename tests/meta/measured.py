@@ -29,8 +29,8 @@ from hapticeval.phenomena.verdict import Finding
 from hapticeval.scene import Scene
 
 TABLE = Path(__file__).with_name("measured.csv")
-EACH, EACH_ASKED = 2, 6
-"""Places of each kind of finding: of suites and broken renderers, and of what tests ask."""
+EACH, EACH_ASKED, OF_ONE = 2, 6, 2
+"""Places of each kind of finding: of suites and broken renderers, of what tests ask, and of one renderer or test."""
 CLOSE, ROUNDING = 2e-3, 1e-9
 """Share by which numbers of a simulation may differ between two machines, and size, in SI units, that is rounding."""
 EXACT, TINY = 1e-6, 1e-12
@@ -185,8 +185,9 @@ def watched(test: str) -> Iterator[None]:
 def is_wanted(place: Place, row: Row, each: int) -> bool:
     """Return whether a place is recorded already, or one of the first of its kind."""
     table = recorded()
-    alike = sum(other.kind == row.kind and there.check == place.check for there, other in table.items())
-    return place in table or alike < each
+    alike = [there for there, other in table.items() if other.kind == row.kind and there.check == place.check]
+    of_one = sum(there[:2] == place[:2] for there in alike)
+    return place in table or (len(alike) < each and of_one < OF_ONE)
 
 
 def publish(rows: Mapping[Place, Row], each: int) -> None:

@@ -7,7 +7,7 @@ not right or wrong by itself: `measured.py` holds it against what it found befor
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from hapticeval.phenomena.check import Runs
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
+from hapticeval.types import Array
 
 Shake = Callable[[Recording, int], Recording]
 """Changes a recording that has so many rows for each tick of the one that is judged."""
@@ -46,9 +47,8 @@ def rows_of(recording: Recording, factor: int, stretch: tuple[float, int]) -> sl
     return slice(begin, begin + factor * stretch[1])
 
 
-def bumped(name: str, rng: np.random.Generator, size: float) -> Shake:
-    """Add a vector of up to `size` to a channel over two stretches, of two sizes."""
-    parts = [(window(rng), sized(rng, 1e-6 * size, size), rng.standard_normal(3)) for _ in range(2)]
+def bumped(name: str, parts: Sequence[tuple[tuple[float, int], float, Array]]) -> Shake:
+    """Add to a channel, over each stretch, a vector of a length along a direction (3,)."""
 
     def shake(recording: Recording, factor: int) -> Recording:
         if name not in recording.channels:
@@ -62,14 +62,72 @@ def bumped(name: str, rng: np.random.Generator, size: float) -> Shake:
     return shake
 
 
+def twice(name: str, rng: np.random.Generator, size: float) -> Shake:
+    """Add a vector of up to `size` to a channel over two stretches, of two sizes."""
+    return bumped(name, [(window(rng), sized(rng, 1e-6 * size, size), rng.standard_normal(3)) for _ in range(2)])
+
+
+def scattered(rng: np.random.Generator, scene: Scene) -> Shake:
+    """Change IHIP or force in single ticks here and there by about as much: of several faults one is the worst."""
+    name, length = str(rng.choice(ANSWERS[:2])), sized(rng, 1e-6, 0.3) * scene.model.size
+    length *= scene.stiffness if name == "force" else 1.0
+    ticks = [(float(rng.uniform()), int(rng.integers(1, 4))) for _ in range(int(rng.integers(3, 9)))]
+    return bumped(name, [(tick, float(rng.uniform(0.5, 1.0)) * length, rng.standard_normal(3)) for tick in ticks])
+
+
 def late(rng: np.random.Generator, scene: Scene) -> Shake:
-    name, ticks = str(rng.choice(ANSWERS[:4])), int(rng.integers(1, 5))
+    """Shift a channel by ticks, whole or not."""
+    name, ticks = str(rng.choice(ANSWERS[:4])), float(rng.integers(1, 5))
+    ticks = ticks if rng.integers(2) else float(rng.uniform(0.1, 3.9))
 
     def shake(recording: Recording, factor: int) -> Recording:
         if name not in recording.channels:
             return recording
-        before = np.maximum(np.arange(len(recording)) - factor * ticks, 0)
-        return changed(recording, **{name: recording.channels[name][before]})
+        values, rows = recording.channels[name], np.maximum(np.arange(len(recording)) - factor * ticks, 0.0)
+        before = np.floor(rows).astype(int)
+        share = (rows - before)[:, np.newaxis]
+        after = np.minimum(before + 1, len(recording) - 1)
+        return changed(recording, **{name: (1.0 - share) * values[before] + share * values[after]})
+
+    return shake
+
+
+def at_borders(rng: np.random.Generator, scene: Scene) -> Shake:
+    """Let go, hold or push for a tick or two beside those in which a contact, or the run, begins or ends."""
+    share, offset, count = float(rng.uniform()), int(rng.integers(-5, 6)), int(rng.integers(1, 3))
+    name, kind = str(rng.choice(ANSWERS[:2])), str(rng.choice(["let go", "hold", "push"]))
+    aside = rng.standard_normal(3) * sized(rng, 1e-5, 0.1) * scene.model.size
+    aside *= scene.stiffness if name == "force" else 1.0
+
+    def shake(recording: Recording, factor: int) -> Recording:
+        if name not in recording.channels or "hip" not in recording.channels:
+            return recording
+        borders = np.concatenate([[0], np.flatnonzero(np.diff(recording.contact)) + 1, [len(recording)]])
+        border = int(borders[int(share * borders.size)]) + factor * offset
+        begin = min(max(border, 0), len(recording) - 1)
+        rows, values = slice(begin, begin + factor * count), np.array(recording.channels[name])
+        if kind == "push":
+            values[rows] += aside[: values.shape[1]]
+        elif kind == "hold":
+            values[rows] = values[max(begin - 1, 0)]
+        else:
+            values[rows] = 0.0 if name == "force" else recording.hip[rows]
+        return changed(recording, **{name: values})
+
+    return shake
+
+
+def rounded(rng: np.random.Generator, scene: Scene) -> Shake:
+    """Write a channel in steps, or in single precision."""
+    name, share, single = str(rng.choice(("hip", *ANSWERS[:4]))), sized(rng, 1e-9, 1e-2), bool(rng.integers(2))
+
+    def shake(recording: Recording, factor: int) -> Recording:
+        if name not in recording.channels:
+            return recording
+        values = recording.channels[name]
+        step = share * float(np.abs(values).max())
+        coarse = values.astype(np.float32).astype(float) if single or step == 0.0 else step * np.rint(values / step)
+        return changed(recording, **{name: coarse})
 
     return shake
 
@@ -198,28 +256,28 @@ def sourced(rng: np.random.Generator, scene: Scene) -> Shake:
 
 
 def moved_answer(rng: np.random.Generator, scene: Scene) -> Shake:
-    return bumped("ihip", rng, 0.3 * scene.model.size)
+    return twice("ihip", rng, 0.3 * scene.model.size)
 
 
 def moved_hand(rng: np.random.Generator, scene: Scene) -> Shake:
-    return bumped("hip", rng, 0.1 * scene.model.size)
+    return twice("hip", rng, 0.1 * scene.model.size)
 
 
 def kicked(rng: np.random.Generator, scene: Scene) -> Shake:
-    return bumped("force", rng, sized(rng, 1e-3, 1.0) * scene.stiffness * scene.model.size)
+    return twice("force", rng, sized(rng, 1e-3, 1.0) * scene.stiffness * scene.model.size)
 
 
 def pushed(rng: np.random.Generator, scene: Scene) -> Shake:
-    return bumped("operator_force", rng, sized(rng, 1e-3, 1.0) * scene.stiffness * scene.model.size)
+    return twice("operator_force", rng, sized(rng, 1e-3, 1.0) * scene.stiffness * scene.model.size)
 
 
 def thrown(rng: np.random.Generator, scene: Scene) -> Shake:
-    return bumped("velocity", rng, 1.0)
+    return twice("velocity", rng, 1.0)
 
 
 SHAKES = (
     *(late, cut, scaled, turned, dropped, still, forgotten, declaring, shifted, noisy, timed, sourced),
-    *(moved_answer, moved_hand, kicked, pushed, thrown),
+    *(moved_answer, moved_hand, kicked, pushed, thrown, scattered, at_borders, rounded),
 )
 
 

@@ -55,6 +55,12 @@ def test_three_ticks_of_lag_are_granted_and_five_are_not():
     assert outcome("broken-contact", over_the_tip(late=5 * STEP), SCENE) is FAIL
 
 
+def test_a_force_that_is_there_to_the_end_of_the_recording_is_shown_in_its_last_tick():
+    finding = found("broken-contact", over_the_tip(late=1.0), SCENE)
+    assert finding.evidence["tick"] == TO_TIP.size - 1
+    assert finding.evidence["ticks_to_zero_after_corner"] == np.sum(TO_TIP > 0.0)
+
+
 def test_a_rigid_tool_on_which_the_hand_rests_before_the_corner_has_lost_nothing():
     deep = over_the_tip()
     on_face = deep.hip + 5e-3 * TIP.normal_pre

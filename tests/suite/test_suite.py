@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from honest import Spring
 
 from hapticeval.effects.encoder import Encoder
 from hapticeval.effects.joint_friction import JointFriction
 from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import circle
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
 from hapticeval.stimulus.hard_places import HardPlaces
@@ -323,3 +325,16 @@ def test_an_outline_is_what_the_suite_has(name):
     assert [(*heading, judged) for heading, judged in read.cases] == [
         (case.name, case.title, case.judged) for case in suite.cases
     ]
+
+
+@pytest.mark.parametrize(("counts_from", "depth"), [("model", 1e-3), ("representation", 11e-3)])
+def test_depths_count_from_the_surface_that_the_case_names_once_there_is_a_renderer(load, counts_from, depth):
+    """The renderer's circle lies 10 mm under the model's."""
+    arc = 'trajectory = { kind = "arc", depth = 0.001, from_angle = 0, to_angle = 90, duration = 1 }'
+    (case,) = load(CASE.replace(POINTS, f'depth_of = "{counts_from}"\n{arc}')).cases
+    scene = case.build_scene()
+    renderer = Spring(scene)
+    renderer.surface = circle(0.18).boundary
+    for asked, expected in ((renderer, depth), (None, 1e-3)):
+        hips = case.build_stimulus(scene, asked).sampled(1e-3)[1]
+        np.testing.assert_allclose(0.1 - np.linalg.norm(hips, axis=1), expected, atol=1e-6)
