@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from hapticeval.compiled import Closest, for_kernels
 from hapticeval.errors import InputError
-from hapticeval.geometry import curve_kernels, polygon_kernels
+from hapticeval.geometry import arc_length, curve_kernels, polygon_kernels
 from hapticeval.geometry.boundary import SEARCH_BATCH, Boundary, ClosestPoint, Corner, march_to_crossing
 from hapticeval.geometry.kernels import (
     ARC,
@@ -30,7 +30,6 @@ from hapticeval.geometry.kernels import (
     D,
     E,
     concatenate_segments,
-    evaluate,
     evaluate_many,
     line_pieces,
 )
@@ -136,7 +135,7 @@ class Curve:
         # whole turns, and the rest by the panels' quadrature
         turns = np.floor((u - start) / (end - start))
         within_turn = np.clip(u - turns * (end - start), start, end)
-        lengths = curve_kernels.arc_lengths(self._rows[0], self._panels, np.ravel(within_turn)).reshape(u.shape)
+        lengths = arc_length.arc_lengths(self._rows[0], self._panels, np.ravel(within_turn)).reshape(u.shape)
         return np.asarray(turns * self.length + lengths)
 
     def parameter(self, s: ArrayLike) -> Array:
@@ -147,7 +146,7 @@ class Curve:
         within_turn = np.mod(s, self.length)
         if not self._smooth:
             return np.asarray(self.pieces[0, U0] + within_turn)
-        return curve_kernels.parameters_at(self._rows[0], self._panels, np.ravel(within_turn)).reshape(s.shape)
+        return arc_length.parameters_at(self._rows[0], self._panels, np.ravel(within_turn)).reshape(s.shape)
 
     @cached_property
     def corners(self) -> tuple[Corner, ...]:
@@ -303,7 +302,7 @@ class Curve:
         """The table that `curve_kernels.project` needs: empty unless the curve is one smooth piece."""
         if not self._smooth:
             return np.empty((0, 8))
-        return curve_kernels.sample_table(self._rows[0], self._panels, curve_kernels.BLOCK_ROWS)
+        return arc_length.sample_panels(self._rows[0], self._panels, curve_kernels.BLOCK_ROWS)
 
     @cached_property
     def _rows(self) -> Array:
@@ -339,9 +338,9 @@ class Curve:
     def _panels(self) -> Array:
         """(u, s) between which the Gauss-Legendre rule gives arc length to rounding."""
         piece = self._rows[0]
-        # eight to start with for each lobe, sixteen for an ellipse: `arc_panels` divides further
+        # eight to start with for each lobe, sixteen for an ellipse: `cut_into_panels` divides further
         count = 8 * int(piece[B]) if piece[KIND] == CASSINIAN else 16
-        return curve_kernels.arc_panels(piece, count)
+        return arc_length.cut_into_panels(piece, count)
 
     def _evaluate(self, u: ArrayLike) -> Array:
         """Return rows (..., 6) of position and first two derivatives by u, see `kernels.evaluate`; u wraps.
@@ -375,7 +374,7 @@ class Curve:
             # where x' or y' of an arc is zero: the multiples of 90 degrees that it sweeps
             swept = piece[E] * (np.arange(4) * (math.pi / 2.0) - piece[D]) % (2.0 * math.pi)
             us += [piece[U0] + a * piece[C] for a in swept if a * piece[C] <= piece[U1] - piece[U0]]
-        return np.array([evaluate(piece, u)[:2] for u in us])
+        return evaluate_many(piece[np.newaxis], np.array(us))[:, :2]
 
     def _turning_points(self) -> Array:
         """Where x' or y' of a smooth curve vanishes, by Newton from the extreme samples."""
@@ -385,9 +384,9 @@ class Curve:
                 u = float(samples[row, 0])
                 # Newton on x' = 0 or y' = 0, from a sample beside the root: digits double each time
                 for _ in range(4):
-                    value = evaluate(self._rows[0], u)
-                    u -= value[2 + axis] / value[4 + axis] if value[4 + axis] != 0.0 else 0.0
-                points.append(evaluate(self._rows[0], u)[:2])
+                    values = self._evaluate(u)
+                    u -= values[2 + axis] / values[4 + axis] if values[4 + axis] != 0.0 else 0.0
+                points.append(self.position(u))
         # the samples too: no extreme is lost where Newton left its place
         return np.array([*points, *samples[:, 2:4]])
 

@@ -1,4 +1,4 @@
-"""Compiled loops over one plane curve: nearest point, side, arc length and its inverse.
+"""Compiled loops over one plane curve: nearest point, side and arc length.
 
 Pieces are as in `kernels`. A smooth closed piece (CASSINIAN, ELLIPSE) brings a table `samples` (m, 8) that is
 fine enough for every local minimum of the distance to show between two rows:
@@ -44,7 +44,6 @@ TIE_ROUNDING = 1e-15
 """Share of the coordinates, and of an arc's radius, by which rounding may change which of two feet is nearer."""
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
-MAX_PANELS = 100_000
 
 BLOCK_ROWS = 8
 """Rows of the table that are skipped together where all are too far."""
@@ -63,94 +62,12 @@ def speed_integral(piece: Array, start: float, end: float) -> float:
 
 
 @compiled
-def arc_panels(piece: Array, count: int) -> Array:
-    """Return a smooth piece (9,) cut so finely that the 16-point rule is exact to rounding: rows (m, 2) of u and s, m.
-
-    It begins with `count` equal panels.
-    """
-    total_length = 0.0
-    step = (piece[U1] - piece[U0]) / count
-    for i in range(count):
-        # a first estimate: errors count as a share of the whole length
-        total_length += speed_integral(piece, piece[U0] + i * step, piece[U0] + (i + 1) * step)
-    out = np.empty((MAX_PANELS + 1, 2))
-    out[0, 0], out[0, 1] = piece[U0], 0.0
-    rows = 1
-    # a stack of the ends of panels that are still to be done: depth first, from left to right
-    ends = np.empty(64)
-    carry = 0.0  # Kahan: a thousand panels must not cost three digits
-    for i in range(count):
-        depth = 1
-        ends[0] = piece[U1] if i == count - 1 else piece[U0] + (i + 1) * step
-        while depth > 0:
-            start, end = out[rows - 1, 0], ends[depth - 1]
-            middle = 0.5 * (start + end)
-            whole_panel = speed_integral(piece, start, end)
-            halves = speed_integral(piece, start, middle) + speed_integral(piece, middle, end)
-            _, _, ax, ay, _, _ = evaluate(piece, start)
-            _, _, bx, by, _, _ = evaluate(piece, end)
-            # the nodes are rounded to 5e-16 rad, which the change of speed makes an error of the length
-            rounding = 4e-16 * total_length + 4e-16 * halves + 1e-15 * abs(math.hypot(bx, by) - math.hypot(ax, ay))
-            # the rule on the panel agrees with that on its halves
-            fine = abs(whole_panel - halves) <= rounding
-            if fine or depth > 48 or rows > MAX_PANELS - 64:
-                # Kahan's sum: `carry` is what the last addition lost
-                increment = halves - carry
-                total = out[rows - 1, 1] + increment
-                carry = (total - out[rows - 1, 1]) - increment
-                out[rows, 0], out[rows, 1] = end, total
-                rows += 1
-                depth -= 1
-            else:
-                # the left half first
-                ends[depth] = middle
-                depth += 1
-    return out[:rows].copy()
-
-
-@compiled
-def arc_lengths(piece: Array, panels: Array, us: Array) -> Array:
-    """Return the arc length (n,), m, from the start of a smooth piece (9,) to each of `us` (n,) in its range.
-
-    `panels` (m, 2) are those of `arc_panels`.
-    """
-    out = np.empty(us.shape[0])
-    for i in range(us.shape[0]):
-        k = min(max(np.searchsorted(panels[:, 0], us[i], "right") - 1, 0), panels.shape[0] - 2)
-        # up to the panel by the table, within it by the rule
-        out[i] = panels[k, 1] + speed_integral(piece, panels[k, 0], us[i])
-    return out
-
-
-@compiled
-def parameters_at(piece: Array, panels: Array, lengths: Array) -> Array:
-    """Return the u (n,) at each of the arc `lengths` (n,), m, of a smooth piece (9,), by safeguarded Newton.
-
-    `panels` (m, 2) are those of `arc_panels`. On a panel, which 16 nodes resolve to rounding, a step of 1e-9 of its
-    width leaves the square of that.
-    """
-    out = np.empty(lengths.shape[0])
-    for i in range(lengths.shape[0]):
-        s = lengths[i]
-        k = min(max(np.searchsorted(panels[:, 1], s, "right") - 1, 0), panels.shape[0] - 2)
-        low, high = panels[k, 0], panels[k + 1, 0]
-        tolerance = max(1e-9 * (high - low), 2e-16 * (1.0 + abs(high)))
-        # start as if the speed were constant on the panel
-        u = low + (high - low) * (s - panels[k, 1]) / (panels[k + 1, 1] - panels[k, 1])
-        for _ in range(60):
-            excess = panels[k, 1] + speed_integral(piece, panels[k, 0], u) - s
-            if excess > 0.0:
-                high = u
-            else:
-                low = u
-            _, _, dx, dy, _, _ = evaluate(piece, u)
-            # Newton: ds/du is the speed |c'|
-            step = excess / math.hypot(dx, dy)
-            last, u = u, step_within(low, high, u - step)
-            if abs(u - last) <= tolerance:
-                break
-        out[i] = u
-    return out
+def speed_integrals(piece: Array, starts: Array, ends: Array) -> Array:
+    """Return the arc lengths (n,), m, of one smooth piece (9,) between parameters (n,): see `speed_integral`."""
+    lengths = np.empty(starts.shape[0])
+    for i in range(starts.shape[0]):
+        lengths[i] = speed_integral(piece, starts[i], ends[i])
+    return lengths
 
 
 @compiled
@@ -521,23 +438,6 @@ def _write_closest(values: Values, located: Array, i: int, closest: ClosestPoint
     closest.foot[i, 0], closest.foot[i, 1], closest.normal[i, 0], closest.normal[i, 1] = x, y, ty, -tx
     closest.shape[i, 0, 0], closest.shape[i, 0, 1] = curvature * tx * tx, curvature * tx * ty
     closest.shape[i, 1, 0], closest.shape[i, 1, 1] = curvature * ty * tx, curvature * ty * ty
-
-
-@compiled
-def sample_table(piece: Array, panels: Array, cuts: int) -> Array:
-    """Return the table (m, 8) that `project` needs of a smooth piece (9,): each panel in `cuts` equal steps of u.
-
-    `panels` (k, 2) are those of `arc_panels`; a row is u, s (m), position (m) and two derivatives by u.
-    """
-    count = (panels.shape[0] - 1) * cuts
-    out = np.empty((count + 1, 8))
-    for i in range(count + 1):
-        k = min(i // cuts, panels.shape[0] - 2)
-        u = panels[k, 0] + (panels[k + 1, 0] - panels[k, 0]) * (i - k * cuts) / cuts
-        x, y, dx, dy, ddx, ddy = evaluate(piece, u)
-        out[i, 0], out[i, 1] = u, panels[k, 1] + speed_integral(piece, panels[k, 0], u)
-        out[i, 2], out[i, 3], out[i, 4], out[i, 5], out[i, 6], out[i, 7] = x, y, dx, dy, ddx, ddy
-    return out
 
 
 def closest_of_curve(pieces: Array, samples: Array, vertices: Array, tree: Array) -> Closest:
