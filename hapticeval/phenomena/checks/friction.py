@@ -383,13 +383,8 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
         # The tangent plane turns by curvature times that way; of first order only where it twists.
         turned = twist * lag + (bend * lag) ** 2
         allowed = surface_force.other / braking + turned + place / length + SLIDING_ROUNDING
-    slides = (
-        surface_force.pressed
-        & np.roll(surface_force.pressed, 1)
-        & (length > place)
-        & (braking > 0.0)
-        & (allowed <= TELLING_SHARE)
-    )
+    # In the first tick of a contact the way is that of a free tool; one shorter than `place` allows any force.
+    slides = np.roll(surface_force.pressed, 1) & (braking > 0.0) & (allowed <= TELLING_SHARE)
     slides[0] = False
     # A slip over a corner has two directions.
     for corner in scene.model.boundary.corners:

@@ -128,3 +128,14 @@ def test_sliding_is_told_as_the_force_against_the_motion(brake, outcome):
     assert finding.evidence["ticks"] == 29
     assert finding.evidence["against_N"] == pytest.approx(2.0 * brake)
     assert finding.metric.value == pytest.approx(brake / 0.3 - 1.0, abs=1e-9)
+
+
+def test_the_way_of_a_free_tool_to_the_surface_is_no_slip_that_is_braked():
+    ihip, _, force = pressed_and_pulled(np.full(30, 0.6))
+    ihip = np.array(ihip)
+    ihip[:, 0] = STEP * np.arange(30)
+    # Free at first, and not braked yet in the tick in which it touches.
+    force[:12], force[12, 0] = 0.0, 0.0
+    finding = asked(friction.judge_sliding, recorded(ihip - force / 1000.0, ihip, force))
+    assert finding.evidence["ticks"] == 17
+    assert finding.outcome is PASS
