@@ -226,6 +226,11 @@ class Reach:
         self.contents: dict[str, str] = {}
         self.failed: set[str] = set()
         self.functions = {file: functions_by_line(Path(file).read_text(encoding="utf-8")) for file in self.files}
+        self.present = {
+            self.line(file, self.functions[file].get(number, ""), number)
+            for file, lines in self.files.items()
+            for number in range(1, len(lines) + 1)
+        }
 
     def measure(self, item: Any, following: Any) -> None:
         """Run a test, and note what it reaches."""
@@ -238,8 +243,7 @@ class Reach:
         passed = run_item(item, following)
         tracer.stop()
         self.seconds[item.nodeid] = time.process_time() - began
-        if not passed:
-            self.failed.add(item.nodeid)
+        (self.failed.discard if passed else self.failed.add)(item.nodeid)
         data = tracer.get_data()
         for file in data.measured_files():
             for number in data.lines(file) or ():
@@ -263,8 +267,10 @@ class Reach:
         outside: set[str] = set()
         if mutant.function is not None and file in self.files:
             line = self.line(file, mutant.function, mutant.line)
+            alike = self.union(lambda other: other[:2] == line[:2] and other not in self.present)
             if tests := self.lines.get(line):
-                return tests - self.failed
+                # What reached lines that were written anew since may reach this one.
+                return (tests | alike) - self.failed
             tests = self.union(lambda other: other[:2] == line[:2])
         else:
             name = mutant.before.partition(" ")[0].rstrip(":")
@@ -490,11 +496,18 @@ def know_tests(reach: Reach, items: dict[str, Any]) -> int:
     reach.load()
     contents = {file: digest(file) for file in sorted({name.partition("::")[0] for name in items})}
     for file, content in contents.items():
-        if reach.contents.get(file) != content:
+        same = reach.contents.get(file) == content
+        if not same:
             reach.forget(file)
-            unknown = [item for name, item in items.items() if name.partition("::")[0] == file]
-            for item, following in itertools.zip_longest(unknown, unknown[1:]):
-                reach.measure(item, following)
+        # What failed may have done so for what is mended since.
+        unknown = [
+            item
+            for name, item in items.items()
+            if name.partition("::")[0] == file and (not same or name in reach.failed)
+        ]
+        for item, following in itertools.zip_longest(unknown, unknown[1:]):
+            reach.measure(item, following)
+        if unknown:
             reach.contents[file] = content
             reach.save()
     return 0

@@ -69,6 +69,20 @@ def test_a_number_on_import_is_tried_on_tests_that_run_nothing_of_the_targets(tm
     assert reach.tests_of(mutate.Mutant("b.py", 1, "LIMIT = 1", "LIMIT = 2", "", None)) == {"reads", "uses"}
 
 
+def test_what_reached_a_line_that_was_written_anew_since_is_tried_on_its_function(tmp_path, monkeypatch):
+    monkeypatch.setattr(mutate, "ROOT", tmp_path)
+    (tmp_path / "a.py").write_text("def f(x):\n    y = 2 * x\n    return y\n")
+    reach = mutate.Reach([str(tmp_path / "a.py")])
+    for function, text, test in (
+        ("f", "y = 2 * x", "new"),
+        ("f", "z = 2 * x", "before"),
+        ("f", "return y", "returns"),
+        ("g", "z = 1", "of another"),
+    ):
+        reach.lines[mutate.Line("a.py", function, text)] = {test}
+    assert reach.tests_of(mutate.Mutant("a.py", 2, "2", "3", "", "f")) == {"new", "before"}
+
+
 def test_a_mutant_is_imported_in_place_of_its_module():
     file = mutate.ROOT / "hapticeval" / "quantity.py"
     code = "import sys; sys.path.insert(0, 'tests'); import mutate; sys.meta_path.insert(0, mutate.Finder("
