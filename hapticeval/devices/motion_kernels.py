@@ -28,10 +28,12 @@ from hapticeval.compiled import (
     MARGIN,
     VECTOR,
     FirstClass,
+    as_record,
     borrowing,
     compiled,
     first_class,
     inner,
+    record_type,
 )
 from hapticeval.devices.integration import Method, control
 from hapticeval.types import Array
@@ -45,9 +47,9 @@ if TYPE_CHECKING:
 JACOBIAN, INERTIA, SCRATCH, SQUARES = range(4)
 """Rows (ROWS, N) and squares (SQUARES, N, N) of `Scratch`. MODE: the way that a joint moves, 0 at rest."""
 
-TOLERANCE, EXPONENT, SUBSTEPS = range(3)
-"""Settings of a method, `control` (3,): the error that a step may have (0: take equal steps), the exponent with which
-steps follow it, and how many equal steps a tick has."""
+CONTROL = record_type("tolerance", "exponent", "substeps")
+"""Settings of a method, `integration.control`: the error that a step may have (0: take equal steps), the exponent with
+which steps follow it, and how many equal steps a tick has."""
 
 FLOOR = 1e-3
 """The least joint (rad, m) and rate (rad/s, m/s) that an error is measured against."""
@@ -404,12 +406,12 @@ def advance(motion: Motion, tick: int, begin: float, finish: float, joints: Arra
 
     `joints` (N,), rad or m, and `rates` (N,) are changed in place; `torque` (N,), N m or N, is the motors'.
     """
-    control, pace, rows = motion.steps.control, motion.steps.pace, motion.scratch.rows
+    control, pace, rows = as_record(motion.steps.control, CONTROL), motion.steps.pace, motion.scratch.rows
     end, end_rate = rows[END], rows[END_RATE]
     time, step_count = begin, 0
-    adaptive = control[TOLERANCE] > 0.0
+    adaptive = control.tolerance > 0.0
     # part of a tick takes its share of the tick's steps
-    equal_steps = max(1, math.ceil(control[SUBSTEPS] * (finish - begin) / motion.load.dt - 1e-9))
+    equal_steps = max(1, math.ceil(control.substeps * (finish - begin) / motion.load.dt - 1e-9))
     set_modes(motion.load.friction, motion, tick, time, joints, rates, torque)
     while time < finish:
         time_left = finish - time
@@ -427,12 +429,12 @@ def advance(motion: Motion, tick: int, begin: float, finish: float, joints: Arra
             return 0
         if adaptive:
             # the usual control: 0.9 error^(-1 / (order + 1)), by a factor of 5 at the most
-            error /= control[TOLERANCE]
+            error /= control.tolerance
             factor = 0.2
             if error < 1e-5:
                 factor = 5.0
             elif error < 1e4:
-                factor = min(5.0, max(0.2, 0.9 * error ** control[EXPONENT]))
+                factor = min(5.0, max(0.2, 0.9 * error**control.exponent))
             if error > 1.0:  # again, with a shorter step
                 pace[0] = h * min(factor, 0.9)
                 continue

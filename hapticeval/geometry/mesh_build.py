@@ -24,6 +24,7 @@ from hapticeval.geometry.mesh_kernels import (
     neighbour_of,
     normal_of,
     position_of,
+    vertex_of,
 )
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.types import Array, IntArray
@@ -285,9 +286,9 @@ def build_tables(
                 used += 1
             faces[k, CORNER + i], faces[k, ACROSS + i] = row_of[vertex], rank[across[triangle, i]]
         a, b, c = (
-            position_of(vertices, faces[k, 0]),
-            position_of(vertices, faces[k, 1]),
-            position_of(vertices, faces[k, 2]),
+            corner_of(faces, vertices, k, 0),
+            corner_of(faces, vertices, k, 1),
+            corner_of(faces, vertices, k, 2),
         )
         normal = area_normal(a, b, c)
         area = math.sqrt(dot(normal, normal))
@@ -301,7 +302,7 @@ def build_tables(
         for i in range(3):
             # the angle at corner i, between its two edges: sin and cos of it times both lengths
             angle = math.atan2(area, -dot(edges[i], edges[(i + 2) % 3]))
-            row = int(faces[k, CORNER + i])
+            row = vertex_of(faces, k, i)
             for axis in range(3):
                 vertices[row, PSEUDO + axis] += angle * faces[k, NORMAL + axis]
     for k in range(n):
@@ -340,7 +341,7 @@ def build_tree(faces: Array, vertices: Array) -> Array:
             lowest, highest = math.inf, -math.inf
             for k in range((i - m) * n // m, (i - m + 1) * n // m):
                 for corner in range(3):
-                    coordinate = vertices[int(faces[k, CORNER + corner]), axis]
+                    coordinate = vertices[vertex_of(faces, k, corner), axis]
                     lowest, highest = min(lowest, coordinate), max(highest, coordinate)
             tree[i, axis], tree[i, 3 + axis] = lowest, highest
     # boxes are widened by the rounding of coordinates as large as these
@@ -425,7 +426,7 @@ def _meet_as_neighbours(faces: Array, vertices: Array, j: int, k: int, first: Ar
     shared, first_corner, second_corner = 0, 0, 0
     for i in range(3):
         for h in range(3):
-            if faces[j, CORNER + i] == faces[k, CORNER + h]:
+            if vertex_of(faces, j, i) == vertex_of(faces, k, h):
                 shared, first_corner, second_corner = shared + 1, i, h
     # two shared corners: neighbours over an edge, which `FOLDED` has decided
     if shared > 1:
@@ -473,9 +474,9 @@ def suspect_pairs(faces: Array, vertices: Array, tree: Array, begin: int, most_p
     stack, first, second = np.empty(STACK_DEPTH, np.int64), np.empty((3, 3)), np.empty((3, 3))
     for j in range(begin, n):
         a, b, c = (
-            position_of(vertices, faces[j, 0]),
-            position_of(vertices, faces[j, 1]),
-            position_of(vertices, faces[j, 2]),
+            corner_of(faces, vertices, j, 0),
+            corner_of(faces, vertices, j, 1),
+            corner_of(faces, vertices, j, 2),
         )
         xl, yl, zl = min(a[0], b[0], c[0]), min(a[1], b[1], c[1]), min(a[2], b[2], c[2])
         xh, yh, zh = max(a[0], b[0], c[0]), max(a[1], b[1], c[1]), max(a[2], b[2], c[2])

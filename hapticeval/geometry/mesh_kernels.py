@@ -80,16 +80,28 @@ def _scaled(factor: float, a: Triple) -> Triple:
 
 
 @inner
-def position_of(vertices: Array, row: float) -> Triple:
+def position_of(vertices: Array, row: int) -> Triple:
     """Return the position (m) of a vertex: the row of `vertices` (v, 6)."""
-    k = int(row)
-    return vertices[k, 0], vertices[k, 1], vertices[k, 2]
+    return vertices[row, 0], vertices[row, 1], vertices[row, 2]
+
+
+@inner
+def vertex_of(faces: Array, k: int, i: int) -> int:
+    """Return the row of `vertices` in which corner i of triangle k of `faces` (t, 9) is; lengths are in m."""
+    return int(faces[k, CORNER + i])
+
+
+@inner
+def same_corner(faces: Array, k: int, i: int, j: int) -> int:
+    """Return which corner of triangle j of `faces` (t, 9), m, is the vertex at corner i of triangle k: both have it."""
+    row = faces[k, CORNER + i]
+    return 0 if faces[j, CORNER] == row else 1 if faces[j, CORNER + 1] == row else 2
 
 
 @inner
 def corner_of(faces: Array, vertices: Array, k: int, i: int) -> Triple:
     """Return the position (m) of corner i of triangle k; `faces` (t, 9) and `vertices` (v, 6), m, are the mesh."""
-    return position_of(vertices, faces[k, CORNER + i])
+    return position_of(vertices, vertex_of(faces, k, i))
 
 
 @inner
@@ -311,7 +323,7 @@ def side_and_normal(
         mean = plus(n, 1.0, normal_of(faces, neighbour_of(faces, k, feature - EDGE)))
         mean = _scaled(1.0 / math.sqrt(dot(mean, mean)), mean)
     else:
-        row = int(faces[k, CORNER + feature - VERTEX])
+        row = vertex_of(faces, k, feature - VERTEX)
         mean = pseudonormal_of(vertices, row)
     side = -1.0 if dot(mean, q) < 0.0 else 1.0
     bent = _minus(mean, n)

@@ -18,7 +18,6 @@ import numpy as np
 
 from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh_kernels import (
-    CORNER,
     EDGE,
     FACE,
     VERTEX,
@@ -33,6 +32,8 @@ from hapticeval.geometry.mesh_kernels import (
     normal_of,
     position_of,
     pseudonormal_of,
+    same_corner,
+    vertex_of,
 )
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.types import Array, IntArray
@@ -110,9 +111,9 @@ def _cross_face(faces: Array, vertices: Array, k: int, point: Triple, goal: Trip
     """Go straight over triangle k towards the goal's foot on its plane: to it, or to the edge or vertex on the way."""
     n = normal_of(faces, k)
     corners = (
-        position_of(vertices, faces[k, 0]),
-        position_of(vertices, faces[k, 1]),
-        position_of(vertices, faces[k, 2]),
+        corner_of(faces, vertices, k, 0),
+        corner_of(faces, vertices, k, 1),
+        corner_of(faces, vertices, k, 2),
     )
     foot = plus(goal, -dot(n, _minus(goal, corners[0])), n)
     # once more, for digits that a goal far away has cost
@@ -181,9 +182,8 @@ def _choose_at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int,
     Or the vertex itself, where none does. Whether d points out of the solid is the sign of the pseudonormal of what is
     closest to it in the fan, as for any point beside the mesh.
     """
-    row = faces[k, CORNER + i]
-    apex, size_squared = position_of(vertices, row), dot(d, d)
-    vertex = int(row)
+    vertex = vertex_of(faces, k, i)
+    apex, size_squared = position_of(vertices, vertex), dot(d, d)
     mean = pseudonormal_of(vertices, vertex)
     # nearest of all to d so far: the vertex, with its pseudonormal
     least_squared, side = size_squared, dot(mean, d)
@@ -212,8 +212,7 @@ def _choose_at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int,
             if along * along / dot(p, p) > steepest:
                 steepest, best, steepest_feature = along * along / dot(p, p), j, EDGE + h
         j = after
-        # the corner of the next triangle that is this vertex
-        h = 0 if faces[j, CORNER] == row else 1 if faces[j, CORNER + 1] == row else 2
+        h = same_corner(faces, k, i, j)
         if j == k:
             break
     return free and side >= 0.0, best, steepest_feature

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
 from hapticeval.compiled import compiled, inner
-from hapticeval.geometry.mesh_kernels import CORNER, FACE, VERTEX, _cross, _minus, normal_of, position_of
+from hapticeval.geometry.mesh_kernels import FACE, VERTEX, _cross, _minus, corner_of, normal_of
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
@@ -194,7 +194,7 @@ def _lies_over(terrain: MeshTerrain, k: int, p: Triple) -> bool:
     """
     for i in range(3):
         a, e = (
-            position_of(terrain.vertices, terrain.faces[k, CORNER + i]),
+            corner_of(terrain.faces, terrain.vertices, k, i),
             edge_direction(terrain.faces, terrain.vertices, k, i),
         )
         # n x e points into the triangle
@@ -204,7 +204,7 @@ def _lies_over(terrain: MeshTerrain, k: int, p: Triple) -> bool:
         # within a flat face the neighbour has the same plane: what is past this edge lies on that, or on no triangle
         if terrain.turns[k, i] >= 0.0 or inside < -SEAM_REACH:
             return False
-        b = position_of(terrain.vertices, terrain.faces[k, CORNER + (i + 1) % 3])
+        b = corner_of(terrain.faces, terrain.vertices, k, (i + 1) % 3)
         # past a: e.(p - a) < 0; past b: e.(p - b) > 0
         for corner, apex, past in ((i, a, -dot(e, _minus(p, a))), ((i + 1) % 3, b, dot(e, _minus(p, b)))):
             if turns_at_corner(terrain, k, corner)[1] > 0.0:
@@ -293,11 +293,11 @@ def first_face(
 @compiled
 def _leads_into_face(terrain: MeshTerrain, k: int, i: int, v: Triple) -> bool:
     """Whether a velocity v (m/s) along the flat face of triangle k leads from its corner i into that face."""
-    apex = position_of(terrain.vertices, terrain.faces[k, CORNER + i])
+    apex = corner_of(terrain.faces, terrain.vertices, k, i)
     j, corner = k, i
     while dot(v, v) > 0.0:
-        p = _minus(position_of(terrain.vertices, terrain.faces[j, CORNER + (corner + 1) % 3]), apex)
-        q = _minus(position_of(terrain.vertices, terrain.faces[j, CORNER + (corner + 2) % 3]), apex)
+        p = _minus(corner_of(terrain.faces, terrain.vertices, j, (corner + 1) % 3), apex)
+        q = _minus(corner_of(terrain.faces, terrain.vertices, j, (corner + 2) % 3), apex)
         n = normal_of(terrain.faces, j)
         # between p and q, which bound a triangle of the face at the apex
         if terrain.facets[j] == terrain.facets[k] and dot(_cross(n, p), v) >= 0.0 and dot(_cross(q, n), v) >= 0.0:
@@ -333,8 +333,8 @@ def first_edge(
             e = edge_direction(terrain.faces, terrain.vertices, j, i)
             # n x e points into the triangle: to pass the edge is to fall through the plane with that normal
             inward = _cross(path.contact_normal, e)
-            a = position_of(terrain.vertices, terrain.faces[j, CORNER + i])
-            b = position_of(terrain.vertices, terrain.faces[j, CORNER + (i + 1) % 3])
+            a = corner_of(terrain.faces, terrain.vertices, j, i)
+            b = corner_of(terrain.faces, terrain.vertices, j, (i + 1) % 3)
             if _stays_on_one_side(inward, a, path.p, out, back, end, load.skin):
                 continue
             time = first_fall(inward, a, path, 0.0, h, load)

@@ -15,18 +15,20 @@ import numpy as np
 from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import (
-    ACROSS,
-    CORNER,
     EDGE,
     FACE,
     NORMAL,
-    PSEUDO,
     VERTEX,
     _cross,
     _minus,
     _scaled,
+    corner_of,
+    neighbour_of,
     normal_of,
     position_of,
+    pseudonormal_of,
+    same_corner,
+    vertex_of,
 )
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.rigid_contact.force import ALIGNED_SHARE
@@ -77,11 +79,8 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
     n = faces.shape[0]
     areas, flat = np.empty(n), faces.copy()
     for k in range(n):
-        a = position_of(vertices, faces[k, CORNER])
-        aside = _cross(
-            _minus(position_of(vertices, faces[k, CORNER + 1]), a),
-            _minus(position_of(vertices, faces[k, CORNER + 2]), a),
-        )
+        a = corner_of(faces, vertices, k, 0)
+        aside = _cross(_minus(corner_of(faces, vertices, k, 1), a), _minus(corner_of(faces, vertices, k, 2), a))
         # four squares of the area: only their order matters
         areas[k] = dot(aside, aside)
     facets, anchors, turns = np.full(n, -1), np.empty((n, 3)), np.zeros((n, 3))
@@ -90,7 +89,7 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
     for seed in np.argsort(-areas, kind="mergesort"):
         if facets[seed] >= 0:
             continue
-        normal, anchor = normal_of(faces, seed), position_of(vertices, faces[seed, CORNER])
+        normal, anchor = normal_of(faces, seed), corner_of(faces, vertices, seed, 0)
         queue[0], facets[seed] = seed, count
         # breadth first over the neighbours: queue[:done] has been looked at, queue[done:end] waits
         done, end = 0, 1
@@ -100,14 +99,14 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
             put_triple(flat[k], NORMAL, normal)
             put_triple(anchors[k], 0, anchor)
             for i in range(3):
-                j = int(faces[k, ACROSS + i])
+                j = neighbour_of(faces, k, i)
                 # taken already, or turned by a right angle or more
                 if facets[j] >= 0 or dot(normal_of(faces, j), normal) <= 0.0:
                     continue
                 # the farthest corner from the seed's plane, |n.(q - anchor)|
                 off = 0.0
                 for corner in range(3):
-                    q = _minus(position_of(vertices, faces[j, CORNER + corner]), anchor)
+                    q = _minus(corner_of(faces, vertices, j, corner), anchor)
                     off = max(off, abs(dot(normal, q)))
                 if off <= touch:
                     queue[end], facets[j] = j, count
@@ -115,7 +114,7 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
         count += 1
     for k in range(n):
         for i in range(3):
-            j = int(faces[k, ACROSS + i])
+            j = neighbour_of(faces, k, i)
             if facets[j] != facets[k]:
                 # (n x p) . e is the sine, positive where the neighbour turns down
                 turns[k, i] = dot(_cross(normal_of(flat, k), normal_of(flat, j)), edge_direction(faces, vertices, k, i))
@@ -125,7 +124,7 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
 @inner
 def edge_direction(faces: Array, vertices: Array, k: int, i: int) -> Triple:
     """Return the unit direction of edge i of triangle k, a row of `faces` (t, k), between `vertices` (v, 3), m."""
-    a, b = position_of(vertices, faces[k, CORNER + i]), position_of(vertices, faces[k, CORNER + (i + 1) % 3])
+    a, b = corner_of(faces, vertices, k, i), corner_of(faces, vertices, k, (i + 1) % 3)
     ab = _minus(b, a)
     return _scaled(1.0 / math.sqrt(dot(ab, ab)), ab)
 
@@ -139,8 +138,8 @@ def height_over_face(terrain: MeshTerrain, k: int, p: Triple) -> float:
 @inner
 def next_in_fan(terrain: MeshTerrain, k: int, i: int) -> tuple[int, int]:
     """Return the triangle across edge i of triangle k, and the corner of it that is corner i of k."""
-    row, j = terrain.faces[k, CORNER + i], int(terrain.faces[k, ACROSS + i])
-    return j, 0 if terrain.faces[j, CORNER] == row else 1 if terrain.faces[j, CORNER + 1] == row else 2
+    j = neighbour_of(terrain.faces, k, i)
+    return j, same_corner(terrain.faces, k, i, j)
 
 
 @compiled
@@ -152,7 +151,7 @@ def feature_at(terrain: MeshTerrain, k: int, p: Triple, reach: float, convex_rea
     """
     faces, vertices, normal = terrain.faces, terrain.vertices, normal_of(terrain.faces, k)
     for i in range(3):
-        apex = position_of(vertices, faces[k, CORNER + i])
+        apex = corner_of(faces, vertices, k, i)
         off, (lowest, highest) = _minus(p, apex), turns_at_corner(terrain, k, i)
         corner_reach = reach if lowest < 0.0 else convex_reach
         # both are zero at a corner inside of a flat face
@@ -160,7 +159,7 @@ def feature_at(terrain: MeshTerrain, k: int, p: Triple, reach: float, convex_rea
             return VERTEX + i, apex
     for i in range(3):
         turn = terrain.turns[k, i]
-        a, e = position_of(vertices, faces[k, CORNER + i]), edge_direction(faces, vertices, k, i)
+        a, e = corner_of(faces, vertices, k, i), edge_direction(faces, vertices, k, i)
         off = _minus(p, a)
         # n x e points into the triangle
         if turn != 0.0 and dot(_cross(normal, e), off) <= (convex_reach if turn > 0.0 else reach):
@@ -197,7 +196,7 @@ def nearest_around(terrain: MeshTerrain, k: int, feature: int, d: Triple) -> tup
     if feature == FACE:
         return height, k, FACE, plus(d, -height, n)
     i = feature - EDGE
-    j = int(terrain.faces[k, ACROSS + i])
+    j = neighbour_of(terrain.faces, k, i)
     e, p = edge_direction(terrain.faces, terrain.vertices, k, i), normal_of(terrain.faces, j)
     # d = (d.e) e + what lies in the wedge's section; its heights over the two faces
     on_edge, height_across = _scaled(dot(d, e), e), dot(p, d)
@@ -219,15 +218,15 @@ def nearest_around(terrain: MeshTerrain, k: int, feature: int, d: Triple) -> tup
 def _nearest_in_fan(terrain: MeshTerrain, k: int, i: int, d: Triple) -> tuple[float, int, int, Triple]:
     """Answer `nearest_around` for corner i of triangle k."""
     faces, vertices = terrain.faces, terrain.vertices
-    row, rounding = int(faces[k, CORNER + i]), ALIGNED_SHARE * math.sqrt(dot(d, d))
+    row, rounding = vertex_of(faces, k, i), ALIGNED_SHARE * math.sqrt(dot(d, d))
     apex = position_of(vertices, row)
     best_height, best, best_feature, foot = math.inf, -1, FACE, (0.0, 0.0, 0.0)
     best_edge_square, best_edge, edge_corner, on_edge, edge_side = math.inf, -1, 0, (0.0, 0.0, 0.0), 1.0
     j, corner = k, i
     while True:
         n, after, corner_after = normal_of(faces, j), *next_in_fan(terrain, j, corner)
-        p = _minus(position_of(vertices, faces[j, CORNER + (corner + 1) % 3]), apex)
-        q = _minus(position_of(vertices, faces[j, CORNER + (corner + 2) % 3]), apex)
+        p = _minus(corner_of(faces, vertices, j, (corner + 1) % 3), apex)
+        q = _minus(corner_of(faces, vertices, j, (corner + 2) % 3), apex)
         height = dot(n, d)
         # d projects into this triangle: p and q bound it at the apex
         if abs(height) < abs(best_height) and dot(_cross(n, p), d) >= 0.0 and dot(_cross(q, n), d) >= 0.0:
@@ -252,7 +251,7 @@ def _nearest_in_fan(terrain: MeshTerrain, k: int, i: int, d: Triple) -> tuple[fl
             best, best_feature, foot = best_edge, EDGE + edge_corner, on_edge
     # neither face nor edge has a foot, or to rounding it is the corner
     if best < 0 or dot(foot, foot) <= rounding * rounding:
-        mean = (vertices[row, PSEUDO], vertices[row, PSEUDO + 1], vertices[row, PSEUDO + 2])
+        mean = pseudonormal_of(vertices, row)
         return math.copysign(math.sqrt(dot(d, d)), dot(mean, d)), k, VERTEX + i, (0.0, 0.0, 0.0)
     return best_height, best, best_feature, foot
 
@@ -286,7 +285,7 @@ def pull_into(terrain: MeshTerrain, k: int, feature: int, force: Triple) -> floa
     faces, vertices = terrain.faces, terrain.vertices
     if feature < VERTEX:
         i = feature - EDGE
-        e, j = edge_direction(faces, vertices, k, i), int(faces[k, ACROSS + i])
+        e, j = edge_direction(faces, vertices, k, i), neighbour_of(faces, k, i)
         # square to the edge, up either face
         return -max(dot(_cross(normal_of(faces, k), e), force), dot(_cross(e, normal_of(faces, j)), force))
     weakest_pull, j, corner = math.inf, k, feature - VERTEX
