@@ -1,12 +1,11 @@
 """Force shading: the force follows normals interpolated between the vertices of a polygon or a mesh (thesis 4.3.1)."""
 
-# ruff: noqa: ARG001, ARG002 - every effect, and every change of an answer, has these arguments
+# ruff: noqa: ARG002 - every effect, and every change of an answer, has these arguments
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,16 +16,6 @@ from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import as_curve
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.types import Array
-
-if TYPE_CHECKING:
-    from hapticeval.compiled import Closest, Numbers
-
-START, LENGTH, FACE, FIRST, LAST, COLUMNS = 0, 1, 2, 4, 6, 8
-"""Columns of a facet: the arc length (m) at which it starts, its length (m), its own unit normal, and those of its two
-corners."""
-
-ALONG, ROWS = 4, 5
-"""Row of the arc length in a frame of `hapticeval.compiled.CLOSEST` in the plane, and how many rows that needs."""
 
 AT_VERTEX = 1e-12
 """Share of the outline by which a point may be off a vertex and still be on it: rounding of the arc length."""
@@ -69,9 +58,10 @@ class Shading(Effect):
 
         Raises `RefusalError` for a boundary that has no facets.
         """
-        if isinstance(scene.model.boundary, Mesh):
-            from hapticeval.effects import shading_kernels as kernels
+        from hapticeval.compiled import as_records
+        from hapticeval.effects import shading_kernels as kernels
 
+        if isinstance(scene.model.boundary, Mesh):
             corners = mesh_corners(scene.model.boundary, self.crease)
             return Part(kernels.shade_mesh, np.empty(0), corners, np.zeros((kernels.ROWS, 3)))
         facet_table = facets(scene.model.boundary, self.crease)
@@ -81,8 +71,10 @@ class Shading(Effect):
                 why="normals are interpolated between the vertices of a polygon or a mesh",
                 todo="give the model as one; a renderer that shades facets of its own declares that in supports",
             )
-        ends = facet_table[-1, START] + facet_table[-1, LENGTH]
-        return Part(shade, np.array([AT_VERTEX * ends]), samples=facet_table, state=np.zeros((ROWS, 2)))
+        last_facet = as_records(facet_table, kernels.FACET)[-1]
+        ends = last_facet.start + last_facet.length
+        frame = np.zeros((kernels.ALONG + 1, 2))
+        return Part(kernels.shade, np.array([AT_VERTEX * ends]), samples=facet_table, state=frame)
 
     def active(self, damping: float) -> str | None:
         """Return why it gives energy away, which it does on some loops with any renderer."""
@@ -90,10 +82,10 @@ class Shading(Effect):
 
 
 def facets(boundary: Boundary, crease: float) -> Array | None:
-    """Return the edges of a polygon with the normals that are interpolated over each, (n, COLUMNS), in order.
+    """Return the edges of a polygon with the normals that are interpolated over each, (n, 8), in order.
 
-    Lengths are in m, normals have no unit. None for a boundary that is not made of straight edges. An edge of more than
-    `crease` degrees stays sharp.
+    A row is a `shading_kernels.FACET`: lengths are in m, normals have no unit. None for a boundary that is not made of
+    straight edges. An edge of more than `crease` degrees stays sharp.
     """
     curve = as_curve(boundary)
     if curve is None or not (curve.closed and curve.straight):
@@ -154,10 +146,13 @@ class Normals(NamedTuple):
 
 
 def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayLike) -> Normals:
-    """Return from which normal to which a force is turned at IHIPs (n, N), m, of HIPs (n, N), m, as `shade` does it.
+    """Return from which normal to which a force is turned at IHIPs (n, N), m, of HIPs (n, N), m.
 
-    `crease` is in degrees. Both are the same on a boundary without facets.
+    `shading_kernels.shade` turns it so. `crease` is in degrees. Both are the same on a boundary without facets.
     """
+    from hapticeval.compiled import as_records
+    from hapticeval.effects.shading_kernels import FACET
+
     ihips, hips = (np.array(points, dtype=np.float64, order="C") for points in (ihips, hips))
     if isinstance(boundary, Mesh):
         return _on_mesh(boundary, crease, ihips, hips)
@@ -166,13 +161,14 @@ def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayL
         own = boundary.closest_point(ihips).normal
         return Normals(own, own)
     arc_length = curve.arc_length(curve.nearest(ihips))
-    facet = table[np.searchsorted(table[:, START], arc_length, side="right") - 1]
-    from_start = arc_length - facet[:, START]
-    share = (from_start / facet[:, LENGTH])[:, np.newaxis]
-    own, first, last = facet[:, FACE:FIRST], facet[:, FIRST:LAST], facet[:, LAST:]
+    rows = table[np.searchsorted(as_records(table, FACET).start, arc_length, side="right") - 1]
+    facet = as_records(rows, FACET)
+    from_start = arc_length - facet.start
+    share = (from_start / facet.length)[:, np.newaxis]
+    own, first, last = np.split(rows[:, 2:], 3, axis=1)
     shaded = _unit((1.0 - share) * first + share * last)  # (4.15), renormalised
     tolerance = AT_VERTEX * curve.length
-    begins, ends = from_start <= tolerance, facet[:, LENGTH] - from_start <= tolerance
+    begins, ends = from_start <= tolerance, facet.length - from_start <= tolerance
     # at a corner the own normal is along the error IHIP - HIP: anywhere between the normals of both facets
     corner = np.where(begins[:, np.newaxis], first, last)
     error = ihips - hips
@@ -212,44 +208,3 @@ def turned(forces: Array, normals: Normals) -> Array:
 
 def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis])
-
-
-def shade(
-    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
-) -> int:  # fmt: skip
-    """Turn `force` (2,), N, by as much as its shaded normal is turned: `normals_at` and `turned` for one answer.
-
-    The signature is that of `Effect.change`: `hip` and `ihip` (2,), m. `numbers.params` (1,) is the rounding of the arc
-    length, m; `numbers.samples` (n, COLUMNS) are the `facets`. Returns 0: it refuses nothing.
-    """
-    if force[0] == 0.0 and force[1] == 0.0:
-        return 0
-    tolerance, frame, table = numbers.params[0], numbers.state, numbers.samples
-    closest.function(closest.data, ihip, frame)
-    arc_length = frame[ALONG, 0]
-    k = max(np.searchsorted(table[:, START], arc_length, side="right") - 1, 0)
-    from_start = arc_length - table[k, START]
-    share = from_start / table[k, LENGTH]
-    # (4.15) between the facet's corners, renormalised
-    x = (1.0 - share) * table[k, FIRST] + share * table[k, LAST]
-    y = (1.0 - share) * table[k, FIRST + 1] + share * table[k, LAST + 1]
-    size = math.hypot(x, y)
-    x, y = x / size, y / size
-    own_x, own_y = table[k, FACE], table[k, FACE + 1]
-    begins = from_start <= tolerance
-    if begins or table[k, LENGTH] - from_start <= tolerance:
-        # In a notch the tool rests on both facets, and a spring's force is anywhere between their normals.
-        corner = FIRST if begins else LAST
-        if table[k, corner] == own_x and table[k, corner + 1] == own_y:
-            return 0
-        error_x, error_y = ihip[0] - hip[0], ihip[1] - hip[1]
-        size = math.hypot(error_x, error_y)
-        if size > 0.0:
-            own_x, own_y = error_x / size, error_y / size
-    force_on_own = force[0] * own_x + force[1] * own_y
-    # the rotation that turns the own normal on to the shaded one, see `turned`
-    sum_x, sum_y = own_x + x, own_y + y
-    share = (force[0] * sum_x + force[1] * sum_y) / (1.0 + own_x * x + own_y * y)
-    force[0] += 2.0 * force_on_own * x - share * sum_x
-    force[1] += 2.0 * force_on_own * y - share * sum_y
-    return 0

@@ -1,14 +1,23 @@
-"""Force shading on a triangle mesh: the normals at a point of it, and the change of an answer by them."""
+"""Force shading: the change of an answer on a polygon and on a triangle mesh, and the normals at a point of a mesh."""
 
 from __future__ import annotations
 
 import math
 
-from hapticeval.compiled import FOOT, Closest, Numbers, borrowing
+import numpy as np
+
+from hapticeval.compiled import FOOT, Closest, Numbers, as_record, borrowing, record_type
 from hapticeval.geometry.mesh_kernels import CORNER, NORMAL
 from hapticeval.types import Array
 
 # ruff: noqa: ARG001 - every change of an answer has these arguments
+
+FACET = record_type("start", "length", "own_x", "own_y", "first_x", "first_y", "last_x", "last_y")
+"""A facet in the plane: the arc length (m) at which it starts, its length (m), its own unit normal, and those of both
+corners."""
+
+ALONG = 4
+"""Last row of a frame of `hapticeval.compiled.CLOSEST` in the plane: the arc length."""
 
 OWN, SHADED, ROWS = 2, 3, 4
 """Rows of a frame of N = 3 beside those of a closest point: the normal that is turned, and what it is turned to."""
@@ -69,6 +78,47 @@ def write_normals(faces: Array, vertices: Array, table: Array, k: int, ihip: Arr
         if length > 0.0:
             for i in range(3):
                 own[i] = (ihip[i] - hip[i]) / length
+
+
+def shade(
+    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+) -> int:  # fmt: skip
+    """Turn `force` (2,), N, by as much as its shaded normal is turned: see `shading.normals_at` and `shading.turned`.
+
+    The signature is that of `Effect.change`: `hip` and `ihip` (2,), m. `numbers.params` (1,) is the rounding of the arc
+    length, m; `numbers.samples` (n, 8) are those of `shading.facets`. Returns 0: it refuses nothing.
+    """
+    if force[0] == 0.0 and force[1] == 0.0:
+        return 0
+    tolerance, frame, table = numbers.params[0], numbers.state, numbers.samples
+    closest.function(closest.data, ihip, frame)
+    arc_length = frame[ALONG, 0]
+    facet = as_record(table, FACET, max(np.searchsorted(table[:, 0], arc_length, side="right") - 1, 0))
+    from_start = arc_length - facet.start
+    share = from_start / facet.length
+    # (4.15) between the facet's corners, renormalised
+    x = (1.0 - share) * facet.first_x + share * facet.last_x
+    y = (1.0 - share) * facet.first_y + share * facet.last_y
+    size = math.hypot(x, y)
+    x, y = x / size, y / size
+    own_x, own_y = facet.own_x, facet.own_y
+    begins = from_start <= tolerance
+    if begins or facet.length - from_start <= tolerance:
+        # In a notch the tool rests on both facets, and a spring's force is anywhere between their normals.
+        corner_x, corner_y = (facet.first_x, facet.first_y) if begins else (facet.last_x, facet.last_y)
+        if corner_x == own_x and corner_y == own_y:
+            return 0
+        error_x, error_y = ihip[0] - hip[0], ihip[1] - hip[1]
+        size = math.hypot(error_x, error_y)
+        if size > 0.0:
+            own_x, own_y = error_x / size, error_y / size
+    force_on_own = force[0] * own_x + force[1] * own_y
+    # the rotation that turns the own normal on to the shaded one, see `shading.turned`
+    sum_x, sum_y = own_x + x, own_y + y
+    share = (force[0] * sum_x + force[1] * sum_y) / (1.0 + own_x * x + own_y * y)
+    force[0] += 2.0 * force_on_own * x - share * sum_x
+    force[1] += 2.0 * force_on_own * y - share * sum_y
+    return 0
 
 
 def shade_mesh(

@@ -49,7 +49,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticeval.compiled import LawData, as_record, compiled, record_type
+from hapticeval.compiled import LawData, as_record, compiled, record_type, room_for
 from hapticeval.geometry.mesh_kernels import closest_in_cone
 from hapticeval.geometry.surface import Triple, dot, plus, triple_of
 from hapticeval.renderers.field.facets import FACET, OnFacets, way_off
@@ -71,8 +71,10 @@ ROUNDING, SAME = 1e-12, 1e-6
 ARRIVED = 1e-9
 """Share of the way to the hand that is none."""
 
-POINT, DISTANCE, TOUCHED, LEAST = 3, 6, 7, 8
-"""In a contact's row, after its normal: see `touched`; LEAST is 1 where no way over the surface leads closer."""
+CONTACT = record_type("distance", "facet", "is_closest", base=record_type(normal=3, point=3))
+"""A contact: unit normal, closest point (m), distance (m), facet, and 1 unless a nearer facet has that point too."""
+
+CONTACT_NUMBERS = room_for(CONTACT)
 
 GAINS = record_type("stiffness", "radius")
 """The law's numbers: K (N/m) and r (m). Its state is the centre (3,), m, at z = 0 in the plane."""
@@ -123,7 +125,7 @@ def first_touch(facets: Array, radius: float, p: Triple, d: Triple) -> float:
 
 @compiled
 def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
-    """Write what a ball at p touches to rows (k, 8): unit normal, closest point (m), distance (m), facet; return k.
+    """Write what a ball at p touches to `contacts` (k, CONTACT_NUMBERS), a `CONTACT` a row, and return k.
 
     A closest point on an edge counts where it is closest on the facet beyond the edge, too: across a flat edge nothing
     is felt.
@@ -137,21 +139,22 @@ def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
             continue
         distance, n = way_off(facets, k, p)
         if distance <= radius * (1.0 + 2.0 * GAP) and count < CONTACTS:
+            contact = as_record(contacts, CONTACT, count)
             for axis in range(3):
-                contacts[count, axis], contacts[count, POINT + axis] = n[axis], p[axis] - distance * n[axis]
-            contacts[count, DISTANCE], contacts[count, TOUCHED] = distance, k
+                contact.normal[axis], contact.point[axis] = n[axis], p[axis] - distance * n[axis]
+            contact.distance, contact.facet = distance, k
             count += 1
     # a contact whose closest point lies on a facet that is nearer is felt as that one alone
     for i in range(count):
-        is_closest = True
-        c = (contacts[i, POINT], contacts[i, POINT + 1], contacts[i, POINT + 2])
+        contact, is_closest = as_record(contacts, CONTACT, i), True
         for j in range(count):
-            if contacts[j, DISTANCE] < contacts[i, DISTANCE] - ROUNDING * radius:
-                off, _ = way_off(facets, int(contacts[j, TOUCHED]), c)
+            other = as_record(contacts, CONTACT, j)
+            if other.distance < contact.distance - ROUNDING * radius:
+                off, _ = way_off(facets, int(other.facet), triple_of(contact.point))
                 is_closest = is_closest and off > SAME * radius
-        contacts[i, LEAST] = 1.0 if is_closest else 0.0
+        contact.is_closest = 1.0 if is_closest else 0.0
     for i in range(count):
-        if contacts[i, LEAST] == 1.0:
+        if as_record(contacts, CONTACT, i).is_closest == 1.0:
             contacts[kept_count] = contacts[i]
             kept_count += 1
     return kept_count
@@ -169,12 +172,13 @@ def follow(
     radius = gains.radius
     h = (hip[0], hip[1], hip[2] if hip.shape[0] == 3 else 0.0)
     p = (state[0], state[1], state[2])
-    contacts = np.empty((CONTACTS, LEAST + 1))
+    contacts = np.empty((CONTACTS, CONTACT_NUMBERS))
     for _ in range(ROUNDS):
         count = touched(facets, radius, p, contacts)
         for i in range(count):  # keep 1.5 gaps, so that a stop at one gap is something new
-            lift = max(radius * (1.0 + 1.5 * GAP) - contacts[i, DISTANCE], 0.0)
-            p = plus(p, lift, (contacts[i, 0], contacts[i, 1], contacts[i, 2]))
+            contact = as_record(contacts, CONTACT, i)
+            lift = max(radius * (1.0 + 1.5 * GAP) - contact.distance, 0.0)
+            p = plus(p, lift, triple_of(contact.normal))
         wish = plus(h, -1.0, p)
         length = math.sqrt(dot(wish, wish))
         if length == 0.0:

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from outsiders import Outsider, case
 
+from hapticeval.compiled import as_record, as_records
 from hapticeval.discovery import resolve
-from hapticeval.effects.shading import FIRST, LAST, LENGTH, START, facets
+from hapticeval.effects.shading import facets
+from hapticeval.effects.shading_kernels import FACET
 from hapticeval.renderer import Renderer, Response
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
@@ -129,30 +131,31 @@ class Showing:
         return Response(tick.ihip, self.fault(tick))
 
 
-def on_facet(tick: Tick) -> tuple[np.ndarray, float]:
-    """The facet under the tool, a row of `facets`, and how far along it the tool is, m."""
+def on_facet(tick: Tick) -> tuple[Any, float]:
+    """The facet under the tool, a `FACET`, and how far along it the tool is, m."""
     curve = tick.scene.model.curve
     table = facets(curve, 60.0)
     assert table is not None
     along = float(curve.arc_length(curve.nearest(tick.ihip[np.newaxis]))[0])
-    row = table[np.searchsorted(table[:, START], along, side="right") - 1]
-    return row, along - float(row[START])
+    facet = as_record(table, FACET, np.searchsorted(as_records(table, FACET).start, along, side="right") - 1)
+    return facet, along - float(facet.start)
 
 
 def at_ends(otherwise: Fault) -> Fault:
     """At the ends of the facets what `otherwise` gives, and elsewhere what is right."""
 
     def fault(tick: Tick) -> np.ndarray:
-        row, since = on_facet(tick)
-        return otherwise(tick) if min(since, row[LENGTH] - since) < EDGE else tick.shown
+        facet, since = on_facet(tick)
+        return otherwise(tick) if min(since, facet.length - since) < EDGE else tick.shown
 
     return fault
 
 
 def mixed(tick: Tick, share: Callable[[float], float]) -> np.ndarray:
-    row, since = on_facet(tick)
-    weight = share(since / row[LENGTH])
-    return np.asarray((1.0 - weight) * row[FIRST:LAST] + weight * row[LAST:])
+    facet, since = on_facet(tick)
+    weight = share(since / facet.length)
+    first, last = np.array([facet.first_x, facet.first_y]), np.array([facet.last_x, facet.last_y])
+    return np.asarray((1.0 - weight) * first + weight * last)
 
 
 def softens(tick: Tick) -> np.ndarray:
