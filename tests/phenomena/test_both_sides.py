@@ -299,6 +299,12 @@ def test_a_corner_is_as_near_as_a_contact_point_can_be_placed(steps, there):
     assert (region_of(recorded(hips), SCENE, 1) is Region.CONVEX) is there
 
 
+@pytest.mark.parametrize(("standoff", "region"), [(4e-5, Region.FREE), (6e-5, Region.SURFACE)])
+def test_three_steps_of_the_hand_and_the_standoff_in_front_of_a_face_are_on_it(standoff, region):
+    hips = np.column_stack([1e-4 * np.arange(3), np.full(3, 3.5e-4)])
+    assert region_of(recorded(hips, meta={"standoff": standoff}), PLANE, 2) is region
+
+
 @pytest.mark.parametrize(("push", "share", "judged"), [(4.0, 0.09, True), (4.0, 0.11, False), (0.25, 0.09, True)])
 def test_a_tool_rests_whose_momentum_may_hide_less_than_a_tenth_of_the_push(push, share, judged):
     """A tool that trembles at v may be given 2 m v in the window of the last rows."""

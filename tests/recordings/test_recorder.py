@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from collections import Counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.channels import Signal
-from hapticeval.recordings.journal import recover
+from hapticeval.recordings.journal import BLOCK, Kind, blocks, recover
 from hapticeval.recordings.provenance import describe_losses
 from hapticeval.recordings.recorder import Counters, LossWarning, Recorder, Writer
 
@@ -76,6 +77,20 @@ def test_what_is_appended_is_recorded(tmp_path):
     assert [event[1:] for event in recording.events] == [("start", "touches the wall")]
     assert recording.meta["who"] == "A. Tester"
     assert abs(recording.clock.anchor[1] - time.time_ns()) < 3600 * 10**9
+
+
+def test_the_head_of_a_block_counts_its_rows_and_no_other_block_has_any(tmp_path):
+    path = tmp_path / "run.journal"
+    with Recorder(path, {"hip": 1, "grip": 0}, signals=GRIP) as recorder:
+        recorder.event("start", "touches the wall", at=0)
+        for row in range(5):
+            recorder.append([0.0], 0.0, at=row)
+    counts = Counter()
+    for block in blocks(data := path.read_bytes()):
+        _, kind, _, rows, size, _ = BLOCK.unpack_from(data, block.at)
+        assert rows == (size // 32 if kind == Kind.ROWS else 0), "32 bytes of sequence, stamp and two numbers"
+        counts[Kind(kind)] += rows or 1
+    assert counts == {Kind.HEADER: 2, Kind.EVENT: 1, Kind.ROWS: 5, Kind.END: 1}
 
 
 def test_rows_beyond_the_ring_arrive_in_order_where_the_writer_keeps_up(tmp_path):

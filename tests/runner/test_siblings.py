@@ -187,10 +187,9 @@ class TestFindings:
         passed = Finding(Outcome.PASS, "well", evidence={"tick": 2})
         assert _with_region(passed, self.BASE, PRESS.build_scene()) is passed
 
-    def ended_early(self, monkeypatch, finding, ended):
+    def ended_early(self, monkeypatch, finding, ended, **meta):
         monkeypatch.setattr("hapticeval.runner.judging.CHECKS", {"contact-kept": lambda runs, scene: finding})
-        meta = {} if ended is None else {"ended": ended}
-        base = Recording(self.BASE.time, self.BASE.channels, meta)
+        base = Recording(self.BASE.time, self.BASE.channels, meta if ended is None else {"ended": ended, **meta})
         return _finding("contact-kept", Runs(base), PRESS.build_scene())
 
     def test_a_pass_up_to_an_early_end_is_undecided_and_a_failure_stays(self, monkeypatch):
@@ -204,6 +203,16 @@ class TestFindings:
         assert self.ended_early(monkeypatch, asked, self.ENDED) is asked
         away = self.ended_early(monkeypatch, passed, {**self.ENDED, "ran_away": True})
         assert (away.outcome, away.level) == (Outcome.FAIL, Level.MUST)
+
+    @pytest.mark.parametrize(("share", "noted"), [(0.99, False), (1.01, True)])
+    def test_a_failure_alone_says_that_a_standoff_of_more_than_a_fiftieth_counts_in_part(
+        self, monkeypatch, share, noted
+    ):
+        declared = share * PRESS.build_scene().model.size / 50.0
+        failed = self.ended_early(monkeypatch, self.FAILED, None, standoff=declared)
+        assert failed.message.startswith("off; it declares a standoff") if noted else failed.message == "off"
+        passed = Finding(Outcome.PASS, "well")
+        assert self.ended_early(monkeypatch, passed, None, standoff=declared) is passed
 
     def test_the_others_that_fail_alike_are_named_for_a_failure_alone(self):
         for case in THESIS.cases:

@@ -7,6 +7,7 @@ import math
 import honest
 import numpy as np
 import pytest
+from made import changed, recorded
 from struck_and_shaded import CASES, MIDDLE
 
 from hapticeval.discovery import resolve
@@ -14,7 +15,7 @@ from hapticeval.effects.contact_impulse import ContactImpulse
 from hapticeval.effects.contact_transient import MATERIALS, ContactTransient
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks.transient import fit
+from hapticeval.phenomena.checks.transient import find_contacts, fit
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge, make_renderer
@@ -101,6 +102,21 @@ def test_a_contact_that_is_shorter_than_the_ringing_decides_no_impulse():
     ask = judged((ContactTransient(material="wood"),), [[0.0, 0.01], [0.0, -0.005], [0.0, 0.01]], 0.2)
     assert ask("transient-onset").outcome is Outcome.PASS
     assert "no contact lasts as long" in ask("transient-impulse").message
+
+
+@pytest.mark.parametrize(("late", "known"), [(0, 0), (1, 1), (2, 1)])
+def test_who_answers_a_contact_may_know_the_speed_of_the_tick_after_and_of_none_later(late, known):
+    """The hand falls, faster in each tick, through a plane; an impulse of m v (4.21) is that of one of the speeds."""
+    speed = np.linspace(0.1, 0.3, 9)
+    hip = np.column_stack([np.zeros(9), 1e-4 * (3.5 - np.arange(9))])
+    velocity = np.column_stack([np.zeros(9), -speed])
+    plain = recorded(hip, np.where(hip > 0.0, hip, 0.0), velocity=velocity)
+    force, (impulse,) = np.array(plain.force), (ContactImpulse(),)
+    scene = Scene(model=make_model("line"), effects=(impulse,), mass=0.1)
+    force[4, 1] += scene.mass * speed[4 + late] / 1e-3
+    (struck,) = find_contacts(changed(plain, force=force), plain, scene, impulse)
+    assert struck.begin == 4
+    assert struck.speed == pytest.approx(speed[4 + known])
 
 
 def test_an_impulse_is_told_in_its_unit():
