@@ -499,11 +499,11 @@ def know_tests(reach: Reach, items: dict[str, Any]) -> int:
         same = reach.contents.get(file) == content
         if not same:
             reach.forget(file)
-        # What failed may have done so for what is mended since.
+        # What failed may have done so for what is mended since, and tests may have other names.
         unknown = [
             item
             for name, item in items.items()
-            if name.partition("::")[0] == file and (not same or name in reach.failed)
+            if name.partition("::")[0] == file and (not same or name in reach.failed or name not in reach.seconds)
         ]
         for item, following in itertools.zip_longest(unknown, unknown[1:]):
             reach.measure(item, following)

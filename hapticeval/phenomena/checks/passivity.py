@@ -165,8 +165,7 @@ def laps(hip: Array, size: float) -> list[LapRun]:
     lap_runs, end = [], 0
     # The earliest first; rows within laps that are known begin none of their own. Two rows are no lap.
     for row in sorted(periods):
-        number = _count_laps(hip, row, periods[row], near) if row >= end and periods[row] > 2 else 0
-        if number >= 2:
+        if row >= end and periods[row] > 2 and (number := _count_laps(hip, row, periods[row], near)) >= 2:
             lap_runs.append(LapRun(row, periods[row], number))
             end = row + number * periods[row]
     return lap_runs

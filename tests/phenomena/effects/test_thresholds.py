@@ -131,6 +131,14 @@ def test_eight_samples_are_a_fit_of_four_numbers():
     assert fit(wave, 1e-3, 90.0, 100.0).frequency == pytest.approx(100.0)
 
 
+def test_a_fit_is_as_close_to_small_forces_as_to_large_ones():
+    rng, time = np.random.default_rng(3), 1e-3 * np.arange(60)
+    wave = np.exp(-50.0 * time) * np.sin(600.0 * time) + 1e-3 * rng.standard_normal(60)
+    large, small = (fit(size * wave, 1e-3, 60.0, 90.0) for size in (1.0, 1e-6))
+    np.testing.assert_allclose([*small], [*large], rtol=1e-6)
+    assert fit(0.0 * wave, 1e-3, 60.0, 90.0) is None
+
+
 RINGS = {"ar": tuple(line_spectrum([-2.0 * 0.999 * np.cos(0.8), 0.999**2]).tolist()), "ma": ()}
 """A filter whose poles have the radius 0.999: a time constant of a second."""
 
@@ -188,6 +196,20 @@ def test_a_rest_is_judged_after_a_quarter_of_a_second(rest, expected):
 @pytest.mark.parametrize(("rest", "expected"), [(0.25, UNDECIDED), (0.251, PASS)])
 def test_a_hand_that_rests_from_the_start_rests_from_its_first_sample(rest, expected):
     assert outcome("texture-rest", *strokes(0.0, 0.1, seconds=rest)) is expected
+
+
+@pytest.mark.parametrize(("roundings", "expected"), [(2.0, PASS), (6.0, UNDECIDED)])
+def test_a_hand_far_from_the_origin_rests_while_it_moves_by_rounding(roundings, expected):
+    """By so many units of double precision of 40 m, to and fro."""
+    runs, scene = strokes(0.1, 0.0, seconds=0.5)
+    moved, jitter = np.array([40.0, 0.0]), 40.0 * roundings * np.finfo(float).eps * np.array([1.0, 0.0])
+
+    def there(recording):
+        aside = moved + (np.arange(len(recording)) % 2)[:, np.newaxis] * jitter
+        return changed(recording, hip=recording.hip + aside, ihip=recording.ihip + aside)
+
+    far = Runs(there(runs.base), without=lambda kind: there(runs.without(kind)))
+    assert outcome("texture-rest", far, scene) is expected
 
 
 @pytest.mark.parametrize(("change", "words"), [({"variance": 0.1}, "shakes a hand that rests"), (RINGS, "still ring")])
