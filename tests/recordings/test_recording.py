@@ -31,6 +31,11 @@ STAMPS = np.arange(4)
 GAP = np.column_stack([[0.0, np.nan, 1.0, 2.0]] * 2)
 
 
+def test_what_a_recording_has_beside_channels_and_meta_is_given_by_name():
+    with pytest.raises(TypeError, match="positional"):
+        Recording(ROWS, channels(), {}, {})
+
+
 @pytest.mark.parametrize(
     "changes",
     [

@@ -39,6 +39,11 @@ def test_it_leads_through_every_example_from_start_to_end():
     assert np.array_equal(points[[0, -1]], [drawn[0].start, drawn[-1].moves[-1].to])
 
 
+def test_what_is_not_said_is_twenty_paths_of_at_most_three_parts_of_a_hand():
+    said = path("line", examples=20, most=3, strategy="hand", parts=())
+    assert np.array_equal(path("line").points, said.points)
+
+
 def test_one_that_trembles_is_the_same_path_with_a_tremor():
     trembling = path(strategy="hand-with-tremor", examples=12)
     assert np.linalg.norm(np.diff(trembling.points, axis=0), axis=1).max() < 1e-3
