@@ -9,7 +9,6 @@ HAPTICEVAL_PUBLISH=1, in one process, and look at the difference.
 from __future__ import annotations
 
 import csv
-import os
 import re
 import time
 import zlib
@@ -21,9 +20,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from publishing import publishing
 from shaken import off_by_rounding, shaken
 
 from hapticeval.errors import InputError
+from hapticeval.files import replacing
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.verdict import Finding
 from hapticeval.scene import Scene
@@ -107,7 +108,7 @@ def recorded() -> dict[Place, Row]:
 def compare(suite: str, renderer: str, findings: Mapping[tuple[str, str], Finding]) -> None:
     """Assert that what is measured of a renderer, by case and check, is what is recorded of it, where it is."""
     rows = {Place(suite, renderer, *place): row_of(finding) for place, finding in findings.items()}
-    if os.environ.get("HAPTICEVAL_PUBLISH"):
+    if publishing():
         publish({place: row for place, row in rows.items() if row.tells and place.check != CHAOTIC}, EACH)
     for place, row in rows.items():
         agree(place, row, CLOSE, ROUNDING)
@@ -163,17 +164,16 @@ def watched(test: str) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Check, "__call__", listen)
         yield
-    publishing = bool(os.environ.get("HAPTICEVAL_PUBLISH"))
     for (check, number), call in calls.items():
         for shake in range(SHAKES + 1):
             place = Place("tests", test, f"{number}.{shake}", check)
-            if place not in recorded() and not publishing:
+            if place not in recorded() and not publishing():
                 continue
             seed = zlib.crc32(" ".join(place).encode()) if shake else None
-            if publishing and place not in recorded() and call.seconds > QUICK:
+            if publishing() and place not in recorded() and call.seconds > QUICK:
                 continue
             row = call.row(seed)
-            if publishing and is_wanted(place, row, EACH_ASKED):
+            if publishing() and is_wanted(place, row, EACH_ASKED):
                 if 0 < len(row.numbers) < MOST_NUMBERS and call.is_sound(row, seed):
                     publish({place: row}, EACH_ASKED)
                 elif recorded().pop(place, None) is not None:
@@ -200,5 +200,5 @@ def publish(rows: Mapping[Place, Row], each: int) -> None:
 
 
 def write(table: Iterable[tuple[Place, Row]]) -> None:
-    with TABLE.open("w", newline="", encoding="utf-8") as file:
+    with replacing(TABLE) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows((*place, row.kind, row.text) for place, row in table)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -18,7 +18,9 @@ import struck_and_shaded
 import textured
 from lawbreakers import LAWBREAKERS
 from mutants import BESIDES, MUTANTS
+from publishing import concerned, only_check, publishing
 
+from hapticeval.files import replacing
 from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.rigid_contact import ideal
@@ -40,6 +42,8 @@ FAULTY = {name: each for group in GROUPS for name, each in group.BROKEN.items()}
 HONEST = {name: each for group in GROUPS for name, each in group.HONEST.items()}
 OUTSIDERS = FAULTY | HONEST
 CASES = {name: each for group in GROUPS for name, each in group.CASES.items()}
+JUDGED = ("ideal", *MUTANTS, *DYNAMIC, *HONEST, *FAULTY)
+"""Every renderer of this folder, in the order of the matrix."""
 
 
 @cache
@@ -62,6 +66,8 @@ def findings(name: str) -> dict[tuple[str, str], Finding]:
         suite = "dynamics-circle" if name in DYNAMIC else "thesis"
         make = lawbreakers.factory(name) if name in DYNAMIC else ideal if name == "ideal" else mutants.factory(name)
         judged_in = [case for case in cases(suite) if name not in MUTANTS or mutants.touches(name, case)]
+    if name in read_matrix():  # one that is new is judged by every check
+        judged_in = concerned(judged_in)
     # Where a fault changes nothing the verdicts are those of the right contact.
     found = dict(findings("ideal")) if name in MUTANTS else {}
     for case in judged_in:
@@ -121,7 +127,7 @@ def test_no_check_is_without_a_renderer_that_it_stops():
     assert set(BROKEN.values()) | {check for each in FAULTY.values() for check in each.fails} == set(OWN)
 
 
-@pytest.mark.parametrize("name", ["ideal", *MUTANTS, *DYNAMIC, *HONEST, *FAULTY])
+@pytest.mark.parametrize("name", JUDGED)
 def test_what_is_measured_is_as_recorded(name):
     measured.compare("faults", name, findings(name))
 
@@ -147,21 +153,45 @@ The checks that each renderer fails in at least one case. Written by `test_kill_
 Why one fails a check besides the one that has to stop it is given beside it.
 
 """
+TITLES = "| renderer | fails |"
 NOT_JUDGED = "not judged: it breaks the contract"
 
 
-def matrix() -> str:
-    """A line a renderer, with the checks that it fails: who adds a renderer or a check changes no other line."""
-    lines = ["| renderer | fails |", "|---|---|"]
-    for name in ("ideal", *MUTANTS, *DYNAMIC, *HONEST, *FAULTY):
-        failed = ", ".join(sorted(of_check(name, Outcome.FAIL)))
-        lines.append(f"| {name} | {NOT_JUDGED if of_check(name, Outcome.ERROR) else failed} |")
-    return HEAD + "\n".join(lines) + "\n"
+def read_matrix() -> dict[str, str]:
+    """The published matrix: what each renderer fails. A line a renderer: who adds one or a check changes no other."""
+    lines = PUBLISHED.read_text(encoding="utf-8").splitlines()
+    cells = [line.split("|") for line in lines if line.startswith("| ") and line != TITLES]
+    return {name.strip(): fails.strip() for _, name, fails, _ in cells}
 
 
-def test_the_published_matrix_is_the_measured_one():
-    """To publish a new one: HAPTICEVAL_PUBLISH=1 pytest -m system tests/meta/test_kill_matrix.py."""
-    measured = matrix()
-    if os.environ.get("HAPTICEVAL_PUBLISH"):
-        PUBLISHED.write_text(measured)
-    assert PUBLISHED.read_text() == measured
+def page(matrix: Mapping[str, str]) -> str:
+    lines = [f"| {name} | {matrix[name]} |" for name in JUDGED if name in matrix]
+    return HEAD + "\n".join([TITLES, "|---|---|", *lines]) + "\n"
+
+
+def fails_of(name: str) -> str:
+    """The checks that a renderer fails; where one check alone is asked, with those that are published of the others."""
+    if of_check(name, Outcome.ERROR):
+        return NOT_JUDGED
+    failed = of_check(name, Outcome.FAIL)
+    published = read_matrix().get(name, "")
+    if only_check() is None or not published:
+        return ", ".join(sorted(failed))
+    if not findings(name):
+        return published
+    return ", ".join(sorted(failed | {*published.split(", ")} - {only_check()}))
+
+
+@pytest.mark.parametrize("name", JUDGED)
+def test_the_published_matrix_has_what_a_renderer_fails(name):
+    """`make tables` writes it anew, a line at a time."""
+    fails = fails_of(name)
+    if publishing():
+        with replacing(PUBLISHED) as temporary:
+            temporary.write_text(page(read_matrix() | {name: fails}), encoding="utf-8")
+    assert read_matrix()[name] == fails
+
+
+def test_the_published_matrix_has_a_line_for_each_renderer_and_no_other():
+    assert list(read_matrix()) == list(JUDGED)
+    assert PUBLISHED.read_text(encoding="utf-8") == page(read_matrix())

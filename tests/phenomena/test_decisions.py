@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import ast
-import os
 import re
 from pathlib import Path
 
 import pytest
+from publishing import publishing
 
 from hapticeval.phenomena import decisions
 
@@ -97,7 +97,7 @@ def test_each_is_imported_from_the_table_and_under_its_own_name():
 
 def test_the_page_is_the_table():
     """To write it anew: HAPTICEVAL_PUBLISH=1 pytest tests/phenomena/test_decisions.py."""
-    if os.environ.get("HAPTICEVAL_PUBLISH"):
+    if publishing():
         PAGE.write_text(page())
     assert PAGE.read_text() == page()
 

@@ -8,14 +8,15 @@ a number, run this file with HAPTICEVAL_PUBLISH=1 and look at the difference in 
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from publishing import publishing
 
+from hapticeval.files import replacing
 from hapticeval.recordings.energy_balance import balance
 from hapticeval.recordings.quantization import coarsest, numeric_step, quantization_step, single_precision_step
 from hapticeval.recordings.recording import Clock, Recording, runs_of
@@ -118,10 +119,10 @@ def test_what_is_drawn_gives_what_is_recorded(kind):
         for draw in range(DRAWS)
         for name, value in DRAWN[kind](np.random.default_rng(draw))
     }
-    if os.environ.get("HAPTICEVAL_PUBLISH"):
+    if publishing():
         table = {place: text for place, text in read().items() if place[0] != kind}
         table |= {place: f"{value:.9g}" if isinstance(value, float) else str(value) for place, value in facts.items()}
-        with TABLE.open("w", newline="", encoding="utf-8") as file:
+        with replacing(TABLE) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
             csv.writer(file, lineterminator="\n").writerows((*place, text) for place, text in table.items())
     recorded = {place: text for place, text in read().items() if place[0] == kind}
     assert facts.keys() == recorded.keys()

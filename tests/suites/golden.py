@@ -10,14 +10,15 @@ and look at the difference. A cell that says the same stays as it is, to the dig
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import measured
 import pytest
+from publishing import concerned, publishing
 
+from hapticeval.files import replacing
 from hapticeval.phenomena.verdict import Outcome, Verdict
 from hapticeval.runner.known import Known
 from hapticeval.runner.results import VerdictEntry
@@ -39,11 +40,6 @@ def recorded(suite: str) -> dict[Place, dict[str, str]]:
     file = table_of(suite)
     rows = csv.DictReader(file.read_text().splitlines()) if file.exists() else []
     return {(row.pop("case"), row.pop("check")): row for row in rows}
-
-
-def publishing() -> bool:
-    """Whether tables are to be written."""
-    return bool(os.environ.get("HAPTICEVAL_PUBLISH"))
 
 
 class Cell(NamedTuple):
@@ -114,7 +110,7 @@ def publish(suite: Suite, renderers: Sequence[str], name: str, verdicts: Sequenc
         row, cell = table[verdict.case, verdict.check], Cell.of_verdict(verdict)
         if name not in row or not cell.agrees(Cell.read(row[name])):
             row[name] = cell.text
-    with table_of(suite.name).open("w", newline="") as file:
+    with replacing(table_of(suite.name)) as temporary, temporary.open("w", newline="") as file:
         writer = csv.DictWriter(file, ["case", "check", *renderers], lineterminator="\n")
         writer.writeheader()
         writer.writerows({"case": case, "check": check, **cells} for (case, check), cells in table.items())
@@ -125,8 +121,10 @@ def compare(suite: Suite, renderers: Sequence[str], name: str, verdicts: Sequenc
     if publishing():
         publish(suite, renderers, name, verdicts)
     table = recorded(suite.name)
+    asked = {(case.name, check) for case in concerned(suite.cases) for check in case.checks}
     cases = {verdict.case for verdict in verdicts}
-    assert {(verdict.case, verdict.check) for verdict in verdicts} == {place for place in table if place[0] in cases}
+    places = {(verdict.case, verdict.check) for verdict in verdicts}
+    assert places == {place for place in table if place in asked and place[0] in cases}
     for verdict in verdicts:
         place = verdict.case, verdict.check
         cell, text = Cell.of_verdict(verdict), table[place][name]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import golden
 import measured
 import pytest
+from publishing import concerned
 
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.runner.judging import judge
@@ -26,7 +27,7 @@ RUNS = [
     pytest.param(suite, name, case, id=f"{suite.name}-{name}-{case.name}")
     for suite in SUITES
     for name in renderers_of(suite)
-    for case in suite.cases
+    for case in concerned(suite.cases)
 ]
 
 

@@ -6,9 +6,9 @@ import csv
 import io
 from pathlib import Path
 
-import golden
 import msgspec
 import pytest
+from publishing import publishing
 
 from hapticeval.suite.outline import find_suites
 from hapticeval.suite.reading import load_suite
@@ -30,7 +30,7 @@ def current_digests() -> str:
 
 
 def test_no_case_asks_something_else_than_recorded_within_a_version():
-    if golden.publishing():
+    if publishing():
         RECORDED.write_text(current_digests(), encoding="utf-8")
     recorded, current = ({*text.splitlines()} for text in (RECORDED.read_text(encoding="utf-8"), current_digests()))
     assert recorded ^ current == set(), "raise the suite's version and write the digests anew: see suites/POLICY.md"
@@ -52,7 +52,7 @@ def changelog() -> str:
 
 
 def test_the_published_changelog_is_that_of_the_suites():
-    if golden.publishing():
+    if publishing():
         CHANGELOG.write_text(changelog(), encoding="utf-8")
     assert CHANGELOG.read_text(encoding="utf-8") == changelog()
 
