@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import signal
 import sysconfig
@@ -132,7 +133,20 @@ class RunawayError(RendererError):
 
 def in_mm(point: Iterable[float]) -> str:
     """Return a point (m) as messages show it, for instance `(8.84, 64.7) mm`."""
-    return f"({', '.join(f'{1e3 * coordinate:.6g}' for coordinate in point)}) mm"
+    return f"{_coordinates(1e3 * coordinate for coordinate in point)} mm"
+
+
+def in_m(point: Iterable[float]) -> str:
+    """Return a point (m) as messages about what someone wrote in metres show it, for instance `(0.05, 0) m`."""
+    return f"{_coordinates(point)} m"
+
+
+def _coordinates(point: Iterable[float]) -> str:
+    """Return six digits of each coordinate; one that is only rounding beside the largest is 0."""
+    coordinates = [float(coordinate) for coordinate in point]
+    largest = max((abs(coordinate) for coordinate in coordinates if math.isfinite(coordinate)), default=0.0)
+    digits = (f"{0.0 if abs(coordinate) <= 1e-14 * largest else coordinate:.6g}" for coordinate in coordinates)
+    return f"({', '.join(digits)})"
 
 
 @contextmanager

@@ -30,7 +30,7 @@ from hapticeval.compiled import (
     record_type,
     room_for,
 )
-from hapticeval.errors import DomainError, InputError
+from hapticeval.errors import DomainError, InputError, in_m
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import path_velocities
@@ -115,7 +115,7 @@ class LawRenderer:
 
     def led_out(self, hip: Array, what: str) -> DomainError:
         """Return the error for a hand at `hip` (N,), m, where the law is not defined, as `what` says."""
-        return DomainError(f"{what}: ({', '.join(f'{x:.6g}' for x in hip)}) m")
+        return DomainError(f"{what}: {in_m(hip)}")
 
     def __deepcopy__(self, memo: Mapping[int, Any]) -> Self:
         """Copy what a tick changes, and share the rest, which nothing does."""

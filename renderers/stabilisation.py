@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from hapticeval.compiled import law_data, numbers_of, room_for
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.errors import DomainError, InputError, RefusalError
+from hapticeval.errors import DomainError, InputError, RefusalError, in_m
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
@@ -69,7 +69,7 @@ class CurveStabilisation(Stabilisation):
     def led_out(self, hip: Array, what: str) -> DomainError:
         """Return the error for a hand at `hip` (2,), m, where 1 + n κ <= 0, as `what` says."""
         return DomainError(
-            f"{what}: ({hip[0]:.6g}, {hip[1]:.6g}) m",
+            f"{what}: {in_m(hip)}",
             why="there the foot is not unique and 1 + n κ vanishes: the virtual output (7.33) is singular",
             todo="start nearer to the surface, hold on stiffer, or push less",
         )
@@ -80,14 +80,12 @@ def smooth_curve(model: Model) -> Curve:
     curve = model.curve
     if curve.corners:
         corner = curve.corners[0]
-        x, y = (round(float(coordinate), 9) + 0.0 for coordinate in corner.position)
         error = RefusalError(
-            f"model '{model.name}' has {len(curve.corners)} corners, the first at ({x:.6g}, {y:.6g}) m",
+            f"model '{model.name}' has {len(curve.corners)} corners, the first at {in_m(corner.position)}",
             why="set stabilisation follows the curvature of the surface, and a corner has none",
             todo="choose a smooth model (line, circle, ellipse, cassinian, dumbbell), or another renderer: "
             "minimum-distance, constraint",
         )
-        # rounded coordinates are for the message, exact ones for the figure
         error.position = (float(corner.position[0]), float(corner.position[1]))
         raise error
     return curve
@@ -200,7 +198,7 @@ class SurfaceStabilisation(Stabilisation):
         inwards, outwards = self.surface.medial_distance(foot)[0]
         inside = distance[0] < 0.0
         return DomainError(
-            f"{what}: ({', '.join(f'{x:.6g}' for x in hip)}) m",
+            f"{what}: {in_m(hip)}",
             why=f"{abs(distance[0]):.6g} m {'inside' if inside else 'outside'}; the medial set, where the foot is not "
             f"unique and the virtual output is singular, is {inwards if inside else outwards:.6g} m from that foot",
             todo="start nearer to the surface, hold on stiffer, or push less",

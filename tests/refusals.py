@@ -7,15 +7,14 @@ A test asks for the type alone, by the fixture `refused`:
 
 and the text is held against the list. Where a sentence becomes plainer, `make tables` writes the list anew: read the
 difference. The test's folder is FOLDER in it, any other of this run TEMPORARY, the repository REPOSITORY, the
-interpreter PYTHON, an object's place in memory ADDRESS, a port PORT, the line of code that raised LINE, the rounding of
-zero 0. What the system or an ill-conditioned computation says differs from machine to machine: such a test asks for the
-type by `pytest.raises`.
+interpreter PYTHON, an object's place in memory ADDRESS, a port PORT, the line of code that raised LINE. What the system
+or an ill-conditioned computation says differs from machine to machine: such a test asks for the type by
+`pytest.raises`.
 """
 
 from __future__ import annotations
 
 import csv
-import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -23,14 +22,14 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from publishing import publishing
+
+from hapticeval.files import replacing
 
 TABLE = Path(__file__).with_name("refusals.csv")
 HEAD = ("test", "turn", "text")
 ADDRESS = re.compile(r"0x[0-9a-f]{6,}")
 """Of an object in memory, another in each process."""
-
-ROUNDING = re.compile(r"(?<![\d.])-?\d(\.\d+)?e-(1[7-9]|2\d)\b")
-"""A number that is zero but for rounding."""
 
 LOCAL_PORT = re.compile(r"(?<=127\.0\.0\.1:)\d+")
 """A port of this machine, which the system chooses."""
@@ -53,7 +52,7 @@ def write_texts(test: str, texts: list[str]) -> None:
     """Put the texts of one test into the list, in place of those that it has there."""
     table = {place: text for place, text in read_table(TABLE).items() if place[0] != test}
     table |= {(test, turn): text for turn, text in enumerate(texts)}
-    with TABLE.open("w", encoding="utf-8", newline="") as file:
+    with replacing(TABLE) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(HEAD)
         writer.writerows((*place, text) for place, text in sorted(table.items()))
@@ -76,7 +75,7 @@ class Refusals:
         with pytest.raises(kind) as caught:
             yield caught
         text = str(caught.value)
-        for pattern, word in ((ADDRESS, "ADDRESS"), (ROUNDING, "0"), (LOCAL_PORT, "PORT"), (RAISING_LINE, "LINE")):
+        for pattern, word in ((ADDRESS, "ADDRESS"), (LOCAL_PORT, "PORT"), (RAISING_LINE, "LINE")):
             text = pattern.sub(word, text)
         for word, folder in self.folders.items():
             text = text.replace(str(folder), word)
@@ -85,7 +84,7 @@ class Refusals:
 
     def compare(self) -> None:
         """Hold the texts against the list; with HAPTICEVAL_PUBLISH=1 write them into it."""
-        if os.environ.get("HAPTICEVAL_PUBLISH"):
+        if publishing():
             write_texts(self.test, self.texts)
         listed = read_table(TABLE)
         assert self.texts == [text for (test, _), text in sorted(listed.items()) if test == self.test], (

@@ -23,7 +23,7 @@ import numpy as np
 
 from hapticeval.adapters.outside import Outside
 from hapticeval.compiled import LawData, borrowing, call_clock, call_step, law_data
-from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
+from hapticeval.errors import DomainError, InputError, RefusalError, RendererError, in_m
 from hapticeval.pulse import PENDING_SIZE, pending_memory
 from hapticeval.recordings.recording import path_velocities
 from hapticeval.renderer import RANGE_WORDS, Answers, CompiledStep, Declaration, Response, Spring
@@ -461,9 +461,8 @@ class LibraryRenderer:
 
     def _refuse(self, function: str, status: int, hip: Array) -> NoReturn:
         """Raise `DomainError` where the library refuses a HIP, and `RendererError` where it broke."""
-        place = ", ".join(f"{x:.6g}" for x in hip)
         if status == REFUSES_HIP:
-            raise DomainError(f"{REFUSAL}: ({place}) m", why=f"{function} returned HR_REFUSES_HIP")
+            raise DomainError(f"{REFUSAL}: {in_m(hip)}", why=f"{function} returned HR_REFUSES_HIP")
         raise RendererError(
             f"the library's {function}() returned {status}", why="it is below 0, or none of the header's: it broke"
         )

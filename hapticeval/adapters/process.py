@@ -27,7 +27,7 @@ from typing import IO, Any, NoReturn, cast
 import numpy as np
 
 from hapticeval.adapters.outside import Outside
-from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
+from hapticeval.errors import DomainError, InputError, RefusalError, RendererError, in_m
 from hapticeval.recordings.recording import path_velocities
 from hapticeval.renderer import RANGE_WORDS, Declaration, Response, Spring
 from hapticeval.scene import Scene, requirements
@@ -423,8 +423,7 @@ class ProcessRenderer:
     def _check_refusal(self, answer: Mapping[str, Any], hip: Array) -> None:
         """Raise `DomainError` where an answer refuses the `hip` (N,), m."""
         if "refuse" in answer:
-            place = ", ".join(f"{x:.6g}" for x in hip)
-            raise DomainError(f"the process refuses the HIP ({place}) m", why=_excerpt(answer["refuse"]))
+            raise DomainError(f"the process refuses the HIP {in_m(hip)}", why=_excerpt(answer["refuse"]))
 
     def _numbers(self, answer: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> Array:
         """Return an entry of an answer as an array of the shape of the HIPs; null stands for NaN."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.devices.device import CompiledDevice, Limit, checked_joints, checked_vector
-from hapticeval.errors import DomainError, InputError
+from hapticeval.errors import DomainError, InputError, in_m
 from hapticeval.geometry.validate import checked_number, checked_size
 from hapticeval.types import Array
 
@@ -238,7 +238,7 @@ class Parallelogram(ABC):
 
     def _unreachable(self, point: Array, why: str) -> DomainError:
         return DomainError(
-            f"{self.name}: position ({', '.join(f'{y:.6g}' for y in point)}) m is outside of the functional workspace",
+            f"{self.name}: position {in_m(point)} is outside of the functional workspace",
             why=why,
             todo="move or shrink the model, or start elsewhere",
         )

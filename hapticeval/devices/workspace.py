@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.devices.device import Device, Limit
-from hapticeval.errors import DomainError, InputError
+from hapticeval.errors import DomainError, InputError, in_m
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def require_in_workspace(device: Device, model: Model | ArrayLike) -> None:
         what = f"model '{name}'" if name else "the set of points"
         raise DomainError(
             f"{what} does not lie in the functional workspace of {device.name} (Assumption 7.1)",
-            why=f"point {fit.row}, ({', '.join(f'{y:.6g}' for y in fit.point)}) m: {fit.why}",
+            why=f"point {fit.row}, {in_m(fit.point)}: {fit.why}",
             todo="make the model smaller, or choose another device",
         )
 

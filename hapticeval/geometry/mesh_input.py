@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.errors import InputError, UnknownNameError, in_m
 from hapticeval.geometry import mesh_build as build
 from hapticeval.geometry.validate import SMALLEST_SIZE, check_range, not_finite_error
 from hapticeval.types import Array, IntArray
@@ -204,10 +204,9 @@ def check_crossings(faces: Array, vertices: Array, tree: Array, order: IntArray)
             for place in meeting_points(first, second):
                 # neighbours meet in the corners that they share
                 if place not in shared:
-                    words = ", ".join(f"{float(x):.6g}" for x in place)
                     low, high = sorted((int(order[one]), int(order[two])))
                     raise InputError(
-                        f"triangles {low} and {high} cross or touch at ({words}) m",
+                        f"triangles {low} and {high} cross or touch at {in_m(map(float, place))}",
                         why="the surface of a rigid model does not meet itself",
                         todo="move the parts apart, or join them by a boolean union (trimesh.boolean.union, MeshLab)",
                     )

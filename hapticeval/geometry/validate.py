@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from hapticeval.documents import check_depth, parse_json
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, in_m
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -257,7 +257,7 @@ def _check_simple(array: Array) -> None:
     reason = shapely.is_valid_reason(shapely.Polygon(array))
     if reason != "Valid Geometry":
         place = re.search(r"\[(\S+) (\S+)\]", reason)
-        where = f" at ({place.group(1)}, {place.group(2)}) m" if place else ""
+        where = f" at {in_m(map(float, place.groups()))}" if place else ""
         raise InputError(
             f"the outline crosses or touches itself{where}",
             why=reason.split("[")[0].lower(),

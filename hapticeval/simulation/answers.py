@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import numpy as np
 
 from hapticeval.effects.effect import Effect, Part, Stage
-from hapticeval.errors import DomainError, RefusalError
+from hapticeval.errors import DomainError, RefusalError, in_m
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import Batch, CompiledStep, Renderer, Response, TrajectoryRenderer, abilities_of
@@ -156,8 +156,7 @@ class Affected:
             numbers = ((row, change_in_python(*changes_and_closest, *tick[:2], dt, *tick[2:])) for row, tick in ticks)
             row, refusal = next((row_and_number for row_and_number in numbers if row_and_number[1]), (0, 0))
         if refusal:
-            place = ", ".join(f"{x:.6g}" for x in hips[row])
-            raise DomainError(f"{self.refusals[refusal]}: ({place}) m")
+            raise DomainError(f"{self.refusals[refusal]}: {in_m(hips[row])}")
 
     def _composed(self, law: CompiledStep | None) -> CompiledStep | None:
         if law is None or not self._compiled:

@@ -12,7 +12,7 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.integration import default_method
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
-from hapticeval.errors import DomainError, InputError, RendererError, RunawayError, renderer_errors
+from hapticeval.errors import DomainError, InputError, RendererError, RunawayError, in_m, renderer_errors
 from hapticeval.pulse import note_run
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledStep, Renderer, TrajectoryRenderer, abilities_of
@@ -192,7 +192,7 @@ def _refusal_error(law: CompiledStep, number: int, hip: Array) -> DomainError:
     """What a law's refusal number says."""
     return DomainError(
         law.refusals.get(number, f"the renderer's law refuses: number {number}"),
-        why=f"the hand is at ({', '.join(f'{x:.6g}' for x in hip)}) m, where the renderer is not defined",
+        why=f"the hand is at {in_m(hip)}, where the renderer is not defined",
         todo="start nearer to the surface, hold on stiffer, or push less",
     )
 
