@@ -70,7 +70,7 @@ class Part(NamedTuple):
     over arrays that numba can compile, and calls nothing of the package but compiled functions.
 
     `params` (k,) are its numbers, and `samples` (ticks, N) what it is given at each tick. `state` (2D) is what one tick
-    leaves to the next: here with the numbers that a run begins with.
+    leaves to the next, and has in a part the numbers with which every run begins.
     """
 
     function: Callable[..., float] | None
@@ -182,7 +182,7 @@ class Effect:
         to `hip` (N,), m, which it changes in place: `ihip` (N,), m, and `force` (N,), N. It returns 0, or the number of
         one of `refusals`.
 
-        `state` is what it is made with when a run begins.
+        At the reset that begins a run `state` is put back to the numbers of the part.
         """
         raise NotImplementedError(f"{type(self).__name__} has the stage {self.stage} and no change")
 

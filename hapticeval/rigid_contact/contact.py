@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from hapticeval.compiled import as_record, room_for
-from hapticeval.errors import InputError, RefusalError
+from hapticeval.errors import InputError, RefusalError, in_m
 from hapticeval.recordings.recording import Recording
 from hapticeval.rigid_contact.force import (
     EVENT_KINDS,
@@ -50,8 +50,8 @@ class Ground(Protocol):
     ) -> tuple[Array, Array, int, Array]:
         """Carry the tool from a state through all stretches; both `start` and `gains` are changed.
 
-        `start` (2 N,) is position (m) and velocity (m/s). `gains` (k,) are the numbers of a `LOAD`, with its constants
-        filled in.
+        `start` is a state of this ground. `gains` (k,) are the numbers of a `LOAD`, its constants filled in. Returns
+        four things:
 
         - The first are samples (rows, 4 N): position (m) and velocity (m/s) at each sample, before an impact at that
           very time, then the contact's and the operator's impulse (N s) until the next.
@@ -115,15 +115,8 @@ class IdealContact:
                 why=f"the model '{self.scene.model.name}' has {dimension}",
                 todo="project a path in space onto a plane model; give one in the plane a third coordinate",
             )
-        led = isinstance(stimulus, Path)
-        gains = np.zeros(room_for(LOAD))
+        gains = self._gains_without_hand()
         load = as_record(gains, LOAD)
-        load.mass, load.restitution = self.scene.mass, self.scene.restitution
-        load.bilateral = float(self.scene.bilateral)
-        size, farthest = self.scene.model.size, float(np.abs(self.scene.model.boundary.bounds).max())
-        # a line has no end: its coordinates are those of its size
-        load.hop = HOP_SHARE * size
-        load.skin = SKIN_SHARE * size + SKIN_ROUNDING * (farthest if math.isfinite(farthest) else size)
         if isinstance(stimulus, Path):
             load.spring = self.scene.stiffness
             # critical damping: 2 sqrt(k m)
@@ -152,12 +145,30 @@ class IdealContact:
         knot = np.maximum(segment, 0)
         slope = np.where(segment[:, np.newaxis] < 0, 0.0, slopes[knot])
         value = values[knot] + slope * (began - knots[knot])[:, np.newaxis]
-        if led:
+        if isinstance(stimulus, Path):
             # a spring to the hand's path: g0 = k y_d + d y_d', g1 = k y_d'
             value, slope = load.spring * value + load.damper * slope, load.spring * slope
         out, events = self._follow_stretches(
             start, Stretches(began, lasts, np.hstack([value, slope]), samples), gains, time.size
         )
+        return self._as_recording(stimulus, time, out, events, dt)
+
+    def _gains_without_hand(self) -> Array:
+        """Return the numbers of a `LOAD` as the scene gives them, without spring and damper of the hand."""
+        gains = np.zeros(room_for(LOAD))
+        load = as_record(gains, LOAD)
+        load.mass, load.restitution = self.scene.mass, self.scene.restitution
+        load.bilateral = float(self.scene.bilateral)
+        size, farthest = self.scene.model.size, float(np.abs(self.scene.model.boundary.bounds).max())
+        load.hop = HOP_SHARE * size
+        # a line has no end: its coordinates are those of its size
+        load.skin = SKIN_SHARE * size + SKIN_ROUNDING * (farthest if math.isfinite(farthest) else size)
+        return gains
+
+    def _as_recording(
+        self, stimulus: Stimulus, time: Array, out: Array, events: list[dict[str, Any]], dt: float
+    ) -> Recording:
+        """Return the recording of the samples `out` (n, 4 N) at `time` (n,), s, of `Ground.carry`, and the events."""
         # position and velocity at each sample, both impulses until the next
         place, velocity, contact_impulse, operator_impulse = np.split(out, 4, axis=1)
         channels = {
@@ -169,7 +180,7 @@ class IdealContact:
             "operator_force": operator_impulse / dt,
         }
         meta: dict[str, Any] = {
-            "source": "playback" if led else "experiment",
+            "source": "playback" if isinstance(stimulus, Path) else "experiment",
             "dt": dt,
             "model": self.scene.model.name,
             "resolution": 0.0,
@@ -191,10 +202,9 @@ class IdealContact:
         while True:
             out, log, count, given_up_at = self._ground.carry(start.copy(), stretches, gains.copy(), rows, limit)
             if given_up_at.size:
-                time, *place = (f"{number:.6g}" for number in given_up_at)
                 raise RefusalError(
                     f"the ideal contact with '{self.scene.model.name}' takes more than {MOST_STEPS} steps within one "
-                    f"sample, {time} s into the run, at ({', '.join(place)}) m",
+                    f"sample, {given_up_at[0]:.6g} s into the run, at {in_m(given_up_at[1:])}",
                     why="its hops do not come to an end, rounding changes what holds it again and again, or it turns "
                     "far faster than it is sampled",
                     todo="choose a restitution further below 1, a softer or slower hand, or move the stimulus by more "
