@@ -51,6 +51,12 @@ STACK_SIGNAL = getattr(signal, "SIGUSR1", None)
 STACK_PATIENCE = 0.2
 """Seconds that processes have to write their stacks."""
 
+TRIES = 3
+"""Processes that a job may see killed from outside before it counts as what has them killed."""
+
+PARENT_CHECK_PERIOD = 1.0
+"""Seconds between two looks of a process at whether its parent is still there."""
+
 
 def cores() -> int:
     """Return how many processors this process may use."""
@@ -63,13 +69,6 @@ def default_workers() -> int:
     None where the system cannot copy a process, as Windows: this one then does the work.
     """
     return cores() if hasattr(os, "fork") else 0
-
-
-TRIES = 3
-"""Processes that a job may see killed from outside before it counts as what has them killed."""
-
-PARENT_CHECK_PERIOD = 1.0
-"""Seconds between two looks of a process at whether its parent is still there."""
 
 
 def _processor_wait(worker: _Worker) -> float:
@@ -358,16 +357,16 @@ class Workers(Generic[T]):
         """
         # Two steps: the file of the second is read only for calls that are old by the clock.
         end = time.monotonic() - seconds
-        old = [(call, at) for call, at in self._begun.items() if at.begun < end]
-        late = [call for call, at in old if at.begun + _processor_wait(at.worker) - at.waited < end]
-        workers = {call: self._begun.pop(call).worker for call in late}
+        old = [(number, call) for number, call in self._begun.items() if call.begun < end]
+        late = [number for number, call in old if call.begun + _processor_wait(call.worker) - call.waited < end]
+        workers = {number: self._begun.pop(number).worker for number in late}
         for worker in workers.values():
             # All are asked before any is waited for: several stacks take the time of one.
             worker.ask_for_stack()
         until = time.monotonic() + STACK_PATIENCE
         given_up: list[Answer[T]] = []
-        for call, worker in workers.items():
-            given_up.append(Answer(call, None, Overdue(worker.stack(until))))
+        for number, worker in workers.items():
+            given_up.append(Answer(number, None, Overdue(worker.stack(until))))
             worker.end(0.0)
         return given_up
 
@@ -381,16 +380,16 @@ class Workers(Generic[T]):
         What shares a machine with others is late for them: who waits for an answer need not count that. 0.0 where it is
         not known, and for a call that is answered.
         """
-        at = self._begun.get(call)
-        return 0.0 if at is None else _processor_wait(at.worker)
+        begun = self._begun.get(call)
+        return 0.0 if begun is None else _processor_wait(begun.worker)
 
     def pulse(self, call: int) -> tuple[int, bool]:
         """Return how many answers renderers have given in the process at a call, and whether it compiles now.
 
         Both stay nothing with `fresh`, and for a call that is answered.
         """
-        at = self._begun.get(call)
-        answers, compilations = (0, 0) if at is None else at.worker.pulse
+        begun = self._begun.get(call)
+        answers, compilations = (0, 0) if begun is None else begun.worker.pulse
         return answers, compilations > 0
 
     def _new(self) -> _Worker:

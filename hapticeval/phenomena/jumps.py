@@ -7,6 +7,9 @@
    where it falls as h^a with a small a the place is STEEP; else it is continuous.
 4. A renderer may compute in single precision. Below what that resolves of the coordinates its rounding looks like a
    jump, and a true jump may look smeared: there the whole sequence of scales decides.
+
+A step of the IHIP counts where the surface is `holding` a contact point at both its ends; whether there is any contact,
+be it only a late force, is what `touching` says.
 """
 
 from __future__ import annotations
@@ -205,13 +208,13 @@ class _Look:
         *,
         begin: int = 0,
         factor: int = 1,
-        rounded: float,
+        resolved_step: float,
     ) -> None:
         self.closer, self.bounds, self.scales = closer, bounds, scales
         self.coarser, self.begin, self.factor = coarser, begin, factor
         self.steps = contact_steps(closer.recording, scene)
         # Below single precision even a true jump may look smeared: from here on all scales of a place decide.
-        self.below_single = bool(scales) and scales[-1].hip_step < 2.0 * rounded
+        self.below_single = bool(scales) and scales[-1].hip_step < 2.0 * resolved_step
         longest = ROWS_OF_A_LOOK // (FEW_PARTS if len(scales) < 2 else MANY_PARTS)
         self.stretches = _suspect_stretches(self.steps, bounds, longest)
         self.steep: JumpPlace | None = None
@@ -224,13 +227,13 @@ class _Look:
             look = look.coarser
         return row
 
-    def goes_on(self, place: JumpPlace | None) -> bool:
-        """Whether more stretches are to be looked into after one in which finer steps leave `place`."""
+    def is_settled_by(self, place: JumpPlace | None) -> bool:
+        """Return whether no more stretches are to be looked into after one in which finer steps leave `place`."""
         # Below single precision one stretch is enough; above it one that is steep may yet be outdone.
         if self.below_single or (place is not None and place.kind is not Remains.STEEP):
-            return False
+            return True
         self.steep = self.steep or place
-        return True
+        return False
 
 
 class _JumpSearch:
@@ -238,10 +241,10 @@ class _JumpSearch:
 
     def __init__(self, look: Closer, scene: Scene, bounds: Array, standoff: float) -> None:
         self.scene = scene
-        # What single precision resolves of the whole path's coordinates: those of a place may be near to 0.
-        self.rounded = SINGLE_ROUNDINGS * SINGLE * float(np.max(np.abs(look.recording.hip)))
-        self.tolerance = standoff + self.rounded
-        self.looks = [_Look(look, scene, bounds, rounded=self.rounded)]
+        # m, what single precision resolves of the whole path's coordinates: those of a place may be near to 0.
+        self.resolved_step = SINGLE_ROUNDINGS * SINGLE * float(np.max(np.abs(look.recording.hip)))
+        self.tolerance = standoff + self.resolved_step
+        self.looks = [_Look(look, scene, bounds, resolved_step=self.resolved_step)]
 
     def run(self) -> JumpPlace | None:
         """Return what finer steps leave of the steps that are above their bounds; None where nothing is left."""
@@ -254,13 +257,13 @@ class _JumpSearch:
                 place = self._judge_worst(look) if look.below_single else look.steep
                 self.looks.pop()
             else:
-                settled = self._look_into(look, *stretch)
-                if isinstance(settled, _Look):
-                    self.looks.append(settled)
+                place_or_look = self._look_into(look, *stretch)
+                if isinstance(place_or_look, _Look):
+                    self.looks.append(place_or_look)
                     continue
-                place = settled
-            # What is settled counts for the look that it is in, and for those before it, up to one that goes on.
-            while self.looks and not self.looks[-1].goes_on(place):
+                place = place_or_look
+            # A place counts for the look that it is in, and for those before it, up to one that it does not settle.
+            while self.looks and self.looks[-1].is_settled_by(place):
                 self.looks.pop()
         return place
 
@@ -271,15 +274,15 @@ class _JumpSearch:
         scales = self._scales_with(look, worst)
         # The scale says how much finer the next look may be before coordinates are too coarse for it.
         hip_step = scales[-1].hip_step
-        factor = _sub_steps(len(look.scales), hip_step, self.rounded)
+        factor = _sub_steps(len(look.scales), hip_step, self.resolved_step)
         if hip_step == 0.0:
             # No way of the hand to divide: in time alone it is divided where the run is refined as a whole.
             kind = Remains.STAYS if look.scales else Remains.UNRESOLVED
             return JumpPlace(kind, look.tick(worst), scales[-1].jump, 0.0, scales)
         # Looked at below single precision often enough, or double precision ends: it is judged by its scales.
-        often_enough = sum(scale.hip_step < self.rounded for scale in scales) == LOOKS_BELOW_SINGLE
-        if often_enough or hip_step / factor < COARSER_THAN_DOUBLE * self.rounded:
-            return _judge_scales(scales, look.tick(worst), float(look.bounds[worst]), self.rounded)
+        often_enough = sum(scale.hip_step < self.resolved_step for scale in scales) == LOOKS_BELOW_SINGLE
+        if often_enough or hip_step / factor < COARSER_THAN_DOUBLE * self.resolved_step:
+            return _judge_scales(scales, look.tick(worst), float(look.bounds[worst]), self.resolved_step)
         # Begun early enough for a late proxy to have the state that it had.
         begin = max(first - 1 - LAG_TICKS, 0)
         closer = look.closer.closer(begin, last, factor, lag=LAG_TICKS)
@@ -289,13 +292,15 @@ class _JumpSearch:
         # The row of the coarse look that ends the step in which each fine row lies.
         rows = begin - (-np.arange(len(closer.recording)) // factor)
         bounds = look.bounds[np.minimum(rows, last)]
-        return _Look(closer, self.scene, bounds, scales, look, begin=begin, factor=factor, rounded=self.rounded)
+        return _Look(
+            closer, self.scene, bounds, scales, look, begin=begin, factor=factor, resolved_step=self.resolved_step
+        )
 
     def _judge_worst(self, look: _Look) -> JumpPlace | None:
         """Judge the largest step of a look below single precision in which none is above its bound."""
         worst = int(np.argmax(look.steps))
         scales = self._scales_with(look, worst)
-        return _judge_scales(scales, look.tick(worst), float(look.bounds[worst]), self.rounded)
+        return _judge_scales(scales, look.tick(worst), float(look.bounds[worst]), self.resolved_step)
 
     def _scales_with(self, look: _Look, row: int) -> tuple[Scale, ...]:
         """Return the scales that were seen before with that of a row of this look."""
@@ -303,12 +308,12 @@ class _JumpSearch:
         return (*look.scales, scale)
 
 
-def _sub_steps(depth: int, hip_step: float, rounded: float) -> int:
-    """Return the sub-steps of a step in the next look; none passes by the finest that single precision resolves."""
+def _sub_steps(depth: int, hip_step: float, resolved_step: float) -> int:
+    """Return the sub-steps of a step in the next look; none passes by the finest, of `resolved_step` m."""
     if depth < 2:
         return FEW_PARTS
     # A power of two of sub-steps that ends at the finest step that single precision resolves.
-    room = hip_step / rounded
+    room = hip_step / resolved_step
     return MANY_PARTS if room < 2.0 or room > MANY_PARTS else 2 ** int(math.log2(room))
 
 
@@ -416,7 +421,7 @@ def _passes_by(
     return True
 
 
-def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, rounded: float) -> JumpPlace | None:
+def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, resolved_step: float) -> JumpPlace | None:
     """Tell a jump, a steep map, or None for a continuous one, by how the spread falls from scale to scale.
 
     - A Hoelder map of exponent a has a spread c h^a at any scale, down to what single precision resolves and below.
@@ -427,7 +432,7 @@ def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, rounded: f
     """
     last = scales[-1]
     # The finest scale that single precision still resolves.
-    finest = max((k for k, scale in enumerate(scales) if scale.hip_step >= rounded), default=0)
+    finest = max((k for k, scale in enumerate(scales) if scale.hip_step >= resolved_step), default=0)
     finest_resolved = scales[finest]
     slope = _spread_exponent(scales[0], finest_resolved)
     if last is not finest_resolved and last.spread >= JUMP_SPREAD_SHARE * finest_resolved.spread:
@@ -440,11 +445,12 @@ def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, rounded: f
     ):
         # HIP travel over which the spread rises at the slope of the finest step.
         rise = math.inf if below[-1].jump == 0.0 else finest_resolved.spread * below[-1].hip_step / below[-1].jump
-        return JumpPlace(Remains.STAYS, tick, finest_resolved.jump, slope, scales) if rise < rounded else None
+        return JumpPlace(Remains.STAYS, tick, finest_resolved.jump, slope, scales) if rise < resolved_step else None
     # Three spreads in a row: their limit by Aitken, where they shrink at a steady ratio.
     if len(below) == LOOKS_BELOW_SINGLE:
-        limit = aitken(finest_resolved.spread, below[0].spread, below[1].spread)
-        if limit > max(bound, LIMIT_SHARE * below[1].spread):
+        first_below, last_below = below
+        limit = aitken(finest_resolved.spread, first_below.spread, last_below.spread)
+        if limit > max(bound, LIMIT_SHARE * last_below.spread):
             return JumpPlace(Remains.STAYS, tick, limit, slope, scales)
     if slope >= LEAST_EXPONENT:
         return None

@@ -38,12 +38,16 @@ from hapticeval.recordings.channels import Signal, check_metadata
 from hapticeval.recordings.journal import HEADER_COPIES, UNCLOSED, Kind, Layout, block_head, opening
 
 RING_EVENTS = 256
+"""Events that the ring holds; the loop writes few: what it says with `event`."""
+
 EVENT_TYPE = np.dtype([("nanoseconds", "<i8"), ("kind", "S32"), ("text", "S216")])
 
 RING_ROWS = 16_384
 """Rows that the ring holds: 16 s at 1 kHz, for a disk that is busy or full for a while."""
 
 ROWS_A_BLOCK = 256
+"""Most rows of a block of the journal."""
+
 LOOK_SECONDS = 0.1
 """Seconds between two looks of the writer: blocks of about 100 rows at 1 kHz."""
 
@@ -76,6 +80,8 @@ class Counters(ctypes.Structure):
 
 
 COUNTERS_BYTES = 256
+"""Bytes kept for `Counters`, of which they take 96: events and rows begin at whole lines of the cache."""
+
 ROWS_AT = COUNTERS_BYTES + RING_EVENTS * EVENT_TYPE.itemsize
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -26,6 +26,9 @@ from hapticeval.stimulus.experiments import ExperimentTable
 from hapticeval.stimulus.moves import Moves
 from hapticeval.suite.case import Case
 from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.geometry.model import Model
 
 GRIDS = (1e-3, 1e-4, 1e-5, 1e-6)
 """Metres to which coordinates are rounded, the coarsest first that the fault survives."""
@@ -146,58 +149,16 @@ class Shrink:
 
     def _shorter(self, case: Case) -> Iterator[Case]:
         """Yield shorter paths: from another start or to another end, with a point pulled in, and shrunk as a whole."""
-        moves = _moves(case)
-        points = _points(moves)
-        scene = case.build_scene()
-        boundary, size = scene.model.boundary, scene.model.size
+        points, model = _points(_moves(case)), case.build_scene().model
         length = _length(points)
-        feet = boundary.closest_point(points)
-        start_height = START_HEIGHT * size
-        candidates: list[Array] = []
-        # Straight in from above the surface beside where the first move ends, nearest first.
-        reach = min(length, boundary.girth / 4.0)
-        # Arc lengths along the surface, m: 0, and then the nearest to either side.
-        lengths = reach * np.array(sorted(range(-START_PLACES, START_PLACES + 1), key=abs)) / START_PLACES
-        for foot in (feet.foot[1], feet.foot[0]):
-            places_beside = boundary.walk(foot, lengths)
-            for start in places_beside.foot + start_height * places_beside.normal:
-                moved_points = points.copy()
-                moved_points[0] = start
-                candidates.append(moved_points)
-        if len(points) == 2:  # a path of one move: the same move at places nearby
-            depth = np.linalg.norm(points[1] - feet.foot[1])
-            places_beside = boundary.walk(feet.foot[1], np.sort(lengths))
-            above, under = (
-                places_beside.foot + start_height * places_beside.normal,
-                places_beside.foot - depth * places_beside.normal,
-            )
-            # From above one place to under its neighbour, at the same depth and at less.
-            for share in (1.0, 0.5, 0.2):
-                ends = places_beside.foot + share * (under - places_beside.foot)
-                candidates += [np.array(pair) for pair in zip(above[:-1], ends[1:], strict=True)]
-                candidates += [np.array(pair) for pair in zip(above[1:], ends[:-1], strict=True)]
+        feet = model.boundary.closest_point(points).foot
         end = self._hand_after_fault(case)
-        if end is not None:
-            candidates.append(np.vstack([points[:-1], end]))
-        # x_k += p (x_j - x_k): both ends towards their neighbours, inner points towards the middle of theirs.
-        pulled_ends = [(0, 1), (len(points) - 1, len(points) - 2)]
-        for pull in PULLS[1:] if len(points) == 2 else PULLS:
-            for index, neighbour in pulled_ends:
-                moved_points = points.copy()
-                moved_points[index] += pull * (points[neighbour] - points[index])
-                candidates.append(moved_points)
-            for index in range(1, len(points) - 1):
-                moved_points = points.copy()
-                moved_points[index] += pull * (0.5 * (points[index - 1] + points[index + 1]) - points[index])
-                candidates.append(moved_points)
-        corners = sorted(
-            boundary.corners, key=lambda corner: float(np.linalg.norm(points - corner.position, axis=1).min())
-        )
-        # x += p (c - x) for the whole path, about the corners nearest to it, its start, and where it touches.
-        centres = [corner.position for corner in corners[:3]] + [points[0], *feet.foot[1:]]
-        for pull in PULLS[1:]:
-            for centre in centres:
-                candidates.append(points + pull * (centre - points))
+        candidates = [
+            *_with_start_nearby(points, feet, model),
+            *([] if end is None else [np.vstack([points[:-1], end])]),
+            *_with_point_pulled(points),
+            *_drawn_together(points, feet, model),
+        ]
         for moved_points in candidates:
             if SHORTEST_PATH <= _length(moved_points) < SHORTER_SHARE * length:
                 yield _with_points(case, moved_points)
@@ -224,6 +185,64 @@ def _points(moves: Moves) -> Array:
 def _length(points: Array) -> float:
     """Return the length (m) of the polyline through points (n, N), m."""
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def _with_start_nearby(points: Array, feet: Array, model: Model) -> Iterator[Array]:
+    """Yield paths (n, N), m, that begin above the surface near to where one through `points` (n, N), m, touches first.
+
+    `feet` (n, N), m, are the surface's points nearest to `points`. A path of one move goes to places nearby as a whole.
+    """
+    boundary = model.boundary
+    start_height = START_HEIGHT * model.size
+    # Straight in from above the surface beside where the first move ends, nearest first.
+    reach = min(_length(points), boundary.girth / 4.0)
+    # Arc lengths along the surface, m: 0, and then the nearest to either side.
+    lengths = reach * np.array(sorted(range(-START_PLACES, START_PLACES + 1), key=abs)) / START_PLACES
+    for foot in (feet[1], feet[0]):
+        places_beside = boundary.walk(foot, lengths)
+        for start in places_beside.foot + start_height * places_beside.normal:
+            yield np.vstack([start, points[1:]])
+    if len(points) == 2:
+        depth = np.linalg.norm(points[1] - feet[1])
+        places_beside = boundary.walk(feet[1], np.sort(lengths))
+        above = places_beside.foot + start_height * places_beside.normal
+        under = places_beside.foot - depth * places_beside.normal
+        # From above one place to under its neighbour, at the same depth and at less.
+        for share in (1.0, 0.5, 0.2):
+            ends = places_beside.foot + share * (under - places_beside.foot)
+            yield from (np.array(pair) for pair in zip(above[:-1], ends[1:], strict=True))
+            yield from (np.array(pair) for pair in zip(above[1:], ends[:-1], strict=True))
+
+
+def _with_point_pulled(points: Array) -> Iterator[Array]:
+    """Yield paths (n, N), m, of which one of `points` (n, N), m, is pulled towards its neighbours.
+
+    x_k += p (x_j - x_k): both ends towards the next point, inner points towards the middle of both.
+    """
+    pulled_ends = [(0, 1), (len(points) - 1, len(points) - 2)]
+    for pull in PULLS[1:] if len(points) == 2 else PULLS:
+        for index, neighbour in pulled_ends:
+            moved_points = points.copy()
+            moved_points[index] += pull * (points[neighbour] - points[index])
+            yield moved_points
+        for index in range(1, len(points) - 1):
+            moved_points = points.copy()
+            moved_points[index] += pull * (0.5 * (points[index - 1] + points[index + 1]) - points[index])
+            yield moved_points
+
+
+def _drawn_together(points: Array, feet: Array, model: Model) -> Iterator[Array]:
+    """Yield the path through `points` (n, N), m, drawn together, x += p (c - x), about places c of the model.
+
+    They are the corners nearest to it, its start, and where it touches: of `feet` (n, N), m, all but the first.
+    """
+    corners = sorted(
+        model.boundary.corners, key=lambda corner: float(np.linalg.norm(points - corner.position, axis=1).min())
+    )
+    centres = [corner.position for corner in corners[:3]] + [points[0], *feet[1:]]
+    for pull in PULLS[1:]:
+        for centre in centres:
+            yield points + pull * (centre - points)
 
 
 def _with_moves(case: Case, moves: Moves) -> Case:

@@ -143,15 +143,7 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
     last = len(base) - 1
     # (lags, n): the ticks within a lag of each, cut to the recording.
     window = np.clip(now + np.arange(-LAG_TICKS, LAG_TICKS + 1)[:, np.newaxis], 0, last)
-    force, error = base.force[now], base.hip - base.ihip
-    errors = [error[now]]
-    for lag in range(1, LAG_TICKS + 1):
-        before, after = np.maximum(now - lag, 0), np.minimum(now + lag, last)
-        # Late are the whole answer, the force alone, or the IHIP's record.
-        errors += [base.hip[hip] - base.ihip[ihip] for hip, ihip in ((before, now), (before, before), (now, after))]
-    # Where the depth has an extremum, those of whole ticks may all lie on one side of a lag's between them.
-    late = find_lag(base, scene)
-    errors.append(delayed(base.hip, now, late.force_hip) - delayed(base.ihip, now, late.force_ihip))
+    force, errors = base.force[now], _errors_within_lag(base, scene, now)
     shares = np.array([_stiffness_share(force, candidate, scene.stiffness, spring) for candidate in errors])
     along, depth = _depth_direction(force, errors[0], spring)
     # A spring that gives nothing has no direction of its own: what it should have given is along the error.
@@ -183,27 +175,51 @@ def _measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> Measure
         high = np.divide(high * depth, depth - gap, out=unknown, where=depth > gap)
     # There a force may be too large, and not too small.
     low[begins], high[begins] = explained[begins], np.inf
-    velocity, sinking = hand_velocity(base), backward_difference(error, base.time)
+    velocity, sinking = hand_velocity(base), backward_difference(base.hip - base.ihip, base.time)
     speeds = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
     speed, spreading = (np.abs(np.sum(along * rates, axis=1)) for rates in (velocity[now], sinking[now]))
-    bending = np.zeros(now.size)
-    if "spring" not in base.meta:
-        bending = scene.mass * _curvature_acceleration(base, scene, velocity, now)
-    coarse = _force_coarseness(base, size)
-    # What rounding leaves open of the difference of HIP and IHIP, m.
-    position_rounding = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
-    other_force = bending + coarse + scene.stiffness * position_rounding
+    other_force = _undamped_other_force(base, scene, velocity, now, size, depth)
+    # (K_d v + G) / (K d): the share that damper, curvature and rounding may make.
     with np.errstate(divide="ignore"):
         allowed, allowed_in_lag = (
             (scene.damping * rate + other_force) / (scene.stiffness * depth)
             for rate in (np.maximum(speed, spreading), speeds[window].max(axis=0))
         )
-    # (K_d v + G) / (K d): the share that damper, curvature and rounding may make.
     ratio = np.where(begins, explained, shares[0])
     measured = Measured(
         now, ratio, low, high, allowed, allowed_in_lag, depth, np.sum(along * sinking[now], axis=1), begins
     )
     return measured.rows(depth > 0.0)
+
+
+def _errors_within_lag(base: Recording, scene: Scene, ticks: IntArray) -> list[Array]:
+    """Return HIP less IHIP at some `ticks` (n,), each (n, N), m: of one tick first, then all that a lag may pair."""
+    last = len(base) - 1
+    errors = [base.hip[ticks] - base.ihip[ticks]]
+    for lag in range(1, LAG_TICKS + 1):
+        before, after = np.maximum(ticks - lag, 0), np.minimum(ticks + lag, last)
+        # Late are the whole answer, the force alone, or the IHIP's record.
+        errors += [base.hip[hip] - base.ihip[ihip] for hip, ihip in ((before, ticks), (before, before), (ticks, after))]
+    # Where the depth has an extremum, those of whole ticks may all lie on one side of a lag's between them.
+    late = find_lag(base, scene)
+    errors.append(delayed(base.hip, ticks, late.force_hip) - delayed(base.ihip, ticks, late.force_ihip))
+    return errors
+
+
+def _undamped_other_force(
+    base: Recording, scene: Scene, velocity: Array, ticks: IntArray, sizes: Array, depths: Array
+) -> Array:
+    """Return how much of the force at `ticks` (n,) is open beside spring and damper, (n,), N: G of the bound.
+
+    `velocity` (rows, N), m/s, is the hand's at every tick; `sizes` (n,), N, and `depths` (n,), m, are the force's and
+    the depths at `ticks`. A law may know the curvature where none is declared; the rest is coarse or rounded numbers.
+    """
+    bending = np.zeros(ticks.size)
+    if "spring" not in base.meta:
+        bending = scene.mass * _curvature_acceleration(base, scene, velocity, ticks)
+    # What rounding leaves open of the difference of HIP and IHIP, m.
+    position_rounding = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depths)
+    return np.asarray(bending + _force_coarseness(base, sizes) + scene.stiffness * position_rounding)
 
 
 def _force_coarseness(base: Recording, sizes: Array) -> float:
@@ -254,9 +270,11 @@ def _stiffness_share(force: Array, error: Array, stiffness: float, spring: Sprin
     F is (n, N), N, and e = HIP - IHIP (n, N), m; not a number where there is nothing to divide by.
     """
     push = -np.sum(force * error, axis=1)
-    above, below = (push, np.sum(error**2, axis=1)) if spring is Spring.ERROR else (np.sum(force**2, axis=1), push)
+    numerator, denominator = push, np.sum(error**2, axis=1)
+    if spring is not Spring.ERROR:
+        numerator, denominator = np.sum(force**2, axis=1), push
     share = np.full(push.size, np.nan)
-    return np.asarray(np.divide(above, stiffness * below, out=share, where=below != 0.0))
+    return np.asarray(np.divide(numerator, stiffness * denominator, out=share, where=denominator != 0.0))
 
 
 def largest_other_force(base: Recording, scene: Scene) -> Array:

@@ -229,16 +229,18 @@ def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, stored: f
 
     base_rate, *_, finest = sampled
     coarse, half, quarter = (over(sums.smooth) for sums in sampled[1:])
-    # Richardson's differences: a held force is of first order, so that after / before tends to 1/2.
-    before, after = half - coarse, quarter - half
-    first, last = np.abs(before), np.abs(after)
+    # Richardson's differences: a held force is of first order, so that fine / coarse tends to 1/2.
+    coarse_change, fine_change = half - coarse, quarter - half
+    coarse_size, fine_size = np.abs(coarse_change), np.abs(fine_change)
     error = over(finest.error) + over(rounding)
-    settled = last <= np.maximum(SETTLING_RATIO * first, error)
-    # W(0) = 2 W(T/4) - W(T/2) = quarter + after
-    law = np.where(settled, quarter + after, quarter)
+    settled = fine_size <= np.maximum(SETTLING_RATIO * coarse_size, error)
+    # W(0) = 2 W(T/4) - W(T/2)
+    law = np.where(settled, quarter + fine_change, quarter)
     # A gain that shrinks, and not yet in the ratio of any order, may shrink to nothing: finer runs show it.
-    shrinking = np.where(after < 0.0, np.inf, np.maximum(first, last))
-    correction = np.where(settled, np.maximum(last, 0.5 * np.abs(after - before + after)), shrinking)
+    shrinking = np.where(fine_change < 0.0, np.inf, np.maximum(coarse_size, fine_size))
+    # Where it settles: the last change, or half of what the limit moved by since the rates before, if that is more.
+    limit_change = np.abs(fine_change - coarse_change + fine_change)
+    correction = np.where(settled, np.maximum(fine_size, 0.5 * limit_change), shrinking)
     doubt = error + correction
     # The row with the largest gain beyond what is open; at the end of the span where none is.
     row = int(np.argmax(law - doubt))
