@@ -200,22 +200,27 @@ def test_a_surface_without_any_texture_is_off_by_a_finite_thousand_decibels():
     assert finding.evidence["mean_error_dB"] == pytest.approx(-1000.0, abs=1e-9)
 
 
+class Mixed:
+    """A renderer of the scene's texture that answers what `mix` makes of HIP, own answer and that without texture."""
+
+    supports = frozenset({"stochastic-texture"})
+
+    def __init__(self, scene, mix):
+        self.plain = resolve("minimum-distance")(scene)
+        self.textured = with_effects(resolve("minimum-distance")(scene), scene)
+        self.mix = mix
+
+    def reset(self, hip):
+        self.plain.reset(hip)
+        self.textured.reset(hip)
+
+    def step(self, hip, velocity, dt):
+        return self.mix(hip, self.textured.step(hip, velocity, dt), self.plain.step(hip, velocity, dt))
+
+
 def worn(scene):
     """A renderer of the scene's texture that shows none of it from x = 0.5 m on."""
-    plain, textured = resolve("minimum-distance")(scene), with_effects(resolve("minimum-distance")(scene), scene)
-
-    class Worn:
-        supports = frozenset({"stochastic-texture"})
-
-        def reset(self, hip):
-            plain.reset(hip)
-            textured.reset(hip)
-
-        def step(self, hip, velocity, dt):
-            answers = [renderer.step(hip, velocity, dt) for renderer in (textured, plain)]
-            return answers[int(hip[0] > 0.5)]
-
-    return Worn()
+    return Mixed(scene, lambda hip, textured, plain: plain if hip[0] > 0.5 else textured)
 
 
 def test_a_texture_that_ends_on_the_way_is_a_finite_thousand_decibels_down_there():
@@ -238,24 +243,12 @@ def test_a_texture_that_is_missing_at_one_of_two_forces_is_a_thousand_decibels_d
 def scaled(gains):
     """Return the factory of a renderer whose texture is so many decibels too loud, by the depth (m) that is nearest."""
 
-    def make(scene):
-        plain, textured = resolve("minimum-distance")(scene), with_effects(resolve("minimum-distance")(scene), scene)
+    def amplified(hip, textured, plain):
+        decibels = gains[min(gains, key=lambda depth: abs(depth + hip[1]))]
+        ihip, force = plain
+        return ihip, force + 10.0 ** (decibels / 20.0) * (textured[1] - force)
 
-        class Scaled:
-            supports = frozenset({"stochastic-texture"})
-
-            def reset(self, hip):
-                plain.reset(hip)
-                textured.reset(hip)
-
-            def step(self, hip, velocity, dt):
-                (ihip, force), (_, felt) = plain.step(hip, velocity, dt), textured.step(hip, velocity, dt)
-                decibels = gains[min(gains, key=lambda depth: abs(depth + hip[1]))]
-                return ihip, force + 10.0 ** (decibels / 20.0) * (felt - force)
-
-        return Scaled()
-
-    return make
+    return lambda scene: Mixed(scene, amplified)
 
 
 def test_of_several_stretches_the_one_farthest_beyond_its_own_bound_is_named():
