@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.compiled import for_kernels
+from hapticeval.compiled import as_record, for_kernels
 from hapticeval.geometry.curve_kernels import speed_integrals
-from hapticeval.geometry.kernels import U0, U1, evaluate_many
+from hapticeval.geometry.kernels import PIECE, evaluate_many
 from hapticeval.types import Array, IntArray
 
 MOST_HALVINGS, MOST_PANELS = 48, 100_000
@@ -24,8 +24,9 @@ def cut_into_panels(piece: Array, count: int) -> Array:
 
     It begins with `count` equal panels, and halves each on which the rule is not.
     """
-    edges = piece[U0] + np.arange(count + 1) * ((piece[U1] - piece[U0]) / count)
-    edges[-1] = piece[U1]
+    _, first, last = as_record(piece, PIECE)
+    edges = first + np.arange(count + 1) * ((last - first) / count)
+    edges[-1] = last
     starts, ends = edges[:-1], edges[1:]
     # a first estimate: errors count as a share of the whole length
     total_length = float(speed_integrals(piece, starts, ends).sum())

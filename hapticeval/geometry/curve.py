@@ -10,25 +10,22 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import Closest, for_kernels
+from hapticeval.compiled import Closest, as_record, as_records, for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry import arc_length, curve_kernels, polygon_kernels
 from hapticeval.geometry.boundary import SEARCH_BATCH, Boundary, ClosestPoint, Corner, march_to_crossing
 from hapticeval.geometry.kernels import (
     ARC,
+    ARC_PIECE,
     CASSINIAN,
+    CASSINIAN_PIECE,
     ELLIPSE,
-    KIND,
+    ELLIPSE_PIECE,
     LINE,
+    LINE_PIECE,
+    PIECE,
     PIECE_COLUMNS,
-    U0,
-    U1,
     UNBOUNDED,
-    A,
-    B,
-    C,
-    D,
-    E,
     concatenate_segments,
     evaluate_many,
     line_pieces,
@@ -66,7 +63,7 @@ class Curve:
         pieces = np.array(self.pieces, dtype=np.float64, order="C")
         if pieces.ndim != 2 or pieces.shape[0] == 0 or pieces.shape[1] != PIECE_COLUMNS:
             raise InputError(f"curve '{self.name}' has pieces of shape {pieces.shape}, not (n, {PIECE_COLUMNS})")
-        kinds = pieces[:, KIND]
+        kinds = as_records(pieces, PIECE).kind
         # smooth kinds close on themselves and cannot be joined to others
         alone = pieces.shape[0] == 1
         bounded = bool(np.all(np.isin(kinds, (LINE, ARC)))) or (alone and kinds[0] in (CASSINIAN, ELLIPSE))
@@ -83,10 +80,11 @@ class Curve:
         """Of the plane: 2."""
         return 2
 
-    @property
+    @cached_property
     def u_range(self) -> tuple[float, float]:
         """The parameter's start and end; infinite for an unbounded line."""
-        return float(self.pieces[0, U0]), float(self.pieces[-1, U1])
+        pieces = as_records(self.pieces, PIECE)
+        return float(pieces[0].u0), float(pieces[-1].u1)
 
     @cached_property
     def length(self) -> float:
@@ -145,7 +143,7 @@ class Curve:
             return s
         within_turn = np.mod(s, self.length)
         if not self._smooth:
-            return np.asarray(self.pieces[0, U0] + within_turn)
+            return np.asarray(self.u_range[0] + within_turn)
         return arc_length.parameters_at(self._rows[0], self._panels, np.ravel(within_turn)).reshape(s.shape)
 
     @cached_property
@@ -153,8 +151,9 @@ class Curve:
         """The joints that turn by more than 1e-9 rad, in order of u."""
         if not self.closed or self._smooth:
             return ()
-        points, after = _evaluate_ends(self.pieces, U0)
-        before = np.roll(_evaluate_ends(self.pieces, U1)[1], 1, axis=0)
+        pieces = as_records(self.pieces, PIECE)
+        points, after = _evaluate_along(self.pieces, np.zeros(pieces.size))
+        before = np.roll(_evaluate_along(self.pieces, pieces.u1 - pieces.u0)[1], 1, axis=0)
         # the angle from the tangent of the piece before to that of the one after
         turns = [
             math.atan2(ax * by - ay * bx, ax * bx + ay * by)
@@ -163,10 +162,10 @@ class Curve:
         return tuple(
             # (ty, -tx) of the tangents before and after; these are unit vectors on lines and arcs
             Corner(
-                u, u - float(self.pieces[0, U0]), points[k], before[k], after[k],
+                u, u - self.u_range[0], points[k], before[k], after[k],
                 before[k, ::-1] * (1.0, -1.0), after[k, ::-1] * (1.0, -1.0), turn,
             )
-            for k, (u, turn) in enumerate(zip(self.pieces[:, U0].tolist(), turns, strict=True))
+            for k, (u, turn) in enumerate(zip(pieces.u0.tolist(), turns, strict=True))
             if abs(turn) > curve_kernels.SMOOTH_TURN
         )  # fmt: skip
 
@@ -236,10 +235,10 @@ class Curve:
     def bounds(self) -> tuple[float, ...]:
         """(xmin, ymin, xmax, ymax), m; for an unbounded line a window of 0.2 m around its point."""
         if not self.closed:
-            x, y = self.pieces[0, A], self.pieces[0, B]
+            ((x, y),) = self._starts
             return float(x - HALF_WINDOW), float(y - HALF_WINDOW), float(x + HALF_WINDOW), float(y + HALF_WINDOW)
         # the corners of straight edges, or where x' or y' is zero on each piece
-        points = self._rows[:, A : B + 1] if self.straight else np.vstack([*map(self._extremes, self._rows)])
+        points = self._starts if self.straight else np.vstack([*map(self._extremes, self._rows)])
         return (*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
     def moved(self, motion: Motion) -> Curve | None:
@@ -251,7 +250,7 @@ class Curve:
         rows = self.pieces[:: -1 if motion.mirrors else 1]
         # corners are moved, not pieces: neighbours still meet to the last bit
         if self.straight:
-            corners = motion(self.pieces[:, A : B + 1])
+            corners = motion(self._starts)
             return Curve(
                 self.name,
                 line_pieces(np.roll(corners[::-1], 1, axis=0) if motion.mirrors else corners),
@@ -261,8 +260,11 @@ class Curve:
             if not motion.keeps_axes:
                 return None
             row = np.array(rows)
-            # two semi-axes of an ellipse, one scale of a Cassinian
-            row[0, [A, B] if row[0, KIND] == ELLIPSE else [A]] *= motion.scale
+            if as_record(row, PIECE).kind == ELLIPSE:
+                ellipse = as_record(row, ELLIPSE_PIECE)
+                ellipse.a, ellipse.b = ellipse.a * motion.scale, ellipse.b * motion.scale
+            else:
+                as_record(row, CASSINIAN_PIECE).scale *= motion.scale
             return Curve(self.name, row, self.closed)
         return Curve(self.name, concatenate_segments([_moved_piece(row, motion) for row in rows]), self.closed)
 
@@ -270,9 +272,10 @@ class Curve:
         """Return the same curve, begun half way round its pieces; None for a curve of one piece."""
         if len(self.pieces) < 2:
             return None
-        rows = np.roll(self.pieces, len(self.pieces) // 2, axis=0)
+        half = len(self.pieces) // 2
         if self.straight:
-            return Curve(self.name, line_pieces(rows[:, A : B + 1]), self.closed)
+            return Curve(self.name, line_pieces(np.roll(self._starts, half, axis=0)), self.closed)
+        rows = np.roll(self.pieces, half, axis=0)
         return Curve(self.name, concatenate_segments([_piece_from_zero(row) for row in rows]), self.closed)
 
     def outline(self, n: int) -> Array:
@@ -290,12 +293,12 @@ class Curve:
     @cached_property
     def straight(self) -> bool:
         """Whether it is made of straight edges alone."""
-        return bool(np.all(self.pieces[:, KIND] == LINE))
+        return bool(np.all(as_records(self.pieces, PIECE).kind == LINE))
 
     @cached_property
     def tree(self) -> Array:
         """The search tree over straight edges, as `polygon_kernels` lays it out: an imported outline has thousands."""
-        return polygon_kernels.build_tree(for_kernels(self.pieces[:, A : B + 1])) if self.straight else np.empty((0, 6))
+        return polygon_kernels.build_tree(self._starts) if self.straight else np.empty((0, 6))
 
     @cached_property
     def samples(self) -> Array:
@@ -310,10 +313,16 @@ class Curve:
         return for_kernels(self.pieces)
 
     @cached_property
+    def _starts(self) -> Array:
+        """Where straight pieces start, (n, 2), m: the vertices of a curve of straight edges."""
+        lines = as_records(self.pieces, LINE_PIECE)
+        return np.column_stack([lines.x, lines.y])
+
+    @cached_property
     def _lookup(self) -> tuple[Callable[..., Array], Sequence[Array]]:
         """The kernel that locates points by a curve of this kind, and what it looks them up in."""
         if self.straight:
-            return curve_kernels.locate_on_edges, (self._rows, for_kernels(self.pieces[:, A : B + 1]), self.tree)
+            return curve_kernels.locate_on_edges, (self._rows, self._starts, self.tree)
         if self._smooth:
             return curve_kernels.locate_on_smooth, (self._rows, self.samples)
         return curve_kernels.locate_on_pieces, (self._rows,)
@@ -321,9 +330,7 @@ class Curve:
     @cached_property
     def compiled_closest(self) -> Closest:
         """The closest point as compiled code, for what is composed into a step: see `closest_of`."""
-        return curve_kernels.closest_of_curve(
-            self._rows, self.samples, for_kernels(self.pieces[:, A : B + 1]), self.tree
-        )
+        return curve_kernels.closest_of_curve(self._rows, self.samples, self._starts, self.tree)
 
     @cached_property
     def _normals(self) -> NormalCone:
@@ -332,14 +339,15 @@ class Curve:
     @property
     def _smooth(self) -> bool:
         """Whether the curve is one smooth closed piece, with a parameter of its own."""
-        return bool(self.pieces[0, KIND] in (CASSINIAN, ELLIPSE))
+        return bool(as_record(self.pieces, PIECE).kind in (CASSINIAN, ELLIPSE))
 
     @cached_property
     def _panels(self) -> Array:
         """(u, s) between which the Gauss-Legendre rule gives arc length to rounding."""
         piece = self._rows[0]
         # eight to start with for each lobe, sixteen for an ellipse: `cut_into_panels` divides further
-        count = 8 * int(piece[B]) if piece[KIND] == CASSINIAN else 16
+        is_cassinian = as_record(piece, PIECE).kind == CASSINIAN
+        count = 8 * int(as_record(piece, CASSINIAN_PIECE).lobes) if is_cassinian else 16
         return arc_length.cut_into_panels(piece, count)
 
     def _evaluate(self, u: ArrayLike) -> Array:
@@ -364,16 +372,19 @@ class Curve:
 
     def _extremes(self, piece: Array) -> Array:
         """Points among which a piece's largest and smallest x and y are."""
+        kind, first, last = as_record(piece, PIECE)
         # two opposite corners of the box
-        if piece[KIND] == ELLIPSE:
-            return np.array([[piece[A], piece[B]], [-piece[A], -piece[B]]])
-        if piece[KIND] == CASSINIAN:
+        if kind == ELLIPSE:
+            ellipse = as_record(piece, ELLIPSE_PIECE)
+            return np.array([[ellipse.a, ellipse.b], [-ellipse.a, -ellipse.b]])
+        if kind == CASSINIAN:
             return self._turning_points()
-        us = [piece[U0], piece[U1]]
-        if piece[KIND] == ARC:
+        us = [first, last]
+        if kind == ARC:
+            arc = as_record(piece, ARC_PIECE)
             # where x' or y' of an arc is zero: the multiples of 90 degrees that it sweeps
-            swept = piece[E] * (np.arange(4) * (math.pi / 2.0) - piece[D]) % (2.0 * math.pi)
-            us += [piece[U0] + a * piece[C] for a in swept if a * piece[C] <= piece[U1] - piece[U0]]
+            swept = arc.sense * (np.arange(4) * (math.pi / 2.0) - arc.angle) % (2.0 * math.pi)
+            us += [first + a * arc.radius for a in swept if a * arc.radius <= last - first]
         return evaluate_many(piece[np.newaxis], np.array(us))[:, :2]
 
     def _turning_points(self) -> Array:
@@ -393,53 +404,58 @@ class Curve:
 
 def _evaluate_lines(pieces: Array, us: Array) -> Array:
     """Return what `evaluate_many` gives of LINE pieces (k, 9), m, at `us` (n,), m, without compiled code: (n, 6)."""
-    rows = pieces[np.maximum(np.searchsorted(pieces[:, U0], us, "right") - 1, 0)]
-    along = us - rows[:, U0]
+    lines = as_records(pieces, LINE_PIECE)
+    lines = lines[np.maximum(np.searchsorted(lines.u0, us, "right") - 1, 0)]
+    along = us - lines.u0
     values = np.zeros((us.size, 6))
-    values[:, 0], values[:, 1] = rows[:, A] + along * rows[:, C], rows[:, B] + along * rows[:, D]
-    values[:, 2:4] = rows[:, C : D + 1]
+    values[:, 0], values[:, 1] = lines.x + along * lines.dx, lines.y + along * lines.dy
+    values[:, 2], values[:, 3] = lines.dx, lines.dy
     return values
 
 
-def _evaluate_ends(pieces: Array, end: int) -> tuple[Array, Array]:
-    """Return points (n, 2), m, and unit tangents (n, 2) where LINE and ARC pieces (n, 9) start (U0) or end (U1)."""
-    along = pieces[:, end] - pieces[:, U0]
-    points = pieces[:, A : B + 1] + along[:, np.newaxis] * pieces[:, C : D + 1]
-    tangents = np.array(pieces[:, C : D + 1])
-    for k in np.flatnonzero(pieces[:, KIND] == ARC):
-        radius, sense = pieces[k, C], pieces[k, E]
-        angle = pieces[k, D] + sense * along[k] / radius
+def _evaluate_along(pieces: Array, along: Array) -> tuple[Array, Array]:
+    """Return points (n, 2), m, and unit tangents (n, 2) on LINE and ARC pieces (n, 9), `along` (n,), m, from starts."""
+    lines = as_records(pieces, LINE_PIECE)
+    points = np.column_stack([lines.x + along * lines.dx, lines.y + along * lines.dy])
+    tangents = np.column_stack([lines.dx, lines.dy])
+    for k in np.flatnonzero(lines.kind == ARC):
+        arc = as_record(pieces[k], ARC_PIECE)
+        angle = arc.angle + arc.sense * along[k] / arc.radius
         cos, sin = math.cos(angle), math.sin(angle)
-        points[k] = pieces[k, A] + radius * cos, pieces[k, B] + radius * sin
-        tangents[k] = -sense * sin, sense * cos
+        points[k] = arc.x + arc.radius * cos, arc.y + arc.radius * sin
+        tangents[k] = -arc.sense * sin, arc.sense * cos
     return points, tangents
 
 
 def _piece_from_zero(row: Array) -> Array:
     """Return a piece of lines or arcs with u from 0."""
     piece = np.array(row)
-    if row[KIND] != UNBOUNDED:
-        piece[[U0, U1]] = 0.0, row[U1] - row[U0]
+    limits = as_record(piece, PIECE)
+    if limits.kind != UNBOUNDED:
+        limits.u0, limits.u1 = 0.0, limits.u1 - limits.u0
     return piece
 
 
 def _moved_piece(row: Array, motion: Motion) -> Array:
     """Return a LINE, ARC or UNBOUNDED piece moved, with u from 0; in a mirror it runs from where it ended."""
     piece = _piece_from_zero(row)
-    mirrored = motion.mirrors
-    if row[KIND] == ARC:
-        turn = math.atan2(motion.matrix[1, 0], motion.matrix[0, 0])
-        piece[[A, B]] = motion(row[[A, B]])
-        piece[C] *= motion.scale
+    limits, mirrored = as_record(piece, PIECE), motion.mirrors
+    if limits.kind == ARC:
+        arc, turn = as_record(piece, ARC_PIECE), math.atan2(motion.matrix[1, 0], motion.matrix[0, 0])
         # the angle of the start: turned; in a mirror that of the mirrored end
-        piece[D] = turn - (row[D] + row[E] * piece[U1] / row[C]) if mirrored else turn + row[D]
+        arc.angle = turn - (arc.angle + arc.sense * arc.u1 / arc.radius) if mirrored else turn + arc.angle
+        arc.x, arc.y = motion(np.array([arc.x, arc.y]))
+        arc.radius *= motion.scale
     else:
+        line = as_record(piece, LINE_PIECE)
+        start, tangent = np.array([line.x, line.y]), np.array([line.dx, line.dy])
         # in a mirror the piece is run from where it ended
-        start = row[[A, B]] + piece[U1] * row[[C, D]] if mirrored and row[KIND] == LINE else row[[A, B]]
-        piece[[A, B]] = motion(start)
-        piece[[C, D]] = (-1.0 if mirrored else 1.0) * (motion.matrix @ row[[C, D]])
-    if row[KIND] != UNBOUNDED:
-        piece[U1] *= motion.scale
+        if mirrored and line.kind == LINE:
+            start = start + line.u1 * tangent
+        line.x, line.y = motion(start)
+        line.dx, line.dy = (-1.0 if mirrored else 1.0) * (motion.matrix @ tangent)
+    if limits.kind != UNBOUNDED:
+        limits.u1 *= motion.scale
     return piece
 
 
@@ -475,7 +491,7 @@ class NormalCone:
         if not curve.closed:
             return
         low, high = curve.u_range
-        tiny, joints = JOINT_OFFSET * (high - low), curve.pieces[:, U0]
+        tiny, joints = JOINT_OFFSET * (high - low), as_records(curve.pieces, PIECE).u0
         # samples just before and at each joint: both normals of a corner
         inner = np.concatenate([np.linspace(low, high, NORMAL_SAMPLES), joints, joints - tiny])
         u = np.unique(np.clip(inner, low, high - tiny))

@@ -1,9 +1,7 @@
 """Compiled loops over one plane curve: nearest point, side and arc length.
 
 Pieces are as in `kernels`. A smooth closed piece (CASSINIAN, ELLIPSE) brings a table `samples` (m, 8) that is
-fine enough for every local minimum of the distance to show between two rows:
-
-    u, s, x, y, x', y', x'', y''
+fine enough for every local minimum of the distance to show between two rows, each a `SAMPLE`.
 
 Curves of LINE, ARC and UNBOUNDED pieces are answered in closed form and bring an empty table.
 """
@@ -15,19 +13,14 @@ import math
 import numpy as np
 
 from hapticeval.bracket import step_within
-from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled, law_data
+from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, as_record, compiled, law_data, record_type
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.kernels import (
     ARC,
-    KIND,
-    U0,
-    U1,
+    ARC_PIECE,
+    LINE_PIECE,
+    PIECE,
     UNBOUNDED,
-    A,
-    B,
-    C,
-    D,
-    E,
     Values,
     check_finite,
     evaluate,
@@ -42,6 +35,9 @@ SMOOTH_TURN = 1e-9
 
 TIE_ROUNDING = 1e-15
 """Share of the coordinates, and of an arc's radius, by which rounding may change which of two feet is nearer."""
+
+SAMPLE = record_type("u", "s", "x", "y", "dx", "dy", "ddx", "ddy")
+"""A row of the table: parameter, arc length (m), position (m), and its first two derivatives by u."""
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 
@@ -134,7 +130,8 @@ def _slope_extremum(piece: Array, low: float, high: float, x: float, y: float) -
 @compiled
 def _row_distance_squared(samples: Array, i: int, x: float, y: float) -> float:
     """Return the squared distance (m^2) of (x, y) from row i of the table."""
-    dx, dy = samples[i, 2] - x, samples[i, 3] - y
+    sample = as_record(samples, SAMPLE, i)
+    dx, dy = sample.x - x, sample.y - y
     return float(dx * dx + dy * dy)
 
 
@@ -164,17 +161,20 @@ def _cubic_root(first: float, last: float, first_rate: float, last_rate: float) 
 
 
 @compiled
-def _interval_minimum(piece: Array, a: Array, b: Array, x: float, y: float) -> tuple[float, float]:
-    """Return the minimum of the distance between two rows of the table, as (u, squared distance); inf without one.
+def _interval_minimum(piece: Array, samples: Array, i: int, x: float, y: float) -> tuple[float, float]:
+    """Return the minimum of the distance between rows i and i + 1 of the table, as (u, squared distance).
+
+    The latter is infinite without one.
 
     It shows as a change of sign of the slope, or as a pair of roots around an extremum of the slope.
     """
-    ax, ay, bx, by = a[2] - x, a[3] - y, b[2] - x, b[3] - y
+    a, b = as_record(samples, SAMPLE, i), as_record(samples, SAMPLE, i + 1)
+    ax, ay, bx, by = a.x - x, a.y - y, b.x - x, b.y - y
     # half the squared distance's slopes and second derivatives at both rows, from the table
-    slope_a, slope_b = ax * a[4] + ay * a[5], bx * b[4] + by * b[5]
-    second_a = a[4] ** 2 + a[5] ** 2 + ax * a[6] + ay * a[7]
-    second_b = b[4] ** 2 + b[5] ** 2 + bx * b[6] + by * b[7]
-    low, high = a[0], b[0]
+    slope_a, slope_b = ax * a.dx + ay * a.dy, bx * b.dx + by * b.dy
+    second_a = a.dx**2 + a.dy**2 + ax * a.ddx + ay * a.ddy
+    second_b = b.dx**2 + b.dy**2 + bx * b.ddx + by * b.ddy
+    low, high = a.u, b.u
     # the slope changes its sign: one minimum, looked for from the root of its cubic
     if slope_a <= 0.0 < slope_b:
         guess = _cubic_root(slope_a, slope_b, second_a * (high - low), second_b * (high - low))
@@ -208,22 +208,24 @@ def nearest_on_smooth(piece: Array, samples: Array, x: float, y: float) -> float
         candidate_squared = _row_distance_squared(samples, i, x, y)
         if candidate_squared < best:
             best, nearest = candidate_squared, i
-    best, best_u = math.sqrt(best), float(samples[nearest, 0])
+    best, best_u = math.sqrt(best), float(as_record(samples, SAMPLE, nearest).u)
     block_end_squared = _row_distance_squared(samples, 0, x, y)
     for start in range(0, count, BLOCK_ROWS):
         end = min(start + BLOCK_ROWS, count)
         block_start_squared, block_end_squared = block_end_squared, _row_distance_squared(samples, end, x, y)
-        if _out_of_reach(block_start_squared, block_end_squared, samples[end, 1] - samples[start, 1], best):
+        arc = as_record(samples, SAMPLE, end).s - as_record(samples, SAMPLE, start).s
+        if _out_of_reach(block_start_squared, block_end_squared, arc, best):
             continue
         distance_squared = block_start_squared
         for i in range(start, end):
             previous_squared, distance_squared = distance_squared, _row_distance_squared(samples, i + 1, x, y)
+            sample, next_sample = as_record(samples, SAMPLE, i), as_record(samples, SAMPLE, i + 1)
             # the row itself may be the nearest point
             if distance_squared < best * best:
-                best, best_u = math.sqrt(distance_squared), samples[i + 1, 0]
-            if _out_of_reach(previous_squared, distance_squared, samples[i + 1, 1] - samples[i, 1], best):
+                best, best_u = math.sqrt(distance_squared), next_sample.u
+            if _out_of_reach(previous_squared, distance_squared, next_sample.s - sample.s, best):
                 continue
-            u, candidate_squared = _interval_minimum(piece, samples[i], samples[i + 1], x, y)
+            u, candidate_squared = _interval_minimum(piece, samples, i, x, y)
             if candidate_squared < best * best:
                 best, best_u = math.sqrt(candidate_squared), u
     return best_u
@@ -232,30 +234,36 @@ def nearest_on_smooth(piece: Array, samples: Array, x: float, y: float) -> float
 @compiled
 def _nearest_on_piece(piece: Array, x: float, y: float) -> tuple[float, float]:
     """Return the nearest point of one LINE, ARC or UNBOUNDED piece in closed form: (u, distance (m))."""
-    if piece[0] == ARC:
-        angle = math.atan2(y - piece[B], x - piece[A])
+    limits = as_record(piece, PIECE)
+    kind, first, last = limits.kind, limits.u0, limits.u1
+    if kind == ARC:
+        arc = as_record(piece, ARC_PIECE)
+        cx, cy, radius = arc.x, arc.y, arc.radius
+        angle = math.atan2(y - cy, x - cx)
         # how far round from the start, in the arc's own sense, the point lies
-        swept = (piece[E] * (angle - piece[D])) % (2.0 * math.pi)
-        u = piece[U0] + swept * piece[C]
-        if u <= piece[U1]:
-            return u, abs(math.hypot(x - piece[A], y - piece[B]) - piece[C])
-        ax, ay, _, _, _, _ = evaluate(piece, piece[U0])
-        bx, by, _, _, _, _ = evaluate(piece, piece[U1])
+        swept = (arc.sense * (angle - arc.angle)) % (2.0 * math.pi)
+        u = first + swept * radius
+        if u <= last:
+            return u, abs(math.hypot(x - cx, y - cy) - radius)
+        ax, ay, _, _, _, _ = evaluate(piece, first)
+        bx, by, _, _, _, _ = evaluate(piece, last)
         # beside the arc: the nearer of its ends
         start, end = math.hypot(ax - x, ay - y), math.hypot(bx - x, by - y)
         if start <= end:
-            return piece[U0], start
-        return piece[U1], end
+            return first, start
+        return last, end
     # a line: the foot, or the end that it lies beyond
-    along = (x - piece[A]) * piece[C] + (y - piece[B]) * piece[D]
-    if piece[0] == UNBOUNDED:
-        return along, abs((y - piece[B]) * piece[C] - (x - piece[A]) * piece[D])
+    line = as_record(piece, LINE_PIECE)
+    ex, ey, dx, dy = x - line.x, y - line.y, line.dx, line.dy
+    along = ex * dx + ey * dy
+    if kind == UNBOUNDED:
+        return along, abs(ey * dx - ex * dy)
     if along <= 0.0:
-        return piece[U0], math.hypot(x - piece[A], y - piece[B])
-    length = piece[U1] - piece[U0]
+        return first, math.hypot(ex, ey)
+    length = last - first
     if along >= length:
-        return piece[U1], math.hypot(x - piece[A] - length * piece[C], y - piece[B] - length * piece[D])
-    return piece[U0] + along, abs((y - piece[B]) * piece[C] - (x - piece[A]) * piece[D])
+        return last, math.hypot(ex - length * dx, ey - length * dy)
+    return first + along, abs(ey * dx - ex * dy)
 
 
 @compiled
@@ -265,9 +273,9 @@ def joint_turn(pieces: Array, k: int) -> float:
     A positive one is convex.
     """
     # the first piece follows the last
-    before = pieces[k - 1] if k > 0 else pieces[pieces.shape[0] - 1]
-    _, _, ax, ay, _, _ = evaluate(before, before[U1])
-    _, _, bx, by, _, _ = evaluate(pieces[k], pieces[k, U0])
+    before = k - 1 if k > 0 else pieces.shape[0] - 1
+    _, _, ax, ay, _, _ = evaluate(pieces[before], as_record(pieces, PIECE, before).u1)
+    _, _, bx, by, _, _ = evaluate(pieces[k], as_record(pieces, PIECE, k).u0)
     # the angle between both tangents, which need not be of unit length
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
 
@@ -305,10 +313,12 @@ def _nearest_on_pieces_with_values(pieces: Array, x: float, y: float) -> tuple[i
     u, distance, k, best_is_within = 0.0, np.inf, 0, False
     for i in range(count):
         piece_u, piece_distance = _nearest_on_piece(pieces[i], x, y)
+        piece = as_record(pieces, PIECE, i)
         # Beside a joint the foot is nearer than the joint by less than rounding: it is the one within its piece.
-        is_within, size = pieces[i, U0] < piece_u < pieces[i, U1], abs(x) + abs(y) + piece_distance
-        if pieces[i, 0] == ARC:
-            size += abs(pieces[i, A]) + abs(pieces[i, B]) + pieces[i, C]
+        is_within, size = piece.u0 < piece_u < piece.u1, abs(x) + abs(y) + piece_distance
+        if piece.kind == ARC:
+            arc = as_record(pieces, ARC_PIECE, i)
+            size += abs(arc.x) + abs(arc.y) + arc.radius
         # a foot within its piece wins a tie against one at a joint
         tie = TIE_ROUNDING * size
         if piece_distance < distance + (
@@ -317,10 +327,11 @@ def _nearest_on_pieces_with_values(pieces: Array, x: float, y: float) -> tuple[i
             u, distance, k, best_is_within = piece_u, piece_distance, i, is_within
     turn = 0.0
     # a foot on a joint belongs to the later piece
-    if pieces[0, 0] != UNBOUNDED and (u == pieces[k, U0] or u == pieces[k, U1]):
-        if u == pieces[k, U1]:
+    nearest = as_record(pieces, PIECE, k)
+    if nearest.kind != UNBOUNDED and (u == nearest.u0 or u == nearest.u1):
+        if u == nearest.u1:
             k = (k + 1) % count
-            u = pieces[k, U0]
+            u = as_record(pieces, PIECE, k).u0
         turn = joint_turn(pieces, k)
     values = evaluate(pieces[k], u)
     side = -1.0 if (x - values[0]) * values[3] - (y - values[1]) * values[2] < 0.0 else 1.0
@@ -349,7 +360,8 @@ def locate_on_outline(pieces: Array, vertices: Array, tree: Array, x: float, y: 
     distance = math.sqrt(distance_squared)
     side = -1.0 if distance > 0.0 and side_kernel(vertices, edge, along, x, y) < 0.0 else 1.0
     # `along` is a share of the edge, u its arc length
-    return pieces[edge, U0] + along * (pieces[edge, U1] - pieces[edge, U0]), distance, side
+    piece = as_record(pieces, PIECE, edge)
+    return piece.u0 + along * (piece.u1 - piece.u0), distance, side
 
 
 @compiled
@@ -395,8 +407,9 @@ def closest_on_edges(pieces: Array, located: Array) -> ClosestPoint:
     closest = _room_for_closest(located.shape[0])
     for i in range(located.shape[0]):
         u = _wrapped(pieces, located[i, 0])
-        piece = pieces[piece_index(pieces, u)]
-        _write_closest(evaluate_line(piece, u - piece[U0]), located, i, closest)
+        k = piece_index(pieces, u)
+        along = u - as_record(pieces, PIECE, k).u0
+        _write_closest(evaluate_line(pieces[k], along), located, i, closest)
     return closest
 
 
@@ -419,8 +432,9 @@ def _room_for_closest(n: int) -> ClosestPoint:
 @compiled
 def _wrapped(pieces: Array, u: float) -> float:
     """Return u on `pieces` (k, 9); on a closed curve it wraps, and rounding may wrap it onto the end: the start."""
-    start, end = pieces[0, U0], pieces[pieces.shape[0] - 1, U1]
-    if pieces[0, KIND] == UNBOUNDED or start <= u < end:
+    first = as_record(pieces, PIECE)
+    start, end = first.u0, as_record(pieces, PIECE, pieces.shape[0] - 1).u1
+    if first.kind == UNBOUNDED or start <= u < end:
         return u
     u = start + (u - start) % (end - start)
     return u if u < end else start
@@ -468,10 +482,10 @@ def closest_on_outline(data: LawData, point: Array, frame: Array) -> float:
 @compiled
 def _write_frame(data: LawData, u: float, frame: Array) -> None:
     """Write the rows of `frame` (k, 2), see `CLOSEST`, at the parameter u of a curve."""
-    pieces = data.segments
+    pieces, first = data.segments, as_record(data.segments, PIECE)
     # the end of a closed curve is its start
-    if pieces[0, KIND] != UNBOUNDED and not u < pieces[pieces.shape[0] - 1, U1]:
-        u = pieces[0, U0]
+    if first.kind != UNBOUNDED and not u < as_record(pieces, PIECE, pieces.shape[0] - 1).u1:
+        u = first.u0
     k = piece_index(pieces, u)
     x, y, dx, dy, ddx, ddy = evaluate(pieces[k], u)
     speed = math.hypot(dx, dy)
@@ -485,8 +499,9 @@ def _write_frame(data: LawData, u: float, frame: Array) -> None:
         frame[SHAPE + 1, 0], frame[SHAPE + 1, 1] = curvature * ty * tx, curvature * ty * ty
     if frame.shape[0] > SHAPE + 2:
         # arc length: u itself on lines and arcs, else from the row of the table before u
-        along = u if pieces[0, KIND] == UNBOUNDED else u - pieces[0, U0]
+        along = u if first.kind == UNBOUNDED else u - first.u0
         if data.lookup.shape[0] > 0:
             i = max(int(np.searchsorted(data.lookup[:, 0], u, side="right")) - 1, 0)
-            along = data.lookup[i, 1] + speed_integral(pieces[0], data.lookup[i, 0], u)
+            sample = as_record(data.lookup, SAMPLE, i)
+            along = sample.s + speed_integral(pieces[0], sample.u, u)
         frame[SHAPE + 2, 0], frame[SHAPE + 2, 1] = along, 0.0

@@ -32,8 +32,6 @@ ARC_PIECE = record_type("x", "y", "radius", "angle", "sense", base=PIECE)
 CASSINIAN_PIECE = record_type("scale", "lobes", "ratio", "above", base=PIECE)
 ELLIPSE_PIECE = record_type("a", "b", base=PIECE)
 """What a row of pieces begins with, of any kind and of each, see the table above."""
-KIND, U0, U1, A, B, C, D, E = range(8)
-"""Columns of a piece, in the order of its records."""
 PIECE_COLUMNS = 9
 
 Values: TypeAlias = tuple[float, float, float, float, float, float]

@@ -7,12 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
+from hapticeval.compiled import as_record
 from hapticeval.errors import InputError
 from hapticeval.geometry import catalogue
 from hapticeval.geometry.boundary import Boundary, ClosestPoint, SurfaceInSpace
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipsoid, from_vertices, line, sphere, star
 from hapticeval.geometry.catalogue import torus as torus_model
-from hapticeval.geometry.kernels import U0
+from hapticeval.geometry.kernels import PIECE
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.validate import checked_size, not_finite_error, points_for_kernels
 from hapticeval.renderer import Response
@@ -182,7 +183,7 @@ class TestConesOfCurves:
     def test_the_normal_of_the_point_itself_is_allowed_at_a_joint_of_arcs_too(self, neck, k, off, reach):
         """There the turning changes its sense, so that the normal has an extreme between any two samples."""
         curve = DUMBBELLS[neck]
-        u = curve.parameter(curve.arc_length(curve.pieces[k, U0]) + off)
+        u = curve.parameter(curve.arc_length(as_record(curve.pieces, PIECE, k).u0) + off)
         assert curve.normal_cone(curve.position([u]), np.array([reach]))(curve.normal([u]))[0] <= 1e-9
 
     @given(k=st.integers(0, 9), share=st.floats(-0.5, 1.5), reach=st.sampled_from([0.0, 1e-5]))

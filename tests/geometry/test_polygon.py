@@ -8,10 +8,10 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from hapticeval.compiled import for_kernels
+from hapticeval.compiled import as_records, for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
-from hapticeval.geometry.kernels import U0
+from hapticeval.geometry.kernels import PIECE
 from hapticeval.geometry.polygon_kernels import first_crossing_kernel
 from hapticeval.geometry.representations import Polygon
 
@@ -68,7 +68,7 @@ def test_distances_and_sides_equal_brute_force_and_shapely(polygon):
     assert np.array_equal(polygon.contains(points)[clear], shapely.contains_xy(filled, points)[clear])
     far = polygon.vertices[0] + np.array([[1e9, 3e8], [-1e9, 0.0]])
     assert np.abs(polygon.signed_distance(far)) == pytest.approx(brute(polygon, far), rel=1e-14)
-    assert np.array_equal(polygon.nearest(polygon.vertices), polygon.pieces[:, U0])
+    assert np.array_equal(polygon.nearest(polygon.vertices), as_records(polygon.pieces, PIECE).u0)
 
 
 @every

@@ -17,11 +17,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from hapticeval.compiled import as_record
 from hapticeval.discovery import resolve
 from hapticeval.geometry import kernels as pieces
 from hapticeval.geometry.catalogue import cassinian, dumbbell, ellipse, ellipsoid, from_vertices, sphere, star, torus
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.kernels import ARC, KIND, U0, U1, A, B, C, D, E
+from hapticeval.geometry.kernels import ARC, ARC_PIECE, LINE_PIECE
 from hapticeval.geometry.model import Model
 from hapticeval.renderer import configured
 from hapticeval.scene import Scene
@@ -87,14 +88,16 @@ def rounded(model, motion):
     c, s = motion.matrix[:, 0]
     way, rows = (-1.0 if motion.mirrors else 1.0), []
     for row in model.curve.pieces:
-        length = row[U1] - row[U0]
-        centre = motion(row[[A, B]])
-        if row[KIND] == ARC:
-            start = row[D] if way > 0.0 else row[D] + row[E] * length / row[C]
-            angle = math.atan2(s, c) + way * start
-            rows.append(pieces.arc_piece(centre, motion.scale * row[C], angle, row[E] * length / row[C]))
+        line = as_record(row, LINE_PIECE)
+        length = line.u1 - line.u0
+        centre = motion(np.array([line.x, line.y]))
+        if line.kind == ARC:
+            arc = as_record(row, ARC_PIECE)
+            sweep = arc.sense * length / arc.radius
+            angle = math.atan2(s, c) + way * (arc.angle if way > 0.0 else arc.angle + sweep)
+            rows.append(pieces.arc_piece(centre, motion.scale * arc.radius, angle, sweep))
         else:
-            end = motion(row[[A, B]] + length * row[[C, D]])
+            end = motion(np.array([line.x + length * line.dx, line.y + length * line.dy]))
             rows.append(pieces.line_piece(centre, end) if way > 0.0 else pieces.line_piece(end, centre))
     return Model("moved", {}, Curve("moved", pieces.concatenate_segments(rows if way > 0.0 else rows[::-1]), True))
 
