@@ -51,6 +51,8 @@ class Crossing:
     - `steps` (n - 1,), m: its ways from tick to tick, without what leads a tool that rests on an edge along it.
     - `tool` (n,): where the tool is on the first face. In the plane by the IHIP, or by the force where that is all
       there is; on a solid by the rigid tool that follows the hand, whatever the renderer's does.
+    - `others` (n,): where a face that is neither of the two is as near to that tool as a contact point is known, past a
+      concave edge of a solid: it may be touched between two samples.
     """
 
     place: Array
@@ -64,6 +66,7 @@ class Crossing:
     under: Array
     steps: Array
     tool: BoolArray
+    others: BoolArray
 
 
 def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[Crossing]:
@@ -79,7 +82,9 @@ def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[
     """
     boundary = scene.model.boundary
     if isinstance(boundary, Mesh):
-        return list((_cross_convex_edges if convex else _cross_concave_edges)(recording, boundary, rounding(scene)))
+        if convex:
+            return list(_cross_convex_edges(recording, boundary, rounding(scene)))
+        return list(_cross_concave_edges(recording, boundary, rounding(scene), position_tolerance(recording, scene)))
     return [
         crossing
         for corner in boundary.corners
@@ -146,7 +151,8 @@ def _cross_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterato
                     nearer = face_distance <= _distance_to_face(recording, scene, corner, -heading)
                     if not (tool & nearer)[first:crossed].any():
                         continue  # beside the corner, and all the time on the other face
-                yield Crossing(corner.position, pre, post, turn, first, crossed, end, along, under, steps, tool)
+                others = np.zeros_like(tool)
+                yield Crossing(corner.position, pre, post, turn, first, crossed, end, along, under, steps, tool, others)
 
 
 def _distance_to_face(recording: Recording, scene: Scene, corner: Corner, heading: float) -> Array:
@@ -217,10 +223,12 @@ def _cross_convex_edges(recording: Recording, mesh: Mesh, slack: float) -> Itera
         end = crossed + _count_leading(free[crossed:end])
         if end - crossed > LAG_TICKS:
             turn = float(angle_between(post[np.newaxis], pre)[0])
-            yield Crossing(place, pre, post, turn, first, crossed, end, along, under, steps, faces == face)
+            tool = faces == face
+            others = np.zeros_like(tool)  # which this is not asked for
+            yield Crossing(place, pre, post, turn, first, crossed, end, along, under, steps, tool, others)
 
 
-def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Crossing]:
+def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float, within: float) -> Iterator[Crossing]:
     """Yield where a rigid tool goes from one face to another that rises from it: by an edge, or a corner of three."""
     faces, triangles, tools = _follow_with_rigid_tool(recording, mesh, slack)
     hip_ways, tool_ways = np.diff(recording.hip, axis=0), np.diff(tools, axis=0)
@@ -244,7 +252,9 @@ def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float) -> Iter
             # The tool may slide along the edge, resting on it or from one face to the other: no part of a switch.
             edge = np.cross(pre, post) / np.linalg.norm(np.cross(pre, post))
             steps = np.linalg.norm(hip_ways - (tool_ways @ edge)[:, np.newaxis] * edge, axis=1)
-            yield Crossing(tools[crossed], pre, post, turn, first, crossed, end, along, under, steps, faces == face)
+            others = _find_others(mesh, tools, range(first, end), (pre, post), within)
+            place, tool = tools[crossed], faces == face
+            yield Crossing(place, pre, post, turn, first, crossed, end, along, under, steps, tool, others)
 
 
 def _follow_with_rigid_tool(recording: Recording, mesh: Mesh, slack: float) -> tuple[IntArray, IntArray, Array]:
@@ -270,6 +280,16 @@ def _follow_with_rigid_tool(recording: Recording, mesh: Mesh, slack: float) -> t
                 unclear |= _differ(faces, tools, other_faces, other_tools, slack)
         faces[unclear] = UNDECIDED
     return faces, triangles, tools
+
+
+def _find_others(mesh: Mesh, tools: Array, ticks: range, normals: tuple[Array, Array], within: float) -> BoolArray:
+    """Return where (n,) a face with another normal than these is `within` (m) of a tool (n, 3), m, at these ticks."""
+    others = np.zeros(len(tools), dtype=bool)
+    starts, around = normals_in_reach(*mesh.tables, tools[ticks], np.full(len(ticks), within))
+    differs = np.all([np.linalg.norm(around - normal, axis=1) > SAME_NORMAL for normal in normals], axis=0)
+    # each tick has the face that it is on
+    others[ticks] = np.logical_or.reduceat(differs, starts[:-1])
+    return others
 
 
 def _differ(faces: IntArray, tools: Array, other_faces: IntArray, other_tools: Array, slack: float) -> BoolArray:

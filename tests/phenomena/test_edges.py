@@ -146,6 +146,38 @@ def test_a_switch_at_one_point_passes():
     assert outcome("abrupt-switch", changed(silent, force=0.0 * silent.force, ihip=silent.hip), NOTCHED) is UNDECIDED
 
 
+SECTION = [[-0.02, 0.0], [-0.02, 0.03], [-0.05, 0.03], [-0.05, -0.05], [0.05, -0.05], [0.05, 0.03], [0.02, 0.03],
+           [0.02, 0.0]]  # fmt: skip
+TROUGH = Scene(model=make_model("extruded", model={"kind": "polygon", "vertices": SECTION}, length=0.1))
+
+
+def across_a_trough(leans, *, height=0.0):
+    """Along the floor of a trough, from beside the left wall, then up the right one: a tool that the hand is.
+
+    The mean force of a tick leans to the right where `leans` (n,), m along the floor, says so.
+    """
+    floor, wall = np.arange(-0.02, 0.02, STEP), np.arange(STEP, 0.01, STEP)
+    x = np.concatenate([floor, np.full(wall.size, 0.02)])
+    hip = np.column_stack([x, np.concatenate([np.zeros(floor.size), wall]), np.full(x.size, height)])
+    force = np.where((np.arange(x.size) < floor.size)[:, None], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0])
+    force[np.searchsorted(floor, leans)] = [0.5, 0.5, 0.0]
+    return recorded(hip, force=force)
+
+
+def test_a_third_face_that_is_touched_between_two_samples_begins_no_switch():
+    base = across_a_trough([-0.02 + 1.5 * STEP])
+    (crossing,) = find_crossings(base, TROUGH, convex=False)
+    np.testing.assert_array_equal(crossing.normal_pre, [0.0, 1.0, 0.0])
+    np.testing.assert_array_equal(crossing.normal_post, [-1.0, 0.0, 0.0])
+    assert outcome("abrupt-switch", base, TROUGH) is PASS
+    # Where the left wall is too far away to be touched, that force is the contact's own.
+    assert outcome("abrupt-switch", across_a_trough([-0.015]), TROUGH) is FAIL
+    # Beside a third face, the end of the trough, a switch that takes its time is one as well.
+    late, beside = np.arange(0.0185, 0.02 - STEP, STEP), 0.05 - 0.5 * STEP
+    assert outcome("abrupt-switch", across_a_trough(late[-1:], height=beside), TROUGH) is PASS
+    assert outcome("abrupt-switch", across_a_trough(late, height=beside), TROUGH) is FAIL
+
+
 @pytest.mark.parametrize("kind", ["cube", "l-block", "icosphere", "extruded"])
 def test_the_rigid_tool_that_shows_the_edges_is_where_the_constraint_projection_is(kind):
     scene = Scene(model=make_model(kind))
