@@ -15,7 +15,7 @@ from hapticeval.rigid_contact.force import (
     HOP_SHARE,
     LOAD,
     MOST_STEPS,
-    SKIN_ROUNDING,
+    POSITION_ROUNDING,
     SKIN_SHARE,
     Stretches,
 )
@@ -162,7 +162,8 @@ class IdealContact:
         size, farthest = self.scene.model.size, float(np.abs(self.scene.model.boundary.bounds).max())
         load.hop = HOP_SHARE * size
         # a line has no end: its coordinates are those of its size
-        load.skin = SKIN_SHARE * size + SKIN_ROUNDING * (farthest if math.isfinite(farthest) else size)
+        load.rounding = POSITION_ROUNDING * (farthest if math.isfinite(farthest) else size)
+        load.skin = SKIN_SHARE * size + load.rounding
         return gains
 
     def _as_recording(

@@ -21,10 +21,12 @@ from typing import Any, NamedTuple
 from hapticeval.compiled import compiled, inner, record_type
 from hapticeval.types import Array, IntArray
 
-LOAD = record_type("spring", "damper", "mass", "restitution", "bilateral", "hop", "skin", "began", g0=3, g1=3)
+LOAD = record_type(
+    "spring", "damper", "mass", "restitution", "bilateral", "hop", "skin", "rounding", "began", g0=3, g1=3
+)
 """The spring's k (N/m), the damper's d (N s/m), the tool's mass (kg), the coefficient of restitution, 1 if the boundary
-holds the tool from both sides, the longest hop that is contact and the depth that is inside (m), when the stretch began
-(s); then g0 (N) and g1 (N/s) by axis."""
+holds the tool from both sides; the longest hop that is contact, the depth that is inside and the rounding of positions
+(m); when the stretch began (s); then g0 (N) and g1 (N/s) by axis."""
 
 FLIGHT, SLIDE, REST = 0.0, 1.0, 2.0
 """What the tool does: it flies, slides on the boundary, or is at rest in a corner."""
@@ -59,12 +61,16 @@ SEAM_REACH = 1e-9
 """How far (m) a cell of a curve reaches beyond its ends that are not convex, and a triangle beyond its concave edges:
 no path slips through between two."""
 
-SKIN_SHARE, SKIN_ROUNDING = 5e-13, 1e-15
-"""Depth from which a tool in flight counts as inside: a share of the model's size, 0.1 pm of 200 mm, and a share of its
-farthest coordinate, above the rounding of positions.
+POSITION_ROUNDING = 1e-15
+"""Share of the model's farthest coordinate that is above the rounding of positions."""
+
+SKIN_SHARE = 5e-13
+"""Depth from which a tool in flight counts as inside: beside `POSITION_ROUNDING` a share of the model's size, 0.1 pm of
+200 mm.
 
 So a tool that has just left the surface, or bounced, does not collide with it again. The collision itself is located
-where the depth is zero.
+where the depth is zero. A slide that begins at an edge is put onto it, so that rounding alone tells it from there: up
+one face it may go less far than a skin, and back, while on the other it goes far.
 """
 
 FLIGHT_STEP = 2e-3

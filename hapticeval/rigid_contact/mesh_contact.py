@@ -65,7 +65,7 @@ from hapticeval.rigid_contact.mesh_terrain import (
     nearest_around,
     next_in_fan,
     prepare_mesh,
-    pull_into,
+    pulls_into,
 )
 from hapticeval.rigid_contact.space import (
     SPACE_TOOL,
@@ -128,17 +128,22 @@ def meet(terrain: MeshTerrain, tool: Tool, tau: float, kind: int) -> None:
 
 @compiled
 def _without_hops(terrain: MeshTerrain, k: int, feature: int, v: Triple, force: Triple, load: Any) -> Triple:
-    """Return a velocity (m/s) without the part whose hops a force (N) ends too soon for a `load` to be hops."""
+    """Return a velocity (m/s) without the part whose hops a force (N) ends too soon for a `load` to be hops.
+
+    Hops that are contact are m u^2 / (2 F) high, where the force pulls back least; where it does so most, they are
+    nothing to the rounding of positions.
+    """
+    weakest, strongest = pulls_into(terrain, k, feature, force)
+    energy = max(weakest * load.hop, strongest * load.rounding)
     if feature >= VERTEX:
-        pull = pull_into(terrain, k, feature, force)
-        return NOWHERE if pull > 0.0 and load.mass * dot(v, v) < 2.0 * pull * load.hop else v
+        return NOWHERE if weakest > 0.0 and load.mass * dot(v, v) < 2.0 * energy else v
     if terrain.turns[k, feature - EDGE] >= 0.0:
         return v
     e = edge_direction(terrain.faces, terrain.vertices, k, feature - EDGE)
-    # what is along the edge stays; a hop of what is square to it, m u^2 / (2 F) high, is left out
+    # what is along the edge stays; what is square to it is left out
     along = _scaled(dot(v, e), e)
-    aside, pull = _minus(v, along), pull_into(terrain, k, feature, force)
-    return along if pull > 0.0 and load.mass * dot(aside, aside) < 2.0 * pull * load.hop else v
+    aside = _minus(v, along)
+    return along if weakest > 0.0 and load.mass * dot(aside, aside) < 2.0 * energy else v
 
 
 @compiled
@@ -273,8 +278,8 @@ def advance_on_edge(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     )
     # past either end
     end = VERTEX + i
-    time = first_fall(e, a, path, 0.0, h, load)
-    other = first_fall(_scaled(-1.0, e), b, path, 0.0, min(time, h), load)
+    time = first_fall(e, a, path, 0.0, h, load.rounding, load)
+    other = first_fall(_scaled(-1.0, e), b, path, 0.0, min(time, h), load.rounding, load)
     if other < time:
         time, end = other, VERTEX + (i + 1) % 3
     ends = time <= h

@@ -94,11 +94,11 @@ def root_between(
 
 
 @compiled
-def first_fall(normal: Triple, anchor: Triple, path: ToolPath, begin: float, h: float, load: Any) -> float:
+def first_fall(normal: Triple, anchor: Triple, path: ToolPath, begin: float, h: float, skin: float, load: Any) -> float:
     """Return when the path first falls through a plane, from `begin` to h (s); infinite if it does not.
 
-    A path that begins within the skin was on this plane: it falls where it leaves the skin, as its first crossing of
-    the plane is rounding.
+    A path that begins within `skin` (m) of this plane was on it: it falls where it leaves that, as its first crossing
+    of the plane is rounding.
     """
     # The acceleration changes its sign once at the most within a step, and so the climb on either side of that.
     bend = h
@@ -119,11 +119,11 @@ def first_fall(normal: Triple, anchor: Triple, path: ToolPath, begin: float, h: 
         if high <= low:
             continue
         end_height = watch(HEIGHT, normal, anchor, path, high, load)
-        if height >= -load.skin and end_height < -load.skin:
-            # deeper than the skin: it is surely inside
-            time = root_between(HEIGHT, load.skin, normal, anchor, path, low, high, load)
+        if height >= -skin and end_height < -skin:
+            # deeper than that: it is surely inside
+            time = root_between(HEIGHT, skin, normal, anchor, path, low, high, load)
             # it came from outside: back to where the height is zero
-            if height > load.skin:
+            if height > skin:
                 time = root_between(HEIGHT, 0.0, normal, anchor, path, low, time, load)
             return time
         height = end_height
@@ -279,14 +279,14 @@ def first_face(
         anchor = (terrain.anchors[k, 0], terrain.anchors[k, 1], terrain.anchors[k, 2])
         if _stays_on_one_side(normal, anchor, path.p, out, back, end, load.skin):
             continue
-        time = first_fall(normal, anchor, path, 0.0, h, load)
+        time = first_fall(normal, anchor, path, 0.0, h, load.skin, load)
         while time < first:
             p, v = follow(path, time, load)
             if _lies_over(terrain, k, p) and not _grazes(terrain, k, p, v):
                 first, best, place = time, k, p
                 break
             # beside the triangle: it may rise and fall again
-            time = first_fall(normal, anchor, path, time + FALL_GAP * h, h, load)
+            time = first_fall(normal, anchor, path, time + FALL_GAP * h, h, load.skin, load)
     return first, best, place
 
 
@@ -335,9 +335,9 @@ def first_edge(
             inward = _cross(path.contact_normal, e)
             a = corner_of(terrain.faces, terrain.vertices, j, i)
             b = corner_of(terrain.faces, terrain.vertices, j, (i + 1) % 3)
-            if _stays_on_one_side(inward, a, path.p, out, back, end, load.skin):
+            if _stays_on_one_side(inward, a, path.p, out, back, end, load.rounding):
                 continue
-            time = first_fall(inward, a, path, 0.0, h, load)
+            time = first_fall(inward, a, path, 0.0, h, load.rounding, load)
             while time < first:
                 p, v = follow(path, time, load)
                 past_a, past_b = -dot(_minus(p, a), e), dot(_minus(p, b), e)
@@ -348,5 +348,5 @@ def first_edge(
                     if not (ends and _leads_into_face(terrain, j, i if past_a >= -PLACE_REACH else (i + 1) % 3, v)):
                         first, best, place = time, j, p
                         break
-                time = first_fall(inward, a, path, time + FALL_GAP * h, h, load)
+                time = first_fall(inward, a, path, time + FALL_GAP * h, h, load.rounding, load)
     return first, best, place

@@ -277,21 +277,23 @@ def most_opposed_normal(terrain: MeshTerrain, k: int, feature: int, v: Triple) -
 
 
 @compiled
-def pull_into(terrain: MeshTerrain, k: int, feature: int, force: Triple) -> float:
-    """Return the force (N) that at least pulls a tool back, whichever way along the boundary it leaves a place.
+def pulls_into(terrain: MeshTerrain, k: int, feature: int, force: Triple) -> tuple[float, float]:
+    """Return the weakest and the strongest force (N) that pulls a tool back which leaves a place along the boundary.
 
-    It is negative where a force (N) drives the tool along some edge or face away from an edge or corner.
+    The weakest is negative where a force (N) drives the tool along some edge or face away from an edge or corner.
     """
     faces, vertices = terrain.faces, terrain.vertices
     if feature < VERTEX:
         i = feature - EDGE
         e, j = edge_direction(faces, vertices, k, i), neighbour_of(faces, k, i)
         # square to the edge, up either face
-        return -max(dot(_cross(normal_of(faces, k), e), force), dot(_cross(e, normal_of(faces, j)), force))
-    weakest_pull, j, corner = math.inf, k, feature - VERTEX
+        pull, other = -dot(_cross(normal_of(faces, k), e), force), -dot(_cross(e, normal_of(faces, j)), force)
+        return min(pull, other), max(pull, other)
+    weakest, strongest, j, corner = math.inf, -math.inf, k, feature - VERTEX
     while True:
         # -e.F: what pulls back from moving out along that edge
-        weakest_pull = min(weakest_pull, -dot(edge_direction(faces, vertices, j, corner), force))
+        pull = -dot(edge_direction(faces, vertices, j, corner), force)
+        weakest, strongest = min(weakest, pull), max(strongest, pull)
         j, corner = next_in_fan(terrain, j, corner)
         if j == k:
-            return weakest_pull
+            return weakest, strongest

@@ -147,6 +147,27 @@ def test_in_a_groove_the_wall_that_is_run_against_most_takes_its_impulse_first(f
     np.testing.assert_allclose(recording.velocity[-1], [after, 0.0, 0.0], atol=1e-9)
 
 
+@pytest.mark.parametrize(("shift", "accuracy"), [(0.0, 1e-9), (0.05, 1e-2)])
+def test_hops_up_a_steep_side_of_less_than_a_skin_keep_the_speed_that_the_other_side_shows(shift, accuracy):
+    """Pushed all but square to one side of a groove: each pass takes cos(turn) of the speed, down to hops of 1 fm."""
+    turn, push, away = math.radians(30.0), 1e-5, 4e-9
+    section = np.array([[0.0, 0.0], [-0.1, 0.1 * math.tan(turn)], [-0.1, -0.05], [0.1, -0.05], [0.1, 0.0]])
+    groove = make_model("extruded", model={"kind": "polygon", "vertices": (section + shift).tolist()}, length=0.1)
+    experiment = Experiment(0.1, [shift + away, shift, 0.0], [0.0, 0.0, 0.0], [0.0], [[-push, -1.0, 0.0]])
+    recording = contact(groove, restitution=0.0).simulate(experiment, 1e-3)
+    assert set(kinds(recording)) == {"corner"}
+    sizes = np.linalg.norm([event["impulse"] for event in recording.meta["events"]], axis=1)
+    arrives = math.sqrt(2.0 * push / MASS * away)
+    expected = MASS * arrives * math.sin(turn) * math.cos(turn) ** np.arange(len(sizes))
+    # hops are m v^2 / (2 F) long
+    hops = 0.5 * MASS * (expected / (MASS * math.sin(turn))) ** 2 / (math.sin(turn) - push * math.cos(turn))
+    counted = hops > 1e-15
+    assert counted.sum() > 15
+    np.testing.assert_allclose(sizes[counted], expected[counted], rtol=accuracy)
+    # they come to their end
+    assert len(sizes) < 30
+
+
 def test_energy_stays_over_ten_thousand_elastic_events():
     force = TURN @ [-1.0, -0.8, -0.6]
     experiment = Experiment(215.0, TURN @ [0.004, 0.003, 0.005], [0.0, 0.0, 0.0], [0.0], [force])
