@@ -270,6 +270,11 @@ def test_the_quantum_of_an_encoder_is_found_and_other_signals_have_none(step):
     assert numeric_step(random.normal(size=500)) is None
 
 
+@pytest.mark.parametrize(("count", "found"), [(3, None), (4, 0.5)])
+def test_a_lattice_shows_in_four_different_numbers(count, found):
+    assert numeric_step(0.5 * np.arange(count)) == found
+
+
 @settings(max_examples=15)
 @given(lag=st.integers(-250, 250), seed=st.integers(0, 99))
 def test_a_column_that_is_another_one_shifted_is_found(lag, seed):

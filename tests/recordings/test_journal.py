@@ -167,6 +167,12 @@ def test_other_files_are_named_for_what_they_are(refused, tmp_path):
         recover(write(tmp_path, MAGIC + block_head(Kind.HEADER, 0, 0, payload) + payload))
 
 
+def test_a_channel_has_4096_columns_at_the_most():
+    assert Layout({"joint_position": 4096}).dtype.itemsize == 16 + 8 * 4096
+    with pytest.raises(InputError, match="4097"):
+        Layout({"joint_position": 4097})
+
+
 @pytest.mark.parametrize(
     ("channels", "meta"),
     [

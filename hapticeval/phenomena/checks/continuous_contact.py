@@ -110,7 +110,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return replace(finding, message=f"{finding.message}; besides, {astray.message}", evidence=evidence)
     # Deeper inside than this a late answer does not explain a tick without contact.
     depth = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
-    let_go_tick = lets_go(base, slice(0, None), depth, scene)
+    let_go_tick = lets_go(base, slice(None), depth, scene)
     if finding.outcome is Outcome.FAIL or let_go_tick is None:
         return finding
     let_go_note = f"inside the model without contact at t = {base.time[let_go_tick]:.4g} s, which contact-kept judges"

@@ -124,7 +124,7 @@ def _mean_square_variance(covariance: Array, count: int) -> float:
 
 def _stretch_evidence(scene: Scene, stretch: Stretch, base: Recording) -> dict[str, object]:
     """Return as evidence where a stretch is and what its power is and should be."""
-    covariance = _texture_covariance(scene, stretch, 2)
+    covariance = _texture_covariance(scene, stretch, 1)
     return {
         **evidence_at(base, stretch.first),
         "seconds": float(stretch.vibration.size * base.dt),
