@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made import FAIL, PASS, changed, recorded
+from made import FAIL, PASS, UNDECIDED, changed, recorded
 from scipy.signal import get_window
 from scipy.special import polygamma
 from scipy.stats import chi2
@@ -504,3 +504,12 @@ def test_what_is_declared_of_resolution_and_standoff_is_granted_to_a_run_that_is
     assert finding.outcome is outcome
     # What is beyond that, as a share of the model's size.
     assert finding.metric.value == pytest.approx(max(off - 3e-3, 0.0) / 0.2, abs=1e-6)
+
+
+@pytest.mark.parametrize("touches", ["as it is", "otherwise"])
+def test_a_hand_that_touches_in_one_of_two_runs_alone_has_another_answer(touches):
+    held = slide()
+    free = changed(held, ihip=held.hip, force=0.0 * held.force)
+    base, other = (held, free) if touches == "as it is" else (free, held)
+    assert compare_runs(VERTEX_ORDER, Runs(base), LINE, other, "with other vertices").outcome is FAIL
+    assert compare_runs(VERTEX_ORDER, Runs(free), LINE, free, "with other vertices").outcome is UNDECIDED
