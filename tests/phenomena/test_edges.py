@@ -67,6 +67,14 @@ def test_three_ticks_of_lag_are_granted_and_five_are_not():
     assert outcome("broken-contact", over_the_top((1.0, 0.2), late=5 * STEP), CUBE) is FAIL
 
 
+@pytest.mark.parametrize(("ticks", "count"), [(3, 0), (4, 1)])
+def test_a_hand_that_is_past_the_edge_for_longer_than_a_lag_has_passed_it(ticks, count):
+    base = over_the_top((1.0, 0.0))
+    past = int(np.argmax(base.hip[:, 0] > 0.05))
+    crossings = find_crossings(changed(base, rows=slice(0, past + ticks)), CUBE, convex=True)
+    assert [(crossing.crossed, crossing.end) for crossing in crossings] == count * [(past, past + ticks)]
+
+
 def test_a_hand_that_goes_round_the_edge_inside_or_lifts_off_passes_none():
     ways = [[[0, 0, 60], [0, 0, 47], [47, 0, 47], [47, 0, 0]], [[0, 0, 60], [0, 0, 47], [40, 0, 47], [40, 0, 60]]]
     for points in ways:
