@@ -127,6 +127,7 @@ def test_below_it_is_steep_and_not_broken(exponent):
     assert finding.outcome is Outcome.INCONCLUSIVE
     assert finding.message.startswith("steep")
     assert finding.evidence["slope"] == pytest.approx(exponent, abs=0.02)
+    assert f"in a HIP step {finding.evidence['refinements'][-1]} times finer than the path's" in finding.message
 
 
 @pytest.mark.parametrize("over", [0.1, 0.5])
