@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import compiled, inner
+from hapticeval.compiled import as_record, compiled, inner, room_for
 from hapticeval.geometry.mesh_kernels import (
     ACROSS,
     BOX_ROUNDING,
     CORNER,
-    DISC,
     LEAF,
     NORMAL,
     PSEUDO,
+    RUN,
     STACK_DEPTH,
     _cross,
     _minus,
@@ -36,6 +36,8 @@ THINNEST = 1e-13
 """Least height of a triangle over its longest edge: below, its corners lie on one line to rounding."""
 LEAST_OPENING = 1e-12
 """Least angle (rad) between two triangles that share an edge: below, one is folded onto the other."""
+RUN_NUMBERS = room_for(RUN)
+
 LONGEST_DISC_RUN, LEAST_MEAN_NORMAL = 4096, 0.5
 """Triangles of the longest run that has a disc, and the least length of the mean of their normals: others are bent."""
 SEPARATION_ROUNDING = 1e-14
@@ -330,7 +332,7 @@ def build_tree(faces: Array, vertices: Array) -> Array:
     """
     n = faces.shape[0]
     m = leaf_count(n)
-    tree = np.zeros((2 * m, DISC + 5))
+    tree = np.zeros((2 * m, RUN_NUMBERS))
     # from the leaves up: a box holds those of its halves
     for i in range(2 * m - 1, 0, -1):
         for axis in range(3):
@@ -366,7 +368,8 @@ def _write_disc(faces: Array, vertices: Array, tree: Array, i: int, slack: float
     while first < m:
         first, last = 2 * first, 2 * last
     begin, end = (first - m) * n // m, (last - m) * n // m
-    tree[i, DISC + 3] = tree[i, DISC + 4] = math.inf
+    run = as_record(tree, RUN, i)
+    run.radius = run.half_thickness = math.inf
     # no disc, infinite: too many triangles to be flat, or too bent
     if end - begin > LONGEST_DISC_RUN:
         return
@@ -384,9 +387,8 @@ def _write_disc(faces: Array, vertices: Array, tree: Array, i: int, slack: float
             aside = _cross(mean, q)
             radius_squared = max(radius_squared, dot(aside, aside))
             half_thickness = max(half_thickness, abs(dot(mean, q)))
-    for axis in range(3):
-        tree[i, DISC + axis] = mean[axis]
-    tree[i, DISC + 3], tree[i, DISC + 4] = math.sqrt(radius_squared) + slack, half_thickness + slack
+    run.normal_x, run.normal_y, run.normal_z = mean
+    run.radius, run.half_thickness = math.sqrt(radius_squared) + slack, half_thickness + slack
 
 
 @inner

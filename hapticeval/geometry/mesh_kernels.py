@@ -9,8 +9,7 @@ A mesh is three tables; indices in them are whole numbers in float64. A row of `
 A row of `vertices` (v, 6) is a position (m) and a unit pseudonormal: the mean of the normals of the triangles round it
 by their angles there.
 
-A row of `tree` (2 m, 11), m a power of two, bounds a run of triangles by a box (least x, y, z, largest x, y, z) and a
-disc:
+A row of `tree` (2 m, 11), m a power of two, is a `RUN`: it bounds a run of triangles by a box and a disc.
 
 - row 0 is not used, and row 1 bounds all triangles;
 - row i has the halves 2 i and 2 i + 1;
@@ -32,7 +31,7 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import compiled, inner
+from hapticeval.compiled import as_record, compiled, inner, record_type
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.kernels import check_finite
 from hapticeval.geometry.surface import Triple, dot, plus
@@ -42,8 +41,11 @@ CORNER, ACROSS, NORMAL = 0, 3, 6
 """Columns of `faces`; NORMAL also where the pseudonormal of a row of `vertices` would follow: see `PSEUDO`."""
 PSEUDO = 3
 
-DISC = 6
-"""Column of `tree` at which the disc begins."""
+RUN = record_type(
+    "low_x", "low_y", "low_z", "high_x", "high_y", "high_z", "normal_x", "normal_y", "normal_z", "radius",
+    "half_thickness",
+)  # fmt: skip
+"""A run of triangles: the least and the largest x, y, z of its box (m), and its disc, see above."""
 
 FACE, EDGE, VERTEX = 0, 1, 4
 """Features of a triangle: its inside, EDGE + i from corner i to the next, VERTEX + i."""
@@ -186,17 +188,19 @@ def distance_to_triangle(
 @inner
 def box_middle(tree: Array, i: int) -> Triple:
     """Return the middle (m) of box i of `tree` (2 m, 11)."""
-    return 0.5 * (tree[i, 0] + tree[i, 3]), 0.5 * (tree[i, 1] + tree[i, 4]), 0.5 * (tree[i, 2] + tree[i, 5])
+    run = as_record(tree, RUN, i)
+    return 0.5 * (run.low_x + run.high_x), 0.5 * (run.low_y + run.high_y), 0.5 * (run.low_z + run.high_z)
 
 
 @inner
 def _disc_distance_squared(tree: Array, i: int, p: Triple) -> float:
     """Return the squared distance (m^2) of p from the disc of row i: no triangle in it is closer."""
     # a disc is a flat cylinder: the excess over its half thickness, and over its radius aside
-    q, n = _minus(p, box_middle(tree, i)), (tree[i, DISC], tree[i, DISC + 1], tree[i, DISC + 2])
+    run, q = as_record(tree, RUN, i), _minus(p, box_middle(tree, i))
+    n = (run.normal_x, run.normal_y, run.normal_z)
     aside = _cross(n, q)
-    height_excess = max(abs(dot(n, q)) - tree[i, DISC + 4], 0.0)
-    aside_excess = max(math.sqrt(dot(aside, aside)) - tree[i, DISC + 3], 0.0)
+    height_excess = max(abs(dot(n, q)) - run.half_thickness, 0.0)
+    aside_excess = max(math.sqrt(dot(aside, aside)) - run.radius, 0.0)
     return float(height_excess * height_excess + aside_excess * aside_excess)
 
 
@@ -210,9 +214,10 @@ def _run_distance_squared(tree: Array, i: int, p: Triple, limit: float) -> float
 @inner
 def _box_distance_squared(tree: Array, i: int, p: Triple) -> float:
     """Return the squared distance (m^2) of p from the box of row i, 0 inside: no triangle in it is closer."""
-    x = max(max(tree[i, 0] - p[0], p[0] - tree[i, 3]), 0.0)
-    y = max(max(tree[i, 1] - p[1], p[1] - tree[i, 4]), 0.0)
-    z = max(max(tree[i, 2] - p[2], p[2] - tree[i, 5]), 0.0)
+    run = as_record(tree, RUN, i)
+    x = max(max(run.low_x - p[0], p[0] - run.high_x), 0.0)
+    y = max(max(run.low_y - p[1], p[1] - run.high_y), 0.0)
+    z = max(max(run.low_z - p[2], p[2] - run.high_z), 0.0)
     return float(x * x + y * y + z * z)
 
 
