@@ -70,15 +70,15 @@ def steepness(runs: Runs, reach: float, scene: Scene) -> Array:
     return steep if runs.at_speed is None else np.maximum.accumulate(steep)
 
 
-def apart_beside_ties(runs: Runs, other: Recording, reach: float, scene: Scene) -> Array:
+def apart_beside_ties(runs: Runs, other: Recording, reach: float, scene: Scene, *, forces: bool = True) -> Array:
     """Return how far the answers of `other` are from the nearest ones of hands that are off by up to `reach`: (n,), m.
 
     Where a way passes an edge nearer than that, it is a tie on which side: either answer is right, and no third. Needs
     the sibling `moved`.
     """
-    apart = answers_apart(runs, other, scene)
+    apart = answers_apart(runs, other, scene, forces=forces)
     for near in _nudged_runs(runs, reach, scene):
-        apart = np.minimum(apart, answers_apart(replace(runs, base=near), other, scene))
+        apart = np.minimum(apart, answers_apart(replace(runs, base=near), other, scene, forces=forces))
     return apart
 
 

@@ -139,6 +139,37 @@ def test_a_rigid_tool_that_flies_straight_at_an_edge_may_go_to_either_side_and_n
     assert verdict.finding.outcome is expected, verdict.finding
 
 
+@pytest.mark.parametrize(("off", "expected"), [(0.0, Outcome.PASS), (1e-9, Outcome.FAIL), (2e-5, Outcome.FAIL)])
+def test_with_the_scene_moved_a_tool_that_flies_straight_at_a_rim_may_go_to_either_side_and_nowhere_else(off, expected):
+    """It slides in over the end of the prism, and where that is turned and shifted up its side: 6 um apart.
+
+    The tool comes to the rim within 1e-16 m; `off` (m) is across the way to either.
+    """
+
+    class OffWhereMoved:
+        supports = frozenset({"space"})
+
+        def __init__(self, scene: Scene) -> None:
+            far = np.abs(scene.model.boundary.bounds).max() > 1.2 * scene.model.size
+            self.ideal, self.off = resolve("ideal")(scene), off * far
+
+        def simulate(self, stimulus, dt):
+            run = self.ideal.simulate(stimulus, dt)
+            place = run.hip + np.array([0.0, self.off, 0.0])
+            return Recording(run.time, dict(run.channels) | {"hip": place, "ihip": place}, run.meta)
+
+    rim = [[-0.0142678, 0.0, -0.0267678], [-0.0124986, 0.0, -0.0249986]]
+    table = {
+        "name": "tie",
+        "title": "Straight at a rim",
+        "model": {"kind": "cylinder", "size": 0.05, "length": 0.05, "sides": 3},
+        "trajectory": {"kind": "moves", "start": rim[0], "moves": [{"to": rim[1], "seconds": 0.401}]},
+        "checks": ["numerical-stability"],
+    }
+    (verdict,) = judge(OffWhereMoved, "r", "s", convert(table, Case, "tie")).verdicts
+    assert verdict.finding.outcome is expected, verdict.finding
+
+
 def pressed(ihip=0.0, **more):
     """A press of 2 mm on a plane, its IHIPs off by `ihip` (m)."""
     rest = np.zeros((20, 2))

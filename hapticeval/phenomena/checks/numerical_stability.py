@@ -18,7 +18,7 @@ from hapticeval.phenomena.decisions import (
     STEEP_FACTOR,
     SUSPECT_SHARE,
 )
-from hapticeval.phenomena.restated import answers_apart, has_answer, steepness
+from hapticeval.phenomena.restated import answers_apart, apart_beside_ties, has_answer, steepness
 from hapticeval.phenomena.sampling import (
     believed_standoff,
     evidence_at,
@@ -78,6 +78,15 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     steep = steepness(runs, hand + declared, scene) if suspect else np.zeros(len(base))
     # The hand's rounding, what is declared, and what both become where the answer is steep.
     allowed = hand + declared + STEEP_FACTOR * steep
+    if runs.subdivided is None and np.any(change > allowed + ANSWER_CHANGE * size):
+        # A tool that moves by itself is known to the bound: what it meets within half of that is a tie on which side.
+        change = np.max(
+            [
+                apart_beside_ties(runs, run, 0.5 * ANSWER_CHANGE * size, scene, forces=motion.scale == 1.0)
+                for _, motion, run in answering_runs
+            ],
+            axis=0,
+        )
     on_surface = np.zeros(len(base))
     if not lacks_ihip(base, scene):
         # An IHIP that is off the surface in every motion alike is no less wrong.
