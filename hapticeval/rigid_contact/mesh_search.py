@@ -220,10 +220,10 @@ def _grazes(terrain: MeshTerrain, k: int, p: Triple, v: Triple) -> bool:
     """Whether a tool at p (m) on the rim of triangle k, with velocity v (m/s), falls past it and into no solid.
 
     So does one that comes in over a convex edge along the other face: it falls through the plane of k, and lies beside
-    k by less than rounding. Put back onto that edge it would come to it again and again.
+    k or on it by less than rounding. Put back onto that edge it would come to it again and again.
     """
-    # a convex edge is hit only by what falls on neither of its faces
-    feature, _ = feature_at(terrain, k, p, PLACE_REACH, 0.0)
+    # on which side of a convex edge it is, rounding of coordinates does not tell
+    feature, _ = feature_at(terrain, k, p, PLACE_REACH, terrain.tip_reach)
     rounding = ALIGNED_SHARE * math.sqrt(dot(v, v))
     if feature == FACE or dot(normal_of(terrain.faces, k), v) >= -rounding:
         return False

@@ -430,6 +430,24 @@ def test_level_with_a_face_a_tool_flies_in_over_its_edge_as_if_there_were_none(l
     assert recording.meta["events"] == []
 
 
+@pytest.mark.parametrize(("depth", "expected"), [(0.0, set()), (1e-12, {"impact"})])
+@pytest.mark.parametrize("faces", ["whole", "cut"])
+def test_level_with_the_end_of_a_prism_no_cut_of_its_sides_is_in_the_way(faces, depth, expected):
+    """Which side of the rim a tool comes to is rounding of the side's normal; that of one 1 pm below the rim is not."""
+    model = make_model("cylinder", sides=7, size=0.1, length=0.4)
+    tool, rng = contact(model if faces == "whole" else model.cut()), np.random.default_rng(5)
+    top = model.boundary.vertices[:, 2].max()
+    for angle in rng.uniform(0.0, 2.0 * math.pi, 30):
+        towards = angle + rng.uniform(-0.5, 0.5)
+        velocity = -0.1 * np.array([math.cos(towards), math.sin(towards), 0.0])
+        start = np.array([0.08 * math.cos(angle), 0.08 * math.sin(angle), top - depth])
+        recording = tool.simulate(Experiment(0.6, start, velocity, [0.0], [[0.0, 0.0, 0.0]]), 1e-3)
+        assert set(kinds(recording)) & {"impact"} == expected
+        if not expected:
+            straight = start + recording.time[:, np.newaxis] * velocity
+            np.testing.assert_allclose(recording.hip, straight, rtol=0.0, atol=1e-12)
+
+
 SLOT = {
     "kind": "polygon",
     "vertices": [[0.02, 0.006], [0.002, 0.025], [-0.012, 0.019], [-0.009233, 0.006473], [-0.021517, 0.000797],
