@@ -392,7 +392,7 @@ def locate_on_smooth(pieces: Array, samples: Array, points: Array) -> Array:
 
 @compiled
 def locate_on_pieces(pieces: Array, points: Array) -> Array:
-    """Answer `locate_on_edges` for a curve of `pieces` (k, 9), lines and arcs."""
+    """Answer `locate_on_edges` for points (n, 2), m, by a curve of `pieces` (k, 9), lines and arcs."""
     check_finite(points)
     located = np.empty((points.shape[0], 3))
     for i in range(points.shape[0]):
@@ -403,7 +403,7 @@ def locate_on_pieces(pieces: Array, points: Array) -> Array:
 
 @compiled
 def closest_on_edges(pieces: Array, located: Array) -> ClosestPoint:
-    """Return the closest points that `locate_on_edges` has `located` (n, 3), on `pieces` (k, 9)."""
+    """Return the closest points, on `pieces` (k, 9), that are `located` (n, 3): u (m), distance (m) and side."""
     closest = _room_for_closest(located.shape[0])
     for i in range(located.shape[0]):
         u = _wrapped(pieces, located[i, 0])
@@ -415,7 +415,10 @@ def closest_on_edges(pieces: Array, located: Array) -> ClosestPoint:
 
 @compiled
 def closest_on_pieces(pieces: Array, located: Array) -> ClosestPoint:
-    """Answer `closest_on_edges` for pieces of any kind; this compiles all kinds."""
+    """Answer `closest_on_edges` for `pieces` (k, 9) of any kind, located (n, 3) by u (m, rad), distance (m), side.
+
+    This compiles all kinds.
+    """
     closest = _room_for_closest(located.shape[0])
     for i in range(located.shape[0]):
         u = _wrapped(pieces, located[i, 0])

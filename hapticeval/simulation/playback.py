@@ -199,7 +199,7 @@ def run_path(
 
 
 def lead_in_rows(renderer: object, hips: Array, dt: float, scene: Scene | None) -> Rows:
-    """Return the ticks of `lead_in_path`, every `dt` (s)."""
+    """Return the ticks of `lead_in_path` to the first of `hips` (n, N), m, one every `dt` (s)."""
     lead_in = lead_in_path(renderer, hips, scene)
     return Rows(lead_in, np.diff(lead_in, axis=0, prepend=lead_in[:1]) / dt, np.full(len(lead_in), dt))
 

@@ -125,7 +125,9 @@ def first_touch(facets: Array, radius: float, p: Triple, d: Triple) -> float:
 
 @compiled
 def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
-    """Write what a ball at p touches to `contacts` (k, CONTACT_NUMBERS), a `CONTACT` a row, and return k.
+    """Write what a ball of a `radius` (m) touches at p (m) to `contacts` (k, CONTACT_NUMBERS), a `CONTACT` a row.
+
+    Returns k. `facets` (t, numbers of a `FACET`) are those of the mesh, in m.
 
     A closest point on an edge counts where it is closest on the facet beyond the edge, too: across a flat edge nothing
     is felt.

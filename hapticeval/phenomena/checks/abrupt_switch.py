@@ -52,8 +52,8 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
     if not on_pre.any() or not on_post.any():
         return None
     # A tool that touches another face between two samples, and comes back, does not begin to switch there.
-    told = on_pre | on_post | ~crossing.others[pressed]
-    pressed, on_pre, on_post = pressed[told], on_pre[told], on_post[told]
+    counted = on_pre | on_post | ~crossing.others[pressed]
+    pressed, on_pre, on_post = pressed[counted], on_pre[counted], on_post[counted]
     # As it comes and goes, with no depth yet, a tool that stands off the surface leans: what counts is in between.
     # First tick on n_pre, and last on n_post, of those with a force.
     begin, last = int(np.argmax(on_pre)), on_post.size - 1 - int(np.argmax(on_post[::-1]))
