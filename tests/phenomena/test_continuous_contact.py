@@ -167,6 +167,13 @@ def test_a_jump_that_finer_runs_of_the_whole_lack_depends_on_the_rate():
         assert finding.metric.value == pytest.approx(0.01, abs=1e-4)
 
 
+def test_a_jump_in_the_last_tick_that_finer_runs_lack_depends_on_the_rate():
+    run = spoiled(led(lambda x: x), (1,), lambda made: made.ihip + (made.hip[:, :1] == 0.04) * [0.01, 0.0])
+    finding = found(CHECK, run, SCENE)
+    assert finding.outcome is FAIL
+    assert "depends on the sampling rate: the IHIP jumps 10 mm at t = 2 s" in finding.message
+
+
 def test_an_ihip_in_another_unit_is_asked_for_its_unit_and_no_finer_runs_are_made():
     radius = 0.5 * ROUND.model.size
     angle = np.linspace(0.0, 1.0, 500)

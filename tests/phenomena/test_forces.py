@@ -111,6 +111,18 @@ def test_until_a_rigid_tool_is_met_the_operator_pushes_as_before_or_goes_on_to_c
     assert _operator_until_met(met, np.array([*pushes, 50.0]), 3) == (0.0, 0.0)
 
 
+def test_a_collision_in_which_the_tool_slides_over_an_edge_is_not_asked():
+    """Beside an edge a late force is along the first face still, when the tool lies on the second."""
+    corner = 5.15e-3
+    block = from_vertices([[-0.1, -0.1], [corner, -0.1], [corner, 0.0], [-0.1, 0.0]])
+    struck = collision(ticks=4)
+    over = struck.ihip.copy()
+    over[52:54] = [corner, -1e-4]
+    finding = found("impulsive-collision", changed(struck, ihip=over), Scene(model=block))
+    assert (finding.outcome, "another part of the surface" in finding.message) == (NO, True)
+    assert outcome("impulsive-collision", struck, Scene(model=block)) is PASS
+
+
 @given(ticks=st.integers(5, 60))
 @settings(max_examples=20)
 def test_the_missing_share_of_a_slow_collision_is_measured(ticks):

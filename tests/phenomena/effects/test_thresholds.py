@@ -21,7 +21,8 @@ from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.texture import find_stretches, spectrum_bound
-from hapticeval.phenomena.checks.transient import fit
+from hapticeval.phenomena.checks.transient import fit, judge_each
+from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
@@ -256,3 +257,30 @@ def test_what_sensors_show_is_not_the_hand(check, effect):
     )
     assert outcome(check, run, scene) is PASS
     assert outcome(check, run, scene.with_effects(VelocityFilter(cutoff=50.0))) is UNDECIDED
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ((PASS, 1.0), (FAIL, 3.0)),
+        ((PASS, 1.0), (PASS, 1.5)),
+        ((UNDECIDED, 1.0), (FAIL, 2.1)),
+        ((PASS, 1.9), (UNDECIDED, 1.0)),
+    ],
+)
+def test_of_several_effects_the_worst_is_told(first, second):
+    """In whatever order the scene has them: by outcome, then by how near the measured is to its bound, 2 mm."""
+    findings = {
+        kind: Finding(outcome, kind, Metric("IHIP jump", value, "m"), 2.0)
+        for kind, (outcome, value) in (("contact-impulse", first), ("viscous-friction", second))
+    }
+    effects = (ContactImpulse(), ViscousFriction(1.0))
+    without = pulled(0.1)
+    for order in (effects, effects[::-1]):
+        worst = judge_each(
+            lambda runs, scene, effect, plain: findings[effect.kind],
+            tuple(findings),
+            Runs(without, without=lambda kind: without),
+            Scene(model=LINE, effects=order),
+        )
+        assert worst is findings["viscous-friction"]
