@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.checks.force_magnitude import declared_range
 from hapticeval.phenomena.decisions import IMPULSE_ROUNDING, SAME_FACE_COSINE, UNKNOWN_MOMENTUM, WINDOW_TICKS
@@ -51,17 +52,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     pushed = float(np.sum(impulses[struck:end]))
     # m dv along the normal, less what the operator has given in that time.
     removed = scene.mass * float(along[end] - along[struck]) - pushed
-    velocity = base.velocity[struck : end + 1]
-    # <W v, v>: how fast the normal component changes for the turning normal alone, m/s^2
-    bend = np.einsum("ni,nij,nj->n", velocity, window.shape, velocity)
-    turn = np.linalg.norm(window.normal - normal, axis=1)
-    sliding_speed = np.linalg.norm(velocity - np.outer(velocity @ normal, normal), axis=1)
-    # By curvature over the window, or over a facet by the sliding speed times the turn of the normal.
-    turning = max(float(np.abs(bend).max()) * WINDOW_TICKS * base.dt, float(np.max(sliding_speed * turn)))
-    if "operator_force" in base.channels:
-        # The operator's force, too, has another normal part when the normal turns.
-        push = np.linalg.norm(base.channels["operator_force"][struck:end], axis=1)
-        turning += float(np.sum(push)) * base.dt * float(turn.max()) / scene.mass
+    turning = _speed_by_turning(base, scene, window, slice(struck, end + 1))
     # What the operator adds before the tool is met is part of what has to be taken out.
     before, inwards = _operator_until_met(base, impulses, struck), np.maximum(-impulses, 0.0)
     slower, faster = ((1.0 + scene.restitution) * impulse for impulse in (before[1], -before[0]))
@@ -86,16 +77,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         evidence["spring_impulse_Ns"] = _spring_impulse(base, scene, normal, slice(struck, end))
     message = f"{removed:.3g} N s of {required:.3g} N s are taken out within {WINDOW_TICKS} ticks"
     fails = f"{message}; the tool " + ("is not stopped" if stopped_ms is None else f"stops after {stopped_ms:.3g} ms")
-    leaves = np.flatnonzero(~contact[struck:])
-    if leaves.size:
-        leaving = float(along[struck + leaves[0]])
+    left = np.flatnonzero(~contact[struck:])
+    if left.size:
+        leaving = float(along[struck + left[0]])
         evidence["apparent_restitution"] = leaving / approach
-        evidence["impulse_over_contact_Ns"] = scene.mass * float(along[struck + leaves[0]] - along[struck])
+        evidence["impulse_over_contact_Ns"] = scene.mass * float(along[struck + left[0]] - along[struck])
         fails += f" and leaves with restitution {leaving / approach:.2f}"
         if leaving > approach:
-            # A force held for a tick T is late by T / 2, a damper of -K T / 2, over half a period pi sqrt(m / K).
-            restitution = math.exp(0.25 * math.pi * base.dt * math.sqrt(scene.stiffness / scene.mass))
-            fails += f" (a spring's force that is held for a tick gives {restitution:.2f})"
+            fails += f" (a spring's force that is held for a tick gives {_restitution_of_held_spring(base, scene):.2f})"
     return compared(
         Metric(CHECK.metric, missing, ""), turning / approach + IMPULSE_ROUNDING, evidence, passes=message, fails=fails
     )
@@ -115,6 +104,33 @@ def _meets_another_face(base: Recording, scene: Scene, normal: Array, struck: in
     steps = np.linalg.norm(base.ihip[rows + 1] - base.ihip[rows], axis=1)
     angles = scene.model.boundary.normal_cone(base.ihip[rows], steps)(base.force[rows])
     return bool(np.any(np.cos(angles) >= SAME_FACE_COSINE))
+
+
+def _speed_by_turning(base: Recording, scene: Scene, surface: ClosestPoint, rows: slice) -> float:
+    """Return by how much (m/s) a turning normal alone may change the velocity along it in `rows`, from the first on.
+
+    `surface` is where the tool is in each of them. By curvature over the window, or over a facet by the sliding speed
+    times the turn of the normal.
+    """
+    velocity, first = base.velocity[rows], surface.normal[0]
+    # <W v, v>: how fast the normal component changes for the turning normal alone, m/s^2
+    bend = np.einsum("ni,nij,nj->n", velocity, surface.shape, velocity)
+    turn = np.linalg.norm(surface.normal - first, axis=1)
+    sliding_speed = np.linalg.norm(velocity - np.outer(velocity @ first, first), axis=1)
+    turning = max(float(np.abs(bend).max()) * WINDOW_TICKS * base.dt, float(np.max(sliding_speed * turn)))
+    if "operator_force" in base.channels:
+        # The operator's force, too, has another normal part when the normal turns.
+        push = np.linalg.norm(base.channels["operator_force"][rows][:-1], axis=1)
+        turning += float(np.sum(push)) * base.dt * float(turn.max()) / scene.mass
+    return turning
+
+
+def _restitution_of_held_spring(base: Recording, scene: Scene) -> float:
+    """Return the restitution that a spring shows whose force is held for a tick T.
+
+    It is late by T / 2: a damper of -K T / 2, over half a period pi sqrt(m / K).
+    """
+    return math.exp(0.25 * math.pi * base.dt * math.sqrt(scene.stiffness / scene.mass))
 
 
 def _spring_impulse(base: Recording, scene: Scene, normal: Array, rows: slice) -> float:
