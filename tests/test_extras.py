@@ -2,7 +2,6 @@
 
 import json
 import shlex
-from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -32,16 +31,22 @@ class Installed:
     ],
 )  # fmt: skip
 def test_of_a_checkout_the_folder_and_of_a_wheel_the_libraries(monkeypatch, installed, words):
-    monkeypatch.setattr(extras, "distribution", lambda name: installed)
+    monkeypatch.setattr(extras, "distributions", lambda name: [installed])
     assert shlex.split(extras.install_command("ros")) == words
 
 
 def test_without_an_installation_the_folder_is_described(monkeypatch):
-    def missing(name):
-        raise metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(extras, "distribution", missing)
+    monkeypatch.setattr(extras, "distributions", lambda name: [])
     assert extras.install_command("ros").startswith("pip install '.[ros]', in the folder")
+
+
+def test_what_a_build_leaves_in_the_current_folder_hides_no_installation(monkeypatch, tmp_path):
+    here = extras.install_command("ros")
+    left = tmp_path / "hapticeval.egg-info"
+    left.mkdir()
+    (left / "PKG-INFO").write_text("Metadata-Version: 2.1\nName: hapticeval\nVersion: 0.1.0\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert extras.install_command("ros") == here
 
 
 def test_this_checkout_is_named():
