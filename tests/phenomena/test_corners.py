@@ -217,6 +217,16 @@ def test_a_switch_at_one_point_passes_and_one_that_flickers_does_not(backwards):
     assert outcome("abrupt-switch", changed(base, force=force), SCENE) is FAIL
 
 
+@pytest.mark.parametrize(("spread", "expected"), [(0.0, PASS), (0.5, FAIL)])
+def test_while_nothing_pushes_no_force_turns(spread, expected):
+    """A tool may fly on along the first face, and be met by the second; what leans before and after is no less late."""
+    base = round_the_notch(spread=spread)
+    force = np.array(base.force)
+    middle = len(base) // 2
+    force[middle - 20 : middle + 20] = 0.0
+    assert outcome("abrupt-switch", changed(base, force=force), SCENE) is expected
+
+
 def test_a_face_touched_on_the_way_is_not_taken_for_the_face_before_the_corner():
     """Along a face, round the notch and on over the next tip: the corner before the notch is none of its business."""
     notch = round_the_notch(depth=2e-3)

@@ -69,7 +69,8 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
     left_tick = _last_tick_within(base, pressed[on_pre & (pressed < reached)], left_tick, within)
     reached = _last_tick_within(base, pressed[on_post & (pressed > left_tick)][::-1], reached, within)
     takes = float(base.time[reached] - base.time[left_tick])
-    travel = float(np.sum(crossing.steps[left_tick:reached]))
+    # While nothing pushes no force turns: a tool may fly on along the first face, and be met by the second.
+    travel = float(np.sum(crossing.steps[left_tick:reached][pushes[left_tick:reached]]))
     # The usual depth before the switch: travel is told in units of it, and no less than a step.
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
     depth = max(float(np.median(depths[pressed[pressed <= left_tick]])), hip_step(base, scene))
