@@ -13,7 +13,7 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import ANGLE_ROUNDING, LAG_TICKS, SINGLE_ROUNDINGS, STATIC_SHARE, TELLING_SHARE
-from hapticeval.phenomena.lag import delayed, find_lag, resting_ticks
+from hapticeval.phenomena.lag import delayed, find_lag, largest_in_lag, resting_ticks
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     believed_standoff,
@@ -168,10 +168,7 @@ def _normal_reach(recording: Recording, scene: Scene) -> Array:
         pushed = recording.dt**2 * np.linalg.norm(recording.force, axis=1) / scene.mass
         travel = recording.dt * np.linalg.norm(recording.velocity, axis=1)
         steps = np.maximum(steps, np.minimum(travel, steps + pushed))
-    # The longest step within three ticks either way.
-    padded = np.pad(steps, LAG_TICKS, mode="edge")
-    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * LAG_TICKS + 1).max(axis=1)
-    return np.asarray(LAG_TICKS * around + believed_standoff(recording, scene) + rounding(scene))
+    return np.asarray(LAG_TICKS * largest_in_lag(steps) + believed_standoff(recording, scene) + rounding(scene))
 
 
 def _force_deviation(
