@@ -70,15 +70,16 @@ def steepness(runs: Runs, reach: float, scene: Scene) -> Array:
     return steep if runs.at_speed is None else np.maximum.accumulate(steep)
 
 
-def apart_beside_ties(runs: Runs, other: Recording, reach: float, scene: Scene, *, forces: bool = True) -> Array:
-    """Return how far the answers of `other` are from the nearest ones of hands that are off by up to `reach`: (n,), m.
+def apart_beside_ties(runs: Runs, apart_from: Callable[[Runs], Array], reach: float, scene: Scene) -> Array:
+    """Return how far answers are, by `apart_from`, from the nearest ones of hands that are off by up to `reach`, m.
 
+    `apart_from` compares the base run of what it is given with other runs: an array, m, of the shape that is returned.
     Where a way passes an edge nearer than that, it is a tie on which side: either answer is right, and no third. Needs
     the sibling `moved`.
     """
-    apart = answers_apart(runs, other, scene, forces=forces)
+    apart = apart_from(runs)
     for near in _nudged_runs(runs, reach, scene):
-        apart = np.minimum(apart, answers_apart(replace(runs, base=near), other, scene, forces=forces))
+        apart = np.minimum(apart, apart_from(replace(runs, base=near)))
     return apart
 
 
@@ -149,7 +150,7 @@ def compare_runs(
         allowed += known - SAME_ANSWER * scene.model.size
         if np.any(change > allowed + SAME_ANSWER * scene.model.size) and runs.moved is not None:
             # Two tools that are one to `known` may meet an edge on either side. Off by half of it, each is one still.
-            change = apart_beside_ties(runs, other, 0.5 * known, scene)
+            change = apart_beside_ties(runs, lambda beside: answers_apart(beside, other, scene), 0.5 * known, scene)
     return relation_finding(check, base, scene, change, allowed, exempt, how)
 
 

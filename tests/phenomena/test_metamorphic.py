@@ -31,6 +31,7 @@ MODELS = (
     {"kind": "sphere"},
     {"kind": "l-block"},
 )
+off_by = pytest.mark.parametrize(("off", "expected"), [(0.0, Outcome.PASS), (1e-9, Outcome.FAIL), (2e-5, Outcome.FAIL)])
 
 
 def case(model, *, scene=None, seed=3):
@@ -109,65 +110,62 @@ def test_a_renderer_that_takes_one_model_alone_is_asked_beside_one_on_the_same()
     assert findings(Only, {"kind": "star"})["two-at-once"].outcome is Outcome.PASS
 
 
-@pytest.mark.parametrize(("off", "expected"), [(0.0, Outcome.PASS), (1e-9, Outcome.FAIL), (2e-5, Outcome.FAIL)])
+def straight_at_an_edge(model, way, check, off, where):
+    """What `check` finds of `ideal`, led along `way` (2, 3), m; its answers are `off` (3,), m, on models `where`."""
+
+    class OffElsewhere:
+        supports = frozenset({"space"})
+
+        def __init__(self, scene: Scene) -> None:
+            self.ideal, self.off = resolve("ideal")(scene), np.array(off) * where(scene.model)
+
+        def simulate(self, stimulus, dt):
+            run = self.ideal.simulate(stimulus, dt)
+            place = run.hip + self.off
+            return Recording(run.time, dict(run.channels) | {"hip": place, "ihip": place}, run.meta)
+
+    start, end = way
+    table = {
+        "name": "tie",
+        "title": "Straight at an edge",
+        "model": model,
+        "trajectory": {"kind": "moves", "start": start, "moves": [{"to": end, "seconds": 0.401}]},
+        "checks": [check],
+    }
+    (verdict,) = judge(OffElsewhere, "r", "s", convert(table, Case, "tie")).verdicts
+    return verdict.finding
+
+
+@off_by
 def test_a_rigid_tool_that_flies_straight_at_an_edge_may_go_to_either_side_and_nowhere_else(off, expected):
     """On one mesh it slides down a face of the prism, on the one that is cut it rests on the other: 20 um apart.
 
     Which it is rounding of 4e-17 m decides. A tool that is off along the edge as well, by 1 nm of 200 mm, is no tie's.
     """
-
-    class OffOnTheCutMesh:
-        supports = frozenset({"space"})
-
-        def __init__(self, scene: Scene) -> None:
-            self.ideal, self.off = resolve("ideal")(scene), off * (len(scene.model.boundary.triangles) > 100)
-
-        def simulate(self, stimulus, dt):
-            run = self.ideal.simulate(stimulus, dt)
-            place = run.hip + np.array([0.0, 0.0, self.off])
-            return Recording(run.time, dict(run.channels) | {"hip": place, "ihip": place}, run.meta)
-
-    edge = [[-0.05, -0.096603, 0.0], [-0.05, -0.086594, 0.0]]
-    table = {
-        "name": "tie",
-        "title": "Straight at an edge",
-        "model": {"kind": "cylinder", "size": 0.2, "length": 0.05, "sides": 6},
-        "trajectory": {"kind": "moves", "start": edge[0], "moves": [{"to": edge[1], "seconds": 0.401}]},
-        "checks": ["seams"],
-    }
-    (verdict,) = judge(OffOnTheCutMesh, "r", "s", convert(table, Case, "tie")).verdicts
-    assert verdict.finding.outcome is expected, verdict.finding
+    finding = straight_at_an_edge(
+        {"kind": "cylinder", "size": 0.2, "length": 0.05, "sides": 6},
+        [[-0.05, -0.096603, 0.0], [-0.05, -0.086594, 0.0]],
+        "seams",
+        [0.0, 0.0, off],
+        where=lambda model: len(model.boundary.triangles) > 100,  # the mesh that is cut
+    )
+    assert finding.outcome is expected, finding
 
 
-@pytest.mark.parametrize(("off", "expected"), [(0.0, Outcome.PASS), (1e-9, Outcome.FAIL), (2e-5, Outcome.FAIL)])
+@off_by
 def test_with_the_scene_moved_a_tool_that_flies_straight_at_a_rim_may_go_to_either_side_and_nowhere_else(off, expected):
     """It slides in over the end of the prism, and where that is turned and shifted up its side: 6 um apart.
 
     The tool comes to the rim within 1e-16 m; `off` (m) is across the way to either.
     """
-
-    class OffWhereMoved:
-        supports = frozenset({"space"})
-
-        def __init__(self, scene: Scene) -> None:
-            far = np.abs(scene.model.boundary.bounds).max() > 1.2 * scene.model.size
-            self.ideal, self.off = resolve("ideal")(scene), off * far
-
-        def simulate(self, stimulus, dt):
-            run = self.ideal.simulate(stimulus, dt)
-            place = run.hip + np.array([0.0, self.off, 0.0])
-            return Recording(run.time, dict(run.channels) | {"hip": place, "ihip": place}, run.meta)
-
-    rim = [[-0.0142678, 0.0, -0.0267678], [-0.0124986, 0.0, -0.0249986]]
-    table = {
-        "name": "tie",
-        "title": "Straight at a rim",
-        "model": {"kind": "cylinder", "size": 0.05, "length": 0.05, "sides": 3},
-        "trajectory": {"kind": "moves", "start": rim[0], "moves": [{"to": rim[1], "seconds": 0.401}]},
-        "checks": ["numerical-stability"],
-    }
-    (verdict,) = judge(OffWhereMoved, "r", "s", convert(table, Case, "tie")).verdicts
-    assert verdict.finding.outcome is expected, verdict.finding
+    finding = straight_at_an_edge(
+        {"kind": "cylinder", "size": 0.05, "length": 0.05, "sides": 3},
+        [[-0.0142678, 0.0, -0.0267678], [-0.0124986, 0.0, -0.0249986]],
+        "numerical-stability",
+        [0.0, off, 0.0],
+        where=lambda model: np.abs(model.boundary.bounds).max() > 1.2 * model.size,  # the scene that is moved
+    )
+    assert finding.outcome is expected, finding
 
 
 def pressed(ihip=0.0, **more):

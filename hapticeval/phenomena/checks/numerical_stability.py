@@ -32,7 +32,7 @@ from hapticeval.phenomena.sampling import (
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.types import BoolArray
+from hapticeval.types import Array, BoolArray
 
 EPS = float(np.finfo(np.float64).eps)
 
@@ -69,10 +69,17 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         resolution(recording, scene) + believed_standoff(recording, scene)
         for recording in (base, *(r for *_, r in answering_runs))
     )
-    # The worst of all motions; under a scale the IHIPs alone are compared.
-    change = np.max(
-        [answers_apart(runs, run, scene, forces=motion.scale == 1.0) for _, motion, run in answering_runs], axis=0
-    )
+
+    def apart_in_motions(beside: Runs) -> Array:
+        """Return how far the answers in each motion are from the base run's, (motions, n), m."""
+        # Under a scale the IHIPs alone are compared.
+        return np.array(
+            [answers_apart(beside, run, scene, forces=motion.scale == 1.0) for _, motion, run in answering_runs]
+        )
+
+    apart = apart_in_motions(runs)
+    # The worst of all motions.
+    change = apart.max(axis=0)
     # Where no answer is off by more than a thousandth of the bound there is nothing that nudges need explain.
     suspect = bool(change.max() > hand + declared + SUSPECT_SHARE * ANSWER_CHANGE * size)
     steep = steepness(runs, hand + declared, scene) if suspect else np.zeros(len(base))
@@ -80,13 +87,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     allowed = hand + declared + STEEP_FACTOR * steep
     if runs.subdivided is None and np.any(change > allowed + ANSWER_CHANGE * size):
         # A tool that moves by itself is known to the bound: what it meets within half of that is a tie on which side.
-        change = np.max(
-            [
-                apart_beside_ties(runs, run, 0.5 * ANSWER_CHANGE * size, scene, forces=motion.scale == 1.0)
-                for _, motion, run in answering_runs
-            ],
-            axis=0,
-        )
+        change = apart_beside_ties(runs, apart_in_motions, 0.5 * ANSWER_CHANGE * size, scene).max(axis=0)
     on_surface = np.zeros(len(base))
     if not lacks_ihip(base, scene):
         # An IHIP that is off the surface in every motion alike is no less wrong.
@@ -102,10 +103,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # Without an excess the answer with the fewest digits is shown.
     worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(clear, change, -np.inf)))
     digits = -math.log10(max(float(change[clear].max(initial=0.0)) / size, EPS))
-    motion_name = max(
-        answering_runs,
-        key=lambda moved_run: float(answers_apart(runs, moved_run[2], scene, forces=moved_run[1].scale == 1.0)[worst]),
-    )[0]
+    motion_name = answering_runs[int(np.argmax(apart[:, worst]))][0]
     # The distance from the surface is that of the run as it is, and not of a motion.
     if on_surface[worst] == change[worst]:
         motion_name = "as it is"
