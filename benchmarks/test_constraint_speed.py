@@ -65,12 +65,20 @@ def test_step(benchmark, edges):
     benchmark.pedantic(step, rounds=STEPS, warmup_rounds=100)
 
 
-@pytest.mark.parametrize("base", [minimum_distance, constraint], ids=["minimum-distance", "constraint"])
-@pytest.mark.parametrize("representation", ["curve", "polygon", "level-set"])
+on_each_representation = pytest.mark.parametrize(
+    ("base", "representation"),
+    [
+        pytest.param(base, representation, id=f"{representation}-{name}")
+        for name, base in (("minimum-distance", minimum_distance), ("constraint", constraint))
+        for representation in ("curve", "polygon", "level-set")
+        if representation in base.representations  # the constraint projection has no level set
+    ],
+)
+
+
+@on_each_representation
 @pytest.mark.benchmark(group="a slide along the Cassinian, 20,000 steps in one run")
 def test_slide(benchmark, base, representation):
-    if representation not in base.representations:
-        pytest.skip("the constraint projection has no level set")
     model = cassinian()
     u = np.linspace(0.0, 2.0 * np.pi, STEPS)
     hips = model.curve.position(u) - 2e-3 * model.curve.normal(u)
@@ -80,11 +88,8 @@ def test_slide(benchmark, base, representation):
     benchmark(renderer.run, hips, 1e-3)
 
 
-@pytest.mark.parametrize("base", [minimum_distance, constraint], ids=["minimum-distance", "constraint"])
-@pytest.mark.parametrize("representation", ["curve", "polygon", "level-set"])
+@on_each_representation
 @pytest.mark.benchmark(group="building a renderer of the Cassinian anew")
 def test_build(benchmark, base, representation):
-    if representation not in base.representations:
-        pytest.skip("the constraint projection has no level set")
     base.variant(representation=representation)(Scene(model=cassinian()))
     benchmark(lambda: base.variant(representation=representation)(Scene(model=cassinian())))
