@@ -15,6 +15,8 @@ from hapticeval.phenomena.decisions import (
     SINGLE_ROUNDINGS,
 )
 from hapticeval.quantity import format_number
+from hapticeval.recordings.channels import SIMULATED
+from hapticeval.recordings.quantization import quantization_step
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -191,6 +193,17 @@ def standoff(recording: Recording, scene: Scene) -> float:
 def rounding(scene: Scene) -> float:
     """Return how well single precision places two points of the model's size, m."""
     return SINGLE_ROUNDINGS * SINGLE * scene.model.size
+
+
+def log_step(recording: Recording, *channels: str) -> float:
+    """Return the step in which a log gives the vectors of `channels`, in their unit: by so much they may be off.
+
+    The root of the sum of squares over all components. It is 0 of a simulation, whose numbers are doubles.
+    """
+    if recording.meta.get("source") in SIMULATED:
+        return 0.0
+    columns = [column for name in channels for column in recording.channels[name].T]
+    return float(np.linalg.norm([quantization_step(column) for column in columns]))
 
 
 def resolution(recording: Recording, scene: Scene) -> float:

@@ -44,7 +44,8 @@ def moving(scene, *, depth=2e-3, sink=0.0, gain=1.0, extra=None, **more):
     hip = np.column_stack([STEP * ticks, -depth - sink * ticks])
     ihip = np.column_stack([STEP * ticks, np.zeros(COUNT)])
     force = gain * scene.stiffness * (ihip - hip)
-    return recorded(hip, ihip, force if extra is None else force + extra, **more)
+    simulated = {"source": "playback", **more.pop("meta", {})}
+    return recorded(hip, ihip, force if extra is None else force + extra, meta=simulated, **more)
 
 
 def round_circle(radius=0.1, depth=2e-3, speed=0.1):
@@ -108,6 +109,17 @@ class TestStiffness:
         rounding = 4.0 * SINGLE * (np.abs(base.hip).max() + 2e-3)
         measured = _measure_stiffness(base, LINE, Spring.ERROR)
         assert measured.allowed[20] == pytest.approx((coarse + 1000.0 * rounding) / 2.0, rel=1e-6)
+
+    def test_a_log_is_as_coarse_as_half_the_steps_of_its_numbers(self):
+        """Steps of 10 mm of the depth and so of 10 N, and of 0.1 mm along the line."""
+        base = moving(LINE, sink=1e-2, meta={"spring": "error"})
+        logged = changed(base, meta={"source": "log"})
+        simulated, measured = (_measure_stiffness(run, LINE, Spring.ERROR) for run in (base, logged))
+        # Along the line HIP and IHIP go, in depth the HIP alone.
+        coarse = 0.5 * 1000.0 * math.hypot(STEP, STEP, 1e-2) + 0.5 * 10.0
+        depth = 2e-3 + 1e-2 * 20
+        more = measured.allowed[20] - simulated.allowed[20]
+        assert more == pytest.approx(coarse / (1000.0 * depth), rel=1e-3)
 
     def test_a_tool_that_stands_off_may_be_pulled_from_the_surface_or_from_where_it_is(self):
         base = moving(LINE)

@@ -17,6 +17,7 @@ from hapticeval.phenomena.sampling import (
     hip_steps,
     lacks_ihip,
     listed,
+    log_step,
     mm,
     resolution,
     rounding,
@@ -24,8 +25,6 @@ from hapticeval.phenomena.sampling import (
     trailing,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
-from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.quantization import quantization_step
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -114,10 +113,7 @@ def across_allowed(base: Recording, scene: Scene) -> float:
 
     By what it declares: its standoff, or where it declares a resolution only, that.
     """
-    digits = 0.0
-    # A log gives its positions in steps; a simulation in doubles.
-    if base.meta.get("source") not in SIMULATED:
-        digits = float(np.linalg.norm([quantization_step(column) for column in (*base.hip.T, *base.ihip.T)]))
+    digits = log_step(base, "hip", "ihip")
     return (believed_standoff(base, scene) or resolution(base, scene)) + rounding(scene) + digits
 
 

@@ -20,6 +20,7 @@ from hapticeval.phenomena.sampling import (
     evidence_at,
     force_depth,
     hip_step,
+    log_step,
     mm,
     resolution,
     rounding,
@@ -27,8 +28,6 @@ from hapticeval.phenomena.sampling import (
     touching,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
-from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.quantization import quantization_step
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
@@ -278,11 +277,10 @@ def _rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) 
         + SINGLE_ROUNDINGS * SINGLE * np.maximum(stretch, 1.0)
         + _resolution_angle(recording, scene, pressed_rows)
     )
-    if recording.meta.get("source") not in SIMULATED:
-        force = recording.force[pressed_rows]
-        # Half a step of quantisation in every component.
-        half_step = 0.5 * float(np.linalg.norm([quantization_step(column) for column in recording.force.T]))
-        angle += np.arcsin(np.minimum(half_step / np.linalg.norm(force, axis=1), 1.0))
+    # Half a step of a log in every component.
+    half_step = 0.5 * log_step(recording, "force")
+    if half_step > 0.0:
+        angle += np.arcsin(np.minimum(half_step / np.linalg.norm(recording.force[pressed_rows], axis=1), 1.0))
     return np.asarray(angle)
 
 

@@ -29,6 +29,7 @@ from hapticeval.phenomena.sampling import (
     evidence_at,
     hand_velocity,
     lacks_ihip,
+    log_step,
     mm,
     rounding,
     standoff,
@@ -217,17 +218,19 @@ def _undamped_other_force(
     bending = np.zeros(ticks.size)
     if "spring" not in base.meta:
         bending = scene.mass * _curvature_acceleration(base, scene, velocity, ticks)
-    # What rounding leaves open of the difference of HIP and IHIP, m.
+    # What rounding leaves open of the difference of HIP and IHIP, m; a log gives both to half a step.
     position_rounding = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depths)
+    position_rounding += 0.5 * log_step(base, "hip", "ihip")
     return np.asarray(bending + _force_coarseness(base, sizes) + scene.stiffness * position_rounding)
 
 
 def _force_coarseness(base: Recording, sizes: Array) -> float:
-    """Return how coarse the force is by what is declared, N: at most a twentieth of the largest of `sizes` (n,), N.
+    """Return how coarse the force is, N: by half the step of a log, and by what is declared.
 
-    Of a coarser one nothing could be told even there.
+    That counts up to a twentieth of the largest of `sizes` (n,), N: of a coarser one nothing could be told even there.
     """
-    return min(float(base.meta.get("force_resolution", 0.0)), 0.5 * TELLING_SHARE * float(sizes.max()))
+    declared = min(float(base.meta.get("force_resolution", 0.0)), 0.5 * TELLING_SHARE * float(sizes.max()))
+    return declared + 0.5 * log_step(base, "force")
 
 
 def _calls_for_force(base: Recording, scene: Scene) -> BoolArray:
@@ -321,7 +324,7 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
     speed = np.linalg.norm(hand_velocity(base)[ticks], axis=1)
     with np.errstate(divide="ignore"):
         other_depth = (scene.damping * speed + _force_coarseness(base, size)) / scene.stiffness
-        allowed = (other_depth + rounding(scene) + standoff(base, scene)) / late[0]
+        allowed = (other_depth + rounding(scene) + 0.5 * log_step(base, "hip") + standoff(base, scene)) / late[0]
     high = shares.max(axis=0)
     rate = backward_difference(depth[:, np.newaxis], base.time)[ticks, 0]
     low, begins = shares.min(axis=0) if no_tool else np.minimum(high, 1.0), np.zeros(ticks.size, dtype=bool)

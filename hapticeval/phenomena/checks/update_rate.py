@@ -6,10 +6,8 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import FEWEST_RENEWALS
-from hapticeval.phenomena.sampling import evidence_at, rounding, touching
+from hapticeval.phenomena.sampling import evidence_at, log_step, rounding, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
-from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.quantization import quantization_step
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray
@@ -26,10 +24,7 @@ def calls_for_another_force(recording: Recording, scene: Scene) -> BoolArray:
     springs = [scene.model.boundary.closest_point(recording.hip).foot - recording.hip]
     if "ihip" in recording.channels and recording.apart.any():
         springs.append(recording.ihip - recording.hip)
-    coarse = float(recording.meta.get("force_resolution", 0.0))
-    # A log gives its forces in steps; a simulation in doubles.
-    if recording.meta.get("source") not in SIMULATED:
-        coarse += float(np.linalg.norm([quantization_step(column) for column in recording.force.T]))
+    coarse = float(recording.meta.get("force_resolution", 0.0)) + log_step(recording, "force")
     told_apart = rounding(scene) + coarse / scene.stiffness
     calls = np.zeros(len(recording), dtype=bool)
     calls[1:] = contact[1:] & contact[:-1]
