@@ -531,17 +531,18 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
             and verdict.outcome is Outcome.FAIL
             and verdict.standing.unexpected
         )
-        rows = {title: places for suite in self.suites for title, places in suite.cells.items()}
+        cells = {title: places for suite in self.suites for title, places in suite.cells.items()}
         about_jumps = [
-            title for title, places in rows.items() if any("/continuous-contact" in place for place in places)
+            title for title, places in cells.items() if any("/continuous-contact" in place for place in places)
         ]
         notes = []
         for renderer, count in off_normal.items():
             resisted = [title for title in about_jumps if self.table.get(title, {}).get(renderer) == "Yes"]
             if resisted:
+                rows = "' and '".join(resisted)
                 notes.append(
-                    f"{renderer}: {' and '.join(resisted)}: Yes says that its tool jumps nowhere, not that it follows "
-                    f"the hand: contact-normal-force fails in {count} case{'s' * (count > 1)}"
+                    f"{renderer}: Yes for '{rows}' says that its tool jumps nowhere, not that it follows the hand: "
+                    f"contact-normal-force fails in {count} case{'s' * (count > 1)}"
                 )
         return notes
 

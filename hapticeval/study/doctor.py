@@ -474,6 +474,12 @@ def next_steps(name: str, findings: Sequence[ContractFinding]) -> list[str]:
     steps = [f"next: mend what broke at '{broke.what}' first; what broke as it did goes with it"]
     if broke.what == "free space":
         steps.append("in free space hand and tool are one point: what divides by their distance divides by zero")
+    others = [finding.kind for finding in findings if finding.what == "made" and finding.state is State.OK]
+    if broke.what == "made" and others:
+        steps.append(
+            f"or, if it is for models in {'the ' * (others[0] == 'plane')}{others[0]} alone, have it say so: "
+            f"supports = {{'{others[0]}'}}"
+        )
     if broke.hip is not None:
         steps += [
             "to ask it there yourself, with prints or in a debugger:",

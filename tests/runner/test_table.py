@@ -84,7 +84,7 @@ def test_a_yes_for_a_tool_that_may_not_follow_the_hand_has_a_note(jumps, normal,
     entries = [VerdictEntry.of(verdict) for verdict in [*verdicts(jumps, jumps), off]]
     results = results_of(*entries, suites=[ENTRY], table=fill_table([ENTRY], entries))
     note = (
-        f"mine: {ROW}: Yes says that its tool jumps nowhere, not that it follows the hand: "
+        f"mine: Yes for '{ROW}' says that its tool jumps nowhere, not that it follows the hand: "
         "contact-normal-force fails in 1 case"
     )
     assert results.table_notes == [note] * noted

@@ -69,6 +69,12 @@ class Divides(Good):
         with np.errstate(all="ignore"):
             return ihip, np.linalg.norm(force) * (ihip - hip) / np.linalg.norm(ihip - hip)
 
+class Faceted(Good):
+    supports = None
+    def __init__(self, scene):
+        super().__init__(scene)
+        self.facets = scene.model.boundary.triangles
+
 class Trips(Good):
     def step(self, hip, velocity, dt):
         if self.boundary.signed_distance(np.array([hip])) < 0.0:
@@ -245,3 +251,8 @@ def test_what_broke_can_be_asked_again_by_the_program_that_the_doctor_prints(
     assert doctor.next_steps("p", list(examine("patients:Raises", patience=ANSWER_SECONDS))) == [
         "next: mend what broke at 'made' first; what broke as it did goes with it"
     ]
+
+
+def test_a_renderer_of_solids_alone_is_told_how_to_say_so(here: Path) -> None:
+    steps = doctor.next_steps("p", list(examine("patients:Faceted", patience=ANSWER_SECONDS)))
+    assert steps[1:] == ["or, if it is for models in space alone, have it say so: supports = {'space'}"]
