@@ -292,7 +292,6 @@ def case_section(
         for name, recording in recordings.items()
         if isinstance(recording, Recording) and _has_measured_hips(recording)
     }
-    problems = {name: reason for name, reason in recordings.items() if isinstance(reason, str)}
     times = {name: [t for v in verdicts.get(name, ()) if (t := v.time) is not None] for name in drawable}
     model = model_of(entries[0], next(iter(drawable.values()), None))
     # A foreign recording may be of another space than the model that its entry names.
@@ -302,40 +301,20 @@ def case_section(
     # A bilateral surface holds the tool, unless the hand is led and only the IHIP is held.
     surface = model if entries[0].scene.bilateral and not is_led else None
     tracks = sample_tracks({name: drawable[name] for name in names if name in drawable}, times, held_on=surface)
+    drawn_names = [track.name for track in tracks]
+    places = _failed_places(judged, set(drawn_names))
+    timed = [verdict for verdict in judged if verdict.time is not None and verdict.renderer in drawn_names]
+    worst = next(iter(gravest_first(timed)), None)
     crosses = {
         entry.renderer: entry.refusal.position
         for entry in entries
         if entry.refusal is not None and entry.refusal.position is not None
     }
-    drawn_names = [track.name for track in tracks]
-    places = _failed_places(judged, set(drawn_names))
-    timed = [verdict for verdict in judged if verdict.time is not None and verdict.renderer in drawn_names]
-    worst = next(iter(gravest_first(timed)), None)
-    questions = {v.check: read_page(CHECKS[v.check]).question for v in judged if v.check in CHECKS}
-    figures: dict[str, str] = {}
-    data = ""
+    panels = case_panels(tracks, held_on_surface=surface is not None) if tracks else ()
     label = "/".join(case)
-    if tracks:
-        panels = case_panels(tracks, held_on_surface=surface is not None)
-        figures = {
-            "plane": plane_svg(
-                tracks, model, looks, places, crosses=crosses, prefix=f"{prefix}p", title=f"{label}: paths on the model"
-            ),
-            "plots": panels_svg(
-                tracks, panels, looks, places, prefix=f"{prefix}t", title=f"{label}: force and motion against time"
-            ),
-        }
-        data = _script_data(tracks, panels, model, looks, names, crosses)
-    # Nothing was recorded: every renderer refused, and some say where.
-    elif crosses and model is not None and model.dimension == 2:
-        title = f"{label}: the outline of the model, and where renderers refuse it"
-        figures = {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{prefix}p", title=title)}
-    charts: list[Charts] = []
-    for name, recording in drawable.items():
-        if model is not None and has_charts(recording):
-            title, key = f"{name} in {label}: the charts", f"charts of {name}"
-            figures[key] = atlas_svg(recording, model, prefix=f"{prefix}a{len(charts)}", title=title)
-            charts.append(Charts(name, key, charts_words(recording)))
+    charts = _draw_charts(drawable, model, prefix=prefix, label=label)
+    figures = _case_figures(tracks, panels, model, looks, places, crosses, prefix=prefix, label=label)
+    figures |= {chart.figure: svg for chart, svg in charts}
     view = CaseView(
         case=case,
         entries=entries,
@@ -346,19 +325,59 @@ def case_section(
         shown=differing_renderers(judged, drawn_names, worst),
         drawn_names=drawn_names,
         own_tools=[name for name, recording in drawable.items() if is_led and recording.meta.get(OWN_TOOL) is True],
-        problems=problems,
+        problems={name: reason for name, reason in recordings.items() if isinstance(reason, str)},
         figures=figures,
-        data=data,
+        data=_script_data(tracks, panels, model, looks, names, crosses) if tracks else "",
         parts=_drawn_parts(tracks),
-        charts=charts,
+        charts=[chart for chart, _ in charts],
         verdicts=verdicts,
         checks=_check_sections(judged),
-        questions=questions,
+        questions={v.check: read_page(CHECKS[v.check]).question for v in judged if v.check in CHECKS},
         check_pages=check_pages,
         worst=worst,
         place_numbers={(place.renderer, place.time): place.number for place in places},
     )
     return environment().get_template("case_section.html.j2").render(view=view)
+
+
+def _case_figures(
+    tracks: Sequence[Track],
+    panels: Sequence[Panel],
+    model: Model | None,
+    looks: Mapping[str, Look],
+    places: Sequence[Place],
+    crosses: Mapping[str, Sequence[float]],
+    *,
+    prefix: str,
+    label: str,
+) -> dict[str, str]:
+    """Draw paths and plots of what was recorded; without any of it, in the plane, where renderers refuse the model."""
+    if tracks:
+        return {
+            "plane": plane_svg(
+                tracks, model, looks, places, crosses=crosses, prefix=f"{prefix}p", title=f"{label}: paths on the model"
+            ),
+            "plots": panels_svg(
+                tracks, panels, looks, places, prefix=f"{prefix}t", title=f"{label}: force and motion against time"
+            ),
+        }
+    # Nothing was recorded: every renderer refused, and some say where.
+    if crosses and model is not None and model.dimension == 2:
+        title = f"{label}: the outline of the model, and where renderers refuse it"
+        return {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{prefix}p", title=title)}
+    return {}
+
+
+def _draw_charts(
+    drawable: Mapping[str, Recording], model: Model | None, *, prefix: str, label: str
+) -> list[tuple[Charts, str]]:
+    """Draw the charts of each renderer that has some, as SVG elements beside what tells of them."""
+    charts: list[tuple[Charts, str]] = []
+    for name, recording in drawable.items():
+        if model is not None and has_charts(recording):
+            svg = atlas_svg(recording, model, prefix=f"{prefix}a{len(charts)}", title=f"{name} in {label}: the charts")
+            charts.append((Charts(name, f"charts of {name}", charts_words(recording)), svg))
+    return charts
 
 
 def differing_renderers(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import signal
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +20,8 @@ if TYPE_CHECKING:
     from hapticeval.hardware.device import HardwareDevice
     from hapticeval.hardware.live import LiveRun
     from hapticeval.hardware.wiring import Wiring
-    from hapticeval.recordings.recorder import Summary
+    from hapticeval.recordings.recorder import Recorder, Summary
+    from hapticeval.renderer import Renderer
     from hapticeval.scene import Scene
 
 TWIN = "twin"
@@ -97,14 +100,31 @@ def record(
       hapticeval record --device udp://192.168.0.10:5005 --wiring rig.toml -r constraint -o run.h5
       hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
-    from hapticeval.discovery import resolve
-    from hapticeval.hardware.live import channels, run, signals, warm
-    from hapticeval.hardware.wiring import VELOCITY_CUTOFF
-    from hapticeval.recordings.recorder import Recorder
-    from hapticeval.renderer import Renderer, abilities_of
-    from hapticeval.runner.judging import make_renderer
-    from hapticeval.study.limits.search import describe_instability
+    from hapticeval.hardware.live import warm
+    from hapticeval.renderer import abilities_of
 
+    journal = _journal_of(output)
+    wired = _wiring_of(hardware, robot, wiring)
+    scene = _make_scene(wired, wiring, model, stiffness=stiffness, damping=damping, rate=rate)
+    chosen_renderer = _renderer_on_hardware(renderer, scene)
+    # Compiles what the loop calls: in the loop that would miss cycles.
+    warm(wired, chosen_renderer, scene)
+    _warn_of_instability(renderer, scene)
+    simulated = hardware == TWIN and not real_time
+    meta = {
+        **_recording_meta(scene, wired, renderer, hardware=hardware, who=who, simulated=simulated),
+        **abilities_of(chosen_renderer).meta,
+    }
+    opener = _hardware_opener(hardware, wired, scene, simulated=simulated)
+    session = _Session(wired, scene, chosen_renderer, meta, max(1, round(seconds * rate)), simulated)
+    live, summary = session.record(opener, journal, output)
+    early = f"; ended early: {live.ended}" if live.ended else ""
+    say(f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}\n{_step_times(live, rate)}")
+    raise typer.Exit(int(bool(summary.lost or live.missed or live.ended)))
+
+
+def _journal_of(output: Path) -> Path:
+    """Return the journal beside the recording. Raises `InputError` for another ending, and where either is there."""
     journal = output.with_suffix(".journal")
     if output.suffix.lower() not in RECORDING_SUFFIXES:
         raise InputError(
@@ -115,65 +135,96 @@ def record(
     for file in (output, journal):
         if file.exists():
             raise InputError(f"{file} is there already", why="a recording is never written over", todo="name another")
-    wired = _wiring_of(hardware, robot, wiring)
-    scene = _make_scene(wired, wiring, model, stiffness=stiffness, damping=damping, rate=rate)
-    factory = resolve(renderer)
-    chosen_renderer = make_renderer(factory, scene)
-    if not isinstance(chosen_renderer, Renderer):
+    return journal
+
+
+def _renderer_on_hardware(name: str, scene: Scene) -> Renderer:
+    """Make the renderer. Raises `InputError` for one that answers a whole stimulus and no single step."""
+    from hapticeval.discovery import resolve
+    from hapticeval.renderer import Renderer
+    from hapticeval.runner.judging import make_renderer
+
+    renderer = make_renderer(resolve(name), scene)
+    if not isinstance(renderer, Renderer):
         raise InputError(
-            f"'{renderer}' cannot run on hardware", why="it has physics of its own", todo="choose another with -r"
+            f"'{name}' cannot run on hardware", why="it has physics of its own", todo="choose another with -r"
         )
-    # Compiles what the loop calls: in the loop that would miss cycles.
-    warm(wired, chosen_renderer, scene)
-    # With velocities low-passed as on hardware, the loop may be unstable where a simulation is not.
-    warning = describe_instability(factory, scene, cutoff=VELOCITY_CUTOFF)
+    return renderer
+
+
+def _warn_of_instability(name: str, scene: Scene) -> None:
+    """Warn of a loop that may be unstable with velocities low-passed as on hardware, where a simulation is not."""
+    from hapticeval.discovery import resolve
+    from hapticeval.hardware.wiring import VELOCITY_CUTOFF
+    from hapticeval.study.limits.search import describe_instability
+
+    warning = describe_instability(resolve(name), scene, cutoff=VELOCITY_CUTOFF)
     if warning:
         typer.echo(printable(f"warning: {warning}"), err=True)
-    cycles = max(1, round(seconds * rate))
-    simulated = hardware == TWIN and not real_time
-    meta = {
-        **_recording_meta(scene, wired, renderer, hardware=hardware, who=who, simulated=simulated),
-        **abilities_of(chosen_renderer).meta,
-    }
-    failure: HapticevalError | None = None
-    live: LiveRun | None = None
-    recorder: Recorder | None = None
-    try:
-        with (
-            # In this order: the twin's process starts first, so that it holds nothing of the recorder's.
-            _hardware_opener(hardware, wired, scene, simulated=simulated) as connect,
-            Recorder(journal, channels(wired.device.dimension), signals=signals(wired), meta=meta) as recorder,
-            Terminal() as terminal,
-        ):
-            reported_cycles = 0
 
-            def tell(done: int) -> None:
-                nonlocal reported_cycles
-                if simulated:
-                    # No clock holds the loop back: it must not run ahead of the writer.
-                    recorder.wait_for_room()
-                # Once a second: printing takes time from the loop's side.
-                if done >= reported_cycles + rate:
-                    reported_cycles = done
-                    terminal.working(min(done, cycles) - 1, cycles, f"{done / rate:.0f} of {seconds:g} s")
 
-            try:
-                live = run(connect, wired, chosen_renderer, scene, recorder, cycles=cycles, tell=tell)
-            except HapticevalError as error:
-                failure = error
-            # Also where the run failed: what was recorded is kept.
-            summary = recorder.close()
-        _write_recording(journal, output, summary)
-    except KeyboardInterrupt:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left to do is to say so, and to end
-        typer.echo(_interrupted_words(journal, output, None if recorder is None else recorder.summary), err=True)
-        raise typer.Exit(1) from None
-    if failure is not None:
-        raise failure
-    assert live is not None
-    early = f"; ended early: {live.ended}" if live.ended else ""
-    say(f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}\n{_step_times(live, rate)}")
-    raise typer.Exit(int(bool(summary.lost or live.missed or live.ended)))
+@dataclass(frozen=True)
+class _Session:
+    """A run that is to be recorded: `cycles` of a `renderer` in a `scene`, on a robot wired so."""
+
+    wiring: Wiring
+    scene: Scene
+    renderer: Renderer
+    meta: dict[str, Any]
+    cycles: int
+    simulated: bool
+
+    def record(
+        self, opener: AbstractContextManager[Callable[[], HardwareDevice]], journal: Path, output: Path
+    ) -> tuple[LiveRun, Summary]:
+        """Run, and make a recording of the journal: also of a run that failed, whose error is raised afterwards."""
+        from hapticeval.hardware.live import channels, run, signals
+        from hapticeval.recordings.recorder import Recorder
+
+        failure: HapticevalError | None = None
+        recorder: Recorder | None = None
+        widths = channels(self.wiring.device.dimension)
+        try:
+            with (
+                # In this order: the twin's process starts first, so that it holds nothing of the recorder's.
+                opener as connect,
+                Recorder(journal, widths, signals=signals(self.wiring), meta=self.meta) as recorder,
+                Terminal() as terminal,
+            ):
+                tell = self._progress(recorder, terminal)
+                try:
+                    live = run(connect, self.wiring, self.renderer, self.scene, recorder, cycles=self.cycles, tell=tell)
+                except HapticevalError as error:
+                    failure = error
+                # Also where the run failed: what was recorded is kept.
+                summary = recorder.close()
+            _write_recording(journal, output, summary)
+        except KeyboardInterrupt:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left to do is to say so, and to end
+            typer.echo(_interrupted_words(journal, output, None if recorder is None else recorder.summary), err=True)
+            raise typer.Exit(1) from None
+        if failure is not None:
+            raise failure
+        return live, summary
+
+    def _progress(self, recorder: Recorder, terminal: Terminal) -> Callable[[int], None]:
+        """Return what is told how many cycles are done: once a second a line shows it."""
+        # Cycles a second.
+        rate = 1.0 / self.scene.sampling_time
+        reported_cycles = 0
+
+        def tell(done: int) -> None:
+            nonlocal reported_cycles
+            if self.simulated:
+                # No clock holds the loop back: it must not run ahead of the writer.
+                recorder.wait_for_room()
+            # Once a second: printing takes time from the loop's side.
+            if done >= reported_cycles + rate:
+                reported_cycles = done
+                words = f"{done / rate:.0f} of {self.cycles / rate:g} s"
+                terminal.working(min(done, self.cycles) - 1, self.cycles, words)
+
+        return tell
 
 
 def _step_times(live: LiveRun, rate: float) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -124,21 +124,50 @@ def _search_renderers(
     scheduler: str | None,
 ) -> int:
     """Search for counterexamples to each renderer, print and keep them, and return the exit code."""
-    from hapticeval.discovery import resolve
     from hapticeval.files import plain
-    from hapticeval.phenomena.registry import CHECKS, OF_EFFECTS
-    from hapticeval.phenomena.verdict import Level
     from hapticeval.runner.interrupts import Interrupts
     from hapticeval.search.counterexample import read_all
-    from hapticeval.search.drawing import judgeable
-    from hapticeval.search.seeds import Hunt, run_hunt, run_hunts
-    from hapticeval.workers import default_workers
+    from hapticeval.search.seeds import Hunt
+
+    names = _searched_renderers(renderers)
+    check_ids = _searched_checks(checks)
+    if models and dimension is not None:
+        raise InputError("--dimension and --model", why="a model has a dimension", todo="give one of the two")
+    model_tables = [plain(model_named(text).table, "model") for text in models or ()]
+    # What earlier searches kept is tried before anything is drawn.
+    known = read_all(directory) if directory.is_dir() else []
+    hunts = [
+        Hunt(name, check_ids, model_tables, known, seconds, examples, dimension or _default_dimension(name))
+        for name in names
+    ]
+    with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
+
+        def interrupted() -> bool:
+            return interrupts.count > 0
+
+        # All renderers and seeds side by side; else one after the other, with a bar.
+        if len(seeds) > 1 or scheduler is not None:
+            return _hunt_side_by_side(hunts, seeds, scheduler, directory, terminal, interrupted)
+        return _hunt_in_turn(hunts, seeds[0], directory, terminal, interrupted)
+
+
+def _searched_renderers(renderers: list[str] | None) -> list[str]:
+    """Return each renderer once. Raises `InputError` where none is named or a name is not known, before time goes."""
+    from hapticeval.discovery import resolve
 
     if not renderers:
         raise InputError("no renderer is named", why="a search takes its time for each", todo="name one: -r constraint")
-    # A name that does not exist is reported before any time is spent.
     for name in renderers:
         resolve(name)
+    return list(dict.fromkeys(renderers))
+
+
+def _searched_checks(checks: list[str] | None) -> tuple[str, ...]:
+    """Return the checks that are named, else all that decide. Raises `InputError` for one that no drawn case asks."""
+    from hapticeval.phenomena.registry import CHECKS, OF_EFFECTS
+    from hapticeval.phenomena.verdict import Level
+    from hapticeval.search.drawing import judgeable
+
     for check in checks or ():
         if check not in CHECKS:
             raise UnknownNameError("check", check, CHECKS)
@@ -151,53 +180,60 @@ def _search_renderers(
                 todo="judge it in a suite: hapticeval run effects",
             )
     # What is only shown is no fault, and no counterexample unless it is asked for: a god-object may have a memory.
-    check_ids = tuple(checks or (name for name in judgeable() if CHECKS[name].level is not Level.INFO))
-    if models and dimension is not None:
-        raise InputError("--dimension and --model", why="a model has a dimension", todo="give one of the two")
-    model_tables = [plain(model_named(text).table, "model") for text in models or ()]
-    # What earlier searches kept is tried before anything is drawn.
-    known = read_all(directory) if directory.is_dir() else []
-    names = dict.fromkeys(renderers)
+    return tuple(checks or (name for name in judgeable() if CHECKS[name].level is not Level.INFO))
+
+
+def _hunt_side_by_side(
+    hunts: Sequence[Hunt],
+    seeds: range,
+    scheduler: str | None,
+    directory: Path,
+    terminal: Terminal,
+    interrupted: Callable[[], bool],
+) -> int:
+    """Hunt with every seed, on all processors or a scheduler's workers; return the highest exit code."""
+    from hapticeval.search.seeds import run_hunts
+    from hapticeval.workers import default_workers
+
+    names = ", ".join(hunt.renderer for hunt in hunts)
+    terminal.line(f"searching with {plural(len(seeds), 'seed')} for what breaks {names}")
+    codes, begun = [], time.monotonic()
+    for hunt, outcome, ended in run_hunts(
+        hunts, seeds, workers=default_workers(), scheduler=scheduler, interrupted=interrupted,
+        progress=terminal.still, report=terminal.line,
+    ):  # fmt: skip
+        terminal.clear()
+        # Some seeds were interrupted, or lost with their worker.
+        if ended < len(seeds):
+            terminal.line(f"{hunt.renderer}: {ended} of {plural(len(seeds), 'seed')} ended")
+            codes.append(1)
+        codes.append(_write_findings(hunt, outcome, directory, time.monotonic() - begun))
+    return max(codes)
+
+
+def _hunt_in_turn(
+    hunts: Sequence[Hunt], seed: int, directory: Path, terminal: Terminal, interrupted: Callable[[], bool]
+) -> int:
+    """Hunt for one renderer after the other, with a bar; return the highest exit code."""
+    from hapticeval.search.seeds import run_hunt
+
     codes = []
-    with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
-
-        def interrupted() -> bool:
-            return interrupts.count > 0
-
-        def progress(done: float, what: str) -> None:
-            terminal.searching(done, seconds, what)
-
-        hunts = [
-            Hunt(name, check_ids, model_tables, known, seconds, examples, dimension or _default_dimension(name))
-            for name in names
-        ]
+    for hunt in hunts:
+        # Ctrl-C has ended the search: the renderers that are left are not begun.
+        if interrupted():
+            codes.append(1)
+            break
         begun = time.monotonic()
-        # All renderers and seeds side by side; else one after the other, with a bar.
-        if len(seeds) > 1 or scheduler is not None:
-            terminal.line(f"searching with {plural(len(seeds), 'seed')} for what breaks {', '.join(names)}")
-            options: dict[str, Any] = {"workers": default_workers(), "scheduler": scheduler, "interrupted": interrupted}
-            for hunt, outcome, ended in run_hunts(
-                hunts, seeds, **options, progress=terminal.still, report=terminal.line
-            ):
-                terminal.clear()
-                # Some seeds were interrupted, or lost with their worker.
-                if ended < len(seeds):
-                    terminal.line(f"{hunt.renderer}: {ended} of {plural(len(seeds), 'seed')} ended")
-                    codes.append(1)
-                codes.append(_write_findings(hunt, outcome, directory, time.monotonic() - begun))
-            return max(codes)
-        for hunt in hunts:
-            # Ctrl-C has ended the search: the renderers that are left are not begun.
-            if interrupted():
-                codes.append(1)
-                break
-            begun = time.monotonic()
-            started = f"searching for what breaks {hunt.renderer}: up to {seconds:g} s"
-            terminal.line(f"{started}, Ctrl-C ends it and keeps what is found")
-            outcome = run_hunt(hunt, seeds[0], interrupted=interrupted, progress=progress, report=terminal.line)
-            terminal.clear()
-            # An interrupted search has failed, even where it found nothing.
-            codes.append(max(_write_findings(hunt, outcome, directory, time.monotonic() - begun), int(interrupted())))
+        started = f"searching for what breaks {hunt.renderer}: up to {hunt.seconds:g} s"
+        terminal.line(f"{started}, Ctrl-C ends it and keeps what is found")
+
+        def progress(done: float, what: str, total: float = hunt.seconds) -> None:
+            terminal.searching(done, total, what)
+
+        outcome = run_hunt(hunt, seed, interrupted=interrupted, progress=progress, report=terminal.line)
+        terminal.clear()
+        # An interrupted search has failed, even where it found nothing.
+        codes.append(max(_write_findings(hunt, outcome, directory, time.monotonic() - begun), int(interrupted())))
     return max(codes)
 
 
