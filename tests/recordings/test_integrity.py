@@ -253,6 +253,22 @@ def test_a_counter_that_overflows_is_a_jump_and_parts_the_run(seed, sign):
     assert not planted(lambda c: c["ihip"][300:].__iadd__(0.02), "hip", "ihip", seed=seed).suspicious
 
 
+def test_a_proxy_may_rest_on_a_face_and_leap_off_its_edge_or_pop_for_a_tick_and_is_all_judged():
+    """A cube's proxy is at z = 5 cm until the hand leaves past an edge, 5 mm lower, where its push ends with a step."""
+    sway = np.sin(np.arange(ROWS) * 0.02)
+    hip = np.column_stack([0.06 * sway, 0.02 * np.cos(np.arange(ROWS) * 0.013), 0.045 + 1e-3 * sway])
+    inside = np.abs(hip[:, 0]) < 0.05
+    ihip = np.where(inside[:, None], hip * [1, 1, 0] + [0, 0, 0.05], hip)
+    popped = ROWS - 10  # into contact
+    assert inside[popped - 3 : popped + 4].all()
+    ihip[popped, 0] += 0.02
+    run = recording(np.arange(ROWS) * 1_000_000, {"hip": hip, "ihip": ihip, "contact": inside[:, None].astype(float)})
+    report = examine(run)
+    assert fault_rows(report) == [("spike", "ihip.x", popped, popped + 1)]
+    assert not report.suspicious
+    assert spans(sound_intervals(run, report)) == [(0, ROWS)]
+
+
 def test_left_out_rows_are_named_with_their_reason():
     stamps, channels = parts(7, ["hip"])
     channels["hip"][50, 0] += 0.5

@@ -59,35 +59,41 @@ def issues_of_numbers(recording: Recording) -> Iterator[Issue]:
             )
 
 
+COMPUTED = ("ihip", "contact")
+"""Channels that no sensor measures: what they do is the renderer's, and checks judge it."""
+
+
 def issues_of_values(recording: Recording) -> Iterator[Issue]:
     """Yield the jumps, stuck, clipped and spiking rows of each column, over its rows that follow each other.
 
-    - jump: only of a position or an angle, which no hand moves from row to row; a proxy may.
+    - jump: only of a position or an angle, which no hand moves from row to row.
     - stuck: not of a force or torque at zero, which is free motion.
-    - saturated: not of a proxy, which may rest on a wall; of a motor it is a note.
+    - saturated: of a motor it is a note.
     - spike: one row off the line through its neighbours.
+
+    Of what a renderer computes only the last, and as a note: a proxy rests on a face, leaps off an edge, or pops.
     """
     for name, (channel, unit, values) in columns_of(recording).items():
         sound = recording.measured & np.isfinite(values)
         if not sound.any() or np.ptp(values[sound]) == 0.0:
             continue
         # The column's quantum in its own unit; 0 where its values lie on no lattice.
-        step, is_force, proxy = numeric_step(values[sound]) or 0.0, unit in FORCE_UNITS, channel == "ihip"
+        step, is_force, computed = numeric_step(values[sound]) or 0.0, unit in FORCE_UNITS, channel in COMPUTED
         extremes = (float(values[sound].min()), float(values[sound].max()))
         for stretch in stretches(recording, sound):
             begin, part = stretch.first, values[stretch.rows]
-            stuck = list(_stuck(part, step))
+            stuck = [] if computed else list(_stuck(part, step))
             # A frozen sensor jumps where it wakes: one issue is enough.
             woken = {end for _, end in stuck}
-            # Only a place has no jumps by nature: forces switch on, and a proxy may leap from face to face.
-            jumps = _jumps(part, step) if unit in ("m", "rad") and not proxy else ()
+            # Only a place has no jumps by nature: forces switch on.
+            jumps = _jumps(part, step) if unit in ("m", "rad") and not computed else ()
             kinds: Mapping[str, Sequence[Span]] = {
                 "jump": [(row, row + 1) for row in jumps if row not in woken],
                 "stuck": [span for span in stuck if not (is_force and part[span[0]] == 0.0)],
                 "saturated": [
                     span
                     for span in _clipped(part, step, extremes)
-                    if not (proxy or (is_force and part[span[0]] == 0.0))
+                    if not (computed or (is_force and part[span[0]] == 0.0))
                 ],
                 "spike": [(row, row + 1) for row in _spikes(part, step, is_force)],
             }
@@ -95,7 +101,7 @@ def issues_of_values(recording: Recording) -> Iterator[Issue]:
                 for first, end in spans:
                     by, at = part[first] - part[first - 1], part[first]
                     message = MESSAGE_OF[kind].format(by=by, at=at)
-                    note = Severity.NOTE if is_force and kind == "saturated" else None
+                    note = Severity.NOTE if computed or (is_force and kind == "saturated") else None
                     yield make_issue(recording, kind, message, name, (begin + first, begin + end), severity=note)
 
 

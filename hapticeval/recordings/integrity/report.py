@@ -24,7 +24,7 @@ from hapticeval.recordings.stretches import Stretch, stretches
 from hapticeval.types import BoolArray
 
 LEFT_OUT = ("stuck", "spike", "jump")
-"""Issues whose rows are no measurement of the hand, though they are valid: checks leave them out."""
+"""Issues, but for notes, whose rows are no measurement of the hand, though they are valid: checks leave them out."""
 
 DETECTORS: tuple[Callable[[Recording], Iterable[Issue]], ...] = (
     columns.repeated_rows,
@@ -137,7 +137,8 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     # Why rows are left out: marked as no measurement, named by an issue, or alone between others.
     left = [(span, "no measurement") for span in runs_of(~keep)]
     for issue in report.issues:
-        if issue.kind in LEFT_OUT and issue.first is not None and keep[issue.first : issue.end].any():
+        no_measurement = issue.kind in LEFT_OUT and issue.severity is not Severity.NOTE
+        if no_measurement and issue.first is not None and keep[issue.first : issue.end].any():
             keep[issue.first : issue.end] = False
             left.append(((issue.first, issue.end or 0), f"{issue.kind} in {issue.channel}"))
     sound = stretches(recording, keep)
