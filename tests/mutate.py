@@ -367,18 +367,27 @@ class Loaded:
 
 
 def replacements(mutant: Mutant, loaded: Loaded) -> list[tuple[FunctionType, CodeType]]:
-    """Return the functions that a mutant changes with their new code; none where they are not loaded as defined."""
+    """Return the functions that a mutant changes with their new code; none where they are not loaded as defined.
+
+    What such a function has defined and returned on import, as one that makes checks does, is changed too.
+    """
     file = str(ROOT / mutant.file)
-    whole = compile(mutant.source, file, "exec", dont_inherit=True)
-    # A property and its setter have one name, and follow each other in both.
-    changed = [code for code in codes_in(whole) if code.co_qualname == mutant.function]
-    by_line: dict[int, list[FunctionType]] = defaultdict(list)
-    for function in loaded.functions[file, mutant.function or ""]:
-        by_line[function.__code__.co_firstlineno].append(function)
-    if len(by_line) != len(changed):
-        return []
-    pairs = zip(changed, sorted(by_line.items()), strict=True)
-    return [(function, code) for code, (_, alike) in pairs for function in alike]
+    changed: dict[str, list[CodeType]] = defaultdict(list)
+    for code in codes_in(compile(mutant.source, file, "exec", dont_inherit=True)):
+        if code.co_qualname == mutant.function or code.co_qualname.startswith(f"{mutant.function}.<locals>."):
+            # A property and its setter have one name, and follow each other in both.
+            changed[code.co_qualname].append(code)
+    pairs: list[tuple[FunctionType, CodeType]] = []
+    for name, codes in changed.items():
+        by_line: dict[int, list[FunctionType]] = defaultdict(list)
+        for function in loaded.functions[file, name]:
+            by_line[function.__code__.co_firstlineno].append(function)
+        if len(by_line) == len(codes):
+            alike = (functions for _, functions in sorted(by_line.items()))
+            pairs += [(function, code) for code, functions in zip(codes, alike, strict=True) for function in functions]
+        elif name == mutant.function:
+            return []
+    return pairs
 
 
 def put_in_place(function: FunctionType, code: CodeType) -> None:

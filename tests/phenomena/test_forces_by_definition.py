@@ -16,12 +16,19 @@ from hapticeval.effects.lugre import LuGre
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.checks.force_magnitude import (
+    Measured,
     _calls_for_force,
+    _curvature_acceleration,
+    _describe_missing_force,
     _describe_rare,
     _describe_stretch,
+    _explain_by_causes,
     _explained_share,
+    _finding,
     _longest_run,
+    _low_pass_constant,
     _measure_stiffness,
+    _misfit,
     _place_groups,
     _rank_groups,
     _stiffness_share,
@@ -30,7 +37,8 @@ from hapticeval.phenomena.checks.force_magnitude import (
 )
 from hapticeval.phenomena.checks.friction import _dissipated_work, _stored_energy, lugre_force, surface_force_of
 from hapticeval.phenomena.checks.passivity import explained_work, force_lag
-from hapticeval.recordings.recording import SINGLE
+from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.renderer import Spring
 from hapticeval.scene import Scene
 
@@ -203,6 +211,106 @@ class TestCauses:
         longest, others = _longest_run(np.array([1, 2, 5, 6, 7, 9]))
         assert (longest.tolist(), others) == ([5, 6, 7], ", the longest of 3 such stretches")
 
+    def measured(self, ratio, *, low=None, high=None, allowed=1e-3, rate=0.0, depth=2e-3, begins=False, ticks=None):
+        """What was measured at so many ticks; the ends of the share are the share where they are not given."""
+        ratio = np.asarray(ratio, dtype=float)
+        rows = np.arange(ratio.size) if ticks is None else np.asarray(ticks)
+        full = (np.array(np.broadcast_to(values, ratio.size), dtype=float) for values in (allowed, depth, rate))
+        allowed, depth, rate = full
+        low, high = (ratio if end is None else np.asarray(end, dtype=float) for end in (low, high))
+        begins = np.array(np.broadcast_to(begins, ratio.size))
+        return Measured(rows, ratio, low, high, allowed, allowed, depth, rate, begins)
+
+    def test_the_law_that_fits_better_is_within_the_range_then_clear_then_off_in_fewer_ticks_and_by_less(self):
+        base = moving(LINE)
+        misfits = [
+            _misfit(self.measured(ratio, allowed=allowed), base)
+            for ratio, allowed in (
+                ([1.0] * 4, 1e-3),
+                ([1.0, 1.0, 1.0, 1.05], 1e-3),
+                ([1.0, 1.0, 1.0, 1.06], 1e-3),
+                ([1.0, 1.0, 1.02, 1.02], 1e-3),
+                ([1.0] * 4, 0.11),
+                ([1.0, 1.0, 1.0, 2.1], 1e-3),
+            )
+        ]
+        assert misfits == sorted(misfits)
+        assert len(set(misfits)) == len(misfits)
+        assert misfits[0] == (0.0, False, 0.0, 0.0)
+        assert misfits[1] == (0.0, False, 0.25, pytest.approx(0.049))
+        assert misfits[4] == (0.0, True, 0.0, 0.0), "a damper may make a tenth"
+        assert misfits[5][0] == pytest.approx(2.1 - 1.8 - 1e-3)
+
+    @pytest.mark.parametrize(("share", "bound"), [(2.5, 0.8), (0.2, 0.45)])
+    def test_a_stiffness_outside_of_what_is_not_declared_is_off_the_nearer_end(self, share, bound):
+        """Undeclared it may be 0.55 to 1.8 of the scene's: 1.1 / 2 and 0.9 * 2."""
+        finding = _finding(moving(LINE, gain=share), LINE, self.measured([share] * COUNT), Level.SHOULD)
+        assert (finding.level, finding.outcome) == (Level.MUST, Outcome.FAIL)
+        assert finding.bound == pytest.approx(bound + 1e-3)
+        assert finding.metric.value == pytest.approx(abs(share - 1.0))
+
+    def test_a_filter_s_time_constant_is_found_where_it_explains_nine_tenths_of_what_is_missing(self):
+        """F + T F' = s of a hand that sinks evenly: F' is K v, and F lacks T K v of s."""
+        base = moving(LINE, sink=2e-5)
+        late = 4e-3 * 1000.0 * 2e-5 / DT
+        filtered = changed(base, force=base.force - np.array([0.0, late]))
+        ticks = np.arange(5, 30)
+        assert _low_pass_constant(filtered, LINE, ticks) == pytest.approx(4e-3)
+        assert _low_pass_constant(changed(base, force=base.force + np.array([0.0, late])), LINE, ticks) is None
+        # A way aside that no filter answers: a share q of what is late leaves 1 / (1 + q^2) of it explained.
+        aside = np.column_stack([late / 1000.0 * (-1.0) ** np.arange(COUNT), np.zeros(COUNT)])
+        assert _low_pass_constant(changed(filtered, hip=base.hip + 0.32 * aside), LINE, ticks) == pytest.approx(4e-3)
+        assert _low_pass_constant(changed(filtered, hip=base.hip + 0.35 * aside), LINE, ticks) is None
+        assert _low_pass_constant(filtered, LINE, ticks[::2]) is None, "no two ticks in a row"
+        felt = Recording(base.time, {"hip": base.hip, "force": filtered.force})
+        assert _low_pass_constant(felt, LINE, ticks) is None, "and without an IHIP"
+
+    def test_first_and_last_and_shallow_and_deep_are_tenths_of_the_samples(self):
+        """Of 400 samples forty: a tenth of 399 is 39.9."""
+        ticks = np.arange(400)
+        base, ratio = recorded(STEP * np.column_stack([ticks, np.zeros(400)])), 1.0 + 0.01 * ticks
+        rate = np.resize([1.0, -1.0], 400)
+        medians, explained = _explain_by_causes(base, self.measured(ratio, depth=1e-5 * (500 - ticks), rate=rate), 4)
+        assert medians["first"] == medians["deep"] == pytest.approx(1.0 + 0.01 * 19.5)
+        assert medians["last"] == medians["shallow"] == pytest.approx(1.0 + 0.01 * 379.5)
+        assert medians["inwards"] == pytest.approx(np.median(ratio[::2]))
+        assert medians["outwards"] == pytest.approx(np.median(ratio[1::2]))
+        quarters = _explained_share(ratio, ticks // 100)
+        assert explained["time"] == explained["depth"] == explained["place"] == pytest.approx(quarters)
+        assert explained["direction"] == pytest.approx(_explained_share(ratio, ticks % 2))
+        one_way = _explain_by_causes(base, self.measured(ratio, rate=1.0), 4)[1]
+        assert one_way["direction"] == 0.0
+
+    def test_a_missing_force_is_a_dead_band_or_a_stretch_of_time(self):
+        depth = np.where(np.arange(COUNT) < 10, 1e-3, 2e-3)
+        hip = np.column_stack([STEP * np.arange(COUNT), -depth])
+        force = np.where(np.arange(COUNT)[:, np.newaxis] < 10, 0.0, 1.0) * np.array([0.0, 2.0])
+        shallow = recorded(hip, hip * [1.0, 0.0], force)
+        silent = np.arange(COUNT) < 10
+        measured = self.measured(np.where(silent, 0.0, 1.0), depth=depth)
+        band = "a dead band: no force up to a depth of 1 mm, where the spring gives 1 N"
+        assert _describe_missing_force(shallow, LINE, measured, silent) == band
+        even = changed(shallow, hip=hip - np.array([0.0, 1e-3]) * silent[:, np.newaxis])
+        words = _describe_missing_force(even, LINE, measured, silent)
+        assert words == band.replace("1 mm", "2 mm").replace("1 N", "2 N"), "as deep as where there is one"
+        deeper = changed(shallow, hip=hip - np.array([0.0, 2e-3]) * silent[:, np.newaxis])
+        words = _describe_missing_force(deeper, LINE, measured, silent)
+        assert words.startswith("no force for 10 ticks from t = 0 s to 0.009 s")
+        assert _describe_missing_force(shallow, LINE, measured, ~silent) is None, "what deviates has a force"
+        strong = self.measured(np.where(silent, 1.5, 1.0), depth=depth)
+        assert _describe_missing_force(shallow, LINE, strong, silent) is None, "small as its depth is, it is too large"
+
+
+def test_the_curvature_s_acceleration_takes_the_largest_speed_of_hand_and_tool_around_a_tick():
+    angle = 1e-3 * np.arange(COUNT)
+    angle[38:] += 1e-3  # one step is twice as long
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    scene, base = Scene(model=circle(size=0.2), stiffness=1000.0, mass=0.1), recorded(0.098 * out, 0.1 * out)
+    ticks = np.arange(COUNT)
+    hand = np.where(ticks == 5, 0.3, 0.0)[:, np.newaxis] * np.array([1.0, 0.0])
+    expected = np.where(ticks == 5, 0.3, np.where((ticks == 37) | (ticks == 38), 0.2, 0.1))
+    np.testing.assert_allclose(_curvature_acceleration(base, scene, hand, ticks), 10.0 * expected**2, rtol=1e-5)
+
 
 class TestEnergy:
     @pytest.mark.parametrize("lag", [0.0, 0.5, 3.0])
@@ -335,3 +443,35 @@ class TestFriction:
         gap = lugre_force(law, surface_force_of(changed(base, force=lifted), scene), DT, 1)[:, 0]
         np.testing.assert_array_equal(gap[15:20], 0.0)
         np.testing.assert_allclose(gap[20:29], force[1:10], rtol=1e-6)
+
+    def test_bristles_under_a_hand_that_speeds_up_bend_as_their_equation_has_it(self):
+        law = LuGre(0.5, 0.3, stribeck=5e-3, stiffness=2e4, damping=5.0, viscosity=4.0)
+        scene = LINE.with_effects(law)
+        speeds = np.concatenate([np.full(3, 1e-3), 1e-3 + 2e-3 * np.arange(1, 12)])
+        hip = np.column_stack([np.zeros(speeds.size), np.full(speeds.size, -2e-3)])
+        base = recorded(hip, hip * [1.0, 0.0], velocity=np.column_stack([speeds, np.zeros(speeds.size)]))
+        force = lugre_force(law, surface_force_of(base, scene), DT, 64)[:, 0]
+
+        def speed(time):
+            """The tick of row k ends at k ticks: in the first the speed is what it is at its end."""
+            return np.interp(time, DT * np.arange(speeds.size), speeds)
+
+        def rate(time, bent):
+            v = speed(time)
+            return v - 2e4 * v * bent / (2.0 * law.limit(np.array([[v]]))[0, 0])
+
+        times = DT * np.arange(speeds.size)
+        z = solve_ivp(rate, (-DT, times[-1]), [0.0], t_eval=times, rtol=1e-9, atol=1e-15, max_step=1e-4).y[0]
+        damping = law.damping_at(speeds[:, np.newaxis])[:, 0]
+        expected = 2e4 * z + damping * np.array([rate(*at) for at in zip(times, z, strict=True)]) + 4.0 * speeds
+        np.testing.assert_allclose(force, expected, rtol=1e-4)
+
+    def test_a_tool_that_is_lifted_while_it_slips_is_given_back_its_press_times_that(self):
+        base = moving(self.SCENE, extra=np.array([-0.6, 0.0]))
+        lifted = changed(base, ihip=base.ihip + np.array([0.0, 1e-6]) * np.arange(COUNT)[:, np.newaxis])
+        moved = np.diff(lifted.hip, axis=0)
+        work, _ = _dissipated_work(lifted, surface_force_of(lifted, self.SCENE), self.SCENE, moved)
+        slip = np.array([STEP, 1e-6])
+        beside_spring = (1000.0 * (lifted.ihip - lifted.hip) - lifted.force)[1:] @ slip
+        relaxed = 500.0 * np.sum(slip * (slip - moved), axis=1)
+        np.testing.assert_allclose(work, 2.0 * (0.3 * STEP - 1e-6) - beside_spring + relaxed, rtol=1e-6)

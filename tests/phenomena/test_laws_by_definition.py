@@ -6,10 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from made import changed, recorded
+from made import changed, found, recorded
 
+from hapticeval.devices.catalogue import make_device
+from hapticeval.devices.device import heaviest_mass
 from hapticeval.effects.bump_map import BumpMap
 from hapticeval.effects.height_map import HeightMap
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.saturation import Saturation
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.phenomena.checks.contact_normal_force import (
     _angles,
@@ -17,6 +21,7 @@ from hapticeval.phenomena.checks.contact_normal_force import (
     _error_vector_angles,
     _force_deviation,
     _least_depth,
+    _motors_hold_back,
     _normal_reach,
     _resolution_angle,
     _rounding_angle,
@@ -252,3 +257,60 @@ class TestNormalForce:
         held = Scene(model=line(), stiffness=1000.0, mass=0.1, bilateral=True)
         assert _static_balance(self.pressed(), held) == ""
         assert _static_balance(self.pressed(count=1), LINE) == ""
+
+    @pytest.mark.parametrize(("drift", "rests"), [(1.03e-5, True), (1.05e-5, False)])
+    def test_a_tool_that_stands_off_is_at_rest_within_three_steps_and_the_standoff(self, drift, rests):
+        """Over 100 rows it drifts by 99 steps, of which 96 have to be within the millimetre that it stands off by."""
+        base = self.pressed(drift=drift)
+        off = changed(base, ihip=base.ihip + np.array([0.0, 1e-3]), meta={"standoff": 1e-3})
+        assert isinstance(_static_balance(off, LINE), tuple) is rests
+
+    def test_force_and_push_are_taken_along_the_normal_where_the_tool_ends(self):
+        round_scene = Scene(model=circle(size=0.2), stiffness=1000.0, mass=0.1)
+        angle = np.where(np.arange(50) < 49, 0.0, 0.01)  # the last step is within what counts as one place
+        out = np.column_stack([np.cos(angle), np.sin(angle)])
+        push = np.tile([-2.0, 0.0], (50, 1))
+        base = recorded(0.098 * out, 0.1 * out, -1.1 * push, meta=LOOP, velocity=0.0 * out, operator_force=push)
+        difference, _, pushed = _static_balance(base, round_scene)
+        assert pushed == pytest.approx(2.0 * math.cos(0.01), rel=1e-9)
+        assert difference == pytest.approx(0.2 * math.cos(0.01), rel=1e-9)
+
+    def test_a_robot_s_momentum_is_that_of_its_heaviest_direction_at_its_largest_speed(self):
+        robot = make_device("parallelogram-2dof")
+        scene = Scene(model=line(), stiffness=1000.0, mass=1e-3, device=robot)
+        base = self.pressed(push=200.0)
+        hip = base.hip + np.array([0.0, 0.2])  # where it reaches
+        hip[-1, 0] += 0.01
+        velocity = np.zeros((500, 2))
+        velocity[-50] = [3e-3, 4e-3]
+        _, allowed, _ = _static_balance(changed(base, hip=hip, velocity=velocity), scene)
+        momentum = heaviest_mass(robot, hip[-1]) * 5e-3
+        assert allowed == pytest.approx(2.0 * momentum / (99 * 1e-3) + SINGLE * 200.0)
+
+    def test_motors_hold_back_at_their_limit_and_where_they_rub(self):
+        limited = LINE.with_effects(Saturation(limit=2.0))
+        torque = np.zeros((500, 2))
+        torque[450, 1] = -2.0
+        base = changed(self.pressed(), joint_torque=torque)
+        assert _motors_hold_back(base, limited, slice(400, 499))
+        assert not _motors_hold_back(base, limited, slice(451, 499))
+        assert not _motors_hold_back(changed(base, joint_torque=0.99 * torque), limited, slice(400, 499))
+        assert not _motors_hold_back(base, LINE, slice(400, 499))
+        assert not _motors_hold_back(self.pressed(), limited, slice(400, 499)), "no torque was recorded"
+        assert _motors_hold_back(base, LINE.with_effects(JointFriction(torque=0.01)), slice(0, 1))
+
+    def test_at_rest_the_depth_is_that_of_the_last_row(self):
+        base = self.pressed()
+        hip = np.array(base.hip)
+        hip[-1, 1] = -1e-3
+        evidence = found("contact-normal-force", changed(base, hip=hip), LINE).evidence
+        assert evidence["static_depth_m"] == pytest.approx(1e-3)
+        assert evidence["apparent_stiffness_N_m"] == pytest.approx(2.0 / 1e-3)
+
+    def test_a_path_that_bends_after_its_first_row_leaves_that_row_nothing(self):
+        base = self.slide()
+        hip = np.array(base.hip)
+        hip[2:, 1] -= self.STEP
+        angles = _bend_angle(changed(base, hip=hip), np.arange(4), 0.5)
+        assert angles[0] == 0.0
+        assert np.all(angles[1:] > 0.0)

@@ -374,7 +374,7 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
     # Below this way, m, an IHIP has not moved: the rounding of its coordinates.
     place = 8.0 * ihip_precision(base) * np.max(np.abs(base.hip))
     # How far, m, the HIP may lie from the IHIP along the surface: the slip and the spring's length.
-    lag = length + (surface_force.size + np.maximum(surface_force.normal, 0.0)) / scene.stiffness
+    lag = length + (surface_force.size + surface_force.normal) / scene.stiffness
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         deviation = (
             np.linalg.norm(surface_force.tangential + braking[:, np.newaxis] * step / length[:, np.newaxis], axis=1)
@@ -514,7 +514,7 @@ def lugre_force(law: LuGre, surface_force: SurfaceForce, dt: float, parts: int) 
         grow, add = grow * decay, settled + (add - settled) * decay
     # The bristles turn with the surface, and keep their length, but for what the press does not hold.
     tiny, longest = np.finfo(float).tiny, (law.mu_s / law.stiffness * press).tolist()
-    free, bends, size = [0.0] * now.shape[1], [], 0.0
+    free, bends = [0.0] * now.shape[1], []
     bent = free
     rows = zip(
         pressed.tolist(), surface_force.normals.tolist(), grow[:, 0].tolist(), add.tolist(), longest, strict=True
@@ -523,9 +523,8 @@ def lugre_force(law: LuGre, surface_force: SurfaceForce, dt: float, parts: int) 
         # The part of z along the normal goes; what is left in the tangent plane is stretched back to its length.
         lifted = sum(map(mul, bent, normal))
         laid = [along - lifted * across for along, across in zip(bent, normal, strict=True)]
-        share = shrinks * min(size, holds) / max(math.hypot(*laid), tiny)
+        share = shrinks * min(math.hypot(*bent), holds) / max(math.hypot(*laid), tiny)
         bent = [share * along + new for along, new in zip(laid, added, strict=True)] if touches else free
-        size = math.hypot(*bent)
         bends.append(bent)
     z = np.array(bends)
     speed = np.linalg.norm(now, axis=1)[:, np.newaxis]
