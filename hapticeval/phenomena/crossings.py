@@ -190,7 +190,7 @@ def _comes_from_outside(
     """
     if first > 0 and under[first - 1] < -slack:
         return True
-    at = boundary.closest_point(recording.hip[first : first + 1])
+    at = boundary.closest_point(recording.hip[[first]])
     return bool(at.normal[0] @ normal > 1.0 - SAME_NORMAL)
 
 

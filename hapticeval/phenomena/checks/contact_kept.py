@@ -248,7 +248,6 @@ def _distances_past_surface(
     clear[1:] &= clear[:-1] & (frame.distance[1:] + frame.distance[:-1] >= steps)
     gap, since = np.zeros(len(base)), np.zeros(len(base), dtype=np.int64)
     tool: Array | None = None
-    first = 0
     # In contact the renderer's own tool counts; only without it the rigid one is led on.
     for tick in np.flatnonzero(~contact).tolist():
         released = tick > 0 and bool(contact[tick - 1])

@@ -1,0 +1,282 @@
+"""Closer looks at a jump, places of corners, and relations of two runs, on each side of what decides in them."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from made import FAIL, PASS, changed, found, recorded
+from test_helpers_by_definition import LINE, slide
+
+from hapticeval.geometry.catalogue import circle, line
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.checks.contact_kept import _rests_where_contact_ended
+from hapticeval.phenomena.checks.update_rate import calls_for_another_force
+from hapticeval.phenomena.checks.vertex_order import CHECK as VERTEX_ORDER
+from hapticeval.phenomena.crossings import _comes_from_outside, _length_to_next_corner, angle_between
+from hapticeval.phenomena.decisions import HOLD_TICKS, TICKS_AROUND
+from hapticeval.phenomena.jumps import (
+    JumpPlace,
+    Remains,
+    Scale,
+    _leads_the_same_way,
+    _Look,
+    _measure_scale,
+    _passes_by,
+    _suspect_stretches,
+)
+from hapticeval.phenomena.regions import nearest_jump
+from hapticeval.phenomena.restated import answers_apart, relation_finding
+from hapticeval.phenomena.sampling import lacks_ihip
+from hapticeval.phenomena.surface_motion import SurfaceMotion
+from hapticeval.scene import Scene
+
+STEP = 1e-4
+
+
+class TestStretches:
+    def test_steps_a_lag_apart_from_two_others_are_a_stretch_of_their_own(self):
+        steps = np.zeros(30)
+        steps[[5, 12, 13]] = 2.0, 2.0, 3.0
+        assert list(_suspect_stretches(steps, np.ones(30), 100)) == [(12, 13), (5, 5)]
+
+    def test_a_long_step_that_is_within_its_bound_belongs_to_no_stretch(self):
+        steps, bounds = np.zeros(30), np.ones(30)
+        steps[[3, 4, 20]] = 2.0, 2.0, 3.0
+        steps[5], bounds[5] = 9.0, 10.0
+        assert list(_suspect_stretches(steps, bounds, 100)) == [(20, 20), (3, 4)]
+        assert list(_suspect_stretches(steps, bounds, 1)) == [(20, 20), (3, 3), (4, 4)]
+
+
+class TestScale:
+    def measured(self, base, row, before=()):
+        return _measure_scale(base, LINE, np.arange(float(len(base))), row, before)
+
+    @pytest.mark.parametrize("row", [1, 10])
+    def test_it_has_jump_spread_and_step_around_a_row(self, row):
+        base = slide(count=20, aside=0.01)
+        scale = self.measured(base, row)
+        rows = len(range(max(row - TICKS_AROUND, 0), row + TICKS_AROUND))
+        assert (scale.halvings, scale.jump, scale.follows_hand) == (0.0, float(row), True)
+        assert scale.spread == pytest.approx(STEP * (rows - 1))
+        assert scale.hip_step == pytest.approx(STEP)
+        coarser = Scale(0.0, 1.0, 1.0, 8.0 * STEP, True)
+        assert self.measured(base, row, (coarser,)).halvings == pytest.approx(3.0)
+
+    @pytest.mark.parametrize(("moves", "follows"), [(2, False), (3, True)])
+    def test_a_tool_follows_that_moves_in_more_than_half_of_the_steps_in_which_the_hand_is_led(self, moves, follows):
+        """The hand is led in four steps, to rows 99 to 102."""
+        rows, led = np.arange(200), [99, 100, 101, 102]
+        along, tool = (STEP * np.cumsum(np.isin(rows, steps)) for steps in (led, led[:moves]))
+        hip = np.column_stack([along, np.full(200, -1e-3)])
+        assert self.measured(recorded(hip, np.column_stack([tool, np.zeros(200)])), 100).follows_hand is follows
+
+
+class TestTheSameWay:
+    """A coarse way of 20 rows, of which rows 6 to 12 are run again in steps of a quarter."""
+
+    FIRST, LAST, BEGIN, FACTOR = 10, 12, 6, 4
+
+    def leads(self, *, contact=None, aside=0.0):
+        coarse = slide(count=20, depth=STEP)
+        rows = (self.LAST - self.BEGIN) * self.FACTOR + 1
+        along = np.concatenate([STEP * (self.BEGIN + np.arange(rows) / self.FACTOR), [STEP * self.LAST] * 3])
+        hip = np.column_stack([along, np.full(along.size, -STEP)])
+        more = {} if contact is None else {"contact": np.resize(contact, along.size)}
+        fine = recorded(hip, np.column_stack([along + aside, np.zeros(along.size)]), 0.0 * hip, **more)
+        above = np.zeros(20, dtype=bool)
+        above[self.FIRST : self.LAST + 1] = True
+        return _leads_the_same_way(coarse, fine, LINE, above, (self.FIRST, self.LAST, self.BEGIN), 1e-9)
+
+    def test_finer_steps_along_it_stand_for_it_and_those_beside_do_not(self):
+        assert self.leads()
+        assert self.leads(aside=0.5 * STEP)
+        assert not self.leads(aside=20.0 * STEP)
+
+    def test_a_way_without_two_samples_in_contact_in_a_row_stands_for_none(self):
+        assert self.leads(contact=[1.0, 1.0, 0.0])
+        assert not self.leads(contact=[1.0, 0.0])
+
+    def passes(self, at_begin, at_end, *, off=0.0, lengths=()):
+        """Whether a way that is far off but for two fine rows passes by both ends of the step to row 10."""
+        coarse = np.column_stack([np.arange(13.0), np.zeros(13)])
+        fine = np.full((28, 2), 100.0)
+        fine[at_begin] = coarse[9] + [0.0, off]
+        fine[at_end] = coarse[10]
+        long = np.zeros(28)
+        for row in lengths:
+            long[row] = 0.5
+        return bool(_passes_by(coarse, fine, np.ones(28, dtype=bool), long, np.array([10]), 0, 2, 1e-3))
+
+    @pytest.mark.parametrize(("row", "passes"), [(11, False), (12, True), (23, True), (24, False)])
+    def test_it_passes_by_from_a_lag_before_the_step_to_a_lag_behind(self, row, passes):
+        """Of two fine rows a step: from row 9 - 3 to as many fine rows as are granted behind row 10."""
+        assert self.passes(row, 20) is passes
+        assert self.passes(18, row) is passes
+
+    @pytest.mark.parametrize(
+        ("off", "row", "passes"), [(0.4, 15, True), (0.6, 15, False), (0.4, 11, False), (0.4, 24, False)]
+    )
+    def test_as_close_as_the_longest_step_there(self, off, row, passes):
+        assert self.passes(18, 20, off=off, lengths=[row]) is passes
+
+
+@pytest.mark.parametrize(("steps", "below"), [(1.9, True), (2.1, False)])
+def test_a_look_is_settled_by_a_jump_and_below_single_precision_by_anything(steps, below):
+    resolved = 1e-9
+    scales = (Scale(0.0, 1.0, 1.0, steps * resolved, True),)
+    steep, jump = (JumpPlace(kind, 5, 1e-3, 0.0, scales) for kind in (Remains.STEEP, Remains.STAYS))
+    base = slide(count=20)
+
+    def look():
+        return _Look(SimpleNamespace(recording=base), LINE, np.ones(20), scales, resolved_step=resolved)
+
+    assert look().is_settled_by(jump)
+    for place in (None, steep):
+        one = look()
+        assert one.below_single is below
+        assert one.is_settled_by(place) is below
+        assert one.steep is (None if below else place), "one that is steep may yet be outdone"
+    first = _Look(SimpleNamespace(recording=base), LINE, np.ones(20), resolved_step=resolved)
+    assert not first.below_single
+
+
+class TestCorners:
+    def test_the_angle_to_a_direction_is_unsigned(self):
+        vectors = np.array([[1.0, 0.0], [1.0, 1.0], [0.0, -3.0], [-2.0, 0.0], [0.0, 0.0]])
+        angles = angle_between(vectors, np.array([1.0, 0.0]))
+        np.testing.assert_allclose(angles, np.array([0.0, 0.25, 0.5, 1.0, 0.0]) * math.pi)
+
+    @pytest.mark.parametrize(("place", "length"), [(0.0, 0.5), (2.0, 2.0), (9.5, 0.5)])
+    def test_the_next_corner_may_lie_over_the_seam(self, place, length):
+        corners = [SimpleNamespace(s=s) for s in (0.0, 2.0, 9.5)]
+        boundary = SimpleNamespace(corners=corners, girth=10.0)
+        (corner,) = (corner for corner in corners if corner.s == place)
+        assert _length_to_next_corner(boundary, corner) == length
+        assert _length_to_next_corner(SimpleNamespace(corners=[corner], girth=10.0), corner) == 10.0
+
+    @pytest.mark.parametrize(("under", "above"), [(-2e-9, True), (-0.5e-9, False), (0.5e-9, False)])
+    def test_a_tool_is_on_a_face_that_its_hand_was_above(self, under, above):
+        base, depths = slide(), np.full(12, 1e-3)
+        depths[2] = under
+        elsewhere = np.array([1.0, 0.0])
+        assert _comes_from_outside(base, LINE.model.boundary, 3, depths, elsewhere, 1e-9) is above
+        assert _comes_from_outside(base, LINE.model.boundary, 3, depths, np.array([0.0, 1.0]), 1e-9), "or the nearest"
+        assert not _comes_from_outside(base, LINE.model.boundary, 0, -depths, elsewhere, 1e-9), "at the first row"
+
+    @pytest.mark.parametrize(("tick", "jump"), [(0, 0.0), (1, 1e-3), (2, 2e-3), (3, 7e-3)])
+    def test_the_nearest_point_moves_since_the_tick_before(self, tick, jump):
+        hip = np.column_stack([[0.0, 1e-3, 3e-3, 1e-2], [-1e-3] * 4])
+        assert nearest_jump(recorded(hip), LINE, tick) == pytest.approx(jump)
+
+
+class TestRelations:
+    def test_a_force_is_a_length_by_the_stiffness_or_by_what_an_event_moves_the_tool(self):
+        soft = Scene(model=line(), stiffness=0.5, mass=2e-6)
+        base = slide()
+        other = changed(base, force=base.force + np.array([0.6, 0.8]))
+        # 1 N over 0.5 N/m; of one that answers a stimulus whole over m / dt^2 = 2 N/m
+        assert answers_apart(Runs(base, subdivided=lambda: base), other, soft) == pytest.approx(2.0)
+        assert answers_apart(Runs(base), other, soft) == pytest.approx(0.5)
+        assert not answers_apart(Runs(base), other, soft, forces=False).any()
+
+    @pytest.mark.parametrize(
+        ("change", "allowed", "exempt", "tick"),
+        [
+            ([1e-3, 2e-3], [0.0, 2.5e-3], [False, False], 0),
+            ([1e-3, 2e-3], [3e-3, 2.5e-3], [False, False], 1),
+            ([1e-3, 2e-3], [3e-3, 0.0], [False, True], 0),
+            ([1e-3, 2e-3], [0.0, 0.0], [True, True], 0),
+        ],
+    )
+    def test_the_row_that_is_off_by_most_is_told_and_without_one_that_changes_most(self, change, allowed, exempt, tick):
+        base = changed(slide(), rows=slice(0, 2))
+        finding = relation_finding(
+            VERTEX_ORDER, base, LINE, np.array(change), np.array(allowed), np.array(exempt), "with other vertices"
+        )
+        excess = [
+            0.0 if skip else max(much - granted, 0.0)
+            for much, granted, skip in zip(change, allowed, exempt, strict=True)
+        ]
+        assert finding.metric.value == pytest.approx(max(excess) / 0.2)
+        assert finding.evidence["tick"] == tick
+        assert finding.evidence["rows_off"] == sum(much > 0.0 for much in excess)
+        assert finding.evidence["rows_exempt"] == sum(exempt)
+
+    @pytest.mark.parametrize(("off", "outcome"), [(0.9e-3, PASS), (1.1e-3, FAIL)])
+    def test_beside_another_renderer_what_is_declared_to_scatter_is_granted(self, off, outcome):
+        base = slide()
+        for name, scatter in (("ihip", 1e-3), ("force", 1.0)):
+            declares = changed(base, meta={f"{name}_scatter": scatter})
+            other = changed(base, ihip=base.ihip + np.array([off, 0.0]), force=base.force)
+            assert found("two-at-once", Runs(declares, in_turns=lambda other=other: other), LINE).outcome is outcome
+
+
+def test_a_late_force_on_a_hand_outside_is_no_lack_of_a_contact_point():
+    """Of a renderer that gives its IHIP elsewhere; the heights are those of no surface."""
+    hip = 1e-3 * np.column_stack([np.zeros(12), [-1.0, -1.0, -1.0, *range(1, 10)]])
+    ihip, force = np.maximum(hip, 0.0), np.tile([0.0, 1.0], (12, 1))
+    assert not lacks_ihip(recorded(hip, ihip, force), LINE)
+    assert lacks_ihip(recorded(hip, hip, force), LINE)
+
+
+@pytest.mark.parametrize(("rows", "rests"), [(slice(0, 1), [1, 2, 3]), (slice(2, 4), [4, 5, 6]), (slice(0, 0), [])])
+def test_a_late_contact_point_rests_for_three_ticks_where_the_contact_ended(rows, rests):
+    contact = np.zeros(9)
+    contact[rows] = 1.0
+    hip = np.tile([0.0, 1e-3], (9, 1))
+    base = recorded(hip, 0.0 * hip, 0.0 * hip, contact=contact)
+    late = np.flatnonzero(_rests_where_contact_ended(base, LINE, np.full(9, 1e-9)) & (contact == 0.0))
+    assert late.tolist() == rests
+
+
+def test_a_held_force_lets_a_perfect_law_drift_by_its_turn_and_the_overshoot():
+    """Round 0.1 m at 5 rad/s the force of 0.25 N turns by 5 mrad in a tick; undamped, a step overshoots by twice."""
+    angle = 5e-3 * np.arange(20)
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    base = recorded(0.1 * out, velocity=0.5 * np.column_stack([-out[:, 1], out[:, 0]]))
+    turn = 0.25 * 2.0 * math.sin(2.5e-3)
+    for damping, overshoot in ((0.0, 2.0), (2.0 * math.sqrt(50.0 * 0.1), 1.0)):
+        scene = Scene(model=circle(size=0.2), stiffness=50.0, mass=0.1, damping=damping, bilateral=True)
+        motion = SurfaceMotion(base, scene)
+        assert motion.held_distance() == pytest.approx(HOLD_TICKS * turn * overshoot / 50.0, rel=1e-3)
+        assert motion.held_distance(19) == 0.0
+
+
+class TestRenewal:
+    def sinking(self, step, *, every=1, follows=False, count=40, meta=None):
+        """A hand that sinks by `step` m in each tick, and a force that is renewed in every so many ticks."""
+        depth = 1e-3 + step * np.arange(count)
+        hip = np.column_stack([np.zeros(count), -depth])
+        ihip = np.column_stack([np.zeros(count), 1e-3 - depth if follows else np.zeros(count)])
+        force = np.column_stack([np.zeros(count), 1000.0 * depth[np.arange(count) // every * every]])
+        return recorded(hip, ihip, force, meta={"source": "playback", **(meta or {})})
+
+    @pytest.mark.parametrize(("step", "calls"), [(0.9e-4, False), (1.1e-4, True)])
+    def test_a_hand_calls_for_another_force_where_the_spring_changes_by_more_than_the_force_resolves(self, step, calls):
+        coarse = self.sinking(step, meta={"force_resolution": 0.1})
+        assert calls_for_another_force(coarse, LINE).tolist() == [False] + 39 * [calls]
+
+    def test_it_calls_for_none_along_a_face_nor_where_the_tool_goes_along(self):
+        assert not calls_for_another_force(changed(slide(), meta={"source": "playback"}), LINE).any()
+        assert not calls_for_another_force(self.sinking(1e-4, follows=True), LINE).any()
+
+    def test_a_log_s_forces_are_told_apart_by_a_step_in_each_component(self):
+        base = self.sinking(1e-4, count=400)
+        logged = changed(base, force=np.round(base.force / 0.5) * 0.5 + 0.0, meta={"source": "file"})
+        # Steps of 0.5 N are 0.5 mm of the spring.
+        assert not calls_for_another_force(logged, LINE).any()
+        assert calls_for_another_force(base, LINE).sum() == 399
+
+    @pytest.mark.parametrize(("every", "outcome"), [(1, PASS), (2, FAIL), (3, FAIL)])
+    def test_a_force_stands_for_the_ticks_until_it_is_renewed(self, every, outcome):
+        finding = found("update-rate", self.sinking(1e-4, every=every), LINE)
+        assert finding.outcome is outcome
+        assert finding.metric.value == pytest.approx(1e-3 * every)
+        assert finding.bound == pytest.approx(1.5e-3)
+        assert finding.evidence["rate_hz"] == pytest.approx(1e3 / every)
+        assert f"renewed at {1e3 / every:.3g} Hz" in finding.message
+        assert finding.evidence["ticks_called_for"] == 39
+        assert ("the scene's loop runs at 1000 Hz" in finding.message) is (outcome is FAIL)
