@@ -8,6 +8,8 @@ import struck_and_shaded
 from made import FAIL, PASS, UNDECIDED, changed, found, outcome, recorded
 from msgspec import structs
 from scipy.optimize import brentq
+from scipy.special import polygamma
+from scipy.stats import chi2, norm
 
 from hapticeval.discovery import resolve
 from hapticeval.effects.bump_map import BumpMap
@@ -20,7 +22,8 @@ from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks.texture import find_stretches, spectrum_bound
+from hapticeval.phenomena.checks import texture
+from hapticeval.phenomena.checks.texture import Stretch, _mean_square_variance, find_stretches, spectrum_bound
 from hapticeval.phenomena.checks.transient import fit, judge_each
 from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.runner.judging import make_renderer
@@ -211,6 +214,93 @@ def test_a_hand_far_from_the_origin_rests_while_it_moves_by_rounding(roundings, 
 
     far = Runs(there(runs.base), without=lambda kind: there(runs.without(kind)))
     assert outcome("texture-rest", far, scene) is expected
+
+
+class TestStretches:
+    """Vibrations of stretches that were found, of a ribbed texture at 1 kHz."""
+
+    SCENE = Scene(model=LINE, effects=(StochasticTexture(mass=0.05, texture="ribbed"),))
+    SPEED, PRESS = 0.1, 1.0
+
+    @pytest.fixture
+    def judged(self, monkeypatch):
+        def judge(check, *vibrations, speeds=(self.SPEED,)):
+            stretches = [
+                Stretch(250, speed, self.PRESS, vibration) for speed, vibration in zip(speeds, vibrations, strict=True)
+            ]
+            monkeypatch.setattr(texture, "find_stretches", lambda runs, scene: stretches)
+            base = pulled(0.1, 1000)
+            return found(check, Runs(base, without=lambda kind: base), self.SCENE)
+
+        return judge
+
+    def covariance(self, speed, count=256):
+        return autocovariance(StochasticTexture(mass=0.05, texture="ribbed").model.between(speed, self.PRESS), count)
+
+    @pytest.mark.parametrize(("part", "gain"), [(2, 3.0), (5, 0.2), (7, 0.0)])
+    def test_the_part_whose_power_is_off_by_most_is_told_with_what_chance_makes(self, judged, part, gain):
+        """Of eight parts: two-sided, by chance once in a thousand in any. A sum of squares is a chi square's."""
+        size = 400
+        parts = np.random.default_rng(4).standard_normal((8, size))
+        parts[part] *= gain
+        finding = judged("texture-stationary", np.append(parts, [9.0, 9.0]))
+        assert finding.outcome is FAIL
+        power = np.mean(parts**2, axis=1)
+        with np.errstate(divide="ignore"):
+            decibels = np.maximum(10.0 * np.log10(power / power.mean()), -1000.0)
+        np.testing.assert_allclose(finding.evidence["parts_dB"], decibels)
+        assert finding.metric.value == pytest.approx(abs(decibels[part]))
+        assert finding.message.startswith(f"part {part + 1} of 8 of the stretch has {decibels[part]:+.3g} dB")
+        freedom = 2.0 / _mean_square_variance(self.covariance(self.SPEED), size)
+        ends = chi2.ppf([0.5e-3 / 8, 1.0 - 0.5e-3 / 8], freedom) / freedom
+        assert finding.bound == pytest.approx(np.abs(10.0 * np.log10(ends)).max(), rel=1e-6)
+
+    def test_parts_of_less_than_a_window_and_no_vibrations_are_not_compared(self, judged):
+        noise = np.random.default_rng(4).standard_normal(8 * 256)
+        assert judged("texture-stationary", noise).outcome is not UNDECIDED
+        assert "too short" in judged("texture-stationary", noise[1:]).message
+        assert "no vibrations" in judged("texture-stationary", 0.0 * noise).message
+
+    def test_the_frequency_at_which_a_spectrum_is_off_by_most_is_told(self, judged):
+        tone = 1e3 * np.sin(2.0 * np.pi * 40.0 / 256.0 * np.arange(8000))
+        noise = np.sqrt(self.covariance(self.SPEED, 1)) * np.random.default_rng(4).standard_normal(8000)
+        finding = judged("texture-spectrum", tone + noise)
+        assert finding.outcome is FAIL
+        assert finding.evidence["worst_at_Hz"] == pytest.approx(1000.0 * 40.0 / 256.0)
+        assert f"{finding.evidence['worst_error_dB']:+.3g} dB near 156 Hz" in finding.message
+        assert "over 8 s" in finding.message
+        assert finding.bound == pytest.approx(spectrum_bound(8000))
+
+    def test_a_spectrum_without_power_is_off_by_a_thousand_decibels(self, judged):
+        finding = judged("texture-spectrum", np.zeros(8000))
+        assert (finding.outcome, finding.metric.value) == (FAIL, pytest.approx(1000.0, rel=1e-9))
+
+    @pytest.mark.parametrize("worst", [0, 1, 2])
+    def test_the_stretch_that_is_off_by_most_beside_chance_is_told(self, judged, worst):
+        """Two long ones and a short one, of which that is known less well."""
+        counts, speeds, gains = (6000, 2000, 4000), (0.05, 0.1, 0.2), np.ones(3)
+        gains[worst] = 2.0
+        random = np.random.default_rng(5)
+        levels = [float(self.covariance(speed, 1)[0]) for speed in speeds]
+        vibrations = [
+            gain * np.sqrt(level) * random.standard_normal(count)
+            for gain, level, count in zip(gains, levels, counts, strict=True)
+        ]
+        finding = judged("texture-amplitude", *vibrations, speeds=speeds)
+        power = np.array([np.mean(vibration**2) for vibration in vibrations])
+        off = 10.0 * np.log10(power / levels)
+        off -= off.mean()
+        shares = [_mean_square_variance(self.covariance(speed), n) for speed, n in zip(speeds, counts, strict=True)]
+        variances = np.array([float(polygamma(1, 1.0 / share)) for share in shares])
+        # Of a stretch less the mean of three, two-sided
+        scatter = 10.0 / np.log(10.0) * np.sqrt(variances * (1.0 - 2.0 / 3.0) + variances.sum() / 9.0)
+        allowed = norm.isf(0.5e-3 / 3) * scatter
+        assert int(np.argmax(np.abs(off) / allowed)) == worst
+        assert finding.outcome is FAIL
+        assert finding.metric.value == pytest.approx(abs(off[worst]))
+        assert finding.bound == pytest.approx(allowed[worst], rel=1e-6)
+        assert [one["off_dB"] for one in finding.evidence["stretches"]] == pytest.approx(off.tolist())
+        assert finding.message.startswith(f"at {speeds[worst]:.3g} m/s and 1 N the rms is {off[worst]:+.3g} dB")
 
 
 @pytest.mark.parametrize(("change", "words"), [({"variance": 0.1}, "shakes a hand that rests"), (RINGS, "still ring")])
