@@ -102,7 +102,7 @@ def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> t
     free = free[:: max(1, -(-len(free) // MOST_RESTS))]
     balances = []
     # Shifted by each lag that a proxy may have: the force at row k + lag belongs to the place at row k.
-    for lag in range(min(LAG_TICKS, len(time) - 2) + 1):
+    for lag in range(LAG_TICKS + 1):
         end = len(time) - lag
         port = _Port(place[:end], force[lag:], steps, floor, share)
         from_free = [row - lag for row in free if row >= lag]

@@ -29,6 +29,7 @@ from hapticeval.phenomena.checks.passivity import (
 from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
 from hapticeval.phenomena.checks.transient import prony
 from hapticeval.phenomena.checks.vertex_order import CHECK as VERTEX_ORDER
+from hapticeval.phenomena.decisions import LAG_ROWS
 from hapticeval.phenomena.jumps import (
     Remains,
     Scale,
@@ -43,7 +44,17 @@ from hapticeval.phenomena.jumps import (
     step_bounds,
     worst_step,
 )
-from hapticeval.phenomena.lag import believed_lag, beside_straight, largest_in_lag, resting_ticks
+from hapticeval.phenomena.lag import (
+    Lag,
+    _spread_rows,
+    believed_lag,
+    beside_straight,
+    delayed,
+    find_lag,
+    largest_in_lag,
+    likely_force_lags,
+    resting_ticks,
+)
 from hapticeval.phenomena.restated import _directions, compare_runs
 from hapticeval.phenomena.sampling import (
     believed_standoff,
@@ -369,6 +380,28 @@ class TestLag:
         believed, misfit = believed_lag(lambda ticks: left + (1.0 - left) * abs(ticks - 1.0), 0.0)
         assert believed == pytest.approx(lag)
         assert misfit == pytest.approx(left if lag else 1.0)
+
+    def test_values_before_the_first_row_are_the_first_and_after_the_last_the_last(self):
+        values = np.array([[0.0], [1.0], [4.0]])
+        rows = np.arange(3)
+        assert delayed(values, rows, 0.25).ravel().tolist() == [0.0, 0.75, 3.25]
+        assert delayed(values, rows, 1.0).ravel().tolist() == [0.0, 0.0, 1.0]
+        assert delayed(values, rows, -0.5).ravel().tolist() == [0.5, 2.5, 4.0]
+
+    @pytest.mark.parametrize(("count", "every"), [(1, 1), (LAG_ROWS, 1), (LAG_ROWS + 1, 2), (3 * LAG_ROWS, 3)])
+    def test_a_lag_is_sought_in_rows_that_are_spread_over_all(self, count, every):
+        rows = np.arange(count) + 5
+        assert _spread_rows(rows).tolist() == rows[::every].tolist()
+
+    def test_a_force_is_as_late_as_the_oldest_hand_that_it_is_made_of(self):
+        assert Lag(1.0, 0.5, 0.25).force == 1.25
+        assert Lag(0.0, 1.5, 1.0).force == 1.5
+        assert Lag(0.5, -1.0, -1.0).force == 0.0
+
+    def test_without_a_force_none_is_late(self):
+        free = recorded(np.abs(slide().hip))
+        assert likely_force_lags(free, LINE) == []
+        assert (find_lag(free, LINE).force_hip, find_lag(free, LINE).force_ihip) == (0.0, 0.0)
 
     def test_what_is_exact_has_none(self):
         assert believed_lag(lambda ticks: 1e-3 * abs(ticks - 1.0), 1e-3) == (0.0, 1e-3)

@@ -13,6 +13,13 @@ from test_helpers_by_definition import LINE, slide
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.contact_kept import _rests_where_contact_ended
+from hapticeval.phenomena.checks.continuous_contact import (
+    _fault_of_sibling,
+    _find_off_surface,
+    _with_steps_of_pieces,
+    amplification,
+    coarsened_slope,
+)
 from hapticeval.phenomena.checks.update_rate import calls_for_another_force
 from hapticeval.phenomena.checks.vertex_order import CHECK as VERTEX_ORDER
 from hapticeval.phenomena.crossings import _comes_from_outside, _length_to_next_corner, angle_between
@@ -121,6 +128,86 @@ class TestTheSameWay:
     )
     def test_as_close_as_the_longest_step_there(self, off, row, passes):
         assert self.passes(18, 20, off=off, lengths=[row]) is passes
+
+
+class TestContinuity:
+    def test_a_map_stretches_by_the_largest_ratio_of_steps_in_contact(self):
+        base = slide()
+        ihip = np.array(base.ihip)
+        ihip[5:, 0] += 2.0 * STEP
+        ihip[9:, 0] += STEP
+        assert amplification(changed(base, ihip=ihip), LINE) == pytest.approx(3.0)
+        assert amplification(recorded(np.abs(base.hip)), LINE) == 0.0, "in free space"
+        hip = np.array(base.hip)
+        hip[5:, 0] -= STEP * (1.0 - 1e-9)  # a step next to nothing
+        assert amplification(changed(base, hip=hip, ihip=ihip), LINE) == pytest.approx(2.0)
+
+    def test_a_step_that_leaves_the_contact_is_none_of_those_that_grow(self):
+        """A jump at row 12, and one that is larger where the contact is lost at row 18."""
+        along = STEP * np.arange(30) + 0.01 * (np.arange(30) >= 12) + 0.1 * (np.arange(30) >= 18)
+        hip = np.column_stack([STEP * np.arange(30), np.full(30, -1e-3)])
+        contact = (np.arange(30) != 18).astype(float)
+        base = recorded(hip, np.column_stack([along, np.zeros(30)]), 0.0 * hip, contact=contact)
+        whole = changed(base, contact=np.ones(30), rows=slice(0, 18))
+        assert coarsened_slope(base, LINE, 12) == coarsened_slope(whole, LINE, 12) == pytest.approx(0.0, abs=0.1)
+
+    @pytest.mark.parametrize(("first", "last", "told"), [(3, 20, False), (4, 20, True), (4, 16, False), (4, 17, True)])
+    def test_an_ihip_off_the_surface_is_told_where_the_contact_is_had_for_a_lag_to_either_side(self, first, last, told):
+        """Off by two steps in row 13, in contact from row 10 - `first` ... to row `last` - 1, of 20."""
+        rows = np.arange(20)
+        contact = (rows >= 14 - first) & (rows < last)
+        hip = np.column_stack([STEP * rows, np.full(20, -1e-3)])
+        ihip = np.where(contact[:, np.newaxis], hip * [1.0, 0.0], hip)
+        ihip[13, 1] = 2.0 * STEP
+        base = recorded(hip, ihip, 0.0 * hip, contact=contact.astype(float), meta={"source": "playback"})
+        finding = _find_off_surface(base, LINE)
+        assert (finding is not None) is told
+        if finding is not None:
+            assert finding.evidence["tick"] == 13
+            assert finding.metric.value == pytest.approx(2.0 * STEP)
+
+    def jumping(self, count=12, *, factor=1, jump=5e-3, aside=0.0):
+        """A hand along the line, and a tool that jumps at the sixth step; in so many parts a step."""
+        base = slide(count=(count - 1) * factor + 1, step=STEP / factor)
+        ihip = np.array(base.ihip)
+        ihip[6 * factor :, 0] += jump
+        return changed(base, ihip=ihip, hip=base.hip + np.array([aside, 0.0]))
+
+    def test_a_jump_that_the_finer_steps_do_not_add_up_to_is_of_one_rate_alone(self):
+        base = self.jumping()
+        assert _fault_of_sibling(base, self.jumping(factor=4), 4, 6, LINE) is None
+        finding = _fault_of_sibling(base, self.jumping(factor=4, jump=0.0), 4, 6, LINE)
+        assert "at 4 times the rate it does not" in finding.message
+        assert finding.metric.value == pytest.approx(5e-3 + STEP)
+        # 5.1 mm less what three steps explain; four of the finer steps have to be as long together
+        just, nearly = ((share * (5.1e-3 - 3.0 * STEP) - STEP) / 4.0 for share in (1.01, 0.99))
+        assert _fault_of_sibling(base, self.jumping(factor=4, jump=just), 4, 6, LINE) is None
+        assert _fault_of_sibling(base, self.jumping(factor=4, jump=nearly), 4, 6, LINE) is not None
+        assert _fault_of_sibling(base, self.jumping(factor=4, jump=0.0, aside=4.0 * STEP), 4, 6, LINE) is None
+        short = changed(self.jumping(factor=4, jump=0.0), rows=slice(0, 24))
+        assert _fault_of_sibling(base, short, 4, 6, LINE) is None, "it ends before the step does"
+
+    def test_a_finer_run_that_lets_go_at_the_jump_is_told(self):
+        base, fine = self.jumping(), self.jumping(factor=4)
+        gone = np.arange(len(fine)) >= 22
+        ihip = np.where(gone[:, np.newaxis], fine.hip, fine.ihip)
+        finding = _fault_of_sibling(base, changed(fine, ihip=ihip, force=1000.0 * (ihip - fine.hip)), 4, 6, LINE)
+        assert "it lets go there" in finding.message
+
+    @pytest.mark.parametrize(("late", "raised"), [(0, True), (3, True), (4, False)])
+    def test_a_step_is_one_of_pieces_that_slide_to_a_hand_of_up_to_three_ticks_ago(self, late, raised):
+        """The pieces lead to 5 mm beside where the hand was `late` ticks ago, and to a metre away for any other."""
+        base = self.jumping()
+        bounds = np.full(12, 3.0 * STEP)
+
+        def descend(before, hip, *, step):
+            assert step < bounds[6]
+            there = np.array_equal(hip, base.hip[6 - late])
+            return base.ihip[6] if there else before + np.array([0.0, 1.0])
+
+        answer = _with_steps_of_pieces(base, LINE, bounds, SimpleNamespace(descend=descend))
+        assert answer[6] == pytest.approx(5e-3 + STEP if raised else 3.0 * STEP)
+        assert np.all(np.delete(answer, 6) == 3.0 * STEP)
 
 
 @pytest.mark.parametrize(("steps", "below"), [(1.9, True), (2.1, False)])

@@ -1,5 +1,6 @@
 """The sign of a force by physics: what passive environments give, and what is found of one that is turned."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hapticeval.cli import main
-from hapticeval.recordings.energy_balance import balance
+from hapticeval.recordings.energy_balance import PassivityTest, PassivityViolation, _Port, _resting, balance
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.integrity.force_sign import force_signs
 from hapticeval.recordings.integrity.report import examine
@@ -200,3 +201,152 @@ def test_inspect_describes_it_and_ends_with_1(capsys):
     assert "suspicious: force sign force (rows" in shown
     assert "the environment would have given" in shown
     assert "no sign was changed" in shown
+
+
+class TestPort:
+    """What crosses a port, summed up anew: by every pair of rows."""
+
+    def port(self, seed, *, share=0.1, floor=0.02):
+        random = np.random.default_rng(seed)
+        place, force = np.cumsum(random.standard_normal((2, 14, 2)), axis=1)
+        return _Port(1e-3 * place, force, (1e-4, 0.05), floor, share), 1e-3 * place, force
+
+    def left_open(self, place, force, first, last):
+        """Rounding of places and of forces, the reading in free motion, noise, and a tenth for the loop's delay."""
+        rows = slice(first, last + 1)
+        moved, turned = np.diff(place[rows], axis=0), np.diff(force[rows], axis=0)
+        size = np.linalg.norm(force, axis=1)
+        half_quantum = 0.5 * np.sqrt(2.0)
+        noise = 5.0 * np.median(np.abs(np.diff(force, n=2, axis=0)), axis=0).max() / 0.6745 / np.sqrt(6.0)
+        works = np.sum(0.5 * (force[rows][1:] + force[rows][:-1]) * moved, axis=1)
+        return (
+            half_quantum * 1e-4 * (np.linalg.norm(turned, axis=1).sum() + size[first] + size[last])
+            + (0.02 + half_quantum * 0.05) * np.linalg.norm(moved, axis=1).sum()
+            + noise * np.sqrt(np.sum(moved**2))
+            + 0.1 * np.abs(works).sum(),
+            works.sum(),
+        )
+
+    @pytest.mark.parametrize("sign", [1.0, -1.0])
+    @pytest.mark.parametrize("seed", range(6))
+    def test_the_gift_farthest_beyond_what_is_open_is_found(self, seed, sign):
+        port, place, force = self.port(seed)
+        free, rests = [0, 3, 7, 13], np.array([1, 5, 8, 12])
+        gifts = []
+        for first in free:
+            for last in range(first + 1, 14):
+                left, work = self.left_open(place, force, first, last)
+                gifts.append((sign * work - left, sign * work, first, last))
+        (found,) = port._free(sign, free)
+        best = max(gifts)
+        assert (found.excess, found.energy) == (pytest.approx(best[0]), pytest.approx(best[1]))
+        assert (found.first, found.last) == best[2:]
+        assert found.passive is bool(best[0] <= 0.0)
+        between = []
+        works = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(place, axis=0), axis=1)
+        all_work = np.concatenate([[0.0], np.cumsum(works)])
+        for first, last in itertools.combinations(rests.tolist(), 2):
+            left, work = self.left_open(place, force, first, last)
+            back = np.linalg.norm(force, axis=1).max() * np.linalg.norm(place[last] - place[first])
+            # A rest of a tenth of the largest speed leaves a hundredth of the kinetic energy.
+            between.append((sign * work - back - left - 0.01 * np.ptp(all_work), sign * work - back, first, last))
+        (found,) = port._rests(sign, rests)
+        best = max(between)
+        assert (found.excess, found.energy) == (pytest.approx(best[0]), pytest.approx(best[1]))
+        assert (found.first, found.last) == best[2:]
+
+    def test_of_two_rows_no_noise_is_known(self):
+        place, force = np.array([[0.0], [1e-3]]), np.array([[1.0], [1.0]])
+        # 1 N over 1 mm, of which a loop's delay may make a tenth
+        (found,) = _Port(place, force, (0.0, 0.0), 0.0, 0.0)._free(1.0, [0])
+        assert (found.energy, found.open) == (pytest.approx(1e-3), pytest.approx(1e-4))
+
+    @pytest.mark.parametrize("count", [3, 4, 5])
+    def test_of_three_rows_and_more_it_is_told_by_how_the_force_bends(self, count):
+        """By turns 0 and 1 N it bends by 2 N in each row; the steps are a millimetre each."""
+        place, force = 1e-3 * np.arange(float(count))[:, np.newaxis], np.arange(count)[:, np.newaxis] % 2.0
+        port = _Port(place, force, (0.0, 0.0), 0.0, 0.0)
+        noise = 5.0 * 2.0 / 0.6745 / np.sqrt(6.0)
+        work = 0.5e-3 * (count - 1)
+        assert port.open(0, count - 1) == pytest.approx(noise * 1e-3 * np.sqrt(count - 1.0) + 0.1 * work)
+
+    def test_two_rests_are_enough_and_the_best_of_rests_and_free_rows_counts(self):
+        for seed in range(6):
+            port, _, _ = self.port(seed)
+            rests, free = np.array([1, 12]), [0, 7]
+            assert not [*port._rests(1.0, rests[:1])]
+            both = [*port._rests(1.0, rests), *port._free(1.0, free)]
+            assert len(both) == 2
+            assert port.largest(1.0, rests, free).excess == max(violation.excess for violation in both)
+
+    @pytest.mark.parametrize(("rows", "known"), [(19, False), (20, True)])
+    def test_twenty_rows_without_a_force_are_free_up_to_the_last_of_them(self, rows, known):
+        """Before, a force across the way gives nothing, and after it one along the way 1 mJ a step."""
+        place = 1e-3 * np.column_stack([np.arange(60.0), np.zeros(60)])
+        force = np.zeros((60, 2))
+        force[30:, 0] = 1.0
+        force[: 30 - rows, 1] = 1.0
+        tests = balance(place, force, DT * np.arange(60.0))
+        if not known:
+            assert tests == ()
+            return
+        gift = tests[0].as_logged
+        assert (gift.first, gift.last, gift.how) == (29, 59, "free of force at the first")
+        assert gift.energy == pytest.approx(29.5e-3)
+        assert len(tests) == 4
+        assert (tests[0].as_logged.passive, tests[0].turned.passive, tests[0].sign) == (False, True, -1)
+        assert tests[0].active is tests[0].as_logged
+
+    def test_all_stretches_without_a_force_are_looked_at(self):
+        """Twice free, and given 30 mJ after the second time alone; taken as much after the first."""
+        place = 1e-3 * np.arange(120.0)[:, np.newaxis]
+        force = np.zeros((120, 1))
+        force[30:60], force[90:] = -1.0, 1.0
+        assert balance(place, force, DT * np.arange(120.0))[0].as_logged.first == 89
+
+    def test_what_gives_energy_is_told_of_the_sign_that_is_not_passive(self):
+        gives, takes = (PassivityViolation(energy, 0.5, 0, 1, "at rest at both") for energy in (1.0, 0.0))
+        for as_logged, turned, sign, active in (
+            (takes, gives, 1, gives),
+            (gives, takes, -1, gives),
+            (gives, replace(gives, first=1), 0, gives),
+        ):
+            test = PassivityTest(as_logged, turned)
+            assert (test.sign, test.active) == (sign, active)
+            assert test.active.excess == 0.5
+
+    @pytest.mark.parametrize("count", range(6))
+    def test_a_few_rows_bound_nothing(self, count):
+        place = 1e-3 * np.arange(float(count))[:, np.newaxis]
+        assert balance(place, 0.0 * place, DT * np.arange(float(count))) == ()
+
+    def test_where_no_two_rows_bound_what_is_stored_there_is_none(self):
+        port, _, _ = self.port(0)
+        assert port.largest(1.0, np.array([4]), [13]) is None
+        assert port.largest(1.0, np.array([4]), [12]).last == 13
+
+
+class TestRests:
+    def there_and_on(self, moves, rests, on, *, step=1e-4):
+        return np.cumsum([0.0] + [step] * moves + [0.0] * rests + [step] * on)[:, np.newaxis]
+
+    def test_a_rest_is_where_the_hand_moves_by_a_share_of_its_largest_speed_over_ten_milliseconds(self):
+        """At 0.1 m/s to row 10 and from row 30 on; over five rows to either side it stands in rows 15 to 25."""
+        place = self.there_and_on(10, 20, 10)
+        rows, share = _resting(place, DT * np.arange(41), 0.0)
+        assert (rows.tolist(), share) == ([15], 0.03)
+        # Two quanta in the window: 60 um in 10 ms are 6 mm/s of 100.
+        assert _resting(place, DT * np.arange(41), 3e-5)[1] == pytest.approx(0.06)
+
+    @pytest.mark.parametrize(("count", "rests"), [(19, 0), (20, 1)])
+    def test_what_is_shorter_than_two_windows_has_none(self, count, rests):
+        place = self.there_and_on(5, 14, 0)[:count]
+        rows, share = _resting(place, DT * np.arange(float(count)), 0.0)
+        assert rows.size == rests
+        assert share == (0.03 if rests else 0.0)
+        assert _resting(0.0 * place, DT * np.arange(float(count)), 1e-3)[1] == 0.0, "a hand that never moves"
+
+    def test_of_a_slow_clock_a_speed_is_taken_from_row_to_row(self):
+        place = self.there_and_on(0, 2, 7)
+        rows, _ = _resting(place, 0.02 * np.arange(10), 0.0)
+        assert rows.tolist() == [1]

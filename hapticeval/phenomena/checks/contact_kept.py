@@ -183,10 +183,10 @@ def _rests_where_contact_ended(base: Recording, scene: Scene, allowed: Array) ->
     """
     contact = touching(base, scene)
     rows = np.arange(len(base))
-    # The last row in contact before each, -1 before the first.
-    last = np.maximum.accumulate(np.where(contact, rows, -1))
-    near = np.linalg.norm(base.ihip - base.ihip[np.maximum(last, 0)], axis=1) <= allowed
-    return np.asarray((last >= 0) & (rows - last <= LAG_TICKS) & near)
+    # The last row in contact up to each, where there was one.
+    last = np.maximum.accumulate(np.where(contact, rows, 0))
+    near = np.linalg.norm(base.ihip - base.ihip[last], axis=1) <= allowed
+    return np.asarray(np.logical_or.accumulate(contact) & (rows - last <= LAG_TICKS) & near)
 
 
 def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array | None:
