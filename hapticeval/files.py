@@ -62,6 +62,21 @@ def creating(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+@contextmanager
+def writing(what: Path | str) -> Iterator[None]:
+    """Turn what keeps a file from being written, in the block, into a `HapticevalError` that names `what`."""
+    try:
+        yield
+    except OSError as error:
+        raise HapticevalError(f"cannot write {what}", why=error.strerror or str(error)) from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8, whole or not at all. Raises `HapticevalError` where it cannot be written."""
+    with writing(path), replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 def refuse_existing(path: Path) -> None:
     """Raise `InputError` where something stands at `path`."""
     if path.exists() or path.is_symlink():
@@ -171,11 +186,8 @@ def write_json(path: Path, document: Any) -> Path:
     except msgspec.ValidationError:
         convert(json.loads(text), type(document), path.name)  # names the place
         raise
-    try:
-        with replacing(path) as temporary:
-            temporary.write_bytes(msgspec.json.format(text, indent=1) + b"\n")
-    except OSError as error:
-        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
+    with writing(path), replacing(path) as temporary:
+        temporary.write_bytes(msgspec.json.format(text, indent=1) + b"\n")
     return path
 
 

@@ -7,8 +7,7 @@ from collections import Counter
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-from hapticeval.errors import HapticevalError
-from hapticeval.files import replacing
+from hapticeval.files import write_text
 from hapticeval.runner.results import ResultsDocument
 from hapticeval.runner.standing import Standing
 
@@ -76,10 +75,6 @@ def write_badge(directory: Path, results: ResultsDocument) -> list[Path]:
     """Write badge.svg and badge.json and return their paths. Raises `HapticevalError` where that cannot be done."""
     written = []
     for name, text in (("badge.svg", badge_svg(results)), ("badge.json", shields_json(results))):
-        try:
-            with replacing(directory / name) as temporary:
-                temporary.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise HapticevalError(f"cannot write {directory / name}", why=error.strerror or str(error)) from error
+        write_text(directory / name, text)
         written.append(directory / name)
     return written

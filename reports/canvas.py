@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError
-from hapticeval.files import replacing
+from hapticeval.files import replacing, writing
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import continuing_steps
 from hapticeval.types import Array
@@ -243,18 +242,15 @@ def save_figure(
         "json": None if document is None else json.dumps(document, indent=1, ensure_ascii=False),
     }
     paths = [directory / f"{stem}.{kind}" for kind in (*kinds, *(name for name, content in texts.items() if content))]
-    try:
-        for path in paths:
-            # An earlier file stays whole until the new one is complete.
-            with replacing(path) as temporary:
-                content = texts.get(path.suffix[1:])
-                if content is not None:
-                    temporary.write_text(content + "\n", encoding="utf-8")
-                else:
-                    metadata = UNDATED.get(path.suffix)
-                    fig.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
-    except OSError as error:
-        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
+    for path in paths:
+        # An earlier file stays whole until the new one is complete.
+        with writing(f"into {directory}"), replacing(path) as temporary:
+            content = texts.get(path.suffix[1:])
+            if content is not None:
+                temporary.write_text(content + "\n", encoding="utf-8")
+            else:
+                metadata = UNDATED.get(path.suffix)
+                fig.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
     return paths
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.files import replacing
+from hapticeval.files import replacing, write_text, writing
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.sampling import LED
@@ -236,23 +236,14 @@ def _write_page(
     text = environment().get_template("case_page.html.j2").render(
         section=section, neighbours=neighbours, first=first, files=ASSETS, root=root, mark=mark
     )  # fmt: skip
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
+    write_text(path, text)
 
 
 def write_assets(folder: Path) -> None:
     """Write scripts, their licences and the sheets into `folder`/assets, once."""
-    try:
-        (folder / ASSET_FOLDER).mkdir(parents=True, exist_ok=True)
-        for name in (*PAGE_ASSETS, *LICENCES):
-            with replacing(folder / ASSET_FOLDER / name) as temporary:
-                temporary.write_bytes(asset(name))
-    except OSError as error:
-        raise HapticevalError(f"cannot write {folder / 'assets'}", why=error.strerror or str(error)) from error
+    for name in (*PAGE_ASSETS, *LICENCES):
+        with writing(folder / ASSET_FOLDER), replacing(folder / ASSET_FOLDER / name) as temporary:
+            temporary.write_bytes(asset(name))
 
 
 def asset(name: str) -> bytes:

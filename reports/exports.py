@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
-from hapticeval.errors import HapticevalError, NothingSelectedError, UnknownNameError, printable
-from hapticeval.files import csv_cell, file_stem, replacing
+from hapticeval.errors import NothingSelectedError, UnknownNameError, printable
+from hapticeval.files import csv_cell, file_stem, write_text
 from hapticeval.quantity import parse_paper_length
 from hapticeval.reports.grid import Tile, hard_cases, phenomenon_grid
 from hapticeval.reports.table import provenance, summaries
@@ -126,20 +126,16 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
     import pandas as pd
 
     folder = directory / FOLDER
-    try:
-        for sheet in sheets(results):
-            # Numbers as names first: headings may repeat, and pandas then takes them back.
-            frame = pd.DataFrame(sheet.rows, columns=range(len(sheet.header)), dtype=str)
-            frame.columns = pd.Index(sheet.header)
-            # A cell that a spreadsheet would run as a formula is escaped.
-            texts = {"csv": frame.map(csv_cell).rename(columns=csv_cell).to_csv(index=False)}
-            if sheet.caption:
-                texts["tex"] = _latex_text_of(sheet, results)
-            for kind, text in texts.items():
-                with replacing(folder / f"{sheet.name}.{kind}") as temporary:
-                    temporary.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise HapticevalError(f"cannot write into {folder}", why=error.strerror or str(error)) from error
+    for sheet in sheets(results):
+        # Numbers as names first: headings may repeat, and pandas then takes them back.
+        frame = pd.DataFrame(sheet.rows, columns=range(len(sheet.header)), dtype=str)
+        frame.columns = pd.Index(sheet.header)
+        # A cell that a spreadsheet would run as a formula is escaped.
+        texts = {"csv": frame.map(csv_cell).rename(columns=csv_cell).to_csv(index=False)}
+        if sheet.caption:
+            texts["tex"] = _latex_text_of(sheet, results)
+        for kind, text in texts.items():
+            write_text(folder / f"{sheet.name}.{kind}", text)
     return folder
 
 

@@ -14,8 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from hapticeval.errors import HapticevalError
-from hapticeval.files import replacing
+from hapticeval.files import write_text
 from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.pages import CheckPage, read_page
 from hapticeval.phenomena.verdict import Outcome
@@ -500,11 +499,7 @@ def write_history(path: Path, histories: Sequence[History]) -> Path:
         links={edition.folder: link for edition in editions if (link := _report_of(edition, path))},
         standings=[standing for standing in Standing if standing in standings],
     )  # fmt: skip
-    try:
-        with replacing(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
+    write_text(path, text)
     return path
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hapticeval.errors import HapticevalError
-from hapticeval.files import replacing
+from hapticeval.files import write_text
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import Look, looks_of
 from hapticeval.reports.effects_figure import effect_plots, read_run
@@ -194,10 +194,10 @@ def write_reports(
         else:
             write_assets(pages)
             for name, text in texts.items():
-                _write(pages / name, text)
+                write_text(pages / name, text)
     # After the folder, so that a run that is stopped leaves the earlier files alone.
     for name, content in written.items():
-        _write(directory / name, content)
+        write_text(directory / name, content)
     tables = write_tables(directory, results)
     index = [] if single_file else [directory / FOLDER / INDEX]
     return [*(directory / name for name in written), *index, tables]
@@ -213,15 +213,6 @@ def _single_page(bodies: Sequence[str]) -> Single:
         [text for name, text in texts.items() if name.endswith(".js")],
         bodies,
     )
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a text file. Raises `HapticevalError` where that fails."""
-    try:
-        with replacing(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import typer
 from hapticeval.commands.arguments import argument, option, renderers_option
 from hapticeval.commands.terminal import Terminal, lines, say, wrote_lines
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
-from hapticeval.files import file_stem, replacing
+from hapticeval.files import file_stem, write_text
 
 if TYPE_CHECKING:
     from hapticeval.api import Results
@@ -216,9 +216,5 @@ def table(
 
     text = Results.read(directory).latex(name, renderers=renderers or (), rows=rows or (), width=width)
     path = output or Path(f"{name}.tex")
-    try:
-        with replacing(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
+    write_text(path, text)
     say(wrote_lines([path]))

@@ -99,7 +99,7 @@ def inspect(
 
 def _show_foreign_file(table: Table, file: Path, write_mapping: Path | None) -> int:
     """Show the columns, and a mapping to begin with."""
-    from hapticeval.files import creating
+    from hapticeval.files import creating, writing
     from hapticeval.recordings.formats import formats
     from hapticeval.recordings.importing.mapping import propose
 
@@ -108,11 +108,8 @@ def _show_foreign_file(table: Table, file: Path, write_mapping: Path | None) -> 
     # A warning makes the exit code 1, a remark does not.
     parts += [f"remark: {remark}" for remark in table.remarks] + [f"suspicious: {text}" for text in table.warnings]
     if write_mapping is not None:
-        try:
-            with creating(write_mapping) as temporary:
-                temporary.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise HapticevalError(f"cannot write {write_mapping}", why=error.strerror or str(error)) from error
+        with writing(write_mapping), creating(write_mapping) as temporary:
+            temporary.write_text(text, encoding="utf-8")
         parts.append(f"wrote {write_mapping}")
     else:
         parts.append(f"To keep it: hapticeval inspect {file.name} --write-mapping mapping.toml")

@@ -31,8 +31,8 @@ from msgspec.structs import replace
 
 from hapticeval.discovery import known_renderers, shipped_lists
 from hapticeval.documents import convert, read_toml
-from hapticeval.errors import HapticevalError, InputError, UnknownNameError, at
-from hapticeval.files import replacing
+from hapticeval.errors import InputError, UnknownNameError, at
+from hapticeval.files import write_text
 from hapticeval.phenomena.verdict import UNSATISFIED, Outcome, fault_kind
 from hapticeval.quantity import format_quantity
 from hapticeval.runner.results import ResultsDocument, VerdictEntry
@@ -330,11 +330,7 @@ def write_known(file: Path, known: Known) -> None:
         grouped.setdefault((renderer, entry.outcome, entry.reason), []).extend(entry.verdicts)
     # Sorted, so that two versions of the file compare line by line.
     tables = [_table(*key, verdicts) for key, verdicts in sorted(grouped.items(), key=lambda group: group[0])]
-    try:
-        with replacing(file) as temporary:
-            temporary.write_text("\n".join([HEAD, *tables]), encoding="utf-8")
-    except OSError as error:
-        raise HapticevalError(f"cannot write {file}", why=error.strerror or str(error)) from error
+    write_text(file, "\n".join([HEAD, *tables]))
 
 
 HEAD = """\

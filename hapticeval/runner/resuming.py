@@ -12,7 +12,8 @@ from typing import Self
 
 import msgspec
 
-from hapticeval.errors import HapticevalError, InputError
+from hapticeval.errors import InputError
+from hapticeval.files import writing
 from hapticeval.runner.events import JobFinished
 from hapticeval.runner.planning import Plan
 from hapticeval.runner.progress import command, suite_entries
@@ -60,12 +61,10 @@ class Outcomes:
         if self._path is None:
             return
         line = msgspec.json.encode(Line(run=job.run, verdicts=list(job.verdicts))) + b"\n"
-        try:
+        with writing(self._path):
             # The system may write a part of it only.
             while line:
                 line = line[os.write(self._file, line) :]
-        except OSError as error:
-            raise HapticevalError(f"cannot write {self._path}", why=error.strerror or str(error)) from error
 
     def clear(self) -> None:
         """Empty the file."""

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hapticeval.errors import HapticevalError, InputError, UnknownNameError
-from hapticeval.files import creating, csv_cell
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.files import creating, csv_cell, writing
 from hapticeval.recordings.formats import Table, formats, read_table
 from hapticeval.recordings.hdf5 import (
     DAMAGE,
@@ -298,10 +298,8 @@ def export(path: Path | str, recording: Recording) -> Path:
     write = WRITERS.get(path.suffix.lower())
     if write is None:
         raise UnknownNameError("file ending", path.suffix, WRITERS)
-    try:
+    with writing(path):
         write(path, recording)
-    except OSError as error:
-        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
     return path
 
 

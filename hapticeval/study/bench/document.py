@@ -14,8 +14,8 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from hapticeval.errors import HapticevalError, InputError
-from hapticeval.files import read_json, replacing, write_json
+from hapticeval.errors import InputError
+from hapticeval.files import read_json, replacing, write_json, writing
 from hapticeval.types import IntArray
 
 FILE = "bench.json"
@@ -219,11 +219,8 @@ def write_bench(directory: Path, results: BenchResults, samples: Samples) -> lis
     Raises `HapticevalError` where a file cannot be written.
     """
     samples_file = directory / SAMPLES
-    try:
-        with replacing(samples_file) as temporary, temporary.open("wb") as stream:
-            np.savez_compressed(stream, **{name: np.asarray(rows) for name, rows in samples.items()})  # type: ignore[arg-type]
-    except OSError as error:
-        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
+    with writing(f"into {directory}"), replacing(samples_file) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **{name: np.asarray(rows) for name, rows in samples.items()})  # type: ignore[arg-type]
     return [write_json(directory / FILE, results), samples_file]
 
 
