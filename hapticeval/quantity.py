@@ -100,10 +100,15 @@ def format_size(count: int) -> str:
     return f"{format_number(count / scale, 3)} {unit}"
 
 
+def plural(count: int, noun: str) -> str:
+    """Return a count with its noun, as in `1 row`, `2 rows`."""
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
 def name_first(names: Sequence[str], limit: int | None, separator: str = ", ") -> str:
     """Return the first `limit` of some names, all if it is None, and how many others there are."""
     others = len(names[limit:]) if limit is not None else 0
-    return separator.join(names[:limit]) + (f", and {others} other{'s' * (others > 1)}" if others else "")
+    return separator.join(names[:limit]) + (f", and {plural(others, 'other')}" if others else "")
 
 
 def align_columns(rows: Sequence[Sequence[str]], *, left: int | None = None) -> list[str]:

@@ -9,7 +9,7 @@ import typer
 
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError
-from hapticeval.quantity import format_size
+from hapticeval.quantity import format_size, plural
 
 EXIT_CODES = """\b
 Exit codes:
@@ -35,7 +35,7 @@ def cache(
     folder = kernel_folder()
     files = [file for file in folder.rglob("*") if file.is_file()]
     size = format_size(sum(file.stat().st_size for file in files))
-    content = f"{len(files)} file{'s' * (len(files) != 1)}, {size}"
+    content = f"{plural(len(files), 'file')}, {size}"
     if not clear:
         say(f"{folder}: {content}")
         return

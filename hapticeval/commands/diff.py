@@ -12,9 +12,9 @@ import typer
 
 from hapticeval.commands.arguments import argument, option
 from hapticeval.commands.summary import paint
-from hapticeval.commands.terminal import annotation, lines, paragraphs, plural, say, wrote_lines
+from hapticeval.commands.terminal import annotation, lines, paragraphs, say, wrote_lines
 from hapticeval.errors import UnknownNameError
-from hapticeval.quantity import format_quantity
+from hapticeval.quantity import format_quantity, plural
 from hapticeval.runner.diff import Diff, MarginMove, VerdictChange, compare_results
 from hapticeval.runner.results import FILE, read_results
 

@@ -394,16 +394,9 @@ def view(
     from hapticeval.reports.case_page import write_view
 
     directory = directory or Path(f"view-{file_stem(file.stem)}")
-    named = None if model is None else model_named(model)
     with limited(memory_limit):
         recording = load(file, mapping=mapping, format=format_)
-    # A recording in one dimension is shown in the plane.
-    if named is not None and named.dimension != max(recording.dimension, 2):
-        raise InputError(
-            f"the recording is in {recording.dimension}D, the model '{model}' in {named.dimension}D",
-            why="hand and model must live in the same space",
-            todo="give another model with --model",
-        )
+    named = None if model is None else _touched_model(recording, model)
     # Judged where model and stiffness are known, shown alone where they are not.
     viewed_run = view_recording(
         file, recording, suite_case=suite_case, scene=scene or (),

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hapticeval.commands.arguments import Scheduler, Seed, model_named, option, renderers_option
-from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, plural, say, wrote_lines
+from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.quantity import plural
 
 if TYPE_CHECKING:
     from hapticeval.search.counterexample import StoredCounterexample

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import typer
 
-from hapticeval.commands.terminal import annotation, lines, paragraphs, plural, wrote_lines
+from hapticeval.commands.terminal import annotation, lines, paragraphs, wrote_lines
 from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.quantity import align_columns, format_duration, name_first
+from hapticeval.quantity import align_columns, format_duration, name_first, plural
 from hapticeval.runner.known import describe_outdated
 from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
 from hapticeval.runner.standing import Standing, counts_in_words

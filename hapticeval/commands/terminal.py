@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from hapticeval.errors import printable
+from hapticeval.quantity import plural
 from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.standing import counts_in_words
 
@@ -266,11 +267,6 @@ def _interrupted_words(event: Interrupted) -> str:
     since = f", the first at work for {event.seconds:.0f} s" * (event.seconds >= SILENCE_SECONDS)
     limit = f", for {event.grace:.0f} s at most" * math.isfinite(event.grace)
     return f"interrupted: {runs} being finished{since}{limit}, {kept_words}; press Ctrl-C again to stop at once"
-
-
-def plural(count: int, noun: str) -> str:
-    """For instance `1 run`, `2 runs`."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def on_github() -> bool:

@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
-from hapticeval.commands.terminal import plural
 from hapticeval.discovery import ADAPTERS, known_renderers, parse, see_current_directory
 from hapticeval.errors import HapticevalError, printable
+from hapticeval.quantity import plural
 from hapticeval.runner.interrupts import Interrupts
 
 LOOK_SECONDS = 0.2

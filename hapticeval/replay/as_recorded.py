@@ -13,7 +13,7 @@ import numpy as np
 from hapticeval.discovery import resolve, resolve_installed
 from hapticeval.errors import InputError
 from hapticeval.phenomena.sampling import LED
-from hapticeval.recordings.integrity.issue import plural
+from hapticeval.quantity import plural
 from hapticeval.recordings.integrity.relations import lagged
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.recordings.stretches import Stretch

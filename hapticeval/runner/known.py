@@ -34,7 +34,7 @@ from hapticeval.documents import convert, read_toml
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import write_text
 from hapticeval.phenomena.verdict import UNSATISFIED, Outcome, fault_kind
-from hapticeval.quantity import format_quantity
+from hapticeval.quantity import format_quantity, plural
 from hapticeval.runner.results import ResultsDocument, VerdictEntry
 from hapticeval.suite.outline import find_suites
 
@@ -196,7 +196,7 @@ class Known:
             ("suite ", suites, find_suites(), (place.partition("/")[0] for _, place in self.entries)),
         )
         return tuple(
-            f"{self.source} lists {kind}'{name}' ({count} verdict{'s' * (count > 1)}), which does not run here"
+            f"{self.source} lists {kind}'{name}' ({plural(count, 'verdict')}), which does not run here"
             + "".join(f": did you mean {close}?" for close in difflib.get_close_matches(name, planned, n=1))
             for kind, planned, installed, names in listed
             for name, count in Counter(names).items()
@@ -209,7 +209,7 @@ class Known:
         count = sum(entry.outcome == "fail" and isinstance(entry.verdicts[0], str) for entry in entries)
         if not count:
             return ()
-        which = f"{count} failure{'s' * (count > 1)} without a size, and so excuses them at any size"
+        which = f"{plural(count, 'failure')} without a size, and so excuses them at any size"
         return (f"{self.source} lists {which}: `hapticeval run --write-known {self.source}` adds what is measured now",)
 
     def marked(self, verdict: VerdictEntry) -> VerdictEntry:

@@ -24,7 +24,7 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, kind_of
 from hapticeval.files import digest_of, plain, read_json, without_non_finite, write_json
 from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
-from hapticeval.quantity import format_quantity
+from hapticeval.quantity import format_quantity, plural
 from hapticeval.recordings.difference import Difference
 from hapticeval.runner.standing import Standing
 
@@ -273,9 +273,7 @@ class Breakdown(NamedTuple):
         """Return which renderer broke where, and how many verdicts were lost."""
         first = self.runs[0]
         where = f"{first.suite}/{first.case}" if len(self.runs) == 1 else f"{len(self.runs)} cases"
-        return (
-            f"{first.renderer} on {where}: {len(self.lost_verdicts)} verdict{'s' * (len(self.lost_verdicts) != 1)} lost"
-        )
+        return f"{first.renderer} on {where}: {plural(len(self.lost_verdicts), 'verdict')} lost"
 
     @property
     def checks(self) -> list[str]:
@@ -542,7 +540,7 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
                 rows = "' and '".join(resisted)
                 notes.append(
                     f"{renderer}: Yes for '{rows}' says that its tool jumps nowhere, not that it follows the hand: "
-                    f"contact-normal-force fails in {count} case{'s' * (count > 1)}"
+                    f"contact-normal-force fails in {plural(count, 'case')}"
                 )
         return notes
 

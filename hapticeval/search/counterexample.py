@@ -23,7 +23,7 @@ from msgspec import Struct
 from hapticeval.documents import convert, parse_json
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem, replacing
-from hapticeval.quantity import format_length, format_quantity
+from hapticeval.quantity import format_length, format_quantity, plural
 from hapticeval.search.hunt import JUMP_CHECK, FailingCase
 from hapticeval.search.trial import RENDERER, Fault
 from hapticeval.stimulus.experiments import ExperimentTable
@@ -112,7 +112,7 @@ def line(counterexample: StoredCounterexample) -> str:
         what = f"{'mini ' * (fault.kind == 'mini')}pop-through of {format_length(fault.value)}"
     elif fault.check == RENDERER:
         what = f"{fault.message};"
-    after_examples = f"after {counterexample.examples} example{'s' * (counterexample.examples != 1)}"
+    after_examples = f"after {plural(counterexample.examples, 'example')}"
     if counterexample.trajectory is None:
         assert counterexample.experiment is not None
         return (

@@ -21,6 +21,7 @@ from msgspec.structs import replace
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.verdict import Outcome
+from hapticeval.quantity import plural
 from hapticeval.renderer import Renderer
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.work import seed_all
@@ -197,7 +198,7 @@ class Search:
                 if failing_case.complete:
                     continue
                 if most_trials == TRIALS_PER_TURN:
-                    after_examples = f"{failing_case.examples} example{'s' * (failing_case.examples != 1)}"
+                    after_examples = plural(failing_case.examples, "example")
                     self._tell(f"{failing_case.fault.check} fails after {after_examples}; shrinking")
                 try:
                     done = is_small or shrink.run(most_trials)

@@ -15,6 +15,7 @@ from hapticeval.phenomena.decisions import (
 from hapticeval.phenomena.restated import NOBODY, check_of_relation, compare_runs, steepness
 from hapticeval.phenomena.sampling import hip_step
 from hapticeval.phenomena.verdict import Finding, Outcome
+from hapticeval.quantity import plural
 from hapticeval.recordings.channels import ANSWERED
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -36,7 +37,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     late = _ticks_late(runs.base, fine, scene)
     if late is None:
         return finding
-    many = f"{late} tick{'s' * (late > 1)}"
+    many = plural(late, "tick")
     message = f"{finding.message}: in either it comes {many} late, so that it is a tick that it depends on"
     evidence = {**finding.evidence, "ticks_late": late}
     return Finding(finding.outcome, message, finding.metric, finding.bound, evidence)

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hapticeval.errors import InputError
+from hapticeval.quantity import plural
 from hapticeval.recordings.formats import (
     MOST_COLUMNS,
     Table,
@@ -237,7 +238,7 @@ def read_delimited(path: Path) -> Table:
             lacking.setdefault((empty.size, int(empty[0]), excerpt), []).append(f"'{name}'")
         columns[name] = values
     cells = tuple(
-        f"{count} cell{'s' * (count > 1)} without a number in {', '.join(alike)}, first at row {row}{excerpt}"
+        f"{plural(count, 'cell')} without a number in {', '.join(alike)}, first at row {row}{excerpt}"
         for (count, row, excerpt), alike in lacking.items()
     )
     return Table(columns, units=units, warnings=(*cells, *cut), remarks=tuple(remarks), cells=cells)

@@ -15,8 +15,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from hapticeval.quantity import plural
 from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.integrity.issue import Issue, Severity, make_issue, plural
+from hapticeval.recordings.integrity.issue import Issue, Severity, make_issue
 from hapticeval.recordings.provenance import declared_floor
 from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Column, Recording, columns_of, runs_of

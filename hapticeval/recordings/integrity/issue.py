@@ -10,11 +10,6 @@ from typing import Any
 from hapticeval.recordings.recording import Recording
 
 
-def plural(count: int, noun: str) -> str:
-    """Return for instance `1 row`, `2 rows`."""
-    return f"{count} {noun}{'s' * (count != 1)}"
-
-
 class Severity(StrEnum):
     """`fault`: those rows are no measurement; `suspicious`: a person should look; `note`: good to know."""
 

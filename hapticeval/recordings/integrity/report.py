@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.geometry.model import Model
-from hapticeval.quantity import align_columns
+from hapticeval.quantity import align_columns, plural
 from hapticeval.recordings.integrity import columns, relations
 from hapticeval.recordings.integrity.consistency import ConsistencyTest, Kinematics, inverse_checks
 from hapticeval.recordings.integrity.contacts import Impact, Impacts
 from hapticeval.recordings.integrity.force_sign import Sign, force_signs
-from hapticeval.recordings.integrity.issue import Issue, Severity, plural
+from hapticeval.recordings.integrity.issue import Issue, Severity
 from hapticeval.recordings.integrity.timing import Timing, examine_timing
 from hapticeval.recordings.provenance import LINE_MODEL, before_the_wall, describe_losses, describe_warnings
 from hapticeval.recordings.quantization import numeric_step

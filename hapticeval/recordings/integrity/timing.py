@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticeval.quantity import plural
 from hapticeval.recordings.integrity.issue import ADVICE, Issue, Severity, make_issue
 from hapticeval.recordings.provenance import describe_losses, describe_warnings
 from hapticeval.recordings.recording import Recording
@@ -66,9 +67,7 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
     for row, count in gaps.items():
         between_measurements = bool(measured[row : row + 2].all())
         bridged = between_measurements and bool(bridges[row])
-        message = (
-            f"{'about ' * (sequence is None)}{count} row{'s' * (count != 1)} missing ({1e-9 * count * cycle:.4g} s)"
-        )
+        message = f"{'about ' * (sequence is None)}{plural(count, 'row')} missing ({1e-9 * count * cycle:.4g} s)"
         issues.append(
             make_issue(
                 recording, "gap", message, "time", (row, row + 2),
