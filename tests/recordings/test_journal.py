@@ -96,7 +96,8 @@ def test_a_journal_cut_anywhere_keeps_its_whole_blocks(tmp_path):
         assert loss.startswith("the end, ")
         assert f"from cycle {kept} on" in loss
         broken = size - int(ends[np.count_nonzero(ends <= size) - 1])
-        assert ("breaks off" in loss) == (broken > 0)
+        how = f"bytes {size - broken} to {size - 1}: it breaks off inside a block" if broken else "was not closed"
+        assert how in loss
 
 
 def test_blocks_that_are_gone_without_a_trace_are_missed(tmp_path):
@@ -108,6 +109,37 @@ def test_blocks_that_are_gone_without_a_trace_are_missed(tmp_path):
     (loss,) = describe_losses(recording)
     assert loss.endswith(": 20 rows (0.02 s)")
     assert recording.clock.missed == 20
+
+
+def test_what_is_damaged_is_told_with_its_bytes_its_row_and_what_is_lost(tmp_path):
+    made = parts(rows())
+    ends = np.cumsum([len(part) for part in made])
+    good = b"".join(made)
+    hurt = flipped(good, int(ends[2]) + 40)
+    where = f"damaged, bytes {ends[2]} to {ends[3] - 1}, after row 19"
+    assert describe_losses(recover(write(tmp_path, hurt))) == (f"{where}: 10 rows (0.01 s)",)
+    # Also where what comes after it is gone, and with it the count of all.
+    last = f"the end, bytes {ends[4]} to {ends[4] + 9}: it breaks off inside a block"
+    assert describe_losses(recover(write(tmp_path, hurt[: ends[4] + 10]))) == (
+        f"{where}: 10 rows (0.01 s)",
+        f"{last}; what came from cycle 40 on is unknown",
+    )
+    gone = b"".join([*made[:2], *made[3:]])
+    assert describe_losses(recover(write(tmp_path, gone))) == (
+        f"damaged, before byte {ends[1]}, after row 9: 10 rows (0.01 s)",
+    )
+    marked = parts(rows(), events=[(6_010_000_000, "mark", "x")])
+    begin = sum(map(len, marked[:6]))
+    no_event = b"".join([*marked[:6], b"?" * len(marked[6]), *marked[7:]])
+    assert describe_losses(recover(write(tmp_path, no_event))) == (
+        f"damaged, bytes {begin} to {begin + len(marked[6]) - 1}, no row among them",
+    )
+
+
+def test_of_a_single_row_no_time_is_known_that_a_lost_one_would_have_taken(tmp_path):
+    made = parts(rows(2), size=1)
+    (loss,) = describe_losses(recover(write(tmp_path, b"".join([*made[:2], *made[3:]]))))
+    assert loss.endswith("after row 0: 1 rows (0 s)")
 
 
 def test_one_header_is_enough_and_none_is_not(refused, tmp_path):

@@ -14,12 +14,21 @@ from hapticeval.recordings.channels import CHANNELS, Signal, check_metadata, dec
 from hapticeval.recordings.difference import difference
 from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.memory import GIGABYTE, HEAD_BYTES, first_bytes, limited, reserve
+from hapticeval.recordings.quantization import (
+    _common_divisor,
+    _decimal_step,
+    coarsest,
+    numeric_step,
+    single_precision_step,
+)
 from hapticeval.recordings.recording import (
     SINGLE,
     Clock,
     Event,
     Recording,
     backward_difference,
+    check_finite,
+    check_increasing,
     columns_of,
     runs_of,
 )
@@ -244,3 +253,83 @@ def test_a_channel_is_known_or_declared_soundly(refused, name, signal):
     assert declared("g" * 80, {"g" * 80: ("N", "grip")}) == Signal("N", "grip")
     turned = declared("force", {"force": ("N", "force", "world", "-F_h")})
     assert turned.sign == "-F_h"
+
+
+class TestQuanta:
+    @pytest.mark.parametrize("values", [[0.0, 1.0, 2.0], [0.0, 1.0, 1.0, 2.0, 2.0]])
+    def test_three_different_numbers_are_on_no_lattice(self, values):
+        assert numeric_step(np.array(values)) is None
+        assert numeric_step(np.array([*values, np.nan, np.inf])) is None
+        assert numeric_step(np.array([*values, 3.0])) == 1.0
+
+    def test_a_quantum_is_the_largest_that_all_steps_are_multiples_of(self):
+        assert numeric_step(np.array([0.0, 6.0, 16.0, 31.0])) == pytest.approx(1.0), "steps of 6, 10 and 15"
+        assert numeric_step(np.array([-40.0, -28.0, 0.0, 20.0])) == pytest.approx(4.0), "of 12, 28 and 20"
+        assert _common_divisor(np.array([4.0, 6.0, 10.0]), 1e-3) == 2.0
+        assert _common_divisor(np.array([4.0, 6.0, 10.5]), 1e-3) == 0.5
+        assert _common_divisor(np.array([5.0]), 1e-3) == 5.0
+
+    @pytest.mark.parametrize(("off", "quantum"), [(0.015, 1.0), (0.025, None)])
+    def test_values_lie_on_a_lattice_within_a_fiftieth_of_its_step(self, off, quantum):
+        """The remainder that is left is below what counts as a step, 1e-7 of the range."""
+        values = np.concatenate([np.arange(20.0), [20.0 + off], np.arange(22.0, 40.0), [1e6]])
+        step = numeric_step(values)
+        assert step == (None if quantum is None else pytest.approx(quantum, rel=1e-3))
+
+    @pytest.mark.parametrize(("copies", "quantum"), [(49, 1.0), (51, None)])
+    def test_a_lattice_has_no_more_than_fifty_numbers_in_a_step(self, copies, quantum):
+        """Three steps, and around each point so many numbers that only rounding tells apart."""
+        points = np.repeat(np.arange(4.0), [copies * 3 - 3, 1, 1, 1])
+        values = points + 1e-9 * np.arange(points.size)
+        step = numeric_step(values)
+        assert step == (None if quantum is None else pytest.approx(1.0, rel=1e-3))
+
+    def test_zeros_and_gaps_say_nothing_of_how_many_digits_a_column_has(self):
+        single = np.float32(np.linspace(1.0, 3.0, 60)).astype(float)
+        padded = np.concatenate([np.zeros(500), single, [np.nan]])
+        assert single_precision_step(padded) == single_precision_step(single) == np.spacing(np.float32(3.0))
+        assert single_precision_step(np.zeros(9)) == 0.0
+        assert single_precision_step(single[:49]) == 0.0, "of so few nothing is said"
+        assert single_precision_step(single[:50]) > 0.0
+
+    @pytest.mark.parametrize(("digits", "step"), [(3, 1e-2), (5, 1e-4)])
+    def test_numbers_of_a_text_are_known_to_the_last_digit_of_the_largest(self, digits, step):
+        values = np.unique([float(f"{number:.{digits - 1}e}") for number in np.linspace(1.0, 9.87654321, 300)])
+        assert _decimal_step(values) == pytest.approx(step)
+        assert _decimal_step(np.sqrt(values)) == 0.0
+
+    def test_the_coarsest_of_several_columns_counts_and_of_none_there_is_none(self):
+        columns = np.column_stack([0.5 * np.arange(60.0), 0.25 * np.arange(60.0)])
+        assert coarsest(columns) == pytest.approx(0.5)
+        assert coarsest(np.zeros((5, 0))) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("time", "valid", "told"),
+    [
+        ([0.0, 1.0, 1.0, 2.0], None, "at row 2: 1 s, then 1 s"),
+        ([0.0, 1.0, 2.0, 1.5], None, "at row 3: 2 s, then 1.5 s"),
+        ([0.0, 9.0, 1.0, 0.5], [True, False, True, True], "at row 3: 1 s, then 0.5 s"),
+    ],
+)
+def test_the_first_sound_row_that_does_not_increase_is_named_with_the_one_before(time, valid, told):
+    with pytest.raises(InputError) as caught:
+        check_increasing("time", np.array(time), None if valid is None else np.array(valid))
+    assert caught.value.what == f"time does not increase {told}"
+    check_increasing("time", np.array([0.0, 9.0, 1.0]), np.array([True, False, True]))
+
+
+@pytest.mark.parametrize(
+    ("values", "valid", "row"),
+    [
+        ([[0.0, 1.0], [2.0, np.nan], [np.inf, 0.0]], None, 1),
+        ([[0.0, 1.0], [2.0, np.nan], [np.inf, 0.0]], [True, False, True], 2),
+        ([0.0, 1.0, -np.inf], [False, True, True], 2),
+    ],
+)
+def test_the_first_sound_row_that_is_not_finite_is_named(values, valid, row):
+    mask = None if valid is None else np.array(valid)
+    with pytest.raises(InputError, match=f"^hip is not finite at row {row}: "):
+        check_finite("hip", np.array(values), mask)
+    check_finite("hip", np.array(values), np.arange(3) < 1)
+    check_finite("hip", np.zeros((3, 2)))
