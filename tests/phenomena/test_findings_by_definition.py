@@ -1,0 +1,384 @@
+"""What checks say of recordings made by hand, number by number, and which failures follow from a declaration."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made import FAIL, PASS, UNDECIDED, changed, found, recorded
+from test_helpers_by_definition import LINE, slide
+
+from hapticeval.effects.bump_map import BumpMap
+from hapticeval.effects.contact_impulse import ContactImpulse
+from hapticeval.effects.contact_transient import ContactTransient
+from hapticeval.effects.friction import Friction
+from hapticeval.effects.height_map import HeightMap
+from hapticeval.effects.recorded_impulse import RecordedImpulse
+from hapticeval.effects.stochastic_texture import StochasticTexture
+from hapticeval.errors import UnknownNameError
+from hapticeval.geometry.catalogue import line
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.checks.never_pulls import find_outward
+from hapticeval.phenomena.checks.numerical_stability import motions
+from hapticeval.phenomena.checks.transient import IMPULSE_DECAYS, impulse_of
+from hapticeval.phenomena.decisions import ANSWER_CHANGE, HAND_ROUNDING, IMPULSE_ROUNDING, QUIET_SAMPLES, STEEP_FACTOR
+from hapticeval.phenomena.inherent import reason_inherent
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.sampling import rounding
+from hapticeval.phenomena.verdict import Finding, Metric
+from hapticeval.recordings.recording import SINGLE
+from hapticeval.scene import Scene
+
+STEP = 1e-4
+SPRING = {"spring": "error"}
+MEMORYLESS = {"memory": "none"}
+
+
+class TestInherent:
+    def follows(self, check, declared, *, value=1.0, bound=0.1, outcome=FAIL, **evidence):
+        finding = Finding(outcome, "it fails", Metric("how far", value, "m"), bound, evidence)
+        return bool(reason_inherent(check, finding, declared))
+
+    @pytest.mark.parametrize(
+        ("impulse", "spring", "follows"),
+        [
+            (-0.01, None, False),
+            (0.0, None, True),
+            (1.0, None, True),
+            (1.01, None, False),
+            (1.0, 0.5, True),
+            (1.2 * (1.0 + 0.9 * IMPULSE_ROUNDING), 1.2, True),
+            (1.2 * (1.0 + 2.0 * IMPULSE_ROUNDING), 1.2, False),
+        ],
+    )
+    def test_a_spring_takes_a_momentum_of_1_N_s_by_and_by_and_no_more_than_its_depths_make(
+        self, impulse, spring, follows
+    ):
+        more = {} if spring is None else {"spring_impulse_Ns": spring}
+        numbers = {"impulse_in_window_Ns": impulse, "impulse_wanted_Ns": 1.0, **more}
+        assert self.follows("impulsive-collision", SPRING, **numbers, stopped_after_ms=3.0) is follows
+        assert not self.follows("impulsive-collision", SPRING, **numbers), "it is never stopped"
+        assert not self.follows("impulsive-collision", {}, **numbers, stopped_after_ms=3.0), "no spring is declared"
+        assert not self.follows("impulsive-collision", SPRING, impulse_in_window_Ns=impulse, stopped_after_ms=3.0)
+
+    @pytest.mark.parametrize(
+        ("value", "softest", "follows"), [(1.09, 1.0, True), (1.11, 1.0, False), (2.09, 0.5, True), (2.11, 0.5, False)]
+    )
+    def test_a_spring_sinks_by_the_centripetal_force_over_its_least_stiffness(self, value, softest, follows):
+        declared = {**SPRING, "stiffness_least": softest}
+        assert self.follows("centripetal-force", declared, value=value) is follows
+        if softest == 1.0:
+            assert self.follows("centripetal-force", SPRING, value=value) is follows
+        assert not self.follows("centripetal-force", declared, value=value, force_over_spring=3.0)
+        assert not self.follows("centripetal-force", {"stiffness_least": softest}, value=value)
+
+    def test_a_spring_along_the_error_turns_with_the_hand_in_a_corner(self):
+        assert self.follows("abrupt-switch", SPRING)
+        assert not self.follows("abrupt-switch", {"spring": "normal"})
+        assert not self.follows("abrupt-switch", SPRING, outcome=PASS)
+        assert not self.follows("abrupt-switch", SPRING, ended={}), "no theorem makes a loop run away"
+
+    @pytest.mark.parametrize(("value", "follows"), [(1.09e-3, True), (1.11e-3, False)])
+    def test_without_memory_the_point_jumps_as_far_as_the_nearest_one_does(self, value, follows):
+        numbers = {"value": value, "bound": 1e-4, "nearest_jump_m": 1e-3}
+        assert self.follows("continuous-contact", MEMORYLESS, **numbers, region="medial axis") is follows
+        assert not self.follows("continuous-contact", MEMORYLESS, **numbers, region="surface")
+        assert not self.follows("continuous-contact", {}, **numbers, region="medial axis")
+        for other in ("off_surface_m", "unexplained_jump_m"):
+            assert not self.follows("continuous-contact", MEMORYLESS, **numbers, region="medial axis", **{other: 1.0})
+
+    @pytest.mark.parametrize(
+        ("deepest", "region", "follows"),
+        [(0.0, "surface", True), (1e-3, "surface", False), (1e-3, "medial axis", True), (1.0, "surface", False)],
+    )
+    def test_without_memory_a_hand_that_has_come_through_belongs_to_the_other_side(self, deepest, region, follows):
+        numbers = {"deepest_m": deepest, "region": region}
+        assert self.follows("contact-kept", MEMORYLESS, kind="tunnelled", **numbers) is follows
+        assert not self.follows("contact-kept", MEMORYLESS, kind="let go", **numbers)
+        assert not self.follows("contact-kept", {}, kind="tunnelled", **numbers)
+
+
+class TestPulling:
+    def moving(self, speed, *, pull=1.0, count=30, **more):
+        """A hand 3 mm under a line that goes up at `speed`, m/s, and is drawn in by `pull`, N, in row 12."""
+        height = -3e-3 + 1e-3 * speed * np.arange(count)
+        hip = np.column_stack([np.zeros(count), height])
+        base = recorded(hip, hip * [1.0, 0.0], **more)
+        force = np.array(base.force)
+        force[12] = [0.0, -pull]
+        return changed(base, force=force)
+
+    @pytest.mark.parametrize(("speed", "verb"), [(0.05, "leaves"), (-0.05, "enters"), (0.0, "enters")])
+    def test_a_force_that_draws_the_hand_in_is_told_with_how_the_hand_moves(self, speed, verb):
+        finding = found("never-pulls", self.moving(speed), LINE)
+        assert finding.outcome is FAIL
+        assert (finding.metric.value, finding.evidence["tick"]) == (pytest.approx(1.0), 12)
+        assert finding.evidence["leaving_m_per_s"] == pytest.approx(speed)
+        words = f"by 1 N at t = 0.012 s, while the hand {verb} at {abs(speed):.3g} m/s"
+        assert words in finding.message
+        assert ("a damper that is not clipped" in finding.message) is (speed > 0.0)
+        lag = finding.evidence["lag_ticks"]
+        moved = 2.0 * lag * 1e-3 * abs(speed)
+        assert finding.bound == pytest.approx(1e-3 + 1000.0 * (moved + rounding(LINE)), rel=1e-6)
+        off = found("never-pulls", changed(self.moving(speed, pull=5.0), meta={"standoff": 1e-3}), LINE)
+        assert off.bound == pytest.approx(finding.bound + 1.0, rel=1e-6)
+
+    def test_a_hand_that_never_leaves_shows_nothing_and_one_that_feels_no_force_inside_neither(self):
+        pushes = {"pull": -1.0}
+        assert found("never-pulls", self.moving(0.05, **pushes), LINE).outcome is PASS
+        assert "never leaves" in found("never-pulls", self.moving(-0.05, **pushes), LINE).message
+        outside = recorded(np.abs(self.moving(0.05).hip), force=np.ones((30, 2)))
+        assert "inside of the model" in found("never-pulls", outside, LINE).message
+
+    def test_outward_is_to_the_contact_point_and_along_the_normal_where_that_is_the_hand(self):
+        base = slide()
+        aside = changed(base, ihip=base.ihip + np.array([1e-3, 0.0]))
+        np.testing.assert_allclose(find_outward(aside, LINE), np.full((12, 2), math.sqrt(0.5)))
+        for share, outward in ((0.9, [0.0, 1.0]), (1.1, [1.0, 0.0])):
+            near = changed(base, ihip=base.hip + np.array([share * rounding(LINE), 0.0]))
+            np.testing.assert_allclose(find_outward(near, LINE), np.tile(outward, (12, 1)), atol=1e-12)
+
+
+def test_a_drift_is_told_where_the_hand_does_not_explain_it():
+    """Four laps of ten rows: in the last the answer is off by more where the hand is, too."""
+    angle = 2.0 * np.pi * np.arange(41) / 10
+    hip = 0.01 * np.column_stack([np.cos(angle), np.sin(angle)]) - [0.0, 0.02]
+    ihip = np.array(hip * [1.0, 0.0])
+    ihip[34, 0] += 0.9 * STEEP_FACTOR * 1e-10
+    ihip[37, 0] += 0.5 * STEEP_FACTOR * 1e-10
+    force = 1000.0 * (hip * [1.0, 0.0] - hip)
+    moved = np.array(hip)
+    moved[34, 0] += 1e-10
+    finding = found("drift", recorded(moved, ihip, force), LINE)
+    assert finding.evidence["tick"] == 37
+    assert finding.evidence["off_m"] == pytest.approx(0.5 * STEEP_FACTOR * 1e-10, rel=1e-3)
+    assert finding.metric.value == pytest.approx(0.5 * STEEP_FACTOR * 1e-10 / 0.2, rel=1e-3)
+    assert (finding.evidence["laps"], finding.evidence["ticks"]) == (4, 40)
+
+
+@pytest.mark.parametrize("free", ["forwards", "backwards"])
+def test_a_hand_that_is_met_on_one_of_two_ways_alone_has_two_answers(free):
+    held = slide()
+    let_go = changed(held, ihip=held.hip, force=0.0 * held.force)
+    ways = (let_go, held) if free == "forwards" else (held, let_go)
+    finding = found("memoryless", Runs(ways[0], reverse=lambda: changed(ways[1])), LINE)
+    assert finding.outcome is FAIL
+    assert finding.metric.value == pytest.approx(1e-3, rel=0.1)
+
+
+@pytest.mark.parametrize(("count", "decides"), [(QUIET_SAMPLES - 1, False), (QUIET_SAMPLES, True)])
+def test_a_tool_s_rest_is_judged_over_enough_samples(count, decides):
+    hip = np.zeros((count + 5, 2))
+    base = recorded(hip, velocity=hip, meta={"source": "experiment", "quiet_from": 5e-3})
+    finding = found("comes-to-rest", base, LINE)
+    assert (finding.outcome is not UNDECIDED) is decides
+    if not decides:
+        assert f"for {count} samples only" in finding.message
+
+
+class TestImpulses:
+    PLACE, NORMAL = np.zeros(2), np.array([0.0, 1.0])
+
+    def given(self, effect, speed=0.2):
+        scene = Scene(model=line(), mass=0.1, restitution=0.5, effects=(effect,))
+        return impulse_of(effect, scene, self.PLACE, self.NORMAL, speed)
+
+    def test_a_contact_impulse_is_what_turns_the_momentum_round(self):
+        assert self.given(ContactImpulse()) == (pytest.approx(1.5 * 0.1 * 0.2), 1e-3)
+        # 30 mN s under a cap of 3 N take 10 ms more.
+        assert self.given(ContactImpulse(cap=3.0))[1] == pytest.approx(1e-3 + 10e-3)
+
+    def test_a_ringing_has_the_integral_of_its_wave(self):
+        ringing = ContactTransient(amplitude=5.0, decay=80.0, frequency=150.0)
+        omega = 2.0 * math.pi * 150.0
+        impulse, lasts = self.given(ringing)
+        assert impulse == pytest.approx(5.0 * 0.2 * omega / (80.0**2 + omega**2))
+        assert lasts == pytest.approx(IMPULSE_DECAYS / 80.0)
+        capped = ContactTransient(amplitude=5.0, decay=80.0, frequency=150.0, cap=0.5)
+        assert self.given(capped)[1] == pytest.approx(lasts + 5.0 * 0.2 / 80.0 / 0.5)
+
+    def test_a_recorded_pulse_has_the_sum_of_its_samples(self):
+        impulse, lasts = self.given(RecordedImpulse(pulse=(1.0, -2.0, 3.0), step=2e-3))
+        assert (impulse, lasts) == (pytest.approx(4e-3), pytest.approx(8e-3))
+        capped = self.given(RecordedImpulse(pulse=(1.0, -2.0, 3.0), step=2e-3, cap=0.5))
+        assert capped[1] == pytest.approx(8e-3 + 12e-3 / 0.5)
+
+
+def round_under_a_line(laps=3, *, curl=0.0, factor=1):
+    """A hand that goes round 1 mm, 3 mm under a line, in 40 steps a lap; pushed by 3 N, and round by `curl` N/m."""
+    angle = 2.0 * np.pi * np.arange(40 * laps * factor + 1) / (40 * factor)
+    around = 1e-3 * np.column_stack([np.cos(angle), np.sin(angle)])
+    hip = around - [0.0, 3e-3]
+    force = np.array([0.0, 3.0]) + curl * np.column_stack([-around[:, 1], around[:, 0]])
+    return recorded(hip, hip * [1.0, 0.0], force, dt=1e-3 / factor)
+
+
+@pytest.mark.parametrize(("curl", "outcome"), [(0.0, PASS), (100.0, FAIL), (-100.0, PASS)])
+def test_a_relief_s_work_is_that_of_each_lap_after_the_first(curl, outcome):
+    """Round r a force of c r does 2 pi c r^2 in a lap."""
+    scene = Scene(model=line(), stiffness=1000.0, effects=(HeightMap(wavelength=2e-3, amplitude=4e-5),))
+    runs = Runs(round_under_a_line(curl=curl), refine=lambda factor: round_under_a_line(curl=curl, factor=factor))
+    finding = found("texture-work", runs, scene)
+    assert finding.outcome is outcome
+    assert finding.metric.value == pytest.approx(2.0 * np.pi * curl * 1e-6, rel=0.01, abs=1e-9)
+    # 3 N up and down by 2 mm, and what goes round.
+    crossed = np.abs(np.diff(round_under_a_line(factor=64, curl=curl).hip[:2561], axis=0) @ np.array([0.0, 3.0]))
+    assert finding.evidence["crossed_J"] == pytest.approx(crossed.sum(), rel=0.05)
+    assert finding.evidence["laps"] == 2
+    assert finding.evidence["time"] - finding.evidence["from_time"] == pytest.approx(0.04)
+    assert finding.evidence["from_time"] in (pytest.approx(0.04), pytest.approx(0.08))
+    assert ("the hand gets 0.62" in finding.message) is (outcome is FAIL)
+    one = Runs(round_under_a_line(1), refine=lambda factor: round_under_a_line(1, factor=factor))
+    assert found("texture-work", one, scene).outcome is UNDECIDED
+
+
+class TestOrderOfEffects:
+    """Friction draws the tool from p to s, and a force that works on it is F + K (s - p)."""
+
+    SCENE = Scene(
+        model=line(),
+        stiffness=1000.0,
+        effects=(Friction(mu_s=0.5, mu_k=0.3), BumpMap(wavelength=2e-3, amplitude=4e-5)),
+    )
+
+    def judged(self, *, late=0, off=0.0, drag=2e-4, scene=None):
+        plain = slide(count=30)
+        shift = np.column_stack([drag * np.sin(0.3 * np.arange(30)), np.zeros(30)])
+        answered = np.clip(np.arange(30) - late, 0, 29)
+        force = plain.force + 1000.0 * shift[answered]
+        force[17, 0] += off
+        base = changed(plain, ihip=plain.ihip + shift, force=force)
+        return found("effects-order", Runs(base, without=lambda kind: plain), scene or self.SCENE)
+
+    @pytest.mark.parametrize("late", [-3, 0, 1, 3])
+    def test_a_drag_is_the_spring_between_both_tools_up_to_a_lag(self, late):
+        assert self.judged(late=late).outcome is PASS
+        assert self.judged(late=4).outcome is FAIL
+
+    @pytest.mark.parametrize(("share", "outcome"), [(0.9, PASS), (1.1, FAIL)])
+    def test_it_is_known_to_rounding_and_the_least_force(self, share, outcome):
+        base = slide(count=30)
+        strength = 1.0 + 1000.0 * np.abs(base.hip).max()
+        allowed = 4.0 * SINGLE * strength + 1e-3
+        finding = self.judged(off=share * allowed)
+        assert finding.outcome is outcome
+        assert finding.bound == pytest.approx(allowed, rel=1e-3)
+        if outcome is FAIL:
+            assert (finding.metric.value, finding.evidence["tick"]) == (pytest.approx(share * allowed), 17)
+            assert "tick 17" in finding.message
+
+    def test_it_is_asked_of_friction_and_one_other_where_the_friction_is_felt(self):
+        assert self.judged(drag=1e-9).outcome is UNDECIDED
+        alone = Scene(model=line(), stiffness=1000.0, effects=(Friction(mu_s=0.5, mu_k=0.3),))
+        assert "it alone" in self.judged(scene=alone).message
+
+    @pytest.mark.parametrize(("direction", "outcome"), [("along", PASS), ("normal", FAIL)])
+    def test_a_texture_adds_along_its_direction_and_moves_no_tool(self, direction, outcome):
+        texture = StochasticTexture(mass=0.05, texture="ribbed", direction=direction)
+        scene = Scene(model=line(), stiffness=1000.0, effects=(Friction(mu_s=0.5, mu_k=0.3), texture))
+        plain = slide(count=30)
+        base = changed(plain, force=plain.force + np.array([0.5, 0.0]))
+        assert found("effects-order", Runs(base, without=lambda kind: plain), scene).outcome is outcome
+        moved = changed(base, ihip=base.ihip + np.array([1e-4, 0.0]), force=base.force)
+        finding = found("effects-order", Runs(moved, without=lambda kind: plain), scene)
+        assert finding.outcome is FAIL
+        assert finding.metric.value == pytest.approx(0.1 + (0.5 if outcome is FAIL else 0.0))
+
+
+class TestForceMagnitude:
+    def test_of_two_laws_the_one_that_fits_better_is_asked(self):
+        """A tool a millimetre ahead of a hand 2 mm deep, with a spring along the error, and across the surface."""
+        base = slide(depth=2e-3, aside=1e-3, count=40)
+        across = changed(base, force=base.force * [0.0, 1.0])
+        for one, stiffness in ((base, 1000.0), (across, 1000.0)):
+            finding = found("force-magnitude", one, LINE)
+            assert finding.outcome is PASS
+            assert finding.evidence["apparent_stiffness_N_m"] == pytest.approx(stiffness)
+        declared = changed(across, meta={"spring": "error"})
+        assert found("force-magnitude", declared, LINE).outcome is FAIL
+
+    def test_a_rigid_contact_has_no_stiffness(self):
+        hip = np.column_stack([1e-2 + STEP * np.arange(20), np.zeros(20)])
+        finding = found("force-magnitude", recorded(hip, hip, np.tile([0.0, 2.0], (20, 1))), LINE)
+        assert "a rigid contact" in finding.message
+
+    def felt(self, gain, *, none=True, depth=2e-3, damping=0.0, speed=0.0):
+        """A force without a contact point, of a hand at this depth."""
+        hip = np.column_stack([1e-3 * speed * np.arange(40), np.full(40, -depth)])
+        force = np.column_stack([np.zeros(40), gain * 1000.0 * -hip[:, 1]])
+        meta = {"source": "playback", **({"contact_point": "none"} if none else {})}
+        base = recorded(hip, hip, force, meta=meta, velocity=np.tile([speed, 0.0], (40, 1)))
+        scene = Scene(model=line(), stiffness=1000.0, damping=damping, mass=0.1)
+        return found("force-magnitude", base, scene)
+
+    @pytest.mark.parametrize(
+        ("gain", "with_none", "with_one"), [(1.0, PASS, UNDECIDED), (0.3, FAIL, FAIL), (1.5, FAIL, UNDECIDED)]
+    )
+    def test_without_a_contact_point_a_force_is_held_against_the_depth(self, gain, with_none, with_one):
+        """A tool that lags is farther away, and makes a larger force of it: only a small one is told."""
+        assert self.felt(gain).outcome is with_none
+        assert self.felt(gain, none=False).outcome is with_one
+        assert self.felt(gain).metric is None or self.felt(gain).metric.value == pytest.approx(
+            abs(gain - 1.0), abs=1e-3
+        )
+
+    def test_what_a_damper_may_make_there_is_granted_as_a_depth(self):
+        # 1 N s/m at 0.1 m/s: 0.1 N, or 0.1 mm of 2
+        finding = self.felt(1.0, damping=1.0, speed=0.1)
+        assert finding.bound == pytest.approx((1e-4 + rounding(LINE)) / 2e-3, rel=1e-6)
+
+
+class TestMoved:
+    """Runs in the scene moved, by hand: off by `off` in one motion, of a hand that slides under a line."""
+
+    def judged(self, off, *, motion=1, aside=0.0, **more):
+        base = changed(slide(), meta={"source": "playback"})
+        asked = []
+
+        def moved(move, nudge):
+            asked.append(move.scale)
+            number = {1.0: 0, 7.0: 1}.get(round(move.scale, 6), 2)
+            away = np.array([off if number == motion and not any(nudge) else 0.0, 0.0])
+            return changed(base, ihip=base.ihip + away, force=base.force)
+
+        if aside:
+            base = changed(base, ihip=base.ihip + np.array([0.0, aside]))
+        return found("numerical-stability", Runs(base, moved=moved), LINE)
+
+    @pytest.mark.parametrize(("share", "outcome"), [(0.9, PASS), (1.1, FAIL)])
+    @pytest.mark.parametrize(
+        ("motion", "name"), [(0, "turned and shifted"), (1, "seven times as large"), (2, "a seventh as large")]
+    )
+    def test_an_answer_is_the_same_to_a_billionth_in_each_motion(self, share, outcome, motion, name):
+        first = self.judged(0.0, motion=motion)
+        assert (first.outcome, first.evidence["digits"]) == (PASS, pytest.approx(15.65, abs=0.1))
+        off = share * ANSWER_CHANGE * 0.2 + first.evidence["rounding_m"]
+        finding = self.judged(off, motion=motion)
+        assert finding.outcome is outcome
+        assert finding.evidence["digits"] == pytest.approx(-math.log10(off / 0.2))
+        assert finding.evidence["off_m"] == pytest.approx(off)
+        assert finding.evidence["motion"] == name
+        assert finding.metric.value == pytest.approx(share * ANSWER_CHANGE, rel=1e-3)
+
+    def test_the_hand_is_rounded_where_it_is_farthest_by_the_scale(self):
+        """Turned and shifted by the model's size and more the hand is farther from the origin than it is here."""
+        evidence = self.judged(0.0).evidence
+        hips = slide().hip
+        farthest = max(np.abs(motion(hips)).max() / motion.scale for _, motion in motions(LINE))
+        assert evidence["rounding_m"] == pytest.approx(HAND_ROUNDING * farthest)
+        assert farthest > np.abs(hips).max()
+
+    def test_an_ihip_off_the_surface_in_every_motion_alike_is_told_as_it_is(self):
+        finding = self.judged(0.0, aside=1e-4)
+        assert (finding.outcome, finding.evidence["motion"]) == (FAIL, "as it is")
+        assert finding.evidence["off_m"] == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize("check", sorted(CHECKS))
+def test_a_check_names_siblings_that_there_are(check):
+    assert replace(CHECKS[check]) == CHECKS[check]
+    for name in ("siblings", "needs"):
+        with pytest.raises(UnknownNameError):
+            replace(CHECKS[check], **{name: {"cousin": "of the first degree"}})
