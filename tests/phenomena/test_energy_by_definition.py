@@ -1,0 +1,202 @@
+"""What the check of energy is made of: gains of a span by their shares, what is stored, laps that spend a store."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from made import FAIL, PASS, UNDECIDED, changed, found, recorded
+from test_helpers_by_definition import LINE, slide
+
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.checks.passivity import (
+    LAP,
+    Gain,
+    LapRun,
+    SampledWork,
+    Span,
+    _gain,
+    _judge_law,
+    _spends_store,
+    stored_before,
+)
+from hapticeval.phenomena.decisions import MOST_LAPS, RIGID_WORK_SHARE
+
+ALONG = "since free space"
+
+
+def sums(smooth, **more):
+    """Running sums at one rate; those that are not given are zero."""
+    none = np.zeros(len(smooth))
+    names = ("held", "error", "crossed", "path", "effort")
+    return SimpleNamespace(smooth=np.array(smooth), **{name: np.array(more.get(name, none)) for name in names})
+
+
+class TestGain:
+    """Work at a tick, a half and a quarter of it, over rows 1 to 3; what stands before is no part of it."""
+
+    def gain(self, *works, what=ALONG, stored=0.0, rounding=(0.0, 0.0, 0.0, 0.0), **finest):
+        base = sums([5.0, 5.0, 6.0, 7.0], held=[1.0, 1.0, 3.0, 6.0])
+        *coarser, last = ([7.0, 7.0, *(7.0 + np.array(work))] for work in works)
+        runs = [base, *map(sums, coarser), sums(last, **finest)]
+        return _gain(runs, Span(1, 3, what), np.array(rounding), stored)
+
+    def test_a_lag_of_first_order_is_taken_off(self):
+        """W = 2 + 4 h in the last row, and 1 + 4 h in the one before."""
+        gain = self.gain([5.0, 6.0], [3.0, 4.0], [2.0, 3.0])
+        assert (gain.first, gain.last, gain.what) == (1, 3, ALONG)
+        assert gain.law == pytest.approx(2.0)
+        assert gain.correction == gain.open == pytest.approx(1.0)
+        # By the base run: held 5, by the trapezoid 2
+        assert (gain.hold, gain.lag) == (pytest.approx(3.0), pytest.approx(0.0))
+        assert gain.excess == pytest.approx(1.0)
+        assert replace(gain, stored=0.5).excess == pytest.approx(0.5)
+
+    def test_of_a_higher_order_the_correction_is_half_of_what_the_limit_moved_by(self):
+        """By 1 and then by 0.2: the limit moved from 2 to 1.4 below it."""
+        gain = self.gain([0.0, 5.0], [0.0, 4.0], [0.0, 3.8])
+        assert gain.law == pytest.approx(3.6)
+        assert gain.correction == pytest.approx(0.5 * abs(-0.4 + 1.0))
+
+    def test_what_does_not_settle_is_open_by_the_larger_change_and_by_all_where_it_shrinks(self):
+        grows = self.gain([0.0, 4.0], [0.0, 4.5], [0.0, 6.0])
+        assert (grows.law, grows.correction) == (pytest.approx(6.0), pytest.approx(1.5))
+        wavers = self.gain([0.0, 9.0], [0.0, 4.0], [0.0, 8.6])
+        assert (wavers.law, wavers.correction) == (pytest.approx(8.6), pytest.approx(5.0))
+        shrinks = self.gain([0.0, 6.0], [0.0, 5.9], [0.0, 4.0])
+        assert shrinks.correction == math.inf
+        assert not shrinks.telling
+        within = self.gain([0.0, 6.0], [0.0, 5.9], [0.0, 4.0], error=[0.0, 1.0, 1.5, 3.0])
+        assert (within.law, within.correction) == (pytest.approx(2.1), pytest.approx(1.9)), "the error explains it"
+
+    def test_error_and_rounding_are_open_and_what_crosses_is_that_of_the_finest_run(self):
+        more = {"error": [0.0, 1.0, 1.5, 3.0], "crossed": [0.0, 2.0, 3.0, 9.0], "effort": [1.0, 1.0, 2.0, 5.0]}
+        gain = self.gain(*[[0.0, 6.0]] * 3, rounding=(0.0, 0.1, 0.2, 0.4), **more)
+        assert gain.open == pytest.approx(2.0 + 0.3)
+        assert (gain.crossed, gain.effort) == (pytest.approx(7.0), pytest.approx(4.0))
+
+    @pytest.mark.parametrize(("stored", "row"), [(0.0, 2), (2.9, 2), (3.1, 3)])
+    def test_the_row_that_is_farthest_beyond_what_is_open_counts_and_the_last_where_none_is(self, stored, row):
+        works = [[3.0, 1.0]] * 3
+        assert self.gain(*works, stored=stored).last == row
+        assert self.gain(*works, stored=stored, what=LAP).last == 3, "a lap has one end only"
+
+    def made(self, **more):
+        numbers = {"hold": 0.1, "lag": 0.2, "law": 1.0, "correction": 0.1, "open": 0.3, "stored": 0.0, "crossed": 2.0}
+        return Gain(ALONG, 1, 3, **{**numbers, "effort": 0.0, **more})
+
+    @pytest.mark.parametrize(
+        ("numbers", "tells"),
+        [
+            ({"open": 0.19}, True),
+            ({"open": 0.21}, False),
+            ({"open": 0.21, "effort": 0.22 / RIGID_WORK_SHARE}, True),
+            ({"open": 0.21, "effort": 0.2 / RIGID_WORK_SHARE}, False),
+            ({"open": 0.21, "stored": 1.11}, True),
+            ({"open": 0.21, "stored": 1.09}, False),
+        ],
+    )
+    def test_a_gain_is_told_where_a_tenth_of_what_crossed_is_open_or_it_is_within_what_was_stored(self, numbers, tells):
+        assert self.made(**numbers).telling is tells
+
+    def test_the_way_that_gives_most_beyond_what_is_open_is_told(self):
+        base = slide()
+        small, large = self.made(law=0.45, open=0.1), self.made(law=0.4, open=0.0)
+        lap, unclear = replace(self.made(law=0.1, open=0.0), what=LAP), self.made(law=9.0, open=1.0)
+        finding = _judge_law(base, [small, large, lap, unclear], [small, large, lap])
+        assert (finding.outcome, finding.metric.value, finding.bound) == (FAIL, 0.4, 0.0)
+        assert (finding.evidence["ways"], finding.evidence["laps"]) == (3, 1)
+        assert (finding.evidence["tick"], finding.evidence["from_time"]) == (3, pytest.approx(1e-3))
+        assert "round (0.15, -1) mm until t = 0.003 s, the hand gets 400 mJ" in finding.message
+        assert "at 1 ms holding the force adds 100 mJ, and what else vanishes with the tick 200 mJ" in finding.message
+        none = self.made(law=0.1, open=0.1)
+        assert _judge_law(base, [none], [none]).outcome is PASS
+        open_one = _judge_law(base, [none, unclear, self.made(law=3.0, open=1.0)], [none])
+        assert open_one.outcome is UNDECIDED
+        assert "does not settle 2 of 3 ways, as since free space from t = 0.001 s to 0.003 s" in open_one.message
+        assert _judge_law(base, [unclear], []).outcome is UNDECIDED
+
+
+def test_a_force_below_the_floor_stores_what_a_spring_does_and_a_lap_that_does_not_close_its_gap_s_work():
+    base = slide(count=12)
+    assert stored_before(base, Span(2, 9, ALONG), LINE) == pytest.approx(1.0 / 2000.0)
+    soft = changed(base, meta={"spring": "error", "stiffness_least": 0.5, "stiffness_largest": 2.0})
+    assert stored_before(soft, Span(2, 9, ALONG), LINE) == pytest.approx(1.0 / 1000.0)
+    force = np.array(base.force)
+    for row in (2, 9):
+        # 1 N at one end and 3 N at the other, over 0.7 mm.
+        force[[2, 9], 1] = 1.0
+        force[row, 1] = 3.0
+        assert stored_before(changed(base, force=force), Span(2, 9, LAP), LINE) == pytest.approx(3.0 * 7e-4)
+
+
+def test_work_is_summed_by_the_trapezoid_and_as_held_at_the_rows_of_the_base_run():
+    """At twice the rate: rows 0, 2 and 4 are those of the base run."""
+    hip = 1e-3 * np.column_stack([[0.0, 1.0, 2.0, 2.0, 3.0], np.full(5, -1.0)])
+    force = np.column_stack([[1.0, 3.0, -2.0, 5.0, 1.0], np.zeros(5)])
+    work = SampledWork(recorded(hip, hip * [1.0, 0.0], force, dt=5e-4), 2, LINE)
+    np.testing.assert_allclose(work.smooth, 1e-3 * np.array([0.0, 2.5, 5.5]))
+    np.testing.assert_allclose(work.held, 1e-3 * np.array([0.0, 4.0, 9.0]))
+    np.testing.assert_allclose(work.crossed, 1e-3 * np.array([0.0, 2.5, 5.5]))
+    np.testing.assert_allclose(work.path, 1e-3 * np.array([0.0, 2.0, 3.0]))
+    np.testing.assert_allclose(work.effort, 1e-3 * np.array([0.0, 4.0, 9.0]))
+    # Second differences of the force, -7, 12 and -11 N, along the steps that follow.
+    np.testing.assert_allclose(work.error, 0.5e-3 * np.array([0.0, 7.0, 18.0]))
+    assert not work.free.any()
+
+
+class TestSpentStores:
+    """A hand that goes in by 5 mm, and round three laps there, of which each gives it as much."""
+
+    def asked(self, curl, *, before=1, led=True):
+        """The laps that are asked for of a force that goes round by `curl`, N/m."""
+        down = np.linspace(1e-3, -5e-3, 13)
+        angle = 2.0 * np.pi * np.arange(61) / 20
+        around = 1e-3 * np.column_stack([np.cos(angle), np.sin(angle)])
+        entry = np.column_stack([np.full(13, 1e-3), down])
+        hip = np.vstack([entry[:-1], around - [0.0, 5e-3]])
+        ihip = np.where(hip[:, 1:] < 0.0, hip * [1.0, 0.0], hip)
+        force = 1000.0 * (ihip - hip)
+        force[12:] += curl * np.column_stack([-around[:, 1], around[:, 0]])
+        base, numbers = recorded(hip, ihip, force), []
+
+        def led_on(number, first, period):
+            numbers.append((number, first, period))
+            return Runs(base)
+
+        runs = Runs(base, led_on=led_on if led else None)
+        assert not _spends_store(runs, LapRun(12, 20, 3), LINE), "what is led on cannot be refined"
+        steps = np.sum(force[1:] * np.diff(hip, axis=0), axis=1)
+        return numbers, -steps[2:32].sum(), steps[32:52].sum()
+
+    @pytest.mark.parametrize("curl", [300.0, 700.0])
+    def test_as_many_laps_are_led_on_as_spend_it_and_two_more(self, curl):
+        numbers, stored, gained = self.asked(curl)
+        assert stored > 0.0
+        assert numbers == [(math.ceil(stored / gained) + 2, 12, 20)]
+
+    def test_none_are_where_nothing_is_gained_or_too_little(self):
+        for curl in (0.0, -300.0):
+            numbers, stored, gained = self.asked(curl)
+            assert (numbers, gained > 1e-9) == ([], False)
+            assert stored > 0.0
+        numbers, stored, gained = self.asked(0.1)
+        assert numbers == []
+        assert stored > MOST_LAPS * gained
+        assert self.asked(300.0, led=False)[0] == []
+
+    def test_of_one_recording_alone_two_rows_at_rest_or_free_bound_what_is_stored(self):
+        hip = np.column_stack([np.zeros(60), 1e-3 * np.arange(60.0) - 0.1])
+        force = np.zeros((60, 2))
+        force[30:, 1] = 1.0
+        base = recorded(hip, hip * [1.0, 0.0], force, meta={"source": "experiment"})
+        finding = found("passivity", base, LINE)
+        assert finding.outcome is FAIL
+        assert finding.metric.value == pytest.approx(29.5e-3)
+        assert "from t = 0.029 s to 0.059 s the hand gets 29.5 mJ" in finding.message
+        taken = found("passivity", changed(base, force=-force), LINE)
+        assert taken.outcome is PASS
+        assert found("passivity", changed(base, force=force + 1.0), LINE).outcome is UNDECIDED
