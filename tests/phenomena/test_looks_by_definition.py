@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made import FAIL, PASS, changed, found, recorded
+from made import FAIL, PASS, UNDECIDED, changed, found, recorded
 from test_helpers_by_definition import LINE, slide
 
 from hapticeval.geometry.catalogue import circle, line
@@ -165,6 +165,27 @@ class TestContinuity:
         if finding is not None:
             assert finding.evidence["tick"] == 13
             assert finding.metric.value == pytest.approx(2.0 * STEP)
+
+    @pytest.mark.parametrize("depth", [0.02, 0.05])
+    def test_under_a_bend_of_one_sampling_alone_steps_are_stretched_by_the_depth(self, depth):
+        """Under 0.1 m of radius a step h of the hand moves the nearest point by h / (1 - d / 0.1)."""
+        angle = 1e-3 * np.arange(20)
+        out = np.column_stack([np.cos(angle), np.sin(angle)])
+        base = recorded((0.1 - depth) * out, 0.1 * out, meta={"source": "playback"})
+        scene = Scene(model=circle(size=0.2), stiffness=1000.0, mass=0.1)
+        finding = found("continuous-contact", base, scene)
+        step, stretch = 2.0 * (0.1 - depth) * math.sin(5e-4), 1.0 / (1.0 - depth / 0.1)
+        assert finding.outcome is PASS
+        assert finding.bound == pytest.approx(3.0 * step + (stretch - 1.0) * 3.0 * step, rel=1e-3)
+        assert finding.metric.value == pytest.approx(2.0 * 0.1 * math.sin(5e-4), rel=1e-6)
+
+    def test_at_the_centre_of_a_bend_a_long_step_decides_nothing(self):
+        scene = Scene(model=circle(size=0.2), stiffness=1000.0, mass=0.1)
+        hip = np.column_stack([1e-5 * (np.arange(20) - 9.5), np.full(20, 1e-6)])
+        ihip = 0.1 * hip / np.linalg.norm(hip, axis=1, keepdims=True)
+        finding = found("continuous-contact", recorded(hip, ihip, meta={"source": "playback"}), scene)
+        assert finding.outcome is UNDECIDED
+        assert "near the medial axis" in finding.message
 
     def jumping(self, count=12, *, factor=1, jump=5e-3, aside=0.0):
         """A hand along the line, and a tool that jumps at the sixth step; in so many parts a step."""

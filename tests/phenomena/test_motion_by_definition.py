@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from made import changed, recorded
+from made import FAIL, changed, found, recorded
 from scipy.linalg import block_diag
 
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.checks.centripetal_force import (
@@ -21,7 +22,15 @@ from hapticeval.phenomena.checks.centripetal_force import (
     _under_way,
     _unheld_tick,
 )
-from hapticeval.phenomena.decisions import BLOCK_TICKS, EXPLAINING_PUSH, HOLD_TICKS, START_DECAY
+from hapticeval.phenomena.checks.constraint_stability import _describe_failure
+from hapticeval.phenomena.checks.tangential_dynamics import (
+    _apparent_viscosity,
+    _describe_unexplained,
+    _pushed_along,
+    _unexplained_velocity,
+)
+from hapticeval.phenomena.decisions import BLOCK_TICKS, EXPLAINING_PUSH, GROWS, HOLD_TICKS, STANDS, START_DECAY
+from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.scene import Scene
 
 LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)
@@ -204,3 +213,67 @@ class TestRegression:
         share, deviation = _fit_share(error, 0.0 * cost, cost, rings)
         assert share == pytest.approx(0.3)
         assert deviation < 1e-9
+
+
+class TestComingHome:
+    @pytest.mark.parametrize(
+        ("late", "before", "words"),
+        [
+            ([-2.01e-3, 2.01e-3], 1e-3, "the distance grows: 1 mm, then 2.01 mm"),
+            ([1e-3, 1.0 * 1e-3 * (1.0 - 0.9 * STANDS)], 1e-3, "the tool stands 1 mm off the surface"),
+            ([-1e-3, 1.1 * STANDS * 1e-3], 1e-3, "swings about the surface, 1 mm to either side, and is not damped"),
+            ([-1e-3, 1e-3], 0.99e-3 / GROWS, "after"),
+            ([-1e-3, 0.9 * STANDS * 1e-3], 1e-3, "does not come to the surface: up to 1 mm off, then up to 1 mm"),
+        ],
+    )
+    def test_a_tool_grows_stands_or_swings(self, late, before, words):
+        late = np.array(late)
+        assert words in _describe_failure(late, before, float(np.abs(late).max()))
+
+    def test_a_run_that_ended_is_told_at_its_last_row(self):
+        ended = {"time": 0.004, "what": "the loop ran away"}
+        base = recorded(1e-3 * np.arange(10.0).reshape(5, 2), velocity=np.ones((5, 2)), meta={"ended": ended})
+        finding = found("constraint-stability", changed(base, meta={"source": "experiment"}), ROUND)
+        assert (finding.outcome, finding.evidence["tick"]) == (FAIL, 4)
+        assert "ended at t = 0.004 s: the loop ran away" in finding.message
+
+
+class TestSliding:
+    SCENE = Scene(model=line(), stiffness=1000.0, mass=0.1, bilateral=True)
+
+    def sliding(self, viscosity, *, push=0.0, count=400, scene=SCENE):
+        """A tool on the line that a viscosity, kg/s, slows from 0.5 m/s, and a push, N, drives on."""
+        time = 1e-3 * np.arange(count)
+        decay = viscosity / scene.mass
+        steady = push / viscosity if viscosity else 0.0
+        speed = steady + (0.5 - steady) * np.exp(-decay * time)
+        way = np.cumsum(speed) * 1e-3
+        hip, still = np.column_stack([way, 0.0 * way]), np.zeros(count)
+        pushes = np.column_stack([np.full(count, push), np.full(count, -3.0)])
+        return SurfaceMotion(recorded(hip, hip, velocity=np.column_stack([speed, still]), operator_force=pushes), scene)
+
+    @pytest.mark.parametrize("viscosity", [0.0, 0.2])
+    @pytest.mark.parametrize("push", [0.0, 0.05])
+    def test_the_viscosity_that_explains_the_loss_of_speed_is_found(self, viscosity, push):
+        if viscosity or not push:
+            assert _apparent_viscosity(self.sliding(viscosity, push=push)) == pytest.approx(viscosity, abs=1e-3)
+
+    def test_what_hand_and_viscosity_explain_is_assigned_and_the_rest_is_not(self):
+        viscous = Scene(model=line(), stiffness=1000.0, mass=0.1, bilateral=True, effects=(Viscosity(0.2),))
+        motion = self.sliding(0.2, push=0.05, scene=viscous)
+        np.testing.assert_allclose(_unexplained_velocity(motion.recording, viscous), 0.0, atol=1e-6)
+        np.testing.assert_allclose(_pushed_along(motion), np.tile([0.5, 0.0], (400, 1)))
+        # Without the viscosity what it took since the start is missing, and the push alone is explained.
+        unexplained = np.linalg.norm(_unexplained_velocity(motion.recording, self.SCENE), axis=1)
+        lost = 0.5 + 0.5 * motion.recording.time - motion.recording.velocity[:, 0]
+        np.testing.assert_allclose(unexplained, lost, atol=1e-9)
+
+    def test_what_is_unexplained_is_told_as_another_viscosity_or_as_a_drive(self):
+        motion = self.sliding(0.2)
+        unexplained = _unexplained_velocity(motion.recording, self.SCENE)
+        words = _describe_unexplained(motion, unexplained, _apparent_viscosity(motion), 399)
+        assert words == ", as if the surface had a viscosity of 0.2 kg/s instead of 0"
+        moved = motion.components(motion.foot_velocity)
+        for sign, verb in ((1.0, "driven on"), (-1.0, "braked")):
+            kicked = np.where(np.arange(400)[:, np.newaxis] > 200, sign * 0.1 * moved / np.abs(moved), 0.0)
+            assert _describe_unexplained(motion, kicked, 0.0, 250) == f": by t = 0.25 s the tool is {verb}"
