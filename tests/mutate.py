@@ -554,19 +554,21 @@ class Court:
 
     def survives(self, mutant: Mutant) -> bool | None:
         """Return whether all tests that reach a mutant pass; None where no test reaches it."""
-        while True:
-            tests = ordered_tests(mutant, self.reach)
-            if not tests:
-                return None
+        tests = ordered_tests(mutant, self.reach)
+        if not tests:
+            return None
+        while tests:
             failed = self.failed(tests, mutant)
             if failed is None:
-                return True
+                break
             test = tests[failed]
-            if test in self.trusted or self.failed(tests[: failed + 1], None) is None:
+            if test in self.trusted or self.failed([test], None) is None:
                 self.trusted.add(test)
                 return False
             print(f"fails there as it is, and is left out: {test}", flush=True)
             self.reach.failed.add(test)
+            tests = tests[failed + 1 :]
+        return True
 
     def failed(self, tests: Sequence[str], mutant: Mutant | None) -> int | None:
         """Return which of the tests fails first, and None where none does."""
