@@ -27,6 +27,8 @@ SPRINGS = [
     "constraint+pc",
 ]
 """Those that are silent in free space."""
+LINE, CIRCLE, CUBE, SPHERE = line(), circle(), cube(), sphere()
+"""A renderer prepares a model once: its grid, and its facets."""
 
 
 def test_they_are_named_and_are_none_of_those_that_run_by_themselves():
@@ -54,7 +56,7 @@ def test_an_unknown_knob_or_variant_is_refused(refused, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("model", [circle(), cube()], ids=lambda model: model.name)
+@pytest.mark.parametrize("model", [CIRCLE, CUBE], ids=lambda model: model.name)
 def test_a_hand_that_is_nowhere_is_refused(name, model):
     renderer = resolve(name)(Scene(model=model))
     outside = np.full(model.dimension, 0.2)
@@ -68,7 +70,7 @@ def test_a_hand_that_is_nowhere_is_refused(name, model):
 
 @pytest.mark.parametrize("name", SPRINGS)
 @settings(max_examples=15)
-@given(hips=walks(), model=st.sampled_from([circle(), SMOOTH["cassinian"]]))
+@given(hips=walks(), model=st.sampled_from([CIRCLE, SMOOTH["cassinian"]]))
 def test_clear_of_the_model_nothing_is_felt(name, hips, model):
     far = hips + np.array([0.5, 0.0])
     ihips, forces = ticked(resolve(name)(Scene(model=model)), far)
@@ -80,7 +82,7 @@ def test_clear_of_the_model_nothing_is_felt(name, hips, model):
 @settings(max_examples=15)
 @given(depth=st.floats(1e-4, 0.03), x=st.floats(-0.03, 0.03))
 def test_under_a_flat_face_the_force_is_k_times_the_depth_along_its_normal(name, depth, x):
-    model = cube() if "grid" in name else line()
+    model = CUBE if "grid" in name else LINE
     top = 0.05 if "grid" in name else 0.0
     renderer = resolve(name)(Scene(model=model))
     low = np.array([x, 0.001, top - min(depth, 0.015)]) if model.dimension == 3 else np.array([x, -depth])
@@ -93,7 +95,7 @@ def test_under_a_flat_face_the_force_is_k_times_the_depth_along_its_normal(name,
 
 
 @pytest.mark.parametrize("name", SPRINGS)
-@pytest.mark.parametrize("model", [circle(), sphere()], ids=lambda model: model.name)
+@pytest.mark.parametrize("model", [CIRCLE, SPHERE], ids=lambda model: model.name)
 def test_into_a_ball_the_tool_lies_on_the_radius_and_no_farther_off_than_declared(name, model):
     if "constraint" in name and model.dimension == 3:
         pytest.skip("the constraint is for meshes in space")
@@ -111,4 +113,4 @@ def test_into_a_ball_the_tool_lies_on_the_radius_and_no_farther_off_than_declare
 
 def test_a_grid_covers_no_half_plane(refused):
     with refused(RefusalError):
-        resolve("implicit@grid")(Scene(model=line()))
+        resolve("implicit@grid")(Scene(model=LINE))

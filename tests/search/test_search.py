@@ -322,7 +322,8 @@ def run(*arguments):
     return cli.main(["search", *map(str, arguments)])
 
 
-def test_the_command_writes_tells_and_replays(mine, capsys):
+def test_the_command_writes_tells_and_replays(mine, capsys, monkeypatch):
+    few_shrinks(monkeypatch)
     out = mine / "found"
     assert run("-r", "mine:Nearest", "--check", JUMP, "--model", "star", "--examples", 8, "-o", out) == 1
     said = capsys.readouterr().out
@@ -344,6 +345,7 @@ def test_the_command_writes_tells_and_replays(mine, capsys):
 
 
 def test_several_seeds_find_the_smallest_that_any_of_them_finds(mine, capsys, monkeypatch):
+    few_shrinks(monkeypatch)
     search = seeds.run_hunt
 
     def run_hunt(hunt, seed):
