@@ -102,7 +102,8 @@ def sample_panels(piece: Array, panels: Array, cuts: int) -> Array:
 
 def _panel_of(starts: Array, values: Array) -> IntArray:
     """Return the number of the panel (n,) in which each of `values` (n,) lies, of panels between `starts` (m,)."""
-    return np.clip(np.searchsorted(starts, values, "right") - 1, 0, starts.size - 2)
+    # np.clip takes five times as long for a single value
+    return np.minimum(np.maximum(np.searchsorted(starts, values, "right") - 1, 0), starts.size - 2)
 
 
 def _speeds(piece: Array, us: Array) -> Array:

@@ -336,7 +336,7 @@ class Curve:
     def _normals(self) -> NormalCone:
         return NormalCone(self)
 
-    @property
+    @cached_property
     def _smooth(self) -> bool:
         """Whether the curve is one smooth closed piece, with a parameter of its own."""
         return bool(as_record(self.pieces, PIECE).kind in (CASSINIAN, ELLIPSE))

@@ -87,15 +87,20 @@ def _largest_between(evaluate: Callable[[Array], Array], stops: Array) -> float:
     peaks = 1 + np.flatnonzero((inner >= values[:-2]) & (inner >= values[2:]))
     low, high = positions[peaks - 1], positions[peaks + 1]
     ratio = (np.sqrt(5.0) - 1.0) / 2.0
-    largest = float(values.max())
-    # 0.618^40 is 4e-9 of the bracket: the error of a maximum goes with its square
-    for _ in range(40):
-        left, right = high - ratio * (high - low), low + ratio * (high - low)
-        value_left, value_right = evaluate(left), evaluate(right)
-        largest = max(largest, float(np.max([value_left, value_right], initial=0.0)))
+    left, right = high - ratio * (high - low), low + ratio * (high - low)
+    value_left, value_right = evaluate(left), evaluate(right)
+    # 0.618^36 is 3e-8 of the bracket: the error of a maximum goes with its square
+    for _ in range(36):
+        # of the two inner points that next to the maximum stays an inner one
         rising = value_right > value_left
         low, high = np.where(rising, left, low), np.where(rising, high, right)
-    return largest
+        inner_point, inner_value = np.where(rising, right, left), np.where(rising, value_right, value_left)
+        point = np.where(rising, low + ratio * (high - low), high - ratio * (high - low))
+        value = evaluate(point)
+        left, right = np.where(rising, inner_point, point), np.where(rising, point, inner_point)
+        value_left, value_right = np.where(rising, inner_value, value), np.where(rising, value, inner_value)
+    largest = np.max([value_left, value_right], initial=float(values.max()))
+    return float(largest)
 
 
 MARGIN_CELLS = 3

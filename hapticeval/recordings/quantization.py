@@ -104,9 +104,11 @@ def single_precision_step(values: Array) -> float:
 def _decimal_step(values: Array) -> float:
     """The unit in the last place of the largest number, where all have so few digits; otherwise 0."""
     sample, largest = _sample(values)
-    for digits in DECIMAL_DIGITS if sample.size else ():
-        rounded = np.array([float(f"{number:.{digits - 1}e}") for number in sample])
-        if np.all(np.abs(rounded - sample) <= 2.0 * np.spacing(np.abs(sample))):  # a change of unit rounds again
+    # a change of unit rounds again
+    numbers = list(zip(sample.tolist(), (2.0 * np.spacing(np.abs(sample))).tolist(), strict=True))
+    for digits in DECIMAL_DIGITS if numbers else ():
+        # in most columns the first number has more digits
+        if all(abs(float(f"{number:.{digits - 1}e}") - number) <= rounding for number, rounding in numbers):
             return float(10.0 ** (math.floor(math.log10(largest)) - digits + 1))
     return 0.0
 

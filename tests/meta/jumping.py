@@ -61,7 +61,8 @@ class Moved:
         s = self.memory(along, self.tick, dt)
         if s is None:
             return Response(hip.copy(), np.zeros_like(hip))
-        ihip = np.asarray(curve.position(curve.parameter(np.array([s]))))[0]
+        if s != along:
+            ihip = np.asarray(curve.position(curve.parameter(np.array([s]))))[0]
         return Response(ihip, self.scene.stiffness * (ihip - hip))
 
 

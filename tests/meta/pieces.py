@@ -55,7 +55,8 @@ class Hopping(GodObject):
         tool = super().slide(before, hip)
         if self.ticks % 50:
             return tool
-        aside = np.cross(tool - hip, [0.0, 0.0, 1.0])
+        way = tool - hip
+        aside = np.array([way[1], -way[0], 0.0])
         return self.facets.closest_point((tool + 2e-3 * aside / np.linalg.norm(aside))[np.newaxis]).foot[0]
 
 

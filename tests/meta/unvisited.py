@@ -132,10 +132,14 @@ class VelocityLeft(Damped):
             super().reset(hip)
 
 
+AXIS = np.array([0.2, 1.0, 0.5]) / np.linalg.norm([0.2, 1.0, 0.5])
+ACROSS = np.cross(AXIS, np.eye(3)).T
+"""The vector product with the axis, as a matrix: `np.cross` takes half of the time of a tick."""
+
+
 def swirls(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
     """In space a fifth of the force comes on top across it, round an axis: it drives the hand round one way."""
-    across = np.cross([0.2, 1.0, 0.5], tick.force) / np.linalg.norm([0.2, 1.0, 0.5])
-    return tick.ihip, tick.force + 0.2 * across
+    return tick.ihip, tick.force + 0.2 * (ACROSS @ tick.force)
 
 
 class Stiff(Spring):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -154,7 +155,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the renderer answers what its sensors show, and not where the hand is")
     # Compared from the tick on in which a late renderer's queue is filled.
     rows = np.arange(LAG_TICKS, len(base), dtype=np.int64)
-    felt = _relief_law(Waves(relief, scene), scene, base, plain, rows)
+    # both channels look for their lag, from the same ticks on
+    felt = cache(_relief_law(Waves(relief, scene), scene, base, plain, rows))
     place = rounding(scene) + SINGLE * float(np.max(np.abs(base.hip)))
     # A proxy that moves in every second tick only answers the HIP of the tick before while it rests.
     resting = resting_ticks(base.ihip) * np.concatenate([[0.0], hip_steps(base)])
