@@ -85,6 +85,12 @@ def as_measured(request):
 
 
 @pytest.fixture
+def undrawn(monkeypatch):
+    """Reports have no figures, for tests that ask nothing of them: a page draws for longer than its case is judged."""
+    monkeypatch.setattr("hapticeval.reports.write.draw", lambda order: order.fallback("not drawn"))
+
+
+@pytest.fixture
 def in_process(monkeypatch):
     """Commands judge and report in this process, where the kernels are loaded; for tests that are not of processes."""
     for module in ("api", "runner.execution", "workers"):

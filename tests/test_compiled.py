@@ -128,6 +128,7 @@ def doubled(value):
 """
 
 
+@pytest.mark.system
 def test_a_kernel_is_compiled_anew_when_what_it_calls_or_a_number_in_it_changes(tmp_path):
     environment = with_kernel(tmp_path)
     files = {"calling": CALLING, "called": CALLED, "constants": "SHIFT = 1.0"}
@@ -158,6 +159,7 @@ def test_folders_that_nobody_uses_any_more_are_removed(tmp_path, monkeypatch):
     assert sorted(folder.name for folder in kernel_cache.kernel_folder().iterdir()) == ["m-second", "m-third"]
 
 
+@pytest.mark.system
 def test_who_waits_is_told_while_a_kernel_is_compiled(tmp_path):
     environment = with_kernel(tmp_path)
     ended = subprocess.run([sys.executable, "-c", WATCHED], env=environment, capture_output=True, text=True, check=True)
@@ -177,6 +179,7 @@ def test_what_is_fit_for_kernels_is_not_copied():
     assert for_kernels(values) is values
 
 
+@pytest.mark.system
 def test_no_kernel_is_compiled_for_locked_arrays():
     """Curves and polygons lock their arrays, and points may come from a recording, which does too."""
     ended = subprocess.run([sys.executable, "-c", LOCKED], capture_output=True, text=True, check=True)

@@ -41,6 +41,7 @@ MODEL = {
 COUNT = 100
 
 
+@pytest.mark.system
 def test_examples_leave_nothing_in_the_folder(tmp_path):
     code = "from hapticeval import strategies as s; s.examples(s.plane_models(), 3)"
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)

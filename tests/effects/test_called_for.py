@@ -51,11 +51,12 @@ def test_an_entry_leads_to_the_class_of_its_kind(kind):
     assert set(entry.short.values()) <= {*fields, ""}
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("name", "suite", "case", "called"),
     [
         ("minimum-distance", "thesis", "circle-slide", set()),
-        pytest.param("set-stabilisation", "dynamics-surfaces", "ellipsoid-off-robot", set(), marks=pytest.mark.system),
+        ("set-stabilisation", "dynamics-surfaces", "ellipsoid-off-robot", set()),
         (
             "minimum-distance",
             "dynamics-line",

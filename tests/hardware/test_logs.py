@@ -62,7 +62,7 @@ def test_a_log_is_the_run_that_it_was_taken_from(tmp_path, wiring, angles):
 
 
 @pytest.mark.usefixtures("in_process")
-def test_the_command_converts_a_log_that_can_be_replayed(tmp_path, capsys, monkeypatch):
+def test_the_command_converts_a_log_that_can_be_replayed(undrawn, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     wiring = wired(2, offsets=(1210.0, -340.0), directions=(-1, 1), **TURNED)
     _, run = recorded(tmp_path, twin_of(wiring), wiring, cycles=1200)

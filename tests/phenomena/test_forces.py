@@ -221,7 +221,6 @@ def test_one_row_is_not_at_rest():
 )
 @example(turn=0.1475, before=0.0374, lean=(0.24, 0.872), depth=0.1408)
 @example(turn=0.0364, before=0.0426, lean=(0.541, 0.667), depth=0.1998)
-@settings(max_examples=60)
 def test_the_ideal_contact_is_normal_in_a_notch_that_it_slides_to_and_fro_in(turn, before, lean, depth):
     """In ever shorter passes up its faces: the mean force of a tick holds the pushes of both, wherever a sample is."""
     notch = [[-0.1, 0.0], [-0.1, -0.1], [0.1, -0.1], [0.1 * np.cos(turn), 0.1 * np.sin(turn)], [0.0, 0.0]]

@@ -128,6 +128,7 @@ def bomb_npz(path):
         np.savez_compressed(file, x=np.zeros(30_000_000))
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("make", [bomb_h5, bomb_73, laughs_73, bomb_5, bomb_npz])
 def test_what_takes_more_memory_than_allowed_is_refused_before_it_is_taken(tmp_path, make):
     path = tmp_path / "bomb.dat"

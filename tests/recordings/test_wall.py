@@ -51,7 +51,7 @@ def test_a_wall_that_is_none_is_refused(refused, wall):
         before_the_wall(pressed(wall=wall))
 
 
-def test_a_replay_before_a_wall_gives_verdicts(tmp_path, capsys):
+def test_a_replay_before_a_wall_gives_verdicts(undrawn, tmp_path, capsys):
     write_recording(tmp_path / "run.h5", pressed(at=0.01, outward=-1))
     scene = ["--scene", f"stiffness={STIFFNESS:g}"]
     assert main(["replay", "run.h5", "--model", "circle", *scene]) == 2
@@ -64,7 +64,7 @@ def test_a_replay_before_a_wall_gives_verdicts(tmp_path, capsys):
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="needs shared/data/tue_1dof_teleop beside the repository")
-def test_a_real_contact_log_gets_verdicts(tmp_path):
+def test_a_real_contact_log_gets_verdicts(undrawn, tmp_path):
     mapping = ROOT / "examples" / "tue_1dof_teleop.toml"
     log = DATA / "question1a_rigid.mat"
     given = ["--mapping", str(mapping), "--model", "line", "--scene", "stiffness=2000", "-r", "constraint", "-o", "out"]

@@ -52,7 +52,7 @@ def outcomes(folder):
 
 
 @pytest.mark.parametrize("kind", SOLIDS)
-def test_a_log_in_space_is_judged_beside_other_renderers(tmp_path, capsys, kind):
+def test_a_log_in_space_is_judged_beside_other_renderers(undrawn, tmp_path, capsys, kind):
     log = log_of(kind, tmp_path)
     out = tmp_path / "out"
     assert main(["replay", str(log), "-r", "minimum-distance", "-r", "set-stabilisation", "-o", str(out)]) == 0
@@ -64,13 +64,18 @@ def test_a_log_in_space_is_judged_beside_other_renderers(tmp_path, capsys, kind)
         assert checks["impulsive-collision"] == checks["centripetal-force"] == "inconclusive"
     first = read_results(out).runs[1].replay.difference
     assert first.ihip.max == first.force.max == 0.0
-    (page,) = (out / "report" / "cases").rglob("*.html")
-    assert page.read_text().count('class="figure"') >= 2, "the plane, and what is felt against time"
     assert main(["replay", str(log), "--as-recorded"]) == 0
     assert capsys.readouterr().out.count("follows to the last bit") == 2
 
 
-def test_a_force_in_space_that_leans_off_the_normal_fails_and_does_not_follow(tmp_path, capsys):
+def test_a_log_in_space_is_drawn(tmp_path):
+    out = tmp_path / "out"
+    assert main(["replay", str(log_of("torus", tmp_path)), "-r", "minimum-distance", "-o", str(out)]) == 0
+    (page,) = (out / "report" / "cases").rglob("*.html")
+    assert page.read_text().count('class="figure"') >= 2, "the plane, and what is felt against time"
+
+
+def test_a_force_in_space_that_leans_off_the_normal_fails_and_does_not_follow(undrawn, tmp_path, capsys):
     log = log_of("ellipsoid", tmp_path, tilt=0.3)
     out = tmp_path / "out"
     assert main(["replay", str(log), "-r", "minimum-distance", "-o", str(out)]) == 1
