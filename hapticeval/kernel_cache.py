@@ -68,19 +68,26 @@ def digest_of(module: str) -> str:
     digest = hashlib.sha256()
     included, to_do = {module}, [module]
     while to_do:
-        name = to_do.pop()
-        source = _source(name)
-        digest.update(f"{name}\n{source}".encode())
-        for package, names in IMPORT.findall(source):
-            for imported in re.findall(r"\w+", names):
-                value = getattr(sys.modules.get(name), imported, None)
-                if isinstance(value, bool | int | float | str | tuple | np.ndarray | np.dtype):
-                    digest.update(f"{imported} = {value!r}\n".encode())
-            modules = {package, *(f"{package}.{imported}" for imported in re.findall(r"\w+", names))} - included
-            with_kernels = sorted(other for other in modules if "compiled" in _source(other))
-            included.update(with_kernels)
-            to_do.extend(with_kernels)
+        own_text, with_kernels = _part_of(to_do.pop())
+        digest.update(own_text)
+        to_do.extend(name for name in with_kernels if name not in included)
+        included.update(with_kernels)
     return digest.hexdigest()[:16]
+
+
+@cache
+def _part_of(module: str) -> tuple[bytes, tuple[str, ...]]:
+    """Return a module's source with the numbers that it imports, and which of what it imports from has kernels."""
+    source = _source(module)
+    texts, imported_from = [f"{module}\n{source}"], set()
+    for package, names_text in IMPORT.findall(source):
+        names = re.findall(r"\w+", names_text)
+        for name in names:
+            value = getattr(sys.modules.get(module), name, None)
+            if isinstance(value, bool | int | float | str | tuple | np.ndarray | np.dtype):
+                texts.append(f"{name} = {value!r}\n")
+        imported_from.update([package, *(f"{package}.{name}" for name in names)])
+    return "".join(texts).encode(), tuple(sorted(name for name in imported_from if "compiled" in _source(name)))
 
 
 @cache

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,6 +45,9 @@ WAIT_SECONDS = 0.1
 
 MOST_DRAWN = 200
 """Cases that are drawn at most: those with the worst failures, then the first. A page without figures takes little."""
+
+DRAWING_MODULES = ("h5py", "matplotlib.figure", "matplotlib.backends.backend_svg")
+"""What each process that draws needs: imported once, before they are copied of this one."""
 
 NOT_DRAWN = f"of many cases {MOST_DRAWN} are drawn, the worst first: `hapticeval report DIR --figures` draws others"
 """Stands in the figure's place on the page of a case that is not drawn."""
@@ -290,6 +294,8 @@ def _carry_out(
     Once it is `stopped`, what is left is made `without_figures`, or else `KeyboardInterrupt` is raised.
     """
     progress(0, len(orders))
+    for module in DRAWING_MODULES if orders else ():
+        import_module(module)
     outcome_by_number: dict[int, str | Drawing] = {}
     remaining = iter(enumerate(orders))
     with Workers(draw, workers) as crew:

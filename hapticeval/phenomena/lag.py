@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Callable
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -237,10 +238,12 @@ def _rows_with_force(recording: Recording, scene: Scene) -> IntArray:
 def _spring_misfit(recording: Recording, rows: IntArray) -> Callable[[float, float], float]:
     """Return the mean force (N) at `rows` (k,) that a spring does not explain, by the lags (ticks) of HIP and IHIP."""
     force = recording.force[rows]
+    # one of the two has the same lag in many of the pairs
+    hips, ihips = (cache(partial(delayed, values, rows)) for values in (recording.hip, recording.ihip))
 
     def misfit(hip: float, ihip: float) -> float:
         """Return the mean force (N) that the spring between HIP and IHIP of these lags (ticks) does not explain."""
-        errors = delayed(recording.ihip, rows, ihip) - delayed(recording.hip, rows, hip)
+        errors = ihips(ihip) - hips(hip)
         depth = np.linalg.norm(errors, axis=1, keepdims=True)
         # Two laws: F ~ e, a linear spring, and F ~ e / sqrt|e|, a root of the depth.
         roots = np.divide(errors, np.sqrt(depth), out=np.zeros_like(errors), where=depth > 0.0)

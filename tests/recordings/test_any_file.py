@@ -6,7 +6,7 @@ Files of every format are damaged, spliced and grown. One that breaks a reader i
 import io
 import shutil
 from contextlib import redirect_stderr, redirect_stdout, suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import h5py
@@ -24,6 +24,7 @@ from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.importing.convert import convert
 from hapticeval.recordings.importing.mapping import parse_mapping
 from hapticeval.recordings.recording import Clock, Recording
+from hapticeval.reports.canvas import save_figure
 
 KEPT = Path(".hypothesis/kept").absolute()
 ROWS = 12
@@ -85,7 +86,10 @@ WRITERS = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("files")
+    """A folder for the files; what is readable is drawn once, and not in two formats."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hapticeval.reports.spread_figure.save_figure", partial(save_figure, kinds=("svg",)))
+        yield tmp_path_factory.mktemp("files")
 
 
 @cache

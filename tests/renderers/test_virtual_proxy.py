@@ -52,13 +52,15 @@ def test_a_plane_pushes_by_the_depth_of_the_ball(depth, x):
     np.testing.assert_allclose(forces[1], [0.0, 1000.0 * max(0.0, depth + R)], atol=1e-5)
 
 
+CIRCLE = circle()
+
+
 @given(angle=st.floats(0.0, 2.0 * math.pi), inside=st.floats(1e-3, 0.099))
 def test_in_a_circle_it_stands_off_along_the_radius(angle, inside):
     out = np.array([math.cos(angle), math.sin(angle)])
-    ihips, _ = led(circle(), [0.2 * out, (0.1 - inside) * out])
-    assert np.linalg.norm(ihips[1]) == pytest.approx(
-        0.1 + R, abs=facets_of(Scene(model=circle()))[0].chord_error + 1e-8
-    )
+    ihips, _ = led(CIRCLE, [0.2 * out, (0.1 - inside) * out])
+    error = facets_of(Scene(model=CIRCLE))[0].chord_error
+    assert np.linalg.norm(ihips[1]) == pytest.approx(0.1 + R, abs=error + 1e-8)
 
 
 def test_in_a_corner_of_two_faces_and_of_three_it_rests_between_all():
