@@ -51,8 +51,8 @@ NUMBER_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9
 ENCODINGS = {1: "latin-1", 2: "utf-8", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
 """Kinds of elements of text; one of 16-bit numbers (4) holds UTF-16 as well."""
 
-PIECE_BYTES = 1 << 20
-"""Bytes that are unpacked at a time."""
+PADDING_BYTES = 8
+"""Elements are padded to so many bytes."""
 
 
 class Variables(Arrays):
@@ -188,8 +188,8 @@ def _variables(path: Path, data: memoryview, order: str) -> Iterator[tuple[int, 
                 f"{max(0, len(data) - offset - 8)} are there",
             )
         yield offset, kind, data[offset + 8 : end]
-        # Elements are padded to 8 bytes, but packed ones are not.
-        offset = end + (-size % 8 if kind == MATRIX else 0)
+        # Packed elements are not padded.
+        offset = end + (-size % PADDING_BYTES if kind == MATRIX else 0)
 
 
 def _unpacked(path: Path, offset: int, packed: memoryview, order: str, unpacked_bytes: int) -> memoryview:
@@ -202,16 +202,13 @@ def _unpacked(path: Path, offset: int, packed: memoryview, order: str, unpacked_
         if kind != MATRIX:
             raise damaged_error(path, f"the variable at byte {offset} holds an element of kind {kind}, not {MATRIX}")
         reserve(unpacked_bytes + size, f"{path}, as far as it was counted,")
-        matrix, filled, remaining = bytearray(size), 0, unpacking.unconsumed_tail
-        while filled < size and (piece := unpacking.decompress(remaining, min(PIECE_BYTES, size - filled))):
-            matrix[filled : filled + len(piece)] = piece
-            filled, remaining = filled + len(piece), unpacking.unconsumed_tail
-        unpacking.decompress(remaining, 8)  # what pads it, and the checksum
+        # No more than that, what pads it, and the checksum.
+        matrix = unpacking.decompress(unpacking.unconsumed_tail, size + PADDING_BYTES)
     except zlib.error as error:
         raise damaged_error(path, f"the variable at byte {offset} cannot be unpacked: {error}") from error
-    if filled < size or not unpacking.eof:
+    if len(matrix) < size or not unpacking.eof:
         raise damaged_error(path, f"the variable at byte {offset} breaks off")
-    return memoryview(matrix)
+    return memoryview(matrix)[:size]
 
 
 class _Matrix:
@@ -308,7 +305,7 @@ class _Matrix:
             return Element(kind & 0xFFFF, data[begin + 4 : begin + 4 + (kind >> 16)], begin + 8)
         if begin + 8 + size > len(data):
             raise OddError(f"{what} should have {size} bytes, and {len(data) - begin - 8} are there")
-        return Element(kind, data[begin + 8 : begin + 8 + size], begin + 8 + size + -size % 8)
+        return Element(kind, data[begin + 8 : begin + 8 + size], begin + 8 + size + -size % PADDING_BYTES)
 
     def _numbers(self, element: Element, what: str) -> NDArray[Any]:
         """Return the numbers of an element, (n,)."""

@@ -10,7 +10,6 @@ import csv
 import io
 import re
 import warnings
-from codecs import getincrementaldecoder
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -69,12 +68,7 @@ def whole_text(path: Path) -> tuple[bytes, tuple[str, ...]]:
     A number that was cut off reads like another number, so a last line without its end is left out unless `is_whole`
     shows it to be complete. Raises `InputError` where not one line is complete.
     """
-    data = path.read_bytes()
-    if not _is_utf8(data):
-        data = decoded(data).encode()
-    data = data.removeprefix(b"\xef\xbb\xbf")
-    if b"\r" in data:
-        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    data = decoded(path.read_bytes()).encode().replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     end = data.rfind(b"\n") + 1  # what follows the last line end is nothing, where that is the end of the file
     last = data[end:].decode()
     # Whole lines before it, without the first, which may be a header: they show how many decimals a line has.
@@ -97,21 +91,6 @@ def whole_lines(path: Path) -> tuple[list[str], tuple[str, ...]]:
     reserve(MEMORY_A_BYTE * path.stat().st_size, str(path))
     data, cut = whole_text(path)
     return data.decode().removesuffix("\n").split("\n"), cut
-
-
-def _is_utf8(data: bytes) -> bool:
-    """Return whether all of the bytes are UTF-8, and not UTF-16 by its mark."""
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return False
-    decoder = getincrementaldecoder("utf-8")()
-    try:
-        # Piece by piece, so that the decoded text is never in memory as a whole.
-        for begin in range(0, len(data), LOOKED_AT_BYTES):
-            decoder.decode(data[begin : begin + LOOKED_AT_BYTES])
-        decoder.decode(b"", final=True)
-    except UnicodeDecodeError:
-        return False
-    return True
 
 
 def is_whole(last: str, before: list[str]) -> bool:

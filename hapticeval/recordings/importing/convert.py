@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -313,14 +312,12 @@ def _exported(recording: Recording) -> dict[str, tuple[Array, str]]:
 
 
 def _csv(path: Path, recording: Recording) -> None:
-    columns = _exported(recording)
-    with creating(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerow(
-            csv_cell(f"{name} [{unit}]") for name, (_, unit) in columns.items()
-        )
-        # repr of a double reads back to the same bits.
-        for row in zip(*(values.tolist() for values, _ in columns.values()), strict=True):
-            file.write(",".join(map(repr, row)) + "\n")
+    import pandas as pd
+
+    columns = {csv_cell(f"{name} [{unit}]"): values for name, (values, unit) in _exported(recording).items()}
+    with creating(path) as temporary:
+        # Its doubles read back to the same bits.
+        pd.DataFrame(columns).to_csv(temporary, index=False, na_rep="nan")
 
 
 def _npz(path: Path, recording: Recording) -> None:
