@@ -382,6 +382,23 @@ def test_a_force_that_never_changes_while_the_hand_moves(value, severity):
     assert not [issue for issue in examine(recording(stamps, channels)).issues if issue.channel == "force.y"]
 
 
+@pytest.mark.parametrize(("count", "found"), [(2, True), (3, False)])
+def test_what_stands_out_again_and_again_is_the_signal_and_no_spike(count, found):
+    """Of 600 rows eight may bend as spikes do, and each spike bends three."""
+    stamps, channels = parts(keep=["hip"], quantised=False)
+    channels["hip"][100 + 50 * np.arange(count), 0] += 5e-3
+    assert ("spike" in kinds(examine(recording(stamps, channels)))) is found
+
+
+@pytest.mark.parametrize(("rows", "frozen"), [(140, False), (160, True)])
+def test_a_slow_sensor_is_frozen_once_it_should_have_changed_thirty_times(rows, frozen):
+    """It changes every fifth row of an even motion, and keeps one value for so many rows: no jump ends that."""
+    level = np.concatenate([np.arange(200) // 5, np.full(rows, 40), 41 + np.arange(ROWS - 200 - rows) // 5])
+    hip = 1e-4 * np.column_stack([np.arange(ROWS), np.sin(np.arange(ROWS))])
+    report = examine(recording(np.arange(ROWS) * 1_000_000, {"hip": hip, "force": np.column_stack([0.1 * level] * 2)}))
+    assert ("stuck" in kinds(report)) is frozen
+
+
 def test_what_keeps_its_value_by_nature_is_left_alone():
     """Free motion, a coarse converter in free motion, a limit that is reached again and again, a tool in a notch."""
     stamps = np.arange(ROWS) * 1_000_000

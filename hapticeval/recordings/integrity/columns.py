@@ -30,7 +30,7 @@ NEIGHBOURING_STEPS = 8  # steps on either side of a jump, all of which it exceed
 SPIKE_DEVIATIONS = 20.0  # a spike stands out of the noise by so many standard deviations of the second difference,
 BEND_TIMES = 4.0  # and of what all rows but a hundredth bend by so many times: signals have quiet and busy stretches,
 RARE_ROWS = 8  # at least so many rows not counted, as a spike bends three,
-SPIKE_QUANTA = 6.0  # and is so many quanta, or so many usual steps, high: an encoder at rest dithers by one
+SPIKE_QUANTA = 6.0  # and is so many quanta high: an encoder at rest dithers by one; a jump also so many usual steps
 # Share of a spike up to which the rows beside it are on one line: otherwise the signal itself has moved.
 NEIGHBOUR_AGREEMENT = 0.25
 
@@ -183,7 +183,6 @@ def _spikes(values: Array, step: float, is_force: bool) -> Iterator[int]:
         # What all rows but the rarest bend by.
         BEND_TIMES * float(np.partition(size, -(rare + 1))[-(rare + 1)]),
         SPIKE_QUANTA * step,
-        SPIKE_QUANTA * _usual_step(np.abs(np.diff(values))),
     )
     for row in (np.flatnonzero(size > floor) + 1).tolist():
         if row < 2 or row > values.size - 3:
@@ -194,7 +193,7 @@ def _spikes(values: Array, step: float, is_force: bool) -> Iterator[int]:
         # Least-squares line through the two rows on either side, without the row itself.
         middle, slope = float(neighbours.mean()), float(np.dot(neighbours, SLOPE_WEIGHTS))
         off = abs(values[row] - middle)
-        if np.max(np.abs(neighbours - middle - slope * NEIGHBOUR_OFFSETS)) < NEIGHBOUR_AGREEMENT * off and off > floor:
+        if np.max(np.abs(neighbours - middle - slope * NEIGHBOUR_OFFSETS)) < NEIGHBOUR_AGREEMENT * off:
             yield row
 
 
