@@ -354,7 +354,7 @@ def _finding(base: Recording, scene: Scene, measured: Measured, level: Level) ->
     measured = measured.rows(measured.allowed <= TELLING_SHARE)
     if measured.ticks.size == 0 or measured.begins.all():
         return undecided(
-            "a damper or the rounding of the numbers may make a tenth of the force or more throughout: "
+            "a damper, m kappa v^2 of the curvature or rounding may make a tenth of the force or more throughout: "
             "its stiffness cannot be measured"
         )
     excess = measured.excess
