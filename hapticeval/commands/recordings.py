@@ -70,6 +70,9 @@ def inspect(
         str | None, option("--model", metavar="MODEL", help="What was touched, as in circle:size=0.2.")
     ] = None,
     stiffness: Annotated[float | None, option("--stiffness", metavar="N/M", help="K_p, where K_d is zero.")] = None,
+    against: Annotated[
+        list[Path] | None, option("--against", metavar="FILE", help="Another recording: is a signal copied?")
+    ] = None,
     directory: Folder = Path(),
 ) -> None:
     """Examine a recording: clock, channels, units, and what has to follow from what.
@@ -82,7 +85,7 @@ def inspect(
       hapticeval inspect run7.h5
       hapticeval inspect log.mat --write-mapping rig.toml
       hapticeval inspect log.mat --mapping rig.toml
-      hapticeval inspect run7.h5 --model circle:size=0.2 --stiffness 1000
+      hapticeval inspect run7.h5 --model circle:size=0.2 --stiffness 1000 --against run6.h5
     """
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.formats import read_table
@@ -94,7 +97,9 @@ def inspect(
         if mapping is None and not is_ours(file):
             raise typer.Exit(_show_foreign_file(read_table(file, format=format_), file, write_mapping))
         recording = load(file, mapping=mapping, format=format_, salvaging=True)
-    raise typer.Exit(_examine_recording(recording, file, model, stiffness, directory))
+        # One mapping serves for all foreign files of a rig.
+        others = {other.name: load(other, mapping=None if is_ours(other) else mapping) for other in against or []}
+    raise typer.Exit(_examine_recording(recording, file, model, stiffness, others, directory))
 
 
 def _show_foreign_file(table: Table, file: Path, write_mapping: Path | None) -> int:
@@ -122,6 +127,7 @@ def _examine_recording(
     file: Path,
     model: str | None,
     stiffness: float | None,
+    others: dict[str, Recording],
     directory: Path,
 ) -> int:
     """Print what an examination shows, draw it, and return the exit code: 1 where something is suspicious."""
@@ -137,6 +143,7 @@ def _examine_recording(
         device=_recorded_robot(recording),
         model=_touched_model(recording, model),
         stiffness=spring if stiffness is None else stiffness,
+        others=others,
     )
     report = replace(
         report, checks=(*report.checks, *_impossible_tests(recording, damped if stiffness is None else ""))

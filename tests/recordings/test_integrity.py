@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.integrity.consistency import inverse_checks
-from hapticeval.recordings.integrity.relations import derivative_fit
+from hapticeval.recordings.integrity.relations import derivative_fit, matched
 from hapticeval.recordings.integrity.report import examine, sound_intervals
 from hapticeval.recordings.quantization import numeric_step, quantization_step
 from hapticeval.recordings.recording import Clock, Recording
@@ -63,8 +63,8 @@ def recording(stamps, channels, *, valid=None, sequence=None, **meta):
     return Recording.clocked(Clock(stamps, sequence=sequence), channels, {"dt": 1e-3, **meta}, valid=valid)
 
 
-def full(given):
-    return examine(given, device=DEVICE, model=MODEL, stiffness=STIFFNESS)
+def full(given, **more):
+    return examine(given, device=DEVICE, model=MODEL, stiffness=STIFFNESS, **more)
 
 
 def planted(change, *keep, seed=0, noise=0.0, **meta):
@@ -291,17 +291,30 @@ def test_a_lattice_shows_in_four_different_numbers(count, found):
     assert numeric_step(0.5 * np.arange(count)) == found
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize(("share", "copied"), [(0.0, True), (0.09, True), (0.11, False)])
-def test_a_column_that_is_another_one_over_again_is_found(share, copied, sign):
-    random = np.random.default_rng(3)
-    one = np.cumsum(random.normal(size=ROWS))
-    other = sign * one
-    other[random.permutation(ROWS)[: round(share * ROWS)]] += 1e-3
+@settings(max_examples=15)
+@given(lag=st.integers(-250, 250), seed=st.integers(0, 99))
+def test_a_column_that_is_another_one_shifted_is_found(lag, seed):
+    long = np.cumsum(np.random.default_rng(seed).normal(size=ROWS + 250))
+    begin = max(0, lag)
+    a, b = long[begin : begin + ROWS], long[begin - lag : begin - lag + ROWS]
+    assert matched(a, b, 0.9).lag == lag
+    assert matched(np.random.default_rng(seed).normal(size=ROWS), a, 0.1) is None
     stamps, channels = parts(keep=["hip"])
-    report = examine(recording(stamps, channels | {"force": np.column_stack([one, other])}))
-    assert ("copy" in kinds(report)) is copied
-    assert all(issue.channel == "force.y" for issue in report.issues if issue.kind == "copy")
+    report = examine(recording(stamps, channels | {"force": np.column_stack([a, b])}))
+    assert [each[:2] for each in fault_rows(report)] == [("shifted copy" if lag else "copy", "force.y")]
+
+
+@pytest.mark.parametrize("lag", [0, 7])
+def test_a_signal_of_another_run_is_found(lag):
+    one, other = (recording(*parts(seed, ["hip", "force"], noise=0.02)) for seed in (1, 2))
+    assert examine(one, others={"run 2": other}).issues == ()
+    force = np.roll(other.channels["force"], lag, axis=0)
+    force[[30, 90]] += 0.1
+    mixed = recording(parts(1)[0], {"hip": one.hip, "force": force})
+    issues = [issue for issue in examine(mixed, others={"run 2": other}).issues if issue.kind == "from another run"]
+    assert [issue.channel for issue in issues] == ["force.x", "force.y"]
+    rows = ROWS - lag - 1
+    assert f" in {rows - 2} of {rows} rows, bit for bit" in issues[0].message
 
 
 @pytest.mark.parametrize("lag", [-12, -2, 0, 3, 5, 15])

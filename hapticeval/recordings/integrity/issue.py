@@ -70,6 +70,8 @@ ADVICE: Mapping[str, str] = {
     "constant": f"see the sensor and its cable, and {WHICH_COLUMN}",
     "repeated rows": "the logger wrote old samples: see its rate and that of the device, and record again",
     "copy": f"see {WHICH_COLUMN}",
+    "shifted copy": f"see {WHICH_COLUMN}",
+    "from another run": "see which run was meant: a hand never moves the same way twice",
     "velocity": "see its column, unit and sign",
     "force lag": "see whether both were logged in the same tick, and the delay of the loop",
     "unit": "see the unit in the mapping",

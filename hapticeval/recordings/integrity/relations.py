@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -164,8 +164,9 @@ def _misfit(fit: Fit, place: str) -> str:
 
 
 COPY_ROWS = 50  # fewer moving rows than these can be equal by chance or by design
-COPIED_SHARE = 0.9
-"""Share of the moving rows that are equal to the bit. By chance a converter of a hundred steps gives a hundredth."""
+COPIED_SHARE, OTHER_RUN_SHARE = 0.9, 0.5
+"""Shares of the moving rows that are equal to the bit: of two columns of one run, and of one column of two runs. By
+chance a converter of a hundred steps gives a hundredth of them."""
 
 SAME_BY_MEANING = (
     {"hip", "ihip", "measured_hip", "joint_position", "raw"},
@@ -176,11 +177,60 @@ SAME_BY_MEANING = (
 """Channels that may be the same signal: an IHIP may be the HIP, and a sensor exact."""
 
 
-def copies(recording: Recording) -> Iterator[Issue]:
-    """Yield columns that are another one over again, or its negative: no second measurement.
+class Match(NamedTuple):
+    """`equal` of the `rows` in which a column moves are another one's to the last bit, `lag` rows later."""
 
-    At least `COPIED_SHARE` of the rows in which the column moves has to be equal. That two channels are one column of
-    the file is a note where the mapping says so.
+    lag: int
+    equal: int
+    rows: int
+
+    @property
+    def when(self) -> str:
+        """For instance ` 3 rows later`; empty without a lag."""
+        return f" {abs(self.lag)} rows {'later' if self.lag > 0 else 'earlier'}" if self.lag else ""
+
+    @property
+    def share(self) -> str:
+        """For instance ` in 1118 of 1120 rows`; empty for all of them."""
+        return "" if self.equal == self.rows else f" in {self.equal} of {self.rows} rows"
+
+
+def matched(a: Array, b: Array, share: float) -> Match | None:
+    """Return at which lag `b` (n,) is a copy of `a` (n,), bit for bit; None where it is none.
+
+    At least a `share` of the moving rows of `b` has to be equal, at lag 0 or where their steps correlate best. Rows in
+    which nothing moves are left out, as they are equal by chance; the unit (m, N or another) does not matter.
+    """
+    size = min(a.size, b.size)
+    # As they are first: most copies have no lag.
+    for lag in (0, _best_lag(a[:size], b[:size])):
+        x, y = lagged(a[:size], b[:size], lag)
+        moving = np.concatenate([[False], np.diff(y) != 0.0])
+        rows = int(np.count_nonzero(moving))
+        equal = int(np.count_nonzero((x == y) & moving))
+        if rows >= COPY_ROWS and equal >= max(COPY_ROWS, share * rows):
+            return Match(lag, equal, rows)
+    return None
+
+
+def _best_lag(a: Array, b: Array) -> int:
+    """Return by how many rows the steps of `b` come later than those of `a` at the best correlation; 0 if too short."""
+    size = a.size
+    if size < 2 * COPY_ROWS:
+        return 0
+    length = 1 << int(np.ceil(np.log2(2 * size)))
+    # Cross-correlation by the Fourier transform, padded to twice the length so that no end meets the begin.
+    spectrum = np.conj(np.fft.rfft(np.diff(a), length)) * np.fft.rfft(np.diff(b), length)
+    best = int(np.argmax(np.fft.irfft(spectrum, length)))
+    # The second half of a circular correlation holds the negative lags.
+    lag = best if best < length // 2 else best - length
+    return lag if abs(lag) <= size - COPY_ROWS else 0
+
+
+def copies(recording: Recording) -> Iterator[Issue]:
+    """Yield columns that are another one over again, or its negative, or shifted by some ticks: no second measurement.
+
+    That two channels are one column of the file is a note where the mapping says so.
     """
     keep = recording.measured
     columns = {name: (column.channel, column.values[keep]) for name, column in columns_of(recording).items()}
@@ -189,21 +239,35 @@ def copies(recording: Recording) -> Iterator[Issue]:
     for (one, (a, values)), (other, (b, others)) in combinations(moving.items(), 2):
         if a != b and any({a, b} <= alike for alike in SAME_BY_MEANING):
             continue
-        # Rows in which nothing moves are equal by chance.
-        moves = np.concatenate([[False], np.diff(others) != 0.0])
-        rows = int(np.count_nonzero(moves))
         for how, sign in (("", 1.0), ("minus ", -1.0)):
-            equal = int(np.count_nonzero((values == sign * others) & moves))
-            if equal < max(COPY_ROWS, COPIED_SHARE * rows):
+            match = matched(values, sign * others, COPIED_SHARE)
+            if match is None or (how and match.lag):
                 continue
             # The mapping names one column of the file for both: then the copy is meant.
-            note = a != b and bool(set(mapped.get(a, ())) & set(mapped.get(b, ())))
-            share = "" if equal == rows else f" in {equal} of {rows} rows"
+            note = match.lag == 0 and a != b and bool(set(mapped.get(a, ())) & set(mapped.get(b, ())))
             why = ", as the mapping says" if note else ""
-            message = f"it is {how}'{one}' over again{share}{why}: no second measurement"
-            severity, todo = (Severity.NOTE, "") if note else (None, None)
-            yield make_issue(recording, "copy", message, other, severity=severity, todo=todo)
+            measures: dict[str, Any] = {"rows": match.lag} if match.lag else {}
+            yield make_issue(
+                recording,
+                "shifted copy" if match.lag else "copy",
+                f"it is {how}'{one}'{match.when or ' over again'}{match.share}{why}: no second measurement",
+                other,
+                severity=Severity.NOTE if note else None,
+                todo="" if note else None,
+                **measures,
+            )
             break
+
+
+def of_another_run(recording: Recording, other: Recording, run: str) -> Iterator[Issue]:
+    """Yield columns that another run, called `run`, holds too, at some shift: runs of a hand never agree to the bit."""
+    theirs = columns_of(other)
+    for name, column in columns_of(recording).items():
+        if name in theirs and np.count_nonzero(np.diff(column.values)) >= COPY_ROWS:
+            match = matched(theirs[name].values, column.values, OTHER_RUN_SHARE)
+            if match is not None:
+                message = f"it is that of {run}{',' * bool(match.lag)}{match.when}{match.share}, bit for bit"
+                yield make_issue(recording, "from another run", message, name)
 
 
 LAG_CORRELATION = 0.95

@@ -93,11 +93,12 @@ def examine(
     device: Kinematics | None = None,
     model: Model | None = None,
     stiffness: float | None = None,
+    others: Mapping[str, Recording] | None = None,
 ) -> Integrity:
     """Examine a recording: its clock, its columns, how they relate, and the signs of its forces.
 
     With a `device`, a `model` or a `stiffness` K_p (N/m, where K_d = 0) also the inverse checks of thesis (2.28), (2.8)
-    and (6.1).
+    and (6.1); with `others`, runs by name, whether it shares a signal with one of them.
     """
     ordered = recording.measured
     facts = {}
@@ -114,6 +115,8 @@ def examine(
         issues += detect(recording)
     signs = force_signs(recording)
     issues += [sign.issue for sign in signs if sign.issue is not None]
+    for name, other in (others or {}).items():
+        issues += relations.of_another_run(recording, other, name)
     # A run in one dimension is held against the wall in the plane: see `before_the_wall`.
     walled = model is not None and model.name == LINE_MODEL and recording.dimension == 1
     placed = before_the_wall(recording) if walled else recording
