@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import weakref
 
 import numpy as np
@@ -198,12 +199,18 @@ def rounding(scene: Scene) -> float:
 def log_step(recording: Recording, *channels: str) -> float:
     """Return the step in which a log gives the vectors of `channels`, in their unit: by so much they may be off.
 
-    The root of the sum of squares over all components. It is 0 of a simulation, whose numbers are doubles.
+    The root of the sum of squares over all components. It is 0 of a simulation, whose numbers are doubles, and of a
+    channel that is not there.
     """
     if recording.meta.get("source") in SIMULATED:
         return 0.0
-    columns = [column for name in channels for column in recording.channels[name].T]
-    return float(np.linalg.norm([quantization_step(column) for column in columns]))
+    known = _LOG_STEPS.setdefault(recording, {})
+    for name in set(channels).intersection(recording.channels) - set(known):
+        known[name] = float(np.linalg.norm([quantization_step(column) for column in recording.channels[name].T]))
+    return math.hypot(*(known.get(name, 0.0) for name in channels))
+
+
+_LOG_STEPS: weakref.WeakKeyDictionary[Recording, dict[str, float]] = weakref.WeakKeyDictionary()
 
 
 def resolution(recording: Recording, scene: Scene) -> float:

@@ -234,6 +234,23 @@ def test_the_ideal_contact_is_normal_in_a_notch_that_it_slides_to_and_fro_in(tur
 ROUND = Scene(model=circle(), stiffness=50.0, mass=0.1, bilateral=True)
 
 
+@pytest.mark.parametrize(("digits", "lean", "expected"), [(4, 0.0, PASS), (5, 0.0, PASS), (5, 0.1, FAIL)])
+def test_a_log_of_few_digits_has_a_tool_in_a_notch_on_one_face_and_is_not_blamed_for_the_other_s_push(
+    digits, lean, expected
+):
+    """Slid to a notch at 12.3456 mm, of which a log keeps 0.1 or 0.01 mm, and held there by both faces."""
+    notch = 0.0123456
+    notched = [(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)]
+    scene = Scene(model=from_vertices(notch * np.array(notched)), stiffness=1000.0)
+    slides = np.column_stack([np.linspace(1.8, 0.9, 600) * notch, np.full(600, 0.9 * notch)])
+    rests = np.column_stack([np.full(200, 0.9 * notch), np.linspace(0.9, 0.4, 200) * notch])
+    hip = np.concatenate([slides, rests])
+    ihip = np.maximum(hip, notch)
+    force = 1000.0 * (ihip - hip) @ np.array([[np.cos(lean), -np.sin(lean)], [np.sin(lean), np.cos(lean)]])
+    log = recorded(np.round(hip, digits), np.round(ihip, digits), force)
+    assert outcome("contact-normal-force", log, scene) is expected
+
+
 def orbit(share, *, speed=0.5, noise=0.0, seed=0):
     """Round the circle with `share` of the centripetal force paid for by position error."""
     time = np.arange(2000) * 1e-3

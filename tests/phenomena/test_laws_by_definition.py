@@ -147,13 +147,17 @@ class TestNormalForce:
     def slide(self, depth=2e-3, **more):
         along = self.STEP * np.arange(self.COUNT)
         hip = np.column_stack([along, np.full(self.COUNT, -depth)])
-        return recorded(hip, np.column_stack([along, np.zeros(self.COUNT)]), **more)
+        simulated = {"source": "playback", **more.pop("meta", {})}
+        return recorded(hip, np.column_stack([along, np.zeros(self.COUNT)]), meta=simulated, **more)
 
     def test_a_normal_is_looked_for_within_three_steps_of_the_tool_the_standoff_and_rounding(self):
         rounding = 4.0 * SINGLE * LINE.model.size
         np.testing.assert_allclose(_normal_reach(self.slide(), LINE), 3.0 * self.STEP + rounding)
         off = self.slide(meta={"standoff": 5e-4})
         np.testing.assert_allclose(_normal_reach(off, LINE), 3.0 * self.STEP + rounding + 5e-4)
+        # On a ramp a log's step is the ramp's.
+        logged = _normal_reach(self.slide(meta={"source": "log"}), LINE)
+        np.testing.assert_allclose(logged, 4.0 * self.STEP + rounding)
         ihip = np.array(self.slide().ihip)
         ihip[10:, 0] += self.STEP  # one step is twice as long: three ticks to either side see it
         reach = _normal_reach(changed(self.slide(), ihip=ihip), LINE) - rounding
@@ -163,7 +167,8 @@ class TestNormalForce:
         hip = np.column_stack([self.STEP * np.arange(self.COUNT), np.zeros(self.COUNT)])
         force = np.tile([0.0, 2.0], (self.COUNT, 1))
         for speed, longest in ((0.11, 1.1e-4), (0.5, self.STEP + 1e-6 * 2.0 / 0.1)):
-            tool = recorded(hip, hip, force, velocity=np.tile([speed, 0.0], (self.COUNT, 1)))
+            velocity = np.tile([speed, 0.0], (self.COUNT, 1))
+            tool = recorded(hip, hip, force, velocity=velocity, meta={"source": "experiment"})
             reach = _normal_reach(tool, LINE) - 4.0 * SINGLE * LINE.model.size
             np.testing.assert_allclose(reach, 3.0 * longest, rtol=1e-6)
 

@@ -158,8 +158,8 @@ def _normal_reach(recording: Recording, scene: Scene) -> Array:
       within three ticks: three of its own steps, however the projection stretches those of the hand.
     - A rigid tool may get to a corner and back between two samples: its steps are as long as its velocity makes them,
       as far as its step and the contact's force explain that.
-    - Positions in single precision and the declared standoff come to it, that one as declared: in a corner the tool may
-      lie on one face, and so far off the others that hold it.
+    - Positions in single precision, or in a log's steps, and the declared standoff come to it, that one as declared: in
+      a corner the tool may lie on one face, and so far off the others that hold it.
     """
     steps = np.linalg.norm(np.diff(recording.ihip, axis=0, prepend=recording.ihip[:1]), axis=1)
     if "velocity" in recording.channels and np.array_equal(recording.ihip, recording.hip):
@@ -167,7 +167,8 @@ def _normal_reach(recording: Recording, scene: Scene) -> Array:
         pushed = recording.dt**2 * np.linalg.norm(recording.force, axis=1) / scene.mass
         travel = recording.dt * np.linalg.norm(recording.velocity, axis=1)
         steps = np.maximum(steps, np.minimum(travel, steps + pushed))
-    return np.asarray(LAG_TICKS * largest_in_lag(steps) + believed_standoff(recording, scene) + rounding(scene))
+    off = believed_standoff(recording, scene) + rounding(scene) + log_step(recording, "ihip")
+    return np.asarray(LAG_TICKS * largest_in_lag(steps) + off)
 
 
 def _force_deviation(
