@@ -28,7 +28,13 @@ from hapticeval.phenomena.checks.contact_normal_force import (
     _static_balance,
     _tilt_angle,
 )
-from hapticeval.phenomena.checks.texture_relief import Waves, bump_map_answer, height_map_answer
+from hapticeval.phenomena.checks.texture_relief import (
+    ReliefAnswer,
+    Waves,
+    _compare_channel,
+    bump_map_answer,
+    height_map_answer,
+)
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 
@@ -319,3 +325,62 @@ class TestNormalForce:
         angles = _bend_angle(changed(base, hip=hip), np.arange(4), 0.5)
         assert angles[0] == 0.0
         assert np.all(angles[1:] > 0.0)
+
+
+class TestReliefChannel:
+    """A law of waves of 0.5 N over 1 N, as a function of a lag, and of 0.2 mm over the line."""
+
+    ROWS = np.arange(3, 60)
+
+    def felt(self, lag):
+        wave = np.sin(0.2 * (self.ROWS - lag))[:, np.newaxis] * np.array([0.0, 1.0])
+        force, ihip = np.tile([0.0, 1.0], (57, 1)), np.zeros((57, 2))
+        return ReliefAnswer(force + 0.5 * wave, ihip + 2e-4 * wave, force, ihip, np.full(57, 2000.0), np.full(57, 0.5))
+
+    def compared(self, lag, channel="force", *, off=0.0, doubt=1e-6, turns=False):
+        along = 1e-4 * np.arange(60.0)
+        hip = np.column_stack([along, np.full(60, -1e-3)])
+        hip[40:, 1] += 1e-5 * np.arange(20)  # it bends in row 40
+        answer = self.felt(lag)
+        values = {name: np.vstack([np.zeros((3, 2)), getattr(answer, name)]) for name in ("force", "ihip")}
+        values[channel][23, 0] += off
+        base = recorded(hip, values["ihip"], values["force"])
+        return _compare_channel(self.felt, base, self.ROWS, np.full(57, doubt), channel, LINE, turns_answers=turns)
+
+    @pytest.mark.parametrize("lag", [0.0, 1.0, 3.0])
+    @pytest.mark.parametrize(("channel", "off", "moves"), [("force", 0.05, 2000.0), ("ihip", 2e-5, 0.5)])
+    def test_a_channel_is_held_against_the_law_at_its_lag(self, lag, channel, off, moves):
+        deviation = self.compared(lag, channel, off=off)
+        assert (deviation.channel, deviation.tick, deviation.lag) == (channel, 23, pytest.approx(lag, abs=1e-6))
+        assert deviation.off == pytest.approx(off, rel=1e-3)
+        size = np.linalg.norm(getattr(self.felt(lag), channel)[20])
+        rounded = SINGLE * (size + (1000.0 if channel == "force" else 1.0) * 1e-4 * 59)
+        assert deviation.allowed == pytest.approx(moves * 1e-6 + 4.0 * rounded, rel=1e-3)
+        assert deviation.share == pytest.approx(1.0)
+
+    def test_between_two_ticks_hand_and_answer_may_be_off_the_straight_way(self):
+        deviation = self.compared(0.5, off=0.05)
+        bends = 0.5 * 0.5 * np.abs(np.diff(np.sin(0.2 * (self.ROWS - 0.5)), n=2))
+        near = bends[max(20 - 4, 0) : 20 + 3].max()  # within a lag of row 23 of the law
+        assert deviation.lag == pytest.approx(0.5)
+        assert deviation.allowed == pytest.approx(2000.0 * 1e-6 + near, rel=0.02)
+        assert self.compared(0.5, doubt=1e-5).allowed > 2e-2
+
+    @pytest.mark.parametrize("lag", [-2.0, 2.0])
+    def test_an_ihip_may_be_recorded_later_than_the_force_that_is_made_of_it(self, lag):
+        assert self.compared(lag, turns=True).lag == pytest.approx(lag)
+        assert self.compared(abs(lag)).lag == pytest.approx(abs(lag))
+
+    @pytest.mark.parametrize(("doubt", "told"), [(2.4e-5, True), (2.6e-5, False)])
+    def test_it_is_told_where_a_tenth_of_what_the_relief_adds_is_more_than_what_is_open(self, doubt, told):
+        assert (self.compared(0.0, doubt=doubt) is not None) is told
+
+    @pytest.mark.parametrize("share", [0.0, 0.5, 1.3])
+    def test_the_share_is_how_much_of_the_relief_the_channel_shows(self, share):
+        answer = self.felt(0.0)
+        force = np.vstack([np.zeros((3, 2)), answer.bare_force + share * (answer.force - answer.bare_force)])
+        hip = np.column_stack([1e-4 * np.arange(60.0), np.full(60, -1e-3)])
+        base = recorded(hip, 0.0 * hip, force)
+        deviation = _compare_channel(self.felt, base, self.ROWS, np.full(57, 1e-6), "force", LINE, turns_answers=False)
+        assert deviation.share == pytest.approx(share, abs=1e-9)
+        assert deviation.off == pytest.approx(abs(1.0 - share) * 0.5, rel=1e-2)
