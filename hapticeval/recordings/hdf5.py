@@ -252,7 +252,7 @@ def _cut_short(path: Path) -> tuple[str, int]:
     with path.open("rb") as opened:
         head = opened.read(36)
     # Byte 8 is the superblock's version: 2 and 3 have the end of the file at bytes 28 to 35, older ones elsewhere.
-    size, end = path.stat().st_size, int.from_bytes(head[28:36], "little") if head[8:9] in (b"\x02", b"\x03") else 0
+    size, end = path.stat().st_size, int.from_bytes(head[28:], "little") if head[8:9] in (b"\x02", b"\x03") else 0
     return (f"the file ends at byte {size} of {end}", end - size) if size < end else ("", 0)
 
 

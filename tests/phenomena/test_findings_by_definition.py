@@ -16,10 +16,12 @@ from hapticeval.effects.contact_transient import ContactTransient
 from hapticeval.effects.friction import Friction
 from hapticeval.effects.height_map import HeightMap
 from hapticeval.effects.recorded_impulse import RecordedImpulse
+from hapticeval.effects.shading import Shading
 from hapticeval.effects.stochastic_texture import StochasticTexture
 from hapticeval.errors import UnknownNameError
 from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.checks import shading
 from hapticeval.phenomena.checks.never_pulls import find_outward
 from hapticeval.phenomena.checks.numerical_stability import motions
 from hapticeval.phenomena.checks.transient import IMPULSE_DECAYS, impulse_of
@@ -232,6 +234,104 @@ def test_a_relief_s_work_is_that_of_each_lap_after_the_first(curl, outcome):
     assert ("the hand gets 0.62" in finding.message) is (outcome is FAIL)
     one = Runs(round_under_a_line(1), refine=lambda factor: round_under_a_line(1, factor=factor))
     assert found("texture-work", one, scene).outcome is UNDECIDED
+
+
+class TestShading:
+    """What is recorded, held against what a shaded force would be and against what none is shaded."""
+
+    SCENE = Scene(model=line(), stiffness=1000.0, effects=(Shading(),))
+
+    @pytest.fixture
+    def judged(self, monkeypatch):
+        def judge(check, base, plain, shaded, *, contact=None, rounding=1e-6):
+            contact = np.ones(len(base), dtype=bool) if contact is None else contact
+            expected = shading.ExpectedShading(plain, shaded, contact, np.full(len(base), rounding))
+            monkeypatch.setattr(shading, "expect_shading", lambda runs, scene: expected)
+            return found(check, Runs(base, without=lambda kind: base), self.SCENE)
+
+        return judge
+
+    def turning(self, *turns, size=1.0):
+        """A force whose angle goes on by so much in each of 30 ticks, and farther at some, (tick, angle)."""
+        angle = 0.01 * np.arange(30.0)
+        for tick, more in turns:
+            angle[tick:] += more
+        return size * np.column_stack([np.sin(angle), np.cos(angle)])
+
+    @pytest.mark.parametrize(("more", "outcome"), [(0.009, PASS), (0.011, FAIL)])
+    def test_a_force_turns_by_twice_what_shaded_normals_do_within_a_lag(self, judged, more, outcome):
+        hip = np.column_stack([STEP * np.arange(30), np.full(30, -1e-3)])
+        base = recorded(hip, hip * [1.0, 0.0], self.turning((16, more), size=2.0))
+        flat = self.turning((10, 0.1), (20, 0.2))
+        finding = judged("shading-direction", base, flat, self.turning())
+        assert finding.outcome is outcome
+        # Rounding of 1 uN of 2 N at either end.
+        assert finding.bound == pytest.approx(0.02 + 2.0 * 0.5e-6, rel=1e-6)
+        assert (finding.metric.value, finding.evidence["tick"]) == (pytest.approx(0.01 + more), 16)
+        assert finding.evidence["turns_without_rad"] == pytest.approx(0.21)
+        assert finding.evidence["edges_crossed"] == 2
+        degrees = f"turns by {math.degrees(0.01 + more):.3g} degrees"
+        assert degrees in finding.message
+        assert ("would by 12 degrees" if outcome is PASS else "before t = 0.016 s (tick 16)") in finding.message
+
+    def test_where_nothing_presses_or_no_edge_is_crossed_no_turn_is_told(self, judged):
+        hip = np.column_stack([STEP * np.arange(30), np.full(30, -1e-3)])
+        base = recorded(hip, hip * [1.0, 0.0], self.turning((16, 1.0)))
+        without = np.arange(30) != 16
+        flat = self.turning((10, 0.1))
+        assert judged("shading-direction", base, flat, self.turning(), contact=without).outcome is PASS
+        assert "no edge" in judged("shading-direction", base, self.turning(), self.turning()).message
+        never = np.arange(30) % 2 == 0
+        assert "in a row" in judged("shading-direction", base, flat, self.turning(), contact=never).message
+
+    @pytest.mark.parametrize(("size", "outcome"), [(1.0 + 0.9e-6, PASS), (1.0 - 1.1e-6, FAIL), (1.1, FAIL)])
+    def test_a_force_is_as_large_as_without(self, judged, size, outcome):
+        hip = np.column_stack([STEP * np.arange(30), np.full(30, -1e-3)])
+        force = self.turning()
+        force[7] *= size
+        finding = judged("shading-magnitude", recorded(hip, hip * [1.0, 0.0], force), self.turning(), self.turning())
+        assert finding.outcome is outcome
+        assert (finding.metric.value, finding.bound) == (pytest.approx(abs(size - 1.0)), pytest.approx(1e-6))
+        assert finding.evidence["tick"] == 7
+        assert (finding.evidence["force_N"], finding.evidence["without_N"]) == (pytest.approx(size), pytest.approx(1.0))
+
+    def test_a_force_that_is_added_where_there_is_none_is_told_in_units_of_the_least(self, judged):
+        hip = np.column_stack([STEP * np.arange(30), np.full(30, -1e-3)])
+        force, plain, contact = self.turning(), self.turning(), np.arange(30) != 7
+        plain[7] = 0.0
+        for strength, outcome in ((0.9e-3, PASS), (2e-3, FAIL)):
+            force[7] = [0.0, strength]
+            base = recorded(hip, hip * [1.0, 0.0], force)
+            finding = judged("shading-magnitude", base, plain, plain, contact=contact)
+            assert finding.outcome is outcome
+            if outcome is FAIL:
+                assert finding.metric.value == pytest.approx(2.0)
+        assert judged("shading-magnitude", base, plain, plain, contact=contact, rounding=0.11).outcome is UNDECIDED
+
+    @pytest.mark.parametrize(("curl", "outcome"), [(100.0, FAIL), (40.0, PASS), (-40.0, FAIL), (0.0, FAIL)])
+    def test_the_work_round_a_loop_is_that_of_unit_normals(self, judged, curl, outcome):
+        """Shaded by unit normals a force of 40 N/m goes round, and without shading none does."""
+        base, shaded, plain = (round_under_a_line(curl=round_by) for round_by in (curl, 40.0, 0.0))
+        finding = judged("shading-work", base, plain.force, shaded.force)
+        assert finding.outcome is outcome
+        # The trapezoid over 40 chords of a circle: c r^2 sin(2 pi / 40) for each.
+        work, expected = (round_by * 1e-6 * 40 * math.sin(2.0 * math.pi / 40) for round_by in (curl, 40.0))
+        assert finding.metric.value == pytest.approx(abs(work - expected), rel=1e-6, abs=1e-12)
+        assert finding.bound == pytest.approx(1e-6 * 40 * 2e-3 * math.sin(math.pi / 40), rel=1e-6)
+        assert finding.evidence["work_J"] == pytest.approx(work, abs=1e-12)
+        assert finding.evidence["work_of_unit_normals_J"] == pytest.approx(expected)
+        assert finding.evidence["shading_adds_J"] == pytest.approx(work, abs=1e-12)
+        assert finding.evidence["loops"] == 2
+        assert finding.evidence["time"] - finding.evidence["from_time"] == pytest.approx(0.04)
+        if outcome is PASS:
+            assert f"gives the hand {1e3 * work:.4g} mJ" in finding.message
+        elif curl:
+            assert (
+                f"the hand gets {1e3 * work:.4g} mJ, and shaded by unit normals it would {1e3 * expected:.4g} mJ"
+                in (finding.message)
+            )
+        none = judged("shading-work", plain, plain.force, plain.force)
+        assert "no work" in none.message
 
 
 class TestOrderOfEffects:

@@ -135,6 +135,12 @@ class TestScales:
         if kind is Remains.STAYS:
             assert place.remaining == pytest.approx(limit)
 
+    def test_a_smooth_way_is_told_by_the_last_two_scales_below(self):
+        """Of 0.05 over the first six halvings below, and of 1 over the next."""
+        spreads = {0: 1e-3, 16: 1e-3, 22: 0.81e-3, 28: 0.81e-3 * 2.0**-6.0}
+        place = _judge_scales(scales(spreads, jump=1e-3), 7, 1.0, ROUNDED)
+        assert (place.kind, place.remaining) == (Remains.STAYS, 1e-3)
+
     def test_a_scale_at_which_the_tool_does_not_follow_shows_rounding(self):
         below = scales({0: 1e-3, 16: 1e-3, 22: 1e-4}, jump=1e-3, follows=False)
         assert _judge_scales(below, 7, 1e-6, ROUNDED).kind is Remains.STEEP

@@ -272,3 +272,45 @@ def test_whatever_byte_is_wrong_only_what_was_written_is_read(tmp_path):
         saved += 1
     assert found > 20
     assert saved > 20
+
+
+@pytest.mark.parametrize(("count", "why"), [(1, "0"), (5, "0; 1; 2; 3; 4"), (6, "0; 1; 2; 3; 4; and more")])
+def test_five_losses_are_named_at_the_most_and_one_where_no_row_is_whole(tmp_path, monkeypatch, count, why):
+    losses = [str(number) for number in range(count)]
+    monkeypatch.setattr(hdf5, "_read", lambda path, selected: (real(), losses))
+    with pytest.raises(InputError) as caught:
+        read_recording(tmp_path / "run.h5")
+    assert caught.value.why == why
+    monkeypatch.setattr(hdf5, "_read", lambda path, selected: (None, losses))
+    with pytest.raises(InputError) as caught:
+        salvage(tmp_path / "run.h5")
+    assert caught.value.why == "no row of it is whole; 0"
+
+
+@pytest.mark.parametrize(
+    ("version", "end", "told"),
+    [
+        (2, 100, ("", 0)),
+        (3, 101, ("the file ends at byte 100 of 101", 1)),
+        (2, 70000, ("the file ends at byte 100 of 70000", 69900)),
+        (0, 101, ("", 0)),
+        (3, 99, ("", 0)),
+    ],
+)
+def test_a_file_s_end_stands_in_its_superblock(tmp_path, version, end, told):
+    """In bytes 28 to 35, of versions 2 and 3 alone."""
+    path = tmp_path / "run.h5"
+    path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes([version]) + b"?" * 19 + end.to_bytes(8, "little") + b"?" * 64)
+    assert hdf5._cut_short(path) == told
+
+
+def test_a_recording_in_memory_leaves_no_file_and_is_the_same_as_one_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert hdf5.recording_bytes(real()).startswith(b"\x89HDF")
+    assert not list(tmp_path.iterdir())
+
+
+def test_metadata_are_written_in_the_order_of_their_names():
+    assert hdf5.metadata_json({"who": "A", "dt": 1e-3, "scene": {"b": 1, "a": 2}}) == (
+        '{"dt": 0.001, "scene": {"a": 2, "b": 1}, "who": "A"}'
+    )
