@@ -162,7 +162,8 @@ class SurfaceMotion:
         The centripetal force turns and changes by dF_c from tick to tick, and is late by `HOLD_TICKS`; a force error
         moves the assigned transversal dynamics by 1 / K_p, and by its overshoot more where it sets in at once.
         """
-        force = -self.centripetal[:, np.newaxis] * self.frame.normal
+        # Outwards or inwards, it turns and changes by as much.
+        force = self.centripetal[:, np.newaxis] * self.frame.normal
         change = np.linalg.norm(np.diff(force[since:], axis=0), axis=1)
         if change.size == 0:
             return 0.0

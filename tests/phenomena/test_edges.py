@@ -119,6 +119,21 @@ def round_the_notch(*, along=0.0, spread=0.0):
     return recorded(tool - DEPTH * direction(place), tool, 1e3 * DEPTH * direction(turned))
 
 
+def test_a_crossing_of_a_notch_begins_under_the_first_face_and_ends_under_the_second():
+    """Along x to the edge under a face that looks up, and down along y under one that looks along x."""
+    base = round_the_notch()
+    (crossing,) = find_crossings(base, NOTCHED, convex=False)
+    assert np.array_equal(crossing.normal_pre, [0.0, 1.0, 0.0])
+    assert np.array_equal(crossing.normal_post, [1.0, 0.0, 0.0])
+    assert crossing.turn == pytest.approx(0.5 * np.pi)
+    under = (base.hip @ [0.0, -1.0, 0.0]) - 0.01
+    np.testing.assert_allclose(crossing.under[crossing.first : crossing.crossed], under[: crossing.crossed], atol=1e-12)
+    assert crossing.under[crossing.first] == pytest.approx(DEPTH)
+    assert (crossing.first, crossing.end) == (0, len(base))
+    assert np.flatnonzero(crossing.tool).tolist() == list(range(np.count_nonzero(crossing.tool)))
+    np.testing.assert_allclose(crossing.steps, np.linalg.norm(np.diff(base.hip, axis=0), axis=1))
+
+
 @given(spread=st.floats(0.2, 1.0), along=st.sampled_from([0.0, 0.02]))
 @settings(max_examples=15)
 def test_the_travel_of_the_switch_is_measured_without_the_way_along_the_edge(spread, along):

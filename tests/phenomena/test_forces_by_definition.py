@@ -320,13 +320,15 @@ class TestEnergy:
         np.testing.assert_allclose(np.diff(explained), (0.5 + lag) * 1000.0 * STEP**2, rtol=1e-9)
         assert explained[0] == 0.0
 
-    def test_the_longest_step_within_the_lag_counts(self):
+    @pytest.mark.parametrize("lag", [1.2, 2.0])
+    def test_the_longest_step_within_the_lag_counts(self, lag):
+        """Of two whole ticks for any part of the second."""
         base = moving(LINE, meta={"spring": "error"})
         hip, ihip = np.array(base.hip), np.array(base.ihip)
         hip[20:, 0], ihip[20:, 0] = hip[20:, 0] + STEP, ihip[20:, 0] + STEP  # one step is twice as long
-        explained = np.diff(explained_work(recorded(hip, ihip, meta=base.meta), LINE, 2.0))
+        explained = np.diff(explained_work(recorded(hip, ihip, meta=base.meta), LINE, lag))
         expected = np.where((np.arange(COUNT - 1) >= 19) & (np.arange(COUNT - 1) <= 21), 4.0, 1.0)
-        np.testing.assert_allclose(explained, 2.5 * 1000.0 * STEP**2 * expected, rtol=1e-9)
+        np.testing.assert_allclose(explained, (0.5 + lag) * 1000.0 * STEP**2 * expected, rtol=1e-9)
 
     def test_what_changes_beside_the_spring_counts_up_to_what_a_damper_may_give(self):
         scene = Scene(model=line(), stiffness=1000.0, mass=0.1, damping=1.0)

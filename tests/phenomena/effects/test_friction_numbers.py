@@ -12,7 +12,8 @@ from hapticeval.effects.friction import Friction
 from hapticeval.geometry.catalogue import circle, line, star
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import friction
-from hapticeval.phenomena.checks.friction import _break_away_ticks, surface_force_of
+from hapticeval.phenomena.checks.friction import _break_away_ticks, judge_with_lag, surface_force_of
+from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.scene import Scene
 
 SCENE = Scene(model=line(), stiffness=1000.0, mass=0.1, effects=(Friction(mu_s=0.5, mu_k=0.3),))
@@ -217,3 +218,46 @@ def test_a_tool_that_is_never_pressed_tells_nothing_of_a_friction():
     finding = found("friction-cone", recorded(hip), SCENE)
     assert finding.outcome is UNDECIDED
     assert "pull" not in finding.message, "nothing is said of a pull where nothing presses"
+
+
+class TestLateChannels:
+    BASE = recorded(
+        np.column_stack([STEP * np.sin(np.arange(30.0)), np.full(30, -2e-3)]),
+        np.zeros((30, 2)),
+        np.column_stack([np.cos(np.arange(30.0)), np.full(30, 2.0)]),
+    )
+    ON_TIME = (("hip", "ihip"), ("force",))
+
+    def judged(self, keeps):
+        """What comes of a law that is kept by the recordings that `keeps` is true of."""
+
+        def judge(runs, parts):
+            np.testing.assert_array_equal(
+                parts.tangential, surface_force_of(runs.base, SCENE, parts.between).tangential
+            )
+            kept = keeps(runs.base)
+            return Finding(PASS if kept else FAIL, "kept" if kept else "broken", Metric("off", 1.0, "N"), 0.5)
+
+        return judge_with_lag(Runs(self.BASE), judge, self.ON_TIME, SCENE)
+
+    def held_back(self, names, ticks):
+        rows = np.maximum(np.arange(30) - ticks, 0)
+        return {name: self.BASE.channels[name][rows] for name in names}
+
+    @pytest.mark.parametrize(("names", "late"), [(("force",), "IHIP"), (("hip", "ihip"), "force")])
+    @pytest.mark.parametrize(("ticks", "granted"), [(1, True), (3, True), (4, False)])
+    def test_a_law_that_is_kept_with_a_channel_up_to_three_ticks_late_is_kept(self, names, late, ticks, granted):
+        wanted = self.held_back(names, ticks)
+
+        def keeps(base):
+            return all(
+                np.array_equal(base.channels[name], wanted.get(name, self.BASE.channels[name]))
+                for name in self.BASE.channels
+            )
+
+        finding = self.judged(keeps)
+        assert finding.outcome is (PASS if granted else FAIL)
+        assert finding.message == (f"kept; the {late} is {ticks} ticks late" if granted else "broken")
+
+    def test_one_that_is_kept_as_it_is_needs_no_lag(self):
+        assert self.judged(lambda base: base is self.BASE).message == "kept"
