@@ -136,10 +136,11 @@ def test_what_is_damaged_is_told_with_its_bytes_its_row_and_what_is_lost(tmp_pat
     )
 
 
-def test_of_a_single_row_no_time_is_known_that_a_lost_one_would_have_taken(tmp_path):
-    made = parts(rows(2), size=1)
-    (loss,) = describe_losses(recover(write(tmp_path, b"".join([*made[:2], *made[3:]]))))
-    assert loss.endswith("after row 0: 1 rows (0 s)")
+@pytest.mark.parametrize(("rows_left", "took"), [(1, "0 s"), (2, "0.001 s"), (3, "0.001 s")])
+def test_of_a_single_row_no_time_is_known_that_a_lost_one_would_have_taken(tmp_path, rows_left, took):
+    made = parts(rows(rows_left + 1), size=1)
+    (loss,) = describe_losses(recover(write(tmp_path, b"".join([*made[: rows_left + 1], *made[rows_left + 2 :]]))))
+    assert loss.endswith(f"after row {rows_left - 1}: 1 rows ({took})")
 
 
 def test_one_header_is_enough_and_none_is_not(refused, tmp_path):
