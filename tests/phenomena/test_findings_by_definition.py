@@ -25,7 +25,14 @@ from hapticeval.phenomena.checks import shading
 from hapticeval.phenomena.checks.never_pulls import find_outward
 from hapticeval.phenomena.checks.numerical_stability import motions
 from hapticeval.phenomena.checks.transient import IMPULSE_DECAYS, impulse_of
-from hapticeval.phenomena.decisions import ANSWER_CHANGE, HAND_ROUNDING, IMPULSE_ROUNDING, QUIET_SAMPLES, STEEP_FACTOR
+from hapticeval.phenomena.decisions import (
+    ANSWER_CHANGE,
+    HAND_ROUNDING,
+    IMPULSE_ROUNDING,
+    NOTABLE_FORCE_SHARE,
+    QUIET_SAMPLES,
+    STEEP_FACTOR,
+)
 from hapticeval.phenomena.inherent import reason_inherent
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.sampling import rounding
@@ -482,3 +489,137 @@ def test_a_check_names_siblings_that_there_are(check):
     for name in ("siblings", "needs"):
         with pytest.raises(UnknownNameError):
             replace(CHECKS[check], **{name: {"cousin": "of the first degree"}})
+
+
+class TestDropOut:
+    """A hand that is pushed hardest, by 3 N, in row 5: the HIP of the next one is missing."""
+
+    def judged(self, answer, after=(0.0, 1.0), *, peak=3.0, last=0.0):
+        base = slide()
+        force = np.array(base.force)
+        force[5, 1], force[11, 1] = peak, max(last, 1.0)
+        asked = []
+
+        def dropped_out(tick):
+            asked.append(tick)
+            return (None if answer is None else np.array(answer)), (None if after is None else np.array(after))
+
+        finding = found("drop-out", Runs(changed(base, force=force), dropped_out=dropped_out), LINE)
+        assert asked == [6], "the last row has none after it"
+        return finding
+
+    @pytest.mark.parametrize(("left", "outcome"), [(0.9e-3, PASS), (1.1e-3, FAIL), (-2.0, FAIL)])
+    def test_no_force_is_left_without_a_hip(self, left, outcome):
+        finding = self.judged((0.0, left), last=9.0)
+        assert finding.outcome is outcome
+        assert (finding.metric.value, finding.bound) == (pytest.approx(abs(left)), pytest.approx(1e-3))
+        if outcome is FAIL:
+            assert f"gets {abs(left):.3g} N; the tick before it was 3 N" in finding.message
+        assert (finding.evidence["tick"], finding.evidence["force_before_n"]) == (6, 3.0)
+        assert finding.evidence["refused"] is False
+
+    def test_a_refusal_passes_and_what_is_no_number_does_not(self):
+        refused = self.judged(None, None)
+        assert (refused.outcome, refused.evidence["refused"]) == (PASS, True)
+        assert "is refused" in refused.message
+        assert "gets no force" in self.judged((0.0, 0.0)).message
+        assert "gets a force that is no number" in self.judged((np.nan, 0.0)).message
+        assert "any more" in self.judged(None, (0.0, np.nan)).message
+        assert self.judged((0.0, 0.0), (0.0, np.inf)).outcome is FAIL
+
+    @pytest.mark.parametrize(("strength", "decides"), [(0.9e-3, False), (1.1e-3, True)])
+    def test_a_hand_that_feels_nothing_shows_nothing(self, strength, decides):
+        base = changed(slide(), force=np.tile([0.0, strength], (12, 1)))
+        finding = found("drop-out", Runs(base, dropped_out=lambda tick: (None, None)), LINE)
+        assert (finding.outcome is PASS) is decides
+
+
+class TestReset:
+    def judged(self, *, force=0.0, ihip=0.0, rows=slice(None), share=1.0, hand=0.0, **scatter):
+        base = changed(slide(), meta=scatter)
+        later = np.arange(12)[:, np.newaxis] >= 4
+        again = changed(
+            base,
+            rows=rows,
+            hip=base.hip + hand * later,
+            ihip=base.ihip + ihip * later * [1.0, 0.0],
+            force=share * base.force + force * later * [1.0, 0.0],
+        )
+        return found("reset-clears", Runs(base, again=lambda: again), LINE)
+
+    def test_the_second_run_is_the_first_to_the_bit(self):
+        assert "to the bit" in self.judged().message
+        for change in ({"force": 1e-15}, {"ihip": 1e-18}):
+            assert self.judged(**change).outcome is FAIL
+
+    @pytest.mark.parametrize(
+        ("change", "name", "unit"),
+        [({"force": 0.5}, "force", "N"), ({"ihip": 1e-3}, "IHIP", "m"), ({"ihip": 1e-3, "force": 0.5}, "force", "N")],
+    )
+    def test_what_is_left_behind_is_told_with_its_size_and_first_tick(self, change, name, unit):
+        finding = self.judged(**change)
+        size = change["force" if unit == "N" else "ihip"]
+        assert (finding.metric.value, finding.metric.unit, finding.bound) == (pytest.approx(size), unit, 0.0)
+        assert finding.metric.name.startswith(name)
+        assert finding.evidence["first_tick"] == 4
+        assert f"off by up to {size:.3g} {unit}, first at tick 4" in finding.message
+        assert finding.evidence["ihip_apart_m"] == pytest.approx(change.get("ihip", 0.0))
+        assert finding.evidence["force_apart_N"] == pytest.approx(change.get("force", 0.0))
+
+    @pytest.mark.parametrize(("share", "words"), [(0.8, "20 per cent softer"), (1.3, "30 per cent stiffer")])
+    def test_a_force_that_is_softer_on_the_whole_is_told(self, share, words):
+        finding = self.judged(share=share)
+        assert words in finding.message
+        assert finding.evidence["force_ratio"] == pytest.approx(share)
+        near = 1.0 - 0.9 * NOTABLE_FORCE_SHARE
+        assert "per cent" not in self.judged(share=near).message
+
+    def test_runs_of_another_length_differ(self):
+        finding = self.judged(rows=slice(0, 9))
+        assert (finding.outcome, finding.evidence["first_tick"]) == (FAIL, 9)
+        assert finding.message.endswith("; it has 9 ticks, and the first 12")
+
+    @pytest.mark.parametrize(("share", "outcome"), [(0.9, PASS), (1.1, FAIL)])
+    def test_a_declared_scatter_counts_up_to_a_tenth_of_the_force_and_a_fiftieth_of_the_model(self, share, outcome):
+        assert self.judged(force=0.05 * share, force_scatter=0.05).outcome is outcome
+        assert self.judged(force=0.1 * share, force_scatter=9.0).outcome is outcome
+        assert self.judged(ihip=4e-3 * share, ihip_scatter=1.0).outcome is outcome
+        if outcome is PASS:
+            assert "as nearly as the renderer declares" in self.judged(ihip=1e-5, ihip_scatter=1e-3).message
+
+    def test_with_a_scatter_a_hand_that_goes_another_way_ends_the_comparison(self):
+        away = {"hand": 1e-6, "force": 5.0}
+        assert self.judged(**away).outcome is FAIL
+        assert self.judged(**away, force_scatter=0.01).outcome is PASS
+        assert self.judged(rows=slice(0, 9), hand=1e-6, force_scatter=0.01).outcome is PASS
+
+
+class TestSubdivision:
+    """A hand whose force goes up and down, in steps of half the time, with answers that come so many ticks late."""
+
+    def run(self, late, parts):
+        count = 39 * parts + 1
+        rows = np.maximum(np.arange(count) - late, 0) / parts
+        hip = np.column_stack([STEP * np.arange(count) / parts, np.full(count, -1e-3)])
+        ihip = np.column_stack([STEP * rows, 2e-4 * np.sin(0.3 * rows)])
+        force = np.column_stack([np.zeros(count), 1.0 + 0.2 * np.sin(0.3 * rows)])
+        return recorded(hip, ihip, force, dt=1e-3 / parts)
+
+    def judged(self, late_base, late_fine):
+        return found(
+            "time-subdivision",
+            Runs(self.run(late_base, 1), subdivided=lambda: self.run(late_fine, 2), moved=lambda motion, nudge: None),
+            LINE,
+        )
+
+    def test_the_answer_to_a_hand_is_that_in_steps_of_half_the_time(self):
+        assert self.judged(0, 0).outcome is PASS
+        assert self.judged(0, 1).outcome is FAIL
+
+    @pytest.mark.parametrize("late", [1, 2, 3])
+    def test_one_that_depends_on_a_tick_is_told_by_how_many_it_is_late(self, late):
+        finding = self.judged(late, late)
+        assert finding.outcome is FAIL
+        assert finding.evidence["ticks_late"] == late
+        assert f"in either it comes {late} tick" in finding.message
+        assert "ticks_late" not in self.judged(4, 4).evidence

@@ -249,6 +249,14 @@ class TestCauses:
         assert finding.bound == pytest.approx(bound + 1e-3)
         assert finding.metric.value == pytest.approx(abs(share - 1.0))
 
+    @pytest.mark.parametrize(
+        ("begins", "decides"), [((), False), ((True,), False), ((False,), True), ((True, False), True)]
+    )
+    def test_a_stiffness_is_told_of_one_tick_within_a_contact(self, begins, decides):
+        measured = self.measured([1.0] * len(begins), begins=begins)
+        finding = _finding(moving(LINE), LINE, measured, Level.SHOULD)
+        assert finding.outcome is (Outcome.PASS if decides else Outcome.INCONCLUSIVE)
+
     def test_a_filter_s_time_constant_is_found_where_it_explains_nine_tenths_of_what_is_missing(self):
         """F + T F' = s of a hand that sinks evenly: F' is K v, and F lacks T K v of s."""
         base = moving(LINE, sink=2e-5)

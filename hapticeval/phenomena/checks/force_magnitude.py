@@ -352,7 +352,7 @@ def _finding(base: Recording, scene: Scene, measured: Measured, level: Level) ->
             level=Level.MUST,
         )
     measured = measured.rows(measured.allowed <= TELLING_SHARE)
-    if measured.ticks.size == 0 or measured.begins.all():
+    if measured.begins.all():  # or there are none
         return undecided(
             "a damper, m kappa v^2 of the curvature or rounding may make a tenth of the force or more throughout: "
             "its stiffness cannot be measured"
