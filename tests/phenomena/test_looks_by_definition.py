@@ -38,6 +38,7 @@ from hapticeval.phenomena.regions import nearest_jump
 from hapticeval.phenomena.restated import answers_apart, relation_finding
 from hapticeval.phenomena.sampling import lacks_ihip
 from hapticeval.phenomena.surface_motion import SurfaceMotion
+from hapticeval.phenomena.under_the_hand import _followed_rows, _may_begin_at_ihip
 from hapticeval.scene import Scene
 
 STEP = 1e-4
@@ -320,6 +321,56 @@ class TestRelations:
             declares = changed(base, meta={f"{name}_scatter": scatter})
             other = changed(base, ihip=base.ihip + np.array([off, 0.0]), force=base.force)
             assert found("two-at-once", Runs(declares, in_turns=lambda other=other: other), LINE).outcome is outcome
+
+
+class TestUnderTheHand:
+    """A hand that goes along a line and comes in before row 3, by `depth` steps; feet are given by hand."""
+
+    def followed(self, *, depth=1.0, feet=(), first=3, source="playback"):
+        count = 14
+        # Down by a step in each tick, up to the depth.
+        hip = STEP * np.column_stack([np.arange(count), np.maximum(first - np.arange(count), 0.0) - depth])
+        ihip = np.where(np.arange(count)[:, np.newaxis] < first, hip, hip * [1.0, 0.0])
+        contact = (np.arange(count) >= first).astype(float)
+        base = recorded(hip, ihip, 0.0 * hip, contact=contact, meta={"source": source})
+        foot = hip * [1.0, 0.0]
+        for row, jump in feet:
+            foot[row:, 0] += jump
+        rows, doubt = _followed_rows(base, LINE, foot, hip[:, 1])
+        return np.flatnonzero(rows).tolist(), doubt
+
+    def test_a_contact_follows_from_where_the_hand_comes_in(self):
+        rows, doubt = self.followed()
+        assert rows == list(range(3, 14))
+        assert not doubt.any()
+
+    @pytest.mark.parametrize(("depth", "known"), [(4.0, True), (4.5, False)])
+    def test_as_near_to_the_surface_as_three_steps(self, depth, known):
+        """The way in goes aslant, by sqrt 2 steps a tick: three are 4.24 steps."""
+        assert (self.followed(depth=depth)[0] != []) is known
+
+    @pytest.mark.parametrize(("source", "known"), [("playback", True), ("file", False)])
+    def test_of_a_contact_that_a_log_begins_with_it_is_not_known(self, source, known):
+        assert (self.followed(first=0, source=source)[0] == list(range(14))) is known
+
+    @pytest.mark.parametrize(("jump", "last"), [(0.9 * STEP, 13), (1.1 * STEP, 7)])
+    def test_up_to_where_the_nearest_point_jumps_by_more_than_twice_the_hand_s_step(self, jump, last):
+        rows, doubt = self.followed(feet=[(8, jump)])
+        assert rows == list(range(3, last + 1))
+        if last == 13:
+            # A shorter step may have hidden as much, from then on.
+            np.testing.assert_allclose(doubt, np.where(np.arange(14) >= 8, jump, 0.0), atol=1e-12)
+
+    @pytest.mark.parametrize(("outside", "begins"), [(0.9, True), (1.1, False)])
+    def test_a_tool_that_came_in_with_the_hand_has_moved_no_farther_than_that(self, outside, begins):
+        """Outside in row 2, three steps before the contact is seen: so far may the tool be from there."""
+        hip = np.column_stack([STEP * np.arange(8), [STEP, STEP, STEP, -STEP, -STEP, -STEP, -STEP, -STEP]])
+        ways = np.linalg.norm(np.diff(hip, axis=0), axis=1)[2:5].sum()
+        ihip = np.array(hip)
+        ihip[5] = hip[2] + np.array([outside * ways, 0.0])
+        base = recorded(hip, ihip, meta={"source": "playback"})
+        assert _may_begin_at_ihip(base, LINE, hip[:, 1], 5) is begins
+        assert not _may_begin_at_ihip(base, LINE, np.full(8, -STEP), 5), "the hand was never outside"
 
 
 def test_a_late_force_on_a_hand_outside_is_no_lack_of_a_contact_point():
