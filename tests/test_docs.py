@@ -21,7 +21,7 @@ from pages import NOT_RUN, PAGES, ROOT, Block, Reader, blocks, lines
 from hapticeval.cli import app
 
 GENERATED = {
-    *("index.md", "api.md", "checks.md", "notebooks.md", "reports.md"),
+    *("index.md", "api.md", "notebooks.md", "reports.md"),
     *("architecture.md", "contributing.md", "changelog.md"),
 }
 BLOCKS = [block for page in PAGES for block in blocks(page)]

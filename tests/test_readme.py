@@ -144,7 +144,6 @@ def test_the_files_that_it_links_exist(page: str) -> None:
     drawn = r"!\[[^]]*\]\(pictures/[\w.-]+\.svg\)"  # by `make docs`, which looks for them
     links = re.findall(r"\]\(([^)#]+)[^)]*\)", re.sub(drawn, "", PAGES[page]))
     links += ["../" * (page != "README") + name for name in named(page)]
-    links = [link for link in links if link != "checks.md"]  # which the site generates
     assert [link for link in links if not link.startswith("https://") and not (folder / link).exists()] == []
 
 
