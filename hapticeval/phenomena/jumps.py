@@ -21,7 +21,6 @@ from enum import StrEnum
 
 import numpy as np
 
-from hapticeval.compiled import borrowing, for_kernels
 from hapticeval.phenomena.check import Closer
 from hapticeval.phenomena.decisions import (
     COARSER_THAN_DOUBLE,
@@ -386,11 +385,9 @@ def _leads_the_same_way(
         return False
     lengths = contact_steps(fine, scene)
     rows = first + np.flatnonzero(above[first : last + 1])
-    ihips = for_kernels(coarse.ihip), for_kernels(fine.ihip)
-    return _passes_by(*ihips, for_kernels(contact), lengths, rows, begin, factor, hip_step + tolerance)
+    return _passes_by(coarse.ihip, fine.ihip, contact, lengths, rows, begin, factor, hip_step + tolerance)
 
 
-@borrowing
 def _passes_by(
     coarse: Array, fine: Array, contact: BoolArray, lengths: Array, rows: IntArray, begin: int, factor: int,
     allowed: float,
@@ -400,23 +397,14 @@ def _passes_by(
     `coarse` is (n, N), m; its row `begin` + k is the fine row k `factor`. They pass within `allowed` (m), and the
     longest of their `lengths` (f,), m, there.
     """
-    for row in rows:
+    for row in rows.tolist():
         # Fine rows from the granted lag before the step's begin to as many ticks behind its end.
-        start = (max(row - 1 - LAG_TICKS, begin) - begin) * factor
-        end = min((row - begin) * factor + LAG_TICKS + 1, fine.shape[0])
-        longest = 0.0
-        for k in range(start, end):
-            longest = max(longest, lengths[k])
-        for at in range(row - 1, row + 1):
-            nearest = math.inf
-            for k in range(start, end):
-                if contact[k]:
-                    # |fine - coarse|, the least over these rows
-                    distance_squared = 0.0
-                    for i in range(fine.shape[1]):
-                        distance_squared += (fine[k, i] - coarse[at, i]) * (fine[k, i] - coarse[at, i])
-                    nearest = min(nearest, math.sqrt(distance_squared))
-            if nearest > allowed + longest:
+        near = slice((max(row - 1 - LAG_TICKS, begin) - begin) * factor, (row - begin) * factor + LAG_TICKS + 1)
+        passed = fine[near][contact[near]]
+        within = allowed + lengths[near].max(initial=0.0)
+        for end in coarse[row - 1 : row + 1]:
+            # |fine - coarse|, the least over these rows
+            if np.linalg.norm(passed - end, axis=1).min(initial=math.inf) > within:
                 return False
     return True
 
