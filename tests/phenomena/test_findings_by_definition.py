@@ -24,10 +24,11 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import shading
 from hapticeval.phenomena.checks.never_pulls import find_outward
 from hapticeval.phenomena.checks.numerical_stability import motions
-from hapticeval.phenomena.checks.transient import IMPULSE_DECAYS, impulse_of
+from hapticeval.phenomena.checks.transient import impulse_of
 from hapticeval.phenomena.decisions import (
     ANSWER_CHANGE,
     HAND_ROUNDING,
+    IMPULSE_DECAYS,
     IMPULSE_ROUNDING,
     NOTABLE_FORCE_SHARE,
     QUIET_SAMPLES,
