@@ -84,7 +84,7 @@ class TestGain:
         assert self.gain(*works, stored=stored).last == row
         assert self.gain(*works, stored=stored, what=LAP).last == 3, "a lap has one end only"
 
-    def made(self, **more):
+    def gain_of(self, **more):
         numbers = {"hold": 0.1, "lag": 0.2, "law": 1.0, "correction": 0.1, "open": 0.3, "stored": 0.0, "crossed": 2.0}
         return Gain(ALONG, 1, 3, **{**numbers, "effort": 0.0, **more})
 
@@ -100,21 +100,21 @@ class TestGain:
         ],
     )
     def test_a_gain_is_told_where_a_tenth_of_what_crossed_is_open_or_it_is_within_what_was_stored(self, numbers, tells):
-        assert self.made(**numbers).telling is tells
+        assert self.gain_of(**numbers).telling is tells
 
     def test_the_way_that_gives_most_beyond_what_is_open_is_told(self):
         base = slide()
-        small, large = self.made(law=0.45, open=0.1), self.made(law=0.4, open=0.0)
-        lap, unclear = replace(self.made(law=0.1, open=0.0), what=LAP), self.made(law=9.0, open=1.0)
+        small, large = self.gain_of(law=0.45, open=0.1), self.gain_of(law=0.4, open=0.0)
+        lap, unclear = replace(self.gain_of(law=0.1, open=0.0), what=LAP), self.gain_of(law=9.0, open=1.0)
         finding = _judge_law(base, [small, large, lap, unclear], [small, large, lap])
         assert (finding.outcome, finding.metric.value, finding.bound) == (FAIL, 0.4, 0.0)
         assert (finding.evidence["ways"], finding.evidence["laps"]) == (3, 1)
         assert (finding.evidence["tick"], finding.evidence["from_time"]) == (3, pytest.approx(1e-3))
         assert "round (0.15, -1) mm until t = 0.003 s, the hand gets 400 mJ" in finding.message
         assert "at 1 ms holding the force adds 100 mJ, and what else vanishes with the tick 200 mJ" in finding.message
-        none = self.made(law=0.1, open=0.1)
+        none = self.gain_of(law=0.1, open=0.1)
         assert _judge_law(base, [none], [none]).outcome is PASS
-        open_one = _judge_law(base, [none, unclear, self.made(law=3.0, open=1.0)], [none])
+        open_one = _judge_law(base, [none, unclear, self.gain_of(law=3.0, open=1.0)], [none])
         assert open_one.outcome is UNDECIDED
         assert "does not settle 2 of 3 ways, as since free space from t = 0.001 s to 0.003 s" in open_one.message
         assert _judge_law(base, [unclear], []).outcome is UNDECIDED

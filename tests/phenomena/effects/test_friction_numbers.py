@@ -235,8 +235,8 @@ class TestLateChannels:
             np.testing.assert_array_equal(
                 parts.tangential, surface_force_of(runs.base, SCENE, parts.between).tangential
             )
-            kept = keeps(runs.base)
-            return Finding(PASS if kept else FAIL, "kept" if kept else "broken", Metric("off", 1.0, "N"), 0.5)
+            outcome, words = (PASS, "kept") if keeps(runs.base) else (FAIL, "broken")
+            return Finding(outcome, words, Metric("off", 1.0, "N"), 0.5)
 
         return judge_with_lag(Runs(self.BASE), judge, self.ON_TIME, SCENE)
 
