@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -373,3 +375,32 @@ def test_a_jump_in_the_last_tick_is_placed_there():
     steps[-2:], bounds[-2] = (3e-4, 1e-4), 1e-3
     place = look_closer(Look(stepping(steps), kept=(0, 99)), SCENE, bounds=bounds, standoff=0.0)
     assert (place.kind, place.tick) == (Remains.UNRESOLVED, 99)
+
+
+class Sharp:
+    """A hand along a line and a tool that jumps by 0.3 mm at `edge`, m, however finely the steps are divided."""
+
+    def __init__(self, hip, asked, *, edge=5.013e-4, dt=1e-3):
+        jumped = hip[:, :1] > edge
+        self.recording = recorded(hip, hip * [1.0, 0.0] + 3e-4 * jumped * [1.0, 0.0], dt=dt)
+        self.asked, self.dt = asked, dt
+
+    def closer(self, first, last, factor, *, lag):
+        self.asked.append((first, last, factor, lag))
+        rows = np.append(first + np.arange((last - first) * factor + 1) / factor, np.full(lag, float(last)))
+        return Sharp(delayed(self.recording.hip, rows), self.asked, dt=self.dt / factor)
+
+
+@pytest.mark.parametrize(("begin", "row", "first"), [(0, 51, 47), (49, 2, 0)])
+def test_a_jump_is_looked_into_from_a_lag_before_its_step_on_in_ever_finer_steps(begin, row, first):
+    """The step to 0.51 mm: four parts of it, four of those, then 64 at once, until single precision ends."""
+    hip, asked = np.column_stack([1e-5 * np.arange(begin, 80.0), np.full(80 - begin, -1e-3)]), []
+    place = look_closer(Sharp(hip, asked), SCENE, bounds=np.full(80 - begin, 8e-5), standoff=0.0)
+    assert (place.kind, place.tick) == (Remains.STAYS, row)
+    assert place.remaining == pytest.approx(3e-4, rel=1e-3)
+    assert asked[0] == (first, row, 4, 3)
+    assert [factor for *_, factor, _ in asked[:2]] == [4, 4]
+    assert {lag for *_, lag in asked} == {3}
+    # Each look begins three of its own ticks and one before the step that is looked into.
+    assert all(last - first <= 4 for first, last, *_ in asked)
+    assert all(later.halvings > sooner.halvings for sooner, later in pairwise(place.scales))
