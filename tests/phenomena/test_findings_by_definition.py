@@ -413,11 +413,11 @@ class TestForceMagnitude:
         finding = found("force-magnitude", recorded(hip, hip, np.tile([0.0, 2.0], (20, 1))), LINE)
         assert "a rigid contact" in finding.message
 
-    def felt(self, gain, *, none=True, depth=2e-3, damping=0.0, speed=0.0):
+    def felt(self, gain, *, none=True, depth=2e-3, damping=0.0, speed=0.0, source="playback"):
         """A force without a contact point, of a hand at this depth."""
         hip = np.column_stack([1e-3 * speed * np.arange(40), np.full(40, -depth)])
         force = np.column_stack([np.zeros(40), gain * 1000.0 * -hip[:, 1]])
-        meta = {"source": "playback", **({"contact_point": "none"} if none else {})}
+        meta = {"source": source, **({"contact_point": "none"} if none else {})}
         base = recorded(hip, hip, force, meta=meta, velocity=np.tile([speed, 0.0], (40, 1)))
         scene = Scene(model=line(), stiffness=1000.0, damping=damping, mass=0.1)
         return found("force-magnitude", base, scene)
@@ -437,6 +437,11 @@ class TestForceMagnitude:
         # 1 N s/m at 0.1 m/s: 0.1 N, or 0.1 mm of 2
         finding = self.felt(1.0, damping=1.0, speed=0.1)
         assert finding.bound == pytest.approx((1e-4 + rounding(LINE)) / 2e-3, rel=1e-6)
+
+    def test_a_log_s_depth_is_known_to_half_a_step_of_its_places(self):
+        """The hand goes along by 0.1 mm in each tick, so that the log's places lie on a lattice of that."""
+        finding = self.felt(1.0, speed=0.1, source="file")
+        assert finding.bound == pytest.approx((0.5e-4 + rounding(LINE)) / 2e-3, rel=1e-6)
 
 
 class TestMoved:
