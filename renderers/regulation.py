@@ -1,6 +1,6 @@
 """Regulation schemes: from where the hand is, and where the virtual tool is, to a force (thesis section 4.2).
 
-One kernel, `law.regulate`, serves a tick from Python, a whole trajectory and a compiled closed loop.
+One kernel, `projective.regulate`, serves a tick from Python, a whole trajectory and a compiled closed loop.
 
 | name          | F_r                                                              | thesis           |
 |---------------|------------------------------------------------------------------|------------------|

@@ -22,8 +22,8 @@ CLEARANCE_SHARE = 1e-4
 RING_GROWTH, RING_COUNT = 1.25, 60
 """Growth of the rings on which a free start is looked for, and their number.
 
-The last is 6e5 times as wide as the clearance, which is 60 times the model's size at least. *Chosen*: in the corner of
-a cube the start lies at most a quarter further away than the nearest.
+The last is 1.25^59 = 5.2e5 times as wide as the clearance, which is 52 times the model's size at least. *Chosen*: in
+the corner of a cube the start lies at most a quarter further away than the nearest.
 """
 
 

@@ -31,7 +31,7 @@ class Closer(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """The recording that is judged, and the ways to get its siblings where the runner can make them.
+    """The recording that is judged, and how to record its siblings where the runner can make them.
 
     Each sibling is None where it cannot be had: a recorded hardware run has none. This is the one table of siblings: a
     check names by these names what it may use, and who runs it gives them by these names.
@@ -53,12 +53,12 @@ class Runs:
     look: Closer | None = None
     """`base` with a way to refine a part of it."""
     moved: Callable[[Motion, tuple[float, ...]], Recording | None] | None = None
-    """`moved(motion, nudge)`: the stimulus, off by `nudge` (m), in the moved scene, and the result moved back.
+    """`moved(motion, nudge)`: the stimulus, shifted by the vector `nudge` (N,), m, and then moved with the scene.
 
-    It returns None where the model cannot be moved so or the renderer refuses it there.
+    The recording is moved back. It is None where the model cannot be moved so or the renderer refuses it there.
     """
     led_on: Callable[[int, int, int], Runs] | None = None
-    """`led_on(laps, first, period)`: the path up to row `first`, and then its lap of `period` rows so many times."""
+    """`led_on(laps, first, period)`: the path up to row `first`, then the `period` rows after that, `laps` times."""
     without: Callable[[str], Recording] | None = None
     """`without(kind)`: the same path, of a closed loop the recorded HIPs, without the effect of that kind."""
     reordered: Callable[[], Recording | None] | None = None

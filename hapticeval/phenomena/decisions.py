@@ -10,9 +10,11 @@ import math
 
 import numpy as np
 
+from hapticeval.recordings import stretches
+
 # sampling
 
-LAG_TICKS = 3
+LAG_TICKS = stretches.LAG_TICKS
 """Ticks that a proxy may answer late without being wrong, as peers do. *Chosen* after them; doubled, a tool six ticks
 late passes, and each bound in HIP steps is twice as wide."""
 
@@ -55,7 +57,7 @@ the usual 200 mm.
 LAG_STEPS = 4 * LAG_TICKS
 """Lags that are tried first, a quarter of a tick apart.
 
-*Chosen*: a misfit falls towards its lag over a whole tick, since the hand's way is straight from row to row. Twice as
+*Chosen*: a misfit falls towards its lag over a whole tick, since the hand's path is straight from row to row. Twice as
 many find the same, in twice the time."""
 
 LAG_HALVINGS = 40
@@ -118,13 +120,13 @@ of a run's beginning are left out."""
 # closed_form, output_invariance
 
 EXTRAPOLATION_ROUNDING = 1e-10
-"""Share of a length, of the way travelled or of the model's size, by which rounding may make an extrapolated place
+"""Share of a length, of the path travelled or of the model's size, by which rounding may make an extrapolated place
 differ. *Chosen*, four hundred thousand roundings of a double: doubled, twice as much is granted."""
 
 # closed_form
 
 FORM_TOLERANCE = 1e-3
-"""Share of the way travelled above which a tolerance compares nothing. *Chosen*: doubled, a law whose motion is known
+"""Share of the path travelled above which a tolerance compares nothing. *Chosen*: doubled, a law whose motion is known
 to two thousandths is judged."""
 
 # comes_to_rest, constraint_stability
@@ -188,17 +190,17 @@ ANGLE_ROUNDING = 1e-6
 # continuous_contact
 
 CHORD_STEPS = 0.5
-"""HIP steps that a point on the straight way between two contact points lies off the surface at the most.
+"""HIP steps that a point on the straight line between two contact points lies off the surface at the most.
 
-Derived: half of the way, at an edge; a contact point that is late by no whole number of ticks is such a point. Doubled,
-a tool may cut every edge by a HIP step."""
+Derived: half of that line, at an edge; a contact point that is late by no whole number of ticks is such a point.
+Doubled, a tool may cut every edge by a HIP step."""
 
 HALF_LAG_STEPS = 0.5 * LAG_TICKS
 """HIP steps of the recording that three ticks at twice its rate are: where a path is looked at, the largest step.
 Derived; doubled, hops of three HIP steps are not looked at."""
 
 CONFIRMING_RATES = (2, 4)
-"""Sampling rates, times the recorded one, at which the way by a jump that stays has to have it too. *Chosen*: at one
+"""Sampling rates, times the recorded one, at which the path with a jump that stays has to have it too. *Chosen*: at one
 rate alone a jump may be that of the rate. Doubled, runs take twice as long."""
 
 REFINEMENTS = (1, 2, 4, 8, 16, 32)
@@ -244,7 +246,7 @@ off by a tenth of the bound at the most. Doubled, by a fifth."""
 DETOUR_BOUNDS = 2.0
 """Bounds by which a step may be longer over the sliding tool's place than straight.
 
-Derived: a place that is off the way by a bound makes it longer by one there and one back. Doubled, steps may pass two
+Derived: a place that is off the line by a bound makes it longer by one there and one back. Doubled, steps may pass two
 bounds beside."""
 
 # broken_contact
@@ -387,7 +389,7 @@ TICKS_BEFORE_JUMP, TICKS_AFTER_JUMP = 512, 64
 
 FOLLOWING_TICKS = 8 * TICKS_AROUND
 """Ticks on either side of a step over which it is looked whether the IHIP follows the hand. *Chosen*: most of these
-ticks decide it. Doubled, places farther along the way have a say in it."""
+ticks decide it. Doubled, places farther along the path have a say in it."""
 
 LIMIT_SHARE = 0.5
 """Share of the finest spread that its limit has to have for a jump: *chosen*, since of less the extrapolation makes
@@ -450,8 +452,8 @@ SAME_POINT = 1e-9
 apart are one."""
 
 RIGID_WORK_SHARE = 1e-3
-"""Share of force times way that a force across the way may seem to do. *Chosen*: what facets of the sampling do to the
-angle of a force. Doubled, a force may seem to work twice as much."""
+"""Share of force times path that a force across the path may seem to do. *Chosen*: what facets of the sampling do to
+the angle of a force. Doubled, a force may seem to work twice as much."""
 
 MOST_LAPS = 100.0
 """Laps that are led on at the most, to spend what may have been stored. *Chosen*, for time: doubled, a store that lasts
@@ -479,7 +481,7 @@ million are granted."""
 
 DIED_OUT_SHARE = 0.05
 """Share of the largest distance below which the motion across counts as over. *Chosen*: a law that is twice as fast has
-it no later. Doubled, a fault in the last tenth of the way home is not seen."""
+it no later. Doubled, a fault in the last tenth of the path home is not seen."""
 
 # surface_motion
 
@@ -493,7 +495,7 @@ doubled, a tool that slides 0.3 mm on 200 mm is not judged."""
 
 # update_rate
 
-FEWEST_RENEWALS = 20
+FEWEST_CHANGING_TICKS = 20
 """Ticks that call for another force without which no rate is told. *Chosen*: 20 ms at 1 kHz hold a renewal of a loop of
 60 Hz. Doubled, touches of 20 to 40 ms are undecided."""
 
@@ -579,7 +581,7 @@ TOLD_APART = 10.0
 # lag: texture_relief, friction
 
 BETWEEN_TICKS = 0.5
-"""Share of the widest second difference by which a value between two ticks may be off the straight way between them.
+"""Share of the widest second difference by which a value between two ticks may be off the straight line between them.
 
 Derived: an eighth for a parabola; where a contact begins between them a quarter of the change of slope, half of which
 at least is in one second difference. Doubled, twice as much is granted for a lag between ticks."""

@@ -73,7 +73,7 @@ def _find_lag(recording: Recording, scene: Scene) -> Lag:
 
 
 def delayed(values: Array, rows: IntArray, ticks_before: float = 0.0) -> Array:
-    """Return `values` (n, N), as m or N, so many `ticks_before` each of `rows` (k,): between two on the straight way.
+    """Return `values` (n, N), as m or N, so many `ticks_before` each of `rows` (k,): between two on the straight line.
 
     Rows before the first are the first, and rows after the last the last.
     """
@@ -109,7 +109,7 @@ def largest_in_lag(values: Array, *, earlier: int = 0) -> Array:
 
 
 def beside_straight(values: Array) -> Array:
-    """Return how far (n,) `values` (n, N), as m or N, may be off the straight way between two ticks."""
+    """Return how far (n,) `values` (n, N), as m or N, may be off the straight line between two ticks."""
     aside = np.pad(np.linalg.norm(np.diff(values, 2, axis=0), axis=1), 1, mode="edge")
     return np.asarray(BETWEEN_TICKS * largest_in_lag(aside))
 
@@ -156,10 +156,10 @@ def believed_lag(misfit: Callable[[float], float], exact: float) -> tuple[float,
 
 
 def _find_ihip_lag(recording: Recording, scene: Scene) -> float:
-    """Find how late the IHIP is: in free space it is the HIP, and in contact the way from it to the HIP is normal.
+    """Find how late the IHIP is: in free space it is the HIP, and in contact the displacement to the HIP is normal.
 
-    The misfit is the mean of what is left of the way: all of it in free space, and its part along the surface in
-    contact. A map that has its contact point elsewhere fits at no lag.
+    The misfit is the mean of what is left of that displacement: all of it in free space, and its part along the surface
+    in contact. A map that has its contact point elsewhere fits at no lag.
     """
     # A queue that starts with the run is not filled before.
     rows = _spread_rows(np.arange(LAG_TICKS, len(recording), dtype=np.int64))
@@ -171,7 +171,7 @@ def _find_ihip_lag(recording: Recording, scene: Scene) -> float:
     angle_outside = scene.model.boundary.normal_cone(ihip[inside], np.full(inside.size, rounding(scene)))
 
     def misfit(lag: float, since: IntArray) -> float:
-        """Return the mean way (m) from IHIPs (k, N) to the HIPs `lag` ticks before the rows `since` (k,)."""
+        """Return the mean displacement (m) from IHIPs (k, N) to the HIPs `lag` ticks before the rows `since` (k,)."""
         errors = ihip - delayed(recording.hip, since, lag)
         distances = np.linalg.norm(errors, axis=1)
         # In contact only what leans out of the normal cone counts: the depth is no misfit.

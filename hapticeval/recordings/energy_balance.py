@@ -8,7 +8,7 @@ at x, it has given by t1, since t0,
 Two kinds of t0 and t1 bound the right side without knowing what is behind the port.
 
     From rest to rest   nothing moves at either end, so S is of springs and weights alone, and would be the same if the
-                        hand went straight from x1 back to x0. No force on the way is larger than the largest that was
+                        hand went straight from x1 back to x0. No force on that path is larger than the largest that was
                         felt in the run, so that this takes no more than max |F| |x1 - x0|. That closes the loop:
                         W <= max |F| |x1 - x0|. The forces at the ends alone say less: a latch lies between them, and
                         a hand that turns round feels a mass beside the spring.
@@ -46,11 +46,10 @@ MOST_RESTS = 300  # rests that are looked at, spread over the run
 
 
 @dataclass(frozen=True)
-class PassivityViolation:
+class EnergyGift:
     """The most that an environment would have given (J), over rows [first, last], beyond what it may have stored.
 
-    `open` (J) is what of that the numbers leave open; `passive` where the energy is within it. `how` says what the ends
-    are.
+    `open` (J) is what of that the numbers leave open. `how` says what the ends are.
     """
 
     energy: float
@@ -65,8 +64,8 @@ class PassivityViolation:
         return self.energy - self.open
 
     @property
-    def passive(self) -> bool:
-        """Whether a passive environment may have done so."""
+    def explained(self) -> bool:
+        """Whether a passive environment may have given it: the energy is within what is open."""
         return not self.energy > self.open
 
 
@@ -74,16 +73,16 @@ class PassivityViolation:
 class PassivityTest:
     """The largest gifts with the force as it is and with its sign turned, over a stretch."""
 
-    as_logged: PassivityViolation
-    turned: PassivityViolation
+    as_logged: EnergyGift
+    turned: EnergyGift
 
     @property
     def sign(self) -> int:
         """1 if the logged sign is passive and the opposite one is not, -1 for the reverse, 0 if undecided."""
-        return int(self.as_logged.passive) - int(self.turned.passive)
+        return int(self.as_logged.explained) - int(self.turned.explained)
 
     @property
-    def active(self) -> PassivityViolation:
+    def active(self) -> EnergyGift:
         """The gift with the sign that is not passive."""
         return self.turned if self.sign > 0 else self.as_logged
 
@@ -149,7 +148,7 @@ class _Port:
             + DELAY_SHARE * (self.crossed[last] - self.crossed[first])
         )
 
-    def largest(self, sign: float, rests: IntArray, free: list[int]) -> PassivityViolation | None:
+    def largest(self, sign: float, rests: IntArray, free: list[int]) -> EnergyGift | None:
         """Return the gift that is the furthest beyond what is open; None where no two rows bound what is stored.
 
         `sign` is 1 for the force as it is and -1 for its opposite; `rests` (k,) are rows at rest, `free` rows without a
@@ -159,18 +158,18 @@ class _Port:
             [*self._rests(sign, rests), *self._free(sign, free)], key=lambda violation: violation.excess, default=None
         )
 
-    def _rests(self, sign: float, rests: IntArray) -> Iterator[PassivityViolation]:
+    def _rests(self, sign: float, rests: IntArray) -> Iterator[EnergyGift]:
         """Yield the largest gift between two rows at rest, in J: W - max |F| |x1 - x0| against what is open."""
         if rests.size < 2:
             return
         a, b = (rests[indices] for indices in np.triu_indices(rests.size, 1))
-        # J: no force larger than the largest that was felt can be taken on the straight way back from b to a.
+        # J: no force larger than the largest that was felt can be taken on the straight path back from b to a.
         back = float(self.size.max()) * np.linalg.norm(self.place[b] - self.place[a], axis=1)
         energy, left = sign * (self.work[b] - self.work[a]) - back, self.open(a, b) + self.kinetic
         best = int(np.argmax(energy - left))
-        yield PassivityViolation(float(energy[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both")
+        yield EnergyGift(float(energy[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both")
 
-    def _free(self, sign: float, free: list[int]) -> Iterator[PassivityViolation]:
+    def _free(self, sign: float, free: list[int]) -> Iterator[EnergyGift]:
         """Yield the largest gift from a row free of force on, in J: W against what is open."""
         # But for the noise what is open adds up, and its best row is one for all that begin before it: no gift is
         # further beyond than that, and those are looked at in turn until no other could be.
@@ -184,14 +183,14 @@ class _Port:
             for first in free
             if first + 1 < len(sums)
         }
-        best: PassivityViolation | None = None
+        best: EnergyGift | None = None
         for first in sorted(upper_bounds, key=upper_bounds.__getitem__, reverse=True):
             if best is not None and upper_bounds[first] <= best.excess:
                 break
             rows = slice(first + 1, None)
             energy, left = sign * (self.work[rows] - self.work[first]), self.open(first, rows)
             row = int(np.argmax(energy - left))
-            violation = PassivityViolation(
+            violation = EnergyGift(
                 float(energy[row]), float(left[row]), first, first + 1 + row, "free of force at the first"
             )
             best = max(best or violation, violation, key=lambda violation: violation.excess)

@@ -148,7 +148,7 @@ class _RunFactory:
         return self.record(cast("Experiment", self.stimulus).at_speed(factor), self.scene.sampling_time)
 
     def moved(self, motion: Motion, nudge: tuple[float, ...]) -> Recording | None:
-        """Record the stimulus in the moved scene, with the hand off by `nudge`; see `Runs.moved`."""
+        """Record the stimulus, shifted by `nudge`, in the moved scene; see `Runs.moved`."""
         if isinstance(self.stimulus, Experiment) and not _moves_alike(self.scene, motion):
             return None
         if motion not in self._moved:
@@ -203,7 +203,7 @@ class _RunFactory:
         return self.record(Path(self.scene.sampling_time * half_ticks, denser_hips), 0.5 * self.scene.sampling_time)
 
     def led_on(self, laps: int, first: int, period: int) -> Runs:
-        """Record the path with one of its laps so many times; see `Runs.led_on`."""
+        """Record the path with one of its laps `laps` times; see `Runs.led_on`."""
         hips, dt = self.path().points, self.scene.sampling_time
         lap = hips[first + 1 : first + period + 1]
         longer = np.concatenate([hips[: first + 1], np.tile(lap, (laps, 1))])
@@ -238,7 +238,7 @@ class _RunFactory:
         return Path(*path.sampled(self.scene.sampling_time)) if isinstance(self.renderer, Renderer) else path
 
     def _moved_stimulus(self, motion: Motion, nudge: Array) -> Stimulus:
-        """Return the stimulus off by `nudge` (N,), m, and then moved with the scene."""
+        """Return the stimulus, shifted by `nudge` (N,), m, and then moved with the scene."""
         if isinstance(self.stimulus, Experiment):
             return self.stimulus.moved(motion, nudge)
         path = self.path()
@@ -293,10 +293,10 @@ def _answers_the_hip(scene: Scene) -> bool:
 
 
 def _moves_alike(scene: Scene, motion: Motion) -> bool:
-    """Whether a closed loop in the moved scene is the same loop but for the motion.
+    """Whether a closed loop in the moved scene does the same as in the unmoved one, but for the motion.
 
-    A linked robot is not moved along, effects that count or clip do so by axis, and forces need not grow with lengths:
-    so it is the same for a point mass at unchanged size, with linear effects.
+    It does for a point mass at unchanged size with linear effects. A linked robot is not moved with the scene, effects
+    that round or limit do so axis by axis, and at another size forces need not grow with lengths.
     """
     # Effects on what the robot senses, feels or is commanded, or on its joints: not those on the answer alone.
     loop = (effect for effect in scene.effects if effect.stage not in (None, Stage.ANSWER))

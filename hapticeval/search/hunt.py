@@ -112,7 +112,6 @@ class Search:
         try:
             for case, examples_before in self._cases(open_checks, refusing):
                 model = repr(case.model)
-                # A renderer that broke is a finding of its own: the search for what it breaks is over.
                 # Another model, or the first case that is drawn: shrink what has failed until here.
                 if (model, examples_before is None) != last_group:
                     self._settle(open_checks)

@@ -592,7 +592,7 @@
         width: this.holder.clientWidth || 400, height: this.height(), series, legend: { show: false },
         cursor: { sync: { key: sync }, drag: { x: true, y: false }, points: { show: false } },
         scales: { x: { time: false }, y: panel.range ? { distr: 3, range: () => panel.range } : { range: (_, low, high) => zeroed(low, high) } },
-        axes: [{ ...axis, label: last ? "time (s)" : undefined, labelSize: 18, size: last ? 26 : 26 }, { ...axis, label: panel.label, labelSize: 18, size: 52, ...(panel.range ? { splits: () => decades(panel.range), values: (_, all) => all.map(power), filter: (_, all) => all } : {}) }],
+        axes: [{ ...axis, label: last ? "time (s)" : undefined, labelSize: 18, size: 26 }, { ...axis, label: panel.label, labelSize: 18, size: 52, ...(panel.range ? { splits: () => decades(panel.range), values: (_, all) => all.map(power), filter: (_, all) => all } : {}) }],
       }, data, this.holder);
       for (const [name, value] of Object.entries({ role: "slider", tabindex: 0, "aria-label": `${panel.label} against time`, "aria-valuemin": this.view.start, "aria-valuemax": this.view.end })) made.root.setAttribute(name, value);
       made.root.addEventListener("keydown", (event) => this.view.keys(event));

@@ -40,7 +40,11 @@ MAKES_A_CHECK = re.compile(r"(_?check_of_\w+|Check)\(|partial\(Check\b")
 """A call that makes a check, of a family's shared data or of all of it, or that shares data among a family."""
 
 
-TABLE = constants(Path(decisions.__file__))
+OF_A_MODULE_BELOW = re.compile(r"[a-z_]+\.[A-Z_]+")
+TABLE = [
+    (name, repr(getattr(decisions, name)) if OF_A_MODULE_BELOW.fullmatch(value) else value, said)
+    for name, value, said in constants(Path(decisions.__file__))
+]
 
 
 def page() -> str:

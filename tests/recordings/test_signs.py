@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hapticeval.cli import main
-from hapticeval.recordings.energy_balance import PassivityTest, PassivityViolation, _Port, _resting, balance
+from hapticeval.recordings.energy_balance import EnergyGift, PassivityTest, _Port, _resting, balance
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.integrity.force_sign import force_signs
 from hapticeval.recordings.integrity.report import examine
@@ -133,7 +133,7 @@ def test_a_late_force_is_free_as_long_as_it_says_so():
     hip = 0.01 * np.cos(2.0 * np.pi * 20.0 * TIME)[:, None] + 0.0097
     force = np.where(hip < 0.0, -1000.0 * hip, 0.0)
     late = np.concatenate([np.zeros((LAG_TICKS, 1)), force[:-LAG_TICKS]])
-    assert all(each.as_logged.passive for each in balance(hip, force, TIME))
+    assert all(each.as_logged.explained for each in balance(hip, force, TIME))
     assert balance(hip, late, TIME)[LAG_TICKS].as_logged.energy == pytest.approx(0.0, abs=1e-9)
 
 
@@ -241,7 +241,7 @@ class TestPort:
         best = max(gifts)
         assert (found.excess, found.energy) == (pytest.approx(best[0]), pytest.approx(best[1]))
         assert (found.first, found.last) == best[2:]
-        assert found.passive is bool(best[0] <= 0.0)
+        assert found.explained is bool(best[0] <= 0.0)
         between = []
         works = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(place, axis=0), axis=1)
         all_work = np.concatenate([[0.0], np.cumsum(works)])
@@ -294,7 +294,7 @@ class TestPort:
         assert (gift.first, gift.last, gift.how) == (29, 59, "free of force at the first")
         assert gift.energy == pytest.approx(29.5e-3)
         assert len(tests) == 4
-        assert (tests[0].as_logged.passive, tests[0].turned.passive, tests[0].sign) == (False, True, -1)
+        assert (tests[0].as_logged.explained, tests[0].turned.explained, tests[0].sign) == (False, True, -1)
         assert tests[0].active is tests[0].as_logged
 
     def test_all_stretches_without_a_force_are_looked_at(self):
@@ -305,7 +305,7 @@ class TestPort:
         assert balance(place, force, DT * np.arange(120.0))[0].as_logged.first == 89
 
     def test_what_gives_energy_is_told_of_the_sign_that_is_not_passive(self):
-        gives, takes = (PassivityViolation(energy, 0.5, 0, 1, "at rest at both") for energy in (1.0, 0.0))
+        gives, takes = (EnergyGift(energy, 0.5, 0, 1, "at rest at both") for energy in (1.0, 0.0))
         for as_logged, turned, sign, active in (
             (takes, gives, 1, gives),
             (gives, takes, -1, gives),

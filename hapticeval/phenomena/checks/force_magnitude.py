@@ -315,7 +315,7 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
     it is declared that there is no tool.
     """
     depth, no_tool = np.maximum(-scene.model.boundary.signed_distance(base.hip), 0.0), declares_force_only(base)
-    # Who has no tool calls for a force wherever the hand is inside, and not only where there is one.
+    # A force-only renderer must give a force at every depth > 0, and not only where it gives one.
     ticks = np.flatnonzero(above_force_floor(base, scene) | (no_tool & (depth > 0.0)))
     # Depths (lags, n) that a late force may answer.
     late = np.array([depth[np.maximum(ticks - lag, 0)] for lag in range(LAG_TICKS + 1)])

@@ -668,7 +668,7 @@ def _dissipated_work(base: Recording, surface_force: SurfaceForce, scene: Scene,
 
 
 def _stored_energy(base: Recording, surface_force: SurfaceForce, scene: Scene) -> Array:
-    """Return what a tool that lags behind the hand stores at each tick, F^2 / (2 K): (n,), J."""
+    """Return the elastic energy of the spring between tool and hand at each tick, F^2 / (2 K): (n,), J."""
     if scene.effect(FRICTION) is None:
         return np.zeros(len(base))
     pull = surface_force.tangential + viscous_coefficient(scene) * surface_force.velocity

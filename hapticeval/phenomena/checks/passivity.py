@@ -1,4 +1,4 @@
-"""Passivity: over a way that closes, the hand gets back no more work than it has put in."""
+"""Passivity: over a path that closes, the hand gets back no more work than it has put in."""
 
 from __future__ import annotations
 
@@ -64,10 +64,10 @@ class Gain:
     """The work, J, that the hand has got over rows [first, last]: as the motors hold the force, and its shares.
 
     - `hold`: what holding the force for a tick adds; `lag`: what else vanishes as the tick does.
-    - `law`: the limit of fast sampling, which the force gives as a function of the hand's way.
+    - `law`: the limit of fast sampling, which the force gives as a function of the hand's path.
     - `correction`: the last one of the extrapolation to it; `open` bounds all that is not known of it.
     - `stored`: what it may be without being created: see `stored_before`.
-    - `crossed`: all that crossed in either direction; `effort`: the force times the way.
+    - `crossed`: all that crossed in either direction; `effort`: the force times the path.
     """
 
     what: str
@@ -111,7 +111,7 @@ class SampledWork:
     - `smooth`: the work by the trapezoid, and `error` what bounds that it is off by.
     - `held`: the work of a force that is held from row to row.
     - `crossed`: the work without its sign.
-    - `path` (m): the hand's way, and `effort` that times the force.
+    - `path` (m): the length of the hand's path, and `effort` that times the force.
     - `free`: where nothing touches.
     """
 
@@ -285,7 +285,7 @@ class AtOwnRate:
 def force_lag(base: Recording, scene: Scene) -> float:
     """Return how many ticks late the force is, from 0 to `LAG_TICKS`: by position and force, one number for the run.
 
-    A force that rests while the way to the IHIP changes is as much later. Of a force alone see `force_only_lag`.
+    A force that rests while HIP - IHIP changes is as much later. Of a force alone see `force_only_lag`.
     """
     resting = np.maximum(resting_ticks(base.force) - resting_ticks(base.hip - base.ihip), 0)[touching(base, scene)]
     return min(find_lag(base, scene).force + float(resting.mean() if resting.size else 0.0), float(LAG_TICKS))
@@ -296,8 +296,8 @@ def explained_work(base: Recording, scene: Scene, lag: float) -> Array:
 
     Let F = -K (x - p) with an IHIP p that is nowhere led against the hand, dp . dx >= 0, as no nearest point is.
 
-    - Held for a tick, F . dx is the work of its law and at most (K/2) |dx|^2 more, for at s of the way it has changed
-      by (F(s) - F) . dx >= -K s |dx|^2.
+    - Held for a tick, F . dx is the work of its law and at most (K/2) |dx|^2 more, for at a share s of the step it has
+      changed by (F(s) - F) . dx >= -K s |dx|^2.
     - Each tick of lag adds K |dx|^2.
     - A force G beside it adds (1/2 + lag) |dG| |dx|: that of a damper, and of what the curvature asks for, is as large
       as it may be at most.
@@ -371,7 +371,7 @@ def active_by_nature(scene: Scene) -> str | None:
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
-    """Ask whether the hand gets work out of a way that closes, at the start and end of which the same is stored."""
+    """Ask whether the hand gets work out of a path that closes, at the start and end of which the same is stored."""
     active = active_by_nature(scene)
     finding = _judge_fixed(runs.base) if runs.refine is None else _judge_spending(runs, runs.refine, scene)
     if active is None:
@@ -449,7 +449,7 @@ def _spends_store(runs: Runs, trip: LapRun, scene: Scene) -> bool:
     if runs.led_on is None or free.size == 0:
         return False
     work, closes = SampledWork(base, 1, scene), trip.first + trip.period
-    # As a controller sums it up, which knows in each tick the force and the way to it: F[i] . (x[i] - x[i-1]).
+    # As a controller sums it up, which knows in each tick the force and the step before it: F[i] . (x[i] - x[i-1]).
     observed = 2.0 * work.smooth - work.held
     stored, gained = observed[free[-1]] - observed[closes], observed[closes + trip.period] - observed[closes]
     if not 0.0 < stored <= MOST_LAPS * gained:
@@ -554,7 +554,7 @@ def _hold_failure(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
 
 def _rounding_work(base: Recording, sampled: SampledWork, scene: Scene) -> Array:
     largest = float(np.max(np.abs(base.hip)))
-    # Single precision of the hand, as a force K |x| over the way, and of the force itself.
+    # Single precision of the hand, as a force K |x| over the path, and of the force itself.
     return SINGLE_ROUNDINGS * SINGLE * (scene.stiffness * largest * sampled.path + sampled.effort)
 
 
@@ -575,7 +575,7 @@ def _judge_fixed(base: Recording) -> Finding:
         "from_time": float(base.time[worst.first]),
         "way": worst.how,
     }
-    if worst.passive:
+    if worst.explained:
         return Finding(Outcome.PASS, f"the hand gets back no more than it put in; {note}", metric, worst.open, evidence)
     message = (
         f"creates energy: from t = {base.time[worst.first]:.4g} s to {base.time[worst.last]:.4g} s the hand gets "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import FEWEST_RENEWALS
+from hapticeval.phenomena.decisions import FEWEST_CHANGING_TICKS
 from hapticeval.phenomena.sampling import evidence_at, log_step, rounding, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording, runs_of
@@ -45,7 +45,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         # What stands at either end of a stretch may have begun before, or go on after it.
         stood += np.diff(renewals).tolist() if renewals.size else [end - first]
     called = int(calls.sum())
-    if sum(stood) < FEWEST_RENEWALS or called == 0:
+    if sum(stood) < FEWEST_CHANGING_TICKS or called == 0:
         return undecided("the hand's motion calls for another force in too few ticks in a row")
     ticks = float(np.median(np.repeat(stood, stood)))
     metric = Metric(CHECK.metric, ticks * base.dt, "s")

@@ -127,7 +127,7 @@ def _unclear(balances: list[PassivityTest]) -> str:
     if not balances:
         return "undecided: the hand is not at rest twice, and was never free of force for long"
     best = max(balances, key=lambda test: max(test.as_logged.energy, test.turned.energy))
-    if not best.as_logged.passive and not best.turned.passive:
+    if not best.as_logged.explained and not best.turned.explained:
         return "undecided: with either sign the environment gives energy"
     larger = max(best.as_logged, best.turned, key=lambda violation: violation.energy)
     return (
