@@ -269,6 +269,23 @@ def test_a_proxy_may_rest_on_a_face_and_leap_off_its_edge_or_pop_for_a_tick_and_
     assert spans(sound_intervals(run, report)) == [(0, ROWS)]
 
 
+@pytest.mark.parametrize("digits", [17, 4])
+def test_a_force_on_a_hand_that_is_led_along_a_face_at_one_depth_is_not_stuck(digits):
+    """In through a cube's face, 5 mm under it, and out past its edge, where the force ends."""
+    along = np.linspace(-0.03, 0.06, ROWS)
+    height = np.maximum(0.045, 0.052 - 1e-4 * np.arange(ROWS))
+    hip = np.round(np.column_stack([along, 0.1 * along, height]), digits)
+    inside = ((along < 0.05) & (height < 0.05))[:, None]
+    ihip = np.where(inside, hip * [1, 1, 0] + [0, 0, 0.05], hip)
+    channels = {"hip": hip, "ihip": ihip, "force": STIFFNESS * (ihip - hip)}
+    assert "stuck" not in kinds(examine(recording(np.arange(ROWS) * 1_000_000, channels)))
+    # The same without the contact point, and with a hand that goes deeper: a sensor may be frozen.
+    without = {name: channels[name] for name in ("hip", "force")}
+    assert "stuck" in kinds(examine(recording(np.arange(ROWS) * 1_000_000, without)))
+    deeper = {**channels, "hip": hip - [[0, 0, 1e-3]] * np.linspace(0.0, 1.0, ROWS)[:, None]}
+    assert "stuck" in kinds(examine(recording(np.arange(ROWS) * 1_000_000, deeper)))
+
+
 def test_left_out_rows_are_named_with_their_reason():
     stamps, channels = parts(7, ["hip"])
     channels["hip"][50, 0] += 0.5

@@ -19,7 +19,7 @@ from hapticeval.quantity import plural
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.integrity.issue import Issue, Severity, make_issue
 from hapticeval.recordings.provenance import declared_floor
-from hapticeval.recordings.quantization import numeric_step
+from hapticeval.recordings.quantization import coarsest, numeric_step
 from hapticeval.recordings.recording import Column, Recording, columns_of, runs_of
 from hapticeval.recordings.stretches import stretches
 from hapticeval.types import Array, BoolArray
@@ -84,6 +84,8 @@ def issues_of_values(recording: Recording) -> Iterator[Issue]:
         for stretch in stretches(recording, sound):
             begin, part = stretch.first, values[stretch.rows]
             stuck = [] if computed else list(_stuck(part, step))
+            if channel == "force":
+                stuck = [span for span in stuck if not _keeps_depth(recording, begin + span[0], begin + span[1])]
             # A frozen sensor jumps where it wakes: one issue is enough.
             woken = {end for _, end in stuck}
             # Only a place has no jumps by nature: forces switch on.
@@ -237,12 +239,28 @@ def frozen(recording: Recording, known: Sequence[Issue]) -> Iterator[Issue]:
             reported = [(issue.first, issue.end) for issue in known if issue.channel == name]
             place = columns[other].values if MOVING_UNITS[column.unit] == "speed" and other in columns else None
             for first, end, moved, every in _frozen_runs(recording, column, travel, place):
+                if column.channel == "force" and _keeps_depth(recording, first, end):
+                    continue
                 message = (
                     f"it keeps {column.values[first]:.6g} over {end - first} rows, while {other} moves {moved:.3g} "
                     f"{_unit(recording, other)}; elsewhere it changes every {every:.2g}"
                 )
                 if not any(a is not None and b is not None and a < end and first < b for a, b in reported):
                     yield make_issue(recording, "stuck", message, name, (first, end), travel=moved)
+
+
+def _keeps_depth(recording: Recording, first: int, end: int) -> bool:
+    """Return whether the way from the HIP to the IHIP is one over rows [first, end), as a spring's force is then.
+
+    So it does where a hand is led along a flat face at one depth, however far.
+    """
+    if not {"hip", "ihip"} <= set(recording.channels):
+        return False
+    stretch = recording.ihip - recording.hip
+    rounding = FROZEN_ROUNDING * float(np.nanmax(np.abs(recording.hip), initial=0.0))
+    # In whatever steps both are given.
+    steps = coarsest(recording.hip) + coarsest(recording.ihip)
+    return bool(np.ptp(stretch[first:end], axis=0).max() <= rounding + steps)
 
 
 def _travel(recording: Recording, columns: Mapping[str, Column], name: str) -> tuple[Array, str]:
