@@ -29,6 +29,7 @@ from hapticeval.phenomena.decisions import (
     SHRINKING_SLOPE,
     STILL_STEP_SHARE,
 )
+from hapticeval.phenomena.flights import allow_flights
 from hapticeval.phenomena.jumps import (
     JumpPlace,
     Remains,
@@ -180,19 +181,24 @@ def _continuous_message(base: Recording, scene: Scene, jump: float) -> str:
     return f"continuous while in contact: the largest IHIP step is {times:.3g} times the largest HIP step"
 
 
+def _step_bounds(recording: Recording, scene: Scene, ticks: float, gap: float) -> Array:
+    """Return how far the IHIP may move to each sample, (n,), m: see `step_bounds`; by a flight, wherever that ends."""
+    return allow_flights(recording, scene, step_bounds(recording, scene, ticks, gap))
+
+
 def _judge_refined(
     base: Recording, refine: Callable[[int], Recording], scene: Scene, tick: int | None = None
 ) -> Finding:
     """Refine the whole run until its worst jump is within the bound, or is seen to stay; `tick` is where to look."""
     surface_gap = standoff(base, scene)
-    jump, worst = worst_step(base, scene, step_bounds(base, scene, LAG_TICKS, surface_gap))
+    jump, worst = worst_step(base, scene, _step_bounds(base, scene, LAG_TICKS, surface_gap))
     tick = worst if tick is None else tick
     evidence = _jump_evidence(base, scene, tick)
     jumps = [jump]
     slope = bound = math.nan
     for factor in REFINEMENTS[1:]:
         fine = refine(factor)
-        bounds = step_bounds(fine, scene, LAG_TICKS, surface_gap)
+        bounds = _step_bounds(fine, scene, LAG_TICKS, surface_gap)
         jump, worst = worst_step(fine, scene, bounds)
         jumps.append(jump)
         evidence |= {"jumps_m": jumps, "refinements": list(REFINEMENTS[: len(jumps)])}
@@ -264,7 +270,7 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
     """Look at each place where the IHIP moves far in finer steps, and at the whole run only where a jump stays."""
     base = look.recording
     surface_gap = standoff(base, scene)
-    bounds = step_bounds(base, scene, HALF_LAG_STEPS, surface_gap)
+    bounds = _step_bounds(base, scene, HALF_LAG_STEPS, surface_gap)
     if pieces is not None:
         bounds = _with_steps_of_pieces(base, scene, bounds, pieces)
     place = look_closer(look, scene, bounds=bounds, standoff=surface_gap)
@@ -416,7 +422,7 @@ def _judge_fixed(base: Recording, scene: Scene) -> Finding:
     - where kappa d comes close to 1: there a long step may be honest;
     - where the step grows when samples are left out: a jump stays as long as it is, and a steep way does not.
     """
-    bounds = step_bounds(base, scene, LAG_TICKS, standoff(base, scene))
+    bounds = _step_bounds(base, scene, LAG_TICKS, standoff(base, scene))
     jump, tick = worst_step(base, scene, bounds)
     ends = scene.model.boundary.closest_point(base.ihip[tick - 1 : tick + 1])
     # kappa d, with the largest curvature at either end of the step
