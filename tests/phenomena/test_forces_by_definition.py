@@ -15,28 +15,29 @@ from hapticeval.effects.friction import Friction
 from hapticeval.effects.lugre import LuGre
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import circle, line
-from hapticeval.phenomena.checks.force_magnitude import (
-    Measured,
+from hapticeval.phenomena.checks.force_magnitude import _finding, _misfit
+from hapticeval.phenomena.checks.friction import _dissipated_work, _stored_energy, lugre_force, surface_force_of
+from hapticeval.phenomena.checks.passivity import explained_work, force_lag
+from hapticeval.phenomena.stiffness import (
+    ApparentStiffness,
     _calls_for_force,
     _curvature_acceleration,
+    _stiffness_share,
+    _sure_depth,
+    largest_other_force,
+    measure_stiffness,
+)
+from hapticeval.phenomena.stiffness_pattern import (
     _describe_missing_force,
     _describe_rare,
     _describe_stretch,
     _explain_by_causes,
     _explained_share,
-    _finding,
     _longest_run,
     _low_pass_constant,
-    _measure_stiffness,
-    _misfit,
     _place_groups,
     _rank_groups,
-    _stiffness_share,
-    _sure_depth,
-    largest_other_force,
 )
-from hapticeval.phenomena.checks.friction import _dissipated_work, _stored_energy, lugre_force, surface_force_of
-from hapticeval.phenomena.checks.passivity import explained_work, force_lag
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.renderer import Spring
@@ -68,7 +69,7 @@ class TestStiffness:
     @pytest.mark.parametrize("spring", list(Spring))
     def test_a_spring_is_measured_as_what_it_is_within_what_rounding_leaves_open(self, spring):
         base = moving(LINE, gain=1.3, meta={"spring": spring.value})
-        measured = _measure_stiffness(base, LINE, spring)
+        measured = measure_stiffness(base, LINE, spring)
         # In the last three rows a late IHIP would be missing: the force may be that of any depth within a lag.
         assert np.flatnonzero(measured.begins).tolist() == [COUNT - 3, COUNT - 2, COUNT - 1]
         within, ends = slice(0, COUNT - 3), slice(COUNT - 3, None)
@@ -89,7 +90,7 @@ class TestStiffness:
     @pytest.mark.parametrize("sink", [0.0, 5e-5])
     def test_a_damper_may_make_its_share_along_the_depth_and_at_any_speed_within_a_lag(self, sink):
         scene = Scene(model=line(), stiffness=1000.0, mass=0.1, damping=2.0)
-        measured = _measure_stiffness(moving(scene, sink=sink, meta={"spring": "error"}), scene, Spring.ERROR)
+        measured = measure_stiffness(moving(scene, sink=sink, meta={"spring": "error"}), scene, Spring.ERROR)
         row = 20
         rounding = 4.0 * SINGLE * (STEP * (COUNT - 1) + measured.depth[row])
         depth = 2e-3 + sink * row
@@ -101,7 +102,7 @@ class TestStiffness:
 
     def test_the_curvature_may_make_what_it_calls_for_of_one_who_declares_no_spring(self):
         scene, base = round_circle()
-        measured = _measure_stiffness(base, scene, Spring.ERROR)
+        measured = measure_stiffness(base, scene, Spring.ERROR)
         rounding = 4.0 * SINGLE * (np.abs(base.hip).max() + 2e-3)
         step = np.linalg.norm(np.diff(base.ihip, axis=0), axis=1)[0]
         bending = 0.1 * (step / DT) ** 2 / 0.1
@@ -109,20 +110,20 @@ class TestStiffness:
         np.testing.assert_allclose(largest_other_force(base, scene)[20], bending, rtol=1e-3)
         declared = changed(base, meta={"spring": "error"})
         np.testing.assert_allclose(largest_other_force(declared, scene), 0.0)
-        assert _measure_stiffness(declared, scene, Spring.ERROR).allowed[20] == pytest.approx(rounding / 2e-3, rel=1e-3)
+        assert measure_stiffness(declared, scene, Spring.ERROR).allowed[20] == pytest.approx(rounding / 2e-3, rel=1e-3)
 
     @pytest.mark.parametrize(("declared", "coarse"), [(0.01, 0.01), (1.0, 0.05 * 2.0)])
     def test_a_force_is_as_coarse_as_declared_up_to_a_twentieth_of_the_largest(self, declared, coarse):
         base = moving(LINE, meta={"spring": "error", "force_resolution": declared})
         rounding = 4.0 * SINGLE * (np.abs(base.hip).max() + 2e-3)
-        measured = _measure_stiffness(base, LINE, Spring.ERROR)
+        measured = measure_stiffness(base, LINE, Spring.ERROR)
         assert measured.allowed[20] == pytest.approx((coarse + 1000.0 * rounding) / 2.0, rel=1e-6)
 
     def test_a_log_is_as_coarse_as_half_the_steps_of_its_numbers(self):
         """Steps of 10 mm of the depth and so of 10 N, and of 0.1 mm along the line."""
         base = moving(LINE, sink=1e-2, meta={"spring": "error"})
         logged = changed(base, meta={"source": "log"})
-        simulated, measured = (_measure_stiffness(run, LINE, Spring.ERROR) for run in (base, logged))
+        simulated, measured = (measure_stiffness(run, LINE, Spring.ERROR) for run in (base, logged))
         # Along the line HIP and IHIP go, in depth the HIP alone.
         coarse = 0.5 * 1000.0 * math.hypot(STEP, STEP, 1e-2) + 0.5 * 10.0
         depth = 2e-3 + 1e-2 * 20
@@ -132,7 +133,7 @@ class TestStiffness:
     def test_a_tool_that_stands_off_may_be_pulled_from_the_surface_or_from_where_it_is(self):
         base = moving(LINE)
         off = changed(base, ihip=base.ihip + np.array([0.0, 5e-4]), meta={"standoff": 1e-3})
-        measured = _measure_stiffness(off, LINE, Spring.ERROR)
+        measured = measure_stiffness(off, LINE, Spring.ERROR)
         # 2 N over 2.5 mm, of which half a millimetre may be the standoff
         inner = ~measured.begins
         farthest = 1.0 + (3.0 * STEP / 2.5e-3) ** 2
@@ -219,7 +220,7 @@ class TestCauses:
         allowed, depth, rate = full
         low, high = (ratio if end is None else np.asarray(end, dtype=float) for end in (low, high))
         begins = np.array(np.broadcast_to(begins, ratio.size))
-        return Measured(rows, ratio, low, high, allowed, allowed, depth, rate, begins)
+        return ApparentStiffness(rows, ratio, low, high, allowed, allowed, depth, rate, begins)
 
     def test_the_law_that_fits_better_is_within_the_range_then_clear_then_off_in_fewer_ticks_and_by_less(self):
         base = moving(LINE)

@@ -9,7 +9,6 @@ import numpy as np
 from hapticeval.closed_forms import Gains, transversal_motion
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.checks.force_magnitude import declared_range
 from hapticeval.phenomena.decisions import (
     BLOCK_TICKS,
     EXPLAINING_PUSH,
@@ -35,6 +34,7 @@ from hapticeval.phenomena.sampling import (
     position_tolerance,
     touching,
 )
+from hapticeval.phenomena.stiffness import declared_range
 from hapticeval.phenomena.surface_motion import decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.quantity import format_number

@@ -11,7 +11,6 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.checks.force_magnitude import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.decisions import (
     FINER_RATES,
     LAG_TICKS,
@@ -25,6 +24,7 @@ from hapticeval.phenomena.decisions import (
 )
 from hapticeval.phenomena.lag import find_lag, force_only_lag, resting_ticks, with_nearest_points
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
+from hapticeval.phenomena.stiffness import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.recordings.energy_balance import balance
 from hapticeval.recordings.recording import SINGLE, Recording

@@ -1,0 +1,245 @@
+"""The apparent stiffness of a force in every tick: how much there is of it, and how much of it is open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE, WIDE_RANGE
+from hapticeval.phenomena.lag import delayed, find_lag
+from hapticeval.phenomena.sampling import above_force_floor, hand_velocity, log_step, standoff, touching
+from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
+from hapticeval.renderer import STIFFNESS_LIMITS, Spring
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class ApparentStiffness:
+    """The apparent stiffness, as a share of the scene's, at `ticks` (n,) of a recording; all arrays are (n,).
+
+    - `ratio`: by HIP and IHIP of the same tick; `low` and `high` its ends over all that a lag may have done.
+    - `allowed`: what a damper, the way's curvature and rounding may add; `allowed_in_lag` that with the largest speeds
+      within a lag.
+    - `depth`, m, and `rate`, m/s, at which it changes.
+    - `begins`: where a lag reaches to before or behind the contact.
+    """
+
+    ticks: IntArray
+    ratio: Array
+    low: Array
+    high: Array
+    allowed: Array
+    allowed_in_lag: Array
+    depth: Array
+    rate: Array
+    begins: BoolArray
+
+    @property
+    def excess(self) -> Array:
+        """Return how far a share is from one, beyond what is allowed: (n,)."""
+        return self.beyond((1.0, 1.0), self.allowed)
+
+    def beyond(self, shares: tuple[float, float], allowed: Array) -> Array:
+        """Return how far a share is outside of a least and a largest one, beyond what is `allowed` (n,): (n,).
+
+        Both are shares of the scene's stiffness, N/m.
+        """
+        return np.asarray(np.maximum(np.maximum(self.low - shares[1], shares[0] - self.high), 0.0) - allowed)
+
+    def rows(self, rows: BoolArray) -> ApparentStiffness:
+        """Return the samples of some `rows` (n,): stiffness as a share, depth in m."""
+        return ApparentStiffness(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+
+def declared_range(base: Recording) -> tuple[float, float] | None:
+    """Return the least and largest stiffness that the renderer declares, as shares of the scene's; None without.
+
+    A file may say more than a renderer may: it counts up to `STIFFNESS_LIMITS`.
+    """
+    softest = base.meta.get("stiffness_least")
+    if softest is None:
+        return None
+    lowest, highest = STIFFNESS_LIMITS
+    return max(float(softest), lowest), min(float(base.meta.get("stiffness_largest", highest)), highest)
+
+
+def declares_wide_range(base: Recording) -> bool:
+    """Return whether the declared stiffness varies by so much that it says next to nothing of the force's size."""
+    softest, stiffest = declared_range(base) or (1.0, 1.0)
+    return stiffest > WIDE_RANGE * softest
+
+
+def measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> ApparentStiffness:
+    """Measure the stiffness in each tick that calls for a force, and its ends over all lags that may explain it.
+
+    `spring` says whether the law is along the error or across the surface.
+    """
+    pressing = _calls_for_force(base, scene)
+    now = np.flatnonzero(pressing)
+    last = len(base) - 1
+    # (lags, n): the ticks within a lag of each, cut to the recording.
+    window = np.clip(now + np.arange(-LAG_TICKS, LAG_TICKS + 1)[:, np.newaxis], 0, last)
+    force, errors = base.force[now], _errors_within_lag(base, scene, now)
+    shares = np.array([_stiffness_share(force, candidate, scene.stiffness, spring) for candidate in errors])
+    along, depth = _depth_direction(force, errors[0], spring)
+    # A spring that gives nothing has no direction of its own: what it should have given is along the error.
+    silent = ~above_force_floor(base, scene)
+    idle = silent[now]
+    if idle.any():
+        shares[:, idle] = [
+            _stiffness_share(force[idle], candidate[idle], scene.stiffness, Spring.ERROR) for candidate in errors
+        ]
+        along[idle] = _depth_direction(force[idle], errors[0][idle], Spring.ERROR)[0]
+        depth[idle] = _sure_depth(base, scene, spring)[window[:, idle]].min(axis=0)
+    # Contact begins or ends within a lag, or the recording does, in which a late IHIP is then missing.
+    begins = np.isnan(shares).any(axis=0) | ~pressing[window].all(axis=0) | (now > last - LAG_TICKS)
+    # Where the contact begins or ends a force may be late, and is not larger than any depth within a lag explains.
+    reach = np.max([np.linalg.norm(candidate, axis=1) for candidate in errors], axis=0)
+    size = np.linalg.norm(force, axis=1)
+    if spring is Spring.ERROR:  # what is across the error is another check's
+        size = np.where(np.any(along != 0.0, axis=1), np.abs(np.sum(along * force, axis=1)), size)
+    depth[begins] = reach[begins]
+    # K_eff / K = |F| / (K e): as large as the largest depth within a lag makes it.
+    explained = np.divide(size, scene.stiffness * reach, out=np.zeros_like(size), where=reach > 0.0)
+    low, high = shares.min(axis=0), shares.max(axis=0)
+    if "spring" not in base.meta:
+        # A tool that stands off by s may be pulled from the surface or from where it stands: its depth is known to s.
+        gap = standoff(base, scene)
+        low *= np.divide(depth, depth + gap, out=np.ones_like(depth), where=depth > 0.0)
+        # Where it may be on the surface, no share is known, and that of no force is no NaN.
+        unknown = np.where(high < 0.0, -np.inf, np.inf)
+        high = np.divide(high * depth, depth - gap, out=unknown, where=depth > gap)
+    # There a force may be too large, and not too small.
+    low[begins], high[begins] = explained[begins], np.inf
+    velocity, sinking = hand_velocity(base), backward_difference(base.hip - base.ihip, base.time)
+    speeds = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
+    speed, spreading = (np.abs(np.sum(along * rates, axis=1)) for rates in (velocity[now], sinking[now]))
+    other_force = _undamped_other_force(base, scene, velocity, now, size, depth)
+    # (K_d v + G) / (K d): the share that damper, curvature and rounding may make.
+    with np.errstate(divide="ignore"):
+        allowed, allowed_in_lag = (
+            (scene.damping * rate + other_force) / (scene.stiffness * depth)
+            for rate in (np.maximum(speed, spreading), speeds[window].max(axis=0))
+        )
+    ratio = np.where(begins, explained, shares[0])
+    measured = ApparentStiffness(
+        now, ratio, low, high, allowed, allowed_in_lag, depth, np.sum(along * sinking[now], axis=1), begins
+    )
+    return measured.rows(depth > 0.0)
+
+
+def _errors_within_lag(base: Recording, scene: Scene, ticks: IntArray) -> list[Array]:
+    """Return HIP less IHIP at some `ticks` (n,), each (n, N), m: of one tick first, then all that a lag may pair."""
+    last = len(base) - 1
+    errors = [base.hip[ticks] - base.ihip[ticks]]
+    for lag in range(1, LAG_TICKS + 1):
+        before, after = np.maximum(ticks - lag, 0), np.minimum(ticks + lag, last)
+        # Late are the whole answer, the force alone, or the IHIP's record.
+        errors += [base.hip[hip] - base.ihip[ihip] for hip, ihip in ((before, ticks), (before, before), (ticks, after))]
+    # Where the depth has an extremum, those of whole ticks may all lie on one side of a lag's between them.
+    late = find_lag(base, scene)
+    errors.append(delayed(base.hip, ticks, late.force_hip) - delayed(base.ihip, ticks, late.force_ihip))
+    return errors
+
+
+def _undamped_other_force(
+    base: Recording, scene: Scene, velocity: Array, ticks: IntArray, sizes: Array, depths: Array
+) -> Array:
+    """Return how much of the force at `ticks` (n,) is open beside spring and damper, (n,), N: G of the bound.
+
+    `velocity` (rows, N), m/s, is the hand's at every tick; `sizes` (n,), N, and `depths` (n,), m, are the force's and
+    the depths at `ticks`. A law may know the curvature where none is declared; the rest is coarse or rounded numbers.
+    """
+    bending = np.zeros(ticks.size)
+    if "spring" not in base.meta:
+        bending = scene.mass * _curvature_acceleration(base, scene, velocity, ticks)
+    # What rounding leaves open of the difference of HIP and IHIP, m; a log gives both to half a step.
+    position_rounding = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depths)
+    position_rounding += 0.5 * log_step(base, "hip", "ihip")
+    return np.asarray(bending + force_coarseness(base, sizes) + scene.stiffness * position_rounding)
+
+
+def force_coarseness(base: Recording, sizes: Array) -> float:
+    """Return how coarse the force is, N: by half the step of a log, and by what is declared.
+
+    That counts up to a twentieth of the largest of `sizes` (n,), N: of a coarser one nothing could be told even there.
+    """
+    declared = min(float(base.meta.get("force_resolution", 0.0)), 0.5 * TELLING_SHARE * float(sizes.max()))
+    return declared + 0.5 * log_step(base, "force")
+
+
+def _calls_for_force(base: Recording, scene: Scene) -> BoolArray:
+    """Return where a force is called for, (n,): in contact, but where no force is given to a hand outside the model."""
+    pressing = touching(base, scene)
+    silent = np.flatnonzero(pressing & ~above_force_floor(base, scene))
+    if silent.size and not scene.bilateral:
+        pressing[silent] = scene.model.boundary.signed_distance(base.hip[silent]) < 0.0
+    return pressing
+
+
+def _sure_depth(base: Recording, scene: Scene, spring: Spring) -> Array:
+    """Return how deep the hand is by HIP and IHIP and by the model, whichever is less, (n,), m.
+
+    A spring across the surface has nothing to give above the tangent, as beside a neck with the IHIP on its other side.
+    """
+    boundary, error = scene.model.boundary, base.hip - base.ihip
+    if spring is Spring.ERROR:
+        depth = np.linalg.norm(error, axis=1)
+    else:
+        # Along the normal at the IHIP; nothing above its tangent plane.
+        depth = np.maximum(-np.sum(boundary.closest_point(base.ihip).normal * error, axis=1), 0.0)
+    return np.asarray(np.minimum(depth, np.abs(boundary.signed_distance(base.hip))))
+
+
+def _depth_direction(force: Array, error: Array, spring: Spring) -> tuple[Array, Array]:
+    """Return the unit direction (n, N) in which depth is measured, and the depth (n,), m; zero where there is none.
+
+    Along the error (n, N), m, or against the force (n, N), N, which is across the surface.
+    """
+    direction = error if spring is Spring.ERROR else -force
+    size = np.linalg.norm(direction, axis=1)
+    unit = np.divide(direction, size[:, np.newaxis], out=np.zeros_like(direction), where=size[:, np.newaxis] > 0.0)
+    return unit, np.abs(np.sum(unit * error, axis=1))
+
+
+def _stiffness_share(force: Array, error: Array, stiffness: float, spring: Spring) -> Array:
+    """Return the stiffness as a share of the scene's, (n,): -F.e / e^2, or F^2 / -F.e across the surface.
+
+    F is (n, N), N, and e = HIP - IHIP (n, N), m; not a number where there is nothing to divide by.
+    """
+    push = -np.sum(force * error, axis=1)
+    numerator, denominator = push, np.sum(error**2, axis=1)
+    if spring is not Spring.ERROR:
+        numerator, denominator = np.sum(force**2, axis=1), push
+    share = np.full(push.size, np.nan)
+    return np.asarray(np.divide(numerator, stiffness * denominator, out=share, where=denominator != 0.0))
+
+
+def largest_other_force(base: Recording, scene: Scene) -> Array:
+    """Return how large a damper's force is at most, and the curvature's of one that declares no spring: (n,), N."""
+    velocity = hand_velocity(base)
+    sinking = backward_difference(base.hip - base.ihip, base.time)
+    speed = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
+    bent = (
+        np.zeros(len(base))
+        if "spring" in base.meta
+        else _curvature_acceleration(base, scene, velocity, np.arange(len(base)))
+    )
+    return np.asarray(scene.damping * speed + scene.mass * bent)
+
+
+def _curvature_acceleration(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) -> Array:
+    """Return |kappa| v^2 of the way along the surface (3.8), (n,), m/s^2: what a law may add that knows it.
+
+    With v the speed of the hand, or of the IHIP since the tick before or to the next, whichever is largest: where the
+    curvature jumps, so does the IHIP's speed.
+    """
+    shape = scene.model.boundary.closest_point(base.ihip[ticks]).shape
+    largest = np.max(np.abs(np.linalg.eigvalsh(shape)), axis=1)
+    sliding = backward_difference(base.ihip, base.time)
+    after = np.minimum(ticks + 1, len(base) - 1)
+    speeds = (np.linalg.norm(velocities, axis=1) for velocities in (velocity[ticks], sliding[ticks], sliding[after]))
+    speed = np.max([*speeds], axis=0)
+    return np.asarray(largest * speed**2)

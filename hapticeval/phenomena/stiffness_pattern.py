@@ -1,0 +1,236 @@
+"""What a stiffness that is off goes with: in words the plainest cause, for whoever mends it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hapticeval.phenomena.decisions import (
+    CAUSE_SHARE,
+    FINE_GROUPS,
+    GROUP_SAMPLES,
+    LAG_TICKS,
+    SPIKE_SHARE,
+    TELLING_SHARE,
+)
+from hapticeval.phenomena.sampling import above_force_floor, mm
+from hapticeval.phenomena.stiffness import ApparentStiffness
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray, IntArray
+
+
+def describe_pattern(
+    base: Recording, scene: Scene, measured: ApparentStiffness, deviates: BoolArray
+) -> tuple[str, dict[str, Any]]:
+    """Return what the deviations go with, in words, and the numbers that show it."""
+    ticks, numbers = measured.ticks[deviates], {"share_off": float(deviates.mean())}
+    if measured.begins[deviates].all():
+        largest = float(np.linalg.norm(base.force[ticks], axis=1).max())
+        return f"a kick where the contact begins or ends: up to {largest:.3g} N", numbers | {"kicks": ticks.size}
+    inner = measured.rows(~measured.begins)
+    deviates = deviates[~measured.begins]
+    constant = _low_pass_constant(base, scene, inner.ticks)
+    if constant is not None:
+        filtered = f"it comes late, as behind a low-pass filter of {1e3 * constant:.3g} ms"
+        return filtered, numbers | {"low_pass_ms": 1e3 * constant}
+    # The plainest cause first: a missing force, then what goes with direction, depth, time or place.
+    quiet = _describe_missing_force(base, scene, inner, deviates)
+    if quiet is not None:
+        return quiet, numbers
+    middle = float(np.median(inner.ratio))
+    # The same everywhere: the spread is small beside the deviation.
+    uniform = np.max(np.abs(inner.ratio - middle)) <= CAUSE_SHARE * abs(middle - 1.0)
+    medians, explained = _explain_by_causes(base, inner, GROUP_SAMPLES)
+    if max(explained.values()) < CAUSE_SHARE and inner.ticks.size >= FINE_GROUPS * GROUP_SAMPLES:
+        explained = _explain_by_causes(base, inner, FINE_GROUPS)[1]
+    # Rounded, so that of causes that explain alike the first counts.
+    cause = max(explained, key=lambda name: round(explained[name], 2))
+    if deviates.mean() <= SPIKE_SHARE and (uniform or explained[cause] < CAUSE_SHARE):
+        return _describe_rare(base, inner.ticks[deviates]), numbers | {"spikes": ticks.size}
+    numbers |= {f"share_{key}": share for key, share in medians.items()}
+    if uniform and middle < 0.0:
+        return f"it pulls where it should push, {abs(middle):.3g} times as hard", numbers
+    if uniform:
+        percent = abs(1e2 * (middle - 1.0))
+        return f"{'stiffer' if middle > 1.0 else 'softer'} throughout, by {percent:.3g} per cent", numbers
+    if explained[cause] < CAUSE_SHARE:
+        return "it scatters", numbers
+    if cause in ("time", "place") and abs(explained["time"] - explained["place"]) <= TELLING_SHARE:
+        along_path = "it changes along the way, with time or with the place, which this path does not tell apart"
+        return f"{along_path} ({_describe_extremes(base, inner)})", numbers
+    if cause == "place":
+        return f"it depends on the place ({_describe_extremes(base, inner)})", numbers
+    first_side, second_side, verb = {
+        "direction": ("inwards", "outwards", "depends on the"),
+        "depth": ("shallow", "deep", "depends on the"),
+        "time": ("first", "last", "drifts with"),
+    }[cause]
+    first, second = medians[first_side], medians[second_side]
+    return (
+        f"it {verb} {cause} ({first:.3g} of the scene's stiffness {SIDES[first_side]}, {second:.3g} "
+        f"{SIDES[second_side]})",
+        numbers,
+    )
+
+
+def _low_pass_constant(base: Recording, scene: Scene, ticks: IntArray) -> float | None:
+    """Return the time constant T (s) of a low-pass filter F + T F' = s behind which the force is the spring's s.
+
+    By least squares over `ticks` (n,). None where that leaves more than a tenth of |s - F|^2, and without an IHIP.
+    """
+    if "ihip" not in base.channels:
+        return None
+    ticks = ticks[np.isin(ticks - 1, ticks)]
+    missing = scene.stiffness * (base.ihip[ticks] - base.hip[ticks]) - base.force[ticks]
+    change = (base.force[ticks] - base.force[ticks - 1]) / base.dt
+    power, common = float(np.sum(change**2)), float(np.sum(missing * change))
+    # |s - F - T F'|^2 at the T that makes it least is |s - F|^2 less common^2 / power.
+    if common <= 0.0 or common**2 < (1.0 - TELLING_SHARE) * power * float(np.sum(missing**2)):
+        return None
+    return common / power
+
+
+SIDES = {
+    "inwards": "on the way in",
+    "outwards": "on the way out",
+    "shallow": "at little depth",
+    "deep": "deep inside",
+    "first": "at first",
+    "last": "in the end",
+}
+"""Words for the samples of which medians are compared."""
+
+
+def _explain_by_causes(
+    base: Recording, measured: ApparentStiffness, count: int
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return medians of the stiffness on both sides of what it may go with, and the share that each explains.
+
+    Depths, times and places are divided into `count` groups.
+    """
+    time = base.time[measured.ticks]
+    # First and last, shallowest and deepest tenth of the samples.
+    early, late = np.quantile(time, (0.1, 0.9))
+    shallow, deep = np.quantile(measured.depth, (0.1, 0.9))
+    sides = {
+        "inwards": measured.rate > 0.0,
+        "outwards": measured.rate < 0.0,
+        "shallow": measured.depth <= shallow,
+        "deep": measured.depth >= deep,
+        "first": time <= early,
+        "last": time >= late,
+    }
+    medians = {name: _median(measured.ratio, rows) for name, rows in sides.items()}
+    groups = {
+        "direction": np.sign(measured.rate).astype(int)
+        if np.isfinite(medians["inwards"] - medians["outwards"])
+        else None,
+        "depth": _rank_groups(measured.depth, count),
+        "time": _rank_groups(time, count),
+        "place": _place_groups(base.ihip[measured.ticks], count) if "ihip" in base.channels else None,
+    }
+    explained = {
+        name: 0.0 if group is None else _explained_share(measured.ratio, group) for name, group in groups.items()
+    }
+    return medians, explained
+
+
+def _describe_missing_force(
+    base: Recording, scene: Scene, measured: ApparentStiffness, deviates: BoolArray
+) -> str | None:
+    """Return words for a force that is missing: up to a depth, or for stretches of time; None where it is there."""
+    # A force that is small with its depth, and larger than the spring's, is not missing.
+    silent = ~above_force_floor(base, scene)[measured.ticks] & (measured.ratio < 1.0)
+    if not (silent & deviates).any():
+        return None
+    depths = measured.depth
+    if "ihip" in base.channels and base.apart.any():
+        depths = np.linalg.norm(base.hip - base.ihip, axis=1)[measured.ticks]
+    depth = float(depths[silent].max())
+    # All that is silent is shallower than all that is not: a dead band.
+    if depth <= float(depths[~silent].min(initial=np.inf)):
+        gives = f"{scene.stiffness * depth:.3g} N"
+        return f"a dead band: no force up to a depth of {mm(depth)}, where the spring gives {gives}"
+    if np.mean(silent[deviates]) < CAUSE_SHARE:
+        return None
+    ticks = measured.ticks[silent]
+    longest, others_note = _longest_run(ticks)
+    return f"no force {_describe_stretch(base, longest)}{others_note}"
+
+
+def _describe_rare(base: Recording, ticks: IntArray) -> str:
+    """Return words for few ticks that are off: spikes, where none lasts for longer than a lag, else a stretch."""
+    longest, others_note = _longest_run(ticks)
+    if longest.size > LAG_TICKS:
+        return f"off {_describe_stretch(base, longest)}{others_note}"
+    gaps = np.diff(ticks)
+    # Every so many ticks: the gaps differ by a tenth of their mean at the most.
+    regular = gaps.size > 1 and gaps.mean() > 1.0 and np.ptp(gaps) <= TELLING_SHARE * gaps.mean()
+    period = f", every {round(gaps.mean())} ticks" if regular else ""
+    return f"spikes: {ticks.size} tick{'s' if ticks.size > 1 else ''} off{period}"
+
+
+def _longest_run(ticks: IntArray) -> tuple[IntArray, str]:
+    """Return the longest run of consecutive ticks, and words for that there are others."""
+    stretches = np.split(ticks, np.flatnonzero(np.diff(ticks) > 1) + 1)
+    others = f", the longest of {len(stretches)} such stretches" if len(stretches) > 1 else ""
+    return max(stretches, key=len), others
+
+
+def _describe_stretch(base: Recording, ticks: IntArray) -> str:
+    plural = "s" if ticks.size > 1 else ""
+    return (
+        f"for {ticks.size} tick{plural} from t = {base.time[ticks[0]]:.4g} s to {base.time[ticks[-1]]:.4g} s, with the "
+        f"hand round {mm(*base.hip[ticks].mean(axis=0))}"
+    )
+
+
+def _describe_extremes(base: Recording, measured: ApparentStiffness) -> str:
+    """Return words for where the stiffness is least and where it is largest."""
+    group = _place_groups(base.ihip[measured.ticks], GROUP_SAMPLES)
+    medians = [float(np.median(measured.ratio[group == number])) for number in range(group.max() + 1)]
+    words = []
+    for number in (int(np.argmin(medians)), int(np.argmax(medians))):
+        rows = measured.ticks[group == number]
+        words.append(f"{medians[number]:.3g} of the scene's stiffness round {mm(*base.ihip[rows].mean(axis=0))}")
+    return ", ".join(words)
+
+
+def _rank_groups(values: Array, count: int) -> IntArray:
+    """Return the group, of so many, of each value (n,): as many values in each, equal ones in one."""
+    edges = np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1])
+    return np.searchsorted(edges, values)
+
+
+def _place_groups(points: Array, count: int) -> IntArray:
+    """Return the group, of up to so many, of each point (n, N): the longest is halved across until there are enough."""
+    group = np.zeros(len(points), dtype=np.int64)
+    for number in range(1, count):
+        spans = [float(np.ptp(points[group == other], axis=0).max()) for other in range(number)]
+        if max(spans) == 0.0:
+            break
+        rows = np.flatnonzero(group == int(np.argmax(spans)))
+        along = points[rows, int(np.argmax(np.ptp(points[rows], axis=0)))]
+        # The longest group is cut in the middle of its longest side.
+        group[rows[along > 0.5 * (along.min() + along.max())]] = number
+    return group
+
+
+def _explained_share(ratio: Array, group: IntArray) -> float:
+    """Return the share of the variance of the ranks of `ratio` (n,) that groups (n,) explain, 0 to 1.
+
+    Ranks, for a ratio may be of any size where the depth is next to nothing.
+    """
+    # 1 - (variance within the groups) / (variance of all), of ranks
+    ranks = np.unique(np.round(ratio, 6), return_inverse=True)[1]
+    group = np.unique(group, return_inverse=True)[1]
+    count = np.bincount(group)
+    means = np.bincount(group, ranks) / count
+    variance = float(np.var(ranks))
+    return float(np.var(means[group])) / variance if variance > 0.0 else 0.0
+
+
+def _median(ratio: Array, where: BoolArray) -> float:
+    return float(np.median(ratio[where])) if int(where.sum()) >= GROUP_SAMPLES else float("nan")
