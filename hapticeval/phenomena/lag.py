@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import weakref
 from collections.abc import Callable
 from functools import cache, partial
 from typing import NamedTuple
@@ -20,7 +19,7 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
     WHOLE_LAG,
 )
-from hapticeval.phenomena.sampling import above_force_floor, rounding, touching
+from hapticeval.phenomena.sampling import above_force_floor, once_a_recording, rounding, touching
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
@@ -49,23 +48,13 @@ class Lag(NamedTuple):
         return max(self.force_hip, self.force_ihip + self.ihip, 0.0)
 
 
+@once_a_recording
 def find_lag(recording: Recording, scene: Scene) -> Lag:
     """Return the lags of a run, found once for a recording; 0 for a channel that was not recorded.
 
     A lag is believed where it explains nine tenths of what is off without it (`TELLING_SHARE`); what is explained
     without one has none, and neither has what no single lag explains: a latency that changes from tick to tick.
     """
-    known = _LAGS.get(recording)
-    # Kept as long as the recording is, for the scene that was asked last.
-    if known is None or known[0]() is not scene:
-        known = _LAGS[recording] = weakref.ref(scene), _find_lag(recording, scene)
-    return known[1]
-
-
-_LAGS: weakref.WeakKeyDictionary[Recording, tuple[weakref.ref[Scene], Lag]] = weakref.WeakKeyDictionary()
-
-
-def _find_lag(recording: Recording, scene: Scene) -> Lag:
     if "ihip" not in recording.channels:
         return Lag(0.0, 0.0, 0.0)
     force_hip, force_ihip = _find_force_lag(recording, scene) if "force" in recording.channels else (0.0, 0.0)

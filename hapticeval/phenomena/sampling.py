@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import weakref
+from collections.abc import Callable
+from functools import wraps
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,6 +25,9 @@ from hapticeval.recordings.recording import SINGLE, Recording, backward_differen
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
+Found = TypeVar("Found")
+"""What is found of a recording in a scene."""
+
 LED = ("playback", "replay")
 """Sources of recordings in which the hand was led along a given path, whatever the force."""
 
@@ -38,6 +44,23 @@ def hand_velocity(recording: Recording) -> Array:
     return backward_difference(recording.hip, recording.time)
 
 
+def once_a_recording(find: Callable[[Recording, Scene], Found]) -> Callable[[Recording, Scene], Found]:
+    """Return a function of a recording and a scene that finds its answer once, for the scene that was asked last.
+
+    The answer lasts as long as the recording, and is shared: it must not be written to.
+    """
+    answers: weakref.WeakKeyDictionary[Recording, tuple[weakref.ref[Scene], Found]] = weakref.WeakKeyDictionary()
+
+    @wraps(find)
+    def found_once(recording: Recording, scene: Scene) -> Found:
+        known = answers.get(recording)
+        if known is None or known[0]() is not scene:
+            known = answers[recording] = weakref.ref(scene), find(recording, scene)
+        return known[1]
+
+    return found_once
+
+
 def touching(recording: Recording, scene: Scene) -> BoolArray:
     """Return where the tool is in contact, (n,): what all checks mean by contact, found once for a recording.
 
@@ -47,16 +70,10 @@ def touching(recording: Recording, scene: Scene) -> BoolArray:
     - without one, what the renderer reports;
     - of one that reports nothing, an IHIP apart from the HIP that does not trail the hand: see `trailing`.
     """
-    known = _TOUCHING.get(recording)
-    # Kept as long as the recording is, for the scene that was asked last.
-    if known is None or known[0]() is not scene:
-        known = _TOUCHING[recording] = weakref.ref(scene), _touching(recording, scene)
-    return known[1].copy()
+    return _touching(recording, scene).copy()
 
 
-_TOUCHING: weakref.WeakKeyDictionary[Recording, tuple[weakref.ref[Scene], BoolArray]] = weakref.WeakKeyDictionary()
-
-
+@once_a_recording
 def _touching(recording: Recording, scene: Scene) -> BoolArray:
     """Find what `touching` returns."""
     if scene.bilateral:

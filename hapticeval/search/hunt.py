@@ -22,6 +22,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.quantity import plural
+from hapticeval.recordings.recording import path_velocities
 from hapticeval.renderer import Renderer
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.work import seed_all
@@ -264,8 +265,7 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
         """Return the IHIP (N,), m, with the hand at rest at `hip` (N,), m, after the path up to sample `before`."""
         seed_all(seed)
         hand_path = np.vstack([hips[: before + 1], np.tile(hip, (LAG_TICKS + 1, 1))])
-        # v_i = (x_i - x_(i-1)) / dt, m/s, and zero at the start
-        velocity = np.diff(hand_path, axis=0, prepend=hand_path[:1]) / scene.sampling_time
+        velocity = path_velocities(hand_path, scene.sampling_time)
         return np.asarray(run_path(renderer_instance, hand_path, velocity, scene.sampling_time, scene=scene).ihip[-1])
 
     # Of a proxy that lags the hand has made the step before the IHIP jumps.

@@ -16,7 +16,7 @@ import numpy as np
 from hapticeval.effects.effect import Effect, Part, Stage
 from hapticeval.errors import DomainError, RefusalError, in_m
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.recordings.recording import backward_difference
+from hapticeval.recordings.recording import path_velocities
 from hapticeval.renderer import Batch, CompiledStep, Renderer, Response, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -105,7 +105,7 @@ class Affected:
         Returns IHIPs (n, N), m, and forces (n, N), N. Raises as `step` does.
         """
         hips = np.array(hips, dtype=np.float64, order="C")
-        velocities = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
+        velocities = path_velocities(hips, dt)
         self.reset(hips[0])
         # all bare answers first, and then the changes: the base never sees what the effects make of them
         if abilities_of(self.base).run:

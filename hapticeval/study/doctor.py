@@ -29,7 +29,7 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.sampling import note_cut_standoff
 from hapticeval.quantity import format_duration
-from hapticeval.recordings.recording import SINGLE, backward_difference
+from hapticeval.recordings.recording import SINGLE, path_velocities
 from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import Problem
@@ -257,7 +257,7 @@ def _hand_path(scene: Scene, standoff: float) -> HandPath:
 def _answers_along(case: Case, hips: Array, dt: float) -> tuple[Array, Array]:
     """Return IHIPs (n, N), m, and forces (n, N), N, of a reset and a step for each of `hips` (n, N), m; `dt` in s."""
     # As the runner does: the velocity from this sample and the last one.
-    velocity = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
+    velocity = path_velocities(hips, dt)
     reset_checked(case.renderer, hips[0])
     answers = [step_checked(case.renderer, k, hip, velocity[k], dt) for k, hip in enumerate(hips)]
     return np.array([ihip for ihip, _ in answers]), np.array([force for _, force in answers])

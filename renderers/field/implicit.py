@@ -124,7 +124,7 @@ def _between(nodes: Any, shares: Sequence[float]) -> tuple[float, list[float]]:
     return low + share * (high - low), [high - low, *slopes]
 
 
-EXACT, GRID = "exact", "grid"
+GRID = "grid"
 TRACKED, NORMAL, GRADIENT = "tracked", "normal", "gradient"
 TURNS, RETURNS, HALVINGS = 4, 4, 40
 """Tangent planes a tick, steps back to the surface on each, and halvings of the way in to the first contact."""

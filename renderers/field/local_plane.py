@@ -63,7 +63,7 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from hapticeval.scene import Scene
 
-PLAIN, RECOVERY = "plain", "recovery"
+RECOVERY = "recovery"
 EARLY = 1e-6
 """Share of a tick by which sums of ticks fall short of a time by rounding."""
 

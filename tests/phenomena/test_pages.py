@@ -1,11 +1,10 @@
-"""Every check has its page, in plain sentences, and what is printed of it is what stands there."""
+"""Every check has its page, and what is printed of it is what stands there."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
 from pathlib import Path
-from statistics import mean
 
 import pytest
 from refusals import Refusals
@@ -17,13 +16,6 @@ from hapticeval.phenomena.registry import OWN
 FOLDER = Path(__file__).parents[2] / "docs" / "checks"
 HEADINGS = ["Bound", "What it does not see", "When it fails"]
 TOY = "# toy\n\nIs it *weak*,\nas `toys` are?\n\n## Bound\n\nHalf a [newton](x.md).\n\nNo more.\n\n- derivation\n"
-
-
-def sentences(text: str) -> list[list[str]]:
-    """Split a page into sentences and items, as lists of words; a formula or a name in back quotes is a word."""
-    plain = re.sub(r"^#.*$", "", re.sub(r"`[^`]*`", "x", text), flags=re.MULTILINE)
-    parts = re.split(r"(?<=[.?:!;])\s|\n[-\d]|\n\n", plain)
-    return [words for part in parts if (words := part.split())]
 
 
 def test_every_check_has_a_page_and_every_page_a_check() -> None:
@@ -42,11 +34,8 @@ def test_a_page_has_the_parts_that_a_reader_looks_for(check: str) -> None:
 
 
 @pytest.mark.parametrize("check", OWN)
-def test_the_bound_is_said_in_a_few_lines_and_every_sentence_is_short(check: str) -> None:
-    page = read_page(OWN[check])
-    assert len(page.bound.split()) <= 65
-    assert max(map(len, sentences(page.text))) <= 40
-    assert mean(map(len, sentences(page.text))) <= 20
+def test_the_bound_is_said_in_a_few_lines(check: str) -> None:
+    assert len(read_page(OWN[check]).bound.split()) <= 65
 
 
 @pytest.mark.parametrize("check", OWN)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -59,18 +60,20 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # Slower runs tell v^2 from what else the error may grow with.
     everything = [base, *(runs.at_speed(factor) for factor in slower if runs.at_speed is not None)]
     terms = [_regression_terms(recording, scene) for recording in everything]
-    ticks, errors, pushes, costs, rings, sizes = zip(*terms, strict=True)
-    cost = np.concatenate(costs)
+    cost = np.concatenate([term.cost for term in terms])
     if cost.size < REGRESSION_SAMPLES:
         return undecided("the tool hardly touches the surface")
     largest = float(np.max(np.abs(cost)))
     if largest <= LEAST_CENTRIPETAL:
         return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide over a curved surface")
+    error, push = (np.concatenate([getattr(term, name) for term in terms]) for name in ("error", "push"))
     # block_diag: each run rings with a phase of its own.
-    share, deviation = _fit_share(np.concatenate(errors), np.concatenate(pushes), cost, block_diag(*rings))
+    share, deviation = _fit_share(error, push, cost, block_diag(*(term.rings for term in terms)))
     # In the time that a force is held the normal turns by this angle, and so the force leans.
-    bound = HOLD_TICKS * max(sizes) * base.dt
-    tick = int(ticks[0][np.argmax(np.abs(costs[0]))]) if ticks[0].size else int(np.argmax(touching(base, scene)))
+    bound = HOLD_TICKS * max(term.turning for term in terms) * base.dt
+    ticks, tick = terms[0].ticks, int(np.argmax(touching(base, scene)))
+    if ticks.size:
+        tick = int(ticks[np.argmax(np.abs(terms[0].cost))])
     evidence: dict[str, object] = {
         **evidence_at(base, tick),
         "centripetal_error_m": share * largest,
@@ -139,17 +142,26 @@ def _force_off_spring(recording: Recording, scene: Scene) -> float | None:
     return stiffness_ratio if is_off else None
 
 
-def _regression_terms(recording: Recording, scene: Scene) -> tuple[IntArray, Array, Array, Array, Array, float]:
-    """Return the columns of the regression over the samples in contact, once the tool is under way.
+class _Terms(NamedTuple):
+    """The columns of the regression of one run, with a row for each of its `ticks` (n,); errors are (n,), m, outwards.
 
-    - The tick of each, (n,); then three errors, (n,), m:
-    - the distance from the surface, outwards;
-    - the part of it that the operator's push makes;
-    - the centripetal cost, kappa v_t^2 m / K_p, outwards: what a spring pays that supplies (3.8) alone, as the assigned
+    - `error`: the distance from the surface; `push`: the part of it that the operator's push makes.
+    - `cost`: the centripetal one, kappa v_t^2 m / K_p: what a spring pays that supplies (3.8) alone, as the assigned
       dynamics answer to it.
-    - How a spring without a damper rings, (n, 2) or (n, 0): see `_ringing_columns`.
-    - The largest |kappa| v_t, rad/s: the rate at which the normal turns.
+    - `rings`: how a spring without a damper rings, (n, 2) or (n, 0): see `_ringing_columns`.
+    - `turning`: the largest |kappa| v_t, rad/s: the rate at which the normal turns.
     """
+
+    ticks: IntArray
+    error: Array
+    push: Array
+    cost: Array
+    rings: Array
+    turning: float
+
+
+def _regression_terms(recording: Recording, scene: Scene) -> _Terms:
+    """Return the columns of the regression over the samples in contact, once the tool is under way."""
     frame = scene.model.boundary.closest_point(recording.hip)
     turning, speed2 = _normal_turning(frame, recording.velocity)
     push = np.zeros(len(recording))
@@ -166,7 +178,7 @@ def _regression_terms(recording: Recording, scene: Scene) -> tuple[IntArray, Arr
     judged = judged & _under_way(recording, scene, bearing)
     fastest = float(np.max(turning[judged], initial=0.0))
     rings = _ringing_columns(recording.time[judged], scene)
-    return np.flatnonzero(judged), frame.distance[judged], share[judged], cost[judged], rings, fastest
+    return _Terms(np.flatnonzero(judged), frame.distance[judged], share[judged], cost[judged], rings, fastest)
 
 
 def _after_strike(bearing: BoolArray) -> BoolArray:
