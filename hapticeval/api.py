@@ -222,7 +222,7 @@ class Results:
         """
         document = self.document
         # 1: a verdict is not as it must be, or the run was cut short. 2: every run was refused. Else an error's own.
-        differs = not document.complete or any(map(document.stops, document.verdicts))
+        differs = not document.complete or bool(document.stopping)
         codes = [run.error.exit_code for run in document.runs if run.error]
         return max([int(differs or self.stopped), 2 * int(document.all_refused), *codes])
 

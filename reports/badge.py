@@ -34,7 +34,7 @@ def badge_words(results: ResultsDocument) -> tuple[str, str]:
     if not judged:
         return "nothing judged", "lightgrey"
     # Red is what fails a gate, whatever the share that passes.
-    if any(map(results.stops, results.verdicts)):
+    if results.stopping:
         return text, "red"
     return text, "brightgreen" if passed == judged else "yellow"
 

@@ -214,10 +214,12 @@ def headline(results: ResultsDocument) -> str:
         return "Every renderer refused every case"
     broken = sum(run.error is not None for run in results.runs)
     # Incomplete runs have been dealt with: what is counted here did run.
-    unexpected = sum(verdict.standing.unexpected for verdict in results.verdicts)
+    unexpected = len(results.stopping)
     inherent = sum(verdict.standing is Standing.INHERENT for verdict in results.verdicts)
     are = "is" if unexpected == 1 else "are"
-    parts = [f"{unexpected:,} of {_plural(results.ran, 'verdict')} {are} not as expected"] * bool(unexpected)
+    parts = [f"{unexpected:,} of {_plural(results.ran, 'verdict')} {are} not as expected{results.strict_words}"] * bool(
+        unexpected
+    )
     parts += [f"{_plural(broken, 'run')} broke"] * bool(broken)
     if not results.verdicts and not parts:
         return "No verdict was given"
@@ -231,7 +233,7 @@ def is_sound(results: ResultsDocument) -> bool:
         results.complete
         and not results.all_refused
         and not any(run.error for run in results.runs)
-        and not any(map(results.stops, results.verdicts))
+        and not results.stopping
     )
 
 

@@ -87,11 +87,7 @@ class SuiteSection:
     citation: str
     grid: Grid
     counts: Sequence[tuple[Standing, int]]
-
-    @property
-    def grave(self) -> bool:
-        """Return whether anything here is not as expected."""
-        return any(standing.unexpected for standing, _ in self.counts)
+    grave: bool
 
 
 class ClosedFormTable(NamedTuple):
@@ -188,7 +184,13 @@ class ReportView:
     @property
     def unexpected_count(self) -> int:
         """How many verdicts are not as expected."""
-        return sum(count for standing, count in self.counts if standing.unexpected)
+        return len(self.results.stopping)
+
+    @property
+    def unexpected_standings(self) -> Sequence[Standing]:
+        """The standings of what is not as expected in this run."""
+        strict = self.results.command.strict
+        return [standing for standing in Standing if standing.unexpected or (strict and standing.stops_strict)]
 
     @property
     def failing_standings(self) -> Sequence[Standing]:
@@ -294,7 +296,13 @@ class ReportView:
             ordered = [(standing, counts[standing]) for standing in Standing if counts[standing]]
             sections.append(
                 SuiteSection(
-                    name, suite.label, suite.title or name, suite.citation, case_grid(self.results, name), ordered
+                    name,
+                    suite.label,
+                    suite.title or name,
+                    suite.citation,
+                    case_grid(self.results, name),
+                    ordered,
+                    any(verdict.suite == name for verdict in self.results.stopping),
                 )
             )
         return sections

@@ -209,7 +209,8 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
         for verdict in gravest_first(results.verdicts)
         if verdict.standing in (Standing.WARNING, Standing.OUTDATED)
     ]
-    for title, verdicts in (("Not as expected, the worst first", grave), ("Warnings", warned)):
+    warnings = "Warnings" + ", which stop the gate by --strict" * results.command.strict
+    for title, verdicts in (("Not as expected, the worst first", grave), (warnings, warned)):
         if verdicts:
             lines = []
             for verdict in verdicts[:MOST_LISTED]:

@@ -80,8 +80,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
 
 def _stopping_verdicts(results: ResultsDocument) -> list[VerdictEntry]:
     """Return what stops the gate, the worst first: errors, then by how many bounds they are away."""
-    stops = [verdict for verdict in results.verdicts if results.stops(verdict)]
-    return sorted(stops, key=lambda verdict: verdict.severity, reverse=True)
+    return sorted(results.stopping, key=lambda verdict: verdict.severity, reverse=True)
 
 
 def github_annotations(results: ResultsDocument) -> str:
@@ -298,8 +297,6 @@ def _not_applicable_reasons(results: ResultsDocument) -> Iterator[str]:
 def _totals_words(results: ResultsDocument, *, verbose: bool) -> str:
     """Return how many verdicts ran, with which outcomes, and how long that took."""
     standings = [verdict.standing for verdict in results.verdicts]
-    unexpected = sum(standing.unexpected for standing in standings)
-    counting = " (warnings count)" * (results.command.strict and Standing.WARNING in standings)
     hidden = (
         ""
         if verbose or not any(standing.excused for standing in standings)
@@ -308,7 +305,8 @@ def _totals_words(results: ResultsDocument, *, verbose: bool) -> str:
     ran = f"{results.ran} of {plural(results.planned, 'planned verdict')} ran"
     if not results.complete:
         ran += f" (incomplete: {results.reason})"
-    counts = f"{ran}: {counts_in_words(standings)}; {unexpected or 'none'} not as expected{counting}{hidden}"
+    unexpected = f"{len(results.stopping) or 'none'} not as expected{results.strict_words}"
+    counts = f"{ran}: {counts_in_words(standings)}; {unexpected}{hidden}"
     return f"{counts}\n{_time_words(results.timing)}"
 
 

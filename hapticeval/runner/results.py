@@ -26,7 +26,7 @@ from hapticeval.files import digest_of, plain, read_json, without_non_finite, wr
 from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
 from hapticeval.quantity import format_quantity, plural
 from hapticeval.recordings.difference import Difference
-from hapticeval.runner.standing import Standing
+from hapticeval.runner.standing import Standing, counts_in_words
 
 if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
@@ -556,6 +556,17 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
     def stops(self, verdict: VerdictEntry) -> bool:
         """Return whether a verdict stops the gate of this run."""
         return verdict.stops(strict=self.command.strict)
+
+    @cached_property
+    def stopping(self) -> list[VerdictEntry]:
+        """The verdicts that stop the gate of this run: what is not as expected, and with --strict more."""
+        return [verdict for verdict in self.verdicts if self.stops(verdict)]
+
+    @property
+    def strict_words(self) -> str:
+        """Which of `stopping` would not stop a gate that is not strict, behind their number; "" where there is none."""
+        strict_only = [verdict.standing for verdict in self.stopping if not verdict.standing.unexpected]
+        return f" (by --strict: {counts_in_words(strict_only)})" if strict_only else ""
 
 
 def results_schema() -> dict[str, Any]:

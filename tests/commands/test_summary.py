@@ -28,7 +28,7 @@ def test_warnings_are_shown_and_counted():
     relaxed = summary(results_of(should), [])
     assert "warning: fail: r on s/c/" in relaxed
     assert "1 warn; none not as expected\n" in relaxed
-    assert "1 warn; none not as expected (warnings count)\n" in summary(results_of(should, strict=True), [])
+    assert "1 warn; 1 not as expected (by --strict: 1 warn)\n" in summary(results_of(should, strict=True), [])
 
 
 def test_what_is_inherent_is_counted_and_shown_with_its_reason_on_demand():

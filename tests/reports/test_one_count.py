@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 from reports_synthetic import synthetic_results, synthetic_run, verdict
 from result_entries import changed
 
+from hapticeval.api import Results
 from hapticeval.commands.summary import summary
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.reports.badge import badge_words
+from hapticeval.reports.grid import is_sound
 from hapticeval.reports.junit import junit
 from hapticeval.reports.pages import ReportView, render_pages
 from hapticeval.reports.table import markdown
@@ -47,11 +49,36 @@ def test_each_standing_can_be_had(standing):
     assert entry(standing, 0).standing is standing
 
 
-@given(standings=st.lists(st.sampled_from(Standing), min_size=1, max_size=12))
-def test_one_count_and_one_set_of_words(standings):
+def results_with(standings, *, strict=False):
     verdicts = [entry(standing, number) for number, standing in enumerate(standings)]
     runs = [synthetic_run(f"c{number}", "plain", "circle") for number in range(len(standings))]
-    results = synthetic_results(verdicts=verdicts, runs=runs)
+    return synthetic_results(verdicts=verdicts, runs=runs, strict=strict)
+
+
+@given(standings=st.lists(st.sampled_from(Standing), min_size=1, max_size=12), strict=st.booleans())
+def test_texts_count_as_not_as_expected_what_the_exit_code_stops_for(standings, strict):
+    results = results_with(standings, strict=strict)
+    stops = sum(results.stops(verdict) for verdict in results.verdicts)
+    assert Results(results).exit_code == int(stops > 0)
+    strict_only = [Standing.WARNING, Standing.OUTDATED] if strict else []
+    words = counts_in_words(standing for standing in standings if standing in strict_only)
+    reason = f" (by --strict: {words})" if set(standings) & set(strict_only) else ""
+    assert f"; {stops or 'none'} not as expected{reason}" in summary(results, [])
+    title = markdown(results).splitlines()[0]
+    assert (f" not as expected{reason}" in title) == (stops > 0)
+    assert ("Every verdict is as expected" in title) == (stops == 0)
+    assert is_sound(results) == (stops == 0)
+    assert (badge_words(results)[1] == "red") == (stops > 0)
+    view = ReportView(results)
+    assert view.unexpected_count == sum(standing in view.unexpected_standings for standing in standings) == stops
+    assert any(section.grave for section in view.suites) == (stops > 0)
+    failed = sum(child.tag in ("failure", "error") for case in ET.fromstring(junit(results)).iter() for child in case)
+    assert failed == stops
+
+
+@given(standings=st.lists(st.sampled_from(Standing), min_size=1, max_size=12))
+def test_one_count_and_one_set_of_words(standings):
+    results = results_with(standings)
     words = counts_in_words(standings)
     assert f"verdicts ran: {words}" in summary(results, []).replace("verdict ran", "verdicts ran")
     assert f"verdicts ran: {words}" in markdown(results).replace("verdict ran", "verdicts ran")
