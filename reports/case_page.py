@@ -19,7 +19,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.recordings.recording import OWN_TOOL, Recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import Look, looks_of
 from hapticeval.reports.case_data import Track, drawable_recording, model_document, sample_tracks, tracks_document
 from hapticeval.reports.case_figure import (
@@ -315,7 +315,7 @@ def case_section(
         enclosing_names=enclosing_names,
         shown=differing_renderers(judged, drawn_names, worst),
         drawn_names=drawn_names,
-        own_tools=[name for name, recording in drawable.items() if is_led and recording.meta.get(OWN_TOOL) is True],
+        own_tools=[name for name, recording in drawable.items() if is_led and recording.own_tool],
         problems={name: reason for name, reason in recordings.items() if isinstance(reason, str)},
         figures=figures,
         data=_script_data(tracks, panels, model, looks, names, crosses) if tracks else "",

@@ -51,8 +51,8 @@ GLOSSARY: Mapping[str, str] = MappingProxyType(
         "IHIP": "ideal haptic interface point: where the renderer puts the tool, on the surface; others call it proxy "
         "or god-object",
         "unexpected": "not as expected: a check that must pass fails or cannot decide, the renderer breaks, or the "
-        "outcome is not the published one; with --strict also a warning, and a listed failure that passes now. A known or "
-        "an inherent failure is expected",
+        "outcome is not the published one; with --strict also a warning, and a listed failure that passes now. A "
+        "known or an inherent failure is expected",
         "as expected": "the published outcome; where none is published, whatever stops no gate: a pass, a failure that "
         "is known or inherent, a warning",
         "inherent": "a failure that follows by a theorem from what the renderer declares to be, such as a spring or "

@@ -40,16 +40,15 @@ def has_answer(run: Recording) -> BoolArray:
 def answers_apart(runs: Runs, other: Recording, scene: Scene, *, forces: bool = True) -> Array:
     """Return how far the answers of another run are apart from those of the base, row by row: (n,), m.
 
-    IHIPs, and forces as lengths: by the stiffness, or, of a renderer that answers a stimulus whole, by m / dt^2 where
-    that is more.
+    IHIPs, and forces as lengths: by the stiffness, or, of a tool that moves by itself, by m / dt^2 where that is more.
 
-    Its forces are means over a tick with the impulses of all events in it, and move its tool by so much.
+    Such a tool's forces are means over a tick with the impulses of all events in it, and move its tool by so much.
     """
     base = runs.base
     distance = np.linalg.norm(base.ihip - other.ihip, axis=1)
     if forces:
         # A force F held for dt moves a mass m by F dt^2 / m: as a length it is F / (m / dt^2).
-        event_stiffness = 0.0 if runs.subdivided is not None else scene.mass / base.dt**2
+        event_stiffness = scene.mass / base.dt**2 if base.own_tool else 0.0
         distance = np.maximum(
             distance, np.linalg.norm(base.force - other.force, axis=1) / max(scene.stiffness, event_stiffness)
         )
@@ -144,8 +143,8 @@ def compare_runs(
         allowed += STEEP_FACTOR * steepness(runs, hand + declared, scene)
         if among is not None:
             exempt = among(runs, scene)
-    if runs.subdivided is None:
-        # A renderer that answers a stimulus whole has events at instants that it has to find.
+    if base.own_tool:
+        # A tool that moves by itself has events at instants that its renderer has to find.
         known = SAME_SIMULATED_ANSWER * scene.model.size
         allowed += known - SAME_ANSWER * scene.model.size
         if np.any(change > allowed + SAME_ANSWER * scene.model.size) and runs.moved is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.decisions import FOCAL_EIGENVALUE, HOLD_TICKS, PLACE_ROUNDING, SLIDE_SHARE, SPEED_ROUNDING
 from hapticeval.phenomena.verdict import Finding, Outcome, undecided
-from hapticeval.recordings.recording import OWN_TOOL, Recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -28,7 +28,7 @@ def never_across(recording: Recording, message: str, evidence: dict[str, object]
     A controller that is not drawn off it leaves that open. A renderer whose own tool it is, a rigid one, has no such
     motion on any stimulus.
     """
-    if recording.meta.get(OWN_TOOL) is True:
+    if recording.own_tool:
         message = (
             "the renderer's own tool is rigid on the surface: it is never off it, and has nothing to come back from"
         )

@@ -422,6 +422,11 @@ class Recording:
         return apart
 
     @property
+    def own_tool(self) -> bool:
+        """Whether the positions are those of the renderer's own tool, which moves in forces: see `OWN_TOOL`."""
+        return self.meta.get(OWN_TOOL) is True
+
+    @property
     def resolution(self) -> float:
         """Length of surface over which the renderer's representation is blurred, m."""
         return float(self.meta.get("resolution", 0.0))

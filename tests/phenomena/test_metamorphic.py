@@ -14,7 +14,7 @@ from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import OWN_TOOL, Recording
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
@@ -185,8 +185,19 @@ def test_a_restated_scene_is_granted_rounding_of_the_hand_its_damper_and_what_is
     hand = 4.0 * 2.0**-52 * 2e-3
     allowed = hand * (1.0 + 2.0 * damping / (1000.0 * 5e-4)) + resolution + 1e-12 * scene.model.size
     base, other = (pressed(off, meta={"resolution": resolution}) for off in (0.0, share * allowed))
-    runs = Runs(base, reordered=lambda: other, subdivided=lambda: base)
+    runs = Runs(base, reordered=lambda: other)
     assert found("vertex-order", runs, scene).outcome is expected
+
+
+@pytest.mark.parametrize(("own", "share"), [(False, 1e-12), (True, 1e-9)])
+@pytest.mark.parametrize(("times", "expected"), [(0.99, Outcome.PASS), (1.01, Outcome.FAIL)])
+def test_only_a_tool_that_moves_by_itself_is_known_to_a_billionth_of_the_model(own, share, times, expected):
+    """A closed loop has no `subdivided` either, and its renderer answers tick by tick: a trillionth."""
+    scene = Scene(model=line(), stiffness=1000.0)
+    hand = 4.0 * 2.0**-52 * 2e-3
+    allowed = hand + share * scene.model.size
+    base, other = (pressed(off, meta={OWN_TOOL: True} if own else {}) for off in (0.0, times * allowed))
+    assert found("vertex-order", Runs(base, reordered=lambda: other), scene).outcome is expected
 
 
 @pytest.mark.parametrize("damping", [0.0, 100.0])
@@ -197,5 +208,5 @@ def test_beside_another_renderer_single_precision_of_the_answer_is_granted(dampi
     single = 4.0 * 2.0**-23
     step = single * (scene.model.size + 2e-3)
     allowed = (1.0 + 2.0 * damping / (1000.0 * 1e-3)) * step + single * 2.0 / 1000.0 + 1e-12 * scene.model.size
-    runs = Runs(pressed(), in_turns=lambda: pressed(share * allowed), subdivided=pressed)
+    runs = Runs(pressed(), in_turns=lambda: pressed(share * allowed))
     assert found("two-at-once", runs, scene).outcome is expected

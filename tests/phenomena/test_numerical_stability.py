@@ -255,7 +255,7 @@ def test_of_two_motions_that_which_is_further_off_is_named_and_forces_are_none_u
         def moved(motion, nudge):
             return run(*((0.0, 0.0) if any(nudge) else turned if motion.scale == 1.0 else scaled))
 
-        runs = Runs(run(0.0, 0.0), moved=moved, subdivided=lambda: run(0.0, 0.0))
+        runs = Runs(run(0.0, 0.0), moved=moved)
         finding = found(CHECK, runs, scene)
         return finding.evidence["motion"], finding.metric.value * scene.model.size
 

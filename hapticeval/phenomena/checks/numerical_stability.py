@@ -85,7 +85,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     steep = steepness(runs, hand + declared, scene) if suspect else np.zeros(len(base))
     # The hand's rounding, what is declared, and what both become where the answer is steep.
     allowed = hand + declared + STEEP_FACTOR * steep
-    if runs.subdivided is None and np.any(change > allowed + ANSWER_CHANGE * size):
+    if base.own_tool and np.any(change > allowed + ANSWER_CHANGE * size):
         # A tool that moves by itself is known to the bound: what it meets within half of that is a tie on which side.
         change = apart_beside_ties(runs, apart_in_motions, 0.5 * ANSWER_CHANGE * size, scene).max(axis=0)
     on_surface = np.zeros(len(base))
