@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from time import perf_counter
 from typing import NamedTuple, cast
 
@@ -512,7 +513,10 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
     first_rows = parties[0][1]  # only the first renderer's answers are recorded
     answers = Answers.room(first_rows.hip)
     for begin in range(0, len(first_rows.dt), TURN):
-        answers_of_turn = [_lead_on(renderer, rows.part(begin, begin + TURN), begin) for renderer, rows in parties]
+        answers_of_turn = [
+            _lead_on(renderer, rows.part(begin, begin + TURN), begin, partial(rows.part, 0, begin))
+            for renderer, rows in parties
+        ]
         for column, answered in zip(answers, answers_of_turn[0], strict=True):
             column[begin : begin + TURN] = answered
     time, hips = first[1].sampled(dt)
@@ -572,17 +576,27 @@ class Closeup:
         hip = np.where(share == 1.0, end, start + share * (end - start))
         fine_rows = Rows(hip, (end - start) / (factor * dt)[:, np.newaxis], dt)
         fine_rows = fine_rows.followed_by(Rows.resting(hip[-1], float(dt[-1]), lag))
-        fine_answers = _lead_on(renderer, fine_rows, tick)
+        fine_answers = _lead_on(
+            renderer,
+            fine_rows,
+            tick,
+            lambda: self._rows_since_reset(first + 1).followed_by(rest_rows),
+            ahead=self._subject.ahead,
+        )
         answers = Answers(*(np.concatenate(pair) for pair in zip(rest_answer, fine_answers, strict=True)))
         time = self.recording.time[first] + np.concatenate([[0.0], np.cumsum(fine_rows.dt)])
         rows = rest_rows.part(-1, rest_rows.dt.size).followed_by(fine_rows)
         channels = {"hip": rows.hip, **channels_of(answers), "velocity": rows.velocity}
         recording = Recording(time, channels, {**self.recording.meta, "dt": float(dt[-1])})
-        before = self._before.followed_by(self._rows.part(0, first + 1)).followed_by(rest_rows.part(0, -1))
+        before = self._rows_since_reset(first + 1).followed_by(rest_rows.part(0, -1))
         closer = Closeup(recording, rows, before, self._subject)
         if copy is not None:
             closer._copies[0] = copy
         return closer
+
+    def _rows_since_reset(self, count: int) -> Rows:
+        """What the renderer has been asked before row `count` of the path."""
+        return self._before.followed_by(self._rows.part(0, count))
 
     def _tick(self, row: int) -> int:
         """As errors count it, from where the path begins."""
@@ -610,9 +624,9 @@ class Closeup:
             return copy
         # it cannot be copied: led from its reset again
         renderer = self._subject.renderer
-        rows = self._before.followed_by(self._rows.part(0, row + 1))
+        rows = self._rows_since_reset(row + 1)
         reset_checked(renderer, rows.hip[0])
-        _lead_on(renderer, rows, -self._subject.ahead)
+        _lead_on(renderer, rows, -self._subject.ahead, partial(rows.part, 0, 0))
         return renderer
 
     def _copy_after(self, row: int) -> Renderer | None:
@@ -625,14 +639,20 @@ class Closeup:
         if nearest >= 0:
             renderer = subject.copy(self._copies[nearest])
         else:
-            reset_checked(subject.renderer, self._before.followed_by(self._rows).hip[0])
-            _lead_on(subject.renderer, self._before, -subject.ahead)
+            reset_checked(subject.renderer, self._rows_since_reset(1).hip[0])
+            _lead_on(subject.renderer, self._before, -subject.ahead, partial(self._before.part, 0, 0))
             renderer = subject.renderer
         if renderer is None:
             return None
-        _lead_on(renderer, self._rows.part(nearest + 1, row + 1), self._tick(nearest + 1))
+        _lead_on(
+            renderer,
+            self._rows.part(nearest + 1, row + 1),
+            self._tick(nearest + 1),
+            lambda: self._rows_since_reset(nearest + 1),
+            ahead=subject.ahead,
+        )
         copy = subject.copy(renderer) if nearest < 0 else renderer
-        if copy is not None and subject.proves_copies(copy, self._rows.part(row + 1, row + 1 + PROOF_TICKS)):
+        if copy is not None and self._proves_copies(copy, row + 1):
             self._copies[row] = copy
             if len(self._copies) > MOST_COPIES:
                 # the copy whose neighbours are closest together is the one that is missed least
@@ -642,6 +662,24 @@ class Closeup:
                 ]
             return copy
         return None
+
+    def _proves_copies(self, renderer: Renderer, row: int) -> bool:
+        """Whether copies are independent: of a handle to a state elsewhere a copy is the same state once more.
+
+        Two copies are led along the same rows from `row` on one after the other, and must give the same answers to the
+        bit.
+        """
+        subject = self._subject
+        if not subject.proved:
+            rows, tick = self._rows.part(row, row + PROOF_TICKS), self._tick(row)
+            answers = []
+            for _ in range(2):
+                copy = subject.copy(renderer)
+                if copy is None:
+                    return False
+                answers.append(_lead_on(copy, rows, tick, lambda: self._rows_since_reset(row), ahead=subject.ahead))
+            subject.copies = subject.proved = all(map(np.array_equal, *(answer[:2] for answer in answers)))
+        return subject.copies
 
 
 MOST_COPIES = 16
@@ -671,30 +709,32 @@ class _Original:
             self.copies = False
             return None
 
-    def proves_copies(self, renderer: Renderer, rows: Rows) -> bool:
-        """Whether copies are independent: of a handle to a state elsewhere a copy is the same state once more.
 
-        Two copies are led along the same rows one after the other, and must give the same answers to the bit.
-        """
-        if not self.proved:
-            answers = []
-            for _ in range(2):
-                copy = self.copy(renderer)
-                if copy is None:
-                    return False
-                answers.append(_lead_on(copy, rows, 0))
-            self.copies = self.proved = all(map(np.array_equal, *(answer[:2] for answer in answers)))
-        return self.copies
-
-
-def _lead_on(renderer: Renderer, rows: Rows, first: int) -> Answers:
+def _lead_on(renderer: Renderer, rows: Rows, first: int, since_reset: Callable[[], Rows], *, ahead: int = 0) -> Answers:
     """The answers of a renderer that is led on without a reset. Errors count ticks from `first` on.
 
-    By its compiled `law` or its `lead`, where it has one, as far as that answers: what that refuses its `step` words.
+    By its compiled `law` or its `lead`, where it has one: what a law refuses its `step` words. A `lead` that raises has
+    gone nobody knows how far. The renderer then steps from a reset along `since_reset`, the rows that it was led along
+    before (of which `ahead` lead the hand in), and these ones, for the tick at which it breaks; where no step does,
+    `lead` itself is to blame.
     """
     answers = Answers.room(rows.hip)
     ihips, forces, _ = answers
-    answered = _lead_at_once(renderer, rows, answers, first)
+    try:
+        answered = _lead_at_once(renderer, rows, answers, first)
+    except (Exception, SystemExit) as error:
+        before = since_reset()
+        reset_checked(renderer, before.followed_by(rows).hip[0])
+        _answer_each(renderer, before, Answers.room(before.hip), range(before.dt.size), 0, ahead)
+        _answer_each(renderer, rows, answers, range(rows.dt.size), max(first, 0), max(-first, 0))
+        raise blame_renderer(
+            "lead()",
+            error,
+            tick=max(first, 0),
+            hip=rows.hip[0],
+            why="its step() takes the same path without an error",
+            todo="make lead() equal to a step() a row from where the last one ended",
+        ) from error
     not_finite_rows = ~np.isfinite([ihips[:answered], forces[:answered]]).all(axis=(0, 2))
     if not_finite_rows.any():
         row = int(np.argmax(not_finite_rows))
@@ -705,16 +745,18 @@ def _lead_on(renderer: Renderer, rows: Rows, first: int) -> Answers:
 
 
 def _lead_at_once(renderer: Renderer, rows: Rows, answers: Answers, first: int) -> int:
-    """Write what a renderer answers in one call, and return how many rows that are: none where it cannot."""
+    """Write what a renderer answers in one call, and return how many rows that are: none where it cannot.
+
+    Raises what its `lead` raises.
+    """
     abilities, count = abilities_of(renderer), rows.dt.size
     # compiled first: it says itself how far it got; a `lead` in Python answers all rows or none
     if abilities.law is not None and count:
         note_run(first)
         return abilities.law.lead(*rows, answers)[0]
     if abilities.lead and count:
-        with suppress(Exception):  # it does not say where it broke; single steps do
-            answers.ihip[:], answers.force[:] = renderer.lead(*(column.copy() for column in rows))  # type: ignore[attr-defined]
-            answers.contact[:] = _reported_contacts(renderer, count)
-            count_answer()
-            return count
+        answers.ihip[:], answers.force[:] = renderer.lead(*(column.copy() for column in rows))  # type: ignore[attr-defined]
+        answers.contact[:] = _reported_contacts(renderer, count)
+        count_answer()
+        return count
     return 0

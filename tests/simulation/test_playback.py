@@ -15,7 +15,15 @@ from hapticeval.renderer import Declaration, Response, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.simulation.playback import Closeup, compare_batch, play, play_while_defined, run_path, step_checked
+from hapticeval.simulation.playback import (
+    Closeup,
+    compare_batch,
+    play,
+    play_in_turns,
+    play_while_defined,
+    run_path,
+    step_checked,
+)
 from hapticeval.stimulus.stimulus import Experiment, Path
 
 PATH = Path(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [0.1, 0.0]]))
@@ -263,6 +271,72 @@ def test_a_broken_answer_in_one_call_is_named_with_tick_and_hip(refused):
     with refused(RendererError) as caught:
         look.closer(60, 62, 4, lag=2)
     assert caught.value.tick == 51
+
+
+class Counts(Echo):
+    """Pushes with as many newtons as it has had ticks; raises at a HIP beyond `bound` (m), and its `lead` alone there.
+
+    Whatever raises in the middle of a `lead` has had the ticks before.
+    """
+
+    bound = lead_bound = 2.0
+
+    def reset(self, hip):
+        self.ticks = 0
+
+    def step(self, hip, velocity, dt):
+        if hip[0] > self.bound:
+            raise IndexError("no such face")
+        self.ticks += 1
+        return Response(hip, np.array([0.0, float(self.ticks)]))
+
+    def lead(self, hips, velocities, dt):
+        answers = []
+        for hip, velocity, step in zip(hips, velocities, dt, strict=True):
+            if hip[0] > self.lead_bound:
+                raise IndexError("no such row")
+            answers.append(self.step(hip, velocity, step))
+        return tuple(map(np.array, zip(*answers, strict=True)))
+
+
+class CountsAlone(Counts):
+    def __deepcopy__(self, memo):
+        raise TypeError("not to be copied")
+
+
+@pytest.mark.parametrize("kind", [Counts, CountsAlone])
+def test_a_lead_that_breaks_at_a_row_is_blamed_at_the_tick_of_that_row(refused, monkeypatch, kind):
+    """Fine ticks are counted on from that of the path: the 9th fine step of four a tick is beyond 52 mm."""
+    renderer = kind()
+    look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
+    look.closer(10, 12, 4, lag=2)  # copies are proved to be such
+    monkeypatch.setattr(Counts, "bound", 0.0521)
+    with refused(RendererError) as caught:
+        look.closer(50, 54, 4, lag=2)
+    assert "step()" in caught.value.what
+    assert caught.value.tick == 50 + 8
+    assert caught.value.hip[0] == pytest.approx(0.05225)
+
+
+@pytest.mark.parametrize("kind", [Counts, CountsAlone])
+def test_a_lead_that_breaks_where_steps_do_not_is_an_error_of_its_own(refused, monkeypatch, kind):
+    renderer = kind()
+    look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
+    look.closer(10, 12, 4, lag=2)
+    monkeypatch.setattr(Counts, "lead_bound", 0.0521)
+    with refused(RendererError) as caught:
+        look.closer(50, 54, 4, lag=2)
+    assert "lead()" in caught.value.what
+    assert caught.value.why == "its step() takes the same path without an error"
+
+
+def test_in_turns_a_lead_that_breaks_is_blamed_at_the_tick_of_its_step(refused):
+    first, second = Counts(), Counts()
+    first.bound = 0.0205
+    scene = Scene(model=line())
+    with refused(RendererError) as caught:
+        play_in_turns((first, PATH, scene), (second, PATH, scene), 0.01)
+    assert (caught.value.tick, second.ticks) == (21, 16)
 
 
 def test_a_tick_after_the_way_in_is_found_in_a_log_of_the_renderer():
