@@ -13,6 +13,11 @@ while true
       stiffness = m.stiffness;
     case {'step', 'run'}
       if strcmp(m.call, 'run'), hips = m.hips; else hips = m.hip'; end
+      if ~isnumeric(hips) || any(isnan(hips(:)))  % null: there is no number
+        answer.refuse = 'a hand without a position';
+        disp(jsonencode(answer)); fflush(stdout);
+        continue
+      end
       ihips = hips;
       for k = 1:size(hips, 1)
         p = hips(k, :) - a;

@@ -26,10 +26,13 @@ scene: dict = {}
 for line in sys.stdin:
     message = json.loads(line)
     call, answer = message["call"], {"id": message["id"]}
+    missing = any(None in hip for hip in message.get("hips", [message.get("hip", [])]))  # null: there is no number
     if call == "hello":
         answer.update(version=1, name="penalty", supports=["plane"], spring=True, run=True)
     elif call == "scene":
         scene = message
+    elif missing:
+        answer["refuse"] = "a hand without a position"
     elif call == "step":
         answer["ihip"], answer["force"], answer["contact"] = step(message["hip"], scene)
     elif call == "run":

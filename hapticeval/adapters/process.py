@@ -84,6 +84,11 @@ class Child:
         self._failure: RendererError | None = None
         self._close = weakref.finalize(self, _end_child, self._process, self._in, self._errors)
 
+    @property
+    def has_failed(self) -> bool:
+        """Whether it was ended for what it did, and answers no more."""
+        return self._failure is not None
+
     def ask(self, call: str, patience: float, *, most_bytes: int = ANSWER_BYTES, **entries: Any) -> dict[str, Any]:
         """Return the child's answer to a message. Raises `RendererError` where there is none that makes sense.
 
@@ -92,7 +97,8 @@ class Child:
         if self._failure is not None:
             raise self._failure
         self._id += 1
-        message = json.dumps({"id": self._id, "call": call, **entries}).encode() + b"\n"
+        # NaN and Infinity are Python's, and no JSON: a number that is missing is null, see `_plain`.
+        message = json.dumps({"id": self._id, "call": call, **entries}, allow_nan=False).encode() + b"\n"
         deadline = time.monotonic() + patience
         while True:
             line = self._exchange(message, call, deadline, patience, most_bytes)
@@ -218,6 +224,13 @@ def _dies_with_parent() -> Callable[[], None] | None:
     return call
 
 
+def _plain(numbers: Array) -> list[Any]:
+    """Return numbers of any shape, in their own unit, as JSON has them: null for what is not finite."""
+    plain = numbers.astype(object)
+    plain[~np.isfinite(numbers)] = None
+    return list(plain.tolist())
+
+
 def _excerpt(value: Any) -> str:
     return " ".join(str(value).split())[:EXCERPT_LENGTH]
 
@@ -255,9 +268,7 @@ class ProcessFactory:
 
     def __call__(self, scene: Scene) -> ProcessRenderer:
         """Start a process for a scene."""
-        child = Child(self.command)
-        _say_hello(child)
-        return ProcessRenderer(child, self.hello, scene)
+        return ProcessRenderer(self.command, self.hello, scene)
 
 
 def process(command: str) -> ProcessFactory:
@@ -337,10 +348,23 @@ class ProcessRenderer:
     not say.
     """
 
-    def __init__(self, child: Child, hello: Hello, scene: Scene) -> None:
-        self._child, self._outside = child, Outside(scene, hello.max_error)
+    def __init__(self, command: tuple[str, ...], hello: Hello, scene: Scene) -> None:
+        self._command, self._outside = command, Outside(scene, hello.max_error)
         self.contact: bool | BoolArray | None = None
-        facets = self._outside.facets
+        self._child, answer = self._start()
+        lengths = _read_lengths(self._child, answer, "standoff", "resolution")
+        self._margin = lengths["standoff"]
+        # Attributes that a renderer has only where they hold: see `Outside.lengths`.
+        self.__dict__.update(self._outside.lengths(**lengths))
+        self.declares = _declaration(self._child, hello, answer)
+        self._batch = hello.run
+        self.supports = hello.supports
+
+    def _start(self) -> tuple[Child, dict[str, Any]]:
+        """Start a process, give it the scene, and return it with its answer to that."""
+        scene, facets = self._outside.scene, self._outside.facets
+        child = Child(self._command)
+        _say_hello(child)
         answer = child.ask(
             "scene",
             START_PATIENCE,
@@ -356,25 +380,24 @@ class ProcessRenderer:
                 why=_excerpt(answer["refuse"]),
                 todo="choose another case",
             )
-        lengths = _read_lengths(child, answer, "standoff", "resolution")
-        self._margin = lengths["standoff"]
-        # Attributes that a renderer has only where they hold: see `Outside.lengths`.
-        self.__dict__.update(self._outside.lengths(**lengths))
-        self.declares = _declaration(child, hello, answer)
-        self._batch = hello.run
-        self.supports = hello.supports
+        return child, answer
 
     def reset(self, hip: Array) -> None:
-        """Start a run with the hand at `hip` (N,), m. Raises `DomainError` where the process refuses it."""
+        """Start a run with the hand at `hip` (N,), m, in another process where the last one was ended.
+
+        Raises `DomainError` where the process refuses it.
+        """
         hip = np.asarray(hip, dtype=np.float64)
         self.contact = None
+        if self._child.has_failed:
+            self._child, _ = self._start()
         tool = self._outside.tool(hip, self._margin)
-        self._check_refusal(self._child.ask("reset", PATIENCE, hip=hip.tolist(), tool=tool.tolist()), hip)
+        self._check_refusal(self._child.ask("reset", PATIENCE, hip=_plain(hip), tool=_plain(tool)), hip)
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the process refuses it."""
         hip = np.asarray(hip, dtype=np.float64)
-        entries = {"hip": hip.tolist(), "velocity": np.asarray(velocity).tolist(), "dt": float(dt)}
+        entries: dict[str, Any] = {"hip": _plain(hip), "velocity": _plain(np.asarray(velocity)), "dt": float(dt)}
         answer = self._child.ask("step", PATIENCE, **entries)
         self._check_refusal(answer, hip)
         self.contact = bool(answer["contact"]) if "contact" in answer else None
@@ -411,7 +434,7 @@ class ProcessRenderer:
         """Return IHIPs (n, N), m, and forces (n, N), N, along HIPs (n, N), m, in equal steps of `dt` (s)."""
         # An answer has IHIPs and forces: two numbers for each of the HIPs' coordinates.
         patience, most_bytes = PATIENCE + TICK_PATIENCE * len(hips), ANSWER_BYTES + 2 * NUMBER_BYTES * hips.size
-        entries = {"hips": hips.tolist(), "velocities": velocities.tolist(), "dt": float(dt)}
+        entries = {"hips": _plain(hips), "velocities": _plain(velocities), "dt": float(dt)}
         answer = self._child.ask("run", patience, most_bytes=most_bytes, **entries)
         self._check_refusal(answer, hips[0])
         ihips, forces = (self._numbers(answer, name, hips.shape) for name in ("ihips", "forces"))

@@ -47,7 +47,7 @@ for line in sys.stdin:
     elif call == "bye":
         break
     else:
-        exec({{"hello": {hello!r}, "scene": {scene!r}, "step": {step!r}}}[call])
+        exec({{"hello": {hello!r}, "scene": {scene!r}, "step": {step!r}, "run": {run!r}}}[call])
 """
 
 
@@ -55,9 +55,9 @@ for line in sys.stdin:
 def command(tmp_path: Path) -> Callable[..., str]:
     """Write a process with code put into it; return its name."""
 
-    def written(hello: str = "", scene: str = "", step: str = "pass") -> str:
+    def written(hello: str = "", scene: str = "", step: str = "pass", run: str = "pass") -> str:
         file = tmp_path / "mine.py"
-        file.write_text(MINE.format(hello=hello, scene=scene, step=step))
+        file.write_text(MINE.format(hello=hello, scene=scene, step=step, run=run))
         adapter._hello_of.cache_clear()
         return f"cmd:{shlex.join([sys.executable, str(file)])}"
 
@@ -105,7 +105,7 @@ def test_the_reference_client_answers_as_the_nearest_point(example: str) -> None
 
 @pytest.mark.parametrize("name", ["mine.py", "mine.m"])
 def test_the_reference_clients_are_short(name: str) -> None:
-    assert len((PROCESS / name).read_text().splitlines()) <= 40
+    assert len((PROCESS / name).read_text().splitlines()) <= 45
 
 
 def test_it_is_judged_by_its_name(example: str) -> None:
@@ -156,6 +156,51 @@ def test_an_answer_that_makes_no_sense_ends_it(
 def test_an_answer_that_is_not_finite_is_handed_on(command: Callable[..., str], number: str) -> None:
     renderer = make_process_renderer(command(step=f"say(id=id, ihip=[{number}, 0], force=[0, 0])"))
     assert np.isnan(renderer.step(np.zeros(2), np.zeros(2), DT).ihip[0])
+
+
+STRICT = """
+def no_json(word):
+    sys.exit(word + " is no JSON")
+json.loads(line, parse_constant=no_json)
+"""
+ON_TOP = "top = [*m['hip'][:2], max(m['hip'][2], 0.05)]; depth = top[2] - m['hip'][2]"
+SPRING = f"{ON_TOP}; say(id=id, ihip=top, force=[0.0, 0.0, 1000.0 * depth])"
+
+
+def test_a_number_that_is_missing_is_null_to_a_strict_parser(command: Callable[..., str]) -> None:
+    """Null in Python is None, at which a comparison raises: NaN would have ended the process as the line was read."""
+    renderer = make_process_renderer(command(step=STRICT + "say(id=id, ihip=m['velocity'], force=m['hip'])"))
+    nowhere = np.array([np.nan, 1.0])
+    renderer.reset(np.zeros(2))
+    ihip, force = renderer.step(nowhere, np.array([np.inf, -np.inf]), DT)
+    np.testing.assert_array_equal(force, nowhere)
+    assert np.isnan(ihip).all()
+
+
+def test_after_a_child_that_was_ended_a_reset_starts_another(refused: Refusals, command: Callable[..., str]) -> None:
+    name = command(step=STRICT + "sys.exit(3) if None in m['hip'] else say(id=id, ihip=m['hip'], force=[1.0, 2.0])")
+    renderer = make_process_renderer(name)
+    renderer.reset(np.zeros(2))
+    for _ in range(2):
+        with refused(RendererError):
+            renderer.step(np.full(2, np.nan), np.zeros(2), DT)
+    renderer.reset(np.zeros(2))
+    np.testing.assert_array_equal(renderer.step(np.ones(2), np.zeros(2), DT).force, [1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("missing", "drop_out"),
+    [("say(id=id, refuse='no hand')", "pass"), ("sys.exit(3)", "fail"), ("say(id=id, error='no hand')", "fail")],
+)
+def test_a_child_without_a_hand_has_to_refuse_and_not_to_die(
+    command: Callable[..., str], missing: str, drop_out: str
+) -> None:
+    """What is asked after `drop-out` is answered by another process: none of it is an error."""
+    name = command(step=f"{STRICT}\nif None in m['hip']: {missing}\nelse:\n    {SPRING}")
+    results = hapticeval.run(name, suites=["field"], select="press-and-leave", workers=0)
+    outcomes = {verdict.check: verdict.outcome for verdict in results.verdicts}
+    assert outcomes.pop("drop-out") == drop_out
+    assert "error" not in outcomes.values()
 
 
 @pytest.mark.parametrize(
