@@ -28,7 +28,15 @@ from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.simulation.playback import Closeup, compare_batch, play, play_in_turns, play_while_defined, timed_steps
+from hapticeval.simulation.playback import (
+    Closeup,
+    ask_without_hip,
+    compare_batch,
+    play,
+    play_in_turns,
+    play_while_defined,
+    timed_steps,
+)
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
 from hapticeval.types import Array
@@ -179,19 +187,8 @@ class _RunFactory:
     def dropped_out(self, tick: int) -> tuple[Array | None, Array | None]:
         """Ask for a tick without a HIP, and for the one after it; see `Runs.dropped_out`."""
         dt, hips = self.scene.sampling_time, self.path().points
-        renderer = cast("Renderer", self.renderer)
-        before = Path(dt * np.arange(tick, dtype=np.float64), hips[:tick])
-        self.record(before, dt)
-        missing = np.full_like(hips[tick], np.nan)
-
-        def force_for(hip: Array, velocity: Array) -> Array | None:
-            """Return the force (N,), N, at a hip (N,), m, with a velocity (N,), m/s; None where it refuses."""
-            try:
-                return np.asarray(renderer.step(hip, velocity, dt)[1], dtype=np.float64)
-            except Exception:  # a refusal is what a renderer of any kind may raise
-                return None
-
-        return force_for(missing, missing), force_for(hips[tick], np.zeros_like(hips[tick]))
+        self.record(Path(dt * np.arange(tick, dtype=np.float64), hips[:tick]), dt)
+        return ask_without_hip(cast("Renderer", self.renderer), hips[tick], dt)
 
     def subdivided(self) -> Recording:
         """Record the path with another HIP half way between each two, at half the time step; see `Runs.subdivided`."""

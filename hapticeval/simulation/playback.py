@@ -347,6 +347,23 @@ def reset_checked(renderer: Renderer, hip: Array) -> None:
             raise error.placed(0, hip) from error
 
 
+def ask_without_hip(renderer: Renderer, hip: Array, dt: float) -> tuple[Array | None, Array | None]:
+    """Return a renderer's forces (N,), N, for a tick (`dt` s) without a HIP, and for one at `hip` (N,), m, after it.
+
+    None for a tick that it refuses, by whatever it raises.
+    """
+
+    def force_for(hip: Array, velocity: Array) -> Array | None:
+        try:
+            return np.asarray(renderer.step(hip, velocity, dt)[1], dtype=np.float64)
+        except Exception:  # a refusal is what a renderer of any kind may raise
+            return None
+
+    nowhere = np.full_like(hip, np.nan)
+    # The velocity is a difference of places: of one that is missing it is missing too.
+    return force_for(nowhere, nowhere.copy()), force_for(hip.copy(), np.zeros_like(hip))
+
+
 def observe_force_checked(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
     """Call `renderer.observe_force(push)` with the measured `push` (N,), N, of a hand at `hip` (N,), m.
 

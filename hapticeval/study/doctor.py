@@ -26,15 +26,16 @@ from hapticeval.errors import (
     renderer_errors,
 )
 from hapticeval.geometry.catalogue import make_model
+from hapticeval.phenomena.checks.drop_out import fault_without_hip
 from hapticeval.phenomena.decisions import LAG_TICKS
-from hapticeval.phenomena.sampling import note_cut_standoff
+from hapticeval.phenomena.sampling import force_floor, note_cut_standoff
 from hapticeval.quantity import format_duration
 from hapticeval.recordings.recording import SINGLE, path_velocities
 from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import Problem
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import reset_checked, step_checked
+from hapticeval.simulation.playback import ask_without_hip, reset_checked, step_checked
 from hapticeval.types import Array
 from hapticeval.workers import Ended, Overdue, Workers
 
@@ -407,22 +408,17 @@ def _check_batch(case: Case) -> StateAndText:
 
 
 def _check_non_finite(case: Case) -> StateAndText:
-    """Check that a HIP that is not finite is refused, and leaves nothing behind."""
+    """Check that a HIP that is not finite gets no force or is refused, and leaves nothing behind."""
     dt, hips = case.scene.sampling_time, case.path.hips[: case.path.deep + 1]
     before = _answers_along(case, hips, dt)
-    # NaN in every coordinate, as of a broken sensor.
-    nowhere = np.full_like(hips[0], np.nan)
-    try:
-        answer = case.renderer.step(nowhere, np.zeros_like(nowhere), dt)
-        finite = all(np.isfinite(np.asarray(values, dtype=np.float64)).all() for values in answer)
-    except Exception:  # as it should
-        finite = False
+    answer, after = ask_without_hip(case.renderer, hips[-1], dt)
     # Whatever it answered: after a reset it must be as before, to the bit.
     if not all(map(np.array_equal, before, _answers_along(case, hips, dt))):
         return State.MISSING, "after a HIP that is not finite, and a reset, it answers otherwise than before"
-    if finite:
-        return State.MISSING, "it answers finite numbers to a HIP that is not finite: refuse it, so that a motor stops"
-    return State.OK, "a HIP that is not finite is not answered"
+    fault = fault_without_hip(answer, after, force_floor(case.scene))
+    if fault:
+        return State.MISSING, f"{fault}: refuse it, or return no force, before any state is touched"
+    return State.OK, f"a HIP that is missing {'is refused' if answer is None else 'gets no force'}"
 
 
 def _check_speed(case: Case) -> StateAndText:

@@ -121,11 +121,13 @@ def test_a_drop_out_is_asked_only_where_a_renderer_can_be():
 @pytest.mark.parametrize(
     ("answers", "expected", "words"),
     [
-        ((None, None), PASS, "is refused"),
+        ((None, np.ones(2)), PASS, "is refused"),
         ((np.zeros(2), np.ones(2)), PASS, "gets no force"),
         ((np.array([0.0, 3.0]), np.ones(2)), FAIL, "gets 3 N"),
         ((np.full(2, np.nan), np.ones(2)), FAIL, "no number"),
         ((None, np.full(2, np.nan)), FAIL, "any more"),
+        ((None, None), FAIL, "next one is refused"),
+        ((np.zeros(2), None), FAIL, "next one is refused"),
     ],
 )
 def test_what_a_missing_position_gets(answers, expected, words):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import hapticeval
 from hapticeval.cli import main
 from hapticeval.commands.authors import ANSWER_SECONDS
 from hapticeval.study import doctor
@@ -58,6 +59,24 @@ class Wears(Good):
 class Blind(Good):
     def step(self, hip, velocity, dt):
         return super().step(np.nan_to_num(hip), velocity, dt)
+
+class Rests(Good):
+    def step(self, hip, velocity, dt):
+        return super().step(hip, velocity, dt) if np.isfinite(hip).all() else (hip, 0.0 * np.nan_to_num(hip))
+
+class Passes(Good):
+    def step(self, hip, velocity, dt):
+        return super().step(hip, velocity, dt) if np.isfinite(hip).all() else (hip, hip)
+
+class Locks(Good):
+    locked = False
+    def reset(self, hip):
+        self.locked = False
+    def step(self, hip, velocity, dt):
+        self.locked = self.locked or not np.isfinite(hip).all()
+        if self.locked:
+            raise ValueError("no hand")
+        return super().step(hip, velocity, dt)
 
 class Other(Good):
     def run(self, hips, dt):
@@ -157,6 +176,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("Sticks", {"leaving": "missing"}),
         ("Wears", {"reset": "missing", "non-finite": "missing"}),
         ("Blind", {"non-finite": "missing"}),
+        ("Rests", {}),
+        ("Passes", {"non-finite": "missing"}),
+        ("Locks", {"non-finite": "missing"}),
         ("Other", {"batch": "missing"}),
         ("Dies", dict.fromkeys(("contact", "leaving", "reset", "reset inside", "non-finite", "speed"), "broke")),
         ("Three", {"batch": "broke"}),
@@ -172,6 +194,16 @@ def test_what_ails_a_renderer_is_found(here: Path, name: str, ails: dict[str, st
     found = list(examine(f"patients:{name}", patience=ANSWER_SECONDS))
     assert {each.what: str(each.state) for each in found if each.state in (State.MISSING, State.BROKE)} == ails
     assert doctor.exit_code(found) == (3 if "broke" in ails.values() else int(bool(ails)))
+
+
+@pytest.mark.parametrize(
+    ("name", "passes"),
+    [("Good", True), ("Rests", True), ("Blind", False), ("Passes", False), ("Locks", False)],
+)
+def test_the_check_of_a_missing_position_says_the_same(here: Path, name: str, passes: bool) -> None:
+    """As the doctor above: one rule."""
+    results = hapticeval.run(f"patients:{name}", suites=["field"], select="round-a-circle/drop-out", workers=0)
+    assert [verdict.outcome for verdict in results.verdicts] == ["pass" if passes else "fail"]
 
 
 def test_one_that_hangs_is_given_up_where_it_hangs(here: Path) -> None:

@@ -8,36 +8,52 @@ from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.sampling import evidence_at, force_floor
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+
+def fault_without_hip(answer: Array | None, after: Array | None, floor: float) -> str:
+    """Return what is wrong with forces (N,), N, in a tick without a HIP and in the next, which has one; "" for nothing.
+
+    None stands for a refusal, and what is at most the `floor` (N) for no force. The doctor asks by the same rule.
+    """
+    if answer is not None and not np.isfinite(answer).all():
+        return "a HIP that is missing gets a force that is no number"
+    if answer is not None and np.linalg.norm(answer) > floor:
+        return f"a HIP that is missing gets {np.linalg.norm(answer):.3g} N"
+    if after is None:
+        return "after a HIP that was missing for a tick, the next one is refused"
+    if not np.isfinite(after).all():
+        return "after a HIP that was missing for a tick, the force is no number any more"
+    return ""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Lead the hand to its largest force, give a HIP that is none, and then the next one of the path."""
     assert runs.dropped_out is not None
-    base = runs.base
+    base, floor = runs.base, force_floor(scene)
     size = np.linalg.norm(base.force, axis=1)
     tick = int(np.argmax(size[:-1])) + 1
-    if size[tick - 1] <= force_floor(scene):
+    before = float(size[tick - 1])
+    if before <= floor:
         return undecided("the hand feels no force that could stay on")
     answer, after = runs.dropped_out(tick)
-    evidence = {**evidence_at(base, tick), "force_before_n": float(size[tick - 1]), "refused": answer is None}
-    if answer is not None and not np.isfinite(answer).all():
-        return Finding(Outcome.FAIL, "a HIP that is missing gets a force that is no number", evidence=evidence)
+    evidence = {**evidence_at(base, tick), "force_before_n": before, "refused": answer is None}
+    fault = fault_without_hip(answer, after, floor)
     left = 0.0 if answer is None else float(np.linalg.norm(answer))
+    if not np.isfinite(left):
+        return Finding(Outcome.FAIL, fault, evidence=evidence)
     metric = Metric(CHECK.metric, left, "N")
-    if left > force_floor(scene):
-        message = f"a HIP that is missing gets {left:.3g} N; the tick before it was {size[tick - 1]:.3g} N"
-        return Finding(Outcome.FAIL, message, metric, force_floor(scene), evidence)
-    if after is not None and not np.isfinite(after).all():
-        message = "after a HIP that was missing for a tick, the force is no number any more"
-        return Finding(Outcome.FAIL, message, metric, force_floor(scene), evidence)
+    if fault:
+        message = f"{fault}; the tick before it was {before:.3g} N" if left > floor else fault
+        return Finding(Outcome.FAIL, message, metric, floor, evidence)
     how = "is refused" if answer is None else "gets no force"
-    return Finding(Outcome.PASS, f"a HIP that is missing {how}", metric, force_floor(scene), evidence)
+    return Finding(Outcome.PASS, f"a HIP that is missing {how}", metric, floor, evidence)
 
 
 CHECK = Check(
     id="drop-out",
     phenomenon="none of the six: a force belongs to a place of the hand",
-    formula="|F| = 0, or a refusal, in the tick whose HIP is not finite",
+    formula="|F| = 0, or a refusal, in the tick whose HIP is not finite; a finite F in the next",
     citation="thesis 3.2: without a HIP there is no contact",
     channels=("hip", "force"),
     siblings={"dropped_out": "the path up to its largest force, a HIP that is not finite, and the next one"},
