@@ -5,9 +5,9 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
+from made import FAIL, PASS
 
 from hapticeval import Response, resolve
-from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.suite.case import Case
 
@@ -19,20 +19,25 @@ PLANE = {
 MODELS = [PLANE, {"kind": "l-block", "thickness": 0.04}]
 
 
-def continuity(make, model, *, aslant=0.0):
-    """Judge whether contact is continuous: in through the end of one leg, deep to the other, and up past the edge."""
-    points = [[0.06, -0.03], [-0.02, -0.03], [-0.02 + aslant, 0.01]]
+def finding_of(make, model, check, points, duration):
+    """Judge a renderer by one check on a way straight between points (m), in seconds."""
     case = {
         "name": "past-the-edge",
         "title": "Past the edge of a leg",
         "model": model,
-        "checks": ["continuous-contact"],
-        "trajectory": {"kind": "points", "points": [[*point, 0.0][: 2 + (model is not PLANE)] for point in points]},
+        "checks": [check],
+        "trajectory": {"kind": "points", "points": points, "duration": duration},
     }
-    case["trajectory"]["duration"] = 2.0
     judged = judge(make, "mine", "flights", msgspec.convert(case, Case))
     assert judged.error is None, judged.error
     return judged.verdicts[0].finding
+
+
+def continuity(make, model, *, aslant=0.0):
+    """Judge whether contact is continuous: in through the end of one leg, deep to the other, and up past the edge."""
+    points = [[0.06, -0.03], [-0.02, -0.03], [-0.02 + aslant, 0.01]]
+    level = [] if model is PLANE else [0.0]
+    return finding_of(make, model, "continuous-contact", [[*point, *level] for point in points], 2.0)
 
 
 class Leaps:
@@ -65,18 +70,36 @@ class LandsElsewhere(Leaps):
 @pytest.mark.parametrize("model", MODELS, ids=["plane", "space"])
 def test_a_god_object_that_flies_from_an_edge_to_the_next_face_is_left_alone(model, aslant):
     finding = continuity(resolve("constraint"), model, aslant=aslant)
-    assert finding.outcome is Outcome.PASS, finding.message
+    assert finding.outcome is PASS, finding.message
 
 
 @pytest.mark.parametrize("make", [Leaps, LandsElsewhere])
 @pytest.mark.parametrize("model", MODELS, ids=["plane", "space"])
 def test_a_leap_while_it_is_pressed_or_to_another_place_is_a_pop_through(model, make):
     finding = continuity(make, model)
-    assert finding.outcome is Outcome.FAIL, finding.message
+    assert finding.outcome is FAIL, finding.message
     assert finding.metric.value > 0.05
 
 
 @pytest.mark.parametrize("model", MODELS, ids=["plane", "space"])
 def test_the_nearest_point_that_jumps_through_the_solid_is_a_pop_through(model):
     finding = continuity(resolve("minimum-distance"), model)
-    assert finding.outcome is Outcome.FAIL, finding.message
+    assert finding.outcome is FAIL, finding.message
+
+
+class Undeclared:
+    """The virtual proxy, a ball of 0.5 mm, that does not declare its radius."""
+
+    supports = frozenset({"space"})
+
+    def __init__(self, scene):
+        ball = resolve("virtual-proxy")(scene)
+        self.reset, self.step = ball.reset, ball.step
+
+
+@pytest.mark.parametrize(("make", "expected"), [(resolve("virtual-proxy"), PASS), (Undeclared, FAIL)])
+def test_a_ball_touches_the_next_face_while_the_hand_is_yet_outside(make, expected):
+    """It grazes the edge of the upper leg, and comes down on the lower one, whose normal is the same."""
+    points = [[-0.0129, 0.0558, 0.0178], [0.0185, -0.0128, 0.0227]]
+    finding = finding_of(make, MODELS[1], "broken-contact", points, 0.25)
+    assert finding.outcome is expected, finding.message

@@ -16,6 +16,7 @@ from hapticeval.phenomena.decisions import (
 )
 from hapticeval.phenomena.sampling import (
     above_force_floor,
+    believed_standoff,
     evidence_at,
     force_depth,
     hip_steps,
@@ -73,6 +74,7 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
     early_ticks = first + np.flatnonzero(~holding)
     # `along` is negative before the corner: the distance from it at which n_pre is lost.
     early = -float(along[early_ticks[0]]) if early_ticks.size else 0.0
+    end = _next_contact_of_standoff(base, scene, crossed, end)
     # A simulated tool's force is the mean until the next sample: where it comes to the solid anew within the last one
     # before that, the force that begins there is the next contact's.
     if end < len(base) and pushes[end - 1 : end + 1].all() and not pushes[end - 2]:
@@ -112,6 +114,19 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
         passes=f"the force keeps n_pre to the corner and is zero {ticks_to_zero} tick(s) after it",
         fails=fails,
     )
+
+
+def _next_contact_of_standoff(base: Recording, scene: Scene, first: int, end: int) -> int:
+    """Return the first of the rows [first, end) in which a tool that stands off touches a face anew; else `end`.
+
+    It does while the hand is yet outside, nearer than the standoff, after it has been farther.
+    """
+    gap = believed_standoff(base, scene)
+    clear = scene.model.boundary.signed_distance(base.hip[first:end]) > gap
+    left = int(np.argmax(clear))
+    if gap == 0.0 or not clear.any() or clear[left:].all():
+        return end
+    return first + left + int(np.argmin(clear[left:]))
 
 
 def _struck_anew(base: Recording, scene: Scene, rows: IntArray, pushes: BoolArray) -> BoolArray:
