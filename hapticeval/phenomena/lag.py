@@ -203,6 +203,15 @@ def _find_force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
     return hip, ihip
 
 
+def force_lag(base: Recording, scene: Scene) -> float:
+    """Return how many ticks late the force is, from 0 to `LAG_TICKS`: by position and force, one number for the run.
+
+    A force that rests while HIP - IHIP changes is as much later. Of a force alone see `force_only_lag`.
+    """
+    resting = np.maximum(resting_ticks(base.force) - resting_ticks(base.hip - base.ihip), 0)[touching(base, scene)]
+    return min(find_lag(base, scene).force + float(resting.mean() if resting.size else 0.0), float(LAG_TICKS))
+
+
 def likely_force_lags(recording: Recording, scene: Scene) -> list[tuple[float, float]]:
     """Return the lags (ticks) behind HIP and IHIP that explain half of what is off a spring, of each of `KINDS_OF_LAG`.
 

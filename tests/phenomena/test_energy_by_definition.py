@@ -15,8 +15,6 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.passivity import (
     LAP,
     Gain,
-    LapRun,
-    SampledWork,
     Span,
     _gain,
     _judge_law,
@@ -24,6 +22,8 @@ from hapticeval.phenomena.checks.passivity import (
     stored_before,
 )
 from hapticeval.phenomena.decisions import MOST_LAPS, RIGID_WORK_SHARE
+from hapticeval.phenomena.laps import LapRun
+from hapticeval.phenomena.work import SampledWork
 
 ALONG = "since free space"
 

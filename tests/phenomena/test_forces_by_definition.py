@@ -17,7 +17,8 @@ from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.checks.force_magnitude import _finding, _misfit
 from hapticeval.phenomena.checks.friction import _dissipated_work, _stored_energy, lugre_force, surface_force_of
-from hapticeval.phenomena.checks.passivity import explained_work, force_lag
+from hapticeval.phenomena.checks.passivity import explained_work
+from hapticeval.phenomena.lag import force_lag
 from hapticeval.phenomena.stiffness import (
     ApparentStiffness,
     _calls_for_force,

@@ -19,12 +19,9 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.continuous_contact import _limit_of_jumps, _shrinking_slope, coarsened_slope
 from hapticeval.phenomena.checks.friction import _curvature, along_surface
 from hapticeval.phenomena.checks.passivity import (
-    LapRun,
     Span,
     _largest_of_recent,
-    contact_spans,
-    laps,
-    running_sums,
+    _since_free_space,
 )
 from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
 from hapticeval.phenomena.checks.transient import prony
@@ -55,6 +52,7 @@ from hapticeval.phenomena.lag import (
     likely_force_lags,
     resting_ticks,
 )
+from hapticeval.phenomena.laps import LapRun, contact_spans, laps
 from hapticeval.phenomena.restated import _directions, compare_runs
 from hapticeval.phenomena.sampling import (
     believed_standoff,
@@ -72,6 +70,7 @@ from hapticeval.phenomena.sampling import (
     trailing,
 )
 from hapticeval.phenomena.surface_motion import _overshoot, decay_rate
+from hapticeval.phenomena.work import running_sums
 from hapticeval.scene import Scene
 
 LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)
@@ -348,12 +347,17 @@ class TestLaps:
 
 def test_a_contact_is_spanned_from_the_free_row_before_it_to_the_next_or_the_end():
     free = np.array([True, True, False, False, True, True, False, False])
-    spans = list(contact_spans(free))
-    assert [(span.first, span.last) for span in spans] == [(1, 4), (5, 7)]
+    assert contact_spans(free) == [(1, 4), (5, 7)]
+    spans = [_since_free_space(free, *rows) for rows in contact_spans(free)]
     assert [span.what for span in spans] == ["from free space to free space", "since free space"]
     assert spans[0].ends.tolist() == [2, 3, 4]
     assert Span(1, 4, "in each lap after the first").ends.tolist() == [4]
     assert running_sums(np.array([1.0, 2.0, 4.0])).tolist() == [0.0, 1.0, 3.0, 7.0]
+
+
+def test_later_laps_begin_where_the_one_before_ends():
+    assert LapRun(3, 10, 3).later == [(13, 23), (23, 33)]
+    assert LapRun(3, 10, 1).later == []
 
 
 @given(values=st.lists(st.floats(0.0, 9.0), min_size=1, max_size=8), ticks=st.integers(0, 4))

@@ -14,7 +14,6 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.effects.effect import Alters, Stage
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
-from hapticeval.phenomena.checks.passivity import laps
 from hapticeval.phenomena.decisions import (
     BRISTLE_PARTS,
     CONE_ROUNDING,
@@ -32,6 +31,7 @@ from hapticeval.phenomena.decisions import (
     WHOLE_LAG,
 )
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag, likely_force_lags
+from hapticeval.phenomena.laps import contact_spans, laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hand_velocity, hip_steps, listed, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -539,9 +539,9 @@ def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findi
     """Compare the work that the hand gets since free space with what holding the force may give."""
     base = runs.base
     free = ~touching(base, scene)
-    # The last free row before each contact: there nothing is stored.
-    begins = np.flatnonzero(free[:-1] & ~free[1:])
-    if not begins.size:
+    # Each begins with the last free row before a contact: there nothing is stored.
+    spans = contact_spans(free)
+    if not spans:
         return undecided("the hand never comes from free space: what is stored is not known")
     moved = np.diff(base.hip, axis=0)
     length = np.linalg.norm(moved, axis=1)
@@ -565,14 +565,12 @@ def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findi
     # F . dx of a force that is held from row to row, J
     gained = np.sum(base.force[:-1] * moved, axis=1)
     worst, gain, granted = None, 0.0, 0.0
-    for begin in begins:
-        later = np.flatnonzero(free[begin + 1 :])
-        stop = int(begin + 1 + later[0]) if later.size else len(base) - 1
+    for begin, stop in spans:
         work, bound = np.cumsum(gained[begin:stop]), np.cumsum(allowed[begin:stop])
         # The tick up to which the hand has got most beyond what is granted.
         row = int(np.argmax(work - bound))
         if worst is None or work[row] - bound[row] > gain - granted:
-            worst = int(begin), int(begin) + row + 1
+            worst = begin, begin + row + 1
             gain, granted = float(work[row]), float(bound[row])
     assert worst is not None
     span = f"from t = {base.time[worst[0]]:.4g} s to {base.time[worst[1]]:.4g} s"
@@ -589,12 +587,7 @@ def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findi
 def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the hand's work over each lap after the first with the work of the friction's law."""
     base = runs.base
-    spans = [
-        (first + lap * period, first + (lap + 1) * period)
-        for first, period, number in laps(base.hip, scene.model.size)
-        for lap in range(1, number)
-        if first + (lap + 1) * period < len(base)
-    ]
+    spans = [span for lap_run in laps(base.hip, scene.model.size) for span in lap_run.later]
     spans = [(start, stop) for start, stop in spans if surface_force.pressed[start : stop + 1].all()]
     if not spans:
         return undecided("the hand goes round no closed lap twice in contact")

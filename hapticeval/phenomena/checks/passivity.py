@@ -3,43 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import (
     FINER_RATES,
-    LAG_TICKS,
     MOST_LAPS,
     RIGID_WORK_SHARE,
-    SAME_POINT,
     SETTLING_RATIO,
     SINGLE_ROUNDINGS,
     TELLING_SHARE,
     UNDECLARED_RANGE,
 )
-from hapticeval.phenomena.lag import find_lag, force_only_lag, resting_ticks, with_nearest_points
+from hapticeval.phenomena.lag import force_lag, force_only_lag, with_nearest_points
+from hapticeval.phenomena.laps import LapRun, contact_spans, laps
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.stiffness import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
+from hapticeval.phenomena.work import SampledWork, running_sums
 from hapticeval.recordings.energy_balance import balance
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
 LAP = "in each lap after the first"
-
-
-class LapRun(NamedTuple):
-    """Laps that follow each other on the same points: the `first` row, the `period` in rows, and how many: `number`."""
-
-    first: int
-    period: int
-    number: int
 
 
 @dataclass(frozen=True)
@@ -103,102 +95,6 @@ class Gain:
     def granted(self) -> float:
         """The largest gain that shows nothing, J."""
         return self.open + self.stored
-
-
-class SampledWork:
-    """Running sums of the work in a recording at `factor` times the base rate: (n,), J, at each row of the base run.
-
-    - `smooth`: the work by the trapezoid, and `error` what bounds that it is off by.
-    - `held`: the work of a force that is held from row to row.
-    - `crossed`: the work without its sign.
-    - `path` (m): the length of the hand's path, and `effort` that times the force.
-    - `free`: where nothing touches.
-    """
-
-    def __init__(self, recording: Recording, factor: int, scene: Scene) -> None:
-        force, moved = recording.force, np.diff(recording.hip, axis=0)
-        length = np.linalg.norm(moved, axis=1)
-        mean = np.sum(0.5 * (force[1:] + force[:-1]) * moved, axis=1)
-        # By this a trapezoid of two ticks differs: the whole of a jump of the force, and of second order elsewhere.
-        bend = np.zeros_like(moved)
-        bend[1:] = np.diff(force, n=2, axis=0)
-        self.free = ~touching(recording, scene)[::factor]
-        self.smooth, self.held, self.error, self.crossed, self.path, self.effort = (
-            running_sums(steps)[::factor]
-            for steps in (
-                mean,
-                np.sum(force[:-1] * moved, axis=1),
-                0.5 * np.abs(np.sum(bend * moved, axis=1)),
-                np.abs(mean),
-                length,
-                np.linalg.norm(force[:-1], axis=1) * length,
-            )
-        )
-
-
-def running_sums(steps: Array) -> Array:
-    """Return the running sums of `steps` (n,), as J, from 0 at the first row: (n + 1,)."""
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def laps(hip: Array, size: float) -> list[LapRun]:
-    """Return where a hand goes round two or more times on the same points `hip` (n, N), m.
-
-    Points are the same within `SAME_POINT` of `size`, m; a hand that stays at one, or creeps by less than that, makes
-    no lap.
-    """
-    count, near = hip.shape[0], SAME_POINT * size
-    if count < 3:
-        return []
-    # Rows of one cell of a fine grid: candidates for the same point, each with the next row of its cell.
-    cells = np.unique(np.rint(hip / near), axis=0, return_inverse=True)[1].reshape(-1)
-    order = np.argsort(cells, kind="stable")
-    same = cells[order[1:]] == cells[order[:-1]]
-    rows = order[:-1][same]
-    period = order[1:][same] - rows
-    for share in (0.0, 0.25, 0.5, 0.75, 1.0):  # most are told from laps by a few of their points
-        at = rows + np.maximum(share * period, 1.0).astype(int)
-        fits = at + period < count
-        fits[fits] = np.linalg.norm(hip[(at + period)[fits]] - hip[at[fits]], axis=1) <= near
-        rows, period = rows[fits], period[fits]
-    periods = dict(zip(rows.tolist(), period.tolist(), strict=True))
-    lap_runs, end = [], 0
-    # The earliest first; rows within laps that are known begin none of their own. Two rows are no lap.
-    for row in sorted(periods):
-        if row >= end and periods[row] > 2 and (number := _count_laps(hip, row, periods[row], near)) >= 2:
-            lap_runs.append(LapRun(row, periods[row], number))
-            end = row + number * periods[row]
-    return lap_runs
-
-
-def _count_laps(hip: Array, first: int, period: int, near: float) -> int:
-    """Return how many laps of `period` rows follow each other from row `first` on, each with the row that ends it.
-
-    The points are `hip` (n, N), m; those within `near` (m) of each other are the same.
-    """
-    lap = hip[first : first + period + 1]
-    if np.linalg.norm(lap - lap[0], axis=1).max() <= 2.0 * near:  # all may be within that of one point
-        return 0
-    number = 1
-    while True:
-        begin = first + number * period
-        next_lap = hip[begin : begin + period + 1]
-        if len(next_lap) <= period or np.linalg.norm(next_lap - lap, axis=1).max() > near:
-            return number
-        lap, number = next_lap, number + 1
-
-
-def contact_spans(free: BoolArray) -> Iterator[Span]:
-    """Yield the spans from each last row in free space to the next one there, or to the end.
-
-    `free` (n,) is where nothing touches. The first row of a span bounds the work, J: there nothing is stored.
-    """
-    # The last free row before each contact: what happens from there on is all of the contact's.
-    edges = np.flatnonzero(free[:-1] & ~free[1:])
-    for first in edges:
-        later = np.flatnonzero(free[first + 1 :])
-        last = int(first + 1 + later[0]) if later.size else free.size - 1
-        yield Span(int(first), last, "since free space" if not later.size else "from free space to free space")
 
 
 def stored_before(base: Recording, span: Span, scene: Scene) -> float:
@@ -280,15 +176,6 @@ class AtOwnRate:
     def excess(self) -> float:
         """How far the work is beyond what explains it, J."""
         return self.work - self.explained
-
-
-def force_lag(base: Recording, scene: Scene) -> float:
-    """Return how many ticks late the force is, from 0 to `LAG_TICKS`: by position and force, one number for the run.
-
-    A force that rests while HIP - IHIP changes is as much later. Of a force alone see `force_only_lag`.
-    """
-    resting = np.maximum(resting_ticks(base.force) - resting_ticks(base.hip - base.ihip), 0)[touching(base, scene)]
-    return min(find_lag(base, scene).force + float(resting.mean() if resting.size else 0.0), float(LAG_TICKS))
 
 
 def explained_work(base: Recording, scene: Scene, lag: float) -> Array:
@@ -403,13 +290,16 @@ Ways: TypeAlias = Callable[[BoolArray], list[list[Span]]]
 """From where nothing touches, (n,), the ways that close; of several spans in a list the one that gives least counts."""
 
 
+def _since_free_space(free: BoolArray, first: int, last: int) -> Span:
+    return Span(first, last, "from free space to free space" if free[last] else "since free space")
+
+
 def _ways(free: BoolArray, round_trips: list[LapRun]) -> list[list[Span]]:
     """Return the ways that close: from free space on, and the laps after the first in which something is touched."""
-    ways = [[span] for span in contact_spans(free)]
-    for first, period, number in round_trips:
-        starts = [first + lap * period for lap in range(1, number) if first + (lap + 1) * period < free.size]
+    ways = [[_since_free_space(free, *rows)] for rows in contact_spans(free)]
+    for trip in round_trips:
         # What one lap alone gives may have been stored; what is created comes in every lap.
-        after = [Span(start, start + period, LAP) for start in starts if not free[start:][:period].all()]
+        after = [Span(first, last, LAP) for first, last in trip.later if not free[first:last].all()]
         if after:
             ways.append(after)
     return ways

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, not_alone, without_ihip
-from hapticeval.phenomena.checks.passivity import laps
 from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
 from hapticeval.phenomena.lag import largest_in_lag
+from hapticeval.phenomena.laps import laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -156,11 +156,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     if isinstance(reference, Finding):
         return reference
     base = runs.base
-    loops = [
-        (first + lap * period, first + (lap + 1) * period)
-        for first, period, number in laps(base.hip, scene.model.size)
-        for lap in range(1, number)
-    ]
+    loops = [loop for lap_run in laps(base.hip, scene.model.size) for loop in lap_run.later]
     loops = [(first, last) for first, last in loops if reference.contact[first:last].any()]
     if not loops:
         return undecided("the hand goes round no closed loop twice: the work of a loop cannot be measured")
