@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from hapticeval.recordings import stretches
+from hapticeval.recordings import recording, stretches
 
 # sampling
 
@@ -40,7 +40,7 @@ COARSEST_RESOLUTION = 1.0 / 16.0
 """Share of the outline beyond which a declared resolution is not believed: 16 facets are no smooth surface. *Chosen*:
 doubled, an octagon counts as declared so."""
 
-SINGLE_ROUNDINGS = 4.0
+SINGLE_ROUNDINGS = recording.SINGLE_ROUNDINGS
 """Roundings of single precision, `SINGLE` of a value each, by which what is made of rounded numbers may be off: two
 points that are subtracted, and a product and a sum that follow.
 

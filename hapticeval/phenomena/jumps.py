@@ -33,14 +33,13 @@ from hapticeval.phenomena.decisions import (
     LOOKS_BELOW_SINGLE,
     MANY_PARTS,
     ROWS_OF_A_LOOK,
-    SINGLE_ROUNDINGS,
     SMOOTH_EXPONENT,
     TICKS_AFTER_JUMP,
     TICKS_AROUND,
     TICKS_BEFORE_JUMP,
 )
 from hapticeval.phenomena.sampling import hip_steps, holding, rounding, touching
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.recording import Recording, single_rounding
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -241,7 +240,7 @@ class _JumpSearch:
     def __init__(self, look: Closer, scene: Scene, bounds: Array, standoff: float) -> None:
         self.scene = scene
         # m, what single precision resolves of the whole path's coordinates: those of a place may be near to 0.
-        self.resolved_step = SINGLE_ROUNDINGS * SINGLE * float(np.max(np.abs(look.recording.hip)))
+        self.resolved_step = single_rounding(look.recording.hip)
         self.tolerance = standoff + self.resolved_step
         self.looks = [_Look(look, scene, bounds, resolved_step=self.resolved_step)]
 

@@ -20,6 +20,14 @@ OWN_TOOL = "own_tool"
 SINGLE = 2.0**-23
 """Spacing of single-precision numbers around 1: what the coarsest honest renderer computes with."""
 
+SINGLE_ROUNDINGS = 4.0
+"""Roundings of single precision by which what is made of rounded numbers may be off: see `phenomena.decisions`."""
+
+
+def single_rounding(values: Array) -> float:
+    """Return by how much what is made of `values`, in single precision, may be off, in their unit: of the largest."""
+    return SINGLE_ROUNDINGS * SINGLE * float(np.max(np.abs(values), initial=0.0))
+
 
 def locked(values: Any, dtype: Any) -> Any:
     """Return `values` as a read-only array: a copy, unless nobody can write to them any more."""
@@ -416,9 +424,7 @@ class Recording:
     def apart(self) -> BoolArray:
         """Where the IHIP is not the HIP, beyond single precision: (n,), read-only."""
         sound = self.hip if self.valid is None else self.hip[self.valid]
-        # m: four roundings in single precision, at the largest coordinate.
-        rounding = 4.0 * SINGLE * float(np.max(np.abs(sound), initial=0.0))
-        apart: BoolArray = locked(np.linalg.norm(self.ihip - self.hip, axis=1) > rounding, np.bool_)
+        apart: BoolArray = locked(np.linalg.norm(self.ihip - self.hip, axis=1) > single_rounding(sound), np.bool_)
         return apart
 
     @property

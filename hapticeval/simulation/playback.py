@@ -33,7 +33,7 @@ from hapticeval.errors import (
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.pulse import count_answer, note_pending, note_run
 from hapticeval.recordings.channels import REQUIRED
-from hapticeval.recordings.recording import OWN_TOOL, SINGLE, Recording, backward_difference
+from hapticeval.recordings.recording import OWN_TOOL, Recording, backward_difference, single_rounding
 from hapticeval.renderer import Answers, Batch, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
@@ -464,9 +464,9 @@ def compare_batch(
         return
     dt = float(recording.meta["dt"])
     # of a coordinate, m; a spring and a backward difference make forces of it, which are rounded themselves
-    rounding = 4.0 * SINGLE * float(np.max(np.abs(recording.hip)))
+    rounding = single_rounding(recording.hip)
     allowed = np.array([rounding, (stiffness + 2.0 * damping / dt) * rounding])
-    allowed[1] += 4.0 * SINGLE * float(np.max(np.abs(recording.force)))
+    allowed[1] += single_rounding(recording.force)
     count, length = COMPARED
     for first in sorted({int(touched[k]) for k in np.linspace(0, touched.size - 1, count + 1).astype(int)[:-1]}):
         rows = Rows.along(recording.time[first : first + length], recording.hip[first : first + length], dt)

@@ -30,7 +30,7 @@ from hapticeval.phenomena.checks.drop_out import fault_without_hip
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.sampling import force_floor, note_cut_standoff
 from hapticeval.quantity import format_duration
-from hapticeval.recordings.recording import SINGLE, path_velocities
+from hapticeval.recordings.recording import path_velocities, single_rounding
 from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import Problem
@@ -264,11 +264,6 @@ def _answers_along(case: Case, hips: Array, dt: float) -> tuple[Array, Array]:
     return np.array([ihip for ihip, _ in answers]), np.array([force for _, force in answers])
 
 
-def _rounding_of(hips: Array) -> float:
-    # A renderer may work in single precision: four of its units in the last place of the largest coordinate.
-    return 4.0 * SINGLE * float(np.abs(hips).max())
-
-
 def _check_free_space(case: Case) -> StateAndText:
     """Check that in free space the IHIP is the HIP, and the force zero."""
     hips = case.path.hips[:3]
@@ -277,7 +272,7 @@ def _check_free_space(case: Case) -> StateAndText:
     if force > 0.0:
         return State.MISSING, f"a force of {force:.3g} N in free space: return zero there"
     # Millimetres for metres is the likeliest cause, and has an advice of its own.
-    if off > _rounding_of(hips):
+    if off > single_rounding(hips):
         if _is_thousandfold(ihips, hips):
             return State.MISSING, "the IHIP is a thousand times the HIP: points are in m, not in mm"
         return State.MISSING, f"the IHIP is {1e3 * off:.3g} mm from the HIP in free space: return the HIP there"
@@ -294,7 +289,7 @@ def _check_contact(case: Case) -> StateAndText:
     depth = LEAD_DEPTH * scene.model.size
     # The part of the force along the outward normal, N.
     outwards = float(forces[-1] @ path.normal)
-    if not forces[-1].any() and np.linalg.norm(ihips[-1] - path.hips[path.deep]) <= _rounding_of(path.hips):
+    if not forces[-1].any() and np.linalg.norm(ihips[-1] - path.hips[path.deep]) <= single_rounding(path.hips):
         return (
             State.MISSING,
             f"no contact {1e3 * depth:.3g} mm under the surface: neither a force nor an IHIP of its own",
@@ -319,7 +314,7 @@ def _check_contact(case: Case) -> StateAndText:
             "fairly",
         )
     # A thousandth of the depth for a renderer that holds the surface coarsely.
-    if off > abilities.standoff + _rounding_of(path.hips) + 1e-3 * depth:
+    if off > abilities.standoff + single_rounding(path.hips) + 1e-3 * depth:
         return (
             State.MISSING,
             f"the IHIP is {1e3 * off:.3g} mm off the surface: declare a standoff of that, or put it there",
@@ -351,7 +346,7 @@ def _check_leaving(case: Case) -> StateAndText:
     ihips, forces = _answers_along(case, path.hips, case.scene.sampling_time)
     # The rest outside, without the ticks in which a contact may still end.
     last = slice(path.out + LAG_TICKS, None)
-    if forces[last].any() or np.linalg.norm(ihips[last] - path.hips[last], axis=1).max() > _rounding_of(path.hips):
+    if forces[last].any() or np.linalg.norm(ihips[last] - path.hips[last], axis=1).max() > single_rounding(path.hips):
         return State.MISSING, "it still holds the hand that has left the model: compare with the surface in each tick"
     return State.OK, "it lets go of the hand"
 
@@ -400,7 +395,7 @@ def _check_batch(case: Case) -> StateAndText:
         raise RendererError(f"the renderer's run() answered shapes {shapes}, not two of {case.path.hips.shape}")
     apart = [float(np.abs(a - b).max()) for a, b in zip(single, batch, strict=True)]
     # Written with `not <=`, so that NaN is a difference.
-    if not apart[0] <= _rounding_of(case.path.hips) or not apart[1] <= case.scene.stiffness * _rounding_of(
+    if not apart[0] <= single_rounding(case.path.hips) or not apart[1] <= case.scene.stiffness * single_rounding(
         case.path.hips
     ):
         return State.MISSING, f"run() differs from single steps by {apart[0]:.3g} m and {apart[1]:.3g} N"

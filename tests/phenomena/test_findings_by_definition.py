@@ -525,19 +525,22 @@ class TestDropOut:
         assert (finding.evidence["tick"], finding.evidence["force_before_n"]) == (6, 3.0)
         assert finding.evidence["refused"] is False
 
-    def test_a_refusal_passes_and_what_is_no_number_does_not(self):
-        refused = self.judged(None, None)
+    def test_a_refusal_for_that_tick_alone_passes_and_what_is_no_number_does_not(self):
+        refused = self.judged(None)
         assert (refused.outcome, refused.evidence["refused"]) == (PASS, True)
         assert "is refused" in refused.message
         assert "gets no force" in self.judged((0.0, 0.0)).message
         assert "gets a force that is no number" in self.judged((np.nan, 0.0)).message
         assert "any more" in self.judged(None, (0.0, np.nan)).message
         assert self.judged((0.0, 0.0), (0.0, np.inf)).outcome is FAIL
+        for_ever = self.judged(None, None)
+        assert for_ever.outcome is FAIL
+        assert "the next one is refused" in for_ever.message
 
     @pytest.mark.parametrize(("strength", "decides"), [(0.9e-3, False), (1.1e-3, True)])
     def test_a_hand_that_feels_nothing_shows_nothing(self, strength, decides):
         base = changed(slide(), force=np.tile([0.0, strength], (12, 1)))
-        finding = found("drop-out", Runs(base, dropped_out=lambda tick: (None, None)), LINE)
+        finding = found("drop-out", Runs(base, dropped_out=lambda tick: (None, np.zeros(2))), LINE)
         assert (finding.outcome is PASS) is decides
 
 

@@ -50,7 +50,7 @@ def energies(rng: np.random.Generator) -> Facts:
     for lag, test in enumerate(balance(place, force, time, floor=float(rng.choice([0.0, 0.05])))):
         yield f"sign.{lag}", test.sign
         for name, violation in (("logged", test.as_logged), ("turned", test.turned)):
-            for field in ("energy", "open", "first", "last", "passive", "how"):
+            for field in ("energy", "open", "first", "last", "explained", "how"):
                 yield f"{name}.{lag}.{field}", getattr(violation, field)
 
 

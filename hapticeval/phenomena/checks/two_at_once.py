@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.decisions import (
-    SINGLE_ROUNDINGS,
-)
 from hapticeval.phenomena.restated import NOBODY, answers_apart, check_of_relation, has_answer, relation_finding
 from hapticeval.phenomena.sampling import rounding
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
-from hapticeval.recordings.recording import SINGLE
+from hapticeval.recordings.recording import single_rounding
 from hapticeval.scene import Scene
 
 
@@ -22,10 +19,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if not has_answer(base).any():
         return undecided("the hand never touches the model")
     # What `run` answers at once, `step` may answer to single precision.
-    step = rounding(scene) + SINGLE_ROUNDINGS * SINGLE * float(np.abs(base.hip).max())
+    step = rounding(scene) + single_rounding(base.hip)
     # A velocity over dt is off by two roundings: K_d 2 step / dt, as a length by the stiffness.
     force = (1.0 + 2.0 * scene.damping / (scene.stiffness * base.dt)) * step
-    force += SINGLE_ROUNDINGS * SINGLE * float(np.abs(base.force).max()) / scene.stiffness
+    force += single_rounding(base.force) / scene.stiffness
     scatter = [float(base.meta.get(f"{name}_scatter", 0.0)) for name in ("ihip", "force")]
     # Beside rounding what the renderer declares to scatter, of IHIP and force, as lengths.
     allowed = np.full(len(base), max(step, force) + max(scatter[0], scatter[1] / scene.stiffness))
