@@ -217,6 +217,26 @@ def test_a_jump_under_a_resting_hand_is_found():
     assert finding.evidence["time"] == pytest.approx(0.5, abs=2e-3)
 
 
+class Stretched(Restless):
+    """The nearest point of a line, which moves five times as fast along a tenth of a millimetre."""
+
+    def step(self, hip, velocity, dt):
+        ihip = np.array([hip[0] + 4.0 * np.clip(hip[0] - 0.0101, 0.0, 1e-4), 0.0]) if hip[1] < 0.0 else hip
+        return ihip, self.stiffness * (ihip - hip)
+
+
+def test_what_is_measured_of_a_steep_stretch_and_its_evidence_are_of_one_tick():
+    """Its fast steps are 1e-4 m of the hand and five of the tool: over the bound, and finer ones shrink them."""
+    path, renderer = Path([0.0, 0.01, 0.2], [[0.0, 0.001], [0.001, -0.002], [0.02, -0.002]]), Stretched(SCENE)
+    base = play(renderer, path, 1e-3, scene=SCENE)
+    look = Closeup.of(renderer, base, SCENE)
+    finding = found(CHECK, Runs(base, refine=lambda k: play(renderer, path, 1e-3 / k, scene=SCENE), look=look), SCENE)
+    assert finding.outcome is PASS
+    assert finding.metric.value == pytest.approx(finding.evidence["jump_m"])
+    assert finding.metric.value <= finding.bound < finding.evidence["steep_step_m"] == pytest.approx(5e-4)
+    assert f"moves 0.5 mm at t = {finding.evidence['steep_time']:.4g} s" in finding.message
+
+
 def test_a_smooth_path_through_the_solid_is_no_contact():
     """The chord that a smeared table draws across a circle is continuous, and not on the surface."""
     x = np.linspace(-0.08, 0.08, 4001)

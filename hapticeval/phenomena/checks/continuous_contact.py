@@ -278,18 +278,21 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
         steps = contact_steps(base, scene)
         jump, tick = worst_step(base, scene, bounds)
         bound = float(bounds[tick])
+        # What is measured is a step within its bound, and the evidence is of that one.
+        longest = int(np.argmax(np.where(steps <= bounds, steps, -np.inf)))
+        evidence = _jump_evidence(base, scene, longest)
         if jump > bound:
-            moved = mm(jump)
+            evidence |= {"steep_step_m": jump, "steep_time": float(base.time[tick])}
             message = (
-                f"continuous while in contact, but steep: the IHIP moves {moved} in one step; finer ones shrink it"
+                f"continuous while in contact, but steep: the IHIP moves {mm(jump)} at t = {base.time[tick]:.4g} s in "
+                "one step; finer ones shrink it"
             )
         elif jump > bound - surface_gap:
             message = f"a step of {mm(jump)} is within the declared standoff of {mm(surface_gap)}"
         else:
             message = _continuous_message(base, scene, float(steps.max()))
-        longest = int(np.argmax(np.where(steps <= bounds, steps, -np.inf)))
         metric = Metric(CHECK.metric, float(steps[longest]), "m")
-        return Finding(Outcome.PASS, message, metric, float(bounds[longest]), _jump_evidence(base, scene, tick))
+        return Finding(Outcome.PASS, message, metric, float(bounds[longest]), evidence)
     bound = float(bounds[place.tick])
     if place.kind is Remains.UNRESOLVED:
         return _judge_refined(base, refine, scene, place.tick)

@@ -34,6 +34,7 @@ from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, lar
 from hapticeval.phenomena.laps import contact_spans, laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hand_velocity, hip_steps, listed, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.quantity import plural
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -152,11 +153,13 @@ def judge_with_lag(
             if finding.outcome is not Outcome.FAIL:
                 return finding
             # Held back by `lag` rows, so that they meet the late ones.
-            late = _held_back(base, dict.fromkeys(names, float(lag)))
-            again = judge(replace(runs, base=late), surface_force_of(late, scene))
+            held_back = _held_back(base, dict.fromkeys(names, float(lag)))
+            again = judge(replace(runs, base=held_back), surface_force_of(held_back, scene))
             if again.outcome is Outcome.PASS:
-                channel = "IHIP" if "force" in names else "force"
-                return replace(again, message=f"{again.message}; the {channel} is {lag} ticks late")
+                # The answer's channels that were not held back are those that are late.
+                late_channels = [word for name, word in (("ihip", "IHIP"), ("force", "force")) if name not in names]
+                late_words = f"{' and '.join(late_channels)} {'are' if len(late_channels) > 1 else 'is'}"
+                return replace(again, message=f"{again.message}; the {late_words} {plural(lag, 'tick')} late")
     if not on_time or finding.outcome is not Outcome.FAIL:
         return finding
     return _judge_between_ticks(runs, judge, scene) or finding
