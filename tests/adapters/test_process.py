@@ -23,10 +23,19 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import Spring, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import play
+from hapticeval.simulation.playback import Closeup, play
 from hapticeval.stimulus.stimulus import Path as Way
 
 PROCESS = Path(__file__).parents[2] / "examples" / "process"
+
+
+class Stepped:
+    """A renderer of which only its steps are shown."""
+
+    def __init__(self, renderer: ProcessRenderer) -> None:
+        self.reset, self.step = renderer.reset, renderer.step
+
+
 LINE = Scene(model=make_model("line"))
 CIRCLE = Scene(model=make_model("circle"))
 DT = 1e-3
@@ -201,6 +210,26 @@ def test_a_child_without_a_hand_has_to_refuse_and_not_to_die(
     outcomes = {verdict.check: verdict.outcome for verdict in results.verdicts}
     assert outcomes.pop("drop-out") == drop_out
     assert "error" not in outcomes.values()
+
+
+def test_a_stretch_that_is_refused_where_its_steps_are_not_is_an_error(
+    refused: Refusals, command: Callable[..., str]
+) -> None:
+    name = command(
+        hello="say(id=id, version=1, run=True)",
+        step="say(id=id, ihip=m['hip'], force=[0.0, 0.0])",
+        run="hips = m['hips']; far = hips[-1][0] > 0.0521\n"
+        "say(id=id, **({'refuse': 'too far'} if far else {'ihips': hips, 'forces': [[0.0, 0.0]] * len(hips)}))",
+    )
+    renderer = make_process_renderer(name)
+    path = Way(np.array([0.0, 0.5]), np.array([[0.0, 0.01], [0.05, 0.01]]))
+    look = Closeup.of(renderer, play(renderer, path, 0.01), LINE)
+    look.closer(48, 49, 4, lag=2)
+    path = Way(np.array([0.0, 0.6]), np.array([[0.0, 0.01], [0.06, 0.01]]))
+    beyond = Closeup.of(renderer, play(Stepped(renderer), path, 0.01), LINE)
+    with refused(RendererError) as raised:
+        beyond.closer(50, 54, 4, lag=2)
+    assert raised.value.tick == 50
 
 
 @pytest.mark.parametrize(
