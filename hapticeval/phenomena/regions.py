@@ -35,11 +35,13 @@ def region_of(recording: Recording, scene: Scene, tick: int) -> Region:
     frame = boundary.closest_point(recording.hip[max(tick - 1, 0) : tick + 1])
     if frame.distance[-1] > near:
         return Region.FREE
+    # The model's own nearest point jumps, be it from notch to notch: what a renderer does here is about two branches.
+    if np.linalg.norm(frame.foot[-1] - frame.foot[0]) > near:
+        return Region.MEDIAL
     for corner in boundary.corners:
         if np.linalg.norm(frame.foot[-1] - corner.position) <= near:
             return Region.CONVEX if corner.convex else Region.CONCAVE
-    # The model's own nearest point jumps: what a renderer does here is about two branches of it.
-    return Region.MEDIAL if np.linalg.norm(frame.foot[-1] - frame.foot[0]) > near else Region.SURFACE
+    return Region.SURFACE
 
 
 def nearest_jump(recording: Recording, scene: Scene, tick: int) -> float:

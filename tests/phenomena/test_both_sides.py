@@ -285,6 +285,14 @@ def test_a_place_has_the_region_of_the_model_there(place, region):
     assert region_of(recorded(hips), SCENE, 2) is region
 
 
+def test_the_nearest_point_jumps_from_notch_to_notch_on_the_medial_axis():
+    here, there = (corner.position for corner in SCENE.model.curve.corners[1:4:2])
+    across = (there - here) / np.linalg.norm(there - here)
+    hips = 0.2 * (here + there) + np.outer([-0.5e-4, 0.5e-4], across)
+    np.testing.assert_allclose(SCENE.model.boundary.closest_point(hips).foot, [here, there], atol=1e-12)
+    assert region_of(recorded(hips), SCENE, 1) is Region.MEDIAL
+
+
 def test_what_happened_a_tick_before_is_of_that_tick():
     """The hand crosses the axis of a tip between the first two of three ticks."""
     base = recorded(0.8 * TIP.position + np.outer([-0.5e-4, 0.5e-4, 1.5e-4], ASIDE))
