@@ -36,11 +36,14 @@ def _is_flight(recording: Recording, boundary: Boundary, tick: int, bound: float
     ticks ago. A face that it is pressed on bars its way at once.
     """
     before, now = recording.ihip[tick - 1], recording.ihip[tick]
+    near = DETOUR_BOUNDS * bound
+    # Of a shorter step both ends are near one place.
+    if distance_between(before, now) <= 2.0 * near:
+        return False
     # Through the solid no tool flies, and most jumps lead there.
     if boundary.signed_distance(0.5 * (before + now)[np.newaxis])[0] < -bound:
         return False
     around = boundary.closest_point(np.vstack([before, boundary.around(before, bound)]))
-    near = DETOUR_BOUNDS * bound
     for hip in recording.hip[max(tick - LAG_TICKS, 0) : tick + 1]:
         for start in around.foot + bound * around.normal:
             met = boundary.first_crossing(start, hip, grain=DESCENT_SHARE * bound)
