@@ -13,8 +13,8 @@ from pathlib import Path
 import typer
 
 from hapticeval.commands.terminal import annotation, lines, paragraphs, wrote_lines
-from hapticeval.phenomena.inherent import limits_of
-from hapticeval.phenomena.verdict import Outcome
+from hapticeval.phenomena.inherent import would_follow
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.quantity import align_columns, format_duration, name_first, plural
 from hapticeval.runner.known import describe_outdated
 from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
@@ -264,10 +264,15 @@ def _verdict_words(verdict: VerdictEntry) -> str:
 
 
 def _inherent_hint(verdict: VerdictEntry) -> str:
-    """Return what a renderer has to declare for such a failure to be inherent; "" where no theorem is about it."""
+    """Return what a renderer has to declare for this failure to be inherent; "" where that would not make it so."""
     if verdict.outcome is not Outcome.FAIL or not verdict.standing.unexpected:
         return ""
-    declared = " or ".join(dict.fromkeys(limits_of(verdict.check)))
+    measured = verdict.metric
+    metric = (
+        None if measured is None or measured.value is None else Metric(measured.name, measured.value, measured.unit)
+    )
+    finding = Finding(verdict.outcome, verdict.message, metric, verdict.bound, verdict.evidence)
+    declared = " or ".join(would_follow(verdict.check, finding))
     return f"in a renderer that declares {declared}, see hapticeval explain {verdict.check}" if declared else ""
 
 

@@ -178,6 +178,27 @@ def limits_of(check: str) -> dict[str, str]:
     return {limit.declared: limit.because for limit in LIMITS if check in limit.checks}
 
 
+def would_follow(check: str, finding: Finding) -> list[str]:
+    """Return what a renderer has to declare for this very failure to be inherent, as `limits_of` names it."""
+    return list(
+        dict.fromkeys(
+            limit.declared
+            for limit in LIMITS
+            if check in limit.checks and "ended" not in finding.evidence and limit.applies(_as_declared(limit), finding)
+        )
+    )
+
+
+def _as_declared(limit: Limit) -> Declared:
+    """Return what the recording of a renderer says that declares what a limit asks for."""
+    name, _, value = limit.declared.partition(" ")
+    return {
+        "memoryless": {"memory": "none"},
+        "smooth_only": {"surfaces": "smooth"},
+        "closed_form": {"closed_form": value.split(", ")[0]},
+    }.get(name, {"spring": "error"})
+
+
 def declaration_words(declared: str) -> str:
     """Return the line of Python by which a renderer declares what a limit asks for, such as "spring"."""
     name, _, value = declared.replace("=", " ").partition(" ")

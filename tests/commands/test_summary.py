@@ -1,5 +1,6 @@
 """The closing summary, without a run: what it shows at once, what with -v, and on a narrow terminal."""
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,9 +14,10 @@ from hapticeval.reports.table import markdown
 from hapticeval.runner.results import Problem, VerdictEntry
 
 
-def verdict(outcome, *, metric=None, bound=None, known=None, **more):
+def verdict(outcome, *, metric=None, bound=None, known=None, evidence=None, **more):
     names = {"renderer": "r", "suite": "s", "case": "c", "check": "memoryless", "level": Level.MUST}
-    made = Verdict(**{**names, "finding": Finding(outcome, "what was seen", metric=metric, bound=bound), **more})
+    finding = Finding(outcome, "what was seen", metric=metric, bound=bound, evidence=evidence or {})
+    made = Verdict(**{**names, "finding": finding, **more})
     return changed(VerdictEntry.of(made), known=known, **({"as_expected": True} if known else {}))
 
 
@@ -45,13 +47,19 @@ def test_an_unexpected_failure_names_who_fails_alike():
     )
 
 
-def test_a_failure_that_may_be_inherent_names_what_a_renderer_has_to_declare():
+def test_a_failure_that_would_be_inherent_names_what_a_renderer_has_to_declare_and_no_other_does():
     hint = "  may be inherent: in a renderer that declares spring, see hapticeval explain impulsive-collision\n"
-    assert hint in summary(results_of(jump(0.1, check="impulsive-collision")), [])
-    assert hint not in summary(
-        results_of(jump(0.1, check="impulsive-collision", inherent="a spring")), [], verbose=True
+    soft = {"impulse_in_window_Ns": 0.01, "impulse_wanted_Ns": 0.03, "stopped_after_ms": 16.0}
+    struck = partial(jump, 0.1, check="impulsive-collision")
+    assert hint in summary(results_of(struck(evidence=soft)), [])
+    assert hint not in summary(results_of(struck(evidence=soft, inherent="a spring")), [], verbose=True)
+    # An impulse of the wrong sign is no spring's, and a point off the surface no nearest one's.
+    wrong = struck(evidence={**soft, "impulse_in_window_Ns": -0.01})
+    off = jump(
+        0.1, check="continuous-contact", evidence={"off_surface_m": 0.1, "nearest_jump_m": 1.0, "region": "medial axis"}
     )
-    assert "may be inherent" not in summary(results_of(jump(0.1)), [])
+    for failed in (wrong, off, jump(0.1)):
+        assert "may be inherent" not in summary(results_of(failed), [])
 
 
 def test_the_whole_of_it():
