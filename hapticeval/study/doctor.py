@@ -28,7 +28,7 @@ from hapticeval.errors import (
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.checks.drop_out import fault_without_hip
 from hapticeval.phenomena.decisions import LAG_TICKS
-from hapticeval.phenomena.sampling import force_floor, note_cut_standoff
+from hapticeval.phenomena.sampling import farthest_standoff, force_floor, note_cut_standoff
 from hapticeval.quantity import format_duration
 from hapticeval.recordings.recording import path_velocities, single_rounding
 from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of
@@ -315,10 +315,13 @@ def _check_contact(case: Case) -> StateAndText:
         )
     # A thousandth of the depth for a renderer that holds the surface coarsely.
     if off > abilities.standoff + single_rounding(path.hips) + 1e-3 * depth:
-        return (
-            State.MISSING,
-            f"the IHIP is {1e3 * off:.3g} mm off the surface: declare a standoff of that, or put it there",
+        believed = farthest_standoff(scene)
+        advice = (
+            "declare a standoff of that, or put it there"
+            if off <= believed
+            else f"put it there; of a standoff {1e3 * believed:.3g} mm count here at the most"
         )
+        return State.MISSING, f"the IHIP is {1e3 * off:.3g} mm off the surface: {advice}"
     # Compared with a spring of the scene's stiffness, either way: N/mm for N/m, or N/m for N/mm.
     if _is_thousandfold(scene.stiffness * depth * path.normal, forces[-1]) or _is_thousandfold(
         forces[-1], scene.stiffness * depth * path.normal
@@ -420,13 +423,20 @@ def _check_speed(case: Case) -> StateAndText:
     """Check that a step takes less than the sampling time."""
     dt, hips = case.scene.sampling_time, case.path.hips
     reset_checked(case.renderer, hips[0])
-    still, spent = np.zeros_like(hips[0]), []
+    still, spent, answers = np.zeros_like(hips[0]), [], []
     for k in range(TIMED_TICKS):
         # Called bare, without the checks of `step_checked`: their time is not the renderer's.
         with renderer_errors("step()", tick=k, hip=hips[k % len(hips)]):
             begun = time.perf_counter()
-            case.renderer.step(hips[k % len(hips)], still, dt)
+            answer = case.renderer.step(hips[k % len(hips)], still, dt)
             spent.append(time.perf_counter() - begun)
+        answers.append(answer)
+    finite = np.isfinite(np.asarray(answers, dtype=np.float64)).all(axis=(1, 2))
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise RendererError(
+            "the renderer's step() answered numbers that are not finite", tick=k, hip=hips[k % len(hips)]
+        )
     usual, p99 = (float(np.percentile(spent, share)) for share in (50, 99))
     step, slow_step, tick = format_duration(usual), format_duration(p99), format_duration(dt)
     words = f"{step} a step, 99 % in {slow_step}, through Python; a tick has {tick}"

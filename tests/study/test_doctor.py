@@ -88,6 +88,18 @@ class Divides(Good):
         with np.errstate(all="ignore"):
             return ihip, np.linalg.norm(force) * (ihip - hip) / np.linalg.norm(ihip - hip)
 
+class WearsOut(Good):
+    ticks = 0
+    def step(self, hip, velocity, dt):
+        self.ticks += 1
+        ihip, force = super().step(hip, velocity, dt)
+        return ihip, force if self.ticks < 650 else force * np.nan
+
+class Beside(Good):
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        return (ihip - 0.05 * force / np.linalg.norm(force) if force.any() else ihip), force
+
 class Faceted(Good):
     supports = None
     def __init__(self, scene):
@@ -288,3 +300,18 @@ def test_what_broke_can_be_asked_again_by_the_program_that_the_doctor_prints(
 def test_a_renderer_of_solids_alone_is_told_how_to_say_so(here: Path) -> None:
     steps = doctor.next_steps("p", list(examine("patients:Faceted", patience=ANSWER_SECONDS)))
     assert steps[1:] == ["or, if it is for models in space alone, have it say so: supports = {'space'}"]
+
+
+def test_numbers_that_become_none_while_it_is_timed_are_seen(here: Path) -> None:
+    broke = [
+        finding for finding in examine("patients:WearsOut", patience=ANSWER_SECONDS) if finding.state is State.BROKE
+    ]
+    assert [finding.what for finding in broke] == ["speed", "speed"]
+    assert "not finite" in broke[0].text
+
+
+def test_no_standoff_is_advised_that_would_not_be_believed(here: Path) -> None:
+    (text, *_) = [
+        finding.text for finding in examine("patients:Beside", patience=ANSWER_SECONDS) if finding.what == "contact"
+    ]
+    assert "put it there; of a standoff 4 mm count here at the most" in text
