@@ -142,9 +142,9 @@ def test_the_star_s_tip_pops_through_where_lines_merge_and_is_continuous_where_t
     literal = mapping.with_knobs(cells=100.0)
     steep = outcome("star-convex-corner", "continuous-contact", literal)
     assert steep.outcome is Outcome.PASS
-    assert steep.evidence["jump_in_hip_steps"] > 500.0
+    assert steep.evidence["steep_step_m"] > 500.0 * steep.evidence["hip_step_m"]
     held = mapping.with_knobs(cells=100.0, gap=0.05)
     finding = outcome("star-convex-corner", "continuous-contact", held)
     assert finding.outcome is Outcome.PASS
-    assert 10.0 < finding.evidence["jump_in_hip_steps"] < 30.0
+    assert 10.0 < finding.evidence["steep_step_m"] / finding.evidence["hip_step_m"] < 30.0
     assert outcome("star-concave-corner", "continuous-contact", literal).outcome is Outcome.PASS
