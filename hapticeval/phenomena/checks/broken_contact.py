@@ -122,9 +122,11 @@ def _next_contact_of_standoff(base: Recording, scene: Scene, first: int, end: in
     It does while the hand is yet outside, nearer than the standoff, after it has been farther.
     """
     gap = believed_standoff(base, scene)
+    if gap == 0.0:
+        return end
     clear = scene.model.boundary.signed_distance(base.hip[first:end]) > gap
     left = int(np.argmax(clear))
-    if gap == 0.0 or not clear.any() or clear[left:].all():
+    if not clear.any() or clear[left:].all():
         return end
     return first + left + int(np.argmin(clear[left:]))
 

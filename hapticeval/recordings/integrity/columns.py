@@ -84,8 +84,9 @@ def issues_of_values(recording: Recording) -> Iterator[Issue]:
         for stretch in stretches(recording, sound):
             begin, part = stretch.first, values[stretch.rows]
             stuck = [] if computed else list(_stuck(part, step))
-            if channel == "force":
-                stuck = [span for span in stuck if not _keeps_depth(recording, begin + span[0], begin + span[1])]
+            if channel == "force" and stuck:
+                changing = _changing_depth(recording, [(begin + first, begin + end) for first, end in stuck])
+                stuck = [(first - begin, end - begin) for first, end in changing]
             # A frozen sensor jumps where it wakes: one issue is enough.
             woken = {end for _, end in stuck}
             # Only a place has no jumps by nature: forces switch on.
@@ -238,9 +239,12 @@ def frozen(recording: Recording, known: Sequence[Issue]) -> Iterator[Issue]:
         elif column.unit in MOVING_UNITS:
             reported = [(issue.first, issue.end) for issue in known if issue.channel == name]
             place = columns[other].values if MOVING_UNITS[column.unit] == "speed" and other in columns else None
-            for first, end, moved, every in _frozen_runs(recording, column, travel, place):
-                if column.channel == "force" and _keeps_depth(recording, first, end):
-                    continue
+            runs = {
+                (first, end): travelled for first, end, *travelled in _frozen_runs(recording, column, travel, place)
+            }
+            spans = _changing_depth(recording, list(runs)) if column.channel == "force" and runs else list(runs)
+            for first, end in spans:
+                moved, every = runs[first, end]
                 message = (
                     f"it keeps {column.values[first]:.6g} over {end - first} rows, while {other} moves {moved:.3g} "
                     f"{_unit(recording, other)}; elsewhere it changes every {every:.2g}"
@@ -249,18 +253,18 @@ def frozen(recording: Recording, known: Sequence[Issue]) -> Iterator[Issue]:
                     yield make_issue(recording, "stuck", message, name, (first, end), travel=moved)
 
 
-def _keeps_depth(recording: Recording, first: int, end: int) -> bool:
-    """Return whether the way from the HIP to the IHIP is one over rows [first, end), as a spring's force is then.
+def _changing_depth(recording: Recording, spans: Sequence[Span]) -> list[Span]:
+    """Return the spans of rows [first, end) over which the way from the HIP to the IHIP changes; all where one lacks.
 
-    So it does where a hand is led along a flat face at one depth, however far.
+    It is one, as a spring's force is then, where a hand is led along a flat face at one depth, however far.
     """
     if not {"hip", "ihip"} <= set(recording.channels):
-        return False
+        return list(spans)
     stretch = recording.ihip - recording.hip
-    rounding = FROZEN_ROUNDING * float(np.nanmax(np.abs(recording.hip), initial=0.0))
-    # In whatever steps both are given.
-    steps = coarsest(recording.hip) + coarsest(recording.ihip)
-    return bool(np.ptp(stretch[first:end], axis=0).max() <= rounding + steps)
+    # m: rounding, and whatever steps both are given in.
+    open_length = FROZEN_ROUNDING * float(np.nanmax(np.abs(recording.hip), initial=0.0))
+    open_length += coarsest(recording.hip) + coarsest(recording.ihip)
+    return [(first, end) for first, end in spans if not np.ptp(stretch[first:end], axis=0).max() <= open_length]
 
 
 def _travel(recording: Recording, columns: Mapping[str, Column], name: str) -> tuple[Array, str]:
