@@ -158,7 +158,7 @@ def with_facts(markdown: str, check: Check) -> str:
         for word, picture in drawn.items()
         if (PAGES / "checks.py" / picture).exists()
     ]
-    before, heading, after = markdown.partition("## Bound")
+    before, heading, after = markdown.partition("## ")
     return before + "\n".join(lines) + "\n" + heading + after
 
 

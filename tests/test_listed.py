@@ -21,8 +21,9 @@ DOCS = Path(__file__).parents[1] / "docs"
 CHECKS_HEAD = """# Every check
 
 A metric up to the bound passes. Each page has the bound with its derivation, what the check does not see,
-and common causes of a fail. `hapticeval explain CHECK` prints the short of it. A check of level `must` decides
-the exit code, `should` warns, and `info` is shown.
+and common causes of a fail. `hapticeval explain CHECK` prints the short of it, also
+for a word of the field such as `jitter`. A check of level `must` decides the exit code, `should` warns,
+and `info` is shown.
 
 The site that `make docs` builds, `build/site/index.html`, has for most checks a picture of a renderer that passes
 and of one that fails. The pictures that other pages link are there too.

@@ -16,6 +16,7 @@ from ruamel.yaml import YAML
 
 from hapticeval.cli import EXIT_CODES, main
 from hapticeval.discovery import resolve
+from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.runner.results import ResultsDocument, read_results
 
@@ -30,6 +31,14 @@ PHENOMENA = {"Continuous Contact Point", "Contact Normal Force", "Broken Contact
 def section(title: str, page: str = "README") -> str:
     """Return the text under a heading of the second level."""
     return PAGES[page].split(f"\n## {title}\n", 1)[1].split("\n## ", 1)[0]
+
+
+def test_what_an_engineer_says_is_what_the_check_s_page_says_others_call_it() -> None:
+    rows = re.findall(r"^\| ([^|]+) \| `([a-z-]+)` \| [^|]+ \|$", section("What is judged"), re.MULTILINE)
+    assert len(rows) > 5
+    assert [
+        (words, check) for words, check in rows if not {*words.split(", ")} <= {*read_page(CHECKS[check]).also_called}
+    ] == []
 
 
 def block(text: str, language: str, number: int = 0) -> str:

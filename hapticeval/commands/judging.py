@@ -26,7 +26,7 @@ from hapticeval.commands.arguments import (
     renderers_option,
 )
 from hapticeval.commands.summary import github_annotations, summary, terminal_width
-from hapticeval.commands.terminal import Terminal, columns, on_github, paragraphs, say, wrote_lines
+from hapticeval.commands.terminal import Terminal, on_github, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.recordings.memory import DEFAULT_LIMIT
@@ -469,14 +469,18 @@ def list_(
 
 
 def explain(
-    check: Annotated[str, argument(metavar="CHECK", help="A check's id, as in `hapticeval list checks`.")],
+    check: Annotated[
+        list[str],
+        argument(metavar="CHECK", help="A check's id, as in `hapticeval list checks`, or a word of the field for it."),
+    ],
 ) -> None:
     """Explain what a check asks, measures and allows, and why.
 
     \b
-    Example:
+    Examples:
       hapticeval explain continuous-contact
+      hapticeval explain pop-through
     """
     from hapticeval.commands import listing
 
-    say(columns(listing.check_rows(check)))
+    say(listing.explanation(" ".join(check)))

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from hapticeval.commands.terminal import columns, lines, paragraphs
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.suite.outline import Heading, find_suites, outline, suite_groups, suites_named
+
+if TYPE_CHECKING:
+    from hapticeval.phenomena.check import Check
 
 Rows = Iterator[tuple[str, str]]
 """Names, each with a text beside it."""
@@ -152,17 +157,48 @@ def listing_text(what: str, named: Sequence[str] = ()) -> str:
     return columns(LISTINGS[what]())
 
 
-def check_rows(name: str) -> Rows:
-    """Yield what is asked first of a check; its page has the rest. Raises `UnknownNameError` for an id that is none."""
-    from hapticeval.phenomena.inherent import declaration_words, limits_of
-    from hapticeval.phenomena.pages import page_file, read_page
+def explanation(word: str) -> str:
+    """Return what is asked first of a check by its id or by a word of the field for it, as `pop-through`.
+
+    Where several checks have that word in their ids or are called so, or their pages use it, it lists those. Raises
+    `UnknownNameError` for a word of none.
+    """
+    from hapticeval.phenomena.pages import read_page
     from hapticeval.phenomena.registry import CHECKS
 
-    if name not in CHECKS:
-        raise UnknownNameError("check", name, CHECKS)
-    check = CHECKS[name]
+    if word in CHECKS:
+        return columns(check_rows(CHECKS[word]))
+    pages = {name: read_page(CHECKS[name]) for name in CHECKS}
+    called = [name for name, page in pages.items() if any(_has_word(text, word) for text in (name, *page.also_called))]
+    if len(called) == 1:
+        return columns(check_rows(CHECKS[called[0]]))
+    named = called or [name for name, page in pages.items() if _has_word(page.text, word)]
+    if not named:
+        raise UnknownNameError(
+            "check", word, {*CHECKS, *(text for page in pages.values() for text in page.also_called)}
+        )
+    where = "in what others call" if called else "on the pages of"
+    return paragraphs(
+        f"'{word}' is {where} {len(named)} check{'s' * (len(named) > 1)}; hapticeval explain CHECK has more:",
+        columns((name, pages[name].question) for name in named),
+    )
+
+
+def _has_word(text: str, word: str) -> bool:
+    """Return whether a text has a word, or some, as words of their own; capitals and hyphens make no difference."""
+    plain_text, plain_word = (" ".join(re.findall(r"\w+", part.casefold())) for part in (text, word))
+    return bool(plain_word) and f" {plain_word} " in f" {plain_text} "
+
+
+def check_rows(check: Check) -> Rows:
+    """Yield what is asked first of a check; its page has the rest."""
+    from hapticeval.phenomena.inherent import declaration_words, limits_of
+    from hapticeval.phenomena.pages import page_file, read_page
+
     page = read_page(check)
     yield check.id, page.question
+    if page.also_called:
+        yield "also called", ", ".join(page.also_called)
     yield "formula", check.formula
     yield "metric", f"{check.metric} ({check.unit or 'a ratio, without a unit'})"
     yield "bound", page.bound

@@ -1,6 +1,7 @@
 """The page of each check, `docs/checks/ID.md`: the prose that terminal, report and site show of a check.
 
-A page begins with the question. `## Bound` gives the bound in a few lines, then its derivation as a list;
+A page begins with the question. `## Also called`, where it is there, has the field's words for what fails the check,
+with commas between them. `## Bound` gives the bound in a few lines, then its derivation as a list;
 `## What it does not see` names the other check to ask; `## When it fails` lists causes, the most common first.
 
 The formula, the level and the channels stand in the check itself, and the site draws the pictures.
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
     from hapticeval.phenomena.check import Check
 
+ALSO_CALLED = "Also called"
 BOUND = "Bound"
 WHEN_IT_FAILS = "When it fails"
 
@@ -31,13 +33,15 @@ WHEN_IT_FAILS = "When it fails"
 class CheckPage:
     """What others print of a page, as plain text: the question, the bound without its derivation, and the first cause.
 
-    `first_cause` is empty where the page lists none. `text` is the whole page, in Markdown.
+    `also_called` are the field's words for what fails it. `first_cause` is empty where the page lists none. `text` is
+    the whole page, in Markdown.
     """
 
     question: str
     bound: str
     first_cause: str
     text: str
+    also_called: tuple[str, ...]
 
 
 def page_file(check: Check) -> Traversable:
@@ -70,7 +74,8 @@ def parse_page(text: str) -> CheckPage:
     question, bound = _paragraphs(sections[""]), _paragraphs(sections.get(BOUND, ()))
     if not question or not bound:
         raise ValueError(f"a check's page begins with its question, and has a paragraph below '## {BOUND}'")
-    return CheckPage(question, bound, _first_item(sections.get(WHEN_IT_FAILS, ())), text)
+    also_called = tuple(filter(None, _paragraphs(sections.get(ALSO_CALLED, ())).split(", ")))
+    return CheckPage(question, bound, _first_item(sections.get(WHEN_IT_FAILS, ())), text, also_called)
 
 
 def _sections(tokens: Sequence[Token]) -> Iterator[tuple[str, Sequence[Token]]]:

@@ -27,7 +27,7 @@ def test_a_page_has_the_parts_that_a_reader_looks_for(check: str) -> None:
     text = (FOLDER / f"{check}.md").read_text(encoding="utf-8")
     page = read_page(OWN[check])
     assert text.startswith(f"# {check}\n\n{page.question[:10]}")
-    assert re.findall(r"^## (.+)$", text, re.MULTILINE) == HEADINGS
+    assert re.findall(r"^## (.+)$", text, re.MULTILINE) == [*["Also called"] * bool(page.also_called), *HEADINGS]
     assert page.question.endswith("?")
     assert page.first_cause
     assert page.text == text
@@ -52,6 +52,13 @@ def test_a_page_is_read_as_plain_text() -> None:
     assert page.question == "Is it weak, as toys are?"
     assert page.bound == "Half a newton. No more."
     assert page.first_cause == "Heavy. Take less."
+    assert page.also_called == ()
+
+
+def test_a_page_may_say_what_others_call_it() -> None:
+    page = parse_page(TOY.replace("## Bound", "## Also called\nlight weight,\n*slack*\n\n## Bound"))
+    assert page.also_called == ("light weight", "slack")
+    assert page.question == "Is it weak, as toys are?"
 
 
 def test_a_page_may_list_no_causes() -> None:
