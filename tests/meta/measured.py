@@ -34,8 +34,8 @@ EACH, EACH_ASKED, OF_ONE = 2, 6, 2
 """Places of each kind of finding: of suites and broken renderers, of what tests ask, and of one renderer or test."""
 CLOSE, ROUNDING = 2e-3, 1e-9
 """Share by which numbers of a simulation may differ between two machines, and size, in SI units, that is rounding."""
-EXACT, TINY = 1e-6, 1e-12
-"""The same of recordings that tests make."""
+EXACT, TINY = 1e-5, 1e-12
+"""The same of recordings that tests make; a short simulation among them differed by 1.2e-6 on another processor."""
 
 CHAOTIC = "comes-to-rest"
 """A loop that does not come to rest makes rounding grow: no number of it is the same on another machine."""
@@ -64,8 +64,12 @@ class Row(NamedTuple):
     @property
     def tells(self) -> bool:
         """Whether its worst place is one: of a metric that is rounding it is another on another machine."""
-        least = max(ROUNDING, 1e-6 * abs(self.numbers.get("bound", 0.0)))
-        return bool(self.numbers) and abs(self.numbers.get("metric", 1.0)) > least
+        return bool(self.numbers) and abs(self.numbers.get("metric", 1.0)) > self.least_metric
+
+    @property
+    def least_metric(self) -> float:
+        """Size up to which a metric is rounding, in the metric's unit."""
+        return max(ROUNDING, 1e-6 * abs(self.numbers.get("bound", 0.0)))
 
     @property
     def text(self) -> str:
@@ -118,6 +122,11 @@ def agree(place: Place, row: Row, close: float, rounding: float) -> None:
     """Assert that a row has the numbers that are recorded of its place, where it is; those that are new may be."""
     if place in recorded():
         before = recorded()[place].numbers
+        if (
+            0.0 < abs(before.get("metric", 0.0)) <= recorded()[place].least_metric
+        ):  # the first of equal zeros is the same anywhere
+            assert not row.tells, place
+            before = {name: number for name, number in before.items() if name == "bound"}
         numbers = {name: row.numbers.get(name) for name in before}
         assert numbers == pytest.approx(before, rel=close, abs=rounding, nan_ok=True), place
 
