@@ -291,12 +291,22 @@ def _search_words(hunt: Hunt, outcome: HuntResult, took: float) -> str:
     # Checks that were decided, with in how many examples.
     passed = [f"{name} ({outcome.judged[name]})" for name in unfailed if outcome.judged[name]]
     undecided = [name for name in unfailed if not outcome.judged[name]]
-    ended = "" if outcome.finished else "; stopped before the end"
-    effort = f"{plural(outcome.tried, 'example')} drawn, {outcome.trials} tried in {took:.1f} s{ended}"
+    # The time of each renderer, or the user.
+    ended = "" if outcome.finished else "; the time was over" if took >= hunt.seconds else "; interrupted"
+    effort = [f"{plural(outcome.tried, 'example')} drawn, {outcome.trials} tried in {took:.1f} s{ended}"]
+    if outcome.silence:
+        effort.append(f"at the end {outcome.silence}")
     if not outcome.judged and not outcome.counterexamples:
-        return lines([effort, "nothing was judged: no example had an answer when the time was over"])
-    unfailing = [("no failure, in so many examples, of", passed), ("no example decides", undecided)]
-    return lines([effort, *(f"{words}: {', '.join(names)}" for words, names in unfailing if names)])
+        return lines([*effort, "nothing was judged: no example had an answer when the search ended"])
+    cut_short = [
+        counterexample.fault.check for counterexample in outcome.counterexamples if not counterexample.complete
+    ]
+    named = [
+        ("not shrunk to the end; search again, or give more --seconds", cut_short),
+        ("no failure, in so many examples, of", passed),
+        ("no example decides", undecided),
+    ]
+    return lines([*effort, *(f"{words}: {', '.join(names)}" for words, names in named if names)])
 
 
 def _draw_counterexample(

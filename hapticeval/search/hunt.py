@@ -85,6 +85,7 @@ class Search:
     - `judged`: in how many cases each check has passed or failed.
     - `refused`: why the renderer would not take any case, if so.
     - `finished`: whether nothing has stopped the search.
+    - `silence`: where the renderer was, if it gave no answer when the search was stopped.
     """
 
     bench: Bench
@@ -100,6 +101,7 @@ class Search:
     judged: Counter[str] = field(default_factory=Counter)
     refused: str | None = None
     finished: bool = False
+    silence: str = ""
     _looked: dict[str, set[str]] = field(default_factory=dict)
     _waiting: list[tuple[FailingCase, Shrink, bool]] = field(default_factory=list)
 
@@ -140,8 +142,8 @@ class Search:
                     break
             self._settle(open_checks)
             self.finished = True
-        except Stopped:
-            pass
+        except Stopped as stopped:
+            self.silence = str(stopped)
         if takes_any:
             self.refused = None
 

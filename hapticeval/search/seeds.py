@@ -17,7 +17,7 @@ from hapticeval.runner.execution import PATIENCE, crew_of
 from hapticeval.search.counterexample import StoredCounterexample, stored_counterexample
 from hapticeval.search.hunt import Search, deadline
 from hapticeval.search.shrink import size_of
-from hapticeval.search.trial import Bench
+from hapticeval.search.trial import RENDERER, Bench
 from hapticeval.workers import Ended, LostError
 
 
@@ -38,7 +38,10 @@ class Hunt(NamedTuple):
 
 
 class HuntResult(NamedTuple):
-    """What came of a hunt, see `hunt.Search`; `tried` counts cases that were drawn, `trials` also those of shrinks."""
+    """What came of a hunt, see `hunt.Search`; `tried` counts cases that were drawn, `trials` also those of shrinks.
+
+    `silence` is empty where the renderer answered until the end, or was found to hang.
+    """
 
     counterexamples: list[StoredCounterexample]
     judged: Counter[str]
@@ -46,6 +49,7 @@ class HuntResult(NamedTuple):
     trials: int
     refused: str | None
     finished: bool
+    silence: str
 
 
 def run_hunt(
@@ -76,7 +80,11 @@ def run_hunt(
     counterexamples = [
         stored_counterexample(failing_case, hunt.renderer, seed) for failing_case in search.counterexamples.values()
     ]
-    return HuntResult(counterexamples, search.judged, search.tried, bench.tried, search.refused, search.finished)
+    # A renderer that hangs is a counterexample, which says more.
+    silence = "" if RENDERER in search.counterexamples else search.silence
+    return HuntResult(
+        counterexamples, search.judged, search.tried, bench.tried, search.refused, search.finished, silence
+    )
 
 
 def merge_hunts(parts: Sequence[HuntResult]) -> HuntResult:
@@ -96,6 +104,7 @@ def merge_hunts(parts: Sequence[HuntResult]) -> HuntResult:
         # one seed that was not refused is enough
         None if judged or smallest_by_check else next((part.refused for part in parts if part.refused), None),
         bool(parts) and all(part.finished for part in parts),
+        next((part.silence for part in parts if part.silence), ""),
     )
 
 

@@ -34,6 +34,9 @@ FIRST_SILENCE, SILENCE = 30.0, 10.0
 In its first case it may prepare the model. Time in which its process compiles or waits for a processor does not count.
 """
 
+TOLD_SILENCE = 1.0
+"""Seconds without an answer that are told where the time is over before they are a hang. *Chosen*."""
+
 POLL = 0.1
 
 
@@ -66,7 +69,10 @@ class TrialResult(Struct, frozen=True):
 
 
 class Stopped(Exception):
-    """The time is over, or the user has stopped the search, before the case was answered."""
+    """The time is over, or the user has stopped the search, before the case was answered.
+
+    Its text says where the renderer was, if it had given no answer for a while.
+    """
 
 
 class Bench:
@@ -158,14 +164,22 @@ class Bench:
             if compiles or answered != answered_before:
                 silent, answered_before = 0.0, answered
             # Silent for too long: the process is ended, and says where it was.
-            for answer in self._workers.give_up(0.0) if silent > limit else ():
-                self._end()
-                place = place_in_stack(answer.error.stack) if isinstance(answer.error, Overdue) else ""
-                message = f"the renderer gives no answer in {limit:.3g} s{place and f': it is {place}'}"
-                return Fault(RENDERER, "hangs", message)
+            if silent > limit:
+                return Fault(RENDERER, "hangs", f"the renderer gives no answer in {limit:.3g} s{self._end_at_place()}")
             if self._over():
-                self._end()
-                raise Stopped
+                place = self._end_at_place()
+                raise Stopped(
+                    f"the renderer had given no answer for {silent:.3g} s{place}; after {limit:.3g} s it hangs"
+                    if silent > TOLD_SILENCE
+                    else ""
+                )
+
+    def _end_at_place(self) -> str:
+        """End the renderer's process, and return where it was in words that follow a sentence; empty if unknown."""
+        answers = [] if self._workers is None else self._workers.give_up(0.0)
+        self._end()
+        places = [place_in_stack(answer.error.stack) for answer in answers if isinstance(answer.error, Overdue)]
+        return "".join(f": it is {place}" for place in places if place)
 
     def _end(self) -> None:
         if self._workers is not None:

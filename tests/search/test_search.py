@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections import Counter
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from hapticeval import cli, strategies
-from hapticeval.commands.search import _draw_counterexample
+from hapticeval.commands.search import _draw_counterexample, _search_words
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
@@ -22,7 +23,7 @@ from hapticeval.search import seeds, trial
 from hapticeval.search.counterexample import line, list_counterexamples, notes, read_all, stored_counterexample, write
 from hapticeval.search.drawing import MODELS, draw_cases, judgeable, judges_paths
 from hapticeval.search.hunt import Search
-from hapticeval.search.seeds import Hunt, run_hunts
+from hapticeval.search.seeds import Hunt, HuntResult, run_hunts
 from hapticeval.search.shrink import size_of
 from hapticeval.search.trial import RENDERER, Bench, Fault, Stopped
 from hapticeval.stimulus.experiments import ExperimentTable
@@ -243,8 +244,24 @@ def test_the_end_of_the_time_ends_the_drawing_of_cases(monkeypatch):
 
 
 def test_the_end_of_the_time_ends_a_case_that_is_slow(mine, monkeypatch):
+    monkeypatch.setattr(trial, "TOLD_SILENCE", 0.0)
     made = searched("mine:Hangs", ["contact-kept"], over=stopped_after(12))
     assert not made.finished
+    assert "given no answer for" in made.silence
+    assert "mine.py, line" in made.silence
+
+
+def test_the_last_lines_say_what_the_end_of_the_time_has_cut_short(jump):
+    hunt = Hunt("minimum-distance", [JUMP, "seams"], [], [], 8.0, None)
+    cut_short = msgspec.structs.replace(stored_counterexample(jump, "minimum-distance", 0), complete=False)
+    outcome = HuntResult([cut_short], Counter(), 1, 9, None, False, "the renderer had given no answer for 3 s")
+    assert _search_words(hunt, outcome, 8.1).splitlines() == [
+        "1 example drawn, 9 tried in 8.1 s; the time was over",
+        "at the end the renderer had given no answer for 3 s",
+        "not shrunk to the end; search again, or give more --seconds: continuous-contact",
+        "no example decides: seams",
+    ]
+    assert "4.0 s; interrupted" in _search_words(hunt, outcome, 4.0)
 
 
 def test_the_end_of_their_time_ends_the_drawing_of_pictures(jump, mine, tmp_path):
