@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from functools import cache
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from hapticeval.effects.effect import Alters
 from hapticeval.errors import InputError, UnknownNameError
@@ -18,6 +18,8 @@ from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
+
+Required = TypeVar("Required")
 
 
 class Closer(Protocol):
@@ -122,6 +124,16 @@ def situations(runs: Runs, scene: Scene) -> frozenset[Situation]:
         Situation.NO_CONCAVE_CORNER: not concave,
     }
     return frozenset(situation for situation, holds_here in holds.items() if holds_here)
+
+
+NOBODY = "a recording shows one run only, and nobody can be asked for another"
+"""Why a check that needs a sibling is not asked of a recording."""
+
+
+def required(value: Required | None) -> Required:
+    """Return what is there wherever a check is asked: a sibling that it `needs`, or an effect that it is of."""
+    assert value is not None
+    return value
 
 
 LACKING_CHANNEL = "lacks"

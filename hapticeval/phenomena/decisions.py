@@ -395,7 +395,7 @@ LIMIT_SHARE = 0.5
 """Share of the finest spread that its limit has to have for a jump: *chosen*, since of less the extrapolation makes
 most. Doubled, a limit below the finest spread would never be a jump."""
 
-# restated, time_subdivision
+# relations
 
 SAME_ANSWER = 1e-12
 """Share of the model's size by which answers may differ beside what is declared and what rounding of the hand changes:

@@ -32,10 +32,13 @@ PHENOMENA = (
 """The six of thesis section 3.2, in its order."""
 
 
-def _place_in_lists(check: Check) -> tuple[int, int, int]:
-    """Return a key of the order in which checks are listed: phenomena, other questions, held surfaces, effects."""
+def _place_in_lists(check: Check) -> tuple[int, int, int, str]:
+    """Return a key of the order in which checks are listed: phenomena, other questions, held surfaces, effects.
+
+    Those of effects stay in the order of their families.
+    """
     phenomenon = PHENOMENA.index(check.phenomenon) if check.phenomenon in PHENOMENA else len(PHENOMENA)
-    return bool(check.effects), check.holds, phenomenon
+    return bool(check.effects), check.holds, phenomenon, "" if check.effects else check.id
 
 
 def _read_own() -> list[Check]:
@@ -48,7 +51,7 @@ def _read_own() -> list[Check]:
 
 
 OWN: Mapping[str, Check] = {check.id: check for check in _read_own()}
-"""The checks of this package, each of a module of its name, or of that of its effects."""
+"""The checks of this package, each of a module of its name, or of that of its family."""
 
 OF_EFFECTS: Mapping[str, Check] = {name: check for name, check in OWN.items() if check.effects}
 """Those that ask whether an effect is shown, which a scene has to call for."""

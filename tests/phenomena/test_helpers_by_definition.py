@@ -23,9 +23,9 @@ from hapticeval.phenomena.checks.passivity import (
     _largest_of_recent,
     _since_free_space,
 )
+from hapticeval.phenomena.checks.relations import compare_runs
 from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
 from hapticeval.phenomena.checks.transient import prony
-from hapticeval.phenomena.checks.vertex_order import CHECK as VERTEX_ORDER
 from hapticeval.phenomena.decisions import LAG_ROWS
 from hapticeval.phenomena.jumps import (
     Remains,
@@ -53,7 +53,7 @@ from hapticeval.phenomena.lag import (
     resting_ticks,
 )
 from hapticeval.phenomena.laps import LapRun, contact_spans, laps
-from hapticeval.phenomena.restated import _directions, compare_runs
+from hapticeval.phenomena.restated import _directions
 from hapticeval.phenomena.sampling import (
     believed_standoff,
     clear_of_surface,
@@ -543,7 +543,7 @@ def test_a_spread_falls_with_the_step_by_its_exponent():
 def test_what_is_declared_of_resolution_and_standoff_is_granted_to_a_run_that_is_stated_otherwise(off, outcome):
     base = changed(slide(), meta={"resolution": 2e-3, "standoff": 1e-3})
     other = changed(base, ihip=base.ihip + np.array([off, 0.0]), force=base.force)
-    finding = compare_runs(VERTEX_ORDER, Runs(base), LINE, other, "with other vertices")
+    finding = compare_runs(Runs(base), LINE, other, "with other vertices")
     assert finding.outcome is outcome
     # What is beyond that, as a share of the model's size.
     assert finding.metric.value == pytest.approx(max(off - 3e-3, 0.0) / 0.2, abs=1e-6)
@@ -554,5 +554,5 @@ def test_a_hand_that_touches_in_one_of_two_runs_alone_has_another_answer(touches
     held = slide()
     free = changed(held, ihip=held.hip, force=0.0 * held.force)
     base, other = (held, free) if touches == "as it is" else (free, held)
-    assert compare_runs(VERTEX_ORDER, Runs(base), LINE, other, "with other vertices").outcome is FAIL
-    assert compare_runs(VERTEX_ORDER, Runs(free), LINE, free, "with other vertices").outcome is UNDECIDED
+    assert compare_runs(Runs(base), LINE, other, "with other vertices").outcome is FAIL
+    assert compare_runs(Runs(free), LINE, free, "with other vertices").outcome is UNDECIDED

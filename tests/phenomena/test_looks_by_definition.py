@@ -20,8 +20,8 @@ from hapticeval.phenomena.checks.continuous_contact import (
     amplification,
     coarsened_slope,
 )
+from hapticeval.phenomena.checks.relations import relation_finding
 from hapticeval.phenomena.checks.update_rate import calls_for_another_force
-from hapticeval.phenomena.checks.vertex_order import CHECK as VERTEX_ORDER
 from hapticeval.phenomena.crossings import _comes_from_outside, _length_to_next_corner, angle_between
 from hapticeval.phenomena.decisions import HOLD_TICKS, TICKS_AROUND
 from hapticeval.phenomena.jumps import (
@@ -35,7 +35,7 @@ from hapticeval.phenomena.jumps import (
     _suspect_stretches,
 )
 from hapticeval.phenomena.regions import nearest_jump
-from hapticeval.phenomena.restated import answers_apart, relation_finding
+from hapticeval.phenomena.restated import answers_apart
 from hapticeval.phenomena.sampling import lacks_ihip
 from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.phenomena.under_the_hand import _followed_rows, _may_begin_at_ihip
@@ -305,7 +305,7 @@ class TestRelations:
     def test_the_row_that_is_off_by_most_is_told_and_without_one_that_changes_most(self, change, allowed, exempt, tick):
         base = changed(slide(), rows=slice(0, 2))
         finding = relation_finding(
-            VERTEX_ORDER, base, LINE, np.array(change), np.array(allowed), np.array(exempt), "with other vertices"
+            base, LINE, np.array(change), np.array(allowed), np.array(exempt), "with other vertices"
         )
         excess = [
             0.0 if skip else max(much - granted, 0.0)

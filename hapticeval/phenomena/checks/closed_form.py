@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.effects.effect import Alters
-from hapticeval.phenomena.check import Check, Runs, Situation
+from hapticeval.phenomena.check import Check, Runs, Situation, required
 from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING, FORM_TOLERANCE
 from hapticeval.phenomena.refinement import extrapolated
 from hapticeval.phenomena.sampling import evidence_at, listed, mm
@@ -24,8 +24,7 @@ UNREPEATABLE = "the run cannot be repeated with finer sampling, or ends early th
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure the largest distance between the extrapolated run and the closed form of its law."""
     base = runs.base
-    assert runs.law is not None
-    form = CLOSED_FORMS[runs.law]
+    form = CLOSED_FORMS[required(runs.law)]
     if SurfaceMotion(base, scene).pushed.any():
         return undecided("the operator pushes, and the closed form knows no operator")
     extrapolation = extrapolated(runs, lambda recording: recording.hip)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.sampling import evidence_at, force_floor
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.scene import Scene
@@ -29,14 +29,13 @@ def fault_without_hip(answer: Array | None, after: Array | None, floor: float) -
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Lead the hand to its largest force, give a HIP that is none, and then the next one of the path."""
-    assert runs.dropped_out is not None
     base, floor = runs.base, force_floor(scene)
     size = np.linalg.norm(base.force, axis=1)
     tick = int(np.argmax(size[:-1])) + 1
     before = float(size[tick - 1])
     if before <= floor:
         return undecided("the hand feels no force that could stay on")
-    answer, after = runs.dropped_out(tick)
+    answer, after = required(runs.dropped_out)(tick)
     evidence = {**evidence_at(base, tick), "force_before_n": before, "refused": answer is None}
     fault = fault_without_hip(answer, after, floor)
     left = 0.0 if answer is None else float(np.linalg.norm(answer))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
-from hapticeval.phenomena.check import Check, Runs, without_ihip
+from hapticeval.phenomena.check import Check, Runs, required, without_ihip
 from hapticeval.phenomena.checks.shading import SHADING
 from hapticeval.phenomena.checks.texture import TEXTURE
 from hapticeval.phenomena.checks.texture_work import BUMP
@@ -22,7 +22,6 @@ BEFORE_FRICTION = (SHADING, BUMP)
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare what the later of friction and another effect adds to the answer of the earlier one with its law."""
-    assert runs.without is not None
     base = runs.base
     others = scene.answer_effects_except(FRICTION)
     if len(others) != 1 or others[0] not in (*BEFORE_FRICTION, TEXTURE):
@@ -33,7 +32,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return without_ihip(base)
     # The catalogue's order: shading and bump maps, friction, texture.
     first, last = (FRICTION, TEXTURE) if others[0] == TEXTURE else (others[0], FRICTION)
-    plain = runs.without(last)
+    plain = required(runs.without)(last)
     pressed = above_force_floor(base, scene) & above_force_floor(plain, scene)
     # A late renderer's queue is not filled before.
     pressed[:LAG_TICKS] = False
@@ -84,15 +83,11 @@ def _drag_deviation(base: Recording, plain: Recording, scene: Scene, pressed: Bo
 
 def _vibration_deviation(base: Recording, plain: Recording, scene: Scene) -> tuple[Array, Array]:
     """Return what vibrations add across their direction, with K times how far they move the IHIP, and all they add."""
-    from hapticeval.effects.stochastic_texture import StochasticTexture
-
-    texture = scene.effect(StochasticTexture)
-    assert texture is not None
     added = base.force - plain.force
     normal = scene.model.boundary.closest_point(base.ihip).normal
     across = np.sum(added * normal, axis=1)[:, np.newaxis] * normal
     # What vibrations add beside their own direction is another effect's work.
-    aside = added - across if texture.direction == "normal" else across
+    aside = added - across if scene.effect(TEXTURE).direction == "normal" else across
     moved = scene.stiffness * np.linalg.norm(base.ihip - plain.ihip, axis=1)
     return np.linalg.norm(aside, axis=1) + moved, np.linalg.norm(added, axis=1)
 

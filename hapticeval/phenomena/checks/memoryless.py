@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.effects.effect import Alters
-from hapticeval.phenomena.check import Check, Runs, without_ihip
+from hapticeval.phenomena.check import Check, Runs, required, without_ihip
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.sampling import (
     evidence_at,
@@ -26,10 +26,9 @@ from hapticeval.types import Array, IntArray
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the IHIPs of HIPs that were reached forwards and backwards along the same points (Table 6.3)."""
-    assert runs.reverse is not None
     from scipy.spatial import cKDTree
 
-    base, reversed_run = runs.base, runs.reverse()
+    base, reversed_run = runs.base, required(runs.reverse)()
     if lacks_ihip(base, scene):
         return without_ihip(base)
     # For each HIP the nearest one of the way back; the sampled points need not be the same.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hapticeval.geometry.motion import Motion, rigid_motion, scaling
-from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.decisions import (
     AMPLIFIED_FACTOR,
     ANSWER_CHANGE,
@@ -50,14 +50,13 @@ def motions(scene: Scene) -> tuple[tuple[str, Motion], ...]:
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare a run with the same in the scene moved, beside what the rounding of the hand's position explains."""
-    assert runs.moved is not None
-    base = runs.base
+    base, moved = runs.base, required(runs.moved)
     contact = _in_contact(base, scene)
     if not contact.any():
         return undecided("the hand never touches the model")
     size = scene.model.size
     # Each run comes back moved back, so that rows compare as they are.
-    moved_runs = [(name, motion, runs.moved(motion, (0.0,) * base.hip.shape[1])) for name, motion in motions(scene)]
+    moved_runs = [(name, motion, moved(motion, (0.0,) * base.hip.shape[1])) for name, motion in motions(scene)]
     answering_runs = [(name, motion, run) for name, motion, run in moved_runs if run is not None]
     if not answering_runs:
         return undecided("the model cannot be moved or scaled, or the renderer refuses it then")

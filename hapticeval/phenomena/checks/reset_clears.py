@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.check import NOBODY, Check, Runs, required
 from hapticeval.phenomena.decisions import NOTABLE_FORCE_SHARE, TELLING_SHARE
-from hapticeval.phenomena.restated import NOBODY
 from hapticeval.phenomena.sampling import (
     evidence_at,
     farthest_standoff,
@@ -19,8 +18,7 @@ from hapticeval.types import Array
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the run with another one through the same object, to the bit or to what the renderer declares."""
-    assert runs.again is not None
-    base, again = runs.base, runs.again()
+    base, again = runs.base, required(runs.again)()
     rows = min(len(base), len(again))
     scatter = _believed_scatter(base, scene)
     lengths_differ = len(base) != len(again)

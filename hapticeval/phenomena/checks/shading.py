@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, not_alone, without_ihip
+from hapticeval.phenomena.check import Check, Runs, not_alone, required, without_ihip
 from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
 from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.laps import laps
@@ -36,17 +36,15 @@ class ExpectedShading(NamedTuple):
 
 def expect_shading(runs: Runs, scene: Scene) -> ExpectedShading | Finding:
     """Return what the recorded force is held against, or why there is nothing."""
-    from hapticeval.effects.shading import Shading, normals_at, turned
+    from hapticeval.effects.shading import normals_at, turned
 
-    base, shading = runs.base, scene.effect(Shading)
-    assert shading is not None
-    assert runs.without is not None
+    base, shading = runs.base, scene.effect(SHADING)
     reason = not_alone(scene, SHADING, because="whose force is not turned")
     if reason is not None:
         return reason
     if lacks_ihip(base, scene):
         return without_ihip(base)
-    plain = runs.without(SHADING)
+    plain = required(runs.without)(SHADING)
     # (4.15): n_e = unit(sum of a_i n_i), at the contact point of the unshaded run
     normals = normals_at(scene.model.boundary, shading.crease, plain.ihip, plain.hip)
     contact = above_force_floor(base, scene) & above_force_floor(plain, scene)

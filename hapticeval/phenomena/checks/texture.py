@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, not_alone
+from hapticeval.phenomena.check import Check, Runs, not_alone, required
 from hapticeval.phenomena.decisions import (
     APART_DECIBELS,
     CHANCE_OF_FAILURE,
@@ -46,11 +46,7 @@ class Stretch(NamedTuple):
 
 def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     """Return the stretches of steady speed and force, longest first, or the finding that says why there is none."""
-    from hapticeval.effects.stochastic_texture import StochasticTexture
-
-    base, effect = runs.base, scene.effect(StochasticTexture)
-    assert effect is not None
-    assert runs.without is not None
+    base, effect = runs.base, scene.effect(TEXTURE)
     reason = not_alone(scene, TEXTURE, because="which answer vibrations")
     if reason is not None:
         return reason
@@ -58,7 +54,7 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     ticks_per_sample = 1.0 / (effect.model.rate * base.dt)
     if abs(ticks_per_sample - round(ticks_per_sample)) > WHOLE_SAMPLE:
         return undecided(f"the recording has {ticks_per_sample:.4g} ticks a sample of the texture: no whole number")
-    plain = runs.without(TEXTURE)
+    plain = required(runs.without)(TEXTURE)
     normal = scene.model.boundary.closest_point(plain.ihip).normal
     press = np.sum(plain.force * normal, axis=1)
     velocity = backward_difference(base.hip, base.time)
@@ -103,12 +99,9 @@ def _steady_spans(speed: Array, press: Array, where: BoolArray) -> list[tuple[in
 
 def _texture_covariance(scene: Scene, stretch: Stretch, count: int) -> Array:
     """Return the autocovariance (count,), (m/s^2)^2, that the scene's texture has at a stretch's speed and force."""
-    from hapticeval.effects.stochastic_texture import StochasticTexture
     from hapticeval.effects.texture import autocovariance
 
-    effect = scene.effect(StochasticTexture)
-    assert effect is not None
-    return autocovariance(effect.model.between(stretch.speed, stretch.press), count)
+    return autocovariance(scene.effect(TEXTURE).model.between(stretch.speed, stretch.press), count)
 
 
 def _mean_square_variance(covariance: Array, count: int) -> float:
@@ -196,7 +189,7 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
     # A bin without power is -1000 dB, and not infinite.
     error = np.maximum(error, -1e3)
     rms, mean, worst = float(np.sqrt(np.mean(error**2))), float(error.mean()), int(np.argmax(np.abs(error)))
-    rate = 1.0 / (runs.base.dt * max(round(1.0 / (_texture_rate(scene) * runs.base.dt)), 1))
+    rate = 1.0 / (runs.base.dt * max(round(1.0 / (scene.effect(TEXTURE).model.rate * runs.base.dt)), 1))
     evidence = _stretch_evidence(scene, longest, runs.base) | {
         "mean_error_dB": mean,
         "worst_error_dB": float(error[worst]),
@@ -213,15 +206,6 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
             f"dB near {rate * frequency[2 + worst]:.3g} Hz; chance makes {bound:.2g} dB"
         ),
     )
-
-
-def _texture_rate(scene: Scene) -> float:
-    """Return the samples of the scene's texture a second, Hz."""
-    from hapticeval.effects.stochastic_texture import StochasticTexture
-
-    effect = scene.effect(StochasticTexture)
-    assert effect is not None
-    return effect.model.rate
 
 
 def judge_stationary(runs: Runs, scene: Scene) -> Finding:
@@ -271,7 +255,7 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
     candidates = find_stretches(runs, scene)
     if isinstance(candidates, Finding):
         return candidates
-    shortest = SHORTEST_STRETCH * _texture_rate(scene)
+    shortest = SHORTEST_STRETCH * scene.effect(TEXTURE).model.rate
     stretches_and_covariances = [
         (candidate, _texture_covariance(scene, candidate, WELCH_WINDOW))
         for candidate in candidates
@@ -327,15 +311,11 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
 
 def judge_rest(runs: Runs, scene: Scene) -> Finding:
     """Compare the vibrations of a hand that has come to rest with those of the run before."""
-    from hapticeval.effects.stochastic_texture import StochasticTexture
-
-    base, effect = runs.base, scene.effect(StochasticTexture)
-    assert effect is not None
-    assert runs.without is not None
+    base, effect = runs.base, scene.effect(TEXTURE)
     reason = not_alone(scene, TEXTURE, because="which answer vibrations")
     if reason is not None:
         return reason
-    plain = runs.without(TEXTURE)
+    plain = required(runs.without)(TEXTURE)
     added = np.linalg.norm(base.force - plain.force, axis=1)
     largest = float(np.max(np.abs(base.hip)))
     still = np.concatenate([[False], hip_steps(base) <= 4.0 * np.finfo(float).eps * largest])

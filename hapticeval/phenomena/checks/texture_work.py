@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN, SINGLE_ROUNDINGS
 from hapticeval.phenomena.laps import laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at
@@ -23,8 +23,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Sum the work of each lap in contact after the first, and judge the one in which the hand gains most."""
     from hapticeval.effects.height_map import Relief
 
-    assert runs.refine is not None
-    base = runs.base
+    base, refine = runs.base, required(runs.refine)
     relief = next(effect for effect in scene.effects if effect.kind in CHECK.effects)
     assert isinstance(relief, Relief)
     pressed = above_force_floor(base, scene)
@@ -36,7 +35,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     first, last = np.array(loops).T
     largest = float(np.max(np.abs(base.hip)))
     for finest in FINER_RATES:
-        half, full = (SampledWork(runs.refine(factor), factor, scene) for factor in (finest // 2, finest))
+        half, full = (SampledWork(refine(factor), factor, scene) for factor in (finest // 2, finest))
         before, work, error, crossed, path, effort = (
             sums[last] - sums[first]
             for sums in (half.smooth, full.smooth, full.error, full.crossed, full.path, full.effort)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.decisions import (
     CONFIDENCE_WIDTHS,
     FIT_SAMPLES,
@@ -210,17 +210,13 @@ def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) 
     return struck
 
 
-def _effects(scene: Scene, kinds: tuple[str, ...]) -> list[Any]:
-    return [effect for effect in scene.effects if effect.kind in kinds]
-
-
 def judge_each(
     judge: Callable[[Runs, Scene, Any, Recording], Finding], kinds: tuple[str, ...], runs: Runs, scene: Scene
 ) -> Finding:
     """Judge each effect of `kinds` that the scene calls for; return the worst finding."""
-    assert runs.without is not None
-    findings = [judge(runs, scene, effect, runs.without(effect.kind)) for effect in _effects(scene, kinds)]
-    return max(findings, key=lambda finding: _rank_of_finding(finding))
+    without = required(runs.without)
+    effects = [effect for effect in scene.effects if effect.kind in kinds]
+    return max((judge(runs, scene, effect, without(effect.kind)) for effect in effects), key=_rank_of_finding)
 
 
 def _rank_of_finding(finding: Finding) -> tuple[int, float]:
