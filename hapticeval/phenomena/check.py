@@ -14,7 +14,7 @@ from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.motion import Motion
 from hapticeval.phenomena.crossings import has_corners
 from hapticeval.phenomena.sampling import LED, above_force_floor, declares_force_only, lacks_ihip
-from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, not_applicable, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -153,7 +153,7 @@ def without_ihip(recording: Recording) -> Finding:
     """
     if declares_force_only(recording):
         message = "the renderer declares that it has a force and no contact point, which this check is about"
-        return Finding(Outcome.NOT_APPLICABLE, message)
+        return not_applicable(message)
     # Nothing was declared: an IHIP may have been forgotten, and what it would show is open.
     return undecided("the renderer gives a force but no IHIP: its contact point cannot be judged")
 
@@ -167,7 +167,7 @@ def not_alone(scene: Scene, *kinds: str, because: str) -> Finding | None:
     if not others:
         return None
     message = f"the scene calls for {' and '.join(others)} too, {because}: the effect is judged alone"
-    return Finding(Outcome.NOT_APPLICABLE, message)
+    return not_applicable(message)
 
 
 def nothing_pressed(recording: Recording, scene: Scene) -> Finding | None:
@@ -224,6 +224,10 @@ class Check:
             if name not in SIBLINGS:
                 raise UnknownNameError("sibling", name, SIBLINGS, todo=f"choose one of: {', '.join(SIBLINGS)}")
 
+    def measured(self, value: float) -> Metric:
+        """Return what the check measures, in its `unit`."""
+        return Metric(self.metric, float(value), self.unit)
+
     @property
     def needs_closed_form(self) -> bool:
         """Whether the check compares with a closed form."""
@@ -233,15 +237,15 @@ class Check:
         """Judge `runs` in `scene`, where the check applies and has what it needs."""
         # In this order: what the scene does not ask, what this run cannot show, what is missing.
         if self.effects and not any(effect.kind in self.effects for effect in scene.effects):
-            return Finding(Outcome.NOT_APPLICABLE, f"the scene calls for no {' or '.join(self.effects)}")
+            return not_applicable(f"the scene calls for no {' or '.join(self.effects)}")
         altered = [(effect, what) for effect in scene.effects for what in self.not_with if what in effect.alters]
         for effect, what in altered:
             message = f"the scene calls for {effect.kind}, {what}, and the check is about a surface without"
-            return Finding(Outcome.NOT_APPLICABLE, message)
+            return not_applicable(message)
         present = situations(runs, scene) if self.not_for else ()
         for situation, why in self.not_for.items():
             if situation in present:
-                return Finding(Outcome.NOT_APPLICABLE, why)
+                return not_applicable(why)
         for sibling, finding in self.needs.items():
             if getattr(runs, sibling) is None:
                 return finding

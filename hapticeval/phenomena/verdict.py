@@ -66,6 +66,11 @@ def fault_kind(evidence: Mapping[str, Any]) -> str:
     return str(evidence.get("severity") or evidence.get("kind") or "")
 
 
+def not_applicable(message: str) -> Finding:
+    """Return the finding of a check that has no question here."""
+    return Finding(Outcome.NOT_APPLICABLE, message)
+
+
 def undecided(
     message: str, metric: Metric | None = None, bound: float | None = None, evidence: Mapping[str, Any] | None = None
 ) -> Finding:

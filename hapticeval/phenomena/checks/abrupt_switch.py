@@ -19,7 +19,7 @@ from hapticeval.phenomena.sampling import (
     mm,
     position_tolerance,
 )
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided, worst_finding
+from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided, worst_finding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray, IntArray
@@ -32,7 +32,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return without_ihip(base)
     crossings = find_crossings(base, scene, convex=False)
     if not crossings:
-        return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face into a concave corner, and out again")
+        return not_applicable("the hand is not led along a face into a concave corner, and out again")
     pushes = above_force_floor(base, scene)
     findings = [_judge_corner(base, scene, crossing, pushes) for crossing in crossings]
     return worst_finding([finding for finding in findings if finding is not None]) or undecided(
@@ -75,7 +75,7 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
     depth = max(float(np.median(depths[pressed[pressed <= left_tick]])), hip_step(base, scene))
     return compared(
-        Metric(CHECK.metric, travel / depth, "depths"),
+        CHECK.measured(travel / depth),
         position_tolerance(base, scene) / depth,
         {
             **evidence_at(base, reached),

@@ -26,7 +26,7 @@ from hapticeval.phenomena.sampling import (
     position_tolerance,
     rounding,
 )
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided, worst_finding
+from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided, worst_finding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray, IntArray
@@ -37,13 +37,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     base = runs.base
     crossings = find_crossings(base, scene, convex=True)
     if not crossings:
-        return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face past a convex corner into free space")
+        return not_applicable("the hand is not led along a face past a convex corner into free space")
     pushes = above_force_floor(base, scene)
     findings = [_judge_corner(base, scene, crossing, pushes) for crossing in crossings]
     judged = worst_finding([finding for finding in findings if finding is not None])
     if judged is None and all(pushes[crossing.first : crossing.crossed].any() for crossing in crossings):
         message = "the tool is on another face while the hand goes under one past its convex corner"
-        return Finding(Outcome.NOT_APPLICABLE, message)
+        return not_applicable(message)
     return judged or undecided("no force is felt under a face before its convex corner")
 
 
@@ -101,7 +101,7 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
         else:
             fails = f"the force falls below half of the usual {before}"
     return compared(
-        Metric(CHECK.metric, max(early, late), "m"),
+        CHECK.measured(max(early, late)),
         position_tolerance(base, scene),
         {
             **evidence_at(base, tick),

@@ -37,7 +37,7 @@ from hapticeval.phenomena.sampling import (
 )
 from hapticeval.phenomena.stiffness import declared_range
 from hapticeval.phenomena.surface_motion import decay_rate
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -65,7 +65,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the tool hardly touches the surface")
     largest = float(np.max(np.abs(cost)))
     if largest <= LEAST_CENTRIPETAL:
-        return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide over a curved surface")
+        return not_applicable("the tool does not slide over a curved surface")
     error, push = (np.concatenate([getattr(term, name) for term in terms]) for name in ("error", "push"))
     # block_diag: each run rings with a phase of its own.
     share, deviation = _fit_share(error, push, cost, block_diag(*(term.rings for term in terms)))
@@ -89,7 +89,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         evidence["force_over_spring"] = off_spring
     lacking = abs(at_zero or 0.0)
     value = max(abs(share), lacking)
-    metric = Metric(CHECK.metric, value, "")
+    metric = CHECK.measured(value)
     # A share that is not told from its bound decides nothing, unless the force at zero error already does.
     unclear = not np.isfinite(deviation) or abs(abs(share) - bound) <= STANDARD_ERRORS * deviation
     if bound > TELLING_SHARE or (unclear and lacking <= bound):

@@ -11,7 +11,7 @@ from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING, FORM_TOLERANC
 from hapticeval.phenomena.refinement import extrapolated
 from hapticeval.phenomena.sampling import evidence_at, listed, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.scene import Scene
 
 MOMENTS = 5
@@ -57,7 +57,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             for k in np.linspace(0, len(base) - 1, MOMENTS).astype(int)
         ],
     }
-    metric = Metric(CHECK.metric, float(distance_from_form[tick]), "m")
+    metric = CHECK.measured(distance_from_form[tick])
     # Written so that an infinite or undefined bound is undecided, too.
     if not bound <= FORM_TOLERANCE * travel:
         message = f"refinement does not settle the run: it is known to {mm(bound)} only"
@@ -83,8 +83,7 @@ CHECK = Check(
         "refine": "the same experiment at 2, 4 and 8 times the sampling rate",
     },
     needs={
-        "law": Finding(
-            Outcome.NOT_APPLICABLE,
+        "law": not_applicable(
             "no closed form is named for this renderer here, and it declares to be no law that has one",
         ),
         "refine": undecided(UNREPEATABLE),

@@ -42,7 +42,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "speed_before_m_s": before,
         "farthest_m": float(distance[farthest]),
     }
-    metric = Metric(CHECK.metric, after, CHECK.unit)
+    metric = CHECK.measured(after)
     # Below a speed of 1e-9 of the model's size a second it rests, whatever it did before.
     bound = max(RETURN_RATIO * before, ANSWER_CHANGE * size)
     if distance[farthest] > reach:

@@ -18,7 +18,7 @@ from hapticeval.phenomena.decisions import (
 )
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate, never_across
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Outcome, compared, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -65,7 +65,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided(message, evidence=evidence)
     before, after = float(distance[early].max()), float(distance[late].max())
     return compared(
-        Metric(CHECK.metric, after, "m"),
+        CHECK.measured(after),
         max(RETURN_RATIO * before, floor),
         evidence | {"distance_before_m": before, "distance_after_m": after},
         passes=f"the tool comes to the surface: from {mm(distance[farthest])} to {mm(after)} in the last half",

@@ -69,7 +69,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if not contact.any() and not gap.any():
         return undecided("the hand is never led into the model, and the tool never in contact")
     worst = int(np.argmax(gap - allowed))
-    metric = Metric(CHECK.metric, float(gap[worst]), "m")
+    metric = CHECK.measured(gap[worst])
     bound = float(allowed[worst])
     if gap[worst] <= bound:
         message = "the tool is in contact wherever the model bars its way to the hand"

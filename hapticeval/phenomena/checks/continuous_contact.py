@@ -214,7 +214,7 @@ def _judge_refined(
     evidence["slope"] = slope
     # A jump that stays is the finest one; of what shrinks only the limit is left.
     remaining = jumps[-1] if slope < JUMP_SLOPE or jumps[-1] <= bound else _limit_of_jumps(jumps)
-    metric = Metric(CHECK.metric, remaining, "m")
+    metric = CHECK.measured(remaining)
     where = f"{mm(remaining)} at t = {base.time[tick]:.4g} s"
     if remaining > bound:
         message = _pop_through_message(base, remaining, where, evidence)
@@ -291,7 +291,7 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
             message = f"a step of {mm(jump)} is within the declared standoff of {mm(surface_gap)}"
         else:
             message = _continuous_message(base, scene, float(steps.max()))
-        metric = Metric(CHECK.metric, float(steps[longest]), "m")
+        metric = CHECK.measured(steps[longest])
         return Finding(Outcome.PASS, message, metric, float(bounds[longest]), evidence)
     bound = float(bounds[place.tick])
     if place.kind is Remains.UNRESOLVED:
@@ -303,7 +303,7 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
         "refinements": finer,
         "slope": place.slope,
     }
-    metric = Metric(CHECK.metric, place.remaining, "m")
+    metric = CHECK.measured(place.remaining)
     where = f"{mm(place.remaining)} at t = {base.time[place.tick]:.4g} s"
     if place.kind is Remains.STEEP:
         message = (

@@ -23,7 +23,7 @@ from hapticeval.phenomena.surface_motion import (
     SurfaceMotion,
     never_across,
 )
-from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -49,7 +49,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     last = min(int(np.flatnonzero(distance > DIED_OUT_SHARE * farthest)[-1]), len(remains.values) - 1)
     deviation = np.abs(remains.values[: last + 1])
     tick = int(np.argmax(deviation))
-    metric = Metric(CHECK.metric, float(deviation[tick]), "")
+    metric = CHECK.measured(deviation[tick])
     bound = (remains.change if remains.settled else float(motion.held_speed[last]) / start) + SPEED_ROUNDING
     evidence: dict[str, object] = {
         **evidence_at(base, tick),

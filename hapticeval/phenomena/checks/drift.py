@@ -11,7 +11,7 @@ from hapticeval.phenomena.checks.numerical_stability import EPS
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, STEEP_FACTOR
 from hapticeval.phenomena.laps import laps
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
-from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.scene import Scene
 
 
@@ -51,7 +51,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     ticks = sum(period * count for _, period, count in lap_runs)
     evidence = {**evidence_at(base, worst), "digits": digits, "off_m": largest_change, "laps": number, "ticks": ticks}
     return compared(
-        Metric(CHECK.metric, largest_excess / size, CHECK.unit),
+        CHECK.measured(largest_excess / size),
         ANSWER_CHANGE,
         evidence,
         passes=f"after {number} laps the answers are those of the second, to {math.floor(digits)} digits",

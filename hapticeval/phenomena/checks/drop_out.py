@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.sampling import evidence_at, force_floor
-from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -41,7 +41,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     left = 0.0 if answer is None else float(np.linalg.norm(answer))
     if not np.isfinite(left):
         return Finding(Outcome.FAIL, fault, evidence=evidence)
-    metric = Metric(CHECK.metric, left, "N")
+    metric = CHECK.measured(left)
     if fault:
         message = f"{fault}; the tick before it was {before:.3g} N" if left > floor else fault
         return Finding(Outcome.FAIL, message, metric, floor, evidence)

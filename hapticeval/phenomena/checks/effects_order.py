@@ -11,7 +11,7 @@ from hapticeval.phenomena.checks.texture import TEXTURE
 from hapticeval.phenomena.checks.texture_work import BUMP
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TOLD_APART
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -27,7 +27,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if len(others) != 1 or others[0] not in (*BEFORE_FRICTION, TEXTURE):
         listed_effects = ", ".join((*BEFORE_FRICTION, TEXTURE))
         message = f"it is asked of friction and one of {listed_effects}, not of {others or 'it alone'}"
-        return Finding(Outcome.NOT_APPLICABLE, message)
+        return not_applicable(message)
     if lacks_ihip(base, scene):
         return without_ihip(base)
     # The catalogue's order: shading and bump maps, friction, texture.
@@ -46,7 +46,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided(f"the {last} adds nothing to be told from rounding, where the tool is pressed")
     worst = int(np.argmax(np.where(pressed, deviation - allowed, -np.inf)))
     return compared(
-        Metric(CHECK.metric, float(deviation[worst]), "N"),
+        CHECK.measured(deviation[worst]),
         float(allowed[worst]),
         evidence_at(base, worst),
         passes=f"the {last} works on what the {first} has made",

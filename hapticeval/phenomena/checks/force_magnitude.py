@@ -31,7 +31,7 @@ from hapticeval.phenomena.stiffness import (
     measure_stiffness,
 )
 from hapticeval.phenomena.stiffness_pattern import describe_pattern
-from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.renderer import Spring
 from hapticeval.scene import Scene
@@ -129,7 +129,7 @@ def _finding(base: Recording, scene: Scene, measured: ApparentStiffness, level: 
     if excess[worst] > 0.0:
         return replace(_failed_finding(base, scene, measured, excess, worst, bound), level=level)
     # Within a lag's reach the ends of the share enclose one, wherever the present HIP alone would put it.
-    metric = Metric(CHECK.metric, float(np.maximum(excess + measured.allowed, 0.0)[worst]), "")
+    metric = CHECK.measured(np.maximum(excess + measured.allowed, 0.0)[worst])
     evidence = _evidence(base, scene, measured, worst)
     median = evidence["apparent_stiffness_N_m"]
     at_deepest = _describe_deepest(evidence, scene)
@@ -175,7 +175,7 @@ def _failed_finding(
         f"{tick}: {force:.3g} N at {mm(depth)}), of {median:.4g} in the median, and from {low:.4g} to {high:.4g} in "
         f"nine tenths of the samples, for the scene's {scene.stiffness:g}; {_describe_deepest(evidence, scene)}"
     )
-    return Finding(Outcome.FAIL, message, Metric(CHECK.metric, abs(share - 1.0), ""), bound, evidence | numbers)
+    return Finding(Outcome.FAIL, message, CHECK.measured(abs(share - 1.0)), bound, evidence | numbers)
 
 
 CHECK = Check(

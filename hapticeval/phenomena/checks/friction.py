@@ -33,7 +33,7 @@ from hapticeval.phenomena.decisions import (
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag, likely_force_lags
 from hapticeval.phenomena.laps import contact_spans, laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hand_velocity, hip_steps, listed, touching
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
@@ -206,7 +206,7 @@ def _check_of_friction(
         because = "whose force along the surface is no friction"
         reason = not_alone(scene, *FRICTIONS, because=because) or nothing_pressed(runs.base, scene)
         if reason is None and not damped and scene.damping > 0.0:
-            reason = Finding(Outcome.NOT_APPLICABLE, f"a damper of {scene.damping:g} N s/m brakes the tool too")
+            reason = not_applicable(f"a damper of {scene.damping:g} N s/m brakes the tool too")
         return reason or judge_with_lag(
             runs, lambda runs, surface_force: judge(runs, surface_force, scene), on_time, scene
         )
@@ -230,7 +230,7 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
     if share < TELLING_SHARE:
         return undecided("the tool is hardly pulled along the surface: less than a tenth of what the friction holds")
     return compared(
-        Metric(CONE.metric, share, ""),
+        CONE.measured(share),
         1.0 + CONE_ROUNDING,
         {
             **evidence_at(base, worst),
@@ -279,7 +279,7 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
     tick = int(slips[worst])
     reached = (1.0 - float(shortfall[worst])) * friction.mu_s
     return compared(
-        Metric(BREAK_AWAY.metric, max(float(shortfall[worst]), 0.0), ""),
+        BREAK_AWAY.measured(max(float(shortfall[worst]), 0.0)),
         float(allowed[worst]),
         {**evidence_at(base, tick), "reached": reached, "slips": int(np.count_nonzero(clear))},
         passes=(
@@ -349,7 +349,7 @@ def judge_sticking(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Fin
         f"{1e6 * away:.3g} um in {seconds:.4g} s at {share:.2f} of the kinetic cone, from t = {base.time[first]:.4g} s"
     )
     return compared(
-        Metric(STICKING.metric, worst, "m/s"),
+        STICKING.measured(worst),
         CREEP_SPEED,
         {
             **evidence_at(base, int(first)),
@@ -400,7 +400,7 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
     against = -float(np.sum(surface_force.tangential[worst] * step[worst])) / float(length[worst])
     comparison = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {braking[worst]:.4g} N"
     return compared(
-        Metric(SLIDING.metric, float(deviation[worst]), ""),
+        SLIDING.measured(deviation[worst]),
         float(allowed[worst]),
         {
             **evidence_at(base, worst),
@@ -472,7 +472,7 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
         f"N that the {kind} makes of {1e3 * np.linalg.norm(surface_force.velocity[worst]):.3g} mm/s"
     )
     return compared(
-        Metric(FORCE.metric, float(deviation[worst]), "N"),
+        FORCE.measured(deviation[worst]),
         float(doubt[worst]),
         {**evidence_at(base, worst), "law_N": float(strength[worst]), "lag_ticks": float(lag)},
         passes=f"the force along the surface is that of the {kind} in every tick",
@@ -579,7 +579,7 @@ def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findi
     span = f"from t = {base.time[worst[0]]:.4g} s to {base.time[worst[1]]:.4g} s"
     what = f"{1e3 * gain:.4g} mJ {span}, where holding the force for a tick may give {1e3 * granted:.4g} mJ"
     return compared(
-        Metric(ENERGY.metric, gain, "J"),
+        ENERGY.measured(gain),
         granted,
         {**evidence_at(base, worst[1]), "from_time": float(base.time[worst[0]])},
         passes=f"the hand gets no more than a held spring gives: {what}",
@@ -616,7 +616,7 @@ def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
         f"friction takes {1e3 * law:.5g} mJ"
     )
     return compared(
-        Metric(WORK.metric, deviation, ""),
+        WORK.measured(deviation),
         allowed,
         {
             **evidence_at(base, stop),

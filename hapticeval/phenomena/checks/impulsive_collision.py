@@ -11,7 +11,7 @@ from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import IMPULSE_ROUNDING, SAME_FACE_COSINE, UNKNOWN_MOMENTUM, WINDOW_TICKS
 from hapticeval.phenomena.sampling import evidence_at, open_loop_reason, touching
 from hapticeval.phenomena.stiffness import declared_range
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -28,7 +28,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if not contact.any():
         return undecided("the tool does not fly freely into the surface")
     if struck == 0:
-        return Finding(Outcome.NOT_APPLICABLE, "the tool starts in contact, and does not fly into the surface")
+        return not_applicable("the tool starts in contact, and does not fly into the surface")
     end = struck + WINDOW_TICKS
     if end >= len(base):
         return undecided("the recording ends with the collision")
@@ -43,9 +43,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if float(np.min(window.normal @ normal)) < SAME_FACE_COSINE or _meets_another_face(
         base, scene, normal, struck, end
     ):
-        return Finding(
-            Outcome.NOT_APPLICABLE, f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact"
-        )
+        return not_applicable(f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact")
     # (3.5): (1 + c_r) m (v . n_e), N s
     required = (1.0 + scene.restitution) * scene.mass * approach
     impulses = _operator_impulses(base, normal)
@@ -86,7 +84,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         if leaving > approach:
             fails += f" (a spring's force that is held for a tick gives {_restitution_of_held_spring(base, scene):.2f})"
     return compared(
-        Metric(CHECK.metric, missing, ""), turning / approach + IMPULSE_ROUNDING, evidence, passes=message, fails=fails
+        CHECK.measured(missing), turning / approach + IMPULSE_ROUNDING, evidence, passes=message, fails=fails
     )
 
 

@@ -18,7 +18,7 @@ from hapticeval.phenomena.sampling import (
     position_tolerance,
     touching,
 )
-from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
@@ -41,7 +41,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("no HIP in contact is reached along both paths")
     answer_distances, other = _closest_answers(base, reversed_run, common, match[common])
     worst = int(np.argmax(answer_distances))
-    metric = Metric(CHECK.metric, float(answer_distances[worst]), "m")
+    metric = CHECK.measured(answer_distances[worst])
     bound = position_tolerance(base, scene)
     share = float(np.mean(answer_distances > bound))
     finding = compared(

@@ -17,7 +17,7 @@ from hapticeval.phenomena.sampling import (
     hip_steps,
     rounding,
 )
-from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -51,7 +51,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     speed = float(leaving[worst])
     where = f"at t = {base.time[worst]:.4g} s, while the hand {'leaves' if speed > 0.0 else 'enters'} at "
     where += f"{abs(speed):.3g} m/s"
-    metric = Metric(CHECK.metric, float(pull[worst]), "N")
+    metric = CHECK.measured(pull[worst])
     finding = compared(
         metric,
         float(allowed[worst]),

@@ -29,7 +29,7 @@ from hapticeval.phenomena.sampling import (
     rounding,
     touching,
 )
-from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Level, compared, not_applicable, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -111,7 +111,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if clear[least_digits] and change[least_digits] > ANSWER_CHANGE * size:
         excuse = _describe_excuse(float(change[least_digits]), float(hand), float(declared), float(steep[least_digits]))
     return compared(
-        Metric(CHECK.metric, float(excess.max()), CHECK.unit),
+        CHECK.measured(excess.max()),
         ANSWER_CHANGE,
         {
             **evidence_at(base, worst),
@@ -168,8 +168,7 @@ CHECK = Check(
     channels=("hip", "ihip", "force"),
     siblings={"moved": "the same path in the scene turned and shifted, and scaled by 7 and by 1/7"},
     needs={
-        "moved": Finding(
-            Outcome.NOT_APPLICABLE,
+        "moved": not_applicable(
             "a recording shows one place and size of the scene, and nobody can be asked for others",
         ),
     },

@@ -12,7 +12,7 @@ from hapticeval.phenomena.decisions import (
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.surface_motion import DOES_NOT_SLIDE, FINER, SurfaceMotion
-from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.scene import Scene
 
 
@@ -41,7 +41,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "settled_by_refinement": remains.settled,
         "m_kappa_v2_over_K_m": cost,
     }
-    metric = Metric(CHECK.metric, float(distance[tick]), "m")
+    metric = CHECK.measured(distance[tick])
     if cost > 0.0 and bound > TELLING_SHARE * cost:
         message = f"what the sampling may do, {mm(bound)}, hides what a missing centripetal force would"
         return undecided(message, metric, bound, evidence)

@@ -24,7 +24,7 @@ from hapticeval.phenomena.lag import force_lag, force_only_lag, with_nearest_poi
 from hapticeval.phenomena.laps import LapRun, contact_spans, laps
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.stiffness import declared_range, declares_wide_range, largest_other_force
-from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.phenomena.work import SampledWork, running_sums
 from hapticeval.recordings.energy_balance import balance
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -359,7 +359,7 @@ def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) 
     open_ways = [gain for gain in gains if not gain.telling]
     # The gain farthest beyond what is open of it.
     worst = max(telling, key=lambda gain: gain.excess)
-    metric = Metric(CHECK.metric, worst.law, "J")
+    metric = CHECK.measured(worst.law)
     evidence = {
         **evidence_at(base, worst.last),
         "from_time": float(base.time[worst.first]),
@@ -439,7 +439,7 @@ def _hold_failure(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
         "explained_J": gain.explained,
         "lag_ticks": gain.lag,
     }
-    return Finding(Outcome.FAIL, message, Metric(CHECK.metric, gain.work, "J"), gain.explained, evidence)
+    return Finding(Outcome.FAIL, message, CHECK.measured(gain.work), gain.explained, evidence)
 
 
 def _rounding_work(base: Recording, sampled: SampledWork, scene: Scene) -> Array:
@@ -459,7 +459,7 @@ def _judge_fixed(base: Recording) -> Finding:
     if not balances:
         return undecided(f"no two rows bound what is stored; {note}")
     worst = min((entry.as_logged for entry in balances), key=lambda entry: entry.energy - entry.open)
-    metric = Metric(CHECK.metric, worst.energy, "J")
+    metric = CHECK.measured(worst.energy)
     evidence = {
         **evidence_at(base, worst.last),
         "from_time": float(base.time[worst.first]),

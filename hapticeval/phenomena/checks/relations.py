@@ -26,7 +26,7 @@ from hapticeval.phenomena.decisions import (
 )
 from hapticeval.phenomena.restated import answers_apart, apart_beside_ties, has_answer, steepness
 from hapticeval.phenomena.sampling import believed_standoff, evidence_at, hip_step, mm, resolution, rounding
-from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural
 from hapticeval.recordings.channels import ANSWERED
 from hapticeval.recordings.recording import Recording, single_rounding
@@ -51,7 +51,7 @@ def compare_runs(
     """
     base = runs.base
     if other is None:
-        return Finding(Outcome.NOT_APPLICABLE, f"the model has no such form, or the renderer refuses it {how}")
+        return not_applicable(f"the model has no such form, or the renderer refuses it {how}")
     if not (has_answer(base) | has_answer(other)).any():
         return undecided("the hand never touches the model")
     change = answers_apart(runs, other, scene)
@@ -113,7 +113,7 @@ def judge_subdivided(runs: Runs, scene: Scene) -> Finding:
     """Compare a run with the same in steps of half the length and half the time, at the hands that both have."""
     if scene.effects:
         kind = scene.effects[0].kind
-        return Finding(Outcome.NOT_APPLICABLE, f"the scene calls for {kind}, which may change with time by itself")
+        return not_applicable(f"the scene calls for {kind}, which may change with time by itself")
     fine = required(runs.subdivided)()
     finding = compare_runs(runs, scene, _every_second(fine), "in steps of half the time", among=_rows_on_jumps)
     late = _ticks_late(runs.base, fine, scene) if finding.outcome is Outcome.FAIL else None
@@ -187,7 +187,7 @@ def check_of_relation(sibling: str, means: str, *, needs: str = NOBODY, **data: 
         **{
             "phenomenon": "none of the six: a relation that every rigid contact keeps to",
             "channels": ("hip", "ihip", "force"),
-            "needs": {sibling: Finding(Outcome.NOT_APPLICABLE, needs)},
+            "needs": {sibling: not_applicable(needs)},
             "metric": METRIC,
             "unit": UNIT,
             "level": Level.SHOULD,

@@ -10,7 +10,7 @@ from hapticeval.phenomena.sampling import (
     evidence_at,
     farthest_standoff,
 )
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, not_applicable, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -98,7 +98,7 @@ CHECK = Check(
     channels=("hip", "force"),
     reads_also=("ihip",),
     siblings={"again": "the same stimulus once more through the same renderer"},
-    needs={"again": Finding(Outcome.NOT_APPLICABLE, NOBODY)},
+    needs={"again": not_applicable(NOBODY)},
     not_with=(),
     metric="force, or IHIP, after a reset less that before",
     unit="N",

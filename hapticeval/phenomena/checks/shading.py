@@ -12,7 +12,7 @@ from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELL
 from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.laps import laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
-from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -100,7 +100,7 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
         "edges_crossed": int(np.count_nonzero(shows)),
     }
     return compared(
-        Metric(DIRECTION.metric, float(turn[worst]), "rad"),
+        DIRECTION.measured(turn[worst]),
         float(allowed[worst]),
         evidence,
         passes=(
@@ -137,7 +137,7 @@ def judge_magnitude(runs: Runs, scene: Scene) -> Finding:
     worst = int(np.argmax(np.where(judged, share - allowed, -np.inf)))
     evidence = {**evidence_at(base, worst), "force_N": float(size[worst]), "without_N": float(plain[worst])}
     return compared(
-        Metric(MAGNITUDE.metric, float(share[worst]), ""),
+        MAGNITUDE.measured(share[worst]),
         float(allowed[worst]),
         evidence,
         passes="the force is as large as without shading",
@@ -180,7 +180,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     }
     where = f"round the loop that ends at t = {base.time[loops[worst][1]]:.4g} s"
     return compared(
-        Metric(WORK.metric, float(difference[worst]), "J"),
+        WORK.measured(difference[worst]),
         float(allowed[worst]),
         evidence,
         passes=(

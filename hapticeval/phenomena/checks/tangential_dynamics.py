@@ -15,7 +15,7 @@ from hapticeval.phenomena.decisions import (
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import evidence_at
 from hapticeval.phenomena.surface_motion import DOES_NOT_SLIDE, FINER, SPEED_GIVEN, TOO_MUCH, SurfaceMotion
-from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -37,7 +37,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     remains = richardson_two_level(runs, lambda recording: _unexplained_velocity(recording, scene))
     excess = np.linalg.norm(remains.values, axis=1) / top
     tick = int(np.argmax(excess))
-    metric = Metric(CHECK.metric, float(excess[tick]), "")
+    metric = CHECK.measured(excess[tick])
     bound = remains.change * np.sqrt(remains.values.shape[1]) if remains.settled else float(motion.held_speed[-1])
     bound = bound / top + SPEED_ROUNDING
     viscosity = _apparent_viscosity(motion)

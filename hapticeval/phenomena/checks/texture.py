@@ -24,7 +24,7 @@ from hapticeval.phenomena.decisions import (
     WHOLE_SAMPLE,
 )
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps
-from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -197,7 +197,7 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
     }
     where = f"at {longest.speed:.3g} m/s and {longest.press:.3g} N, over {count / rate:.3g} s"
     return compared(
-        Metric(SPECTRUM.metric, rms, "dB"),
+        SPECTRUM.measured(rms),
         bound,
         evidence,
         passes=f"{where} the spectrum is the texture's, {rms:.2g} dB off in the rms",
@@ -238,7 +238,7 @@ def judge_stationary(runs: Runs, scene: Scene) -> Finding:
     }
     part = f"part {worst + 1} of {POWER_PARTS}"
     return compared(
-        Metric(STATIONARY.metric, abs(float(part_decibels[worst])), "dB"),
+        STATIONARY.measured(abs(float(part_decibels[worst]))),
         bound,
         evidence,
         passes=f"at a steady speed and force the power stays the same, within {abs(part_decibels[worst]):.2g} dB",
@@ -295,7 +295,7 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
         ]
     }
     return compared(
-        Metric(AMPLITUDE.metric, abs(float(error_from_mean[worst])), "dB"),
+        AMPLITUDE.measured(abs(float(error_from_mean[worst]))),
         float(allowed[worst]),
         evidence,
         passes=(
@@ -345,7 +345,7 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     size = max(float(np.linalg.norm(recording.force[tick])) for recording in (base, plain))
     allowed = ringing_share * largest_moving + SINGLE_ROUNDINGS * SINGLE * (size + scene.stiffness * largest)
     return compared(
-        Metric(REST.metric, float(added[tick]), "N"),
+        REST.measured(added[tick]),
         allowed,
         {**evidence_at(base, tick), "moving_N": largest_moving},
         passes=f"a hand that rests feels {added[tick]:.2g} N of vibrations that reach {largest_moving:.3g} N while it "

@@ -10,7 +10,7 @@ from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN, SINGLE_ROUNDINGS
 from hapticeval.phenomena.laps import laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at
-from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.phenomena.work import SampledWork
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
@@ -64,7 +64,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     what = f"waves of {1e3 * relief.finest:.4g} mm, which alias above {limit:.4g} m/s"
     share_gained = f"{1e3 * gain:.4g} mJ of the {1e3 * crossed[worst]:.3g} mJ that cross"
     finding = compared(
-        Metric(CHECK.metric, gain, "J"),
+        CHECK.measured(gain),
         float(allowed[worst]),
         evidence,
         passes=f"{what}: a lap gives the hand nothing ({1e3 * gain:.2g} mJ, {1e3 * allowed[worst]:.2g} mJ open)",

@@ -254,7 +254,7 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
     begin = struck[worst].begin
     contact = f"the contact that begins at t = {base.time[begin]:.4g} s (tick {begin}) starts"
     return compared(
-        Metric(ONSET.metric, float(late[worst]), "ticks"),
+        ONSET.measured(late[worst]),
         float(LATE_START),
         {**evidence_at(base, begin), "contacts": len(struck)},
         passes=f"{len(struck)} contacts start a {effect.kind} each, {late[worst]} ticks after they begin at the latest",
@@ -308,7 +308,7 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
         return compared(metric, effect.cap, evidence, passes="", fails=message)
     times = impulses[worst] / expected[worst] if expected[worst] != 0.0 else math.nan
     return compared(
-        Metric(TOTAL.metric, float(deviation[worst]), "N s"),
+        TOTAL.measured(deviation[worst]),
         float(allowed[worst]),
         evidence,
         passes=(

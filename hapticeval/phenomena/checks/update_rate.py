@@ -7,7 +7,7 @@ import numpy as np
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import FEWEST_CHANGING_TICKS
 from hapticeval.phenomena.sampling import evidence_at, log_step, rounding, touching
-from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray
@@ -48,7 +48,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if sum(stood) < FEWEST_CHANGING_TICKS or called == 0:
         return undecided("the hand's motion calls for another force in too few ticks in a row")
     ticks = float(np.median(np.repeat(stood, stood)))
-    metric = Metric(CHECK.metric, ticks * base.dt, "s")
+    metric = CHECK.measured(ticks * base.dt)
     rate, scene_rate = 1.0 / metric.value, 1.0 / base.dt
     evidence = {**evidence_at(base, int(np.flatnonzero(calls)[0])), "rate_hz": rate, "ticks_called_for": called}
     return compared(
