@@ -21,9 +21,8 @@ from hapticeval.phenomena.checks.passivity import (
     _spends_store,
     stored_before,
 )
+from hapticeval.phenomena.closed_paths import LapRun, SampledWork
 from hapticeval.phenomena.decisions import MOST_LAPS, RIGID_WORK_SHARE
-from hapticeval.phenomena.laps import LapRun
-from hapticeval.phenomena.work import SampledWork
 
 ALONG = "since free space"
 

@@ -26,6 +26,7 @@ from hapticeval.phenomena.checks.passivity import (
 from hapticeval.phenomena.checks.relations import compare_runs
 from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
 from hapticeval.phenomena.checks.transient import prony
+from hapticeval.phenomena.closed_paths import LapRun, contact_spans, laps, running_sums
 from hapticeval.phenomena.decisions import LAG_ROWS
 from hapticeval.phenomena.jumps import (
     Remains,
@@ -52,7 +53,6 @@ from hapticeval.phenomena.lag import (
     likely_force_lags,
     resting_ticks,
 )
-from hapticeval.phenomena.laps import LapRun, contact_spans, laps
 from hapticeval.phenomena.restated import _directions
 from hapticeval.phenomena.sampling import (
     believed_standoff,
@@ -70,7 +70,6 @@ from hapticeval.phenomena.sampling import (
     trailing,
 )
 from hapticeval.phenomena.surface_motion import _overshoot, decay_rate
-from hapticeval.phenomena.work import running_sums
 from hapticeval.scene import Scene
 
 LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)

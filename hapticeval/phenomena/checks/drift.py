@@ -8,8 +8,8 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.checks.numerical_stability import EPS
+from hapticeval.phenomena.closed_paths import laps
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, STEEP_FACTOR
-from hapticeval.phenomena.laps import laps
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.scene import Scene

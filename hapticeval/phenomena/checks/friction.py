@@ -14,6 +14,7 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.effects.effect import Alters, Stage
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
+from hapticeval.phenomena.closed_paths import contact_spans, later_laps
 from hapticeval.phenomena.decisions import (
     BRISTLE_PARTS,
     CONE_ROUNDING,
@@ -31,7 +32,6 @@ from hapticeval.phenomena.decisions import (
     WHOLE_LAG,
 )
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag, likely_force_lags
-from hapticeval.phenomena.laps import contact_spans, laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hand_velocity, hip_steps, listed, touching
 from hapticeval.phenomena.verdict import Finding, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural
@@ -136,6 +136,19 @@ def viscous_coefficient(scene: Scene) -> float:
 def ihip_precision(base: Recording) -> float:
     """Return the relative precision of the recorded IHIPs: that of single numbers where all of them are such."""
     return SINGLE if np.array_equal(base.ihip, base.ihip.astype(np.float32)) else DOUBLE
+
+
+def place_rounding(base: Recording) -> float:
+    """Return the way, m, below which an IHIP has not moved: the rounding of its coordinates."""
+    return 8.0 * ihip_precision(base) * float(np.max(np.abs(base.hip)))
+
+
+def _by_a_corner(base: Recording, scene: Scene, within: Array) -> BoolArray:
+    """Return where the IHIP is `within` so far (n,), m, of a corner: (n,)."""
+    near = np.zeros(len(base), dtype=bool)
+    for corner in scene.model.boundary.corners:
+        near |= np.linalg.norm(base.ihip - corner.position, axis=1) <= within
+    return near
 
 
 def judge_with_lag(
@@ -298,17 +311,14 @@ def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene
 
     It has stuck when it rested for longer than the granted lag, and was pulled by less than the share `surely` of F_n.
     """
-    # Below this way, m, an IHIP has not moved: the rounding of its coordinates.
-    place = 8.0 * ihip_precision(base) * float(np.max(np.abs(base.hip)))
+    place = place_rounding(base)
     length = np.linalg.norm(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), axis=1)
     pressed = surface_force.pressed & (surface_force.normal > 0.0)
     # What is no contact ends a rest as well as a motion does.
     moves = (length > place) | ~pressed | ~np.roll(pressed, 1)
     sticks = pressed & (surface_force.size <= surely * surface_force.normal)
-    near = np.zeros(len(base), dtype=bool)
     # At a corner the tool may change its face: there a step is no slip.
-    for corner in scene.model.boundary.corners:
-        near |= np.linalg.norm(base.ihip - corner.position, axis=1) <= length + place
+    near = _by_a_corner(base, scene, length + place)
     ticks = np.flatnonzero(moves)
     return np.array(
         [
@@ -374,8 +384,7 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
     braking = friction.mu_k * surface_force.normal
     shape = scene.model.boundary.closest_point(base.ihip).shape
     bend, twist = _curvature(shape)
-    # Below this way, m, an IHIP has not moved: the rounding of its coordinates.
-    place = 8.0 * ihip_precision(base) * np.max(np.abs(base.hip))
+    place = place_rounding(base)
     # How far, m, the HIP may lie from the IHIP along the surface: the slip and the spring's length.
     lag = length + (surface_force.size + surface_force.normal) / scene.stiffness
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -390,8 +399,7 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
     slides = np.roll(surface_force.pressed, 1) & (braking > 0.0) & (allowed <= TELLING_SHARE)
     slides[0] = False
     # A slip over a corner has two directions.
-    for corner in scene.model.boundary.corners:
-        slides &= np.linalg.norm(base.ihip - corner.position, axis=1) > length + place
+    slides &= ~_by_a_corner(base, scene, length + place)
     ticks = np.flatnonzero(slides)
     if ticks.size < SLIDING_TICKS:
         return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
@@ -590,8 +598,11 @@ def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findi
 def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the hand's work over each lap after the first with the work of the friction's law."""
     base = runs.base
-    spans = [span for lap_run in laps(base.hip, scene.model.size) for span in lap_run.later]
-    spans = [(start, stop) for start, stop in spans if surface_force.pressed[start : stop + 1].all()]
+    spans = [
+        (start, stop)
+        for start, stop in later_laps(base.hip, scene.model.size)
+        if surface_force.pressed[start : stop + 1].all()
+    ]
     if not spans:
         return undecided("the hand goes round no closed lap twice in contact")
     moved = np.diff(base.hip, axis=0)

@@ -11,6 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.closed_paths import LapRun, SampledWork, contact_spans, laps, running_sums
 from hapticeval.phenomena.decisions import (
     FINER_RATES,
     MOST_LAPS,
@@ -21,11 +22,9 @@ from hapticeval.phenomena.decisions import (
     UNDECLARED_RANGE,
 )
 from hapticeval.phenomena.lag import force_lag, force_only_lag, with_nearest_points
-from hapticeval.phenomena.laps import LapRun, contact_spans, laps
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.stiffness import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
-from hapticeval.phenomena.work import SampledWork, running_sums
 from hapticeval.recordings.energy_balance import balance
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, not_alone, required, without_ihip
+from hapticeval.phenomena.closed_paths import later_laps, running_sums
 from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
 from hapticeval.phenomena.lag import largest_in_lag
-from hapticeval.phenomena.laps import laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -154,8 +154,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     if isinstance(reference, Finding):
         return reference
     base = runs.base
-    loops = [loop for lap_run in laps(base.hip, scene.model.size) for loop in lap_run.later]
-    loops = [(first, last) for first, last in loops if reference.contact[first:last].any()]
+    loops = [rows for rows in later_laps(base.hip, scene.model.size) if reference.contact[slice(*rows)].any()]
     if not loops:
         return undecided("the hand goes round no closed loop twice: the work of a loop cannot be measured")
     # Running work of the recorded force, of the shaded one, and of the unshaded one.
@@ -164,7 +163,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
         np.array([sums_of_force[last] - sums_of_force[first] for first, last in loops]) for sums_of_force in sums
     )
     length = np.linalg.norm(np.diff(base.hip, axis=0), axis=1)
-    rounding = np.concatenate([[0.0], np.cumsum(0.5 * (reference.rounding[1:] + reference.rounding[:-1]) * length)])
+    rounding = running_sums(0.5 * (reference.rounding[1:] + reference.rounding[:-1]) * length)
     allowed = np.array([rounding[last] - rounding[first] for first, last in loops])
     difference = np.abs(measured - expected)
     worst, most_active = int(np.argmax(difference - allowed)), int(np.argmax(np.abs(measured - plain)))
@@ -198,8 +197,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
 
 def _running_work(base: Recording, force: Array) -> Array:
     """Return the work (n,), J, that a force (n, N), N, gives to the hand up to each tick, by the trapezoid."""
-    steps = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(base.hip, axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    return running_sums(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(base.hip, axis=0), axis=1))
 
 
 check_of_shading = partial(

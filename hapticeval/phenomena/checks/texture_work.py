@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, required
+from hapticeval.phenomena.closed_paths import SampledWork, later_laps
 from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN, SINGLE_ROUNDINGS
-from hapticeval.phenomena.laps import laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
-from hapticeval.phenomena.work import SampledWork
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 
@@ -27,8 +26,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     relief = next(effect for effect in scene.effects if effect.kind in CHECK.effects)
     assert isinstance(relief, Relief)
     pressed = above_force_floor(base, scene)
-    loops = [loop for lap_run in laps(base.hip, scene.model.size) for loop in lap_run.later]
-    loops = [(first, last) for first, last in loops if pressed[first:last].all()]
+    loops = [rows for rows in later_laps(base.hip, scene.model.size) if pressed[slice(*rows)].all()]
     if not loops:
         return undecided("the hand goes round no closed loop in contact twice: the work of a loop cannot be measured")
     # First and last rows of all laps, (k,) each.
