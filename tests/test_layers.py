@@ -92,8 +92,8 @@ SATELLITES = {
 
 DOORS = {
     ("runner.execution", "runner.cluster"): "where a scheduler is named",
-    ("effects.height_map", "recordings.formats"): "where an effect names a file, of whatever format",
-    ("effects.recorded_impulse", "recordings.formats"): "likewise",
+    ("effects.reliefs", "recordings.formats"): "where an effect names a file, of whatever format",
+    ("effects.transients", "recordings.formats"): "likewise",
 }
 """What the core opens on demand, inside a function; the commands of a satellite do so too."""
 

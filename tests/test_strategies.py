@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from hapticeval import Scene, make_model, strategies
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import MODELS
 from hapticeval.stimulus.experiments import ExperimentTable

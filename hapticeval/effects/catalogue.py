@@ -50,9 +50,9 @@ FRICTION, VISCOUS_FRICTION, LUGRE = "friction", "viscous-friction", "lugre"
 EFFECTS: dict[str, Entry] = {
     "shading": Entry(".shading:Shading", "the force follows normals interpolated between vertices (4.15)"),
     "height-map": Entry(
-        ".height_map:HeightMap", "the surface has a relief, felt as the potential K (d + h)^2 / 2 (4.3.2)"
+        ".reliefs:HeightMap", "the surface has a relief, felt as the potential K (d + h)^2 / 2 (4.3.2)"
     ),
-    "bump-map": Entry(".bump_map:BumpMap", "the normal is turned by a relief (4.16)"),
+    "bump-map": Entry(".reliefs:BumpMap", "the normal is turned by a relief (4.16)"),
     FRICTION: Entry(
         ".friction:Friction", "the surface holds a tool that sticks, and brakes one that slides (4.18), (4.20)"
     ),
@@ -64,29 +64,27 @@ EFFECTS: dict[str, Entry] = {
         ".stochastic_texture:StochasticTexture", "the surface shakes the tool that slides along it (4.3.2)"
     ),
     VISCOSITY: Entry(
-        ".viscosity:Viscosity", "the surface brakes the tool that slides along it (7.18)", {"viscosity": "coefficient"}
+        ".viscous_friction:Viscosity",
+        "the surface brakes the tool that slides along it (7.18)",
+        {"viscosity": "coefficient"},
     ),
     "contact-impulse": Entry(
-        ".contact_impulse:ContactImpulse", "a contact begins with a pulse that stops the device (4.21)"
+        ".transients:ContactImpulse", "a contact begins with a pulse that stops the device (4.21)"
     ),
-    "contact-transient": Entry(
-        ".contact_transient:ContactTransient", "a contact begins with a decaying vibration (4.3.4)"
-    ),
-    "recorded-impulse": Entry(
-        ".recorded_impulse:RecordedImpulse", "a contact begins with a pulse that was measured (4.3.4)"
-    ),
+    "contact-transient": Entry(".transients:ContactTransient", "a contact begins with a decaying vibration (4.3.4)"),
+    "recorded-impulse": Entry(".transients:RecordedImpulse", "a contact begins with a pulse that was measured (4.3.4)"),
     "encoder": Entry(
-        ".encoder:Encoder", short={"imperfections.encoder_step": "step", "imperfections.encoder_counts": "counts"}
+        ".sensors:Encoder", short={"imperfections.encoder_step": "step", "imperfections.encoder_counts": "counts"}
     ),
-    "velocity-filter": Entry(".velocity_filter:VelocityFilter", short={"imperfections.velocity_cutoff": "cutoff"}),
+    "velocity-filter": Entry(".sensors:VelocityFilter", short={"imperfections.velocity_cutoff": "cutoff"}),
     FORCE_SENSOR: Entry(
-        ".force_sensor:ForceSensor",
+        ".sensors:ForceSensor",
         "the hand's force is measured, and the tool moves along the surface as under that force (8.6)",
         {"imperfections.force_sensor": ""},
     ),
-    "saturation": Entry(".saturation:Saturation", short={"imperfections.torque_limit": "limit"}),
-    "delay": Entry(".delay:Delay", short={"imperfections.delay": "time"}),
-    "joint-friction": Entry(".joint_friction:JointFriction", short={"imperfections.friction": "torque"}),
+    "saturation": Entry(".actuators:Saturation", short={"imperfections.torque_limit": "limit"}),
+    "delay": Entry(".actuators:Delay", short={"imperfections.delay": "time"}),
+    "joint-friction": Entry(".actuators:JointFriction", short={"imperfections.friction": "torque"}),
 }
 """Kind -> entry, in the order in which effects take part in a tick; see `in_order`."""
 

@@ -1,4 +1,7 @@
-"""Viscous friction: a force against the hand's motion along the surface, as large as its speed, F_t = -b v_t."""
+"""What brakes in proportion to the speed along the surface: the viscosity of (7.18), and viscous friction.
+
+Renderers assign the former to the tool; the latter is a force against the hand's motion, F_t = -b v_t.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,21 @@ from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from hapticeval.compiled import Closest, Numbers
+
+
+@dataclass(frozen=True)
+class Viscosity(Effect):
+    """Brake the tool along the surface with b_d = `coefficient` (kg/s): renderers assign it to the sliding tool."""
+
+    coefficient: float = number("kg/s", at=True)
+
+    kind: ClassVar[str] = "viscosity"
+    words: ClassVar[str] = "viscosity {coefficient}"
+
+    @property
+    def off(self) -> bool:
+        """Whether its coefficient is zero: it then changes nothing."""
+        return self.coefficient == 0.0
 
 
 @dataclass(frozen=True)

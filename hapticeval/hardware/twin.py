@@ -8,10 +8,8 @@ import numpy as np
 
 from hapticeval.devices.integration import default_method
 from hapticeval.devices.parallelogram import MOTOR_TORQUE
-from hapticeval.effects.delay import Delay
+from hapticeval.effects.actuators import Delay, JointFriction, Saturation
 from hapticeval.effects.effect import Effect, Stage
-from hapticeval.effects.joint_friction import JointFriction
-from hapticeval.effects.saturation import Saturation
 from hapticeval.errors import HapticevalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.hardware.device import Reading

@@ -16,7 +16,7 @@ import numpy as np
 from hapticeval.devices.catalogue import make_device, parameters_of
 from hapticeval.devices.device import Device, checked_joints
 from hapticeval.documents import read_toml
-from hapticeval.effects.velocity_filter import low_pass_share
+from hapticeval.effects.sensors import low_pass_share
 from hapticeval.errors import DomainError, InputError, at
 from hapticeval.types import Array
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.closed_forms import CLOSED_FORMS, SCHEMES, Gains, integrate_rates, polar_rates, transversal_motion
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, line, star
 from hapticeval.scene import Scene

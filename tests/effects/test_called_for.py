@@ -110,7 +110,7 @@ from dataclasses import replace
 from hapticeval.compiled import law_value, machine_code
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
-from hapticeval.effects.encoder import Encoder
+from hapticeval.effects.sensors import Encoder
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene

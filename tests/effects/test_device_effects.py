@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.actuators import Delay
 from hapticeval.effects.catalogue import read_effects
-from hapticeval.effects.delay import Delay
-from hapticeval.effects.force_sensor import ForceSensor
-from hapticeval.effects.velocity_filter import low_pass_share
+from hapticeval.effects.sensors import ForceSensor, low_pass_share
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import line
 from hapticeval.renderer import Response

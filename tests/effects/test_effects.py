@@ -11,15 +11,11 @@ import numpy as np
 import pytest
 
 from hapticeval.devices.parallelogram import Parallelogram2
+from hapticeval.effects.actuators import Delay, JointFriction, Saturation
 from hapticeval.effects.catalogue import EFFECTS, Entry, make_effect, read_effects
-from hapticeval.effects.delay import Delay
 from hapticeval.effects.effect import Effect, Part, Stage, number
-from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.force_sensor import ForceSensor
-from hapticeval.effects.joint_friction import JointFriction
-from hapticeval.effects.saturation import Saturation
-from hapticeval.effects.velocity_filter import VelocityFilter
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.sensors import Encoder, ForceSensor, VelocityFilter
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.renderer import Response

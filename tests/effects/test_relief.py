@@ -13,9 +13,8 @@ from numpy.polynomial.legendre import leggauss
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.documents import convert
-from hapticeval.effects.bump_map import BumpMap
 from hapticeval.effects.catalogue import make_effect
-from hapticeval.effects.height_map import HeightMap
+from hapticeval.effects.reliefs import BumpMap, HeightMap
 from hapticeval.errors import DomainError, InputError, RefusalError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import Response

@@ -14,9 +14,7 @@ from hapticeval.devices.device import apparent_mass
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import make_effect
-from hapticeval.effects.contact_impulse import ContactImpulse
-from hapticeval.effects.contact_transient import MATERIALS, ContactTransient
-from hapticeval.effects.recorded_impulse import RecordedImpulse
+from hapticeval.effects.transients import MATERIALS, ContactImpulse, ContactTransient, RecordedImpulse
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.hdf5 import write_recording

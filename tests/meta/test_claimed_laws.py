@@ -12,8 +12,8 @@ from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import resolve
-from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.sensors import Encoder
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.renderer import Declaration

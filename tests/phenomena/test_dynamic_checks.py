@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.effects.force_sensor import ForceSensor
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.sensors import ForceSensor
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.refinement import extrapolated, richardson_two_level

@@ -10,14 +10,11 @@ import pytest
 from made import FAIL, PASS, UNDECIDED, changed, found, recorded
 from test_helpers_by_definition import LINE, slide
 
-from hapticeval.effects.bump_map import BumpMap
-from hapticeval.effects.contact_impulse import ContactImpulse
-from hapticeval.effects.contact_transient import ContactTransient
 from hapticeval.effects.friction import Friction
-from hapticeval.effects.height_map import HeightMap
-from hapticeval.effects.recorded_impulse import RecordedImpulse
+from hapticeval.effects.reliefs import BumpMap, HeightMap
 from hapticeval.effects.shading import Shading
 from hapticeval.effects.stochastic_texture import StochasticTexture
+from hapticeval.effects.transients import ContactImpulse, ContactTransient, RecordedImpulse
 from hapticeval.errors import UnknownNameError
 from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.check import Runs

@@ -18,8 +18,8 @@ from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
-from hapticeval.effects.delay import Delay
-from hapticeval.effects.velocity_filter import VelocityFilter
+from hapticeval.effects.actuators import Delay
+from hapticeval.effects.sensors import VelocityFilter
 from hapticeval.errors import InputError, RendererError
 from hapticeval.geometry.catalogue import cassinian, circle, line, make_model
 from hapticeval.phenomena.check import Runs

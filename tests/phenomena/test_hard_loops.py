@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from hapticeval.compiled import law_value
 from hapticeval.discovery import resolve
-from hapticeval.effects.delay import Delay
+from hapticeval.effects.actuators import Delay
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording

@@ -10,10 +10,8 @@ from made import changed, found, recorded
 
 from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.device import heaviest_mass
-from hapticeval.effects.bump_map import BumpMap
-from hapticeval.effects.height_map import HeightMap
-from hapticeval.effects.joint_friction import JointFriction
-from hapticeval.effects.saturation import Saturation
+from hapticeval.effects.actuators import JointFriction, Saturation
+from hapticeval.effects.reliefs import BumpMap, HeightMap
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.phenomena.checks.contact_normal_force import (
     _angles,

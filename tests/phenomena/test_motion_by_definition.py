@@ -9,7 +9,7 @@ import pytest
 from made import FAIL, changed, found, recorded
 from scipy.linalg import block_diag
 
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.checks.centripetal_force import (

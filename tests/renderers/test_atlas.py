@@ -10,7 +10,7 @@ import sympy as sp
 from hapticeval.compiled import law_data
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import BaseInertia, Dynamics, Parallelogram3, ParallelogramParameters
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import ellipsoid, sphere
 from hapticeval.renderers.atlas import active_chart, active_charts, chart_acceleration, charts, jacobian, to_chart_axes

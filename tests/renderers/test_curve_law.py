@@ -17,7 +17,7 @@ from torque_by_sympy import (
 
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import Parallelogram2
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import DomainError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, line
 from hapticeval.renderers import set_stabilisation

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hapticeval.discovery import resolve
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import DomainError
 from hapticeval.geometry.catalogue import (
     cassinian,

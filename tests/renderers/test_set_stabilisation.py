@@ -11,8 +11,8 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import resolve
-from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.sensors import Encoder
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, circle, line, sphere, star
 from hapticeval.renderers import set_stabilisation

@@ -12,8 +12,8 @@ from hapticeval.cli import main
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.effects.catalogue import EFFECTS
 from hapticeval.effects.effect import Stage
-from hapticeval.effects.force_sensor import ForceSensor
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.sensors import ForceSensor
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import RendererError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, sphere
 from hapticeval.phenomena.verdict import Outcome

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hand_paths import damped, moved
 
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import DomainError, InputError, RefusalError
 from hapticeval.geometry.catalogue import circle, ellipsoid, sphere, torus
 from hapticeval.renderers.stabilisation import SurfaceStabilisation

@@ -9,8 +9,7 @@ from scipy.linalg import expm
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2, Parallelogram3
 from hapticeval.discovery import resolve
-from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.velocity_filter import VelocityFilter, low_pass_share
+from hapticeval.effects.sensors import Encoder, VelocityFilter, low_pass_share
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop

@@ -8,7 +8,7 @@ import pytest
 from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.discovery import resolve
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.case_figure import atlas_svg, charts_words, has_charts

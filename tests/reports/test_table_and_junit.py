@@ -12,13 +12,9 @@ from reports_synthetic import HOSTILE, synthetic_results, synthetic_run, verdict
 from result_entries import SCENE, changed
 
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.effects.delay import Delay
-from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.force_sensor import ForceSensor
-from hapticeval.effects.joint_friction import JointFriction
-from hapticeval.effects.saturation import Saturation
-from hapticeval.effects.velocity_filter import VelocityFilter
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.actuators import Delay, JointFriction, Saturation
+from hapticeval.effects.sensors import Encoder, ForceSensor, VelocityFilter
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import RefusalError
 from hapticeval.files import csv_cell
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome

@@ -15,13 +15,9 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import resolve
+from hapticeval.effects.actuators import Delay, JointFriction, Saturation
 from hapticeval.effects.catalogue import read_effects
-from hapticeval.effects.delay import Delay
-from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.force_sensor import ForceSensor
-from hapticeval.effects.joint_friction import JointFriction
-from hapticeval.effects.saturation import Saturation
-from hapticeval.effects.velocity_filter import VelocityFilter
+from hapticeval.effects.sensors import Encoder, ForceSensor, VelocityFilter
 from hapticeval.errors import DomainError, InputError, RendererError, RunawayError
 from hapticeval.geometry.catalogue import circle, line, make_model
 from hapticeval.renderer import CompiledStep, Response

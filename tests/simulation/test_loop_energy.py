@@ -20,13 +20,9 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import ENCODER_STEP, Dynamics, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import load, own_renderers, resolve
-from hapticeval.effects.delay import Delay
-from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.force_sensor import ForceSensor
-from hapticeval.effects.joint_friction import JointFriction
-from hapticeval.effects.saturation import Saturation
-from hapticeval.effects.velocity_filter import VelocityFilter
-from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.actuators import Delay, JointFriction, Saturation
+from hapticeval.effects.sensors import Encoder, ForceSensor, VelocityFilter
+from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.geometry.catalogue import ellipse, ellipsoid, line, sphere, torus
 from hapticeval.renderer import CompiledStep, abilities_of
 from hapticeval.scene import Scene

@@ -17,10 +17,8 @@ from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import resolve
-from hapticeval.effects.delay import Delay
-from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.joint_friction import JointFriction
-from hapticeval.effects.saturation import Saturation
+from hapticeval.effects.actuators import Delay, JointFriction, Saturation
+from hapticeval.effects.sensors import Encoder
 from hapticeval.errors import InputError, RendererError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.scene import Scene

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from honest import Spring
 
-from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.actuators import JointFriction
+from hapticeval.effects.sensors import Encoder
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import circle
 from hapticeval.recordings.hdf5 import write_recording

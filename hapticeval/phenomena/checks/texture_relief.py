@@ -26,7 +26,7 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
 
 if TYPE_CHECKING:
-    from hapticeval.effects.height_map import Relief
+    from hapticeval.effects.reliefs import Relief
 
 
 class ReliefAnswer(NamedTuple):

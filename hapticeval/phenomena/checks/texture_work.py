@@ -20,7 +20,7 @@ HEIGHT, BUMP = "height-map", "bump-map"
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Sum the work of each lap in contact after the first, and judge the one in which the hand gains most."""
-    from hapticeval.effects.height_map import Relief
+    from hapticeval.effects.reliefs import Relief
 
     base, refine = runs.base, required(runs.refine)
     relief = next(effect for effect in scene.effects if effect.kind in CHECK.effects)

@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticeval.devices.device import Device
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.effects.velocity_filter import VelocityFilter
+from hapticeval.effects.sensors import VelocityFilter
 from hapticeval.renderer import Renderer
 from hapticeval.scene import Scene
 from hapticeval.types import Array

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.devices.parallelogram import ENCODER_COUNTS
-from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.actuators import JointFriction
+from hapticeval.effects.sensors import Encoder
 from hapticeval.renderer import Renderer, RendererFactory
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hapticeval.effects.velocity_filter import VelocityFilter
+from hapticeval.effects.sensors import VelocityFilter
 from hapticeval.errors import DomainError, InputError, RefusalError, RunawayError
 from hapticeval.renderer import Renderer, RendererFactory
 from hapticeval.runner.judging import make_renderer

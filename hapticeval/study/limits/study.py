@@ -11,7 +11,7 @@ import numpy as np
 
 from hapticeval.devices.device import Device
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.effects.delay import Delay
+from hapticeval.effects.actuators import Delay
 from hapticeval.errors import DomainError, InputError
 from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene

@@ -11,8 +11,7 @@ from made import changed, recorded
 from struck_and_shaded import CASES, MIDDLE
 
 from hapticeval.discovery import resolve
-from hapticeval.effects.contact_impulse import ContactImpulse
-from hapticeval.effects.contact_transient import MATERIALS, ContactTransient
+from hapticeval.effects.transients import MATERIALS, ContactImpulse, ContactTransient
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.transient import find_contacts, fit

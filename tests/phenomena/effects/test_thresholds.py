@@ -12,13 +12,13 @@ from scipy.special import polygamma
 from scipy.stats import chi2, norm
 
 from hapticeval.discovery import resolve
-from hapticeval.effects.bump_map import BumpMap
-from hapticeval.effects.contact_impulse import ContactImpulse
 from hapticeval.effects.friction import Friction
 from hapticeval.effects.line_spectra import line_spectrum
+from hapticeval.effects.reliefs import BumpMap
+from hapticeval.effects.sensors import VelocityFilter
 from hapticeval.effects.stochastic_texture import StochasticTexture
 from hapticeval.effects.texture import autocovariance
-from hapticeval.effects.velocity_filter import VelocityFilter
+from hapticeval.effects.transients import ContactImpulse
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs

@@ -8,9 +8,8 @@ import struck_and_shaded
 from made import FAIL, changed, found
 
 from hapticeval.discovery import resolve
-from hapticeval.effects.bump_map import BumpMap
 from hapticeval.effects.friction import Friction
-from hapticeval.effects.height_map import HeightMap
+from hapticeval.effects.reliefs import BumpMap, HeightMap
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs

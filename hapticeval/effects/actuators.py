@@ -1,4 +1,4 @@
-"""Delay: motors answer a sample some time after it was taken (thesis 2.6)."""
+"""What becomes of a torque that is asked for: motors saturate and are late, and joints rub (thesis 2.6, A.1)."""
 
 from __future__ import annotations
 
@@ -11,6 +11,32 @@ import numpy as np
 from hapticeval.effects.effect import Effect, Part, Stage, number
 from hapticeval.quantity import format_quantity
 from hapticeval.types import Array
+
+
+@dataclass(frozen=True)
+class Saturation(Effect):
+    """Limit the torque of each motor to ± `limit` (N m; N for the point mass)."""
+
+    limit: float = number("force")
+
+    kind: ClassVar[str] = "saturation"
+    stage: ClassVar[Stage] = Stage.COMMAND
+    linear: ClassVar[bool] = False
+    words: ClassVar[str] = "motors saturate at {limit}"
+
+    def part(self, ticks: int, size: int, dt: float) -> Part:  # noqa: ARG002 - as every effect
+        """Assemble the limit: `params`."""
+        return Part(clip_torque, np.array([self.limit]))
+
+
+def clip_torque(
+    params: Array, samples: Array, state: Array, tick: int, dt: float, torque: Array, before: Array  # noqa: ARG001
+) -> float:  # fmt: skip
+    """Clip each motor's `torque` (N,), N m (N for the point mass), to ± the limit, `params` (1,)."""
+    for i in range(torque.shape[0]):
+        torque[i] = min(max(torque[i], -params[0]), params[0])
+    return 0.0
+
 
 STEADY = 1e-9
 """A share of a tick below which a delay is a whole number of ticks: what rounding leaves of one."""
@@ -68,3 +94,19 @@ def hold_back(params: Array, samples: Array, state: Array, tick: int, dt: float,
         before[i] = state[(tick - whole_ticks - 1) % line_length, i]
         torque[i] = state[(tick - whole_ticks) % line_length, i]
     return float(params[1])
+
+
+@dataclass(frozen=True)
+class JointFriction(Effect):
+    """Oppose each moving joint with `torque` (N m; N for the point mass), and hold one at rest as long as that can."""
+
+    torque: float = number("force")
+
+    kind: ClassVar[str] = "joint-friction"
+    stage: ClassVar[Stage] = Stage.JOINTS
+    linear: ClassVar[bool] = False
+    words: ClassVar[str] = "Coulomb friction of {torque} in each joint"
+
+    def part(self, ticks: int, size: int, dt: float) -> Part:  # noqa: ARG002 - as every effect
+        """Assemble the friction of each joint: `params` (N,)."""
+        return Part(None, np.full(size, self.torque))

@@ -1,4 +1,4 @@
-"""Height maps: a relief on the surface, felt as the potential of a spring that reaches to it (thesis 4.3.2)."""
+"""A relief on the surface (thesis 4.3.2): a height map is felt as a spring's potential, a bump map turns the normal."""
 
 from __future__ import annotations
 
@@ -240,3 +240,27 @@ class HeightMap(Relief):
 def distance_between(one: Array, other: Array) -> float:
     """Return the distance (m) of two points (N,), m, or of two forces (N,), N; nan of what is not finite."""
     return math.dist(one, other)
+
+
+@dataclass(frozen=True)
+class BumpMap(Relief):
+    """Turn the force's part along the normal n to n' = (n - grad h) / |n - grad h|, as large as it is.
+
+    That is (4.16) with A = -grad h and the normal renormalised, on the answer of any renderer.
+
+    The depth does not change, so that the force is no gradient: round a loop between depths d1 and d2, a quarter of a
+    wave long, it gives or takes K (d2 - d1) (wavelength / 2 pi) atan a - K (d2^2 - d1^2) (1 - cos atan a) / 2 with a =
+    2 pi amplitude / wavelength.
+    """
+
+    kind: ClassVar[str] = "bump-map"
+
+    def change(self, scene: Calling) -> Part:
+        """See `Effect.change`."""
+        from hapticeval.effects.relief_kernels import turn_normal
+
+        return self._part(scene, turn_normal)
+
+    def active(self, damping: float) -> str | None:  # noqa: ARG002 - as every effect
+        """Return why it gives energy away, which it does with any renderer."""
+        return "turning only the normal, as (4.16), is the force of no potential"
