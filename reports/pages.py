@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -27,12 +27,9 @@ from hapticeval.reports.grid import (
     HardCase,
     case_grid,
     hard_cases,
-    headline,
-    is_sound,
-    phenomenon_grid,
     worst_verdicts,
 )
-from hapticeval.reports.table import Summary, provenance, ran_words, renderers_by_commit, summaries
+from hapticeval.reports.table import Summary, summaries
 from hapticeval.reports.templates import CHECK_PAGES, FOLDER, INDEX, anchor, case_file, environment, explain_terms
 from hapticeval.runner.diff import Edition, History
 from hapticeval.runner.results import (
@@ -44,7 +41,7 @@ from hapticeval.runner.results import (
     VerdictEntry,
 )
 from hapticeval.runner.standing import Standing, count_standings
-from hapticeval.study.bench.document import BenchResults, Kind
+from hapticeval.study.bench.document import BenchResults
 from hapticeval.study.effects_cost import EffectsDocument
 
 if TYPE_CHECKING:
@@ -154,27 +151,11 @@ class ReportView:
     replayed: ResultsDocument | None = None
     single: Single | None = None
 
+    # What the pages on costs are drawn and told with.
+    bench_titles = TITLES
+    cost_svg = staticmethod(cost_svg)
+
     # What the run amounts to.
-
-    @property
-    def headline(self) -> str:
-        """The verdict of the run, in one sentence."""
-        return headline(self.results)
-
-    @property
-    def sound(self) -> bool:
-        """Whether nothing calls for attention."""
-        return is_sound(self.results)
-
-    @property
-    def provenance(self) -> str:
-        """Version, date and commits, in one line."""
-        return provenance(self.results)
-
-    @property
-    def ran(self) -> str:
-        """How much of the plan ran, in one sentence."""
-        return ran_words(self.results)
 
     @cached_property
     def counts(self) -> Sequence[tuple[Standing, int]]:
@@ -196,11 +177,6 @@ class ReportView:
     def failing_standings(self) -> Sequence[Standing]:
         """The standings of what does not pass, expected or not."""
         return [standing for standing in Standing if standing.stops_strict or standing.excused]
-
-    @property
-    def inherent_count(self) -> int:
-        """How many failures follow from what the renderers declare."""
-        return dict(self.counts).get(Standing.INHERENT, 0)
 
     @cached_property
     def recorded_renderers(self) -> set[str]:
@@ -230,16 +206,6 @@ class ReportView:
         return {(run.suite, run.case) for run in self.results.runs if not run.judged}
 
     @property
-    def broken_count(self) -> int:
-        """How many runs broke."""
-        return sum(run.error is not None for run in self.results.runs)
-
-    @property
-    def ended_count(self) -> int:
-        """How many runs ended early."""
-        return sum(run.ended is not None for run in self.results.runs)
-
-    @property
     def command(self) -> str:
         """The command that gives these results, as it would be typed."""
         command = self.results.command
@@ -249,17 +215,7 @@ class ReportView:
             [*words, *["--strict"] * command.strict, *([f"--shard {command.shard}"] if command.shard else [])]
         )
 
-    @property
-    def commits(self) -> Mapping[str, Sequence[str]]:
-        """The renderers of each commit."""
-        return renderers_by_commit(self.results)
-
     # The first page.
-
-    @cached_property
-    def grid(self) -> Grid:
-        """Renderers by phenomena."""
-        return phenomenon_grid(self.results)
 
     @property
     def breakdowns(self) -> Sequence[Breakdown]:
@@ -327,7 +283,10 @@ class ReportView:
     @cached_property
     def checks(self) -> Mapping[str, Check]:
         """The checks that gave verdicts by id, in the results' order; without those not installed."""
-        return judged_checks(self.results)
+        from hapticeval.phenomena.registry import CHECKS
+
+        judged = dict.fromkeys(verdict.check for verdict in self.results.verdicts)
+        return {name: CHECKS[name] for name in judged if name in CHECKS}
 
     @cached_property
     def check_pages(self) -> Sequence[tuple[Check, CheckPage]]:
@@ -351,19 +310,7 @@ class ReportView:
     @cached_property
     def bench_plots(self) -> Sequence[tuple[str, str]]:
         """The plots of the bench, each with its title, in the looks that renderers have on all pages."""
-        if self.bench is None:
-            return []
-        return bench_plots(self.bench, self.looks)
-
-    @property
-    def bench_titles(self) -> Mapping[Kind, str]:
-        """What is timed, in words."""
-        return TITLES
-
-    @property
-    def cost_svg(self) -> str:
-        """What effects cost, as an SVG element."""
-        return "" if self.costs is None else cost_svg(self.costs)
+        return [] if self.bench is None else bench_plots(self.bench, self.looks)
 
     @cached_property
     def closed_forms(self) -> Sequence[ClosedFormTable]:
@@ -451,7 +398,8 @@ def render_pages(view: ReportView) -> dict[str, str]:
     if not view.single:
         template = jinja.get_template("page.html.j2")
         pages |= {f"{page.name}.html": template.render(view=view, page=page) for page in view.pages}
-        pages[CHECK_PAGES] = render_check_pages(view.checks.values(), INDEX)
+        checks = [(check, html_of(page.text)) for check, page in view.check_pages]
+        pages[CHECK_PAGES] = jinja.get_template("check_pages.html.j2").render(pages=checks, limits_of=limits_of)
     return {name: explain_terms(text) for name, text in pages.items()}
 
 
@@ -460,13 +408,6 @@ def worst_words(standings: set[Standing]) -> str:
     if any(standing.unexpected for standing in standings):
         return "Not as expected"
     return "Warnings" if any(standing.stops_strict for standing in standings) else "Known failures"
-
-
-def judged_checks(results: ResultsDocument) -> dict[str, Check]:
-    """Return the checks that gave verdicts by id, in the results' order; without those not installed."""
-    from hapticeval.phenomena.registry import CHECKS
-
-    return {name: CHECKS[name] for name in dict.fromkeys(v.check for v in results.verdicts) if name in CHECKS}
 
 
 TITLE = re.compile(r"\A#[^\n]*\n")
@@ -478,12 +419,6 @@ HEADING = re.compile(r"^## ", re.MULTILINE)
 CHECK_LINK = re.compile(r"\]\(([\w-]+)\.md\)")
 OTHER_LINK = re.compile(r"\[([^\]]*)\]\([^)]*\.md[^)]*\)")
 """Links to the page of a check, which is a place on this one, and to other pages of the documentation."""
-
-
-def render_check_pages(checks: Iterable[Check], index: str) -> str:
-    """Return the page of what these checks ask, with a link to the first page of the report at `index`."""
-    pages = [(check, html_of(read_page(check).text)) for check in checks]
-    return environment().get_template("check_pages.html.j2").render(pages=pages, index=index, limits_of=limits_of)
 
 
 def html_of(page: str) -> str:

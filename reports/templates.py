@@ -13,8 +13,9 @@ from urllib.parse import quote
 
 from hapticeval.files import file_stem
 from hapticeval.quantity import format_duration, format_length, format_number, format_quantity, format_size
-from hapticeval.reports.grid import step_ratio
+from hapticeval.reports.grid import headline, is_sound, phenomenon_grid, step_ratio
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
+from hapticeval.reports.table import provenance, ran_words, renderers_by_commit
 from hapticeval.runner.results import Measure, RunEntry
 from hapticeval.runner.standing import Standing
 
@@ -139,7 +140,13 @@ def environment() -> Environment:
         "evidence_words": evidence_words,
         "figures_cited": figures_cited,
         "glossary": GLOSSARY,
+        "headline": headline,
+        "is_sound": is_sound,
         "model_words": model_words,
+        "phenomenon_grid": phenomenon_grid,
+        "provenance": provenance,
+        "ran_words": ran_words,
+        "renderers_by_commit": renderers_by_commit,
         "robot_words": robot_words,
         "root": ROOT,
         "index": INDEX,

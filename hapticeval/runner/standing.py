@@ -3,45 +3,57 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from enum import StrEnum
-from types import MappingProxyType
 
 
 class Standing(StrEnum):
-    """What a verdict means for the reader, the gravest first: its outcome compared with what was expected."""
+    """What a verdict means for the reader, the gravest first: its outcome compared with what was expected.
 
-    ERROR = "error"
-    FAIL = "fail"
-    DIFFERS = "differs"
-    UNDECIDED = "undecided"
-    WARNING = "warning"
-    OUTDATED = "outdated"
-    KNOWN = "known"
-    INHERENT = "inherent"
-    PASS = "pass"
-    NOT_JUDGED = "not-judged"
-    NOT_APPLICABLE = "not-applicable"
+    - `symbol`: a shape of its own, so that no standing is told by its colour alone.
+    - `plural`: the standing of several verdicts, in a sentence after their number.
+    - `meaning`: what it says, for a legend.
+    """
+
+    symbol: str
+    plural: str
+    meaning: str
+
+    def __new__(cls, value: str, symbol: str, plural: str, meaning: str) -> Standing:
+        """Make a standing of its row below."""
+        standing = str.__new__(cls, value)
+        standing._value_ = value
+        standing.symbol, standing.plural, standing.meaning = symbol, plural, meaning
+        return standing
+
+    ERROR = "error", "!", "in error", "the renderer broke"
+    FAIL = "fail", "✗", "failed", "fails, and nothing beforehand said so"
+    DIFFERS = "differs", "≠", "differ from what is published", "another outcome than the published one"
+    UNDECIDED = "undecided", "?", "undecided", "a check that must decide could not"
+    WARNING = (
+        "warning", "▲", "warn",
+        "a check of level should fails or cannot decide: stops a gate with --strict only",
+    )  # fmt: skip
+    OUTDATED = (
+        "outdated", "△", "listed as known, and passed",
+        "on the list of known failures, and fails no more: stops a gate with --strict only",
+    )  # fmt: skip
+    KNOWN = "known", "◇", "failed as known", "fails as a list of known failures has it, with a reason"
+    INHERENT = "inherent", "◆", "inherent", "fails by a theorem of the thesis, for what the renderer declares to be"
+    PASS = "pass", "✓", "passed", "passes"
+    NOT_JUDGED = (
+        "not-judged", "○", "shown and not judged",
+        "shown only: what a case or a check of level info finds is no verdict on the renderer",
+    )  # fmt: skip
+    NOT_APPLICABLE = (
+        "not-applicable", "–", "not applicable",  # noqa: RUF001 - a dash as wide as the other signs
+        "not applicable: the question does not arise, or the renderer refuses the model",
+    )  # fmt: skip
 
     @property
     def words(self) -> str:
         """The standing of one verdict as a reader sees it."""
         return {Standing.NOT_JUDGED: "not judged", Standing.NOT_APPLICABLE: "n/a"}.get(self, str(self))
-
-    @property
-    def plural(self) -> str:
-        """The standing of several verdicts, in a sentence after their number."""
-        return PLURALS[self]
-
-    @property
-    def symbol(self) -> str:
-        """A shape of its own, so that no standing is told by its colour alone."""
-        return SYMBOLS[self]
-
-    @property
-    def meaning(self) -> str:
-        """What it says, for a legend."""
-        return MEANINGS[self]
 
     @property
     def unexpected(self) -> bool:
@@ -62,55 +74,6 @@ class Standing(StrEnum):
     def judged(self) -> bool:
         """Whether it is a verdict on the renderer: the question arose, and its answer counts."""
         return self not in (Standing.NOT_JUDGED, Standing.NOT_APPLICABLE)
-
-
-PLURALS: Mapping[Standing, str] = MappingProxyType(
-    {
-        Standing.ERROR: "in error",
-        Standing.FAIL: "failed",
-        Standing.DIFFERS: "differ from what is published",
-        Standing.UNDECIDED: "undecided",
-        Standing.WARNING: "warn",
-        Standing.OUTDATED: "listed as known, and passed",
-        Standing.KNOWN: "failed as known",
-        Standing.INHERENT: "inherent",
-        Standing.PASS: "passed",
-        Standing.NOT_JUDGED: "shown and not judged",
-        Standing.NOT_APPLICABLE: "not applicable",
-    }
-)
-
-SYMBOLS: Mapping[Standing, str] = MappingProxyType(
-    {
-        Standing.ERROR: "!",
-        Standing.FAIL: "✗",
-        Standing.DIFFERS: "≠",
-        Standing.UNDECIDED: "?",
-        Standing.WARNING: "▲",
-        Standing.OUTDATED: "△",
-        Standing.KNOWN: "◇",
-        Standing.INHERENT: "◆",
-        Standing.PASS: "✓",
-        Standing.NOT_JUDGED: "○",
-        Standing.NOT_APPLICABLE: "–",  # noqa: RUF001 - a dash as wide as the other signs
-    }
-)
-
-MEANINGS: Mapping[Standing, str] = MappingProxyType(
-    {
-        Standing.ERROR: "the renderer broke",
-        Standing.FAIL: "fails, and nothing beforehand said so",
-        Standing.DIFFERS: "another outcome than the published one",
-        Standing.UNDECIDED: "a check that must decide could not",
-        Standing.WARNING: "a check of level should fails or cannot decide: stops a gate with --strict only",
-        Standing.OUTDATED: "on the list of known failures, and fails no more: stops a gate with --strict only",
-        Standing.KNOWN: "fails as a list of known failures has it, with a reason",
-        Standing.INHERENT: "fails by a theorem of the thesis, for what the renderer declares to be",
-        Standing.PASS: "passes",
-        Standing.NOT_JUDGED: "shown only: what a case or a check of level info finds is no verdict on the renderer",
-        Standing.NOT_APPLICABLE: "not applicable: the question does not arise, or the renderer refuses the model",
-    }
-)
 
 
 def count_standings(standings: Iterable[Standing]) -> list[tuple[Standing, int]]:

@@ -22,7 +22,7 @@ from hapticeval.reports.canvas import THEME
 from hapticeval.reports.pages import worst_words
 from hapticeval.reports.templates import GLOSSARY, anchor, case_file, explain_terms
 from hapticeval.runner.results import Replay, SuiteEntry, write_results
-from hapticeval.runner.standing import SYMBOLS, Standing
+from hapticeval.runner.standing import Standing
 from hapticeval.study.bench.document import (
     Answer,
     BenchResults,
@@ -154,7 +154,7 @@ def test_nothing_that_a_renderer_says_becomes_markup_and_no_network_is_needed(pa
                 assert tag == "a" or (file.parent / given[name]).exists() or given[name].startswith("#"), given
     style = (report / "assets" / "report.css").read_text()
     assert all(f"--fig-{role}:" in style for role in THEME), "the style defines every colour of the figures"
-    assert all(f'.{each} {{ --sign: "{sign}"; }}' in style for each, sign in SYMBOLS.items())
+    assert all(f'.{each} {{ --sign: "{each.symbol}"; }}' in style for each in Standing)
 
 
 def test_a_word_is_explained_where_it_first_stands_and_nowhere_else():
