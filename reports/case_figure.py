@@ -215,14 +215,11 @@ def _draw_path(axes: Axes, track: Track, path: Array, look: Look, hidden: BoolAr
             *_with_gaps(np.where(behind[:, None], path, np.nan), track.starts).T,
             **{**line_style, "linewidth": 0.7, "alpha": 0.5},
         )
+    marker_times = np.linspace(track.time[0], track.time[-1], PATH_MARKERS, endpoint=False)
     axes.plot(
         *_with_gaps(visible, track.starts).T, **line_style, linewidth=1.3, marker=look.marker, markersize=3.5,
-        markeredgewidth=0.0, markevery=np.unique(np.searchsorted(track.time, _marker_times(track.time))).tolist(),
+        markeredgewidth=0.0, markevery=np.unique(np.searchsorted(track.time, marker_times)).tolist(),
     )  # fmt: skip
-
-
-def _marker_times(time: Array) -> Array:
-    return np.linspace(time[0], time[-1], PATH_MARKERS, endpoint=False)
 
 
 def _hidden_behind_model(track: Track, model: Model | None) -> BoolArray | None:

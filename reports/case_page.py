@@ -178,7 +178,6 @@ class CaseView:
 
 def write_case_page(
     folder: Path,
-    case: tuple[str, str],
     entries: Sequence[RunEntry],
     recordings: Mapping[str, Recording | str],
     *,
@@ -186,16 +185,17 @@ def write_case_page(
     order: Sequence[str] = (),
     neighbours: Neighbours | None = None,
 ) -> None:
-    """Write the page of a case (suite and name) below `folder`, in the place of `templates.case_file`.
+    """Write the page of a case below `folder`, in the place of `templates.case_file`.
 
-    - `entries`: the runs of the case
+    - `entries`: the runs of the case, one at least
     - `recordings`, `verdicts`: by renderer; a text in place of a recording is the reason why there is none
     - `order`: all renderers of the report, so that each looks the same on every page
 
     It needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be written.
     """
-    section = case_section(case, entries, recordings, verdicts=verdicts, order=order, check_pages=ROOT + CHECK_PAGES)
-    _write_page(folder / case_file(*case), section, entries[0], neighbours or Neighbours(), ROOT)
+    section = case_section(entries, recordings, verdicts=verdicts, order=order, check_pages=ROOT + CHECK_PAGES)
+    first = entries[0]
+    _write_page(folder / case_file(first.suite, first.case), section, first, neighbours or Neighbours(), ROOT)
 
 
 def write_view(
@@ -212,11 +212,10 @@ def write_view(
             why="files that hapticeval did not write are never overwritten",
             todo="name a new or an empty folder with -o",
         )
-    case, path = (entry.suite, entry.case), folder / INDEX
-    section = case_section(case, [entry], {entry.renderer: recording}, verdicts={entry.renderer: verdicts}, note=note)
+    section = case_section([entry], {entry.renderer: recording}, verdicts={entry.renderer: verdicts}, note=note)
     write_assets(folder)
-    _write_page(path, section, entry, Neighbours(), "", mark=VIEW_MARK)
-    return path
+    _write_page(folder / INDEX, section, entry, Neighbours(), "", mark=VIEW_MARK)
+    return folder / INDEX
 
 
 def holds_earlier_view(folder: Path) -> bool:
@@ -253,7 +252,6 @@ def asset(name: str) -> bytes:
 
 
 def case_section(
-    case: tuple[str, str],
     entries: Sequence[RunEntry],
     recordings: Mapping[str, Recording | str],
     *,
@@ -264,7 +262,7 @@ def case_section(
     note: str = "",
     check_pages: str = "",
 ) -> str:
-    """Return what a page shows of a case, an HTML element.
+    """Return what a page shows of a case, an HTML element; `entries` are its runs, one at least.
 
     On a page of several cases, `prefix` and the `enclosing_names` tell ids apart.
 
@@ -281,7 +279,7 @@ def case_section(
     drawable = {
         name: drawable_recording(recording)
         for name, recording in recordings.items()
-        if isinstance(recording, Recording) and _has_measured_hips(recording)
+        if isinstance(recording, Recording) and "hip" in recording.channels and recording.measured.any()
     }
     times = {name: [t for v in verdicts.get(name, ()) if (t := v.time) is not None] for name in drawable}
     model = model_of(entries[0], next(iter(drawable.values()), None))
@@ -302,6 +300,7 @@ def case_section(
         if entry.refusal is not None and entry.refusal.position is not None
     }
     panels = case_panels(tracks, held_on_surface=surface is not None) if tracks else ()
+    case = entries[0].suite, entries[0].case
     label = "/".join(case)
     charts = _draw_charts(drawable, model, prefix=prefix, label=label)
     figures = _case_figures(tracks, panels, model, looks, places, crosses, prefix=prefix, label=label)
@@ -400,10 +399,6 @@ def differing_renderers(
             break
         chosen.append(candidate)
     return chosen
-
-
-def _has_measured_hips(recording: Recording) -> bool:
-    return "hip" in recording.channels and bool(recording.measured.any())
 
 
 def model_of(entry: RunEntry, recording: Recording | None) -> Model | None:

@@ -43,6 +43,20 @@ class Sheet:
     rows: Sequence[Sequence[str]]
     caption: str = ""
 
+    @property
+    def columns(self) -> list[tuple[str, ...]]:
+        """The cells of each column below its heading."""
+        return list(zip(self.header, *self.rows, strict=True))
+
+    def frame(self) -> pd.DataFrame:
+        """Return the table as a frame of texts."""
+        import pandas as pd
+
+        # Numbers as names first: headings may repeat, and pandas then takes them back.
+        frame = pd.DataFrame(self.rows, columns=range(len(self.header)), dtype=str)
+        frame.columns = pd.Index(self.header)
+        return frame
+
 
 def sheets(results: ResultsDocument) -> Iterator[Sheet]:
     """Yield the tables that the results fill: summary, renderers by phenomena, digits, closed forms, every verdict."""
@@ -123,13 +137,9 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
 
     Raises `HapticevalError` where they cannot be written.
     """
-    import pandas as pd
-
     folder = directory / FOLDER
     for sheet in sheets(results):
-        # Numbers as names first: headings may repeat, and pandas then takes them back.
-        frame = pd.DataFrame(sheet.rows, columns=range(len(sheet.header)), dtype=str)
-        frame.columns = pd.Index(sheet.header)
+        frame = sheet.frame()
         # A cell that a spreadsheet would run as a formula is escaped.
         texts = {"csv": frame.map(csv_cell).rename(columns=csv_cell).to_csv(index=False)}
         if sheet.caption:
@@ -222,13 +232,7 @@ def _latex_text_of(sheet: Sheet, results: ResultsDocument, line: float = 1.0) ->
 
     `line` is the width of a line as a share of `LINE_WIDTH`.
     """
-    import pandas as pd
-
-    parts = []
-    for part in _parts_that_fit(sheet, line):
-        frame = pd.DataFrame(part.rows, columns=range(len(part.header)), dtype=str)
-        frame.columns = pd.Index(part.header)
-        parts.append(_latex_table(part, frame, line))
+    parts = [_latex_table(part, line) for part in _parts_that_fit(sheet, line)]
     head = f"% {provenance(results)}\n% \\usepackage{{booktabs,array,longtable}}\n{FLOAT_HINT}"
     return head + "\n".join(parts)
 
@@ -236,7 +240,7 @@ def _latex_text_of(sheet: Sheet, results: ResultsDocument, line: float = 1.0) ->
 def _parts_that_fit(sheet: Sheet, line: float) -> Iterator[Sheet]:
     """Yield the table, or parts of it whose columns fit into a line by their longest words, each with the first one."""
     width = line * LINE_CHARACTERS[SMALLEST_SIZE]
-    words = [_longest_word(column) + COLUMN_GAP for column in _columns_of(sheet)]
+    words = [_longest_word(column) + COLUMN_GAP for column in sheet.columns]
     groups: list[list[int]] = [[]]
     for column in range(1, len(words)):
         if groups[-1] and words[0] + sum(words[other] for other in groups[-1]) + words[column] > width:
@@ -254,22 +258,18 @@ def _parts_that_fit(sheet: Sheet, line: float) -> Iterator[Sheet]:
         )
 
 
-def _columns_of(sheet: Sheet) -> list[tuple[str, ...]]:
-    return list(zip(sheet.header, *sheet.rows, strict=True))
-
-
 def _longest_word(column: Sequence[str]) -> int:
     """Return the longest part of a column's cells that is not broken: at spaces, and after signs of LATEX_ESCAPES."""
     cells = (TIED_SPACE.sub("_", cell) for cell in column)
     return max(len(word) for cell in cells for word in re.split(r"\s|(?<=\w)[-+@/]", cell))
 
 
-def _latex_table(sheet: Sheet, frame: pd.DataFrame, line: float) -> str:
+def _latex_table(sheet: Sheet, line: float) -> str:
     """Return a table as LaTeX, small enough for a line. What is set before a float does not reach into it."""
     columns, size = _latex_columns(sheet, line)
     # A float fits one page at most.
     environment = "longtable" if len(sheet.rows) > LONG_TABLE_ROWS else "tabular"
-    cells = frame.map(_latex_text).rename(columns=_latex_text)
+    cells = sheet.frame().map(_latex_text).rename(columns=_latex_text)
     table = cells.to_latex(
         index=False,
         caption=sheet.caption,
@@ -310,7 +310,7 @@ def _latex_columns(sheet: Sheet, line: float) -> tuple[str, str]:
 
     Those of a wide one are as wide as their longest words, and share what is left by how much they hold.
     """
-    columns = _columns_of(sheet)
+    columns = sheet.columns
     longest = [max(map(len, column)) for column in columns]
     # All cells fit on a line each: as large as they may be.
     for size, line_capacity in LINE_CHARACTERS.items():

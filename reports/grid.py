@@ -217,10 +217,10 @@ def headline(results: ResultsDocument) -> str:
     unexpected = len(results.stopping)
     inherent = sum(verdict.standing is Standing.INHERENT for verdict in results.verdicts)
     are = "is" if unexpected == 1 else "are"
-    parts = [f"{unexpected:,} of {_plural(results.ran, 'verdict')} {are} not as expected{results.strict_words}"] * bool(
+    parts = [f"{unexpected:,} of {counted(results.ran, 'verdict')} {are} not as expected{results.strict_words}"] * bool(
         unexpected
     )
-    parts += [f"{_plural(broken, 'run')} broke"] * bool(broken)
+    parts += [f"{counted(broken, 'run')} broke"] * bool(broken)
     if not results.verdicts and not parts:
         return "No verdict was given"
     parts = parts or ["Every verdict is as expected"]
@@ -237,7 +237,8 @@ def is_sound(results: ResultsDocument) -> bool:
     )
 
 
-def _plural(count: int, noun: str) -> str:
+def counted(count: int, noun: str) -> str:
+    """Return a count with its noun, thousands parted: 1 run, 12,000 verdicts."""
     return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
 
 

@@ -13,7 +13,6 @@ import re
 import xml.etree.ElementTree as ET
 
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.reports.scene_words import ended_words
 from hapticeval.reports.table import ran_words
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 from hapticeval.runner.standing import Standing
@@ -26,7 +25,7 @@ def junit(results: ResultsDocument) -> str:
     """Return the XML text; an incomplete run has a testcase of its own that is in error and says why."""
     root = ET.Element("testsuites", name="hapticeval", time=f"{results.timing.wall_seconds:.3f}")
     suites: dict[tuple[str, str], ET.Element] = {}
-    ended = {run.key: ended_words(run) for run in results.runs}
+    ended = {run.key: run.ended_words for run in results.runs}
 
     def suite_of(entry: RunEntry | VerdictEntry) -> ET.Element:
         key = (entry.suite, entry.renderer)

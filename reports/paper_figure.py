@@ -79,8 +79,11 @@ def paper_page(
         yield PaperFigure(figsize=(across / INCH, up / INCH), facecolor="white", layout=margins)
 
 
-def add_legend(fig: Figure, handles: list[Any], *, below: bool = False) -> float:
-    """Put the key of all that is drawn above or below the axes, in as many columns as fit; return its height (in)."""
+def add_legend(fig: Figure, handles: list[Any], *, below: bool = False, grows: bool = False) -> None:
+    """Put the key of all that is drawn above or below the axes, in as many columns as fit.
+
+    The figure `grows` by its height, so that the axes keep theirs.
+    """
     place: Any = "outside lower left" if below else "outside upper left"
     for columns in range(len(handles), 0, -1):
         legend = fig.legend(
@@ -91,7 +94,8 @@ def add_legend(fig: Figure, handles: list[Any], *, below: bool = False) -> float
         if columns == 1 or box.width < 0.98 * fig.bbox.width:
             break
         legend.remove()
-    return float(box.height / fig.dpi)
+    if grows:
+        fig.set_figheight(fig.get_figheight() + float(box.height / fig.dpi))
 
 
 TALLEST = 0.12
@@ -161,15 +165,13 @@ def paper_figure(
     that does not pass points. Raises as `paper_page` does.
     """
     names = labels_of([run.renderer for run in runs], labels)
-    with paper_page(width, height, font_size, natural=_natural_height) as fig:
+    with paper_page(width, height, font_size, natural=lambda across: min(across, max(TALLEST, 0.6 * across))) as fig:
         plane, force = fig.subplots(2, 1, height_ratios=(2.6, 1.0))
         looks = looks or looks_of(run.renderer for run in runs)
         _draw_forces(force, runs, looks)
         coordinates = clearest_coordinates([run.recording for run in runs])
         low, high = _draw_paths(plane, runs, coordinates, looks)
-        legend_height = add_legend(fig, _legend_handles(runs, looks, names))
-        if height is None:
-            fig.set_figheight(fig.get_figheight() + legend_height)
+        add_legend(fig, _legend_handles(runs, looks, names), grows=height is None)
         fig.align_ylabels()
         # How wide the numbers at the axes are depends on what is in view, and that on the room which they leave.
         for _ in range(2):
@@ -180,10 +182,6 @@ def paper_figure(
         if model is not None:
             draw_body(plane, model, view, coordinates, detail=DETAIL)
         return fig
-
-
-def _natural_height(width: float) -> float:
-    return min(width, max(TALLEST, 0.6 * width))
 
 
 def _curve_style(look: Look, number: int, count: int) -> dict[str, Any]:
@@ -283,8 +281,6 @@ def _draw_forces(axes: Axes, runs: Sequence[PaperRun], looks: Mapping[str, Look]
 
 def _legend_handles(runs: Sequence[PaperRun], looks: Mapping[str, Look], names: Mapping[str, str]) -> list[Any]:
     """Return the key of all that is drawn: a renderer by its name among `names`, with the outcome of its verdict."""
-    from matplotlib.lines import Line2D
-
     words = "HIP" if _have_one_path(runs) else "HIP of each renderer"
     handles = [Line2D([], [], color=colour_of("quiet"), linewidth=0.9, linestyle=DASHES, label=words)]
     for number, run in enumerate(runs):
@@ -355,9 +351,7 @@ def paper_fronts(
             axes.set_title(model, loc="left")
             axes.set_ylabel("largest IHIP error (mm)")
         all_axes[-1].set_xlabel("time of a step, median (µs)")
-        legend_height = add_legend(fig, _front_handles(plots.values(), looks, texts))
-        if height is None:
-            fig.set_figheight(fig.get_figheight() + legend_height)
+        add_legend(fig, _front_handles(plots.values(), looks, texts), grows=height is None)
         return fig
 
 
@@ -425,10 +419,9 @@ def paper_grid(
     names = labels_of(list(rows), labels)
 
     # The headings stand upright: the longest takes about 0.45 of a column's width.
-    def natural_height(across: float) -> float:
-        return min(0.45 * across + ROW * len(rows), LARGEST)
-
-    with paper_page(width, height, font_size, natural=natural_height) as fig:
+    with paper_page(
+        width, height, font_size, natural=lambda across: min(0.45 * across + ROW * len(rows), LARGEST)
+    ) as fig:
         axes = fig.subplots()
         # Renderers down, phenomena across, a cell of 1 by 1 each.
         axes.set(xlim=(0, len(grid.columns)), ylim=(len(rows), 0))
@@ -446,9 +439,7 @@ def paper_grid(
                    label=state.words)
             for state in Standing if state in states
         ]  # fmt: skip
-        legend_height = add_legend(fig, signs, below=True)
-        if height is None:
-            fig.set_figheight(fig.get_figheight() + legend_height)
+        add_legend(fig, signs, below=True, grows=height is None)
         return fig
 
 

@@ -16,7 +16,6 @@ from hapticeval.reports.grid import (
     headline,
     phenomenon_grid,
 )
-from hapticeval.reports.scene_words import ended_words
 from hapticeval.runner.results import Breakdown, ResultsDocument, SuiteEntry
 from hapticeval.runner.standing import Standing, count_standings, counts_in_words
 
@@ -125,11 +124,6 @@ def short_commit(commit: str) -> str:
     return digits[:12] + hyphen + suffix
 
 
-def counts_words(results: ResultsDocument) -> str:
-    """Return how many verdicts have each state, in words."""
-    return counts_in_words(verdict.standing for verdict in results.verdicts)
-
-
 def markdown(results: ResultsDocument) -> str:
     """Return the report as markdown, the summary first, at most `LIMIT` bytes: what is left out is said at the end."""
     # Bytes, with room for the last line and its number.
@@ -153,14 +147,17 @@ LEFT_OUT = "{count} more sections are left out here, which results.json and the 
 def _report_blocks(results: ResultsDocument) -> Iterator[str]:
     """Yield the report's blocks of markdown, the most important first."""
     yield f"# hapticeval: {_escape(headline(results))}"
-    yield f"{ran_words(results)}: {counts_words(results) or 'none'}."
+    standings = [verdict.standing for verdict in results.verdicts]
+    yield f"{ran_words(results)}: {counts_in_words(standings)}."
     yield f"{_escape(provenance(results))}; seed {results.seed}."
     grid = phenomenon_grid(results)
     if grid.rows and grid.columns:
         yield "## Renderers by phenomena"
         yield _grid_table(grid, tile=_tile_words)
-        legend = _legend_words(results)
-        yield f"Of the worst verdict: what is left of its bound, or by how many times it is beyond. {legend}"
+        legend = "; ".join(
+            f"{standing.symbol} {standing.words}: {standing.meaning}" for standing, _ in count_standings(standings)
+        )
+        yield f"Of the worst verdict: what is left of its bound, or by how many times it is beyond. {legend}."
     groups = summaries(results)
     if groups:
         yield "## Summary of the renderers' performance"
@@ -234,7 +231,7 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
                 _escape(f"- {renderer}: {reason}: {name_first(places, PLACES_NAMED)}")
                 for (renderer, reason), places in list(places_by_reason.items())[:MOST_LISTED]
             )
-    ended = [f"{run.renderer} on {run.suite}/{run.case} {ended_words(run)}" for run in results.runs if run.ended]
+    ended = [f"{run.renderer} on {run.suite}/{run.case} {run.ended_words}" for run in results.runs if run.ended]
     if ended:
         yield "## Ended early"
         yield "\n".join(_escape(f"- {line}") for line in ended[:MOST_LISTED])
@@ -244,11 +241,6 @@ def _breakdown_words(broken: Breakdown) -> str:
     error, cases = broken.error, broken.cases
     why = f"; {error.why}" * bool(error.why)
     return f"{broken.words}; {error.what}{why}" + f" (first on {', then '.join(cases)})" * bool(cases)
-
-
-def _legend_words(results: ResultsDocument) -> str:
-    counted = count_standings(verdict.standing for verdict in results.verdicts)
-    return "; ".join(f"{standing.symbol} {standing.words}: {standing.meaning}" for standing, _ in counted) + "."
 
 
 def _tile_words(tile: Tile) -> str:

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from hapticeval.errors import HapticevalError
 from hapticeval.files import write_text
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import Look, looks_of
+from hapticeval.reports.case_page import PAGE_ASSETS, Neighbours, asset, case_section, write_assets, write_case_page
 from hapticeval.reports.effects_figure import effect_plots, read_run
 from hapticeval.reports.exports import write_tables
 from hapticeval.reports.grid import worst_verdicts
@@ -30,9 +31,6 @@ from hapticeval.study.bench.document import read_bench
 from hapticeval.study.effects_cost import FILE as COSTS
 from hapticeval.study.effects_cost import read_costs
 from hapticeval.workers import Answer, Ended, Workers
-
-if TYPE_CHECKING:
-    from hapticeval.reports.case_page import Neighbours
 
 REPLAY = "replay"
 """The folder below a result folder that holds a replay, of which the first page has the outcome."""
@@ -72,36 +70,29 @@ class Page:
     prefix: str
     drawn: bool = True
 
-    @property
-    def case(self) -> tuple[str, str]:
-        """Suite and case."""
-        return self.runs[0].suite, self.runs[0].case
-
     def make(self) -> str:
         """Read the recordings and write the page; without figures if it is not to be `drawn`."""
         if not self.drawn:
-            return self._write_section({run.renderer: NOT_DRAWN for run in self.runs if not run.error})
-        return self._write_section(
-            {run.renderer: _recording_or_problem(self.directory, run) for run in self.runs if not run.error}
-        )
+            return self.fallback(NOT_DRAWN)
+        return self._write({run.renderer: _recording_or_problem(self.directory, run) for run in self._recorded})
 
     def fallback(self, why: str) -> str:
         """Write the page with `why` in place of its figures."""
-        return self._write_section({run.renderer: why for run in self.runs if not run.error})
+        return self._write({run.renderer: why for run in self._recorded})
 
-    def _write_section(self, recordings: Mapping[str, Recording | str]) -> str:
+    @property
+    def _recorded(self) -> Sequence[RunEntry]:
+        return [run for run in self.runs if not run.error]
+
+    def _write(self, recordings: Mapping[str, Recording | str]) -> str:
         """Return the case's section of a single page, or write its own page, from these recordings."""
-        from hapticeval.reports.case_page import case_section, write_case_page
-
-        case_arguments = (self.case, self.runs, recordings)
+        shown: dict[str, Any] = {"verdicts": self.verdicts, "order": self.order}
         # On one page for all, ids tell cases apart by prefix and suite and case.
         if self.pages is None:
             return case_section(
-                *case_arguments, verdicts=self.verdicts, order=self.order, prefix=self.prefix, enclosing_names=self.case
+                self.runs, recordings, **shown, prefix=self.prefix, enclosing_names=self.runs[0].key[:2]
             )
-        write_case_page(
-            self.pages, *case_arguments, verdicts=self.verdicts, order=self.order, neighbours=self.neighbours
-        )
+        write_case_page(self.pages, self.runs, recordings, **shown, neighbours=self.neighbours)
         return ""
 
 
@@ -161,8 +152,6 @@ def write_reports(
     A recording that is missing or damaged is reported in its figure's place. Raises `InputError` as `read_results`
     does, and `HapticevalError` where a file cannot be written.
     """
-    from hapticeval.reports.case_page import write_assets
-
     directory = Path(directory)
     results = read_results(directory)
     bench = read_bench(directory) if (directory / BENCH).exists() else None
@@ -209,8 +198,6 @@ def write_reports(
 
 def _single_page(bodies: Sequence[str]) -> Single:
     """Return what a page holds beside the results that needs nothing else: styles, scripts and the cases."""
-    from hapticeval.reports.case_page import PAGE_ASSETS, asset
-
     texts = {name: asset(name).decode() for name in PAGE_ASSETS}
     return Single(
         [text for name, text in texts.items() if name.endswith(".css")],
@@ -241,8 +228,6 @@ def _replacing_folder(path: Path, unused: bool) -> Iterator[Path]:
 
 def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -> Iterator[Page]:
     """Yield a page for each case, with links to the first page and to the cases before and after."""
-    from hapticeval.reports.case_page import Neighbours
-
     cases: dict[tuple[str, str], list[RunEntry]] = {}
     for run in results.runs:
         cases.setdefault((run.suite, run.case), []).append(run)
@@ -251,7 +236,7 @@ def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -
     # Failing cases first, then the others in their order, as many as are drawn.
     drawn = set(islice(dict.fromkeys([*failing, *cases]), MOST_DRAWN))
     links = [(runs[0].title, ROOT + case_file(*case)) for case, runs in cases.items()]
-    for number, runs in enumerate(cases.values()):
+    for number, (case, runs) in enumerate(cases.items()):
         neighbours = Neighbours(
             home=("All results", ROOT + INDEX),
             before=links[number - 1] if number else None,
@@ -266,7 +251,7 @@ def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -
             results.renderers,
             neighbours,
             f"c{number}",
-            (runs[0].suite, runs[0].case) in drawn,
+            case in drawn,
         )
 
 

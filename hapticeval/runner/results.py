@@ -229,6 +229,14 @@ class RunEntry(Entry, frozen=True, kw_only=True):
         return self.suite, self.case, self.renderer
 
     @property
+    def ended_words(self) -> str:
+        """When and why it ended before its time, in one sentence; "" where it did not."""
+        if self.ended is None:
+            return ""
+        why = f" ({self.ended.why})" if self.ended.why else ""
+        return f"ended early at t = {self.ended.time:.4g} s, tick {self.ended.tick}: {self.ended.what}{why}"
+
+    @property
     def is_recorded(self) -> bool:
         """Return whether this is the recorded run of a replay, which is no renderer's."""
         return self.replay is not None and self.replay.difference is None

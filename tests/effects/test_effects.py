@@ -19,7 +19,7 @@ from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.renderer import Response
-from hapticeval.reports.scene_words import robot_words
+from hapticeval.reports.templates import robot_words
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import Robot, SceneEntry
 from hapticeval.runner.work import scene_document

@@ -350,7 +350,7 @@ def section(entries, recordings, given, **more):
     by_renderer = {}
     for each in given:
         by_renderer.setdefault(each.renderer, []).append(each)
-    return case_section((entries[0].suite, entries[0].case), entries, recordings, verdicts=by_renderer, **more)
+    return case_section(entries, recordings, verdicts=by_renderer, **more)
 
 
 def test_a_page_has_every_verdict_at_its_anchor_with_a_link_to_its_time():
@@ -419,7 +419,7 @@ def test_verdicts_that_say_the_same_share_a_row_and_what_fails_comes_first():
 
 def test_pages_and_what_they_share_are_written_and_nothing_is_asked_of_a_network(tmp_path):
     write_case_page(
-        tmp_path, ("synthetic", "lobe"), [synthetic_run("lobe", "plain", "cassinian")], {"plain": lobe_recording()},
+        tmp_path, [synthetic_run("lobe", "plain", "cassinian")], {"plain": lobe_recording()},
         verdicts={"plain": verdicts("lobe", "plain", lobe_recording())},
     )  # fmt: skip
     write_assets(tmp_path)

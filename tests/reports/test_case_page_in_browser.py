@@ -44,19 +44,19 @@ def pages(tmp_path_factory):
     runs = [synthetic_run("lobe", name, "cassinian") for name in ("plain", "other")]
     space = [synthetic_run("ball", "plain", "sphere")]
     lobe, ball = ("synthetic", "lobe"), ("synthetic", "ball")
-    write_case_page(folder, lobe, runs, {"plain": plane, "other": other}, verdicts=given)
-    write_case_page(folder, ball, space, {"plain": round_a_sphere()}, verdicts={})
+    write_case_page(folder, runs, {"plain": plane, "other": other}, verdicts=given)
+    write_case_page(folder, space, {"plain": round_a_sphere()}, verdicts={})
     resting = Recording(
         0.001 * np.arange(50),
         {name: np.tile([[0.1, 0.0, 0.0]], (50, 1)) for name in ("hip", "ihip", "force")},
         {"source": "playback"},
     )
     rest = ("synthetic", "rest")
-    write_case_page(folder, rest, [synthetic_run("rest", "plain", "sphere")], {"plain": resting}, verdicts={})
+    write_case_page(folder, [synthetic_run("rest", "plain", "sphere")], {"plain": resting}, verdicts={})
     names = ["plain", "other", "third", "fourth", "fifth"]
     many, five = ("synthetic", "many"), [synthetic_run("many", name, "cassinian") for name in names]
     given = {name: verdicts("many", name, plane) for name in names}
-    write_case_page(folder, many, five, dict.fromkeys(names, plane) | {"other": other}, verdicts=given)
+    write_case_page(folder, five, dict.fromkeys(names, plane) | {"other": other}, verdicts=given)
     write_assets(folder)
     cases = {"plane": lobe, "space": ball, "rest": rest, "many": many}
     return {name: folder / case_file(*case) for name, case in cases.items()}

@@ -243,7 +243,7 @@ def test_a_page_whose_process_dies_costs_only_its_figures(folder, monkeypatch):
     draw, told = write.draw, []
 
     def dying(order):
-        if isinstance(order, write.Page) and order.case[1] == "lobe":
+        if isinstance(order, write.Page) and order.runs[0].case == "lobe":
             os._exit(9)
         return draw(order)
 

@@ -27,8 +27,8 @@ from hapticeval.reports.exports import (
     _parts_that_fit,
     write_tables,
 )
-from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.table import LIMIT
+from hapticeval.reports.templates import figures_cited, robot_words, scene_words
 from hapticeval.runner.results import Ended, Problem, Robot
 
 
@@ -273,7 +273,7 @@ def test_a_run_that_ended_early_is_told_in_every_report(results):
     ended = Ended(tick=123, time=0.123, what="the arm left its <workspace>", why="x2 = 1.2 rad")
     runs = [changed(results.runs[0], ended=ended), *results.runs[1:]]
     sentence = "ended early at t = 0.123 s, tick 123: the arm left its <workspace> (x2 = 1.2 rad)"
-    assert [ended_words(run) for run in runs[:2]] == [sentence, ""]
+    assert [run.ended_words for run in runs[:2]] == [sentence, ""]
     told = synthetic_results(runs=runs)
     assert "1 run ended early" in render_pages(ReportView(told))["index.html"]
     assert f"- plain on synthetic/lobe {sentence.replace('<', '&lt;')}" in markdown(told)
@@ -284,7 +284,7 @@ def test_a_run_that_ended_early_is_told_in_every_report(results):
 @pytest.mark.parametrize("count", [2, 9])
 def test_a_wide_table_is_set_small_in_columns_that_share_the_page(count):
     sheet = Sheet("t", [f"one+{k}" for k in range(count)], [["-0.25", *["known, 10 of 83"] * (count - 1)]], "Title")
-    text = _latex_table(sheet, pd.DataFrame(sheet.rows, columns=sheet.header), 1.0)
+    text = _latex_table(sheet, 1.0)
     assert "$-$0.25" in text
     assert "one+\\allowbreak{}1" in text
     widths = [float(each) for each in re.findall(r"p{([\d.]+)\\linewidth}", text)]
@@ -296,10 +296,10 @@ def test_a_wide_table_is_set_small_in_columns_that_share_the_page(count):
 def test_a_share_and_a_count_are_broken_over_no_line():
     cells = ["pass, 1 of 12, 100 % left", "-0.5", "of 2 % or 3 of them"]
     sheet = Sheet("t", ["", "a", "b"], [cells], "Title")
-    text = _latex_table(sheet, pd.DataFrame([cells], columns=sheet.header), 1.0)
+    text = _latex_table(sheet, 1.0)
     assert "pass, 1~of~12, 100\\,\\%~left & $-$0.5 & of 2\\,\\% or 3 of them" in text
     assert text.startswith("\\begin{table}[tbp]\n\\centering\n\\setlength{\\belowcaptionskip}{6pt}\n\\caption{Title}\n")
-    narrow = _latex_table(sheet, pd.DataFrame([cells], columns=sheet.header), 0.1)
+    narrow = _latex_table(sheet, 0.1)
     widths = [float(width) for width in re.findall(r"p{([\d.]+)\\linewidth}", narrow)]
     assert widths[0] == pytest.approx(10 * widths[1] / len("-0.5"), rel=0.05), "as wide as 100 % left"
 
