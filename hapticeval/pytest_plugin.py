@@ -454,7 +454,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         # What ran with this list: entries of other renderers and suites were not planned.
         renderers, suites = ({pair[at] for pair in ran} for at in (0, 1))
         known = read_known(Path(file))
-        lines += known.unplanned(sorted(renderers), sorted(suites)) + known.unsized()
+        lines += known.remarks(sorted(renderers), sorted(suites))
     lines += [f"{head}\n  {todo}" for _, _, _, head, todo in (note for note in notes if len(note) > 3)]
     if lines:
         terminalreporter.write_sep("=", "known failures of hapticeval")

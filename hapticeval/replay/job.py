@@ -43,14 +43,16 @@ class ReplayTask:
         Of what no renderer could have made otherwise, a verdict that is inconclusive is shown and decides no exit code.
         """
         seed_all(seed)
-        # How hand and force act on each other a given path may not settle: on a replay these checks stop no gate.
+        # How hand and force act on each other a given path may not settle: on a replay these checks stop no gate. Those
+        # that only warn have nothing to warn of where nobody led the hand for them, as round laps for drift.
         loop_needed = tuple(check for check in job.case.checks if CHECKS[check].needs_loop)
+        only_warn = tuple(check for check in job.case.checks if CHECKS[check].level is Level.SHOULD)
         channels = self.path.recording.channels
-        advisory: tuple[str, ...] = loop_needed
+        advisory: tuple[str, ...] = (*loop_needed, *only_warn)
         if job.renderer == RECORDED:
             # What its renderer would have answered without an effect was not recorded.
             compares = tuple(check for check in job.case.checks if "without" in CHECKS[check].needs)
-            advisory = compares if "operator_force" in channels else (*loop_needed, *compares)
+            advisory = (*(() if "operator_force" in channels else loop_needed), *only_warn, *compares)
             advisory = advisory if all(name in channels for name in REQUIRED) else job.case.checks
         judged = judge_recorded(
             lambda scene: self._recorded() if job.renderer == RECORDED else self._replayed(job.renderer, scene),

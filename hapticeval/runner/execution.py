@@ -143,7 +143,7 @@ class _Execution:
         """Return the first event, of what is planned."""
         plan = self.plan
         jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in self.earlier_numbers)
-        remarks = plan.known.unplanned(plan.renderers, [suite.name for suite in plan.suites]) + plan.known.unsized()
+        remarks = plan.known.remarks(plan.renderers, [suite.name for suite in plan.suites])
         return RunStarted(plan.planned, len(plan.jobs), len(self.earlier_numbers), jobs_of, remarks)
 
     def begin_jobs(self) -> None:

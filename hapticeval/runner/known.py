@@ -185,6 +185,10 @@ class Known:
                 if suite in checks and check not in checks[suite][case]:
                     raise UnknownNameError(f"check of {suite}/{case}", check, checks[suite][case])
 
+    def remarks(self, renderers: Collection[str], suites: Collection[str]) -> tuple[str, ...]:
+        """Return what there is to say of the list before these renderers run on these suites, a sentence each."""
+        return self.unplanned(renderers, suites) + self.unsized() + self.unexplained()
+
     def unplanned(self, renderers: Collection[str], suites: Collection[str]) -> tuple[str, ...]:
         """Return a sentence for each renderer and suite on the list that does not run here, with what may be meant.
 
@@ -211,6 +215,13 @@ class Known:
             return ()
         which = f"{plural(count, 'failure')} without a size, and so excuses them at any size"
         return (f"{self.source} lists {which}: `hapticeval run --write-known {self.source}` adds what is measured now",)
+
+    def unexplained(self) -> tuple[str, ...]:
+        """Return a sentence on reasons that nobody has given yet, if there are such: they excuse as any reason does."""
+        count = sum(entry.reason.startswith(UNEXPLAINED) for entry in self.entries.values())
+        if not count:
+            return ()
+        return (f"{self.source} lists {plural(count, 'verdict')} with a reason that is '{UNEXPLAINED}': write why",)
 
     def marked(self, verdict: VerdictEntry) -> VerdictEntry:
         """Return the verdict with the reason why it is known, if it is.

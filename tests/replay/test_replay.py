@@ -286,7 +286,7 @@ def test_a_recording_without_answers_is_no_failure_of_its_own(tmp_path):
     judged, _ = out[RECORDED]
     found = {verdict.check: verdict for verdict in judged.verdicts}
     relations = ("numerical-stability", "mirror-image", "vertex-order", "time-subdivision", "two-at-once")
-    unasked = ("broken-contact", "abrupt-switch", "reset-clears", "seams", *relations)
+    unasked = ("broken-contact", "abrupt-switch", "drop-out", "reset-clears", "seams", *relations)
     assert {found.pop(name).outcome for name in unasked} == {Outcome.NOT_APPLICABLE}
     assert {name for name, verdict in found.items() if verdict.outcome is not Outcome.INCONCLUSIVE} == set()
     assert "no channel 'ihip'" in found["continuous-contact"].finding.message
@@ -581,3 +581,12 @@ def test_a_check_of_an_effect_gets_the_force_without_it_on_a_replay_and_not_of_t
     ):
         verdicts = found[name][0].verdicts
         assert [[each.outcome, each.level] for each in verdicts] == [expected] * 2
+
+
+def test_what_a_recorded_hand_was_not_led_for_is_no_warning(ran, tmp_path):
+    slide = read_recording(file_of(ran, "slide", "minimum-distance"))
+    asked = Recording(slide.time, dict(slide.channels), {**slide.meta, "checks": ("drift", "drop-out")})
+    for judged, _ in replayed(asked, tmp_path, ["constraint"]).values():
+        drift, drop_out = judged.verdicts
+        assert (drift.outcome, drift.level) == (Outcome.INCONCLUSIVE, Level.INFO)
+        assert drop_out.outcome is Outcome.NOT_APPLICABLE

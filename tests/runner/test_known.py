@@ -94,6 +94,16 @@ def test_a_list_without_sizes_excuses_any_and_says_so():
     assert SIZED.unsized() == Known().unsized() == ()
 
 
+def test_a_reason_that_nobody_has_given_excuses_and_is_told():
+    listed = Known({}, "known.toml").renewed(results_of(verdict(value=9.0)))
+    assert listed.marked(verdict(value=9.0)).standing == "known"
+    assert listed.remarks(["mine:Nearest"], ["thesis"])[-1] == (
+        "known.toml lists 1 verdict with a reason that is 'not explained yet': write why"
+    )
+    explained = Known({place: changed(entry, reason="why") for place, entry in listed.entries.items()})
+    assert explained.unexplained() == ()
+
+
 def test_what_could_not_be_decided_has_no_size():
     listed = Known().renewed(results_of(verdict(Outcome.INCONCLUSIVE)))
     assert listed.marked(verdict(Outcome.INCONCLUSIVE, value=9.0)).standing == "known"
