@@ -36,7 +36,7 @@ from hapticeval.errors import InputError, UnknownNameError, describe_error, rend
 if TYPE_CHECKING:
     from hapticeval.renderer import RendererFactory
 
-GROUP = "hapticeval.renderers"
+RENDERER_GROUP = "hapticeval.renderers"
 FIELD = "hapticeval.renderers.field"
 """The group of renderers that are found by name as any, and run only where they are named: those of the field."""
 LISTS = "hapticeval.known"
@@ -47,7 +47,7 @@ MODIFIERS = "hapticeval.modifiers"
 
 ADAPTERS = {"lib": "hapticeval.adapters.library:library", "cmd": "hapticeval.adapters.process:process"}
 """Names of renderers that are no Python: what stands before the colon, to what makes a factory of the rest."""
-LIBRARIES = (".so", ".dll", ".dylib")
+LIBRARY_ENDINGS = (".so", ".dll", ".dylib")
 """How the files of shared libraries end."""
 
 DISTRIBUTION = "hapticeval"
@@ -98,7 +98,7 @@ def shipped_lists() -> list[Path]:
 
 def known_renderers() -> Mapping[str, EntryPoint]:
     """Return every installed entry point of the groups, by name, in alphabetical order."""
-    return _installed(tuple(sys.path), groups=(FIELD, GROUP))
+    return _installed(tuple(sys.path), groups=(FIELD, RENDERER_GROUP))
 
 
 def known_modifiers() -> Mapping[str, EntryPoint]:
@@ -119,7 +119,7 @@ def own_renderers() -> tuple[str, ...]:
     return tuple(
         name
         for name, entry in known_renderers().items()
-        if entry.group == GROUP and entry.dist is not None and entry.dist.name == DISTRIBUTION
+        if entry.group == RENDERER_GROUP and entry.dist is not None and entry.dist.name == DISTRIBUTION
     )
 
 
@@ -218,7 +218,7 @@ def load(base: str, *, kind: str = "renderer") -> Any:
 def _likely_names(base: str) -> list[str]:
     """Return names that were probably meant, where `base` is a file of this folder, as in `mine.py`, or a library."""
     # A library without a folder is looked for by the system's loader, hence the ./ before it.
-    if Path(base).suffix in LIBRARIES:
+    if Path(base).suffix in LIBRARY_ENDINGS:
         return [f"lib:{base if Path(base).parent.name or base.startswith(('.', '/')) else f'./{base}'}"]
     stem = base.removesuffix(".py").removeprefix("./")
     # `mine` as a module of its own, then `mine.Nearest` as a name in the module `mine`.

@@ -11,7 +11,7 @@ from hapticeval.errors import InputError
 LENGTHS: Mapping[str, float] = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 PAPER_LENGTHS: Mapping[str, float] = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72.0}
 TIMES: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
-NUMBER = re.compile(r"\s*([0-9.eE+-]+)\s*(.*?)\s*")
+QUANTITY = re.compile(r"\s*([0-9.eE+-]+)\s*(.*?)\s*")
 
 
 def parse_length(text: str, *, option: str) -> float:
@@ -31,7 +31,7 @@ def parse_duration(text: str, *, option: str) -> float:
 
 def _parse_quantity(text: str, units: Mapping[str, float], option: str, example: str) -> float:
     # A text that is not of that form, or `1e` and the like, gives NaN, which the checks below refuse.
-    match = NUMBER.fullmatch(text)
+    match = QUANTITY.fullmatch(text)
     try:
         number = float(match[1]) if match else math.nan
     except ValueError:

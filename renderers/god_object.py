@@ -16,12 +16,12 @@ of one of the two planes, at a concave one of both.
 from __future__ import annotations
 
 from hapticeval.compiled import LawData, as_record, borrowing, compiled, inner, record_type
+from hapticeval.geometry.kernels import LEAVES, RESTS
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_feature, closest_on_mesh, side_and_normal
-from hapticeval.geometry.mesh_tool import RESTS, fly_to_hand, walk_downhill
+from hapticeval.geometry.mesh_tool import fly_to_hand, walk_downhill
 from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.outline import (
-    LEAVES,
     Outline,
     evaluate_at,
     first_contact,

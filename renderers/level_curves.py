@@ -45,7 +45,7 @@ from hapticeval.geometry.kernels import (
     piece_index,
 )
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_kernels import NORMAL, first_triangle_hit
+from hapticeval.geometry.mesh_kernels import NORMAL_COLUMN, first_triangle_hit
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.surface import Surface, closest_on_surface, dot, plus
 from hapticeval.renderers.family import VERTICES
@@ -317,7 +317,7 @@ def homothetic_on_mesh(
         return release(state, hip, ihip, force)
     h = 0.0
     for i in range(3):
-        ihip[i], normal[i] = centre[i] + ray_share * ray[i], data.segments[triangle, NORMAL + i]
+        ihip[i], normal[i] = centre[i] + ray_share * ray[i], data.segments[triangle, NORMAL_COLUMN + i]
         h += normal[i] * ray_share * ray[i]
     return regulate(params, state, hip, velocity, _gradient_length(params, shortfall, h), dt, ihip, force)
 

@@ -42,9 +42,11 @@ from hapticeval.geometry.kernels import (
     CASSINIAN_PIECE,
     ELLIPSE,
     ELLIPSE_PIECE,
+    LEAVES,
     LINE,
     LINE_PIECE,
     PIECE,
+    RESTS,
     UNBOUNDED,
     evaluate,
     evaluate_many,
@@ -106,8 +108,6 @@ def _cassinian(scale: float, lobes: float, above: float) -> tuple[float, float]:
 JOINT = record_type("turn", "bend", "bend_per_metre", "first_chord")
 """A row of `Outline.joints`: the turn (rad) at the start of a piece, its two `third_bounds`, and its first chord."""
 
-RESTS, LEAVES = 0, 1
-"""How a slide ends: at the local minimum of the distance, or because the hand is free of the surface there."""
 LONGEST_MARCH = 100_000
 """Steps on curved pieces after which a march stops where it is; marches at a fold take some hundreds."""
 

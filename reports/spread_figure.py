@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hapticeval.files import file_stem, plain, without_non_finite
-from hapticeval.recordings.compare.align import COLUMNS, Aligned
+from hapticeval.recordings.compare.align import PASS_COLUMNS, Aligned
 from hapticeval.recordings.compare.spread import Band, Comparison
 from hapticeval.recordings.integrity.issue import Issue, Severity
 from hapticeval.recordings.integrity.report import Integrity, Soundness
@@ -156,7 +156,7 @@ def _draw_column(axes: Axes, aligned: Aligned, bands: Sequence[Band]) -> None:
     """Draw one signal of all renderers: the median of the repeats, and a band from the lowest to the highest."""
     column = bands[0].column
     # From SI to what is shown, as rad to degrees.
-    scale, unit = _shown_unit(COLUMNS[column][0])
+    scale, unit = _shown_unit(PASS_COLUMNS[column][0])
     across, along = _shown_unit(aligned.unit)
     names = list(dict.fromkeys(band.renderer for band in bands))
     both_directions = len({band.direction for band in bands}) > 1
@@ -229,7 +229,7 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
     """One line for each two renderers, direction and column."""
     across, along = _shown_unit(aligned.unit)
     for comparison in comparisons:
-        scale, unit = _shown_unit(COLUMNS[comparison.column][0])
+        scale, unit = _shown_unit(PASS_COLUMNS[comparison.column][0])
         size = f"{scale * comparison.difference:.3g} {unit}"
         tested = f"p = {comparison.p:.2g}, {comparison.repeats[0]} and {comparison.repeats[1]} repeats"
         spreads = f"which is {comparison.times:.3g} times the repeat spread of {scale * comparison.spread:.3g} {unit}"

@@ -23,7 +23,7 @@ from msgspec.structs import replace
 
 import hapticeval
 from hapticeval.closed_forms import CLOSED_FORMS
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.reports.run_figure import run_figure
 from hapticeval.rigid_contact import ideal
 from hapticeval.suite.case import Case
@@ -89,7 +89,7 @@ def drawn(results: hapticeval.Results, case: Case) -> Figure:
     return made
 
 
-for check in OWN:
+for check in OWN_CHECKS:
     for right, name, broken, cases in contests(check):
         shown = next(
             (

@@ -23,7 +23,7 @@ from hapticeval.commands.arguments import (
 from hapticeval.commands.draw import DRAW_CODES
 from hapticeval.commands.terminal import say, wrote_lines
 from hapticeval.devices.device import Device
-from hapticeval.devices.integration import DEFAULT, METHODS, TOLERANCE, Method, control
+from hapticeval.devices.integration import DEFAULT, METHODS, STEP_TOLERANCE, Method, control
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.reports.canvas import INK, figure, save_figure
 from hapticeval.types import Array
@@ -146,7 +146,7 @@ def study_integrators(devices: Sequence[Device], *, ticks: int = 300, rounds: in
     return {
         "target": TARGET,
         "dt": TICK,
-        "default": {"method": DEFAULT, "tolerance": TOLERANCE},
+        "default": {"method": DEFAULT, "tolerance": STEP_TOLERANCE},
         "devices": [
             {"device": device.name, "methods": _measure_methods(integration_benchmark(device, ticks=ticks), rounds)}
             for device in devices

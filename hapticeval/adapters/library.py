@@ -34,9 +34,9 @@ from hapticeval.workers import describe_exit
 HEADER = Path(__file__).with_name("hapticeval.h")
 
 ABI = 1
-CONTACT, REFUSES_MODEL, REFUSES_HIP = 1, 1, 2
-BILATERAL, SPRING, FORCE_ONLY, MEMORYLESS, SMOOTH_ONLY = 4, 16, 32, 64, 128
-REQUIREMENT_FLAGS = {1: "plane", 2: "space", BILATERAL: "bilateral", 8: "viscosity"}
+CONTACT_FLAG, REFUSES_MODEL, REFUSES_HIP = 1, 1, 2
+BILATERAL_FLAG, SPRING_FLAG, FORCE_ONLY_FLAG, MEMORYLESS_FLAG, SMOOTH_ONLY_FLAG = 4, 16, 32, 64, 128
+REQUIREMENT_FLAGS = {1: "plane", 2: "space", BILATERAL_FLAG: "bilateral", 8: "viscosity"}
 """Flags of the header by which a library supports scenes with these requirements."""
 
 REQUIRED_FUNCTIONS = ("hr_abi", "hr_info_get", "hr_create", "hr_reset", "hr_step", "hr_destroy")
@@ -44,7 +44,7 @@ REQUIRED_FUNCTIONS = ("hr_abi", "hr_info_get", "hr_create", "hr_reset", "hr_step
 REASON_BYTES = 1024
 """Bytes that a library has to write why it refuses a model."""
 
-PATIENCE = 30.0
+LOADING_PATIENCE = 30.0
 """Seconds in which a library must load and say what it can."""
 
 REFUSAL = "the library refuses the HIP"
@@ -75,7 +75,7 @@ class InfoStruct(ctypes.Structure):
     ]
 
 
-PROBE = """
+PROBE_PROGRAM = """
 import ctypes, json, sys
 path, names, fields = sys.argv[1], sys.argv[2].split(), sys.argv[3].split()
 class Info(ctypes.Structure):
@@ -103,14 +103,19 @@ def _probe(path: Path, changed: int) -> dict[str, Any]:  # noqa: ARG001 - a libr
     """Load a library in a child, and return what it lacks, its ABI, and its flags and lengths. Raises `InputError`."""
     fields = " ".join(name for name, *_ in InfoStruct._fields_)
     # -I: neither PYTHON variables nor the folder that this runs in change what the child imports.
-    command = [sys.executable, "-I", "-c", PROBE, str(path), " ".join(REQUIRED_FUNCTIONS), fields, str(ABI)]
+    command = [sys.executable, "-I", "-c", PROBE_PROGRAM, str(path), " ".join(REQUIRED_FUNCTIONS), fields, str(ABI)]
     try:
         done = subprocess.run(
-            command, capture_output=True, stdin=subprocess.DEVNULL, timeout=PATIENCE, check=False, errors="replace"
+            command,
+            capture_output=True,
+            stdin=subprocess.DEVNULL,
+            timeout=LOADING_PATIENCE,
+            check=False,
+            errors="replace",
         )
     except subprocess.TimeoutExpired as error:
         raise InputError(
-            f"the library {path} gives no answer in {PATIENCE:g} s",
+            f"the library {path} gives no answer in {LOADING_PATIENCE:g} s",
             why="what it does when it is loaded, hr_abi() or hr_info_get(NULL, info) hangs",
             todo="do the work in hr_create",
         ) from error
@@ -175,8 +180,8 @@ def info_of(path: Path) -> Info:
             why="it is called with self NULL first, before a scene",
             todo="write flags and max_error then, and return 0",
         )
-    # SMOOTH_ONLY is the highest flag of this header: above it are those of a later one.
-    if info["flags"] >= 2 * SMOOTH_ONLY:
+    # SMOOTH_ONLY_FLAG is the highest flag of this header: above it are those of a later one.
+    if info["flags"] >= 2 * SMOOTH_ONLY_FLAG:
         raise InputError(
             f"the library {path} has the flags {info['flags']:#x}",
             why="this version of hapticeval does not know all of them",
@@ -279,7 +284,7 @@ def ask(
     data.state[0] = 0.0
     data.state[ANSWER] = answer
     # A law returns 0 for an answer, a positive number for a refusal, a negative one where it broke.
-    if 0 <= answer <= CONTACT:
+    if 0 <= answer <= CONTACT_FLAG:
         return 0
     return REFUSES_HIP if answer == REFUSES_HIP else -abs(int(answer))
 
@@ -310,10 +315,10 @@ def _declaration(info: Info, answer: InfoStruct) -> Declaration:
     # both zero where the stiffness does not vary
     shares = float(answer.stiffness_least), float(answer.stiffness_largest)
     promise = Declaration(
-        spring=Spring.ERROR if info.flags & SPRING else None,
-        force_only=bool(info.flags & FORCE_ONLY),
-        memoryless=bool(info.flags & MEMORYLESS),
-        smooth_only=bool(info.flags & SMOOTH_ONLY),
+        spring=Spring.ERROR if info.flags & SPRING_FLAG else None,
+        force_only=bool(info.flags & FORCE_ONLY_FLAG),
+        memoryless=bool(info.flags & MEMORYLESS_FLAG),
+        smooth_only=bool(info.flags & SMOOTH_ONLY_FLAG),
         stiffness_range=shares if any(shares) else None,
         force_resolution=float(answer.force_resolution),
     )
@@ -378,7 +383,7 @@ class LibraryRenderer:
         struct = SceneStruct(
             size=ctypes.sizeof(SceneStruct),
             dimension=scene.model.dimension,
-            flags=BILATERAL if scene.bilateral else 0,
+            flags=BILATERAL_FLAG if scene.bilateral else 0,
             n_vertices=len(vertices),
             n_cells=len(cells),
             vertices=vertices.ctypes.data_as(POINTER(c_double)),
@@ -413,8 +418,8 @@ class LibraryRenderer:
         answer = self._library.hr_step(
             self._self, hip.ctypes.data, velocity.ctypes.data, dt, ihip.ctypes.data, force.ctypes.data
         )
-        self.contact = bool(answer == CONTACT)
-        if not 0 <= answer <= CONTACT:
+        self.contact = bool(answer == CONTACT_FLAG)
+        if not 0 <= answer <= CONTACT_FLAG:
             self._refuse("hr_step", answer, hip)
         return Response(ihip, force)
 

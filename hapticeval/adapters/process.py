@@ -37,7 +37,7 @@ from hapticeval.workers import describe_exit
 VERSION = 1
 """Version of the protocol."""
 
-START_PATIENCE, PATIENCE, TICK_PATIENCE = 60.0, 20.0, 0.02
+START_PATIENCE, ANSWER_PATIENCE, TICK_PATIENCE = 60.0, 20.0, 0.02
 """Seconds that a child has for its hello, while a large program loads; for another answer; and more for each tick of a
 path."""
 
@@ -392,13 +392,13 @@ class ProcessRenderer:
         if self._child.has_failed:
             self._child, _ = self._start()
         tool = self._outside.tool(hip, self._margin)
-        self._check_refusal(self._child.ask("reset", PATIENCE, hip=_plain(hip), tool=_plain(tool)), hip)
+        self._check_refusal(self._child.ask("reset", ANSWER_PATIENCE, hip=_plain(hip), tool=_plain(tool)), hip)
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the process refuses it."""
         hip = np.asarray(hip, dtype=np.float64)
         entries: dict[str, Any] = {"hip": _plain(hip), "velocity": _plain(np.asarray(velocity)), "dt": float(dt)}
-        answer = self._child.ask("step", PATIENCE, **entries)
+        answer = self._child.ask("step", ANSWER_PATIENCE, **entries)
         self._check_refusal(answer, hip)
         self.contact = bool(answer["contact"]) if "contact" in answer else None
         return Response(*(self._numbers(answer, name, hip.shape) for name in ("ihip", "force")))
@@ -433,7 +433,7 @@ class ProcessRenderer:
     def _ask_stretch(self, hips: Array, velocities: Array, dt: float) -> tuple[Array, Array]:
         """Return IHIPs (n, N), m, and forces (n, N), N, along HIPs (n, N), m, in equal steps of `dt` (s)."""
         # An answer has IHIPs and forces: two numbers for each of the HIPs' coordinates.
-        patience, most_bytes = PATIENCE + TICK_PATIENCE * len(hips), ANSWER_BYTES + 2 * NUMBER_BYTES * hips.size
+        patience, most_bytes = ANSWER_PATIENCE + TICK_PATIENCE * len(hips), ANSWER_BYTES + 2 * NUMBER_BYTES * hips.size
         entries = {"hips": _plain(hips), "velocities": _plain(velocities), "dt": float(dt)}
         answer = self._child.ask("run", patience, most_bytes=most_bytes, **entries)
         self._check_refusal(answer, hips[0])

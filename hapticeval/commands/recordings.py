@@ -207,13 +207,13 @@ def _touched_model(recording: Recording, name: str | None) -> Any:
 
 def _impossible_tests(recording: Recording, damped: str) -> list[ConsistencyTest]:
     """Checks that the recording's own words ask for, and cannot be given."""
-    from hapticeval.recordings.integrity.consistency import KINEMATICS, SPRING, ConsistencyTest
+    from hapticeval.recordings.integrity.consistency import KINEMATICS_RELATION, SPRING_RELATION, ConsistencyTest
 
-    tests = [ConsistencyTest(SPRING, why=damped)] if damped else []
+    tests = [ConsistencyTest(SPRING_RELATION, why=damped)] if damped else []
     name = recording.meta.get("device")
     if name is not None and "joint_position" in recording.channels and _recorded_robot(recording) is None:
         why = f"the device '{name}' is none whose kinematics are known"
-        tests.append(ConsistencyTest(KINEMATICS, why=why))
+        tests.append(ConsistencyTest(KINEMATICS_RELATION, why=why))
     return tests
 
 

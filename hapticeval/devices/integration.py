@@ -159,7 +159,7 @@ DEFAULT = "cash-karp"
 """What closed loops integrate with: the motors' torque jumps at every tick, so that a last stage that is the next
 step's first, as in Dormand and Prince's, is wasted."""
 
-TOLERANCE = 1e-10
+STEP_TOLERANCE = 1e-10
 """The error that closed loops allow a step, relative to the largest joint and the largest rate: a tenth of what they
 promise for a tick, which may take several steps."""
 
@@ -169,7 +169,7 @@ def default_method() -> Method:
     return METHODS[DEFAULT]()
 
 
-def control(method: Method, *, tolerance: float = TOLERANCE, substeps: int = 1) -> Array:
+def control(method: Method, *, tolerance: float = STEP_TOLERANCE, substeps: int = 1) -> Array:
     """Return the kernels' settings (3,) beside the table: tolerance or 0, exponent of the step size, equal steps."""
     if method.adaptive:
         # the error of a step of order p falls as h^(p + 1)

@@ -42,10 +42,10 @@ if TYPE_CHECKING:
     from hapticeval.devices.device import Device
 
 (
-    POSITION, VELOCITY, DRIFT, BIAS, NET, END, END_RATE, MODE, STAGE, STAGE_RATE, HOLD, EVENTS, ROWS,
+    POSITION, VELOCITY, DRIFT, BIAS, NET, END, END_RATE, MODE, STAGE, STAGE_RATE, HOLD, EVENTS, SCRATCH_ROWS,
 ) = range(13)  # fmt: skip
 JACOBIAN, INERTIA, SCRATCH, SQUARES = range(4)
-"""Rows (ROWS, N) and squares (SQUARES, N, N) of `Scratch`. MODE: the way that a joint moves, 0 at rest."""
+"""Rows (SCRATCH_ROWS, N) and squares (SQUARES, N, N) of `Scratch`. MODE: the way that a joint moves, 0 at rest."""
 
 CONTROL = record_type("tolerance", "exponent", "substeps")
 """Settings of a method, `integration.control`: the error that a step may have (0: take equal steps), the exponent with
@@ -54,10 +54,10 @@ which steps follow it, and how many equal steps a tick has."""
 FLOOR = 1e-3
 """The least joint (rad, m) and rate (rad/s, m/s) that an error is measured against."""
 
-MOST_STEPS = 100_000
+MOST_DEVICE_STEPS = 100_000
 """Steps in a part of a tick after which a device counts as stuck: its equations are too stiff, or run away."""
 
-MOST_EVENTS = 64
+MOST_JOINT_EVENTS = 64
 """A joint that stops and breaks loose more often than that in a tick is held at the ends of whole steps only."""
 
 
@@ -101,7 +101,7 @@ class Steps(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Memory for what kernels compute on the way: (ROWS, N), (SQUARES, N, N) and (stages, N)."""
+    """Memory for what kernels compute on the way: (SCRATCH_ROWS, N), (SQUARES, N, N) and (stages, N)."""
 
     rows: Array
     squares: Array
@@ -140,7 +140,7 @@ def motion_of(device: Device, load: Load, method: Method, knobs: Array | None = 
 
 def scratch_of(size: int, stages: int = 1) -> Scratch:
     """Return scratch memory for N = `size` joints."""
-    return Scratch(np.zeros((ROWS, size)), np.empty((SQUARES, size, size)), np.empty((stages, size)))
+    return Scratch(np.zeros((SCRATCH_ROWS, size)), np.empty((SQUARES, size, size)), np.empty((stages, size)))
 
 
 @borrowing
@@ -301,7 +301,7 @@ def take_step(motion: Motion, tick: int, time: float, h: float, joints: Array, r
 def break_loose(friction: Array, rows: Array) -> bool:
     """Let joints at rest break loose whose torque rows[HOLD] friction (N,), N m, cannot take; return whether one does.
 
-    Its mode is then the direction in which it goes. `rows` (ROWS, N) are those of `Scratch`.
+    Its mode is then the direction in which it goes. `rows` (SCRATCH_ROWS, N) are those of `Scratch`.
     """
     mode, hold = rows[MODE], rows[HOLD]
     broke_loose = False
@@ -374,7 +374,7 @@ def end_at_event(
         return h
     dt, rows = motion.load.dt, motion.scratch.rows
     mode, end, end_rate, events = rows[MODE], rows[END], rows[END_RATE], rows[EVENTS]
-    if events[0] < MOST_EVENTS and joint_event(friction, motion, tick, time + h, torque):
+    if events[0] < MOST_JOINT_EVENTS and joint_event(friction, motion, tick, time + h, torque):
         low, high = 0.0, h
         events[0] += 1.0
         # bisection on the length: no event in a step of `low` seconds, one in a step of `high`
@@ -425,7 +425,7 @@ def advance(motion: Motion, tick: int, begin: float, finish: float, joints: Arra
             h = 0.5 * time_left
         error = take_step(motion, tick, time, h, joints, rates, torque)
         step_count += 1
-        if step_count > MOST_STEPS or not math.isfinite(h + time):
+        if step_count > MOST_DEVICE_STEPS or not math.isfinite(h + time):
             return 0
         if adaptive:
             # the usual control: 0.9 error^(-1 / (order + 1)), by a factor of 5 at the most

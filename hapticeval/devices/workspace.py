@@ -16,7 +16,7 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
 
-SAMPLES = 2000
+BOUNDARY_POINTS = 2000
 """Points of a model's boundary that are tried: 0.3 mm apart on an outline of 600 mm."""
 
 
@@ -55,8 +55,8 @@ def _distance(limit: Limit) -> float:
 def fit_in_workspace(device: Device, model: Model | ArrayLike) -> Fit:
     """Return whether a model's boundary, or points (n, N), m, lie in the functional workspace (Assumption 7.1).
 
-    A boundary is sampled at `SAMPLES` points. Of an unbounded line only one point must lie in it. Raises `InputError`
-    for a model or points of another dimension than the device's.
+    A boundary is sampled at `BOUNDARY_POINTS` points. Of an unbounded line only one point must lie in it. Raises
+    `InputError` for a model or points of another dimension than the device's.
     """
     from hapticeval.geometry.model import Model
 
@@ -67,7 +67,7 @@ def fit_in_workspace(device: Device, model: Model | ArrayLike) -> Fit:
             f"model '{model.name}' has {model.dimension} dimensions, and {device.name} {device.dimension}",
             why="a device feels models of its own space only",
         )
-    points = model.boundary.points(SAMPLES)
+    points = model.boundary.points(BOUNDARY_POINTS)
     if model.boundary.closed:
         return _points_hold(device, points)
     # of an unbounded line: the point with the largest margin

@@ -12,11 +12,11 @@ CONE = record_type("stiffness", "mu_s", "mu_k", "stick", "bilateral")
 """`params`: K (N/m), both coefficients, the share of the kinetic cone at which a sliding tool sticks, and 1 where the
 surface is bilateral."""
 
-ROWS = 10
+FRICTION_ROWS = 10
 """Rows of `state`: place (m) and outward unit normal of the tool, of p, and of a trial place, two each; then the
 pressing force (N), a point to be projected (m), the flags [in contact, sliding], and the bulge (m) of the path."""
 
-MOST_TRIALS, MOST_SECANTS = 64, 16
+MOST_SLIDE_TRIALS, MOST_SECANTS = 64, 16
 """Most places at which a slide tests the kinetic cone, and the trial from which on it bisects instead of secants."""
 
 AT_TOOL, AT_TARGET, BEYOND_TARGET = range(3)
@@ -133,7 +133,7 @@ def slide(
     - `hip` (N,), m: the HIP.
     - `ihip` (N,), m: on entry the renderer's IHIP p, on return the tool's place s.
     - `force` (N,), N: on entry the renderer's force F_b, on return F_b + K (s - p).
-    - `numbers.params` is the record `CONE`, `numbers.state` (ROWS, N).
+    - `numbers.params` is the record `CONE`, `numbers.state` (FRICTION_ROWS, N).
     """
     cone, state, dimension = as_record(numbers.params, CONE), numbers.state, hip.shape[0]
     # each is two rows: a place on the surface (m), and the outward unit normal there
@@ -163,7 +163,7 @@ def slide(
     # Secants (Illinois) follow the first trials, and bisection if these are slow.
     low, high, excess_low, excess_high = 0.0, 1.0, 0.0, 0.0
     share, side_kept, past_target = 0.0, 0, False
-    for k in range(MOST_TRIALS):
+    for k in range(MOST_SLIDE_TRIALS):
         if k == AT_TOOL:
             trial[:] = tool
         elif k == AT_TARGET:

@@ -48,7 +48,7 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from hapticeval.compiled import Closest, Numbers
 
-SPEEDS = np.logspace(-6.0, 3.0, 4096)
+RELATIVE_SPEEDS = np.logspace(-6.0, 3.0, 4096)
 """Speeds, in v_s, at which a damping that fades is held against sigma2: 0.5 % apart, so to 1e-5 at its maximum."""
 
 
@@ -109,7 +109,7 @@ class LuGre(Effect):
         """The sigma2, N s/m, from which on it is passive: the largest sigma1(v) (mu_s F_n / g(v) - 1)."""
         if self.fade is None:
             return self.damping * (self.mu_s - self.mu_k) / self.mu_k
-        speed = self.stribeck * SPEEDS
+        speed = self.stribeck * RELATIVE_SPEEDS
         return float(np.max(self.damping_at(speed) * (self.mu_s / self.limit(speed) - 1.0)))
 
     def active(self, damping: float) -> str | None:  # noqa: ARG002 - a renderer's damper need not be along the surface

@@ -22,7 +22,7 @@ FEWEST = 4
 FAINT = 0.01
 """Share of a profile's largest harmonic below which one is not felt, and may be aliased."""
 
-PROBES, SHALLOW, TWICE = 16, 1e-4, 2.0
+BARE_PROBES, SHALLOW, TWICE = 16, 1e-4, 2.0
 """Places at which a renderer is asked for its bare answer, the depth there as a share of the model's size, and the
 share of the hand's step by which a foot that jumps is told from one that moves."""
 
@@ -211,7 +211,7 @@ class HeightMap(Relief):
     def check_base(self, scene: Calling, ask: Ask) -> None:
         """Raise `RefusalError` unless a hand at rest gets the nearest point, and K times the depth."""
         boundary = scene.model.boundary
-        surface = boundary.closest_point(boundary.points(PROBES))
+        surface = boundary.closest_point(boundary.points(BARE_PROBES))
         depth = SHALLOW * scene.model.size
         for foot, normal in zip(surface.foot, surface.normal, strict=True):
             hip = foot - depth * normal

@@ -21,7 +21,7 @@ AT_VERTEX = 1e-12
 """Share of the outline by which a point may be off a vertex and still be on it: rounding of the arc length."""
 
 
-ROUNDING = 1e-9
+CREASE_ROUNDING = 1e-9
 """Share of the crease angle by which an edge that turns as much may seem to turn more."""
 
 
@@ -63,7 +63,7 @@ class Shading(Effect):
 
         if isinstance(scene.model.boundary, Mesh):
             corners = mesh_corners(scene.model.boundary, self.crease)
-            return Part(kernels.shade_mesh, np.empty(0), corners, np.zeros((kernels.ROWS, 3)))
+            return Part(kernels.shade_mesh, np.empty(0), corners, np.zeros((kernels.SHADING_ROWS, 3)))
         facet_table = facets(scene.model.boundary, self.crease)
         if facet_table is None:
             raise RefusalError(
@@ -71,9 +71,9 @@ class Shading(Effect):
                 why="normals are interpolated between the vertices of a polygon or a mesh",
                 todo="give the model as one; a renderer that shades facets of its own declares that in supports",
             )
-        last_facet = as_records(facet_table, kernels.FACET)[-1]
+        last_facet = as_records(facet_table, kernels.SHADED_FACET)[-1]
         ends = last_facet.start + last_facet.length
-        frame = np.zeros((kernels.ALONG + 1, 2))
+        frame = np.zeros((kernels.ARC_LENGTH_ROW + 1, 2))
         return Part(kernels.shade, np.array([AT_VERTEX * ends]), samples=facet_table, state=frame)
 
     def active(self, damping: float) -> str | None:
@@ -97,7 +97,7 @@ def facets(boundary: Boundary, crease: float) -> Array | None:
     before = np.roll(face, 1, axis=0)
     across = before[:, 0] * face[:, 1] - before[:, 1] * face[:, 0]
     turn = np.degrees(np.arctan2(np.abs(across), np.sum(before * face, axis=1)))
-    smooth = (turn <= crease * (1.0 + ROUNDING))[:, np.newaxis]
+    smooth = (turn <= crease * (1.0 + CREASE_ROUNDING))[:, np.newaxis]
     # each facet's first corner is the last of the facet before
     halfway = _unit(before + face)
     first, after = np.where(smooth, halfway, face), np.where(smooth, halfway, before)
@@ -118,7 +118,7 @@ def mesh_corners(mesh: Mesh, crease: float) -> Array:
     triangles, normals, neighbours = mesh.triangles, mesh.normals, mesh.neighbours
     count = len(triangles)
     cosine = np.sum(normals[:, np.newaxis] * normals[neighbours], axis=2)
-    smooth = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) <= crease * (1.0 + ROUNDING)
+    smooth = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) <= crease * (1.0 + CREASE_ROUNDING)
     triangle, edge = np.nonzero(smooth)
     neighbour = neighbours[triangle, edge]
     # corners (3 triangle + corner) that share a normal: of two triangles at a smooth edge, at either end of it
@@ -151,7 +151,7 @@ def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayL
     `shading_kernels.shade` turns it so. `crease` is in degrees. Both are the same on a boundary without facets.
     """
     from hapticeval.compiled import as_records
-    from hapticeval.effects.shading_kernels import FACET
+    from hapticeval.effects.shading_kernels import SHADED_FACET
 
     ihips, hips = (np.array(points, dtype=np.float64, order="C") for points in (ihips, hips))
     if isinstance(boundary, Mesh):
@@ -161,8 +161,8 @@ def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayL
         own = boundary.closest_point(ihips).normal
         return Normals(own, own)
     arc_length = curve.arc_length(curve.nearest(ihips))
-    rows = table[np.searchsorted(as_records(table, FACET).start, arc_length, side="right") - 1]
-    facet = as_records(rows, FACET)
+    rows = table[np.searchsorted(as_records(table, SHADED_FACET).start, arc_length, side="right") - 1]
+    facet = as_records(rows, SHADED_FACET)
     from_start = arc_length - facet.start
     share = (from_start / facet.length)[:, np.newaxis]
     own, first, last = np.split(rows[:, 2:], 3, axis=1)
@@ -184,13 +184,13 @@ def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayL
 def _on_mesh(mesh: Mesh, crease: float, ihips: Array, hips: Array) -> Normals:
     from hapticeval.effects import shading_kernels as kernels
 
-    table, closest, frame = mesh_corners(mesh, crease), mesh.compiled_closest, np.zeros((kernels.ROWS, 3))
+    table, closest, frame = mesh_corners(mesh, crease), mesh.compiled_closest, np.zeros((kernels.SHADING_ROWS, 3))
     faces, vertices, _ = mesh.tables
     normals = np.empty((2, *ihips.shape))
     for row, (ihip, hip) in enumerate(zip(ihips, hips, strict=True)):
         closest.function(closest.data, ihip, frame)
         kernels.write_normals(faces, vertices, table, int(closest.data.state[0]), ihip, hip, frame)
-        normals[:, row] = frame[kernels.OWN], frame[kernels.SHADED]
+        normals[:, row] = frame[kernels.OWN_NORMAL], frame[kernels.SHADED_NORMAL]
     return Normals(*normals)
 
 

@@ -7,25 +7,25 @@ import math
 import numpy as np
 
 from hapticeval.compiled import FOOT, Closest, Numbers, as_record, borrowing, record_type
-from hapticeval.geometry.mesh_kernels import CORNER, NORMAL
+from hapticeval.geometry.mesh_kernels import CORNER_COLUMN, NORMAL_COLUMN
 from hapticeval.types import Array
 
 # ruff: noqa: ARG001 - every change of an answer has these arguments
 
-FACET = record_type("start", "length", "own_x", "own_y", "first_x", "first_y", "last_x", "last_y")
+SHADED_FACET = record_type("start", "length", "own_x", "own_y", "first_x", "first_y", "last_x", "last_y")
 """A facet in the plane: the arc length (m) at which it starts, its length (m), its own unit normal, and those of both
 corners."""
 
-ALONG = 4
+ARC_LENGTH_ROW = 4
 """Last row of a frame of `hapticeval.compiled.CLOSEST` in the plane: the arc length."""
 
-OWN, SHADED, ROWS = 2, 3, 4
+OWN_NORMAL, SHADED_NORMAL, SHADING_ROWS = 2, 3, 4
 """Rows of a frame of N = 3 beside those of a closest point: the normal that is turned, and what it is turned to."""
 
-SMOOTH, COLUMNS = 9, 12
+SMOOTH, TRIANGLE_COLUMNS = 9, 12
 """A triangle's row has the normals of its three corners, and from here on whether its three edges are smooth."""
 
-ON_EDGE = 1e-10
+CORNER_SHARE_ON_EDGE = 1e-10
 """Share of a corner below which a point is on the edge across from it."""
 
 
@@ -33,15 +33,20 @@ ON_EDGE = 1e-10
 def write_normals(faces: Array, vertices: Array, table: Array, k: int, ihip: Array, hip: Array, frame: Array) -> None:
     """Write the normal that a force is turned from and the one that it is turned to, at a point of triangle k.
 
-    They are the rows `OWN` and `SHADED` of `frame` (ROWS, 3), whose row FOOT is the point; `ihip` and `hip` (3,), m,
-    are the answer's. `faces` (t, c) and `vertices` (m, 3), m, are a mesh's tables, and `table` (t, COLUMNS) that of
-    `shading.mesh_corners`.
+    They are the rows `OWN_NORMAL` and `SHADED_NORMAL` of `frame` (SHADING_ROWS, 3), whose row FOOT is the point; `ihip`
+    and `hip` (3,), m, are the answer's. `faces` (t, c) and `vertices` (m, 3), m, are a mesh's tables, and `table` (t,
+    TRIANGLE_COLUMNS) that of `shading.mesh_corners`.
 
     On a smooth edge the tool rests on both faces, and the own normal is the direction from the hand to it, as in a
     notch in the plane.
     """
-    touched_edge, length_squared, normal = -1, 0.0, faces[k, NORMAL : NORMAL + 3]
-    foot, own, shaded, corners = frame[FOOT], frame[OWN], frame[SHADED], faces[k, CORNER : CORNER + 3]
+    touched_edge, length_squared, normal = -1, 0.0, faces[k, NORMAL_COLUMN : NORMAL_COLUMN + 3]
+    foot, own, shaded, corners = (
+        frame[FOOT],
+        frame[OWN_NORMAL],
+        frame[SHADED_NORMAL],
+        faces[k, CORNER_COLUMN : CORNER_COLUMN + 3],
+    )
     double_area = 0.0  # twice the triangle's area, m^2: n.((b - a) x (c - a))
     for axis in range(3):
         own[axis], shaded[axis] = normal[axis], 0.0
@@ -65,7 +70,7 @@ def write_normals(faces: Array, vertices: Array, table: Array, k: int, ihip: Arr
         for axis in range(3):
             shaded[axis] += area_share * table[k, 3 * i + axis]  # (4.15)
         # on the edge across from corner i, which starts at corner i + 1
-        if area_share <= ON_EDGE and table[k, SMOOTH + (i + 1) % 3] == 1.0:
+        if area_share <= CORNER_SHARE_ON_EDGE and table[k, SMOOTH + (i + 1) % 3] == 1.0:
             touched_edge = i
     # a mean of unit normals is shorter than one: without this the force would shrink
     for i in range(3):
@@ -92,8 +97,8 @@ def shade(
         return 0
     tolerance, frame, table = numbers.params[0], numbers.state, numbers.samples
     closest.function(closest.data, ihip, frame)
-    arc_length = frame[ALONG, 0]
-    facet = as_record(table, FACET, max(np.searchsorted(table[:, 0], arc_length, side="right") - 1, 0))
+    arc_length = frame[ARC_LENGTH_ROW, 0]
+    facet = as_record(table, SHADED_FACET, max(np.searchsorted(table[:, 0], arc_length, side="right") - 1, 0))
     from_start = arc_length - facet.start
     share = from_start / facet.length
     # (4.15) between the facet's corners, renormalised
@@ -131,7 +136,7 @@ def shade_mesh(
     if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
         return 0
     frame, data = numbers.state, closest.data
-    own, shaded = frame[OWN], frame[SHADED]
+    own, shaded = frame[OWN_NORMAL], frame[SHADED_NORMAL]
     closest.function(data, ihip, frame)
     # the code of the closest point keeps the triangle that it found in its state
     write_normals(data.segments, data.vertices, numbers.samples, int(data.state[0]), ihip, hip, frame)

@@ -16,7 +16,7 @@ from hapticeval.errors import InputError
 from hapticeval.files import file_below
 from hapticeval.quantity import format_quantity
 
-DIRECTIONS = ("along", "across", "normal")
+VIBRATION_DIRECTIONS = ("along", "across", "normal")
 
 SLOW = 1e-3
 """Share of a sample by which a tick may be longer than the texture's, as clocks differ."""
@@ -54,9 +54,10 @@ class StochasticTexture(Effect):
         super().__post_init__()
         if isinstance(self.texture, Mapping):
             object.__setattr__(self, "texture", convert(self.texture, Texture, "texture", todo="see docs/effects.md"))
-        if self.direction not in DIRECTIONS:
+        if self.direction not in VIBRATION_DIRECTIONS:
             raise InputError(
-                f"a {self.kind} with direction = {self.direction!r}", todo=f"choose one of: {', '.join(DIRECTIONS)}"
+                f"a {self.kind} with direction = {self.direction!r}",
+                todo=f"choose one of: {', '.join(VIBRATION_DIRECTIONS)}",
             )
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or not 0 <= self.seed < SEEDS:
             raise InputError(f"a {self.kind} with seed = {self.seed!r}", why=f"it is a whole number below {SEEDS}")
@@ -115,7 +116,7 @@ class StochasticTexture(Effect):
         model, first = self.model, self.model.filters[0]
         params = numbers_of(
             kernels.TEXTURE, mass=self.mass, rate=model.rate, seed=self.seed, poles=len(first.ar), zeros=len(first.ma),
-            filters=len(model.filters), direction=DIRECTIONS.index(self.direction),
+            filters=len(model.filters), direction=VIBRATION_DIRECTIONS.index(self.direction),
         )  # fmt: skip
         rows = kernels.BEFORE + max(len(first.ar), len(first.ma), 1) + kernels.LONGEST_WORK
         state = np.zeros((rows, scene.model.dimension))

@@ -16,7 +16,7 @@ ALONG, ACROSS, NORMALLY = 0.0, 1.0, 2.0
 FILTER = record_type("speed", "press")
 """What a filter's row in `samples` begins with: the speed (m/s) and the force (N) that it belongs to."""
 
-VARIANCE, GAIN, LINES = range(2, 5)
+VARIANCE, GAIN, FIRST_FREQUENCY = range(2, 5)
 """Further columns of it, of which means are taken; the frequencies begin with the last."""
 
 TRIANGLE = record_type(corners=3, shares=6, hull=3, scale=2)
@@ -26,13 +26,13 @@ PHASE, VIBRATION, SMOOTHED = record_type("samples", "number"), record_type("tria
 """Records in rows of `state`: phase, and number of the next noise; triangle and vibration (m/s^2); speed and force as
 low-passed, the speed negative before a contact."""
 
-PHASE_ROW, VIBRATION_ROW, SMOOTHED_ROW, DIRECTION, BEFORE = range(2, 7)
+PHASE_ROW, VIBRATION_ROW, SMOOTHED_ROW, DIRECTION_ROW, BEFORE = range(2, 7)
 """Rows of `state` behind the frame: those three, the direction of the vibration, and from the last on what was:
 vibrations in column 0, excitations in column 1, and behind them the scratch of `filter_past`."""
 
-HALF = 0xFFFF
+HALF_WORD = 0xFFFF
 WORD = 0xFFFFFFFF
-MULTIPLIER, WEYL, ROUNDS = 0xD256D193, 0x9E3779B9, 10
+MULTIPLIER, WEYL, PHILOX_ROUNDS = 0xD256D193, 0x9E3779B9, 10
 """Of philox2x32-10: the masks of half a word and of a word, its multiplier, what the key grows by, and its rounds."""
 
 LONGEST_WORK = 36
@@ -52,10 +52,10 @@ ON_TIME = 1e-6
 @borrowing
 def philox(low: int, high: int, key: int) -> tuple[int, int]:
     """Return two random 32-bit words of a counter of two words and a key: philox2x32-10 of Salmon et al. (2011)."""
-    for _ in range(ROUNDS):
+    for _ in range(PHILOX_ROUNDS):
         # 32 by 32 bits into 64, by halves: no product overflows a signed integer of 64 bits
-        product_low, product_high = MULTIPLIER * (low & HALF), MULTIPLIER * (low >> 16)
-        product = (((product_high & HALF) << 16) + product_low) & WORD
+        product_low, product_high = MULTIPLIER * (low & HALF_WORD), MULTIPLIER * (low >> 16)
+        product = (((product_high & HALF_WORD) << 16) + product_low) & WORD
         low, high = ((product_high + (product_low >> 16)) >> 16) ^ key ^ high, product
         key = (key + WEYL) & WORD
     return low, high
@@ -182,9 +182,9 @@ def next_vibration(
     excitation = math.sqrt(max(mean_of_corners(rows, count, location, VARIANCE), 0.0)) * normal_noise(
         number, int(texture.seed)
     )
-    value = excitation + filter_past(rows, count, location, LINES + poles, zeros, work, 1)
+    value = excitation + filter_past(rows, count, location, FIRST_FREQUENCY + poles, zeros, work, 1)
     value = mean_of_corners(rows, count, location, GAIN) * value - filter_past(
-        rows, count, location, LINES, poles, work, 0
+        rows, count, location, FIRST_FREQUENCY, poles, work, 0
     )
     for i in range(work.shape[0] - LONGEST_WORK - 1, 0, -1):
         work[i, 0], work[i, 1] = work[i - 1, 0], work[i - 1, 1]
@@ -201,7 +201,7 @@ def vibrate(
     `numbers` holds stands above. Returns 0: it refuses nothing.
     """
     rows, state, count, texture = numbers.samples, numbers.state, hip.shape[0], as_record(numbers.params, TEXTURE)
-    frame, normal, work, direction = state[:2], state[NORMAL], state[BEFORE:], state[DIRECTION]
+    frame, normal, work, direction = state[:2], state[NORMAL], state[BEFORE:], state[DIRECTION_ROW]
     phase, vibration = as_record(state, PHASE, PHASE_ROW), as_record(state, VIBRATION, VIBRATION_ROW)
     smoothed = as_record(state, SMOOTHED, SMOOTHED_ROW)
     normal_force = 0.0

@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element, ParseError, fromstring
 from hapticeval.effects.texture import Filter, Texture
 from hapticeval.errors import InputError, at
 
-LARGEST = 4 * 2**20
+MOST_FILE_BYTES = 4 * 2**20
 """Bytes of a model file at the most: theirs have some 100 kB."""
 
 
@@ -29,8 +29,10 @@ def read_toolkit(file: Path, *, rate: float) -> Texture:
     sound texture.
     """
     try:
-        if file.stat().st_size > LARGEST:
-            raise InputError(f"{file} has {file.stat().st_size} bytes", why=f"a model file has {LARGEST} at the most")
+        if file.stat().st_size > MOST_FILE_BYTES:
+            raise InputError(
+                f"{file} has {file.stat().st_size} bytes", why=f"a model file has {MOST_FILE_BYTES} at the most"
+            )
         text = file.read_text(encoding="utf-8")
     except OSError as error:
         raise InputError(f"cannot read {file}", why=error.strerror or str(error)) from error

@@ -54,15 +54,15 @@ def linkage_mass(parameters: Array, point: Array, normal: Array) -> float:
     return 1.0 / mobility
 
 
-DIRECTION, CONTACT_ROW, PULSE_ROW, STATE = 2, 3, 4, 5
+START_NORMAL, CONTACT_ROW, PULSE_ROW, STATE = 2, 3, 4, 5
 """Rows of a state beside those of a closest point's frame: the normal along which the contact began, and the two
 records below; and how many rows there are."""
 
-CONTACT, PULSE = record_type("phase", "time"), record_type("held_back", "speed")
+CONTACT_CLOCK, PULSE = record_type("phase", "time"), record_type("held_back", "speed")
 """Whether there is contact and the seconds since it began; what a cap holds back (N s) and the speed (m/s) of the
 approach."""
 
-UNKNOWN, FREE, TOUCHES = 0.0, 1.0, 2.0
+UNKNOWN_PHASE, FREE_PHASE, TOUCHING_PHASE = 0.0, 1.0, 2.0
 """Phases of a contact. A run that begins in contact has no beginning of it."""
 
 CAPPED = record_type("cap")
@@ -71,7 +71,7 @@ CAPPED = record_type("cap")
 SPENT = 40.0
 """Decay times after which a vibration is below the rounding of its integral."""
 
-SAME = 1e-9
+SAME_TICK_SHARE = 1e-9
 """Share by which two sampling times may differ and be the same."""
 
 
@@ -79,8 +79,8 @@ SAME = 1e-9
 def contact_phase(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Array, force: Array) -> float:
     """Return what a transient has to know of a tick: whether a contact begins in it, goes on, or there is none.
 
-    That is FREE in the tick in which one begins, TOUCHES after that, and UNKNOWN without contact. Contact is a force,
-    or a tool apart from a hand that is inside: one that lags behind it in free space is not.
+    That is FREE_PHASE in the tick in which one begins, TOUCHING_PHASE after that, and UNKNOWN_PHASE without contact.
+    Contact is a force, or a tool apart from a hand that is inside: one that lags behind it in free space is not.
 
     `hip` and `ihip` (N,), m, `velocity` (N,), m/s, and `force` (N,), N, are the answer's. When a contact begins
     direction, time and speed are written to `state` (STATE, N), the speed zero where the hand does not approach.
@@ -90,24 +90,24 @@ def contact_phase(state: Array, closest: Closest, hip: Array, velocity: Array, i
         touches = touches or force[i] != 0.0
         lags = lags or ihip[i] != hip[i]
     if lags and not touches:
-        touches = closest.function(closest.data, hip, state[:DIRECTION]) < 0.0
-    contact, pulse = as_record(state, CONTACT, CONTACT_ROW), as_record(state, PULSE, PULSE_ROW)
+        touches = closest.function(closest.data, hip, state[:START_NORMAL]) < 0.0
+    contact, pulse = as_record(state, CONTACT_CLOCK, CONTACT_ROW), as_record(state, PULSE, PULSE_ROW)
     previous = contact.phase
-    contact.phase = TOUCHES if touches else FREE
+    contact.phase = TOUCHING_PHASE if touches else FREE_PHASE
     if not touches:
-        return UNKNOWN
-    if previous == TOUCHES:
-        return TOUCHES
+        return UNKNOWN_PHASE
+    if previous == TOUCHING_PHASE:
+        return TOUCHING_PHASE
     speed = 0.0
     contact.time, pulse.held_back = 0.0, 0.0
-    if previous == FREE:  # else the run began in contact, and nobody saw the approach
-        closest.function(closest.data, ihip, state[:DIRECTION])
-        direction, normal = state[DIRECTION], state[NORMAL]
+    if previous == FREE_PHASE:  # else the run began in contact, and nobody saw the approach
+        closest.function(closest.data, ihip, state[:START_NORMAL])
+        direction, normal = state[START_NORMAL], state[NORMAL]
         for i in range(hip.shape[0]):
             direction[i] = normal[i]
             speed -= normal[i] * velocity[i]
     pulse.speed = max(speed, 0.0)
-    return FREE
+    return FREE_PHASE
 
 
 @borrowing
@@ -118,7 +118,7 @@ def add_capped_force(numbers: Numbers, requested: float, dt: float, force: Array
     """
     pulse, direction, cap = (
         as_record(numbers.state, PULSE, PULSE_ROW),
-        numbers.state[DIRECTION],
+        numbers.state[START_NORMAL],
         as_record(numbers.params, CAPPED).cap,
     )
     total = requested + pulse.held_back / dt
@@ -139,12 +139,12 @@ def give_impulse(
     """
     state, params = numbers.state, numbers.params
     phase = contact_phase(state, closest, hip, velocity, ihip, force)
-    if phase == UNKNOWN:
+    if phase == UNKNOWN_PHASE:
         return 0
     requested, speed = 0.0, as_record(state, PULSE, PULSE_ROW).speed
-    if phase == FREE and speed > 0.0:
+    if phase == FREE_PHASE and speed > 0.0:
         # m_n = 1 / (n' J M^-1 J' n), kg; (4.21) as printed, without n, would stop the sliding too
-        mass = params[2] if params.shape[0] == 3 else linkage_mass(params[2:], hip, state[DIRECTION])
+        mass = params[2] if params.shape[0] == 3 else linkage_mass(params[2:], hip, state[START_NORMAL])
         if not mass > 0.0:
             return 1
         requested = params[1] * mass * speed / dt  # all of it in one tick
@@ -166,9 +166,9 @@ def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: fl
     `numbers.params` (4,) are the cap (N), L (N s/m), B (1/s) and w (rad/s). Returns 0: it refuses nothing.
     """
     state, params = numbers.state, numbers.params
-    if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN:
+    if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN_PHASE:
         return 0
-    contact, speed = as_record(state, CONTACT, CONTACT_ROW), as_record(state, PULSE, PULSE_ROW).speed
+    contact, speed = as_record(state, CONTACT_CLOCK, CONTACT_ROW), as_record(state, PULSE, PULSE_ROW).speed
     time, decay, omega = contact.time, params[2], params[3]
     requested = 0.0
     if decay * time < SPENT and speed > 0.0:
@@ -207,13 +207,13 @@ def replay(
     Returns 0: it refuses nothing.
     """
     state, pulse, step = numbers.state, numbers.samples, numbers.params[1]
-    if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN:
+    if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN_PHASE:
         return 0
-    contact, requested = as_record(state, CONTACT, CONTACT_ROW), 0.0
+    contact, requested = as_record(state, CONTACT_CLOCK, CONTACT_ROW), 0.0
     time = contact.time
     if as_record(state, PULSE, PULSE_ROW).speed > 0.0:  # a hand that approaches, at whatever speed
         tick = int(np.rint(time / step))
-        if abs(dt - step) <= SAME * step and abs(time - tick * step) <= SAME * (time + step):
+        if abs(dt - step) <= SAME_TICK_SHARE * step and abs(time - tick * step) <= SAME_TICK_SHARE * (time + step):
             requested = pulse[0, min(tick, pulse.shape[1] - 1)]
         else:
             requested = (impulse_until(pulse, step, time + dt) - impulse_until(pulse, step, time)) / dt

@@ -173,7 +173,7 @@ class ContactTransient(Effect):
         return f"contact transients ({numbers_with_units}){capped(self.cap)}"
 
 
-EVEN = 1e-6
+UNEVEN_STEP_SHARE = 1e-6
 """Share of its step by which the time base of a pulse may be uneven."""
 
 
@@ -273,7 +273,7 @@ def read_pulse(file: Path) -> tuple[Array, float]:
         raise InputError(f"{file} has {time.size} times and {force.size} forces", why="a pulse needs two rows or more")
     steps = np.diff(time)
     step = float(time[-1] - time[0]) / (time.size - 1)
-    uneven = ~(np.abs(steps - step) <= EVEN * step)
+    uneven = ~(np.abs(steps - step) <= UNEVEN_STEP_SHARE * step)
     if not step > 0.0 or uneven.any():
         row = int(np.argmax(uneven)) + 1
         raise InputError(

@@ -32,7 +32,7 @@ from hapticeval.geometry.validate import (
 )
 from hapticeval.types import Array
 
-ANGLE_ROUNDING, LARGEST_POINT_ROUNDING = math.ulp(2.0 * math.pi) / 2.0, 1e-12
+TURN_ROUNDING, LARGEST_POINT_ROUNDING = math.ulp(2.0 * math.pi) / 2.0, 1e-12
 """Rounding (rad) of an angle within one turn; and how far it may move a point of a Cassinian, as a share of its radius.
 """
 
@@ -93,11 +93,11 @@ def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 
         )
     # radius at cos(n_l u) = 0, on the sides of the valleys, as a share of the tips'
     radius = (math.sqrt(above) / (1.0 + math.sqrt(1.0 + above))) ** (1.0 / lobes)
-    if ANGLE_ROUNDING * radius > LARGEST_POINT_ROUNDING * math.sqrt(above):
+    if TURN_ROUNDING * radius > LARGEST_POINT_ROUNDING * math.sqrt(above):
         raise InputError(
             f"a_n / a_d is 1 + {above:.3g}, with {lobes} lobes: valleys too narrow for the number format",
-            why=f"the parameter of (4.1), an angle, is rounded to {ANGLE_ROUNDING:.2g} rad; beside a valley that moves "
-            f"the surface point by {0.5 * ANGLE_ROUNDING * radius / math.sqrt(above):.2g} of the size, more than "
+            why=f"the parameter of (4.1), an angle, is rounded to {TURN_ROUNDING:.2g} rad; beside a valley that moves "
+            f"the surface point by {0.5 * TURN_ROUNDING * radius / math.sqrt(above):.2g} of the size, more than "
             f"{0.5 * LARGEST_POINT_ROUNDING:g}",
             todo="choose a larger a_n, or give the outline as a polygon",
         )

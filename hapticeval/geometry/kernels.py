@@ -34,6 +34,9 @@ ELLIPSE_PIECE = record_type("a", "b", base=PIECE)
 """What a row of pieces begins with, of any kind and of each, see the table above."""
 PIECE_COLUMNS = 9
 
+RESTS, LEAVES = 0, 1
+"""How a walk along the surface ends: at a local minimum of the distance, or where the way to the hand is free."""
+
 Values: TypeAlias = tuple[float, float, float, float, float, float]
 """Position (m) and its first two derivatives by the parameter: x, y, x', y', x'', y''."""
 

@@ -69,12 +69,12 @@ class Mesh(SurfaceInSpace):
     @property
     def neighbours(self) -> IntArray:
         """The triangles (t, 3) across the edges of each: first corner to second, second to third, and back."""
-        return self.tables[0][:, kernels.ACROSS : kernels.ACROSS + 3].astype(np.int64)
+        return self.tables[0][:, kernels.ACROSS_COLUMN : kernels.ACROSS_COLUMN + 3].astype(np.int64)
 
     @property
     def normals(self) -> Array:
         """The outward unit normals (t, 3) of the triangles."""
-        return self.tables[0][:, kernels.NORMAL :]
+        return self.tables[0][:, kernels.NORMAL_COLUMN :]
 
     @cached_property
     def bounds(self) -> tuple[float, ...]:

@@ -8,14 +8,14 @@ import numpy as np
 
 from hapticeval.compiled import as_record, compiled, inner, room_for
 from hapticeval.geometry.mesh_kernels import (
-    ACROSS,
+    ACROSS_COLUMN,
     BOX_ROUNDING,
-    CORNER,
+    CORNER_COLUMN,
     LEAF,
-    NORMAL,
+    NORMAL_COLUMN,
     PSEUDO,
     RUN,
-    STACK_DEPTH,
+    TRIANGLE_TREE_DEPTH,
     _cross,
     _minus,
     _product_error,
@@ -32,7 +32,7 @@ from hapticeval.types import Array, IntArray
 SOUND, FLAT_TRIANGLE, OPEN, SHARED, FLIPPED, PINCHED, OTHER_PART, FOLDED = range(8)
 """What is wrong with a triangle: see `mesh_input`."""
 
-THINNEST = 1e-13
+THINNEST_TRIANGLE = 1e-13
 """Least height of a triangle over its longest edge: below, its corners lie on one line to rounding."""
 LEAST_OPENING = 1e-12
 """Least angle (rad) between two triangles that share an edge: below, one is folded onto the other."""
@@ -286,7 +286,7 @@ def build_tables(
                 for axis in range(3):
                     vertices[used, axis] = positions[vertex, axis]
                 used += 1
-            faces[k, CORNER + i], faces[k, ACROSS + i] = row_of[vertex], rank[across[triangle, i]]
+            faces[k, CORNER_COLUMN + i], faces[k, ACROSS_COLUMN + i] = row_of[vertex], rank[across[triangle, i]]
         a, b, c = (
             corner_of(faces, vertices, k, 0),
             corner_of(faces, vertices, k, 1),
@@ -297,16 +297,16 @@ def build_tables(
         edges = (_minus(b, a), _minus(c, b), _minus(a, c))
         lengths_squared = (dot(edges[0], edges[0]), dot(edges[1], edges[1]), dot(edges[2], edges[2]))
         # twice the area over the longest edge is the height of the triangle
-        if not area > THINNEST * max(lengths_squared):
+        if not area > THINNEST_TRIANGLE * max(lengths_squared):
             return faces, vertices, FLAT_TRIANGLE, triangle
         for axis in range(3):
-            faces[k, NORMAL + axis] = normal[axis] / area
+            faces[k, NORMAL_COLUMN + axis] = normal[axis] / area
         for i in range(3):
             # the angle at corner i, between its two edges: sin and cos of it times both lengths
             angle = math.atan2(area, -dot(edges[i], edges[(i + 2) % 3]))
             row = vertex_of(faces, k, i)
             for axis in range(3):
-                vertices[row, PSEUDO + axis] += angle * faces[k, NORMAL + axis]
+                vertices[row, PSEUDO + axis] += angle * faces[k, NORMAL_COLUMN + axis]
     for k in range(n):
         for i in range(3):
             normal_here, normal_across = normal_of(faces, k), normal_of(faces, neighbour_of(faces, k, i))
@@ -473,7 +473,7 @@ def suspect_pairs(faces: Array, vertices: Array, tree: Array, begin: int, most_p
     """
     n, m = faces.shape[0], tree.shape[0] // 2
     pairs, count = np.empty((most_pairs, 2), np.int64), 0
-    stack, first, second = np.empty(STACK_DEPTH, np.int64), np.empty((3, 3)), np.empty((3, 3))
+    stack, first, second = np.empty(TRIANGLE_TREE_DEPTH, np.int64), np.empty((3, 3)), np.empty((3, 3))
     for j in range(begin, n):
         a, b, c = (
             corner_of(faces, vertices, j, 0),

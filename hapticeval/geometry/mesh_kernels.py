@@ -37,8 +37,8 @@ from hapticeval.geometry.kernels import check_finite
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.types import Array, IntArray
 
-CORNER, ACROSS, NORMAL = 0, 3, 6
-"""Columns of `faces`; NORMAL also where the pseudonormal of a row of `vertices` would follow: see `PSEUDO`."""
+CORNER_COLUMN, ACROSS_COLUMN, NORMAL_COLUMN = 0, 3, 6
+"""Columns of `faces`; NORMAL_COLUMN also where the pseudonormal of a row of `vertices` would follow: see `PSEUDO`."""
 PSEUDO = 3
 
 RUN = record_type(
@@ -52,7 +52,7 @@ FACE, EDGE, VERTEX = 0, 1, 4
 
 LEAF = 3
 """Fewest triangles in a leaf of a tree that has been divided; a leaf has less than twice as many."""
-STACK_DEPTH = 64
+TRIANGLE_TREE_DEPTH = 64
 BOX_ROUNDING = 2e-15
 """Rounding of a box and of the distances from its triangles, as a share of its coordinates and of the mesh's size."""
 PRUNING_SLACK = 1.0 + 1e-14
@@ -90,14 +90,14 @@ def position_of(vertices: Array, row: int) -> Triple:
 @inner
 def vertex_of(faces: Array, k: int, i: int) -> int:
     """Return the row of `vertices` in which corner i of triangle k of `faces` (t, 9) is; lengths are in m."""
-    return int(faces[k, CORNER + i])
+    return int(faces[k, CORNER_COLUMN + i])
 
 
 @inner
 def same_corner(faces: Array, k: int, i: int, j: int) -> int:
     """Return which corner of triangle j of `faces` (t, 9), m, is the vertex at corner i of triangle k: both have it."""
-    row = faces[k, CORNER + i]
-    return 0 if faces[j, CORNER] == row else 1 if faces[j, CORNER + 1] == row else 2
+    row = faces[k, CORNER_COLUMN + i]
+    return 0 if faces[j, CORNER_COLUMN] == row else 1 if faces[j, CORNER_COLUMN + 1] == row else 2
 
 
 @inner
@@ -109,7 +109,7 @@ def corner_of(faces: Array, vertices: Array, k: int, i: int) -> Triple:
 @inner
 def neighbour_of(faces: Array, k: int, i: int) -> int:
     """Return the triangle across the edge of triangle k that begins at its corner i; `faces` (t, 9), lengths in m."""
-    return int(faces[k, ACROSS + i])
+    return int(faces[k, ACROSS_COLUMN + i])
 
 
 @inner
@@ -121,7 +121,7 @@ def pseudonormal_of(vertices: Array, row: int) -> Triple:
 @inner
 def normal_of(faces: Array, k: int) -> Triple:
     """Return the outward unit normal of triangle k of `faces` (t, 9); lengths are in m."""
-    return faces[k, NORMAL], faces[k, NORMAL + 1], faces[k, NORMAL + 2]
+    return faces[k, NORMAL_COLUMN], faces[k, NORMAL_COLUMN + 1], faces[k, NORMAL_COLUMN + 2]
 
 
 @inner
@@ -236,7 +236,7 @@ def nearest_triangle(
     n, m = faces.shape[0], tree.shape[0] // 2
     best = start
     best_squared, feature, share = distance_to_triangle(faces, vertices, best, p, math.inf)
-    stack = np.empty((STACK_DEPTH, 2))
+    stack = np.empty((TRIANGLE_TREE_DEPTH, 2))
     i, top = 1, 0
     while True:
         # down into the nearer half, with the other on the stack, as long as either may be closer
@@ -465,7 +465,7 @@ def first_triangle_hit(
     # rounding of the sheared coordinates, by which boxes are widened
     pad = 1e-14 * reach
     best, first = -1, high
-    stack = np.empty(STACK_DEPTH, np.int64)
+    stack = np.empty(TRIANGLE_TREE_DEPTH, np.int64)
     stack[0] = 1
     top = 1
     while top > 0:

@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from hapticeval.compiled import compiled, inner
+from hapticeval.geometry.kernels import LEAVES, RESTS
 from hapticeval.geometry.mesh_kernels import (
     EDGE,
     FACE,
@@ -38,16 +39,13 @@ from hapticeval.geometry.mesh_kernels import (
 from hapticeval.geometry.surface import Triple, dot, plus
 from hapticeval.types import Array, IntArray
 
-RESTS, LEAVES = 0, 1
-"""How a walk ends: at a local minimum, or where the way to the goal is free."""
-
 MOST_STALLS = 16
 """Features in a row that lead no closer, after which a walk rests: rounding may lead it round in a circle."""
 
 DIRECTION_ROUNDING = 1e-14
 """Share of a vector below which a part of it is rounding."""
 
-PLACE_ROUNDING = 4e-16
+TOOL_PLACE_ROUNDING = 4e-16
 """Share of its coordinates by which a place is off: two roundings of a double."""
 
 
@@ -162,7 +160,7 @@ def _choose_at_edge(faces: Array, vertices: Array, free: bool, k: int, i: int, d
         return True, k, EDGE + i
     # d is a difference of places, each off by its rounding: what of it leads along the edge goes neither way
     places = math.sqrt(dot(a, a)) + math.sqrt(dot(b, b))
-    rounding = DIRECTION_ROUNDING * math.sqrt(dot(d, d)) + PLACE_ROUNDING * places
+    rounding = DIRECTION_ROUNDING * math.sqrt(dot(d, d)) + TOOL_PLACE_ROUNDING * places
     gain_here, gain_beyond = dot(inward_here, d), dot(inward_beyond, d)
     # at a concave edge a face that the goal is outside of holds nothing
     if free and rise_here >= 0.0:
@@ -218,7 +216,7 @@ def _choose_at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int,
     return free and side >= 0.0, best, steepest_feature
 
 
-MOST_FLIGHTS = 64
+MOST_TOOL_FLIGHTS = 64
 """Ways within one tick, each from where the slide before has ended; each brings the tool nearer to the hand."""
 
 IN_FREE_SPACE = -1
@@ -234,7 +232,7 @@ def fly_to_hand(
     `faces` (t, 9), `vertices` (v, 6) and `tree` (2 m, 11) are the mesh, `touch`, `start` and `hip` are in m; returned
     are a triangle, the feature of it, and the tool's place (m).
     """
-    for _flight in range(MOST_FLIGHTS):
+    for _flight in range(MOST_TOOL_FLIGHTS):
         meets, k, foot, _ = first_entry(faces, vertices, tree, start, hip, touch, k)
         if not meets:
             return False, k, 0, hip

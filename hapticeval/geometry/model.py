@@ -81,13 +81,13 @@ class Model:
     @property
     def surface(self) -> Surface:
         """The boundary as a surface with kernels. Raises `RefusalError` for a plane model, and one of another kind."""
-        from hapticeval.geometry.surface import KINDS, Surface
+        from hapticeval.geometry.surface import SURFACE_KINDS, Surface
 
         if not isinstance(self.boundary, Surface):
             kind = "a plane curve" if self.dimension == 2 else "a mesh, or a boundary of its own kind"
             raise RefusalError(
                 f"model '{self.name}' is {kind}",
-                why=f"this works on surfaces in space with compiled kernels only: {', '.join(KINDS)}",
+                why=f"this works on surfaces in space with compiled kernels only: {', '.join(SURFACE_KINDS)}",
             )
         return self.boundary
 

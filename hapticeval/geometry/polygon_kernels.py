@@ -28,7 +28,7 @@ from hapticeval.compiled import compiled
 from hapticeval.types import Array
 
 EDGES_PER_LEAF = 8
-STACK_DEPTH = 128
+EDGE_TREE_DEPTH = 128
 TOUCH_SHARE, COORDINATE_ROUNDING = 1e-12, 2e-15
 """A point this close to an edge, in parts of the polygon's extent and of its distance from the origin, is on it.
 
@@ -92,8 +92,8 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
     vertex.
     """
     n, m = vertices.shape[0], tree.shape[0] // 2
-    nodes = np.empty(STACK_DEPTH, np.int64)
-    bounds = np.empty(STACK_DEPTH)
+    nodes = np.empty(EDGE_TREE_DEPTH, np.int64)
+    bounds = np.empty(EDGE_TREE_DEPTH)
     nodes[0], bounds[0] = 1, 0.0
     top = 1
     best_squared, best = np.inf, np.inf
@@ -349,7 +349,7 @@ def _first_edge_crossed(
     """
     n, m = vertices.shape[0], tree.shape[0] // 2
     best, best_edge, best_t = np.inf, -1, 0.0
-    nodes = np.empty(STACK_DEPTH, np.int64)
+    nodes = np.empty(EDGE_TREE_DEPTH, np.int64)
     nodes[0] = 1
     top = 1
     while top > 0:

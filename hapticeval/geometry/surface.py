@@ -367,7 +367,7 @@ def closest_in_space(data: LawData, point: Array, frame: Array) -> float:
     return distance
 
 
-KINDS = {"sphere": SPHERE, "ellipsoid": ELLIPSOID, "torus": TORUS}
+SURFACE_KINDS = {"sphere": SPHERE, "ellipsoid": ELLIPSOID, "torus": TORUS}
 """For each kind its number in a `SURFACE`."""
 
 
@@ -388,7 +388,7 @@ class Surface(SurfaceInSpace):
     @cached_property
     def row(self) -> Array:
         """What the kernels take: the numbers of a `SURFACE`."""
-        return numbers_of(SURFACE, kind=KINDS[self.kind], lengths=self.reals)
+        return numbers_of(SURFACE, kind=SURFACE_KINDS[self.kind], lengths=self.reals)
 
     @cached_property
     def compiled_closest(self) -> Closest:

@@ -30,7 +30,7 @@ from hapticeval.hardware.twin import Twin
 from hapticeval.types import Array
 
 PACKET_JOINTS = 3
-READ, WRITE, STOPPED = b"HCRD", b"HCWR", b"HCST"
+READ_PACKET, WRITE_PACKET, STOPPED_PACKET = b"HCRD", b"HCWR", b"HCST"
 READING, COMMAND = struct.Struct(f"<4sQq{PACKET_JOINTS}d"), struct.Struct(f"<4sQ{PACKET_JOINTS}d")
 HELLO, BYE = 0, 2**64 - 1
 LONGEST_PACKET = 1024
@@ -83,13 +83,13 @@ class UdpDevice:
     def read(self) -> Reading:
         """Return the newest packet's reading, waiting for one if none is there."""
         packet = self._newest()
-        if packet.startswith(STOPPED):
-            raise HapticevalError(f"the robot stopped: {packet[len(STOPPED) :].decode(errors='replace')}")
-        if len(packet) != READING.size or not packet.startswith(READ):
+        if packet.startswith(STOPPED_PACKET):
+            raise HapticevalError(f"the robot stopped: {packet[len(STOPPED_PACKET) :].decode(errors='replace')}")
+        if len(packet) != READING.size or not packet.startswith(READ_PACKET):
             raise HapticevalError(
                 f"{self.address[0]}:{self.address[1]} sent a packet that is no encoder reading",
                 why=f"it has {len(packet)} bytes and begins with {packet[:4]!r}, "
-                f"where a reading has {READING.size} and begins with {READ!r}",
+                f"where a reading has {READING.size} and begins with {READ_PACKET!r}",
             )
         # Packets always hold `PACKET_JOINTS` numbers: a robot of fewer joints leaves the last ones at zero.
         _, count, nanoseconds, *raw = READING.unpack(packet)
@@ -115,7 +115,7 @@ class UdpDevice:
                 raise self._silent(f"no packet for {SILENCE_SECONDS:g} s")
             with contextlib.suppress(BlockingIOError):
                 # Older readings are thrown away; a last word of the robot is kept and ends the search.
-                while not packet or packet.startswith(READ):
+                while not packet or packet.startswith(READ_PACKET):
                     packet = self._socket.recv(LONGEST_PACKET)
         except ConnectionError as error:
             raise self._silent(str(error)) from error
@@ -130,7 +130,7 @@ class UdpDevice:
 
     def _send(self, count: int, values: list[float]) -> None:
         with contextlib.suppress(ConnectionError, BlockingIOError):  # the next read says that the other side is gone
-            self._socket.send(COMMAND.pack(WRITE, count, *values))
+            self._socket.send(COMMAND.pack(WRITE_PACKET, count, *values))
 
 
 def serve(twin: Twin, connection: socket.socket) -> None:
@@ -149,7 +149,7 @@ def serve(twin: Twin, connection: socket.socket) -> None:
             reading = twin.read()
             raw = [*reading.raw.tolist(), *([0.0] * PACKET_JOINTS)][:PACKET_JOINTS]
             _wait(due)
-            connection.sendto(READING.pack(READ, reading.sequence, begun + reading.nanoseconds, *raw), loop)
+            connection.sendto(READING.pack(READ_PACKET, reading.sequence, begun + reading.nanoseconds, *raw), loop)
             # An answer within this time acts in this cycle, a later one in the next.
             _wait(due + round(ANSWER_SHARE * cycle))
             due += cycle
@@ -161,7 +161,7 @@ def serve(twin: Twin, connection: socket.socket) -> None:
                     twin.write(np.array(values[: twin.wiring.device.dimension]))
     except HapticevalError as error:
         with contextlib.suppress(ConnectionError):
-            _last_word(connection, loop, STOPPED + error.what.encode())
+            _last_word(connection, loop, STOPPED_PACKET + error.what.encode())
     except ConnectionError:
         return
 
@@ -185,7 +185,7 @@ def _commands(connection: socket.socket) -> Iterator[tuple[int, list[float]]]:
     try:
         while True:
             packet = connection.recv(COMMAND.size + 1)
-            if len(packet) == COMMAND.size and packet.startswith(WRITE):
+            if len(packet) == COMMAND.size and packet.startswith(WRITE_PACKET):
                 _, count, *values = COMMAND.unpack(packet)
                 yield count, values
     except BlockingIOError:

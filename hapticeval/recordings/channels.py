@@ -139,7 +139,7 @@ def check_metadata(meta: Mapping[str, Any]) -> dict[str, Any]:
     for key in METADATA.keys() & meta.keys():
         kind, meaning = METADATA[key]
         # Any other key is free: only known ones have a kind to check.
-        fits, expected = KINDS[kind]
+        fits, expected = VALUE_KINDS[kind]
         if not fits(meta[key]):
             raise InputError(f"meta: {key} = {meta[key]!r} is not {expected}", why=f"it is the {meaning}")
     return {str(key): _copied(value) for key, value in meta.items()}
@@ -165,7 +165,7 @@ def _date(value: Any) -> bool:
         return False
 
 
-KINDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
+VALUE_KINDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "text": (lambda value: isinstance(value, str), "a text"),
     "table": (lambda value: isinstance(value, Mapping), "a table"),
     "positive": (lambda value: _number(value) and value > 0.0, "a positive number"),

@@ -3,7 +3,7 @@
 A journal is a sequence of blocks that are only ever added, each whole by itself or not data.
 
     file    MAGIC, block, block, ...
-    block   24 bytes (`BLOCK`): b"\xa5HEJ", kind, number of the block, rows, bytes of payload, CRC32 of all else;
+    block   24 bytes (`BLOCK_HEAD`): b"\xa5HEJ", kind, number of the block, rows, bytes of payload, CRC32 of all else;
             then the payload: a JSON text, or rows of sequence (int64), stamp (int64, ns) and the channels (float64)
 
 The first two blocks both hold the header, so that no single damage takes the names of the channels. All numbers are
@@ -35,7 +35,7 @@ UNCLOSED = "the process of the loop ended without closing"
 
 MAGIC = b"\x89hapticeval journal\r\n"
 BLOCK_MARK = b"\xa5HEJ"
-BLOCK = struct.Struct("<4sB3xIIII")
+BLOCK_HEAD = struct.Struct("<4sB3xIIII")
 JOURNAL_VERSION = 1
 HEADER_COPIES = 2
 """How often the header stands at the front."""
@@ -109,7 +109,7 @@ class Layout:
 def block_head(kind: Kind, number: int, rows: int, payload: Any) -> bytes:
     """Return the 24 bytes that go before a payload."""
     # Without its last four bytes, the CRC, which is over the head before it and the payload.
-    head = BLOCK.pack(BLOCK_MARK, kind, number & 0xFFFFFFFF, rows, len(payload), 0)[:-4]
+    head = BLOCK_HEAD.pack(BLOCK_MARK, kind, number & 0xFFFFFFFF, rows, len(payload), 0)[:-4]
     return head + struct.pack("<I", zlib.crc32(payload, zlib.crc32(head)))
 
 
@@ -134,9 +134,9 @@ def blocks(data: mmap.mmap) -> Iterator[Block]:
     view, at = memoryview(data), data.find(BLOCK_MARK)
     while at >= 0:
         # Where this mark heads no whole block, the search goes on one byte later: it may have been a number.
-        search_from, begin = at + 1, at + BLOCK.size
+        search_from, begin = at + 1, at + BLOCK_HEAD.size
         if begin <= len(view):
-            _, kind, number, _, length, crc = BLOCK.unpack_from(view, at)
+            _, kind, number, _, length, crc = BLOCK_HEAD.unpack_from(view, at)
             payload = view[begin : begin + length]
             # The slice is shorter than stated where the file ends within the block.
             if len(payload) == length and zlib.crc32(payload, zlib.crc32(view[at : begin - 4])) == crc:

@@ -16,7 +16,7 @@ from hapticeval.errors import InputError
 HEAD_BYTES = 1 << 16
 """Bytes by which a format is recognised: a header of a thousand columns is shorter."""
 
-FOLDER = b"folder\n"
+FOLDER_MARK = b"folder\n"
 GIGABYTE = 10**9
 
 DEFAULT_LIMIT = 2.0
@@ -49,12 +49,12 @@ def reserve(size: int, what: str) -> None:
 
 
 def first_bytes(path: Path) -> bytes:
-    """Return the first `HEAD_BYTES` bytes of a file; of a folder `FOLDER` and the names in it, one per line.
+    """Return the first `HEAD_BYTES` bytes of a file; of a folder `FOLDER_MARK` and the names in it, one per line.
 
     Raises `InputError` for a file that is missing or empty, and for a pipe or a device.
     """
     if path.is_dir():
-        return FOLDER + "\n".join(sorted(file.name for file in path.iterdir())).encode()
+        return FOLDER_MARK + "\n".join(sorted(file.name for file in path.iterdir())).encode()
     # Opening a pipe would wait for a writer that may never come.
     if path.exists() and not path.is_file():
         raise InputError(

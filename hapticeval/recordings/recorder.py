@@ -48,7 +48,7 @@ RING_ROWS = 16_384
 ROWS_A_BLOCK = 256
 """Most rows of a block of the journal."""
 
-LOOK_SECONDS = 0.1
+WRITER_LOOK_SECONDS = 0.1
 """Seconds between two looks of the writer: blocks of about 100 rows at 1 kHz."""
 
 SYNC_SECONDS = 1.0
@@ -136,7 +136,7 @@ class Writer:
         """Write until the loop closes the recorder or is gone."""
         self.counters.ready = 1
         known_head = 0
-        while not (select.select([sys.stdin], [], [], LOOK_SECONDS)[0] or os.getppid() != parent):
+        while not (select.select([sys.stdin], [], [], WRITER_LOOK_SECONDS)[0] or os.getppid() != parent):
             # Only rows that were there at the last look: their bytes have long arrived in this process too.
             self.drain(known_head)
             known_head = self.counters.head
@@ -402,7 +402,7 @@ class Recorder:
         """Wait until a row finds room, or the writer has died: for a loop that no clock holds back."""
         while self._head - self._counters.tail >= self._capacity and not self.failed:
             self._look()
-            time.sleep(LOOK_SECONDS)
+            time.sleep(WRITER_LOOK_SECONDS)
 
     def missed(self, cycles: int) -> None:
         """Count cycles that the loop left out since the last row."""

@@ -69,14 +69,18 @@ def hand_path(replay_case: ReplayCase) -> HandPath:
         gapless = stretches(recording)
         path = HandPath(recording, gapless, gapless)
     else:
-        from hapticeval.recordings.integrity.report import LEFT_OUT, examine, sound_intervals
+        from hapticeval.recordings.integrity.report import LEFT_OUT_ISSUES, examine, sound_intervals
 
         report = examine(recording, model=scene.model, stiffness=None if scene.damping else scene.stiffness)
         soundness = sound_intervals(recording, report)
         # An issue of force or IHIP does not break the hand's path, which only needs what the renderer is given.
         hand = recording.measured.copy()
         for issue in report.issues:
-            if issue.kind in LEFT_OUT and issue.channel.partition(".")[0] in GIVEN_CHANNELS and issue.first is not None:
+            if (
+                issue.kind in LEFT_OUT_ISSUES
+                and issue.channel.partition(".")[0] in GIVEN_CHANNELS
+                and issue.first is not None
+            ):
                 hand[issue.first : issue.end] = False
         left = [f"{why}, {stretch.times(recording)}" for stretch, why in soundness.left_out]
         if len(left) > MOST_NAMED:

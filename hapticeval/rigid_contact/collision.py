@@ -33,7 +33,7 @@ TIP_REACH = 1e-15
 """The same at a convex corner, where nothing is there to be hit: only so far that rounding cannot let a tool that is
 dropped straight onto the tip fall between the two faces."""
 
-CELL = record_type(
+CHORD_CELL = record_type(
     "piece", "ua", "ub", "ox", "oy", "ex", "ey", "span", "slope_a", "slope_b", "reach_a", "reach_b",
     "xmin", "xmax", "ymin", "ymax",
 )  # fmt: skip
@@ -53,7 +53,7 @@ class BoundaryCells(NamedTuple):
     - `pieces` (n, 9) as in `kernels`;
     - `joints` (n,), rad: how the boundary turns where piece i begins, positive where convex;
     - `paces` (n,), 1/m: how fast each piece changes with arc length;
-    - `cells` (m, 16): a `CELL` a row.
+    - `cells` (m, 16): a `CHORD_CELL` a row.
     """
 
     pieces: Array
@@ -100,9 +100,9 @@ def _cuts_and_pace(piece: Array) -> tuple[Array, float]:
 
 def _cell_rows(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_end: bool) -> Array:
     """Return the rows (m, 16) of cells on piece i between consecutive `cuts` (m + 1,)."""
-    table = np.zeros((cuts.size - 1, room_for(CELL)))
+    table = np.zeros((cuts.size - 1, room_for(CHORD_CELL)))
     # the same numbers, by their names; what the piece is if it is straight
-    cells, line = as_records(table, CELL), as_record(pieces, LINE_PIECE, i)
+    cells, line = as_records(table, CHORD_CELL), as_record(pieces, LINE_PIECE, i)
     cells.piece = i
     cells.ua, cells.ub = cuts[:-1], cuts[1:]
     cells.reach_a = cells.reach_b = SEAM_REACH
@@ -140,7 +140,7 @@ def _cell_rows(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_en
 
 @compiled
 def height_over_cell(cell: Any, pieces: Array, x: float, y: float) -> tuple[float, float, float, float]:
-    """Return the height (m) of a point (x, y), m, over a `CELL`, along the chord's outward normal.
+    """Return the height (m) of a point (x, y), m, over a `CHORD_CELL`, along the chord's outward normal.
 
     With it come the boundary's slope below the point, its u there, and how far (m) beyond the cell's ends the point is,
     negative before the start; there the boundary goes on straight. `pieces` (n, 9) are the boundary's.
@@ -286,7 +286,7 @@ def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Any, fre
     # `room` is the gap to the nearest cell that the flight's box does not touch
     room, first_time, first_piece, u = math.inf, math.inf, 0, 0.0
     for i in range(terrain.cells.shape[0]):
-        cell = as_record(terrain.cells, CELL, i)
+        cell = as_record(terrain.cells, CHORD_CELL, i)
         # the boxes are apart by at least this
         gap = max(cell.xmin - xmax, xmin - cell.xmax, cell.ymin - ymax, ymin - cell.ymax)
         if gap > 0.0:

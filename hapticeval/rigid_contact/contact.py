@@ -14,7 +14,7 @@ from hapticeval.rigid_contact.force import (
     EVENT_KINDS,
     HOP_SHARE,
     LOAD,
-    MOST_STEPS,
+    MOST_SAMPLE_STEPS,
     POSITION_ROUNDING,
     SKIN_SHARE,
     Stretches,
@@ -26,7 +26,7 @@ from hapticeval.types import Array, IntArray
 ON_BOUNDARY = 1e-9
 """Distance (m) from the boundary up to which a start counts as being on it: coordinates have nine digits or so."""
 
-MOST_EVENTS = 4_000_000
+MOST_CONTACT_EVENTS = 4_000_000
 
 
 class Ground(Protocol):
@@ -57,7 +57,8 @@ class Ground(Protocol):
           very time, then the contact's and the operator's impulse (N s) until the next.
         - The second are events (k, 2 + 2 N): time (s), number in `EVENT_KINDS`, position (m) and impulse (N s).
         - The third is the number of events. Those above `limit` are not kept; they end the run.
-        - The last is empty, or the time (s) and place (m), (1 + N,), at which the run was given up: `MOST_STEPS`.
+        - The last is empty, or the time (s) and place (m), (1 + N,), at which the run was given up:
+          `MOST_SAMPLE_STEPS`.
         """
 
 
@@ -197,15 +198,15 @@ class IdealContact:
     ) -> tuple[Array, list[dict[str, Any]]]:
         """Return the samples (rows, 4 N) of the run and its events, with a log as long as it takes.
 
-        Raises `RefusalError`, with time and place, where one sample takes more than `MOST_STEPS` steps.
+        Raises `RefusalError`, with time and place, where one sample takes more than `MOST_SAMPLE_STEPS` steps.
         """
         limit = 256
         while True:
             out, log, count, given_up_at = self._ground.carry(start.copy(), stretches, gains.copy(), rows, limit)
             if given_up_at.size:
                 raise RefusalError(
-                    f"the ideal contact with '{self.scene.model.name}' takes more than {MOST_STEPS} steps within one "
-                    f"sample, {given_up_at[0]:.6g} s into the run, at {in_m(given_up_at[1:])}",
+                    f"the ideal contact with '{self.scene.model.name}' takes more than {MOST_SAMPLE_STEPS} steps "
+                    f"within one sample, {given_up_at[0]:.6g} s into the run, at {in_m(given_up_at[1:])}",
                     why="its hops do not come to an end, rounding changes what holds it again and again, or it turns "
                     "far faster than it is sampled",
                     todo="choose a restitution further below 1, a softer or slower hand, or move the stimulus by more "
@@ -213,7 +214,7 @@ class IdealContact:
                 )
             if count <= limit:
                 break
-            if limit >= MOST_EVENTS:
+            if limit >= MOST_CONTACT_EVENTS:
                 raise InputError(
                     f"the tool touches the model '{self.scene.model.name}' more than {limit} times",
                     why="its hops do not come to an end",

@@ -52,7 +52,7 @@ MOST_CORNER_HITS = 100_000
 """Most hits of one visit to a corner: in a sharp notch they all come at once, and each takes a small share of the
 speed. A tool that loses some at each is then at rest."""
 
-MOST_STEPS = 100_000
+MOST_SAMPLE_STEPS = 100_000
 """Most steps within one sample, after which a run is given up. *Chosen*: as many as one visit to a corner may take
 hits, and of the shortest steps, 0.02 rad of a turn or an oscillation, 318 turns: no sample shows these.
 """

@@ -44,7 +44,7 @@ from hapticeval.rigid_contact.force import (
     LEAVE,
     LOAD,
     MOST_CORNER_HITS,
-    MOST_STEPS,
+    MOST_SAMPLE_STEPS,
     PLACE_REACH,
     REST,
     SLIDE,
@@ -362,7 +362,7 @@ def carry_on_mesh(
             else:
                 h = advance_on_edge(terrain, tool, tau, time_left)
             steps += 1
-            if steps > MOST_STEPS:
+            if steps > MOST_SAMPLE_STEPS:
                 return out, tool.log, int(tool.tally[0]), where_given_up(tool, tau)
             # to the end of the stretch, by rounding too
             if h >= time_left:

@@ -17,7 +17,7 @@ from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import (
     EDGE,
     FACE,
-    NORMAL,
+    NORMAL_COLUMN,
     VERTEX,
     _cross,
     _minus,
@@ -96,7 +96,7 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
         while done < end:
             k = queue[done]
             done += 1
-            put_triple(flat[k], NORMAL, normal)
+            put_triple(flat[k], NORMAL_COLUMN, normal)
             put_triple(anchors[k], 0, anchor)
             for i in range(3):
                 j = neighbour_of(faces, k, i)

@@ -34,7 +34,7 @@ from hapticeval.rigid_contact.force import (
     LEAVE,
     LOAD,
     MOST_CORNER_HITS,
-    MOST_STEPS,
+    MOST_SAMPLE_STEPS,
     PLACE_REACH,
     REST,
     SLIDE,
@@ -54,7 +54,7 @@ from hapticeval.rigid_contact.motion import (
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
 
-TOOL = record_type("mode", "piece", "u", "du", "w", "x", "y", "vx", "vy", "joint")
+RIGID_TOOL = record_type("mode", "piece", "u", "du", "w", "x", "y", "vx", "vy", "joint")
 """The tool's state.
 
 - `mode`: FLIGHT, SLIDE or REST;
@@ -67,13 +67,13 @@ STEP_ROUNDING = 1e-15
 """Share of its coordinates below which the way of a step is rounding: the force on a tool that the hand holds in place
 changes its sign by rounding too, and no turn is looked for there."""
 
-TURN, END, LIFT = range(3)
+WATCHED_TURN, WATCHED_END, WATCHED_LIFT = range(3)
 
 
 class Run(NamedTuple):
     """What the steps of one run read and write.
 
-    - `state`: of the tool, the record `TOOL`;
+    - `state`: of the tool, the record `RIGID_TOOL`;
     - `load`: of the stretch, see `force`;
     - `sums` (4,), N s: the contact's and the operator's impulse since the sample;
     - `log` (k, 6): time, kind, place and impulse of the events, and `tally` (1,) how many there were, kept or not;
@@ -306,9 +306,9 @@ def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) 
 def _watched_value(watched: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Any) -> float:
     """Return the number whose change of sign is the event: speed, way to the piece's end, or contact force."""
     du, w, _, _ = slide_for(piece, slide, tau, h, load)
-    if watched == TURN:
+    if watched == WATCHED_TURN:
         return w
-    if watched == END:
+    if watched == WATCHED_END:
         return du - end
     return contact_force(piece, slide[0] + du, w, tau + h, load)[0]
 
@@ -370,7 +370,7 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
     turned = is_resolved and w * end_w < 0.0
     # the tool stops: the step ends there, at rest
     if turned:
-        h = _locate_event(TURN, piece, slide, tau, h, 0.0, load)
+        h = _locate_event(WATCHED_TURN, piece, slide, tau, h, 0.0, load)
         du, end_w, jx, jy = slide_for(piece, slide, tau, h, load)
         end_w = 0.0
     direction = w + end_w
@@ -384,12 +384,12 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
         end = last if crossed_end == 1 else first
         # What has begun at the end, and got beyond it by less than rounding, stays there for the step.
         if du != end and (state.du != end or began + du != began + end):
-            h = _locate_event(END, piece, slide, tau, h, end, load)
+            h = _locate_event(WATCHED_END, piece, slide, tau, h, end, load)
             du, end_w, jx, jy = slide_for(piece, slide, tau, h, load)
         du = end
     # the contact force changed its sign within the step: it leaves there
     if not bilateral and contact_force(piece, began + du, end_w, tau + h, load)[0] < 0.0:
-        h = _locate_event(LIFT, piece, slide, tau, h, 0.0, load)
+        h = _locate_event(WATCHED_LIFT, piece, slide, tau, h, 0.0, load)
         du, end_w, jx, jy = slide_for(piece, slide, tau, h, load)
         crossed_end = 0
         state.mode = FLIGHT
@@ -503,7 +503,8 @@ def carry_tool(
 ) -> tuple[Array, Array, int, Array]:
     """Carry the tool from `start` (10,), SLIDE where it begins on the boundary at U, through all stretches.
 
-    `start` and `gains` are changed: the numbers of a `TOOL`, and of a `LOAD` with its constants filled in. Returned are
+    `start` and `gains` are changed: the numbers of a `RIGID_TOOL`, and of a `LOAD` with its constants filled in.
+    Returned are
 
     - rows (rows, 8): position (m) and velocity (m/s) at each sample, contact and operator's impulse (N s) until the
       next;
@@ -513,7 +514,7 @@ def carry_tool(
     """
     # inside out: no box is known to be free yet
     free = np.array([math.inf, -math.inf, math.inf, -math.inf])
-    state, load, out, last = as_record(start, TOOL), as_record(gains, LOAD), np.zeros((rows, 8)), -1
+    state, load, out, last = as_record(start, RIGID_TOOL), as_record(gains, LOAD), np.zeros((rows, 8)), -1
     run = Run(state, load, np.zeros(4), np.zeros((limit, 6)), np.zeros(1, np.int64), free, terrain)
     for i in range(stretches.began.shape[0]):
         load.g0[0], load.g0[1], load.g1[0], load.g1[1] = stretches.forces[i]
@@ -537,7 +538,7 @@ def carry_tool(
             else:
                 h = _advance_rest(run, tau, time_left)
             steps += 1
-            if steps > MOST_STEPS:
+            if steps > MOST_SAMPLE_STEPS:
                 return out, run.log, int(run.tally[0]), np.array([load.began + tau, state.x, state.y])
             # to the end of the stretch, by rounding too
             if h >= time_left:
@@ -556,8 +557,8 @@ class PlaneGround:
 
     def in_flight(self, point: Array, velocity: Array) -> Array:
         """Answer `Ground.in_flight` for a point (2,), m, and a velocity (2,), m/s."""
-        state = np.zeros(room_for(TOOL))
-        tool = as_record(state, TOOL)
+        state = np.zeros(room_for(RIGID_TOOL))
+        tool = as_record(state, RIGID_TOOL)
         tool.mode, tool.x, tool.y, tool.vx, tool.vy = FLIGHT, *point, *velocity
         return state
 
@@ -572,7 +573,7 @@ class PlaneGround:
             # beside a joint it starts at the joint, so that corners are seen
             if abs(u - joint) <= ON_BOUNDARY:
                 u = float(joint)
-        tool = as_record(state, TOOL)
+        tool = as_record(state, RIGID_TOOL)
         tool.mode, tool.piece, tool.u = SLIDE, index, u
         return state
 

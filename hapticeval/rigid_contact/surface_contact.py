@@ -35,7 +35,7 @@ from hapticeval.rigid_contact.force import (
     IMPACT,
     LEAVE,
     LOAD,
-    MOST_STEPS,
+    MOST_SAMPLE_STEPS,
     SLIDE,
     Stretches,
     longest_flight_step,
@@ -366,7 +366,7 @@ def carry_on_surface(
             else:
                 h = advance_slide(tool, reals, sharpest, tau, time_left)
             steps += 1
-            if steps > MOST_STEPS:
+            if steps > MOST_SAMPLE_STEPS:
                 return out, tool.log, int(tool.tally[0]), where_given_up(tool, tau)
             # to the end of the stretch, by rounding too
             if h >= time_left:

@@ -509,7 +509,7 @@ def _change_of_answer(renderer: Renderer, rows: Rows, by: float, answer: Array) 
     return largest_change
 
 
-TURN = 8
+TURN_TICKS = 8
 """Ticks that a renderer answers before it is another one's turn."""
 
 Party = tuple[Renderer, Path, Scene]
@@ -519,7 +519,7 @@ Party = tuple[Renderer, Path, Scene]
 def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
     """Return what the first renderer answers along its path, while the second is led along its own by turns.
 
-    Both are reset at the beginning, and then answer `TURN` ticks each until the first path ends.
+    Both are reset at the beginning, and then answer `TURN_TICKS` ticks each until the first path ends.
     """
     parties = []
     for renderer, path, scene in (first, second):
@@ -529,20 +529,20 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
         reset_checked(renderer, parties[-1][1].hip[0])
     first_rows = parties[0][1]  # only the first renderer's answers are recorded
     answers = Answers.room(first_rows.hip)
-    for begin in range(0, len(first_rows.dt), TURN):
+    for begin in range(0, len(first_rows.dt), TURN_TICKS):
         answers_of_turn = [
-            _lead_on(renderer, rows.part(begin, begin + TURN), begin, partial(rows.part, 0, begin))
+            _lead_on(renderer, rows.part(begin, begin + TURN_TICKS), begin, partial(rows.part, 0, begin))
             for renderer, rows in parties
         ]
         for column, answered in zip(answers, answers_of_turn[0], strict=True):
-            column[begin : begin + TURN] = answered
+            column[begin : begin + TURN_TICKS] = answered
     time, hips = first[1].sampled(dt)
     recorded = slice(len(first_rows.dt) - len(time), None)
     channels = {"hip": hips, **channels_of(answers.part(recorded)), "velocity": first_rows.velocity[recorded]}
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(first[0]).meta})
 
 
-PATIENCE = 32
+REST_PATIENCE = 32
 """Ticks after which a renderer that still moves under a hand at rest is not waited for."""
 
 
@@ -621,9 +621,9 @@ class Closeup:
 
     def _rest_at(self, renderer: Renderer, row: int, lag: int) -> tuple[Rows, Answers]:
         """The ticks of a rest at `row`, and the last answer, a single row."""
-        rows = Rows.resting(self._rows.hip[row], self._subject.dt, PATIENCE)
+        rows = Rows.resting(self._rows.hip[row], self._subject.dt, REST_PATIENCE)
         answers: list[tuple[Array, Array]] = []
-        for _ in range(PATIENCE):
+        for _ in range(REST_PATIENCE):
             answers.append(step_checked(renderer, self._tick(row), rows.hip[0], rows.velocity[0], self._subject.dt))
             same_answers = [np.array_equal(ihip, answers[-1][0]) for ihip, _ in answers[-lag - 1 :]]
             # a proxy that lags by `lag` ticks has caught up when so many answers are the same

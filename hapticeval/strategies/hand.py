@@ -330,7 +330,7 @@ STOP_ANGLE = math.pi / 8.0
 ASIDE_SHARE = 0.01
 """How far the hand goes on past a corner, on top of twice its depth, as a share of the model's size."""
 
-OUTLINE_POINTS = 320
+OUTLINE_DIRECTIONS = 320
 """Number of points, besides the corners, at which an outline's direction is taken."""
 
 
@@ -402,7 +402,7 @@ def _stops_of(curve: Curve) -> list[Stop]:
     """
     # Even arc lengths (m), and the corners themselves.
     arc_lengths = np.union1d(
-        np.arange(OUTLINE_POINTS) * curve.length / OUTLINE_POINTS, [corner.s for corner in curve.corners]
+        np.arange(OUTLINE_DIRECTIONS) * curve.length / OUTLINE_DIRECTIONS, [corner.s for corner in curve.corners]
     )
     # The normal half way between a point and the one before it; before the first one comes the last.
     normals_before = curve.normal(

@@ -268,7 +268,7 @@ def test_a_missing_name_of_c_plus_plus_is_spelt_out(refused: Refusals, build: Bu
 def test_one_that_hangs_when_it_is_loaded_is_ended(
     refused: Refusals, build: Build, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(adapter, "PATIENCE", 0.5)
+    monkeypatch.setattr(adapter, "LOADING_PATIENCE", 0.5)
     with refused(InputError):
         resolve(f"lib:{build(INFO='for (;;) {}')}")
 

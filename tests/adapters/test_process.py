@@ -150,7 +150,7 @@ def test_a_renderer_ends_its_process(command: Callable[..., str]) -> None:
 def test_an_answer_that_makes_no_sense_ends_it(
     refused: Refusals, command: Callable[..., str], step: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(adapter, "PATIENCE", 0.3 if "sleep(60)" in step and "close" not in step else 20.0)
+    monkeypatch.setattr(adapter, "ANSWER_PATIENCE", 0.3 if "sleep(60)" in step and "close" not in step else 20.0)
     renderer = make_process_renderer(command(step=step))
     renderer.reset(np.zeros(2))
     begun = time.monotonic()
@@ -268,7 +268,7 @@ def test_what_is_no_command_is_named(refused: Refusals) -> None:
 def test_a_long_message_to_a_child_that_does_not_read_ends(
     refused: Refusals, command: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(adapter, "PATIENCE", 0.5)
+    monkeypatch.setattr(adapter, "ANSWER_PATIENCE", 0.5)
     monkeypatch.setattr(adapter, "TICK_PATIENCE", 0.0)
     name = command(
         hello="say(id=id, version=1, run=True)",

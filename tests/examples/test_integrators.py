@@ -7,7 +7,7 @@ from functools import partial
 
 import pytest
 
-from hapticeval.devices.integration import DEFAULT, METHODS, TOLERANCE
+from hapticeval.devices.integration import DEFAULT, METHODS, STEP_TOLERANCE
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.errors import HapticevalError
 from hapticeval.examples.studies import integrators
@@ -22,7 +22,7 @@ def document():
 def test_a_study_shows_that_the_default_keeps_its_promise_and_that_less_does_not(document):
     methods = {method["name"]: method["points"] for method in document["devices"][0]["methods"]}
     assert methods.keys() == METHODS.keys() == LOOKS.keys()
-    chosen = next(point for point in methods[DEFAULT] if point["tolerance"] == TOLERANCE)
+    chosen = next(point for point in methods[DEFAULT] if point["tolerance"] == STEP_TOLERANCE)
     assert chosen["error"] < document["target"] < methods["euler"][-1]["error"]
     for points in methods.values():
         assert points[-1]["error"] <= points[0]["error"]

@@ -13,7 +13,17 @@ from robots import DT, twin_of, wired
 from hapticeval.errors import HapticevalError
 from hapticeval.hardware import udp
 from hapticeval.hardware.device import Reading
-from hapticeval.hardware.udp import BYE, COMMAND, HELLO, READ, READING, STOPPED, WRITE, UdpDevice, running
+from hapticeval.hardware.udp import (
+    BYE,
+    COMMAND,
+    HELLO,
+    READ_PACKET,
+    READING,
+    STOPPED_PACKET,
+    WRITE_PACKET,
+    UdpDevice,
+    running,
+)
 
 
 @pytest.fixture
@@ -35,27 +45,27 @@ def patient(monkeypatch):
 def greeted(robot):
     device = UdpDevice(robot.getsockname(), 2)
     packet, loop = robot.recvfrom(COMMAND.size)
-    assert COMMAND.unpack(packet)[:2] == (WRITE, HELLO)
+    assert COMMAND.unpack(packet)[:2] == (WRITE_PACKET, HELLO)
     return device, loop
 
 
 def test_a_loop_greets_answers_and_ends(robot):
     device, loop = greeted(robot)
-    robot.sendto(READING.pack(READ, 7, 123, 1.0, 2.0, 3.0), loop)
+    robot.sendto(READING.pack(READ_PACKET, 7, 123, 1.0, 2.0, 3.0), loop)
     reading = device.read()
     assert reading[:2] == (123, 7)
     np.testing.assert_array_equal(reading.raw, [1.0, 2.0])
     device.write(np.array([0.5, -0.25]))
-    assert COMMAND.unpack(robot.recv(COMMAND.size)) == (WRITE, 7, 0.5, -0.25, 0.0)
+    assert COMMAND.unpack(robot.recv(COMMAND.size)) == (WRITE_PACKET, 7, 0.5, -0.25, 0.0)
     device.close()
     device.close()
-    assert COMMAND.unpack(robot.recv(COMMAND.size)) == (WRITE, BYE, 0.0, 0.0, 0.0)
+    assert COMMAND.unpack(robot.recv(COMMAND.size)) == (WRITE_PACKET, BYE, 0.0, 0.0, 0.0)
 
 
 def test_the_newest_reading_counts(robot):
     device, loop = greeted(robot)
     for count in range(1, 6):
-        robot.sendto(READING.pack(READ, count, count, count, 0.0, 0.0), loop)
+        robot.sendto(READING.pack(READ_PACKET, count, count, count, 0.0, 0.0), loop)
     assert device.read().sequence == 5
     device.close()
 
@@ -66,8 +76,8 @@ def test_the_newest_reading_counts(robot):
         b"",
         b"HCRD",
         b"hello",
-        READING.pack(READ, 1, 1, 0.0, 0.0, 0.0) + b".",
-        STOPPED + b"emergency stop",
+        READING.pack(READ_PACKET, 1, 1, 0.0, 0.0, 0.0) + b".",
+        STOPPED_PACKET + b"emergency stop",
         None,
     ],
 )

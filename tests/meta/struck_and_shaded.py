@@ -17,7 +17,7 @@ from outsiders import Outsider, case
 from hapticeval.compiled import as_record, as_records
 from hapticeval.discovery import resolve
 from hapticeval.effects.shading import facets
-from hapticeval.effects.shading_kernels import FACET
+from hapticeval.effects.shading_kernels import SHADED_FACET
 from hapticeval.renderer import Renderer, Response
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
@@ -132,12 +132,14 @@ class Showing:
 
 
 def on_facet(tick: Tick) -> tuple[Any, float]:
-    """The facet under the tool, a `FACET`, and how far along it the tool is, m."""
+    """The facet under the tool, a `SHADED_FACET`, and how far along it the tool is, m."""
     curve = tick.scene.model.curve
     table = facets(curve, 60.0)
     assert table is not None
     along = float(curve.arc_length(curve.nearest(tick.ihip[np.newaxis]))[0])
-    facet = as_record(table, FACET, np.searchsorted(as_records(table, FACET).start, along, side="right") - 1)
+    facet = as_record(
+        table, SHADED_FACET, np.searchsorted(as_records(table, SHADED_FACET).start, along, side="right") - 1
+    )
     return facet, along - float(facet.start)
 
 

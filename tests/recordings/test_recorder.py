@@ -15,7 +15,7 @@ import pytest
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.channels import Signal
-from hapticeval.recordings.journal import BLOCK, Kind, blocks, recover
+from hapticeval.recordings.journal import BLOCK_HEAD, Kind, blocks, recover
 from hapticeval.recordings.provenance import describe_losses
 from hapticeval.recordings.recorder import Counters, LossWarning, Recorder, Writer
 
@@ -87,7 +87,7 @@ def test_the_head_of_a_block_counts_its_rows_and_no_other_block_has_any(tmp_path
             recorder.append([0.0], 0.0, at=row)
     counts = Counter()
     for block in blocks(data := path.read_bytes()):
-        _, kind, _, rows, size, _ = BLOCK.unpack_from(data, block.at)
+        _, kind, _, rows, size, _ = BLOCK_HEAD.unpack_from(data, block.at)
         assert rows == (size // 32 if kind == Kind.ROWS else 0), "32 bytes of sequence, stamp and two numbers"
         counts[Kind(kind)] += rows or 1
     assert counts == {Kind.HEADER: 2, Kind.EVENT: 1, Kind.ROWS: 5, Kind.END: 1}

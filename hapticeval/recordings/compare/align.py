@@ -259,7 +259,7 @@ def _grid_range(segments: Sequence[Segment], period: float | None) -> tuple[floa
 GRID_POINTS = 721
 """Places of the grid over all that the runs cover: half a degree of a full turn."""
 
-COLUMNS: Mapping[str, tuple[str, str]] = {
+PASS_COLUMNS: Mapping[str, tuple[str, str]] = {
     "direction": ("rad", "direction of the force in the plane, unwrapped along the way"),
     "magnitude": ("N", "size of the force"),
     "depth": ("m", "distance of the IHIP from the HIP"),

@@ -8,7 +8,7 @@ the differences between repeats of one.
 - Over pairs of renderers, and over the two directions, whose repeats may be different runs, p is multiplied by their
   number.
 - A column in which no two repeats, of either renderer, differ by more than rounding is the same, and not tested: see
-  `ROUNDING_SHARE`.
+  `COLUMN_ROUNDING`.
 - Where those of each renderer agree to rounding but not with the other's, the test needs nothing more: any other deal
   of the names mixes them.
 """
@@ -24,13 +24,13 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.compare.align import COLUMNS, FULL_TURN, Aligned, Pass, Run
+from hapticeval.recordings.compare.align import FULL_TURN, PASS_COLUMNS, Aligned, Pass, Run
 from hapticeval.recordings.compare.permutation import LEVEL, Distances, needed, permutation_p
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.types import Array, BoolArray, IntArray
 
 LEAST_COVERAGE = 0.5  # a repeat covers at least this share of what the fullest one does: the end of a last lap is none
-ROUNDING_SHARE = 16.0 * SINGLE  # of a column's size: what a few operations in single precision may cost
+COLUMN_ROUNDING = 16.0 * SINGLE  # of a column's size: what a few operations in single precision may cost
 LEAST_COMMON = 0.05  # two curves must share this much of the grid for a distance, and two medians for a difference
 
 
@@ -60,7 +60,7 @@ def groups(aligned: Aligned) -> Iterator[tuple[str, int, Mapping[str, Repeats]]]
     """
     branches: dict[str, tuple[Array, BoolArray]] = {}
     for direction in (1, -1):
-        for column in COLUMNS:
+        for column in PASS_COLUMNS:
             passes_of = {}
             for renderer in dict.fromkeys(run.renderer for run in aligned.runs):
                 passes = [pass_ for pass_ in aligned.passes_of(renderer, direction) if column in pass_.columns]
@@ -69,7 +69,7 @@ def groups(aligned: Aligned) -> Iterator[tuple[str, int, Mapping[str, Repeats]]]
             if not passes_of:
                 continue
             branch = None
-            if COLUMNS[column][0] == "rad":
+            if PASS_COLUMNS[column][0] == "rad":
                 branch, answered = _branch(
                     column, [one for renderer_passes in passes_of.values() for one in renderer_passes]
                 )
@@ -342,5 +342,5 @@ def _pairwise_distances(column: str, one: Repeats, other: Repeats) -> tuple[Dist
         out[i, j] = out[j, i] = np.sqrt(np.mean(difference**2)) if np.mean(common) >= LEAST_COMMON else np.nan
         largest = max(largest, float(np.max(np.abs(difference), initial=0.0)))
     # A direction is known to a share of a turn, all else to a share of its size.
-    size = FULL_TURN if COLUMNS[column][0] == "rad" else float(np.max(np.abs(values[masks]), initial=0.0))
-    return Distances(out, units), largest / (ROUNDING_SHARE * size) if largest else 0.0
+    size = FULL_TURN if PASS_COLUMNS[column][0] == "rad" else float(np.max(np.abs(values[masks]), initial=0.0))
+    return Distances(out, units), largest / (COLUMN_ROUNDING * size) if largest else 0.0

@@ -38,7 +38,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error, origin
 from hapticeval.recordings.importing.units import parse_unit
-from hapticeval.recordings.memory import FOLDER, HEAD_BYTES, first_bytes, reserve
+from hapticeval.recordings.memory import FOLDER_MARK, HEAD_BYTES, first_bytes, reserve
 
 FORMAT_GROUP = "hapticeval.formats"
 """Entry points of this group are functions of other packages, marked with `importer`."""
@@ -326,7 +326,7 @@ def _detected_format(path: Path) -> Format:
         return known["csv"]  # a header longer than what was looked at
     words = _described_kind(head) or ("text without a row of numbers" if is_text(head) else None)
     why = f"its name ends in '{path.suffix}', its first bytes are {head[:16]!r}"
-    if head.startswith(FOLDER):
+    if head.startswith(FOLDER_MARK):
         words, inside = "a folder", head.decode(errors="replace").splitlines()[1:]
         why = f"it holds: {', '.join(inside[:5]) or 'nothing'}{', ...' if len(inside) > 5 else ''}"
     raise InputError(

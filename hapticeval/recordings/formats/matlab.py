@@ -6,8 +6,8 @@ damaged ones, one in sixty ended the process with a segmentation fault. A variab
 no other.
 
 Such a file is a header and elements: a kind, a size, and so many bytes, padded to eight; short ones stand within their
-own tag. A variable is an element of kind `MATRIX`, or one that holds such an element packed, and a matrix is made of
-elements again: its flags with the class, its dimensions, its name, and what it holds by class.
+own tag. A variable is an element of kind `MATRIX_ELEMENT`, or one that holds such an element packed, and a matrix is
+made of elements again: its flags with the class, its dimensions, its name, and what it holds by class.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ MOST_PARAMETERS = 9
 """A MATLAB array of as many numbers at the most is a parameter (a 3 x 3 matrix), no signal."""
 
 HEADER_BYTES = 128
-COMPRESSED, MATRIX = 15, 14
+COMPRESSED_ELEMENT, MATRIX_ELEMENT = 15, 14
 CELL, STRUCTURE, OBJECT, TEXT, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
 """Classes of a matrix beside those of numbers."""
 
@@ -153,7 +153,7 @@ def read_matlab5(path: Path) -> Table:
     for offset, kind, content in _variables(path, memoryview(data), order):
         if offset == subsystem and subsystem:
             continue
-        if kind == COMPRESSED:
+        if kind == COMPRESSED_ELEMENT:
             content = _unpacked(path, offset, content, order, unpacked_bytes)
             unpacked_bytes += len(content)
         matrix = _Matrix(path, offset, order, parts)
@@ -176,9 +176,10 @@ def _variables(path: Path, data: memoryview, order: str) -> Iterator[tuple[int, 
     offset = HEADER_BYTES
     while offset < len(data):
         kind, size = struct.unpack(order + "II", bytes(data[offset : offset + 8]).ljust(8, b"\0"))
-        if kind not in (COMPRESSED, MATRIX):
+        if kind not in (COMPRESSED_ELEMENT, MATRIX_ELEMENT):
             raise damaged_error(
-                path, f"at byte {offset} a variable should start, with {MATRIX} or {COMPRESSED}, not {kind}"
+                path,
+                f"at byte {offset} a variable should start, with {MATRIX_ELEMENT} or {COMPRESSED_ELEMENT}, not {kind}",
             )
         end = offset + 8 + size
         if end > len(data):
@@ -189,7 +190,7 @@ def _variables(path: Path, data: memoryview, order: str) -> Iterator[tuple[int, 
             )
         yield offset, kind, data[offset + 8 : end]
         # Packed elements are not padded.
-        offset = end + (-size % PADDING_BYTES if kind == MATRIX else 0)
+        offset = end + (-size % PADDING_BYTES if kind == MATRIX_ELEMENT else 0)
 
 
 def _unpacked(path: Path, offset: int, packed: memoryview, order: str, unpacked_bytes: int) -> memoryview:
@@ -199,8 +200,10 @@ def _unpacked(path: Path, offset: int, packed: memoryview, order: str, unpacked_
         # Only the tag is unpacked before its size has been reserved: a small file may state any size.
         tag = unpacking.decompress(packed, 8)
         kind, size = struct.unpack(order + "II", tag.ljust(8, b"\0"))
-        if kind != MATRIX:
-            raise damaged_error(path, f"the variable at byte {offset} holds an element of kind {kind}, not {MATRIX}")
+        if kind != MATRIX_ELEMENT:
+            raise damaged_error(
+                path, f"the variable at byte {offset} holds an element of kind {kind}, not {MATRIX_ELEMENT}"
+            )
         reserve(unpacked_bytes + size, f"{path}, as far as it was counted,")
         # No more than that, what pads it, and the checksum.
         matrix = unpacking.decompress(unpacking.unconsumed_tail, size + PADDING_BYTES)
@@ -288,7 +291,7 @@ class _Matrix:
         at, (before, after) = 0, "[]" if fields != [""] else "{}"
         for place, field in product(range(size), fields):
             member = self._next(data, at, f"part {place}")
-            if member.kind != MATRIX:
+            if member.kind != MATRIX_ELEMENT:
                 raise OddError(f"part {place} of '{name}' is of kind {member.kind}, no matrix")
             bracket = "" if size == 1 else f"{before}{place}{after}"
             self.read(member.data, f"{name}{bracket}.{field}" if field else f"{name}{bracket}", depth + 1)

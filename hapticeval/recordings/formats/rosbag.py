@@ -14,7 +14,7 @@ import numpy as np
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.extras import install_command
 from hapticeval.recordings.formats import Table, importer
-from hapticeval.recordings.memory import FOLDER, reserve
+from hapticeval.recordings.memory import FOLDER_MARK, reserve
 
 BYTES_A_NUMBER = 40
 """Bytes that a number takes while the messages are read."""
@@ -24,7 +24,7 @@ LONGEST_ARRAY = 64
 
 
 def _recognises(head: bytes) -> bool:
-    return head.startswith(b"#ROSBAG V") or (head.startswith(FOLDER) and b"metadata.yaml" in head.split(b"\n"))
+    return head.startswith(b"#ROSBAG V") or (head.startswith(FOLDER_MARK) and b"metadata.yaml" in head.split(b"\n"))
 
 
 @importer("rosbag", about="a ROS 1 or ROS 2 bag", recognises=_recognises)

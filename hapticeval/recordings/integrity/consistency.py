@@ -34,15 +34,16 @@ A quantum is what the numbers of all channels involved resolve: see `coarsest`.
 CHAIN_ROUNDING = 1e-9
 """Share of the signal's size that computing in double precision may cost over a chain of transformations."""
 
-KINEMATICS, TORQUE, SPRING, SURFACE = "forward kinematics", "torque", "spring", "surface"
-IMPLIED, CONTACT = "spring and surface", "contact"
+KINEMATICS_RELATION, TORQUE_RELATION = "forward kinematics", "torque"
+SPRING_RELATION, SURFACE_RELATION = "spring", "surface"
+IMPLIED_RELATION, CONTACT_RELATION = "spring and surface", "contact"
 RELATIONS = {
-    KINEMATICS: ("HIP = FK(q) (2.28)", ("hip", "joint_position")),
-    TORQUE: ("tau = J^T F (2.8)", ("joint_position", "joint_torque", "force")),
-    SPRING: ("F = K_p (IHIP - HIP) (6.1)", ("hip", "ihip", "force")),
-    SURFACE: ("IHIP on the model in contact", ("hip", "ihip")),
-    IMPLIED: ("HIP + F / K_p on the model in contact (6.1)", ("hip", "force")),
-    CONTACT: ("force where the HIP goes into the model, none outside", ("hip", "force")),
+    KINEMATICS_RELATION: ("HIP = FK(q) (2.28)", ("hip", "joint_position")),
+    TORQUE_RELATION: ("tau = J^T F (2.8)", ("joint_position", "joint_torque", "force")),
+    SPRING_RELATION: ("F = K_p (IHIP - HIP) (6.1)", ("hip", "ihip", "force")),
+    SURFACE_RELATION: ("IHIP on the model in contact", ("hip", "ihip")),
+    IMPLIED_RELATION: ("HIP + F / K_p on the model in contact (6.1)", ("hip", "force")),
+    CONTACT_RELATION: ("force where the HIP goes into the model, none outside", ("hip", "force")),
 }
 """What should hold by each check, and the channels that it reads."""
 
@@ -99,16 +100,16 @@ def inverse_checks(
     rows = np.flatnonzero(recording.measured)
     makers: dict[str, Callable[[], ConsistencyTest]] = {}
     if device is not None:
-        makers[KINEMATICS] = partial(forward_kinematics, recording, rows, device)
-        makers[TORQUE] = partial(transposed_jacobian, recording, rows, device)
+        makers[KINEMATICS_RELATION] = partial(forward_kinematics, recording, rows, device)
+        makers[TORQUE_RELATION] = partial(transposed_jacobian, recording, rows, device)
     if stiffness is not None:
-        makers[SPRING] = partial(spring, recording, rows, stiffness)
+        makers[SPRING_RELATION] = partial(spring, recording, rows, stiffness)
     if model is not None:
-        makers[SURFACE] = partial(on_the_model, recording, rows, model)
+        makers[SURFACE_RELATION] = partial(on_the_model, recording, rows, model)
         if stiffness is not None and "ihip" not in recording.channels:
             # Without an IHIP the tool is where the spring says: at HIP + F / K_p.
-            makers[IMPLIED] = partial(implied_tool, recording, rows, model, stiffness)
-        makers[CONTACT] = partial(contact, recording, rows, model)
+            makers[IMPLIED_RELATION] = partial(implied_tool, recording, rows, model, stiffness)
+        makers[CONTACT_RELATION] = partial(contact, recording, rows, model)
     checks = []
     for name, make in makers.items():
         missing = [channel for channel in RELATIONS[name][1] if channel not in recording.channels]
@@ -127,7 +128,7 @@ def forward_kinematics(recording: Recording, rows: IntArray, device: Kinematics)
     # Largest row sum of |J|, m/rad: what one quantum in every joint moves the HIP at the most.
     reach = float(np.abs([device.jacobian(row) for row in joints]).sum(axis=2).max())
     step = reach * coarsest(joints) + coarsest(hip)
-    return _checked(recording, rows, KINEMATICS, "hip", "m", np.linalg.norm(residual, axis=1), step)
+    return _checked(recording, rows, KINEMATICS_RELATION, "hip", "m", np.linalg.norm(residual, axis=1), step)
 
 
 def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics) -> ConsistencyTest:
@@ -142,7 +143,7 @@ def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics
     # Largest column sum of |J|, m: what one quantum of force in every direction does to a torque.
     lever = float(np.abs(jacobians).sum(axis=1).max())
     step = coarsest(torque) + lever * coarsest(force)
-    return _checked(recording, rows, TORQUE, "joint_torque", "N m", np.linalg.norm(residual, axis=1), step)
+    return _checked(recording, rows, TORQUE_RELATION, "joint_torque", "N m", np.linalg.norm(residual, axis=1), step)
 
 
 def spring(recording: Recording, rows: IntArray, stiffness: float) -> ConsistencyTest:
@@ -155,7 +156,7 @@ def spring(recording: Recording, rows: IntArray, stiffness: float) -> Consistenc
     # (6.1) without damping: |F - K_p (IHIP - HIP)|, N.
     residual = np.linalg.norm(force - stiffness * reach, axis=1)
     step = stiffness * (coarsest(hip) + coarsest(ihip)) + coarsest(force)
-    check = _checked(recording, rows, SPRING, "force", "N", residual, step)
+    check = _checked(recording, rows, SPRING_RELATION, "force", "N", residual, step)
     # Least squares of F = K reach: K = sum F . reach / sum reach^2.
     return _fitted(check, stiffness, float(np.sum(force * reach)), float(np.sum(reach * reach)))
 
@@ -170,11 +171,11 @@ def on_the_model(recording: Recording, rows: IntArray, model: Model) -> Consiste
     # In free space the IHIP is the HIP, to what single precision may make of it: only contact is judged.
     rows = rows[apart > 1e-6 * float(np.max(np.abs(hip), initial=0.0))]
     if rows.size == 0:
-        return ConsistencyTest(SURFACE, why="the IHIP is the HIP throughout: there is no contact")
+        return ConsistencyTest(SURFACE_RELATION, why="the IHIP is the HIP throughout: there is no contact")
     tool = recording.ihip[rows]
     # Distance from the boundary, m: its sign says only on which side the IHIP is off.
     residual, step = np.abs(model.boundary.closest_point(tool).distance), coarsest(tool) + _blurred(recording)
-    return _checked(recording, rows, SURFACE, "ihip", "m", residual, step, size=model.size)
+    return _checked(recording, rows, SURFACE_RELATION, "ihip", "m", residual, step, size=model.size)
 
 
 def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: float) -> ConsistencyTest:
@@ -188,12 +189,12 @@ def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: 
     floor = max(RESIDUAL_QUANTA * quantum, declared_floor(recording) or 0.0)
     rows = rows[np.linalg.norm(recording.force[rows], axis=1) > floor]
     if rows.size == 0:
-        return ConsistencyTest(IMPLIED, why="the log has no force beyond its resolution")
+        return ConsistencyTest(IMPLIED_RELATION, why="the log has no force beyond its resolution")
     hip, force = recording.hip[rows], recording.force[rows]
     # (6.1) solved for the tool: IHIP = HIP + F / K_p, which has to lie on the boundary.
     residual = np.abs(model.boundary.closest_point(hip + force / stiffness).distance)
     step = coarsest(hip) + quantum / stiffness + _blurred(recording)
-    check = _checked(recording, rows, IMPLIED, "force", "m", residual, step, size=model.size)
+    check = _checked(recording, rows, IMPLIED_RELATION, "force", "m", residual, step, size=model.size)
     frame = model.boundary.closest_point(hip)
     # To first order the tool's distance is d + n . F / K: least squares in 1 / K gives K = sum (n.F)^2 / -sum d (n.F).
     along = np.sum(frame.normal * force, axis=1)
@@ -234,11 +235,13 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
         if at.size:
             largest, span = float(off[at].max()), (int(at[0]), int(at[-1]) + 1)
             message = f"{words}, by up to {1e3 * largest:.3g} mm, at {at.size} rows"
-            issues.append(make_issue(recording, CONTACT, message, "force", span, residual=largest, rows=int(at.size)))
+            issues.append(
+                make_issue(recording, CONTACT_RELATION, message, "force", span, residual=largest, rows=int(at.size))
+            )
     off = off[rows]
     largest_residual, median = float(off.max(initial=0.0)), float(np.median(off))
     return ConsistencyTest(
-        CONTACT, "m", int(rows.size), largest_residual, median, allowed / RESIDUAL_QUANTA, tuple(issues)
+        CONTACT_RELATION, "m", int(rows.size), largest_residual, median, allowed / RESIDUAL_QUANTA, tuple(issues)
     )
 
 

@@ -28,7 +28,7 @@ from hapticeval.types import Array
 SPEED_WINDOW = 3e-3  # s over which a speed is the slope of the position: short against an approach, long against a tick
 BIAS_TIME = 10e-3  # s before the touch over which the sensor's own reading is taken
 CONTACT_SHARE = 0.1  # of the largest force: where a contact begins, if the recording does not state its `force_floor`
-TOUCH_SHARE = 0.05  # of the peak: a contact lasts while the press is above it
+PRESSED_SHARE = 0.05  # of the peak: a contact lasts while the press is above it
 # Shares of the peak between which the slope is taken: beyond, the sensor wanders or the contact turns.
 LOADING_SHARES = (0.1, 0.9)
 # s; a longer contact is pushed by the hand, which reacts by then, and its speeds give no restitution.
@@ -140,13 +140,13 @@ def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: 
     touch, bias = first, float(np.median(press[max(0, first - 2 * before) : max(1, first - before)]))
     for _ in range(3):  # what the sensor reads before the touch says where the touch is, and the other way round
         touch = first
-        while touch > 0 and press[touch - 1] > bias + TOUCH_SHARE * (largest - bias):
+        while touch > 0 and press[touch - 1] > bias + PRESSED_SHARE * (largest - bias):
             touch -= 1
         bias = float(np.median(press[max(0, touch - 1 - before) : max(1, touch - 1)]))
     # From here on the peak is above what the sensor read just before the touch.
     largest -= bias
     release = end
-    while release < press.size and press[release] > bias + TOUCH_SHARE * largest:
+    while release < press.size and press[release] > bias + PRESSED_SHARE * largest:
         release += 1
     load = press[touch:release] - bias
     peak = int(np.argmax(load))

@@ -23,7 +23,7 @@ from hapticeval.recordings.recording import Recording, columns_of, runs_of
 from hapticeval.recordings.stretches import Stretch, stretches
 from hapticeval.types import BoolArray
 
-LEFT_OUT = ("stuck", "spike", "jump")
+LEFT_OUT_ISSUES = ("stuck", "spike", "jump")
 """Issues, but for notes, whose rows are no measurement of the hand, though they are valid: checks leave them out."""
 
 DETECTORS: tuple[Callable[[Recording], Iterable[Issue]], ...] = (
@@ -140,7 +140,7 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     # Why rows are left out: marked as no measurement, named by an issue, or alone between others.
     left = [(span, "no measurement") for span in runs_of(~keep)]
     for issue in report.issues:
-        no_measurement = issue.kind in LEFT_OUT and issue.severity is not Severity.NOTE
+        no_measurement = issue.kind in LEFT_OUT_ISSUES and issue.severity is not Severity.NOTE
         if no_measurement and issue.first is not None and keep[issue.first : issue.end].any():
             keep[issue.first : issue.end] = False
             left.append(((issue.first, issue.end or 0), f"{issue.kind} in {issue.channel}"))
@@ -152,7 +152,7 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     return Soundness(recording, sound, tuple((Stretch(*span), why) for span, why in sorted(left)))
 
 
-MOST_LISTED = 5
+MOST_LISTED_ISSUES = 5
 """Issues of one kind and channel beyond so many are counted, not listed."""
 
 
@@ -191,14 +191,14 @@ def _issues(report: Integrity) -> list[str]:
         key = (issue.kind, issue.channel)
         # Of one kind and channel the first few say it all: the others are counted.
         counts[key] = counts.get(key, 0) + 1
-        if counts[key] > MOST_LISTED:
+        if counts[key] > MOST_LISTED_ISSUES:
             continue
         lines.append(f"{issue.severity}: {' '.join(key).rstrip()} ({issue.place}): {issue.message}")
         if issue.todo and issue.severity is not Severity.NOTE and (*key, issue.todo) not in advised:
             # The same advice is given once for a kind and channel.
             advised.add((*key, issue.todo))
             lines.append(f"  what to do: {issue.todo}")
-    more = {key: count - MOST_LISTED for key, count in counts.items() if count > MOST_LISTED}
+    more = {key: count - MOST_LISTED_ISSUES for key, count in counts.items() if count > MOST_LISTED_ISSUES}
     return lines + [f"and {count} more, marked in the picture: {' '.join(key)}".rstrip() for key, count in more.items()]
 
 
@@ -218,8 +218,12 @@ def _checks(report: Integrity) -> list[str]:
 def _intervals(report: Integrity, soundness: Soundness) -> list[str]:
     """Return which stretches are sound, and how many rows are left out for which reason."""
     spans = soundness.sound
-    listed = ", ".join(f"{span.times(soundness.recording)}{_lacking(report, span)}" for span in spans[:MOST_LISTED])
-    more = f" and {len(spans) - MOST_LISTED} more, shown in the picture" if len(spans) > MOST_LISTED else ""
+    listed = ", ".join(
+        f"{span.times(soundness.recording)}{_lacking(report, span)}" for span in spans[:MOST_LISTED_ISSUES]
+    )
+    more = (
+        f" and {len(spans) - MOST_LISTED_ISSUES} more, shown in the picture" if len(spans) > MOST_LISTED_ISSUES else ""
+    )
     reasons: dict[str, list[int]] = {}
     for span, why in soundness.left_out:
         reasons.setdefault(why, []).append(len(span))
