@@ -13,12 +13,12 @@ from collections.abc import Iterable
 from msgspec.structs import replace
 
 from hapticeval.errors import UnknownNameError
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.suite.case import Case
 
 WISH = os.environ.get("HAPTICEVAL_PUBLISH", "")
-if WISH not in ("", "1", *OWN):
-    raise UnknownNameError("check whose tables are to be written", WISH, OWN)
+if WISH not in ("", "1", *OWN_CHECKS):
+    raise UnknownNameError("check whose tables are to be written", WISH, OWN_CHECKS)
 
 
 def publishing() -> bool:
@@ -28,7 +28,7 @@ def publishing() -> bool:
 
 def only_check() -> str | None:
     """The check of which alone tables are to be written; None where it is of all."""
-    return WISH if WISH in OWN else None
+    return WISH if WISH in OWN_CHECKS else None
 
 
 def concerned(cases: Iterable[Case]) -> tuple[Case, ...]:

@@ -15,7 +15,7 @@ from publishing import publishing
 from hapticeval.effects.catalogue import EFFECTS
 from hapticeval.effects.effect import unit_of
 from hapticeval.phenomena.pages import read_page
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 
 DOCS = Path(__file__).parents[1] / "docs"
 CHECKS_HEAD = """# Every check
@@ -42,7 +42,7 @@ def escaped(text: str) -> str:
 
 def checks() -> Iterator[str]:
     """Yield a row for each check: its name with a link to its page, its level and its question."""
-    for name, check in OWN.items():
+    for name, check in OWN_CHECKS.items():
         yield f"| [{name}](checks/{name}.md) | {check.level.value} | {escaped(read_page(check).question)} |\n"
 
 

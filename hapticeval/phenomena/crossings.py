@@ -27,10 +27,10 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
-SAMPLES = 1025
+FACE_SAMPLES = 1025
 """Points on a face in the plane, as long as it may be: a chord of one that bends misses it by kappa ds^2 / 8."""
 
-RESTS = -2
+TOOL_RESTS = -2
 """In place of a face: the rigid tool rests on an edge or in a corner."""
 
 UNDECIDED = -3
@@ -169,7 +169,7 @@ def _distance_to_face(recording: Recording, scene: Scene, corner: Corner, headin
     if boundary.closed:
         behind = [length % boundary.girth for length in behind]
     longest = min((length for length in behind if length > 0.0), default=boundary.girth)
-    face = boundary.walk(corner.position, -heading * np.linspace(0.0, longest, SAMPLES)).foot
+    face = boundary.walk(corner.position, -heading * np.linspace(0.0, longest, FACE_SAMPLES)).foot
     # A straight face needs two of these points: distances to it are then fast.
     line = shapely.simplify(shapely.LineString(face), FACE_SAMPLES_SHARE * within)
     feet = boundary.closest_point(recording.ihip).foot
@@ -235,7 +235,7 @@ def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float, within:
     stretches = _label_runs(faces)
     for number, (first, last, face) in enumerate(stretches[:-1]):
         # By way of the edge, where the tool rests, or at once.
-        rested = stretches[number + 1][2] == RESTS
+        rested = stretches[number + 1][2] == TOOL_RESTS
         next_number = number + 1 + rested
         if face < 0 or next_number >= len(stretches):
             continue
@@ -260,8 +260,8 @@ def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float, within:
 def _follow_with_rigid_tool(recording: Recording, mesh: Mesh, slack: float) -> tuple[IntArray, IntArray, Array]:
     """Return the flat face of the mesh (n,) that a rigid tool is on, its triangle (n,), and its place (n, 3), m.
 
-    In place of a face it is `IN_FREE_SPACE`, `RESTS` or `UNDECIDED`. On an edge or a vertex in the middle of a flat
-    face the tool is on that face.
+    In place of a face it is `IN_FREE_SPACE`, `TOOL_RESTS` or `UNDECIDED`. On an edge or a vertex in the middle of a
+    flat face the tool is on that face.
 
     A hand that is on the mesh, to `slack` (m), is on either side of it by rounding. The tool is that of a hand a little
     inside, under all faces there: the hand of a rigid contact is the tool, and is so held. Where a hand a little
@@ -312,7 +312,7 @@ def _find_faces(mesh: Mesh, hips: Array) -> tuple[IntArray, IntArray, Array]:
             mean = vertices[corners[triangle, feature - VERTEX], PSEUDO:]
             flat = bool(np.linalg.norm(mean - mesh.normals[triangle]) <= SAME_NORMAL)
         if not flat:
-            faces[tick] = RESTS
+            faces[tick] = TOOL_RESTS
     faces[features == IN_FREE_SPACE] = IN_FREE_SPACE
     return triangles, faces, tools
 

@@ -19,7 +19,7 @@ from hapticeval.phenomena import checks
 from hapticeval.phenomena.check import Check
 from hapticeval.phenomena.pages import read_page
 
-GROUP = "hapticeval.checks"
+CHECK_GROUP = "hapticeval.checks"
 
 PHENOMENA = (
     "Continuous Contact Point",
@@ -50,10 +50,10 @@ def _read_own() -> list[Check]:
     return sorted(own, key=_place_in_lists)
 
 
-OWN: Mapping[str, Check] = {check.id: check for check in _read_own()}
+OWN_CHECKS: Mapping[str, Check] = {check.id: check for check in _read_own()}
 """The checks of this package, each of a module of its name, or of that of its family."""
 
-OF_EFFECTS: Mapping[str, Check] = {name: check for name, check in OWN.items() if check.effects}
+OF_EFFECTS: Mapping[str, Check] = {name: check for name, check in OWN_CHECKS.items() if check.effects}
 """Those that ask whether an effect is shown, which a scene has to call for."""
 
 
@@ -62,24 +62,24 @@ class Checks(Mapping[str, Check]):
 
     def __getitem__(self, name: str) -> Check:
         # Ours first: the installed packages are looked through for other names only (20 ms).
-        return OWN[name] if name in OWN else _loaded(_installed()[name])
+        return OWN_CHECKS[name] if name in OWN_CHECKS else _loaded(_installed()[name])
 
     def __contains__(self, name: object) -> bool:
-        return name in OWN or name in _installed()
+        return name in OWN_CHECKS or name in _installed()
 
     def __iter__(self) -> Iterator[str]:
-        yield from OWN
+        yield from OWN_CHECKS
         yield from _installed()
 
     def __len__(self) -> int:
-        return len(OWN) + len(_installed())
+        return len(OWN_CHECKS) + len(_installed())
 
 
 def _installed() -> Mapping[str, EntryPoint]:
     """Return the entry points of others by name, in alphabetical order; none may replace a check of ours."""
-    entries = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
+    entries = sorted(entry_points(group=CHECK_GROUP), key=lambda entry: entry.name)
     # An installed check of the name of one of ours is left out: a verdict's meaning is not to be replaced.
-    return {entry.name: entry for entry in entries if entry.name not in OWN}
+    return {entry.name: entry for entry in entries if entry.name not in OWN_CHECKS}
 
 
 def _loaded(entry: EntryPoint) -> Check:
@@ -98,7 +98,7 @@ def _loaded(entry: EntryPoint) -> Check:
     raise InputError(
         f"the check '{entry.name}'{package} cannot be loaded from {entry.value}",
         why=why,
-        todo=f"mend or remove that package; an entry point of {GROUP} names a Check with its id",
+        todo=f"mend or remove that package; an entry point of {CHECK_GROUP} names a Check with its id",
     )
 
 

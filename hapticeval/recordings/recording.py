@@ -20,6 +20,9 @@ OWN_TOOL = "own_tool"
 SINGLE = 2.0**-23
 """Spacing of single-precision numbers around 1: what the coarsest honest renderer computes with."""
 
+DOUBLE = 2.0**-52
+"""Spacing of double-precision numbers around 1."""
+
 SINGLE_ROUNDINGS = 4.0
 """Roundings of single precision by which what is made of rounded numbers may be off: see `phenomena.decisions`."""
 

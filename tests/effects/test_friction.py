@@ -20,7 +20,7 @@ from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Response, abilities_of
 from hapticeval.runner.judging import make_renderer
@@ -164,7 +164,7 @@ def test_the_cone_is_never_left_and_the_hand_gets_no_more_than_a_held_spring_giv
     assert np.all(gained <= 0.5 * STIFFNESS * np.cumsum(np.sum(moved**2, axis=1)) + 1e-12)
     np.testing.assert_allclose(recording.force, STIFFNESS * (recording.ihip - hips), atol=1e-11)
     for check in ("friction-cone", "friction-sliding", "friction-energy"):
-        assert OWN[check](Runs(recording), scene).outcome is not Outcome.FAIL
+        assert OWN_CHECKS[check](Runs(recording), scene).outcome is not Outcome.FAIL
 
 
 @settings(max_examples=25)
@@ -241,7 +241,7 @@ def test_in_a_corner_both_sides_hold():
     climbs = np.flatnonzero(run.ihip[:, 1] > 1e-3)[0]
     assert np.linalg.norm(run.ihip[600:climbs], axis=1).min() < 1e-12
     assert np.all(np.abs(run.ihip[120:climbs, 1]) < 1.1e-3)
-    assert OWN["friction-cone"](Runs(run), scene).outcome is Outcome.PASS
+    assert OWN_CHECKS["friction-cone"](Runs(run), scene).outcome is Outcome.PASS
 
 
 class Scripted:
@@ -281,7 +281,7 @@ def test_round_tips_and_valleys_the_cone_holds(base):
     path = build_path({"kind": "scaled", "depth": 2e-3, "from_angle": 0, "to_angle": 170, "duration": 2.0},
                       scene.model.boundary, FilePath())  # fmt: skip
     run = play(make_renderer(resolve(base), scene), path, 1e-3, scene=scene)
-    assert OWN["friction-cone"](Runs(run), scene).outcome is Outcome.PASS
+    assert OWN_CHECKS["friction-cone"](Runs(run), scene).outcome is Outcome.PASS
 
 
 @pytest.mark.parametrize("hip", [-1e-3, 1e-3])

@@ -19,7 +19,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.passivity import active_by_nature
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Level
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
@@ -179,7 +179,7 @@ def test_a_scene_with_active_friction_shows_passivity_only():
     points = np.array([[0.0, 1e-3], [0.0, -1e-3], [0.01, -1e-3], [0.01, 1e-3]])
     renderer = make_renderer(resolve("minimum-distance"), scene)
     run = play(renderer, Path(np.array([0.0, 0.02, 0.1, 0.12]), points), 1e-3, scene=scene)
-    finding = OWN["passivity"](Runs(run), scene)
+    finding = OWN_CHECKS["passivity"](Runs(run), scene)
     assert finding.level is Level.INFO
     assert "shown only, for LuGre" in finding.message
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from made import FAIL, PASS, UNDECIDED, changed, found, outcome, recorded
 
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Level
 from hapticeval.runner.judging import judge
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -37,7 +37,7 @@ def test_a_wrong_one_is_stopped_by_a_must(name, case):
     failed = {check for check, finding in findings(outsider, case).items() if finding.outcome is FAIL}
     assert failed
     assert failed <= set(outsider.fails)
-    assert all(OWN[check].level is Level.MUST for check in failed)
+    assert all(OWN_CHECKS[check].level is Level.MUST for check in failed)
 
 
 @pytest.mark.parametrize("case", ["height-map-line", "bump-map-line"])

@@ -21,7 +21,7 @@ from mutants import BESIDES, MUTANTS
 from publishing import concerned, only_check, publishing
 
 from hapticeval.files import replacing
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.rigid_contact import ideal
 from hapticeval.runner.judging import judge
@@ -92,7 +92,7 @@ def test_what_is_right_passes_every_check_that_applies(name):
 
 def test_what_is_right_passes_each_check_somewhere():
     right = ("ideal", FAULTLESS, *HONEST)
-    assert set().union(*(of_check(name, Outcome.PASS) for name in right)) == set(OWN)
+    assert set().union(*(of_check(name, Outcome.PASS) for name in right)) == set(OWN_CHECKS)
 
 
 @pytest.mark.parametrize("name", BROKEN)
@@ -120,11 +120,11 @@ def test_what_an_outsider_breaks_is_found(name):
         return
     failed = of_check(name, Outcome.FAIL)
     assert failed == set(broken.fails)
-    assert any(OWN[check].level is not Level.INFO for check in failed), "and does not pass"
+    assert any(OWN_CHECKS[check].level is not Level.INFO for check in failed), "and does not pass"
 
 
 def test_no_check_is_without_a_renderer_that_it_stops():
-    assert set(BROKEN.values()) | {check for each in FAULTY.values() for check in each.fails} == set(OWN)
+    assert set(BROKEN.values()) | {check for each in FAULTY.values() for check in each.fails} == set(OWN_CHECKS)
 
 
 @pytest.mark.parametrize("name", JUDGED)

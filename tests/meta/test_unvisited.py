@@ -14,7 +14,7 @@ from unvisited import UNVISITED, Damped, Unvisited
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import line
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
@@ -34,7 +34,7 @@ def outcomes(make, place, *checks):
 @pytest.mark.parametrize(("name", "place"), VISITS)
 def test_a_fault_is_stopped_where_a_suite_visits_it(name, place):
     unvisited: Unvisited = UNVISITED[name]
-    assert OWN[unvisited.check].level is Level.MUST
+    assert OWN_CHECKS[unvisited.check].level is Level.MUST
     assert outcomes(unvisited.make, place, unvisited.check)[unvisited.check] is Outcome.FAIL
 
 

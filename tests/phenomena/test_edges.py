@@ -12,7 +12,7 @@ from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.geometry.catalogue import make_model, mesh
 from hapticeval.geometry.mesh_tool import IN_FREE_SPACE
-from hapticeval.phenomena.crossings import RESTS, _find_faces, _label_runs, _shift_touching, find_crossings
+from hapticeval.phenomena.crossings import TOOL_RESTS, _find_faces, _label_runs, _shift_touching, find_crossings
 from hapticeval.renderers import constraint
 from hapticeval.rigid_contact import ideal
 from hapticeval.scene import Scene
@@ -147,7 +147,7 @@ def test_a_recording_that_ends_while_the_tool_rests_on_the_edge_has_no_switch():
     ends_there = changed(round_the_notch(), rows=slice(0, 1100))
     assert outcome("abrupt-switch", ends_there, NOTCHED) is NO
     *_, (_, end, label) = _label_runs(_find_faces(NOTCHED.model.boundary, ends_there.hip)[1])
-    assert (end, label) == (1100, RESTS)
+    assert (end, label) == (1100, TOOL_RESTS)
 
 
 @pytest.mark.parametrize("count", [1, 2])

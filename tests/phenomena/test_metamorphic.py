@@ -12,7 +12,7 @@ from hapticeval.discovery import resolve
 from hapticeval.documents import convert
 from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import OWN_TOOL, Recording
 from hapticeval.runner.judging import judge
@@ -21,7 +21,7 @@ from hapticeval.simulation.playback import play
 from hapticeval.suite.case import Case
 
 IDS = ("mirror-image", "vertex-order", "time-subdivision", "two-at-once")
-CHECKS = [OWN[name] for name in IDS]
+CHECKS = [OWN_CHECKS[name] for name in IDS]
 OUTLINE = [[-0.08, -0.05], [0.09, -0.06], [0.03, 0.0], [0.1, 0.05], [-0.02, 0.09]]
 MODELS = (
     {"kind": "star"},

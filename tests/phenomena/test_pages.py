@@ -11,7 +11,7 @@ from refusals import Refusals
 
 from hapticeval.errors import InputError
 from hapticeval.phenomena.pages import parse_page, read_page
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 
 FOLDER = Path(__file__).parents[2] / "docs" / "checks"
 HEADINGS = ["Bound", "What it does not see", "When it fails"]
@@ -19,13 +19,13 @@ TOY = "# toy\n\nIs it *weak*,\nas `toys` are?\n\n## Bound\n\nHalf a [newton](x.m
 
 
 def test_every_check_has_a_page_and_every_page_a_check() -> None:
-    assert {file.stem for file in FOLDER.glob("*.md")} == set(OWN)
+    assert {file.stem for file in FOLDER.glob("*.md")} == set(OWN_CHECKS)
 
 
-@pytest.mark.parametrize("check", OWN)
+@pytest.mark.parametrize("check", OWN_CHECKS)
 def test_a_page_has_the_parts_that_a_reader_looks_for(check: str) -> None:
     text = (FOLDER / f"{check}.md").read_text(encoding="utf-8")
-    page = read_page(OWN[check])
+    page = read_page(OWN_CHECKS[check])
     assert text.startswith(f"# {check}\n\n{page.question[:10]}")
     assert re.findall(r"^## (.+)$", text, re.MULTILINE) == [*["Also called"] * bool(page.also_called), *HEADINGS]
     assert page.question.endswith("?")
@@ -33,18 +33,18 @@ def test_a_page_has_the_parts_that_a_reader_looks_for(check: str) -> None:
     assert page.text == text
 
 
-@pytest.mark.parametrize("check", OWN)
+@pytest.mark.parametrize("check", OWN_CHECKS)
 def test_the_bound_is_said_in_a_few_lines(check: str) -> None:
-    assert len(read_page(OWN[check]).bound.split()) <= 65
+    assert len(read_page(OWN_CHECKS[check]).bound.split()) <= 65
 
 
-@pytest.mark.parametrize("check", OWN)
+@pytest.mark.parametrize("check", OWN_CHECKS)
 def test_a_page_names_checks_and_pages_that_exist(check: str) -> None:
     text = (FOLDER / f"{check}.md").read_text(encoding="utf-8")
     assert all((FOLDER / link).is_file() for link in re.findall(r"\]\(([^)]+\.md)\)", text))
     prefixes = ("shading-", "texture-", "friction-", "transient-", "contact-normal", "broken-", "abrupt-")
     named = set(re.findall(r"`([a-z]+(?:-[a-z]+)+)`", text))
-    assert {name for name in named if name.startswith(prefixes)} <= set(OWN)
+    assert {name for name in named if name.startswith(prefixes)} <= set(OWN_CHECKS)
 
 
 def test_a_page_is_read_as_plain_text() -> None:
@@ -74,10 +74,10 @@ def test_a_page_without_a_question_or_a_bound_is_refused(text: str) -> None:
 
 
 def test_a_check_without_a_page_is_refused_by_name(refused: Refusals) -> None:
-    check = replace(OWN["drift"], id="no-such-check")
+    check = replace(OWN_CHECKS["drift"], id="no-such-check")
     with refused(InputError):
         read_page(check)
 
 
 def test_a_check_of_another_package_brings_its_page() -> None:
-    assert read_page(replace(OWN["drift"], id="toy", page=TOY)).question == "Is it weak, as toys are?"
+    assert read_page(replace(OWN_CHECKS["drift"], id="toy", page=TOY)).question == "Is it weak, as toys are?"

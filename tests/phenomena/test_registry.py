@@ -15,7 +15,7 @@ from hapticeval.geometry.catalogue import circle, star
 from hapticeval.phenomena import checks
 from hapticeval.phenomena.check import SIBLINGS, Check, Runs, Situation
 from hapticeval.phenomena.checks import relations
-from hapticeval.phenomena.registry import CHECKS, OWN
+from hapticeval.phenomena.registry import CHECKS, OWN_CHECKS
 from hapticeval.phenomena.verdict import Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -80,7 +80,7 @@ def command(capsys):
 
 
 def test_an_installed_check_is_listed_explained_judged_and_reported(toy, command):
-    assert "toy-strength" not in OWN
+    assert "toy-strength" not in OWN_CHECKS
     assert "Is it weak?" in command("list", "checks")
     assert "half a newton" in command("explain", "toy-strength")
     ran = command("run", "toys.toml", "-r", "minimum-distance", "-o", "out")
@@ -99,7 +99,7 @@ def test_an_entry_point_that_is_no_such_check_is_refused_by_name(refused, toy, c
 
 
 def test_nobody_replaces_a_check_of_ours(toy):
-    assert CHECKS["passivity"] is OWN["passivity"]
+    assert CHECKS["passivity"] is OWN_CHECKS["passivity"]
     assert list(CHECKS).count("passivity") == 1
 
 
@@ -153,9 +153,9 @@ def test_a_sibling_that_there_is_not_is_refused_with_the_closest(refused):
         dataclasses.replace(NEEDY, siblings={"agian": "the same again"}, needs={})
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize("name", OWN_CHECKS)
 def test_the_data_of_our_checks_is_of_one_piece(name):
-    check = OWN[name]
+    check = OWN_CHECKS[name]
     assert set(check.needs) <= set(check.siblings)
     assert not set(check.channels) & set(check.reads_also)
     for each in ("phenomenon", "formula", "citation", "metric"):
@@ -173,7 +173,7 @@ def test_siblings_are_made_once():
     assert set(SIBLINGS) == {each.name for each in dataclasses.fields(Runs)} - {"base"}
 
 
-@pytest.mark.parametrize("check", OWN.values(), ids=OWN)
+@pytest.mark.parametrize("check", OWN_CHECKS.values(), ids=OWN_CHECKS)
 def test_a_module_is_named_after_its_check_or_the_family_of_effects_that_it_asks_of(check):
     """Who knows an id knows the file: `broken-contact` is in broken_contact.py, `friction-cone` in friction.py.
 

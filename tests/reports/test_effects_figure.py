@@ -12,7 +12,7 @@ from hapticeval.cli import main
 from hapticeval.effects.catalogue import EFFECTS, make_effect
 from hapticeval.effects.effect import Stage
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.reports.effects_figure import PANELS, contact_stretches, effect_svg, sliding_motion, work_on_hand
 from hapticeval.reports.write import write_reports
 from hapticeval.study.effects_cost import Cost, EffectsDocument, Ladder, Rung, SceneEntry, write_costs
@@ -117,5 +117,5 @@ def test_the_page_shows_effects_and_costs_where_there_are_any(tmp_path, monkeypa
 
 def test_every_effect_of_the_surface_has_a_panel():
     """Of those that a check asks about: what there is to see of another is not known here."""
-    asked = {kind for check in OWN.values() for kind in check.effects}
+    asked = {kind for check in OWN_CHECKS.values() for kind in check.effects}
     assert set(PANELS) == {kind for kind in asked if EFFECTS[kind].of.stage is Stage.ANSWER}

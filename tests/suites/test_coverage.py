@@ -9,7 +9,7 @@ from publishing import publishing
 
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.phenomena.check import Situation
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.suite.outline import find_suites
 from hapticeval.suite.reading import load_suite
 
@@ -40,7 +40,7 @@ def counted() -> Counter[tuple[str, str, str]]:
 
 def can_be_asked(check: str, hand: str) -> bool:
     """Whether a check can be asked of such a hand at all, by its own data."""
-    data = OWN[check]
+    data = OWN_CHECKS[check]
     if hand == "led":
         closed = {"law", "at_speed"} & data.needs.keys()
         return not (closed or {Situation.LED, Situation.PLAYBACK} & data.not_for.keys() or hand in NEVER.get(check, ()))
@@ -53,7 +53,7 @@ def table() -> str:
         "| check | " + " | ".join(f"{space}, {hand}" for space, hand in CELLS) + " |",
         "|---|" + "---:|" * len(CELLS),
     ]
-    for check in OWN:
+    for check in OWN_CHECKS:
         cells = [str(cases[check, *cell] or ("" if can_be_asked(check, cell[1]) else "·")) for cell in CELLS]
         lines.append(f"| `{check}` | " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -81,7 +81,7 @@ NOT_VISITED: dict[str, str] = {
 
 def why_not_visited(check: str) -> str:
     """Return why no suite visits the empty cells of a check."""
-    return NOT_VISITED.get(check, SHOWN_ONCE if OWN[check].effects else OF_THE_ANSWER)
+    return NOT_VISITED.get(check, SHOWN_ONCE if OWN_CHECKS[check].effects else OF_THE_ANSWER)
 
 
 def empty_cells() -> dict[str, list[str]]:
@@ -91,7 +91,7 @@ def empty_cells() -> dict[str, list[str]]:
         check: [
             f"{space}, {hand}" for space, hand in CELLS if not cases[check, space, hand] and can_be_asked(check, hand)
         ]
-        for check in OWN
+        for check in OWN_CHECKS
     }
     return {check: cells for check, cells in empty.items() if cells}
 
@@ -127,7 +127,7 @@ def test_a_check_with_an_empty_cell_has_its_reason():
     """Those that most checks have are of checks that a path can show, and a path does; others are listed."""
     assert set(NOT_VISITED) <= set(empty_cells()), "a reason for a check without an empty cell"
     cases = counted()
-    led = {check for check in OWN if any(cases[check, space, "led"] for space in SPACES)}
+    led = {check for check in OWN_CHECKS if any(cases[check, space, "led"] for space in SPACES)}
     assert set(empty_cells()) - led <= set(NOT_VISITED), "a check that no path is asked about has a reason of its own"
 
 
@@ -135,7 +135,10 @@ def test_each_check_is_asked_in_the_plane_and_in_space_wherever_it_can_be():
     """The least that a suite owes: led or moving, in either dimension."""
     cases = counted()
     missing = {
-        (check, space) for check in OWN for space in SPACES if not any(cases[check, space, hand] for hand in HANDS)
+        (check, space)
+        for check in OWN_CHECKS
+        for space in SPACES
+        if not any(cases[check, space, hand] for hand in HANDS)
     }
     assert missing == MISSING
     assert {check for check, _ in missing} <= set(NOT_VISITED)

@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.suite.outline import suites_named
@@ -32,7 +32,7 @@ IN_SPACE = tuple(case.name for case in SUITE.cases if case.model["kind"] == "sph
 )
 def test_friction_put_on_a_renderer_passes_its_checks(case, renderer):
     case.check_stimulus()
-    asked = tuple(check for check in case.checks if OWN[check].effects)
+    asked = tuple(check for check in case.checks if OWN_CHECKS[check].effects)
     judged = judge(resolve(renderer), renderer, SUITE.name, replace(case, checks=asked))
     assert judged.error is None
     expected = Outcome.NOT_APPLICABLE if case.name in IN_SPACE and renderer == "constraint@curve" else Outcome.PASS

@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.suite.outline import suites_named
@@ -21,7 +21,7 @@ CASES = [(suite, case.name) for suite in SUITES for case in load_suite(suite).ca
 def test_a_spring_with_the_effect_put_on_it_passes_its_checks(suite, name, renderer):
     case = load_suite(suite).case(name)
     case.check_stimulus()
-    asked = tuple(check for check in case.checks if OWN[check].effects)
+    asked = tuple(check for check in case.checks if OWN_CHECKS[check].effects)
     if not asked:
         pytest.skip("the case is shown only")
     judged = judge(resolve(renderer), renderer, suite, replace(case, checks=asked))

@@ -29,7 +29,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
-KINDS = {
+KIND_WORDS = {
     "let go": "contact is lost inside the model",
     "not met": "the hand is led into the model and not met",
     "tunnelled": "the tool tunnels through the model",
@@ -101,7 +101,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if had_contact:
         evidence["last_ihip"] = listed(base.ihip[first - 1])
     message = (
-        f"{KINDS[kind]} at t = {base.time[first]:.4g} s, HIP {mm(*base.hip[first])}: without contact for "
+        f"{KIND_WORDS[kind]} at t = {base.time[first]:.4g} s, HIP {mm(*base.hip[first])}: without contact for "
         f"{seconds:.3g} s ({ticks} of {len(base)} ticks), the hand gets {mm(metric.value)} past the surface that bars "
         "the tool's way"
     )

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.checks.numerical_stability import EPS
 from hapticeval.phenomena.closed_paths import laps
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, STEEP_FACTOR
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
+from hapticeval.recordings.recording import DOUBLE
 from hapticeval.scene import Scene
 
 
@@ -47,7 +47,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         if excess_and_change > (largest_excess, largest_change):
             (largest_excess, largest_change), worst, number = excess_and_change, first + period + row, count
     # Digits of the model's size that the answers keep, 16 at the most.
-    digits = -math.log10(max(largest_change / size, EPS))
+    digits = -math.log10(max(largest_change / size, DOUBLE))
     ticks = sum(period * count for _, period, count in lap_runs)
     evidence = {**evidence_at(base, worst), "digits": digits, "off_m": largest_change, "laps": number, "ticks": ticks}
     return compared(

@@ -7,8 +7,8 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, required, without_ihip
 from hapticeval.phenomena.checks.shading import SHADING
-from hapticeval.phenomena.checks.texture import TEXTURE
-from hapticeval.phenomena.checks.texture_work import BUMP
+from hapticeval.phenomena.checks.texture import STOCHASTIC_TEXTURE
+from hapticeval.phenomena.checks.texture_work import BUMP_MAP
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TOLD_APART
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
@@ -16,7 +16,7 @@ from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
-BEFORE_FRICTION = (SHADING, BUMP)
+BEFORE_FRICTION = (SHADING, BUMP_MAP)
 """Effects that take their turn before friction and leave the IHIP on the surface."""
 
 
@@ -24,14 +24,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare what the later of friction and another effect adds to the answer of the earlier one with its law."""
     base = runs.base
     others = scene.answer_effects_except(FRICTION)
-    if len(others) != 1 or others[0] not in (*BEFORE_FRICTION, TEXTURE):
-        listed_effects = ", ".join((*BEFORE_FRICTION, TEXTURE))
+    if len(others) != 1 or others[0] not in (*BEFORE_FRICTION, STOCHASTIC_TEXTURE):
+        listed_effects = ", ".join((*BEFORE_FRICTION, STOCHASTIC_TEXTURE))
         message = f"it is asked of friction and one of {listed_effects}, not of {others or 'it alone'}"
         return not_applicable(message)
     if lacks_ihip(base, scene):
         return without_ihip(base)
     # The catalogue's order: shading and bump maps, friction, texture.
-    first, last = (FRICTION, TEXTURE) if others[0] == TEXTURE else (others[0], FRICTION)
+    first, last = (FRICTION, STOCHASTIC_TEXTURE) if others[0] == STOCHASTIC_TEXTURE else (others[0], FRICTION)
     plain = required(runs.without)(last)
     pressed = above_force_floor(base, scene) & above_force_floor(plain, scene)
     # A late renderer's queue is not filled before.
@@ -40,7 +40,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     strength = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
     allowed = SINGLE_ROUNDINGS * SINGLE * (strength + scene.stiffness * largest) + force_floor(scene)
     deviation, added = (
-        _vibration_deviation(base, plain, scene) if last == TEXTURE else _drag_deviation(base, plain, scene, pressed)
+        _vibration_deviation(base, plain, scene)
+        if last == STOCHASTIC_TEXTURE
+        else _drag_deviation(base, plain, scene, pressed)
     )
     if not (pressed & (added > TOLD_APART * allowed)).any():
         return undecided(f"the {last} adds nothing to be told from rounding, where the tool is pressed")
@@ -87,7 +89,7 @@ def _vibration_deviation(base: Recording, plain: Recording, scene: Scene) -> tup
     normal = scene.model.boundary.closest_point(base.ihip).normal
     across = np.sum(added * normal, axis=1)[:, np.newaxis] * normal
     # What vibrations add beside their own direction is another effect's work.
-    aside = added - across if scene.effect(TEXTURE).direction == "normal" else across
+    aside = added - across if scene.effect(STOCHASTIC_TEXTURE).direction == "normal" else across
     moved = scene.stiffness * np.linalg.norm(base.ihip - plain.ihip, axis=1)
     return np.linalg.norm(aside, axis=1) + moved, np.linalg.norm(added, axis=1)
 

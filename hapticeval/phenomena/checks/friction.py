@@ -35,7 +35,7 @@ from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, lar
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hand_velocity, hip_steps, listed, touching
 from hapticeval.phenomena.verdict import Finding, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -44,9 +44,6 @@ if TYPE_CHECKING:
 
 FRICTIONS = (FRICTION, VISCOUS_FRICTION, LUGRE)
 """The effects that brake a tool along the surface."""
-
-
-DOUBLE = float(np.finfo(np.float64).eps)
 
 
 HAND = ("hip", "velocity")
@@ -243,7 +240,7 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
     if share < TELLING_SHARE:
         return undecided("the tool is hardly pulled along the surface: less than a tenth of what the friction holds")
     return compared(
-        CONE.measured(share),
+        FRICTION_CONE.measured(share),
         1.0 + CONE_ROUNDING,
         {
             **evidence_at(base, worst),
@@ -292,7 +289,7 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
     tick = int(slips[worst])
     reached = (1.0 - float(shortfall[worst])) * friction.mu_s
     return compared(
-        BREAK_AWAY.measured(max(float(shortfall[worst]), 0.0)),
+        FRICTION_BREAK_AWAY.measured(max(float(shortfall[worst]), 0.0)),
         float(allowed[worst]),
         {**evidence_at(base, tick), "reached": reached, "slips": int(np.count_nonzero(clear))},
         passes=(
@@ -359,7 +356,7 @@ def judge_sticking(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Fin
         f"{1e6 * away:.3g} um in {seconds:.4g} s at {share:.2f} of the kinetic cone, from t = {base.time[first]:.4g} s"
     )
     return compared(
-        STICKING.measured(worst),
+        FRICTION_STICKING.measured(worst),
         CREEP_SPEED,
         {
             **evidence_at(base, int(first)),
@@ -408,7 +405,7 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
     against = -float(np.sum(surface_force.tangential[worst] * step[worst])) / float(length[worst])
     comparison = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {braking[worst]:.4g} N"
     return compared(
-        SLIDING.measured(deviation[worst]),
+        FRICTION_SLIDING.measured(deviation[worst]),
         float(allowed[worst]),
         {
             **evidence_at(base, worst),
@@ -440,7 +437,7 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
     base = runs.base
     if any(effect.stage is Stage.SENSE for effect in scene.effects):
         return undecided("the renderer answers the speed that its sensors show, and not the hand's")
-    (kind,) = (effect.kind for effect in scene.effects if effect.kind in FORCE.effects)
+    (kind,) = (effect.kind for effect in scene.effects if effect.kind in FRICTION_FORCE.effects)
     tangential = surface_force.tangential
     if runs.without is not None:
         plain = runs.without(kind).force
@@ -480,7 +477,7 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
         f"N that the {kind} makes of {1e3 * np.linalg.norm(surface_force.velocity[worst]):.3g} mm/s"
     )
     return compared(
-        FORCE.measured(deviation[worst]),
+        FRICTION_FORCE.measured(deviation[worst]),
         float(doubt[worst]),
         {**evidence_at(base, worst), "law_N": float(strength[worst]), "lag_ticks": float(lag)},
         passes=f"the force along the surface is that of the {kind} in every tick",
@@ -587,7 +584,7 @@ def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findi
     span = f"from t = {base.time[worst[0]]:.4g} s to {base.time[worst[1]]:.4g} s"
     what = f"{1e3 * gain:.4g} mJ {span}, where holding the force for a tick may give {1e3 * granted:.4g} mJ"
     return compared(
-        ENERGY.measured(gain),
+        FRICTION_ENERGY.measured(gain),
         granted,
         {**evidence_at(base, worst[1]), "from_time": float(base.time[worst[0]])},
         passes=f"the hand gets no more than a held spring gives: {what}",
@@ -627,7 +624,7 @@ def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
         f"friction takes {1e3 * law:.5g} mJ"
     )
     return compared(
-        WORK.measured(deviation),
+        FRICTION_WORK.measured(deviation),
         allowed,
         {
             **evidence_at(base, stop),
@@ -682,7 +679,7 @@ def _stored_energy(base: Recording, surface_force: SurfaceForce, scene: Scene) -
     return np.asarray((surface_force.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
 
 
-CONE = _check_of_friction(
+FRICTION_CONE = _check_of_friction(
     judge_cone,
     on_time=((*HAND, "ihip"), ("force",)),
     id="friction-cone",
@@ -694,7 +691,7 @@ CONE = _check_of_friction(
 )
 
 
-BREAK_AWAY = _check_of_friction(
+FRICTION_BREAK_AWAY = _check_of_friction(
     judge_break_away,
     id="friction-break-away",
     phenomenon="none of the six: static friction, thesis 4.3.3",
@@ -705,7 +702,7 @@ BREAK_AWAY = _check_of_friction(
 )
 
 
-STICKING = _check_of_friction(
+FRICTION_STICKING = _check_of_friction(
     judge_sticking,
     id="friction-sticking",
     phenomenon="none of the six: static friction, thesis 4.3.3",
@@ -717,7 +714,7 @@ STICKING = _check_of_friction(
 )
 
 
-SLIDING = _check_of_friction(
+FRICTION_SLIDING = _check_of_friction(
     judge_sliding,
     on_time=((*HAND, "ihip"), ("force",)),
     id="friction-sliding",
@@ -729,7 +726,7 @@ SLIDING = _check_of_friction(
 )
 
 
-FORCE = _check_of_friction(
+FRICTION_FORCE = _check_of_friction(
     judge_force,
     damped=False,
     id="friction-force",
@@ -744,7 +741,7 @@ FORCE = _check_of_friction(
 )
 
 
-ENERGY = _check_of_friction(
+FRICTION_ENERGY = _check_of_friction(
     judge_energy,
     on_time=(HAND,),
     id="friction-energy",
@@ -757,7 +754,7 @@ ENERGY = _check_of_friction(
 )
 
 
-WORK = _check_of_friction(
+FRICTION_WORK = _check_of_friction(
     judge_work,
     on_time=(HAND, (*HAND, "ihip"), (*HAND, "force")),
     damped=False,
@@ -770,4 +767,12 @@ WORK = _check_of_friction(
 )
 
 
-CHECKS = (CONE, BREAK_AWAY, STICKING, SLIDING, FORCE, ENERGY, WORK)
+CHECKS = (
+    FRICTION_CONE,
+    FRICTION_BREAK_AWAY,
+    FRICTION_STICKING,
+    FRICTION_SLIDING,
+    FRICTION_FORCE,
+    FRICTION_ENERGY,
+    FRICTION_WORK,
+)

@@ -33,7 +33,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # To the bit without a declared scatter: a reset that leaves nothing repeats every operation.
     exceeds = {name: differences[name] > scatter[name] for name in differences}
     differs = exceeds["ihip"] | exceeds["force"]
-    named, name, unit = ("IHIP", "ihip", "m") if exceeds["ihip"].any() and not exceeds["force"].any() else FORCE
+    named, name, unit = ("IHIP", "ihip", "m") if exceeds["ihip"].any() and not exceeds["force"].any() else FORCE_CHANNEL
     worst = int(np.argmax(differences[name]))
     metric = Metric(f"{named} after a reset less that before", float(differences[name][worst]), unit)
     ratio = _force_ratio(base.force[:rows], again.force[:rows])
@@ -61,7 +61,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return Finding(Outcome.FAIL, message, metric, scatter[name], evidence)
 
 
-FORCE = ("force", "force", "N")
+FORCE_CHANNEL = ("force", "force", "N")
 
 
 def _believed_scatter(base: Recording, scene: Scene) -> dict[str, float]:

@@ -100,7 +100,7 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
         "edges_crossed": int(np.count_nonzero(shows)),
     }
     return compared(
-        DIRECTION.measured(turn[worst]),
+        SHADING_DIRECTION.measured(turn[worst]),
         float(allowed[worst]),
         evidence,
         passes=(
@@ -137,7 +137,7 @@ def judge_magnitude(runs: Runs, scene: Scene) -> Finding:
     worst = int(np.argmax(np.where(judged, share - allowed, -np.inf)))
     evidence = {**evidence_at(base, worst), "force_N": float(size[worst]), "without_N": float(plain[worst])}
     return compared(
-        MAGNITUDE.measured(share[worst]),
+        SHADING_MAGNITUDE.measured(share[worst]),
         float(allowed[worst]),
         evidence,
         passes="the force is as large as without shading",
@@ -179,7 +179,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     }
     where = f"round the loop that ends at t = {base.time[loops[worst][1]]:.4g} s"
     return compared(
-        WORK.measured(difference[worst]),
+        SHADING_WORK.measured(difference[worst]),
         float(allowed[worst]),
         evidence,
         passes=(
@@ -209,7 +209,7 @@ check_of_shading = partial(
     },
     effects=(SHADING,),
 )
-DIRECTION = check_of_shading(
+SHADING_DIRECTION = check_of_shading(
     id="shading-direction",
     phenomenon="none of the six: force shading, thesis 4.3.1",
     formula="angle(F[i], F[i+1]) <= 2 max over i +- 3 of angle(n_e[j], n_e[j+1]), n_e = unit(sum of a_i n_i)",
@@ -218,7 +218,7 @@ DIRECTION = check_of_shading(
     unit="rad",
     judge=judge_direction,
 )
-MAGNITUDE = check_of_shading(
+SHADING_MAGNITUDE = check_of_shading(
     id="shading-magnitude",
     phenomenon="none of the six: force shading, thesis 4.3.1",
     formula="|F| = |F without shading| at every tick: |n_e| = 1",
@@ -227,7 +227,7 @@ MAGNITUDE = check_of_shading(
     unit="",
     judge=judge_magnitude,
 )
-WORK = check_of_shading(
+SHADING_WORK = check_of_shading(
     id="shading-work",
     phenomenon="none of the six: what force shading gives to the hand, thesis 4.3.1",
     formula="W = sum of F.dx once round = K (d2 - d1)(L/2) tan(theta/2) - K/2 (d2^2 - d1^2)(1 - cos theta), by path",
@@ -236,5 +236,5 @@ WORK = check_of_shading(
     unit="J",
     judge=judge_work,
 )
-CHECKS = (DIRECTION, MAGNITUDE, WORK)
+CHECKS = (SHADING_DIRECTION, SHADING_MAGNITUDE, SHADING_WORK)
 """The checks of this module."""

@@ -29,7 +29,7 @@ from hapticeval.recordings.recording import SINGLE, Recording, backward_differen
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
-TEXTURE = "stochastic-texture"
+STOCHASTIC_TEXTURE = "stochastic-texture"
 """The kind of effect that these checks are of."""
 
 DECIBELS = 10.0 / math.log(10.0)
@@ -46,15 +46,15 @@ class Stretch(NamedTuple):
 
 def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     """Return the stretches of steady speed and force, longest first, or the finding that says why there is none."""
-    base, effect = runs.base, scene.effect(TEXTURE)
-    reason = not_alone(scene, TEXTURE, because="which answer vibrations")
+    base, effect = runs.base, scene.effect(STOCHASTIC_TEXTURE)
+    reason = not_alone(scene, STOCHASTIC_TEXTURE, because="which answer vibrations")
     if reason is not None:
         return reason
     # Ticks a sample of the texture; only a whole number lets its samples be picked.
     ticks_per_sample = 1.0 / (effect.model.rate * base.dt)
     if abs(ticks_per_sample - round(ticks_per_sample)) > WHOLE_SAMPLE:
         return undecided(f"the recording has {ticks_per_sample:.4g} ticks a sample of the texture: no whole number")
-    plain = required(runs.without)(TEXTURE)
+    plain = required(runs.without)(STOCHASTIC_TEXTURE)
     normal = scene.model.boundary.closest_point(plain.ihip).normal
     press = np.sum(plain.force * normal, axis=1)
     velocity = backward_difference(base.hip, base.time)
@@ -101,7 +101,7 @@ def _texture_covariance(scene: Scene, stretch: Stretch, count: int) -> Array:
     """Return the autocovariance (count,), (m/s^2)^2, that the scene's texture has at a stretch's speed and force."""
     from hapticeval.effects.texture import autocovariance
 
-    return autocovariance(scene.effect(TEXTURE).model.between(stretch.speed, stretch.press), count)
+    return autocovariance(scene.effect(STOCHASTIC_TEXTURE).model.between(stretch.speed, stretch.press), count)
 
 
 def _mean_square_variance(covariance: Array, count: int) -> float:
@@ -189,7 +189,7 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
     # A bin without power is -1000 dB, and not infinite.
     error = np.maximum(error, -1e3)
     rms, mean, worst = float(np.sqrt(np.mean(error**2))), float(error.mean()), int(np.argmax(np.abs(error)))
-    rate = 1.0 / (runs.base.dt * max(round(1.0 / (scene.effect(TEXTURE).model.rate * runs.base.dt)), 1))
+    rate = 1.0 / (runs.base.dt * max(round(1.0 / (scene.effect(STOCHASTIC_TEXTURE).model.rate * runs.base.dt)), 1))
     evidence = _stretch_evidence(scene, longest, runs.base) | {
         "mean_error_dB": mean,
         "worst_error_dB": float(error[worst]),
@@ -197,7 +197,7 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
     }
     where = f"at {longest.speed:.3g} m/s and {longest.press:.3g} N, over {count / rate:.3g} s"
     return compared(
-        SPECTRUM.measured(rms),
+        TEXTURE_SPECTRUM.measured(rms),
         bound,
         evidence,
         passes=f"{where} the spectrum is the texture's, {rms:.2g} dB off in the rms",
@@ -238,7 +238,7 @@ def judge_stationary(runs: Runs, scene: Scene) -> Finding:
     }
     part = f"part {worst + 1} of {POWER_PARTS}"
     return compared(
-        STATIONARY.measured(abs(float(part_decibels[worst]))),
+        TEXTURE_STATIONARY.measured(abs(float(part_decibels[worst]))),
         bound,
         evidence,
         passes=f"at a steady speed and force the power stays the same, within {abs(part_decibels[worst]):.2g} dB",
@@ -255,7 +255,7 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
     candidates = find_stretches(runs, scene)
     if isinstance(candidates, Finding):
         return candidates
-    shortest = SHORTEST_STRETCH * scene.effect(TEXTURE).model.rate
+    shortest = SHORTEST_STRETCH * scene.effect(STOCHASTIC_TEXTURE).model.rate
     stretches_and_covariances = [
         (candidate, _texture_covariance(scene, candidate, WELCH_WINDOW))
         for candidate in candidates
@@ -295,7 +295,7 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
         ]
     }
     return compared(
-        AMPLITUDE.measured(abs(float(error_from_mean[worst]))),
+        TEXTURE_AMPLITUDE.measured(abs(float(error_from_mean[worst]))),
         float(allowed[worst]),
         evidence,
         passes=(
@@ -311,11 +311,11 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
 
 def judge_rest(runs: Runs, scene: Scene) -> Finding:
     """Compare the vibrations of a hand that has come to rest with those of the run before."""
-    base, effect = runs.base, scene.effect(TEXTURE)
-    reason = not_alone(scene, TEXTURE, because="which answer vibrations")
+    base, effect = runs.base, scene.effect(STOCHASTIC_TEXTURE)
+    reason = not_alone(scene, STOCHASTIC_TEXTURE, because="which answer vibrations")
     if reason is not None:
         return reason
-    plain = required(runs.without)(TEXTURE)
+    plain = required(runs.without)(STOCHASTIC_TEXTURE)
     added = np.linalg.norm(base.force - plain.force, axis=1)
     largest = float(np.max(np.abs(base.hip)))
     still = np.concatenate([[False], hip_steps(base) <= 4.0 * np.finfo(float).eps * largest])
@@ -345,7 +345,7 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     size = max(float(np.linalg.norm(recording.force[tick])) for recording in (base, plain))
     allowed = ringing_share * largest_moving + SINGLE_ROUNDINGS * SINGLE * (size + scene.stiffness * largest)
     return compared(
-        REST.measured(added[tick]),
+        TEXTURE_REST.measured(added[tick]),
         allowed,
         {**evidence_at(base, tick), "moving_N": largest_moving},
         passes=f"a hand that rests feels {added[tick]:.2g} N of vibrations that reach {largest_moving:.3g} N while it "
@@ -364,33 +364,33 @@ check_of_texture = partial(
     channels=("hip", "ihip", "force"),
     siblings={"without": "the same path in the scene without the texture"},
     needs={"without": undecided("the force without texture is not known: the hand is not led along a given path")},
-    effects=(TEXTURE,),
+    effects=(STOCHASTIC_TEXTURE,),
     unit="dB",
 )
-SPECTRUM = check_of_texture(
+TEXTURE_SPECTRUM = check_of_texture(
     id="texture-spectrum",
     formula="rms over bins of 10 lg(P / E P) with P of Welch's method, windows of 256 samples",
     metric="rms error of the spectrum",
     judge=judge_spectrum,
 )
-STATIONARY = check_of_texture(
+TEXTURE_STATIONARY = check_of_texture(
     id="texture-stationary",
     formula="max over eighths i of |10 lg(P_i / mean P)|, P the mean square",
     metric="power of an eighth against the mean",
     judge=judge_stationary,
 )
-AMPLITUDE = check_of_texture(
+TEXTURE_AMPLITUDE = check_of_texture(
     id="texture-amplitude",
     formula="max over stretches j of |e_j - mean e|, e_j = 10 lg(P_j / r_0 of the texture at v_j and F_j)",
     metric="power of a stretch against the others",
     judge=judge_amplitude,
 )
-REST = check_of_texture(
+TEXTURE_REST = check_of_texture(
     id="texture-rest",
     formula="|F - F without the texture| <= (1 + c t) e^(-c t) max of it while the hand moves, at t = .25 s",
     metric="vibration of a hand that rests",
     judge=judge_rest,
     unit="N",
 )
-CHECKS = (SPECTRUM, STATIONARY, AMPLITUDE, REST)
+CHECKS = (TEXTURE_SPECTRUM, TEXTURE_STATIONARY, TEXTURE_AMPLITUDE, TEXTURE_REST)
 """The checks of this module."""

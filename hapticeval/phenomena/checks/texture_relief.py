@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
-from hapticeval.phenomena.checks.texture_work import BUMP, HEIGHT
+from hapticeval.phenomena.checks.texture_work import BUMP_MAP, HEIGHT_MAP
 from hapticeval.phenomena.decisions import LAG_TICKS, TELLING_SHARE, WHOLE_LAG
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, resting_ticks
 from hapticeval.phenomena.sampling import (
@@ -162,11 +162,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     resting = resting_ticks(base.ihip) * np.concatenate([[0.0], hip_steps(base)])
     doubt = place + believed_standoff(base, scene) + resolution(base, scene) + resting[rows]
     judged = [
-        _compare_channel(felt, base, rows, doubt, name, scene, turns_answers=relief.kind == BUMP)
+        _compare_channel(felt, base, rows, doubt, name, scene, turns_answers=relief.kind == BUMP_MAP)
         for name in ("force", "ihip")
     ]
     # A bump map tilts the force alone.
-    if relief.kind == BUMP and judged[1] is None:
+    if relief.kind == BUMP_MAP and judged[1] is None:
         judged = judged[:1]  # the IHIP stays where it is
     if None in judged:
         return undecided("what the relief changes is smaller than what rounding and the declared lengths leave open")
@@ -208,7 +208,7 @@ def _relief_law(
 ) -> Callable[[float], ReliefAnswer]:
     """Return the law of the relief at `rows` as a function of how many ticks ago the place is that it answers."""
     own_force = None if plain is None else plain.force[rows]
-    if any(effect.kind == HEIGHT for effect in scene.effects):
+    if any(effect.kind == HEIGHT_MAP for effect in scene.effects):
         return lambda lag: height_map_answer(waves, scene, delayed(base.hip, rows, lag), own_force)
     tool = base.ihip if plain is None else plain.ihip
     return lambda lag: bump_map_answer(waves, delayed(tool, rows, lag), own_force, base.force[rows])
@@ -273,7 +273,7 @@ CHECK = Check(
     citation="thesis 4.3.2, (4.16)",
     channels=("hip", "ihip", "force"),
     siblings={"without": "the same path in the scene without the relief"},
-    effects=(HEIGHT, BUMP),
+    effects=(HEIGHT_MAP, BUMP_MAP),
     metric="force off that of the relief",
     unit="N",
     judge=judge,

@@ -14,7 +14,7 @@ from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 
-HEIGHT, BUMP = "height-map", "bump-map"
+HEIGHT_MAP, BUMP_MAP = "height-map", "bump-map"
 """The kinds of effects that this check is of."""
 
 
@@ -83,7 +83,7 @@ CHECK = Check(
     channels=("hip", "force"),
     siblings={"refine": "the same stimulus at 2 and 4, and while undecided 8 and 16 times the sampling rate"},
     needs={"refine": undecided("the recording cannot be refined: the sampling's share in the work is not known")},
-    effects=(HEIGHT, BUMP),
+    effects=(HEIGHT_MAP, BUMP_MAP),
     metric="work that the hand gets in a lap",
     unit="J",
     judge=judge,

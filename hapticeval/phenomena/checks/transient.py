@@ -23,7 +23,7 @@ from hapticeval.phenomena.decisions import (
 from hapticeval.phenomena.sampling import evidence_at, force_floor, hand_velocity, touching
 from hapticeval.phenomena.sampling import rounding as rounding_of
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -113,12 +113,9 @@ def prony(values: Array, dt: float) -> tuple[float, float] | None:
     return -math.log(abs(root)) / dt, math.atan2(root.imag, root.real) / dt
 
 
-IMPULSE, RINGING, RECORDED = "contact-impulse", "contact-transient", "recorded-impulse"
-KINDS = (IMPULSE, RINGING, RECORDED)
+CONTACT_IMPULSE, CONTACT_TRANSIENT, RECORDED_IMPULSE = "contact-impulse", "contact-transient", "recorded-impulse"
+TRANSIENT_EFFECTS = (CONTACT_IMPULSE, CONTACT_TRANSIENT, RECORDED_IMPULSE)
 """The kinds of effects that these checks are of."""
-
-DOUBLE = 2.0**-52
-"""Spacing of double-precision numbers around 1."""
 
 
 class StruckContact(NamedTuple):
@@ -150,11 +147,11 @@ def impulse_of(effect: Any, scene: Scene, place: Array, normal: Array, speed: fl
     """Return the impulse (N s) that a contact at `place` (N,) is given, and the seconds until it has it."""
     from hapticeval.devices.device import apparent_mass
 
-    if effect.kind == IMPULSE:
+    if effect.kind == CONTACT_IMPULSE:
         # (4.21) with J_n = n' J: (1 + c_r) v / (n' J M^-1 J' n)
         impulse = (1.0 + scene.restitution) * apparent_mass(scene.robot, place, normal) * speed
         effort, lasts = impulse, scene.sampling_time
-    elif effect.kind == RINGING:
+    elif effect.kind == CONTACT_TRANSIENT:
         omega = 2.0 * math.pi * effect.frequency
         # Integral of L v e^(-B t) sin(w t) over all time: L v w / (B^2 + w^2)
         impulse = effect.amplitude * speed * omega / (effect.decay**2 + omega**2)
@@ -254,7 +251,7 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
     begin = struck[worst].begin
     contact = f"the contact that begins at t = {base.time[begin]:.4g} s (tick {begin}) starts"
     return compared(
-        ONSET.measured(late[worst]),
+        TRANSIENT_ONSET.measured(late[worst]),
         float(LATE_START),
         {**evidence_at(base, begin), "contacts": len(struck)},
         passes=f"{len(struck)} contacts start a {effect.kind} each, {late[worst]} ticks after they begin at the latest",
@@ -308,7 +305,7 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
         return compared(metric, effect.cap, evidence, passes="", fails=message)
     times = impulses[worst] / expected[worst] if expected[worst] != 0.0 else math.nan
     return compared(
-        TOTAL.measured(deviation[worst]),
+        TRANSIENT_IMPULSE.measured(deviation[worst]),
         float(allowed[worst]),
         evidence,
         passes=(
@@ -380,17 +377,17 @@ check_of_transient = partial(
         "without": undecided("the force without the effect is not known: the hand is not led along a path that we give")
     },
 )
-ONSET = check_of_transient(
+TRANSIENT_ONSET = check_of_transient(
     id="transient-onset",
     phenomenon="none of the six: what a contact starts, thesis 3.2.2 and 4.3.4",
     formula="first tick with a force added - first tick of contact <= 1, and none added in free space",
     citation="thesis 4.3.4",
-    effects=KINDS,
+    effects=TRANSIENT_EFFECTS,
     metric="ticks from the contact to the force that it adds",
     unit="ticks",
-    judge=partial(judge_each, judge_onset, KINDS),
+    judge=partial(judge_each, judge_onset, TRANSIENT_EFFECTS),
 )
-TOTAL = check_of_transient(
+TRANSIENT_IMPULSE = check_of_transient(
     id="transient-impulse",
     phenomenon="none of the six: what a contact starts, thesis 3.2.2 and 4.3.4",
     formula=(
@@ -398,20 +395,20 @@ TOTAL = check_of_transient(
         "|F| <= cap"
     ),
     citation="thesis (4.21) with J_n = n' J, 4.3.4",
-    effects=KINDS,
+    effects=TRANSIENT_EFFECTS,
     metric="impulse less the effect's",
     unit="N s",
-    judge=partial(judge_each, judge_impulse, KINDS),
+    judge=partial(judge_each, judge_impulse, TRANSIENT_EFFECTS),
 )
-VIBRATION = check_of_transient(
+TRANSIENT_VIBRATION = check_of_transient(
     id="transient-vibration",
     phenomenon="none of the six: how a struck surface rings, thesis 4.3.4",
     formula="F = L v e^(-Bt) sin(2 pi f t + p): B and f of the least squares fit, with 99 % confidence",
     citation="thesis 4.3.4",
-    effects=(RINGING,),
+    effects=(CONTACT_TRANSIENT,),
     metric="frequency or decay less the scene's, as a share of it",
     unit="",
-    judge=partial(judge_each, judge_vibration, (RINGING,)),
+    judge=partial(judge_each, judge_vibration, (CONTACT_TRANSIENT,)),
 )
-CHECKS = (ONSET, TOTAL, VIBRATION)
+CHECKS = (TRANSIENT_ONSET, TRANSIENT_IMPULSE, TRANSIENT_VIBRATION)
 """The checks of this module."""

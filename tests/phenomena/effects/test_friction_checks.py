@@ -14,7 +14,7 @@ from hapticeval.effects.lugre import LuGre
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.renderer import Response
 from hapticeval.runner.judging import judge, make_renderer
 from hapticeval.scene import Scene
@@ -22,8 +22,8 @@ from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
-FRICTION = [name for name in OWN if name.startswith("friction-")]
-DRY = [name for name in FRICTION if Friction.kind in OWN[name].effects]
+FRICTION = [name for name in OWN_CHECKS if name.startswith("friction-")]
+DRY = [name for name in FRICTION if Friction.kind in OWN_CHECKS[name].effects]
 QUICK = ("plane-to-and-fro", "plane-press", "viscous-plane")
 SCENE = Scene(model=make_model("line"), effects=(Friction(0.5, 0.3),))
 
@@ -41,7 +41,7 @@ def led(scene, path=None, renderer="minimum-distance"):
 
 
 def outcome(check, run, scene=SCENE):
-    return OWN[check](Runs(run), scene).outcome
+    return OWN_CHECKS[check](Runs(run), scene).outcome
 
 
 @pytest.mark.parametrize("name", [name for name in honest.HONEST if name != "force-only"])
@@ -167,6 +167,6 @@ def test_a_friction_that_needs_a_speed_creeps():
         for factory in (Creeping, resolve("minimum-distance"))
     ]
     assert outcome("friction-sticking", runs[1]) is PASS
-    found = OWN["friction-sticking"](Runs(runs[0]), SCENE)
+    found = OWN_CHECKS["friction-sticking"](Runs(runs[0]), SCENE)
     assert found.outcome is FAIL
     assert found.metric.value > 1e-4
