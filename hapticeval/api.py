@@ -24,7 +24,7 @@ from hapticeval.runner.known import write_known as write_listed
 from hapticeval.runner.options import RunOptions, as_tuple
 from hapticeval.runner.planning import Plan, plan
 from hapticeval.runner.results import (
-    FILE,
+    RESULTS_FILE,
     ResultsDocument,
     RunEntry,
     RunKey,
@@ -36,6 +36,7 @@ from hapticeval.runner.results import (
 from hapticeval.runner.resuming import finished_jobs
 from hapticeval.runner.standing import Standing, counts_in_words
 from hapticeval.runner.work import Work, run_job
+from hapticeval.suite import DEFAULT_SUITE
 from hapticeval.suite.case import Case
 from hapticeval.suite.outline import find_suites
 from hapticeval.suite.suite import Suite
@@ -49,8 +50,6 @@ if TYPE_CHECKING:
 
 AnyRenderer: TypeAlias = "str | RendererFactory | Renderer | TrajectoryRenderer"
 """A name as of `hapticeval run -r`, a class or factory that takes a scene, or a renderer that is made."""
-
-DEFAULT_SUITE = "thesis"
 
 
 def run(
@@ -84,7 +83,7 @@ def run(
         chosen = dataclasses.replace(chosen, workers=0)
     planned = plan(as_tuple(suites, "suites", (str, Suite)), tuple(named), chosen, factories=factories)
     # The results that the folder holds now, before this run writes its own.
-    if chosen.failed_first and chosen.output is not None and (chosen.output / FILE).exists():
+    if chosen.failed_first and chosen.output is not None and (chosen.output / RESULTS_FILE).exists():
         planned = planned.failed_first(read_results(chosen.output))
     return carry_out(planned, watch=watch)
 
@@ -111,15 +110,14 @@ def plot_document(
     from hapticeval.files import parse_json
     from hapticeval.reports.paper_figure import paper_fronts
     from hapticeval.reports.study_figures import paper_limits
-    from hapticeval.study.bench.document import FILE as BENCH
-    from hapticeval.study.bench.document import read_bench
+    from hapticeval.study.bench.document import BENCH_FILE, read_bench
 
     path = Path(file)
     sizes: dict[str, Any] = {"width": width, "height": height, "font_size": font_size}
-    if path.name == FILE:
+    if path.name == RESULTS_FILE:
         return Results.read(path.parent).plot_grid(renderers, labels=labels, **sizes)
-    if path.name == BENCH:
-        judged = read_results(path.parent).renderers if (path.parent / FILE).exists() else ()
+    if path.name == BENCH_FILE:
+        judged = read_results(path.parent).renderers if (path.parent / RESULTS_FILE).exists() else ()
         return paper_fronts(read_bench(path.parent), renderers, judged=judged, labels=labels, **sizes)
     document = parse_json(path, todo="run the command again that wrote it")
     try:
@@ -128,7 +126,7 @@ def plot_document(
         raise InputError(
             f"{path} cannot be drawn",
             why=f"it is no document of `hapticeval study limits`, or damaged: {describe_error(error)}",
-            todo=f"give {FILE}, {BENCH} or limits-*.json",
+            todo=f"give {RESULTS_FILE}, {BENCH_FILE} or limits-*.json",
         ) from error
 
 
@@ -382,7 +380,7 @@ class Results:
         """The path of results.json. Raises `InputError` for results that lie in no folder."""
         if self.folder is None:
             raise InputError("these results lie in no folder", todo="run with output='results'")
-        return self.folder / FILE
+        return self.folder / RESULTS_FILE
 
     def report(
         self,

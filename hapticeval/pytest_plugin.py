@@ -1,6 +1,6 @@
 """The pytest plugin: one test per verdict, by `pytest --hapticeval mine:R`, the fixture or the marker `hapticeval`.
 
-Loaded in every run of pytest where hapticeval is installed: it imports nothing of it until it is used.
+Loaded in every run of pytest where hapticeval is installed: it imports a name of it, and nothing more until it is used.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import pytest
 
+from hapticeval.suite import DEFAULT_SUITE
+
 if TYPE_CHECKING:
     from hapticeval.api import AnyRenderer, Results
     from hapticeval.runner.known import Known
@@ -20,10 +22,9 @@ if TYPE_CHECKING:
     from hapticeval.suite.case import Case
     from hapticeval.suite.suite import Suite
 
-ROOT = "hapticeval"
+ITEM_ROOT = "hapticeval"
 """Where the ids of items begin: `hapticeval::SUITE::CASE::CHECK[RENDERER]`."""
 
-DEFAULT_SUITE = "thesis"
 MARKER = (
     "hapticeval(suite='thesis', select=(), known=None, strict=False, renderer=None): make a test of each verdict of a "
     "suite, or of what is selected of it, and pass the fixture `hapticeval`, which judges it"
@@ -68,7 +69,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the marker, and take ids of ours from the arguments, which are paths otherwise."""
     config.addinivalue_line("markers", MARKER)
     config.stash[CHOSEN_IDS] = [
-        argument for argument in config.args if argument == ROOT or argument.startswith(f"{ROOT}::")
+        argument for argument in config.args if argument == ITEM_ROOT or argument.startswith(f"{ITEM_ROOT}::")
     ]
     if config.getoption("hapticeval"):
         # An id of ours is no path: pytest would look for a file of that name.
@@ -84,7 +85,7 @@ def pytest_make_collect_report(collector: pytest.Collector) -> Iterator[None]:
     if isinstance(collector, pytest.Session) and collector.config.getoption("hapticeval"):
         report = cast("Any", outcome).get_result()
         # The root beside the directories and files that pytest has collected itself.
-        report.result.append(Renderers.from_parent(collector, name=ROOT, nodeid=ROOT))
+        report.result.append(Renderers.from_parent(collector, name=ITEM_ROOT, nodeid=ITEM_ROOT))
 
 
 class Renderers(pytest.Collector):
@@ -111,7 +112,7 @@ class Renderers(pytest.Collector):
             raise self.CollectError(str(error)) from error
         suites = {suite.name: suite for suite, _ in selection.cases}
         suite_collectors = [_Suite.from_parent(self, name=name, selection=selection) for name in suites]
-        chosen_ids = [node_id for node_id in self.config.stash[CHOSEN_IDS] if node_id != ROOT]
+        chosen_ids = [node_id for node_id in self.config.stash[CHOSEN_IDS] if node_id != ITEM_ROOT]
         # Collected here for the check of the ids alone; pytest collects again for itself.
         ids = [
             verdict_item.nodeid
@@ -153,7 +154,7 @@ class _Case(pytest.Collector):
         self.selection, self.suite, self.case = selection, suite, case
 
     def collect(self) -> Iterator[VerdictItem]:
-        chosen_ids = [node_id for node_id in self.config.stash[CHOSEN_IDS] if node_id != ROOT]
+        chosen_ids = [node_id for node_id in self.config.stash[CHOSEN_IDS] if node_id != ITEM_ROOT]
         for renderer in self.config.getoption("hapticeval"):
             for check in self.case.checks:
                 name = f"{check}[{renderer}]"

@@ -25,11 +25,9 @@ from hapticeval.reports.pages import MOST_FAILURES, Counterexample, Drawing, Rep
 from hapticeval.reports.run_figure import figure_svg, marks_of
 from hapticeval.reports.table import markdown
 from hapticeval.reports.templates import FOLDER, INDEX, ROOT, case_file
-from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, VerdictEntry, read_results
-from hapticeval.study.bench.document import FILE as BENCH
-from hapticeval.study.bench.document import read_bench
-from hapticeval.study.effects_cost import FILE as COSTS
-from hapticeval.study.effects_cost import read_costs
+from hapticeval.runner.results import RESULTS_FILE, ResultsDocument, RunEntry, VerdictEntry, read_results
+from hapticeval.study.bench.document import BENCH_FILE, read_bench
+from hapticeval.study.effects_cost import EFFECTS_FILE, read_costs
 from hapticeval.workers import Answer, Ended, Workers
 
 REPLAY = "replay"
@@ -154,10 +152,10 @@ def write_reports(
     """
     directory = Path(directory)
     results = read_results(directory)
-    bench = read_bench(directory) if (directory / BENCH).exists() else None
+    bench = read_bench(directory) if (directory / BENCH_FILE).exists() else None
     effects = effect_plots(directory, results)
-    costs = read_costs(directory) if (directory / COSTS).exists() else None
-    replayed_results = read_results(directory / REPLAY) if (directory / REPLAY / FILE).exists() else None
+    costs = read_costs(directory) if (directory / EFFECTS_FILE).exists() else None
+    replayed_results = read_results(directory / REPLAY) if (directory / REPLAY / RESULTS_FILE).exists() else None
     # An earlier report stays until the new one is complete.
     with _replacing_folder(directory / FOLDER, single_file) as pages:
         orders: list[Page | Picture] = [*_case_pages(directory, results, None if single_file else pages)]

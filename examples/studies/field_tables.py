@@ -12,7 +12,7 @@ from hapticeval.discovery import resolve
 from hapticeval.errors import RefusalError
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.results import ResultsDocument, VerdictEntry, read_results
-from hapticeval.study.plates import CITED, THICKEST, THINNEST, find_thinnest
+from hapticeval.study.plates import CITED, THICKEST_PLATE, THINNEST_PLATE, find_thinnest
 
 SUITES = ("thesis", "solids", "seams", "field")
 PAGE, RESULTS = Path("docs/renderers-of-the-field.md"), Path("results/field")
@@ -60,8 +60,8 @@ def plate_words(name: str) -> str:
     except RefusalError:  # a renderer for the plane alone
         return "-"
     if thinnest is None:
-        return f"over {1e3 * THICKEST:g}"
-    return f"{1e3 * thinnest:.2g}{' or less' if thinnest == THINNEST else ''}"
+        return f"over {1e3 * THICKEST_PLATE:g}"
+    return f"{1e3 * thinnest:.2g}{' or less' if thinnest == THINNEST_PLATE else ''}"
 
 
 def table_lines(results: ResultsDocument, names: Sequence[str], plates: Mapping[str, str]) -> list[str]:

@@ -84,7 +84,7 @@ def bench(
 
     from hapticeval.quantity import parse_duration, parse_length
     from hapticeval.runner.folder import prepared_folder
-    from hapticeval.runner.results import FILE as RESULTS
+    from hapticeval.runner.results import RESULTS_FILE
     from hapticeval.study.bench.compare import compare_benches
     from hapticeval.study.bench.document import join_benches, read_bench, read_samples, write_bench
     from hapticeval.study.bench.judge import describe_missed, judge_bench
@@ -111,7 +111,7 @@ def bench(
             results, samples = join_benches(results, samples, read_bench(directory), read_samples(directory))
         results = judge_bench(results, within=error_limit, budget=time_limit)
         written = write_bench(directory, results, samples)
-    has_results = (directory / RESULTS).exists()
+    has_results = (directory / RESULTS_FILE).exists()
     hint = f"hapticeval report {directory} puts it into the report of the run that lies there" if has_results else ""
     # Who names no renderer asks which one will do, and not that all of them do.
     missed = (

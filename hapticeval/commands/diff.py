@@ -16,7 +16,7 @@ from hapticeval.commands.terminal import annotation, lines, paragraphs, say, wro
 from hapticeval.errors import UnknownNameError
 from hapticeval.quantity import format_quantity, plural
 from hapticeval.runner.diff import Diff, MarginMove, VerdictChange, compare_results
-from hapticeval.runner.results import FILE, read_results
+from hapticeval.runner.results import RESULTS_FILE, read_results
 
 if TYPE_CHECKING:
     from hapticeval.runner.diff import History
@@ -66,7 +66,7 @@ def diff(
       hapticeval diff main results --format markdown >> "$GITHUB_STEP_SUMMARY"
     """
     comparison = compare_results(
-        *(read_results(folder.parent if folder.name == FILE else folder) for folder in (old, new))
+        *(read_results(folder.parent if folder.name == RESULTS_FILE else folder) for folder in (old, new))
     )
     times = _significant_times(old, new)
     written = {
@@ -84,10 +84,9 @@ def diff(
 def _significant_times(old: Path, new: Path) -> Sequence[Change]:
     """Return the changes of two benches that differ significantly; none where a folder holds no bench."""
     from hapticeval.study.bench.compare import compare_benches
-    from hapticeval.study.bench.document import FILE as BENCH
-    from hapticeval.study.bench.document import read_bench, read_samples
+    from hapticeval.study.bench.document import BENCH_FILE, read_bench, read_samples
 
-    if not all((folder / BENCH).is_file() for folder in (old, new)):
+    if not all((folder / BENCH_FILE).is_file() for folder in (old, new)):
         return []
     # Summaries and raw samples of either bench: significance is tested on the samples.
     (before, earlier), (now, samples) = ((read_bench(folder), read_samples(folder)) for folder in (old, new))

@@ -169,7 +169,7 @@ def plates(
     """
     from hapticeval.discovery import resolve
     from hapticeval.reports.study_figures import write_plates
-    from hapticeval.study.plates import CITED, THICKEST, THINNEST, describe_border, study_plates
+    from hapticeval.study.plates import CITED, THICKEST_PLATE, THINNEST_PLATE, describe_border, study_plates
 
     if not renderers:
         raise InputError("no renderer is named", why="a map is of a renderer", todo="name one: -r constraint")
@@ -185,8 +185,8 @@ def plates(
         if (border.speed, border.push) == CITED
     ]
     document = {
-        "thinnest": THINNEST,
-        "thickest": THICKEST,
+        "thinnest": THINNEST_PLATE,
+        "thickest": THICKEST_PLATE,
         "renderers": {name: [border._asdict() for border in borders] for name, borders in maps.items()},
     }
     say(paragraphs(columns(rows), wrote_lines(write_plates(directory, document))))

@@ -30,14 +30,12 @@ from hapticeval.commands.terminal import Terminal, on_github, paragraphs, say, w
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.recordings.memory import DEFAULT_LIMIT
+from hapticeval.suite import DEFAULT_SUITE
 
 if TYPE_CHECKING:
     from hapticeval.api import Results
     from hapticeval.replay.subject import ReplayCase
     from hapticeval.runner.interrupts import Interrupts
-
-DEFAULT_SUITE = "thesis"
-"""What is run if no suite is named."""
 
 TIMEOUT = 600.0
 """Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""

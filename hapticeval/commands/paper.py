@@ -12,6 +12,7 @@ from hapticeval.commands.arguments import argument, option, renderers_option
 from hapticeval.commands.terminal import Terminal, lines, say, wrote_lines
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import file_stem, write_text
+from hapticeval.suite import DEFAULT_SUITE
 
 if TYPE_CHECKING:
     from hapticeval.api import Results
@@ -25,7 +26,7 @@ Exit codes:
   3  a renderer broke: nothing is drawn
 """
 
-KINDS = (".pdf", ".svg", ".png")
+FIGURE_ENDINGS = (".pdf", ".svg", ".png")
 """Endings of the files that are written."""
 
 
@@ -120,14 +121,16 @@ def _paths_of(subjects: list[str], output: Path | None) -> dict[str, Path]:
     names = {subject: f"figure-{file_stem(Path(subject).name.removesuffix('.json'))}.pdf" for subject in subjects}
     if output is None:
         return {subject: Path(name) for subject, name in names.items()}
-    if output.suffix in KINDS:
+    if output.suffix in FIGURE_ENDINGS:
         if len(names) > 1:
             raise InputError(
                 f"-o {output}", why=f"{len(names)} figures do not fit into one file", todo="name a folder: -o figures"
             )
         return dict.fromkeys(subjects, output)
     if output.suffix and not output.is_dir():
-        raise InputError(f"-o {output}", why=f"a figure is {', '.join(KINDS)}", todo="name a file with such an ending")
+        raise InputError(
+            f"-o {output}", why=f"a figure is {', '.join(FIGURE_ENDINGS)}", todo="name a file with such an ending"
+        )
     return {subject: output / name for subject, name in names.items()}
 
 
@@ -151,7 +154,7 @@ def _results_of(cases: list[str], renderers: Sequence[str], check: str | None, s
     selected = []
     for subject in cases:
         suite_name, _, case_name = subject.rpartition("/")
-        suite = suites.setdefault(suite_name, load_suite(suite_name or api.DEFAULT_SUITE))
+        suite = suites.setdefault(suite_name, load_suite(suite_name or DEFAULT_SUITE))
         checks = tuple(suite.case(case_name).checks)
         if check is not None and check not in checks:
             raise UnknownNameError(f"check of {subject}", check, checks)

@@ -32,7 +32,7 @@ BAR_AFTER = 2.0
 REMINDER_SECONDS = 5.0
 """Seconds between two lines about what is waited for."""
 
-SILENCE_SECONDS = 30.0
+WORK_LINE_SECONDS = 30.0
 """Seconds without a line, where there is no bar, after which one says what is at work."""
 
 COMPILING = (
@@ -58,7 +58,7 @@ class Terminal:
     Elsewhere it also prints:
 
     - a line a job if it is `verbose`, else one for the first job in which a renderer breaks in some way
-    - what is at work, after a silence of `SILENCE_SECONDS`
+    - what is at work, after a silence of `WORK_LINE_SECONDS`
 
     Lines of jobs and suites count verdicts, unless `counts` is false: where the end settles what they amount to.
 
@@ -178,10 +178,10 @@ class Terminal:
         self.still(min(int(done), int(total)), int(total), what, " s")
 
     def still(self, done: int, total: int, what: str, unit: str = "") -> None:
-        """Move the bar on a terminal; elsewhere print what is at work, after a silence of `SILENCE_SECONDS`."""
+        """Move the bar on a terminal; elsewhere print what is at work, after a silence of `WORK_LINE_SECONDS`."""
         if self._stream.isatty():
             self._advance(done, total, what)
-        elif time.monotonic() - self._spoke >= SILENCE_SECONDS:
+        elif time.monotonic() - self._spoke >= WORK_LINE_SECONDS:
             self.line(f"[{done}/{total}{unit}] {what}")
 
     def waiting(self, what: str, seconds: float, limit: float) -> None:
@@ -264,7 +264,7 @@ def _interrupted_words(event: Interrupted) -> str:
     if not event.begun:
         return f"interrupted: {kept_words}"
     # How long the rest takes is not known, but what a run that is slow has taken already.
-    since = f", the first at work for {event.seconds:.0f} s" * (event.seconds >= SILENCE_SECONDS)
+    since = f", the first at work for {event.seconds:.0f} s" * (event.seconds >= WORK_LINE_SECONDS)
     limit = f", for {event.grace:.0f} s at most" * math.isfinite(event.grace)
     return f"interrupted: {runs} being finished{since}{limit}, {kept_words}; press Ctrl-C again to stop at once"
 

@@ -16,7 +16,7 @@ from hapticeval.errors import HapticevalError, printable
 from hapticeval.quantity import plural
 from hapticeval.runner.interrupts import Interrupts
 
-LOOK_SECONDS = 0.2
+FILES_LOOK_SECONDS = 0.2
 """Seconds between two looks at the files."""
 
 
@@ -44,7 +44,7 @@ def run_again(once: Callable[[], int], files: Callable[[], Iterable[Path]]) -> i
             while _file_stamps(files()) == stamps:
                 if interrupts.count:
                     return code
-                time.sleep(LOOK_SECONDS)
+                time.sleep(FILES_LOOK_SECONDS)
 
 
 def _exit_with(once: Callable[[], int]) -> None:

@@ -56,16 +56,16 @@ TIMED_CALLS = 64
 FETCH_SECONDS = 5.0
 """Seconds for which the answers of one chunk are waited for at a time, where they are slow or lost."""
 
-PATIENCE = 0.5
+OVERDUE_LOOK_SECONDS = 0.5
 """Seconds after which a worker sees that a call has taken too long, at the latest."""
 
 CONNECT_SECONDS = 10.0
 """Seconds in which scheduler and workers must answer when a run begins."""
 
-LOOK_SECONDS = 2.0
+WORKERS_LOOK_SECONDS = 2.0
 """Seconds between two questions to the scheduler which workers it has."""
 
-WAIT_SECONDS = 60.0
+NO_WORKER_SECONDS = 60.0
 """Seconds without any worker after which none is expected any more."""
 
 CONNECTION_ERRORS = (CommClosedError, OSError, TimeoutError, CancelledError)
@@ -202,19 +202,19 @@ class Cluster(Generic[T]):
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
         """Wait for an answer, for at most `timeout` seconds if given, and return all that there are.
 
-        Raises `LostError` where the scheduler is gone, or all workers are for longer than `WAIT_SECONDS`.
+        Raises `LostError` where the scheduler is gone, or all workers are for longer than `NO_WORKER_SECONDS`.
         """
         end = None if timeout is None else time.monotonic() + timeout
         while True:
             answers: list[Answer[T]] = []
             try:
                 # Workers come and go while a run goes on.
-                if time.monotonic() - self._looked > LOOK_SECONDS:
+                if time.monotonic() - self._looked > WORKERS_LOOK_SECONDS:
                     self._look_for_workers()
                 self._send()
-                seconds_left = LOOK_SECONDS if end is None else max(end - time.monotonic(), 0.0)
+                seconds_left = WORKERS_LOOK_SECONDS if end is None else max(end - time.monotonic(), 0.0)
                 # Wait for one chunk, and take with it whatever else has ended meanwhile.
-                ended_futures = [self._finished_futures.get(timeout=min(seconds_left, LOOK_SECONDS))]
+                ended_futures = [self._finished_futures.get(timeout=min(seconds_left, WORKERS_LOOK_SECONDS))]
                 ended_futures += [self._finished_futures.get_nowait() for _ in range(self._finished_futures.qsize())]
                 for future in ended_futures:
                     answers += self._collect_answers(future)
@@ -314,9 +314,9 @@ class Cluster(Generic[T]):
             self._empty_since = None
         elif self._empty_since is None:
             self._empty_since = self._looked
-        elif self._looked - self._empty_since > WAIT_SECONDS:
+        elif self._looked - self._empty_since > NO_WORKER_SECONDS:
             raise LostError(
-                f"no worker like this machine has been at the scheduler {self._address} for {WAIT_SECONDS:g} s"
+                f"no worker like this machine has been at the scheduler {self._address} for {NO_WORKER_SECONDS:g} s"
             )
 
     def _ask_fingerprints(self, addresses: Sequence[str], threads: Mapping[str, int]) -> None:
@@ -390,7 +390,7 @@ def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
             break
         crew.begin(call, *arguments)
         # A call that takes longer than its timeout is given up, and that is its answer.
-        while not (new_answers := [*crew.answers(PATIENCE), *crew.give_up(timeout)]):
+        while not (new_answers := [*crew.answers(OVERDUE_LOOK_SECONDS), *crew.give_up(timeout)]):
             pass
         answers += new_answers
         # The first call of a new child loads and compiles, and says nothing of the next.

@@ -17,7 +17,7 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.results import ResultsDocument, VerdictEntry
 from hapticeval.runner.standing import Standing, counts_in_words
 
-ROUNDING = 1e-6
+MARGIN_ROUNDING = 1e-6
 """Bounds by which a margin may move from machine to machine, by rounding in float64."""
 
 Turn = Literal["worse", "better", "changed", "new", "gone"]
@@ -155,7 +155,7 @@ def _moved(first: VerdictEntry, second: VerdictEntry) -> list[MarginMove]:
     # A margin in bounds is 1 - value / bound: by = (1 - v2 / b2) - (1 - v1 / b1) = v1 / b1 - v2 / b2.
     by = one.value / first.bound - two.value / second.bound
     # Rounding grows with the metric where that is many bounds large.
-    if abs(by) <= ROUNDING * max(1.0, abs(one.value / first.bound)):
+    if abs(by) <= MARGIN_ROUNDING * max(1.0, abs(one.value / first.bound)):
         return []
     return [
         MarginMove(

@@ -40,7 +40,7 @@ T = TypeVar("T")
 JobAndFile: TypeAlias = tuple[JobFinished, bytes | None]
 """A finished job, and its recording as a file's bytes where the machine that did it cannot see the result folder."""
 
-PATIENCE = 0.1
+INTERRUPT_SECONDS = 0.1
 """Seconds after which an interrupt is seen at the latest."""
 
 BEAT = 10.0
@@ -190,7 +190,7 @@ class _Execution:
         Raises `KeyboardInterrupt` on a second Ctrl-C while jobs are worked on, or a while after the first.
         """
         timeout = self.plan.options.timeout
-        for answer in [*self.crew.answers(PATIENCE), *self.crew.give_up(timeout)]:
+        for answer in [*self.crew.answers(INTERRUPT_SECONDS), *self.crew.give_up(timeout)]:
             self.begun_at.pop(answer.call, None)
             done = _finished_job(answer, self.plan.jobs[answer.call], self.plan.options)
             self.finished[answer.call] = done

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 
-LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "shapely", "h5py")
+COMPUTING_LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "shapely", "h5py")
 
 
 def fingerprint(files: Mapping[str, str]) -> dict[str, str]:
@@ -26,7 +26,7 @@ def fingerprint(files: Mapping[str, str]) -> dict[str, str]:
         "machine": platform.machine(),
         "libc": " ".join(platform.libc_ver()),
     }
-    for name in ("hapticeval", *LIBRARIES):
+    for name in ("hapticeval", *COMPUTING_LIBRARIES):
         try:
             properties[name] = metadata.version(name)
         except metadata.PackageNotFoundError:

@@ -127,7 +127,12 @@ class RunOptions:
         for name in options:
             if name not in names:
                 raise UnknownNameError("option", name, names)
-        return cls(**{name: READ[name](value) if name in READ else value for name, value in options.items()})
+        return cls(
+            **{
+                name: OPTION_READERS[name](value) if name in OPTION_READERS else value
+                for name, value in options.items()
+            }
+        )
 
 
 DEFAULT_OPTIONS = RunOptions()
@@ -146,7 +151,7 @@ def _read_path(value: str | Path | None) -> Path | None:
     return None if value is None else Path(value)
 
 
-READ: Mapping[str, Callable[[Any], Any]] = {
+OPTION_READERS: Mapping[str, Callable[[Any], Any]] = {
     "select": lambda value: as_tuple(value, "select", (str,)),
     "known": _read_path,
     "output": _read_path,

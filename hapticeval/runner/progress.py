@@ -147,7 +147,7 @@ def suite_entry(suite: Suite, cases: Sequence[str] = (), renderers: Sequence[str
     )
 
 
-PATIENCE = 5.0
+GIT_SECONDS = 5.0
 """Seconds that git has for an answer."""
 
 
@@ -192,7 +192,7 @@ def _git(folder: Path, *words: str) -> str:
     """Return what git prints, "" where there is no git, no repository, or no answer in time."""
     try:
         done = subprocess.run(
-            ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=PATIENCE, check=False
+            ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=GIT_SECONDS, check=False
         )
     except (OSError, subprocess.SubprocessError):
         return ""

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
     from hapticeval.recordings.recording import Recording
 
-FILE = "results.json"
+RESULTS_FILE = "results.json"
 FORMAT_VERSION: Final = 1
 
 RunKey = tuple[str, str, str]
@@ -588,7 +588,7 @@ def write_results(directory: Path, results: ResultsDocument) -> Path:
     Raises `InputError` for results that `read_results` would not take, and `HapticevalError` where the file cannot be
     written.
     """
-    return write_json(Path(directory) / FILE, results)
+    return write_json(Path(directory) / RESULTS_FILE, results)
 
 
 def read_results(directory: Path) -> ResultsDocument:
@@ -597,7 +597,7 @@ def read_results(directory: Path) -> ResultsDocument:
     Raises `InputError`, naming file and place, for a folder or file that is not there, JSON that is broken, a
     format version other than ours, and a document that does not fit the types.
     """
-    return read_json(Path(directory) / FILE, ResultsDocument, version=FORMAT_VERSION, command="run")
+    return read_json(Path(directory) / RESULTS_FILE, ResultsDocument, version=FORMAT_VERSION, command="run")
 
 
 def unknown_renderer(name: str, known: Iterable[str]) -> UnknownNameError:

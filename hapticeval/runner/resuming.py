@@ -18,7 +18,7 @@ from hapticeval.runner.events import JobFinished
 from hapticeval.runner.planning import Plan
 from hapticeval.runner.progress import command, suite_entries
 from hapticeval.runner.results import (
-    FILE,
+    RESULTS_FILE,
     Entry,
     Environment,
     ResultsDocument,
@@ -102,7 +102,7 @@ def finished_jobs(plan: Plan, directory: Path) -> dict[RunKey, JobFinished]:
     A job whose recording is missing counts as not done. Raises `InputError` where that run was of another plan or of
     other versions, naming what differs.
     """
-    if not (directory / FILE).is_file():
+    if not (directory / RESULTS_FILE).is_file():
         return {}
     document = read_results(directory)
     _refuse_another(plan, document, directory)

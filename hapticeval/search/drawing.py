@@ -18,7 +18,7 @@ from hapticeval.stimulus.moves import Moves
 from hapticeval.strategies import examples, hand_paths, laps, meshes, plane_models, pushes, surfaces
 from hapticeval.suite.case import Case
 
-MODELS: dict[int, tuple[dict[str, Any], ...]] = {
+FIRST_MODELS: dict[int, tuple[dict[str, Any], ...]] = {
     2: (
         {"kind": "star"},
         {"kind": "ellipse", "ratio": 20.0, "size": 0.05},
@@ -41,7 +41,7 @@ PATHS_PER_MODEL, PUSHES_PER_MODEL = 8, 4
 MODELS_PER_ROUND = 4
 """How many models are drawn in each round after the first, beside the fixed ones."""
 
-GAINS: dict[str, st.SearchStrategy[Any]] = {
+VARIED_GAINS: dict[str, st.SearchStrategy[Any]] = {
     "stiffness": st.sampled_from([1000.0, 4000.0, 200.0]),
     "damping": st.sampled_from([0.0, 4.0, 20.0]),
     "mass": st.sampled_from([0.1, 0.3, 1.0]),
@@ -66,8 +66,8 @@ def judgeable() -> tuple[str, ...]:
 
 
 def first_models(models: Sequence[Model], dimension: int = 2) -> tuple[Model, ...]:
-    """Return the models that are tried in each round: those that are given, or those of `MODELS` in that dimension."""
-    return tuple(models) or tuple(make_model(**table) for table in MODELS[dimension])
+    """Return the models that are tried in each round: those that are given, or `FIRST_MODELS` in that dimension."""
+    return tuple(models) or tuple(make_model(**table) for table in FIRST_MODELS[dimension])
 
 
 def draw_cases(
@@ -81,7 +81,7 @@ def draw_cases(
 ) -> Iterator[Case]:
     """Yield cases without end, round after round on each of the models.
 
-    - `models`: if there are none, those of `MODELS`, and drawn ones from the second round on.
+    - `models`: if there are none, those of `FIRST_MODELS`, and drawn ones from the second round on.
     - `checks`: read anew each time, so that the caller may drop what has been found. Paths are for checks that a led
       hand can show, experiments for those that need a closed loop.
     - `refused`: tables, as text, of models that the renderer does not take: read anew each time, and left out.
@@ -139,7 +139,7 @@ def _draw_pushes(
 ) -> list[tuple[dict[str, Any], ExperimentTable]]:
     """Draw experiments on a model, each with what it has of a scene."""
     model = make_model(**table)
-    pushed = st.fixed_dictionaries(GAINS).flatmap(
+    pushed = st.fixed_dictionaries(VARIED_GAINS).flatmap(
         lambda scene: st.tuples(st.just(scene), pushes(model, bilateral=scene["bilateral"]))
     )
     return _seeded_examples(pushed, PUSHES_PER_MODEL, seed, "pushes", round_number, model_number)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from hapticeval.errors import HapticevalError
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.runner.execution import PATIENCE, crew_of
+from hapticeval.runner.execution import INTERRUPT_SECONDS, crew_of
 from hapticeval.search.counterexample import StoredCounterexample, stored_counterexample
 from hapticeval.search.hunt import Search, deadline
 from hapticeval.search.shrink import size_of
@@ -148,7 +148,7 @@ def run_hunts(
             if not crew.busy:
                 break
             try:
-                answers = crew.answers(PATIENCE)
+                answers = crew.answers(INTERRUPT_SECONDS)
             except LostError as lost_error:
                 report(f"{lost_error.what}: what was found before is kept")
                 break

@@ -36,7 +36,7 @@ GRIDS = (1e-3, 1e-4, 1e-5, 1e-6)
 MOST_ROUNDED = 6
 """Up to so many coordinates, those of three points in the plane, are rounded in all combinations of up and down."""
 
-SPEEDS = (0.05, 0.1, 0.02, 0.01, 0.2, 0.5)
+ROUND_SPEEDS = (0.05, 0.1, 0.02, 0.01, 0.2, 0.5)
 """Round speeds (m/s) of even moves, the first that the fault survives: 0.05 m/s is 50 um a tick at 1 kHz."""
 
 LONG_PATH = 0.3
@@ -366,7 +366,7 @@ def _points_on_grid(case: Case) -> Iterator[Case]:
 def _slow(case: Case) -> Iterator[Case]:
     """Give all even moves of a path that is not long the lowest of the round speeds."""
     if size_of(case) < LONG_PATH:
-        yield from _at_speeds(case, [min(SPEEDS)])
+        yield from _at_speeds(case, [min(ROUND_SPEEDS)])
 
 
 def _at_round_speeds(case: Case) -> Iterator[Case]:
@@ -376,7 +376,7 @@ def _at_round_speeds(case: Case) -> Iterator[Case]:
 
 def _speeds(moves: Moves) -> Sequence[float]:
     """Return the round speeds in the order in which they are tried."""
-    return SPEEDS if moves.length < LONG_PATH else sorted(SPEEDS, reverse=True)
+    return ROUND_SPEEDS if moves.length < LONG_PATH else sorted(ROUND_SPEEDS, reverse=True)
 
 
 def _at_speeds(case: Case, speeds: Sequence[float]) -> Iterator[Case]:

@@ -39,14 +39,14 @@ from hapticeval.simulation.playback import ask_without_hip, reset_checked, step_
 from hapticeval.types import Array
 from hapticeval.workers import Ended, Overdue, Workers
 
-MODELS = {"plane": "circle", "space": "cube"}
+TRIED_MODELS = {"plane": "circle", "space": "cube"}
 
 MODEL_PATIENCE = 600.0
 """Seconds for what is asked of no renderer: the models' kernels may have to be compiled."""
 
 POLL_PERIOD = 0.1
 
-LEAD_DEPTH, LEAD_STEP, REST_TICKS = 1e-2, 1e-3, 20
+LEAD_DEPTH, LEAD_STEP, LEAD_REST_TICKS = 1e-2, 1e-3, 20
 """How deep the hand is led in, and how far it goes in a tick, in sizes of the model; and ticks that it rests there."""
 
 TIMED_TICKS = 500
@@ -122,9 +122,9 @@ def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> It
     refused = 0
     first: dict[object, str] = {}
     with Workers(_put_question, 1) as crew:
-        for kind in MODELS:
+        for kind in TRIED_MODELS:
             # Once a model: what compiles here is not waited for at the renderer's cost.
-            _await_answer(crew, MODEL_PATIENCE, waiting, f"preparing the {MODELS[kind]}", name, kind, "")
+            _await_answer(crew, MODEL_PATIENCE, waiting, f"preparing the {TRIED_MODELS[kind]}", name, kind, "")
             for what in QUESTIONS:
                 place = f"'{what}' in {'the ' * (kind == 'plane')}{kind}"
                 hip = None
@@ -144,7 +144,7 @@ def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> It
                 if what == "made" and state is not State.OK:
                     refused += state is State.NOTE
                     break
-    if refused == len(MODELS):
+    if refused == len(TRIED_MODELS):
         yield ContractFinding(
             "dimension", "", State.MISSING, "it refuses models in the plane and in space: there is no other"
         )
@@ -203,7 +203,7 @@ def _case(name: str, kind: str) -> Case:
 @lru_cache
 def _scene(kind: str) -> Scene:
     """Make a scene, and ask its model all that the questions will: what has to be compiled is compiled now."""
-    scene = Scene(model=make_model(MODELS[kind]))
+    scene = Scene(model=make_model(TRIED_MODELS[kind]))
     Outside(scene).tool(scene.model.boundary.points(1)[0])
     _hand_path(scene, 0.0)
     return scene
@@ -248,11 +248,11 @@ def _hand_path(scene: Scene, standoff: float) -> HandPath:
     # Height over the foot: half the depth and the standoff above the surface, down to the depth, a rest, and back.
     heights = np.arange(0.5 * LEAD_DEPTH + standoff / size, -LEAD_DEPTH, -LEAD_STEP) * size
     heights = np.concatenate(
-        [heights, np.full(REST_TICKS, -LEAD_DEPTH * size), heights[::-1], np.full(REST_TICKS, heights[0])]
+        [heights, np.full(LEAD_REST_TICKS, -LEAD_DEPTH * size), heights[::-1], np.full(LEAD_REST_TICKS, heights[0])]
     )
     # argmin is the first row of the rest at the deepest point; this is its last one.
-    deep = int(np.argmin(heights)) + REST_TICKS - 1
-    return HandPath(foot + heights[:, np.newaxis] * normal, deep, len(heights) - REST_TICKS, foot, normal)
+    deep = int(np.argmin(heights)) + LEAD_REST_TICKS - 1
+    return HandPath(foot + heights[:, np.newaxis] * normal, deep, len(heights) - LEAD_REST_TICKS, foot, normal)
 
 
 def _answers_along(case: Case, hips: Array, dt: float) -> tuple[Array, Array]:
@@ -486,7 +486,7 @@ def next_steps(name: str, findings: Sequence[ContractFinding]) -> list[str]:
             "to ask it there yourself, with prints or in a debugger:",
             "  import numpy as np",
             "  from hapticeval import Scene, make_model, resolve",
-            f'  scene = Scene(model=make_model("{MODELS[broke.kind]}"))',
+            f'  scene = Scene(model=make_model("{TRIED_MODELS[broke.kind]}"))',
             f"  renderer = resolve({name!r})(scene)",
             f"  hip = np.array({list(broke.hip)})",
             "  renderer.reset(hip)",

@@ -9,7 +9,7 @@ import msgspec
 
 from hapticeval.files import read_json, write_json
 
-FILE = "effects.json"
+EFFECTS_FILE = "effects.json"
 FORMAT_VERSION = 1
 
 
@@ -72,9 +72,9 @@ class EffectsDocument(_DocumentPart, frozen=True):
 
 def write_costs(directory: Path, document: EffectsDocument) -> Path:
     """Write the document into a folder; return its path. Raises `HapticevalError` where that fails."""
-    return write_json(directory / FILE, document)
+    return write_json(directory / EFFECTS_FILE, document)
 
 
 def read_costs(directory: Path) -> EffectsDocument:
     """Read the document of a folder. Raises `InputError` as `read_json` does."""
-    return read_json(directory / FILE, EffectsDocument, version=FORMAT_VERSION, command="effects")
+    return read_json(directory / EFFECTS_FILE, EffectsDocument, version=FORMAT_VERSION, command="effects")

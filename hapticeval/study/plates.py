@@ -21,10 +21,10 @@ from hapticeval.types import Array
 CASE = "solids/plate"
 """The case whose path is followed: its direction, and the plate's sides."""
 
-THINNEST, THICKEST = 1e-4, 1e-2
+THINNEST_PLATE, THICKEST_PLATE = 1e-4, 1e-2
 """Thicknesses of the plate between which the border is looked for, m."""
 
-SPEEDS, PUSHES = (0.1, 0.3, 1.0, 3.0), (1.0, 3.0, 10.0, 30.0)
+HAND_SPEEDS, HAND_PUSHES = (0.1, 0.3, 1.0, 3.0), (1.0, 3.0, 10.0, 30.0)
 """Speeds of the hand, m/s, and forces, N, with which a spring of the scene's stiffness pushes in the end."""
 
 CITED = (1.0, 10.0)
@@ -108,7 +108,7 @@ def find_thinnest(factory: RendererFactory, speed: float, push: float) -> float 
 
     By bisection: of a renderer that holds a plate and loses a thicker one it is one of several.
     """
-    low, high = THINNEST, THICKEST
+    low, high = THINNEST_PLATE, THICKEST_PLATE
     if not holds(factory, high, speed, push):
         return None
     if holds(factory, low, speed, push):
@@ -119,9 +119,9 @@ def find_thinnest(factory: RendererFactory, speed: float, push: float) -> float 
 def study_plates(factory: RendererFactory, show: Callable[[int, int, str], object]) -> list[Border]:
     """Return the border for each speed and push. Raises as renderers, their factories and `play` do."""
     borders: list[Border] = []
-    for push in PUSHES:
-        for speed in SPEEDS:
-            show(len(borders), len(PUSHES) * len(SPEEDS), f"{speed:g} m/s, {push:g} N")
+    for push in HAND_PUSHES:
+        for speed in HAND_SPEEDS:
+            show(len(borders), len(HAND_PUSHES) * len(HAND_SPEEDS), f"{speed:g} m/s, {push:g} N")
             borders.append(Border(speed, push, find_thinnest(factory, speed, push)))
     return borders
 
@@ -129,7 +129,7 @@ def study_plates(factory: RendererFactory, show: Callable[[int, int, str], objec
 def describe_border(thinnest: float | None) -> str:
     """Return in words from which thickness (m) on a plate is held."""
     if thinnest is None:
-        return f"no plate up to {1e3 * THICKEST:g} mm is held"
-    if thinnest == THINNEST:
-        return f"a plate of {1e3 * THINNEST:g} mm is held, the thinnest tried"
+        return f"no plate up to {1e3 * THICKEST_PLATE:g} mm is held"
+    if thinnest == THINNEST_PLATE:
+        return f"a plate of {1e3 * THINNEST_PLATE:g} mm is held, the thinnest tried"
     return f"plates of {1e3 * thinnest:.3g} mm and more are held"

@@ -12,7 +12,7 @@ import time
 import pytest
 
 from hapticeval.cli import main
-from hapticeval.runner.results import FILE, read_results
+from hapticeval.runner.results import RESULTS_FILE, read_results
 
 pytestmark = pytest.mark.system
 
@@ -132,7 +132,7 @@ def test_a_second_one_stops_at_once(here):
     assert NO_REPORTS in err
     assert "Traceback" not in err
     assert "2 of 4 planned verdicts ran (incomplete: interrupted by the user)" in out
-    assert f"wrote results/{FILE}" in out
+    assert f"wrote results/{RESULTS_FILE}" in out
     assert cases(here) == ["flat", "flat"]
     assert main(["report", "results"]) == 0
     assert (here / "results" / "report" / "index.html").exists()
@@ -222,4 +222,4 @@ def test_an_impatient_user_sees_no_traceback(here, stops):
     assert "KeyboardInterrupt" not in err
     ran = {"waiting": 2, "drawing": 4}.get(stops, 3)
     assert f"{ran} of 4 planned verdicts ran" in out
-    assert f"wrote results/{FILE}" in out
+    assert f"wrote results/{RESULTS_FILE}" in out

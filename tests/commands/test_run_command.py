@@ -18,7 +18,7 @@ from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.pages import page_file, read_page
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.runner.folder import prepared_folder
-from hapticeval.runner.results import FILE, read_results
+from hapticeval.runner.results import RESULTS_FILE, read_results
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
@@ -57,7 +57,7 @@ def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(here, capsys
     results = read_results(here / "results")
     assert (results.ran, results.planned, results.complete) == (4, 4, True)
     written = [Path(line.removeprefix("wrote ")) for line in shown.out.splitlines() if line.startswith("wrote ")]
-    assert written[0].name == FILE
+    assert written[0].name == RESULTS_FILE
     reports = written[1:]
     assert reports
     for path in reports:
@@ -183,10 +183,10 @@ def test_only_an_earlier_run_is_overwritten(here):
     for number, text in enumerate(("", "[]", '{"verdicts": []}', '{"score": 3}')):
         folder = here / f"foreign{number}"
         folder.mkdir()
-        (folder / FILE).write_text(text)
+        (folder / RESULTS_FILE).write_text(text)
         assert run("-r", "local_mine:Good", "-o", folder.name) == 2
-        assert (folder / FILE).read_text() == text
-    (here / "foreign0" / FILE).write_text('{"format_version": 0, "planned": 1, "verdicts": []}')
+        assert (folder / RESULTS_FILE).read_text() == text
+    (here / "foreign0" / RESULTS_FILE).write_text('{"format_version": 0, "planned": 1, "verdicts": []}')
     with prepared_folder(here / "foreign0"):
         pass
 

@@ -21,7 +21,7 @@ from hapticeval.pulse import compiling
 from hapticeval.runner.judging import judge
 from hapticeval.search import seeds, trial
 from hapticeval.search.counterexample import line, list_counterexamples, notes, read_all, stored_counterexample, write
-from hapticeval.search.drawing import MODELS, draw_cases, judgeable, judges_paths
+from hapticeval.search.drawing import FIRST_MODELS, draw_cases, judgeable, judges_paths
 from hapticeval.search.hunt import Search
 from hapticeval.search.seeds import Hunt, HuntResult, run_hunts
 from hapticeval.search.shrink import size_of
@@ -308,8 +308,8 @@ def test_a_counterexample_on_a_drawn_mesh_has_it_in_a_file(mine, monkeypatch):
 
 def test_cases_in_space_are_on_surfaces_and_meshes():
     cases = draw_cases([], [JUMP], 0, dimension=3)
-    kinds = list(dict.fromkeys(next(cases).model["kind"] for _ in range(8 * (len(MODELS[3]) + 1))))
-    assert kinds[: len(MODELS[3])] == [each["kind"] for each in MODELS[3]]
+    kinds = list(dict.fromkeys(next(cases).model["kind"] for _ in range(8 * (len(FIRST_MODELS[3]) + 1))))
+    assert kinds[: len(FIRST_MODELS[3])] == [each["kind"] for each in FIRST_MODELS[3]]
     assert len(next(cases).trajectory.start) == 3
 
 

@@ -29,7 +29,14 @@ from hapticeval.study.bench.accuracy import (
     with_mesh,
     workload,
 )
-from hapticeval.study.bench.document import FILE, SAMPLES, join_benches, read_bench, read_samples, write_bench
+from hapticeval.study.bench.document import (
+    BENCH_FILE,
+    SAMPLES_FILE,
+    join_benches,
+    read_bench,
+    read_samples,
+    write_bench,
+)
 from hapticeval.study.bench.judge import describe_missed, describe_unproven, judge_bench
 from hapticeval.study.bench.measure import array_bytes, batch_times, sample_track, step_times, time_builds
 from hapticeval.study.bench.sweep import (
@@ -420,7 +427,7 @@ def test_a_damaged_bench_is_refused(refused, run, tmp_path, change):
     empty = run([]).results()
     write_bench(tmp_path, empty, {"s000/step": np.zeros((2, 3), dtype=np.int64)})
     assert read_bench(tmp_path) == empty
-    file = tmp_path / FILE
+    file = tmp_path / BENCH_FILE
     file.write_text(change(file.read_text()))
     with refused(InputError):
         read_bench(tmp_path)
@@ -431,8 +438,8 @@ def test_missing_or_cut_samples_are_refused(refused, tmp_path):
         read_bench(tmp_path)
     with refused(InputError):
         read_samples(tmp_path)
-    np.savez(tmp_path / SAMPLES, a=np.arange(1000))
-    (tmp_path / SAMPLES).write_bytes((tmp_path / SAMPLES).read_bytes()[:700])
+    np.savez(tmp_path / SAMPLES_FILE, a=np.arange(1000))
+    (tmp_path / SAMPLES_FILE).write_bytes((tmp_path / SAMPLES_FILE).read_bytes()[:700])
     with refused(InputError):
         read_samples(tmp_path)
 

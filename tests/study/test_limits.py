@@ -221,7 +221,7 @@ def test_no_bound_counts_on_damping_that_is_compensated(loop):
 @pytest.fixture
 def coarse(monkeypatch):
     """Few poses, dampings and frictions."""
-    monkeypatch.setattr("hapticeval.study.limits.published.FRICTIONS", 4)
+    monkeypatch.setattr("hapticeval.study.limits.published.CURVE_FRICTIONS", 4)
     monkeypatch.setattr("hapticeval.study.limits.study.POSES", 5)
     monkeypatch.setattr("hapticeval.study.limits.study.DAMPINGS", 8)
 
@@ -334,7 +334,8 @@ def test_a_hand_gains_from_a_real_wall_above_the_limit_and_not_below():
 
 
 def test_friction_lets_a_loop_rest_that_is_not_passive(monkeypatch):
-    monkeypatch.setattr("hapticeval.study.limits.published.FRICTIONS", 7)  # two below the corner, it, and four above
+    # Two below the corner, it, and four above.
+    monkeypatch.setattr("hapticeval.study.limits.published.CURVE_FRICTIONS", 7)
     sampled = robot_scene()
     place = Place(np.zeros(2), np.array([0.0, 1.0]))
     curve = over_friction(resolve("minimum-distance+pp"), sampled, place)

@@ -17,8 +17,8 @@ from hapticeval.study.plates import (
     HELD_SHARE,
     RATIO,
     RUN_UP,
-    THICKEST,
-    THINNEST,
+    THICKEST_PLATE,
+    THINNEST_PLATE,
     approach,
     describe_border,
     find_thinnest,
@@ -45,7 +45,7 @@ class SeesTicks:
 
 
 @given(
-    thickness=st.floats(THINNEST, THICKEST),
+    thickness=st.floats(THINNEST_PLATE, THICKEST_PLATE),
     speed=st.floats(0.05, 5.0),
     push=st.floats(0.5, 50.0),
     phase=st.floats(0.0, 1.0),
@@ -72,13 +72,13 @@ def test_the_nearest_point_holds_no_plate_that_the_hand_is_through():
 
 
 def test_a_constraint_holds_the_thinnest():
-    assert find_thinnest(constraint, 3.0, 30.0) == THINNEST
+    assert find_thinnest(constraint, 3.0, 30.0) == THINNEST_PLATE
 
 
 @pytest.mark.parametrize("speed", [0.3, 3.0])
 def test_who_knows_of_ticks_only_holds_what_no_tick_leaps(speed):
-    case = plate_scene(THICKEST)
-    points = approach(case, THICKEST, speed, 10.0, 0.0).points
+    case = plate_scene(THICKEST_PLATE)
+    points = approach(case, THICKEST_PLATE, speed, 10.0, 0.0).points
     leap = points[0, 2] - points[1, 2]
     # Starts a quarter of a tick apart leave a quarter of the step in which a thinner plate may be met.
     assert 0.75 * leap <= find_thinnest(SeesTicks, speed, 10.0) <= RATIO * leap
@@ -99,13 +99,13 @@ def test_a_plate_is_held_where_half_of_the_push_comes_back():
 
 def test_a_border_in_words():
     assert describe_border(None) == "no plate up to 10 mm is held"
-    assert describe_border(THINNEST) == "a plate of 0.1 mm is held, the thinnest tried"
+    assert describe_border(THINNEST_PLATE) == "a plate of 0.1 mm is held, the thinnest tried"
     assert describe_border(2.034e-3) == "plates of 2.03 mm and more are held"
 
 
 def test_the_command_says_the_number_and_draws_the_map(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(plates, "SPEEDS", (0.3, 1.0))
-    monkeypatch.setattr(plates, "PUSHES", (1.0, 10.0))
+    monkeypatch.setattr(plates, "HAND_SPEEDS", (0.3, 1.0))
+    monkeypatch.setattr(plates, "HAND_PUSHES", (1.0, 10.0))
     assert main(["study", "plates", "-r", "minimum-distance", "-r", "constraint", "-o", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     assert "at 1 m/s and 10 N no plate up to 10 mm is held" in out

@@ -37,17 +37,17 @@ MODEL_SIZE = 0.2
 CLEARANCE = 2e-3  # distance (m) of the points from discontinuities
 JUMP_CELLS = 100  # lattice steps in which these are looked for
 SLIDE_SECONDS = 2.0
-MARGIN = 10.0  # refinements of the reference must agree to the tenth of an error for it to be believed
-ROUNDING = 1e-12  # errors below this share of a model's size are rounding
+REFERENCE_AGREEMENT = 10.0  # refinements of the reference must agree to the tenth of an error for it to be believed
+LEAST_ERROR_SHARE = 1e-12  # errors below this share of a model's size are rounding
 STATISTICS = ("rms", "p99", "max")
 
-PLANE: Mapping[str, Mapping[str, Any]] = {
+PLANE_PATHS: Mapping[str, Mapping[str, Any]] = {
     "cassinian": {"kind": "scaled", "depth": 0.004, "from_angle": -45, "to_angle": 45},
     "star": {"kind": "corner", "corner": 1, "depth": 0.004, "before": 0.030, "after": 0.030},
 }
 """The plane models, and the path that the hand slides along: a lobe of the Cassinian, a notch of the star."""
 
-SPACE = ("sphere", "torus")
+SPACE_MODELS = ("sphere", "torus")
 """The models in space: renderers are given meshes of them, and errors count from the smooth surface."""
 
 DEEPEST_HAND = 0.010
@@ -76,10 +76,10 @@ def workload(kind: str, *, seed: int) -> Workload:
     """Make the workload of a model: see `interior_points`, and in space `points_under`."""
     scene = fresh_scene(kind, 0)
     boundary = scene.model.boundary
-    if kind in PLANE:
+    if kind in PLANE_PATHS:
         # Single points anywhere inside, for accuracy, and a path for the time: times need a hand that moves.
         points = interior_points(scene.model, POINTS, seed=seed)
-        table = {**PLANE[kind], "duration": SLIDE_SECONDS}
+        table = {**PLANE_PATHS[kind], "duration": SLIDE_SECONDS}
     else:
         points = points_under(boundary, POINTS, seed=seed)
         table = {"kind": "points", "points": path_under(boundary).tolist(), "duration": SLIDE_SECONDS}
@@ -240,7 +240,7 @@ class Reference:
         return {
             # What is below ten times the reference's own error cannot be told from it.
             metric: {
-                statistic: max(value[statistic], MARGIN * self.disagreement[metric][statistic])
+                statistic: max(value[statistic], REFERENCE_AGREEMENT * self.disagreement[metric][statistic])
                 for statistic in STATISTICS
             }
             for metric, value in measured.items()
@@ -249,7 +249,8 @@ class Reference:
     def proves(self, measured: Errors) -> bool:
         """Return whether the reference has converged to a tenth of the IHIP errors found."""
         return self.disagreement is None or all(
-            measured["ihip"][statistic] >= MARGIN * self.disagreement["ihip"][statistic] for statistic in STATISTICS
+            measured["ihip"][statistic] >= REFERENCE_AGREEMENT * self.disagreement["ihip"][statistic]
+            for statistic in STATISTICS
         )
 
 

@@ -18,8 +18,8 @@ from hapticeval.errors import InputError
 from hapticeval.files import read_json, replacing, write_json, writing
 from hapticeval.types import IntArray
 
-FILE = "bench.json"
-SAMPLES = "bench_samples.npz"
+BENCH_FILE = "bench.json"
+SAMPLES_FILE = "bench_samples.npz"
 FORMAT_VERSION = 2
 
 Kind = Literal["step", "batch"]
@@ -218,26 +218,26 @@ def write_bench(directory: Path, results: BenchResults, samples: Samples) -> lis
 
     Raises `HapticevalError` where a file cannot be written.
     """
-    samples_file = directory / SAMPLES
+    samples_file = directory / SAMPLES_FILE
     with writing(f"into {directory}"), replacing(samples_file) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **{name: np.asarray(rows) for name, rows in samples.items()})  # type: ignore[arg-type]
-    return [write_json(directory / FILE, results), samples_file]
+    return [write_json(directory / BENCH_FILE, results), samples_file]
 
 
 def read_bench(directory: Path) -> BenchResults:
     """Read `directory`/bench.json. Raises `InputError` as `read_json` does."""
-    return read_json(directory / FILE, BenchResults, version=FORMAT_VERSION, command="bench")
+    return read_json(directory / BENCH_FILE, BenchResults, version=FORMAT_VERSION, command="bench")
 
 
 def read_samples(directory: Path) -> dict[str, IntArray]:
     """Read the raw samples beside a bench.json. Raises `InputError` for a file that is not there or is damaged."""
-    path = directory / SAMPLES
+    path = directory / SAMPLES_FILE
     try:
         # No pickles: a file that is read never runs code.
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             return {name: np.asarray(archive[name], dtype=np.int64) for name in archive.files}
     except FileNotFoundError as error:
-        raise InputError(f"'{directory}' holds no {SAMPLES}", todo="run `hapticeval bench` again") from error
+        raise InputError(f"'{directory}' holds no {SAMPLES_FILE}", todo="run `hapticeval bench` again") from error
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(
             f"{path} is damaged", why=str(error), todo="run `hapticeval bench` again, or restore the file"

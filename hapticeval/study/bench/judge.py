@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from hapticeval.study.bench.document import Answer, BenchResults, Kind, OrderEntry, SettingEntry
 
-KINDS: tuple[Kind, ...] = ("step", "batch")
+TIMED_KINDS: tuple[Kind, ...] = ("step", "batch")
 WITHIN, BUDGET = 1e-4, 1e-5  # the question that is always answered: 0.1 mm within 10 us
 ALIKE_SHARE = 0.05  # share by which two times of one bench may differ by luck
 
@@ -30,7 +30,7 @@ def judge_bench(results: BenchResults, *, within: float | None = None, budget: f
     for model, settings in results.by_model().items():
         # A model without any error still has its answer: no setting.
         references = list(dict.fromkeys(setting.reference for setting in settings if setting.claims)) or [None]
-        for kind, reference in product(KINDS, references):
+        for kind, reference in product(TIMED_KINDS, references):
             usable = [
                 (setting, times.median, setting.claims["ihip"]["max"])
                 for setting in settings

@@ -20,9 +20,9 @@ from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import environment
 from hapticeval.scene import Scene
 from hapticeval.study.bench.accuracy import (
-    PLANE,
-    ROUNDING,
-    SPACE,
+    LEAST_ERROR_SHARE,
+    PLANE_PATHS,
+    SPACE_MODELS,
     Answers,
     Reference,
     Workload,
@@ -69,7 +69,7 @@ class Effort:
 
 
 QUICK = Effort(models=("cassinian",), finer=(1, 4, 16, 32), rounds=8, steps=250, batches=3, builds=1)
-FULL = Effort(models=tuple(PLANE), finer=(1, 2, 4, 8, 16, 32, 128), rounds=20, steps=1000, batches=10, builds=5)
+FULL = Effort(models=tuple(PLANE_PATHS), finer=(1, 2, 4, 8, 16, 32, 128), rounds=20, steps=1000, batches=10, builds=5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ def own_variants() -> list[str]:
 def own_on_meshes() -> list[str]:
     """Name the renderers that come with hapticeval and take meshes: each as it is, and as a table where it has one."""
     # Refusals alone are asked for: the coarsest mesh costs least.
-    coarsest = with_mesh(fresh_scene(SPACE[0], 0), 1)
+    coarsest = with_mesh(fresh_scene(SPACE_MODELS[0], 0), 1)
     names = []
     for name in own_renderers():
         with suppress(RefusalError):
@@ -206,16 +206,16 @@ def settings_by_model(
 ) -> dict[str, list[Setting]]:
     """List what is measured on each model: the settings of the renderers, or of ours; without names the usual models.
 
-    Raises `UnknownNameError` for a model that is none of `PLANE` and `SPACE`, and as `settings_of` does.
+    Raises `UnknownNameError` for a model that is none of `PLANE_PATHS` and `SPACE_MODELS`, and as `settings_of` does.
     """
     settings = {}
     for model in dict.fromkeys(models or (QUICK if quick else FULL).models):
-        if model in PLANE:
+        if model in PLANE_PATHS:
             settings[model] = settings_of(renderers or own_variants(), quick=quick, chosen=chosen)
-        elif model in SPACE:
+        elif model in SPACE_MODELS:
             settings[model] = settings_on_meshes(model, renderers or own_on_meshes(), quick=quick, chosen=chosen)
         else:
-            raise UnknownNameError("model of a bench", model, (*PLANE, *SPACE))
+            raise UnknownNameError("model of a bench", model, (*PLANE_PATHS, *SPACE_MODELS))
     return settings
 
 
@@ -246,7 +246,8 @@ class _Entry:
             floors = {"ihip": scene.model.size, "normal": 180.0, "force": scene.model.size * scene.stiffness}
             rounded = {
                 metric: {
-                    statistic: value if value > ROUNDING * floors[metric] else 0.0 for statistic, value in every.items()
+                    statistic: value if value > LEAST_ERROR_SHARE * floors[metric] else 0.0
+                    for statistic, value in every.items()
                 }
                 for metric, every in rounded.items()
             }

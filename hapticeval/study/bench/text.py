@@ -14,7 +14,7 @@ from hapticeval.study.bench.judge import describe_unproven
 length, duration = partial(quantity.format_length, micro="u"), partial(quantity.format_duration, micro="u")
 """On a terminal, units are spelt as options take them."""
 
-COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
+SETTING_COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
     # A star for the front of single steps; that of batches is in the document.
     "": lambda setting: "*" if "step" in setting.front else "",
     "setting": lambda setting: setting.label,
@@ -61,7 +61,7 @@ def describe(results: BenchResults) -> str:
 def _tables(results: BenchResults) -> Iterator[str]:
     for model, settings in results.by_model().items():
         measured = [setting for setting in settings if not setting.problem]
-        columns = {title: [cell(setting) for setting in measured] for title, cell in COLUMNS.items()}
+        columns = {title: [cell(setting) for setting in measured] for title, cell in SETTING_COLUMNS.items()}
         # A column that no setting fills, such as meshes in the plane, is left out.
         filled = {title: cells for title, cells in columns.items() if any(cell is not None for cell in cells)}
         if not filled:

@@ -17,9 +17,9 @@ from hapticeval.renderer import Renderer
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-PROBE = 1e-6  # m by which the hand is moved to measure a renderer's gains: less than any encoder resolves
+PROBE_STEP = 1e-6  # m by which the hand is moved to measure a renderer's gains: less than any encoder resolves
 FREQUENCIES = 400  # so many frequencies, up to Nyquist's, at which the device's impedance is looked at
-ROUNDING = 1e-5  # a mode this close to 1 that makes no force is the tool's free motion along the surface
+FREE_MODE_DISTANCE = 1e-5  # a mode this close to 1 that makes no force is the tool's free motion along the surface
 
 
 class Gains(NamedTuple):
@@ -59,13 +59,13 @@ def gains_of(renderer: Renderer, place: Place, dt: float) -> Gains:
         """Return the three gains (3, N, N) at a depth, m."""
         rest_point = place.point - depth * place.normal
         # F = -now y_k - before y_(k-1) - rate ẏ_k: one of the three is moved at a time.
-        now = jacobian_of(lambda move: force_after(rest_point, rest_point + move, still), size, PROBE)
-        before = jacobian_of(lambda move: force_after(rest_point + move, rest_point, still), size, PROBE)
+        now = jacobian_of(lambda move: force_after(rest_point, rest_point + move, still), size, PROBE_STEP)
+        before = jacobian_of(lambda move: force_after(rest_point + move, rest_point, still), size, PROBE_STEP)
         return -np.array(
-            [now, before, jacobian_of(lambda move: force_after(rest_point, rest_point, move), size, PROBE / dt)]
+            [now, before, jacobian_of(lambda move: force_after(rest_point, rest_point, move), size, PROBE_STEP / dt)]
         )
 
-    a, b, c = (gains_at_depth(depth * PROBE) for depth in (2.0, 4.0, 6.0))
+    a, b, c = (gains_at_depth(depth * PROBE_STEP) for depth in (2.0, 4.0, 6.0))
     # The parabola through the depths h, 2 h and 3 h, at zero: 3 f(h) - 3 f(2 h) + f(3 h).
     return Gains(*(3.0 * a - 3.0 * b + c))
 
@@ -146,7 +146,7 @@ class SampledLoop:
         values, vectors = np.linalg.eig(matrix)
         felt = np.linalg.norm(force @ vectors, axis=0)
         # A frictionless tool moves freely along the surface: eigenvalue 1, and no force.
-        free = (np.abs(values - 1.0) < ROUNDING) & (felt < ROUNDING * np.linalg.norm(force))
+        free = (np.abs(values - 1.0) < FREE_MODE_DISTANCE) & (felt < FREE_MODE_DISTANCE * np.linalg.norm(force))
         return float(np.max(np.abs(values[~free]), initial=0.0))
 
 

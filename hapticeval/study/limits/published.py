@@ -24,8 +24,8 @@ from hapticeval.study.limits.loop import Place, Robot, loop_delay, robot_at
 from hapticeval.study.limits.search import finite_or_none, rests_after_release
 from hapticeval.types import Array
 
-FRICTIONS = 10  # joint frictions of the curve, up to three times the one, among them, at which its two parts meet
-DEPTHS = 4000  # depths over which a hand is tried that goes to and fro, in steps shorter than its shortest stroke
+CURVE_FRICTIONS = 10  # joint frictions of the curve, up to three times the one, among them, at which its two parts meet
+STROKE_DEPTHS = 4000  # depths over which a hand that goes to and fro is tried, in steps below its shortest stroke
 STROKES = (0.001, 0.5, 1.001, 2.001, 5.001, 20.0, 100.0, 1000.0)  # lengths of its stroke, in counts along the normal
 STEP = 1e-4  # m into the surface at which the hand is tried: far from leaving it, near enough to keep the robot's pose
 
@@ -93,7 +93,7 @@ def over_friction(factory: RendererFactory, scene: Scene, place: Place) -> Mappi
     losses = losses_along(robot, place.normal, step)
     # Where 2 f_c / Δ = 2 b / T.
     corner = losses.damping * losses.encoder_count / (scene.sampling_time * losses.force_per_joint_friction)
-    frictions = np.linspace(0.0, 3.0, FRICTIONS) * corner
+    frictions = np.linspace(0.0, 3.0, CURVE_FRICTIONS) * corner
     hands = try_hands(factory, scene, place, step, losses)
     return {
         "joint_friction": frictions.tolist(),
@@ -155,8 +155,8 @@ def try_hands(factory: RendererFactory, scene: Scene, place: Place, encoder_step
         points = place.point - depths[:, None] * place.normal
         return np.array([force_where(tuple(np.rint(device.joints(point) / encoder_step))) for point in points])
 
-    depths = STEP + losses.encoder_count * np.linspace(0.0, 3.0, DEPTHS)
+    depths = STEP + losses.encoder_count * np.linspace(0.0, 3.0, STROKE_DEPTHS)
     strokes = losses.encoder_count * np.array(STROKES)
     shallow = forces_at(depths)
     gains = [(forces_at(depths + stroke) - shallow) / scene.stiffness for stroke in strokes]
-    return WorstHand(np.concatenate(gains), np.repeat(strokes, DEPTHS), losses, scene.sampling_time)
+    return WorstHand(np.concatenate(gains), np.repeat(strokes, STROKE_DEPTHS), losses, scene.sampling_time)

@@ -21,15 +21,15 @@ from hapticeval.study.limits.loop import Gains, Place, SampledLoop, gains_of, ro
 from hapticeval.types import Array
 
 SOFTEST, STIFFEST = 1.0, 1e7  # N/m between which limits are looked for
-HALVINGS = 40  # halvings: until rounding of the limit's own digits
+LIMIT_HALVINGS = 40  # halvings: until rounding of the limit's own digits
 RELEASE_OFFSET = 1e-5  # m off the surface at which the loop is let go: small, so that the device stays at its pose
 NEAR_DISTANCE = (
     100.0 * RELEASE_OFFSET
 )  # m from where it is let go: farther off is another place, with another pose and another limit
 SETTLED_SHARE = 1e-7  # share of `RELEASE_OFFSET` below which what is left of it is rounding: the loop has settled
 RUN_TICKS = 20_000  # of a run: a mode that grows by 1e-6 per tick grows by 2 per cent
-PLACES = 12  # points of the boundary that a warning tries: the robot's inertia at the hand varies over centimetres
-ROUNDING_SHARE = (
+WARNING_PLACES = 12  # points of the boundary that a warning tries: inertia at the hand varies over centimetres
+STIFFNESS_ROUNDING = (
     1e-6  # share of the scene's stiffness below which a spring is rounding: gains are differences of forces
 )
 
@@ -87,7 +87,7 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> GainFamil
     return family
 
 
-def eigenvalue_limit(loop: SampledLoop, family: GainFamily, *, steps: int = HALVINGS) -> float:
+def eigenvalue_limit(loop: SampledLoop, family: GainFamily, *, steps: int = LIMIT_HALVINGS) -> float:
     """Find the stiffness (N/m) up to which all modes of the loop decay: 0 where none does, inf beyond `STIFFEST`."""
     return largest_stable(lambda stiffness: loop.growth(family.at(stiffness)) < 1.0, steps=steps)
 
@@ -110,7 +110,7 @@ def finite_or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def largest_stable(stable: Callable[[float], bool], *, steps: int = HALVINGS) -> float:
+def largest_stable(stable: Callable[[float], bool], *, steps: int = LIMIT_HALVINGS) -> float:
     """Find the end of the first range of stable stiffnesses (N/m), on a grid of half-decades and by halving."""
     # Two points a decade, from the softest: a loop may be stable again beyond, which is of no use.
     grid = np.geomspace(SOFTEST, STIFFEST, 15)
@@ -216,7 +216,7 @@ def describe_instability(factory: RendererFactory, scene: Scene, *, cutoff: floa
     """
     boundary = scene.model.boundary
     sensed = scene.with_effects(VelocityFilter(cutoff))
-    frame = boundary.closest_point(boundary.points(PLACES))
+    frame = boundary.closest_point(boundary.points(WARNING_PLACES))
     places = [Place(*row) for row in zip(frame.foot, frame.normal, strict=True)]
     try:
         family = _across_normal(family_of(factory, scene, places[0]))
@@ -225,7 +225,7 @@ def describe_instability(factory: RendererFactory, scene: Scene, *, cutoff: floa
     # The stiffness across the surface, N/m, for a hand whose last position is the present one.
     normal, gains = places[0].normal, family.at(scene.stiffness)
     spring = float(normal @ (gains.now + gains.before) @ normal)
-    if not (np.isfinite(spring) and abs(spring) > ROUNDING_SHARE * scene.stiffness):
+    if not (np.isfinite(spring) and abs(spring) > STIFFNESS_ROUNDING * scene.stiffness):
         return ""
     if spring < 0.0:
         return "the renderer's force pulls the hand into the surface; see its sign"

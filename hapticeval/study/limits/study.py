@@ -25,7 +25,8 @@ Progress = Callable[[int, int, str], None]
 COARSE_HALVINGS = 12  # halvings of a limit in a map: to a thousandth of the half-decade in which it lies
 DAMPINGS = 45  # dampings of each curve of the Z-width plot, beside zero
 TIME_SHARES = (0.25, 0.5, 1.0, 2.0)  # sampling times of the Z-width plot, as shares of the scene's
-POSES, DIRECTIONS = 27, 12  # poses along each side of the workspace map, and wall directions over half a turn at each
+POSES = 27  # poses along each side of the workspace map
+WALL_DIRECTIONS = 12  # directions of a wall, over half a turn, at each pose
 
 
 def study_limits(factory: RendererFactory, scene: Scene, place: Place, progress: Progress) -> dict[str, Any]:
@@ -131,8 +132,8 @@ def _over_workspace(scene: Scene, family: GainFamily) -> Mapping[str, Any] | Non
     axes = (0, 1) if device.dimension == 2 else (0, 2)
     grids = [np.linspace(window[0][axis], window[1][axis], POSES) for axis in axes]
     # Half a turn: a wall and its back have the same limit, for gains are even in the normal.
-    angles = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
-    normals = np.zeros((DIRECTIONS, device.dimension))
+    angles = np.arange(WALL_DIRECTIONS) * np.pi / WALL_DIRECTIONS
+    normals = np.zeros((WALL_DIRECTIONS, device.dimension))
     normals[:, axes[0]], normals[:, axes[1]] = np.cos(angles), np.sin(angles)
     shape = (POSES, POSES)
     limits, passive = np.full(shape, np.nan), np.full(shape, np.nan)

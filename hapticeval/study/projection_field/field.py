@@ -31,8 +31,8 @@ LATTICE_OFFSET = (
     0.2763932,
 )  # where in its cell the lattice starts: neither nodes nor lines lie on axes of symmetry
 SHORTEST_JUMP = 5e-4  # the shortest jump that counts, as a share of the model's size: 0.1 mm of 200 mm
-STRETCH = 1.2  # neighbours whose IHIPs are further apart than this many lattice steps are looked at closer
-HALVINGS = 10
+TORN_STRETCH = 1.2  # neighbours whose IHIPs are further apart than this many lattice steps are looked at closer
+JUMP_HALVINGS = 10
 PERSISTENCE = (
     0.15  # as in `continuous-contact`: a jump's logarithm falls by less than this a halving, a continuous map's more
 )
@@ -149,7 +149,7 @@ def _jumps_on_edges(project: Project, lattice: Lattice, axis: int) -> tuple[Arra
     both = lattice.contact[first] & lattice.contact[second]
     # m between the IHIPs of neighbours; a continuous projection moves them about as far as the HIPs.
     leap = np.linalg.norm(lattice.ihip[second] - lattice.ihip[first], axis=-1)
-    suspect = both & (leap > max(SHORTEST_JUMP * lattice.size, STRETCH * lattice.h))
+    suspect = both & (leap > max(SHORTEST_JUMP * lattice.size, TORN_STRETCH * lattice.h))
     nodes = lattice.nodes
     a, b = nodes[first][suspect], nodes[second][suspect]
     crossings, jump = jumps_between(project, a, b, lattice.ihip[first][suspect], lattice.ihip[second][suspect])
@@ -191,7 +191,7 @@ def jumps_between(project: Project, a: Array, b: Array, at_a: Array, at_b: Array
         return a, np.zeros(0)
     free = np.zeros(a.shape[0], dtype=bool)
     sizes = []
-    for halving in range(2 * HALVINGS):
+    for halving in range(2 * JUMP_HALVINGS):
         middle = 0.5 * (a + b)
         at_middle = project(middle)
         # In free space on the way: letting go of the hand is no jump along the surface.
@@ -202,11 +202,11 @@ def jumps_between(project: Project, a: Array, b: Array, at_a: Array, at_b: Array
         in_left = left >= right
         a, at_a = np.where(in_left[:, None], a, middle), np.where(in_left[:, None], at_a, at_middle)
         b, at_b = np.where(in_left[:, None], middle, b), np.where(in_left[:, None], at_middle, at_b)
-        if halving + 1 in (HALVINGS, 2 * HALVINGS):
+        if halving + 1 in (JUMP_HALVINGS, 2 * JUMP_HALVINGS):
             # Kept after half and after all halvings; 1e-300 so that a logarithm can be taken.
             sizes.append(np.maximum(np.maximum(left, right), 1e-300))
     # Octaves that the step has fallen by in a halving: 1 where the map is smooth, 0 at a jump.
-    slope = np.log2(sizes[0] / sizes[1]) / HALVINGS
+    slope = np.log2(sizes[0] / sizes[1]) / JUMP_HALVINGS
     return 0.5 * (a + b), np.where((slope < PERSISTENCE) & ~free, sizes[1], 0.0)
 
 
@@ -273,13 +273,13 @@ def singular_geometry(singular: SingularSet) -> BaseGeometry:
     return shapely.GeometryCollection([*shapely.get_parts(lines), *map(shapely.Point, singular.points)])
 
 
-CELLS = 300
-LINES = 96
+LATTICE_CELLS = 300
+CONSTANT_LINES = 96
 AMPLIFICATION_STEP = 1e-5  # HIP step for amplification, as a share of the model's size
 REST_AMPLIFICATION = 1e-6  # amplification below which the IHIP rests while the hand moves
 FAR_SHARE = 0.25  # IHIPs further from the one that is asked for than this share of the surface are on its other side
-DEPTHS = (0.0025, 0.025)  # as shares of the model's extent: 0.5 mm and 5 mm in a model of 200 mm
-PLACES = 400
+SLANT_DEPTHS = (0.0025, 0.025)  # as shares of the model's extent: 0.5 mm and 5 mm in a model of 200 mm
+SLANT_PLACES = 400
 FROM_CORNERS = 3.0  # depths that a place keeps away from every corner, where there is no one normal
 
 
@@ -354,7 +354,7 @@ class Field:
         }
 
 
-def field_of(project: Project, surface: Curve, *, cells: int = CELLS, start: Array | None = None) -> Field:
+def field_of(project: Project, surface: Curve, *, cells: int = LATTICE_CELLS, start: Array | None = None) -> Field:
     """Sample a projection on a lattice of `cells` steps, and find lines, jumps and amplification.
 
     Raises `InputError` as `sample_projection` does.
@@ -364,7 +364,7 @@ def field_of(project: Project, surface: Curve, *, cells: int = CELLS, start: Arr
     return Field(
         lattice,
         singular,
-        lines_of_constant_projection(lattice, singular, count=LINES),
+        lines_of_constant_projection(lattice, singular, count=CONSTANT_LINES),
         _amplification(project, lattice, singular),
         start,
     )
@@ -462,16 +462,16 @@ class ShallowAngle:
 
 
 def shallow_angles(project: Project, surface: Curve) -> tuple[ShallowAngle, ...]:
-    """Measure how far from normal a projection of HIPs (n, 2) is just under a closed `surface`, at each of `DEPTHS`.
+    """Measure how far from normal a projection of HIPs (n, 2) is under a closed `surface`, at each of `SLANT_DEPTHS`.
 
     Places are evenly spaced along the surface, away from its corners; HIPs that come out in free space do not count.
     """
     angles = []
-    for share in DEPTHS:
+    for share in SLANT_DEPTHS:
         depth = share * extent(surface)
-        u = surface.parameter(np.linspace(0.0, surface.length, PLACES, endpoint=False))
+        u = surface.parameter(np.linspace(0.0, surface.length, SLANT_PLACES, endpoint=False))
         position = surface.position(u)
-        clear = np.ones(PLACES, dtype=bool)
+        clear = np.ones(SLANT_PLACES, dtype=bool)
         for corner in surface.corners:
             # Near a corner the depth is that of two faces, with two normals.
             clear &= np.linalg.norm(position - corner.position, axis=1) > FROM_CORNERS * depth
