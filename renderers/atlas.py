@@ -37,7 +37,7 @@ from hapticeval.renderers.stabilisation_laws import (
 )
 from hapticeval.types import Array, BoolArray, IntArray
 
-EDGE = 1e-9
+SINGULAR_SINE = 1e-9
 """Sine of the angle from a chart's axis up to which the chart counts as singular: it loses nine digits there."""
 
 SWITCH = math.sqrt(0.5)
@@ -194,7 +194,7 @@ def _chart_many(
         u = to_chart_axes(number, (yd[i, 0], yd[i, 1], yd[i, 2]))
         pushed = (push[i, 0] / mass, push[i, 1] / mass, push[i, 2] / mass)
         length, across = math.sqrt(dot(q, q)), math.hypot(q[0], q[1])
-        defined[i] = across > EDGE * length
+        defined[i] = across > SINGULAR_SINE * length
         if not defined[i]:
             continue
         rows = jacobian(q)

@@ -21,7 +21,7 @@ from hapticeval.renderers.projective import Projected, Projection, once
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
-ROUNDING = 1e-14
+DISTANCE_ROUNDING = 1e-14
 """Of a distance, in parts of the coordinates that it is made of."""
 
 
@@ -115,7 +115,7 @@ def _are_inside(b: Outline, points: Array) -> BoolArray:
         x, y = points[i, 0], points[i, 1]
         if not math.hypot(x - x0, y - y0) < clear:  # it may have crossed the curve since (x0, y0)
             inside, clear = _side_and_clearance(b, x, y)
-            clear = 0.999999 * clear - ROUNDING * (abs(x) + abs(y) + clear)
+            clear = 0.999999 * clear - DISTANCE_ROUNDING * (abs(x) + abs(y) + clear)
             x0, y0 = x, y
         out[i] = inside
     return out
@@ -145,10 +145,10 @@ def _ihips_and_normals(b: Outline, bilateral: bool, inside: BoolArray, parameter
     return out
 
 
-CELLS = 200
+FLOW_CELLS = 200
 """Cells of the flow grid along the model's longer side."""
 
-GAP = 1e-6
+LINE_GAP = 1e-6
 """Least distance of transversal lines as a share of their mean: enough to keep their order, and no more."""
 
 
@@ -156,10 +156,10 @@ def by_flow_map(
     scene: Scene,
     representation: str,
     *,
-    cells: float = CELLS,
+    cells: float = FLOW_CELLS,
     lines: float | None = None,
     levels: float | None = None,
-    gap: float = GAP,
+    gap: float = LINE_GAP,
 ) -> Projection:
     """Return the projection through the flow map of a model's inside; the nearest point outside, where bilateral.
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 VERTICES = 40
 """Vertices of the polygon representation (thesis 4.1.1)."""
 
-GRID = 100
+GRID_NODES = 100
 """Nodes of the level set representation along each side (thesis 4.1.1)."""
 
 VERTICES_KNOB = Knob(

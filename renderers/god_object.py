@@ -35,7 +35,7 @@ from hapticeval.renderers.projective import GAINS, PAST, CompiledProjection, reg
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-TOOL = record_type("touches", "piece", "u", base=PAST, hip=2)
+PROXY = record_type("touches", "piece", "u", base=PAST, hip=2)
 """The `state`: with whether the tool is in contact, where on which piece, and the last HIP (m)."""
 
 FLIGHTS = 64
@@ -52,14 +52,14 @@ def god_object(scene: Scene, representation: str, *, vertices: float = VERTICES)
         return on_mesh(scene, scene.model.boundary)
     shape = representation_of(scene.model, representation, int(vertices))
     return CompiledProjection(
-        follow, shape.surface, bilateral=scene.bilateral, state=TOOL, begin=begin, rows=follow_rows, **shape.tables
+        follow, shape.surface, bilateral=scene.bilateral, state=PROXY, begin=begin, rows=follow_rows, **shape.tables
     )
 
 
 @borrowing
 def begin(data: LawData, hip: Array) -> None:
     """Put the tool where a run starts with the hand at `hip` (2,), m: if that is inside, on the nearest point."""
-    tool = as_record(data.state, TOOL)
+    tool = as_record(data.state, PROXY)
     piece, u, _, side = nearest_on(outline_in(data), hip[0], hip[1])
     tool.touches = 1.0 if as_record(data.params, GAINS).bilateral != 0.0 or side < 0.0 else 0.0
     tool.piece, tool.u, tool.hip[0], tool.hip[1] = piece, u, hip[0], hip[1]
@@ -73,7 +73,7 @@ def follow(
 
     `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
     """
-    b, params, state, tool = outline_in(data), data.params, data.state, as_record(data.state, TOOL)
+    b, params, state, tool = outline_in(data), data.params, data.state, as_record(data.state, PROXY)
     x, y = hip[0], hip[1]
     touches, piece, u = tool.touches != 0.0, int(tool.piece), tool.u
     status = LEAVES

@@ -61,15 +61,15 @@ from hapticeval.renderers.potential import (
     potential_record,
     stretch,
 )
-from hapticeval.renderers.projective import GAINS, OWN, PAST, CompiledProjection, once, regulate, release
+from hapticeval.renderers.projective import FIRST_OWN, GAINS, PAST, CompiledProjection, once, regulate, release
 from hapticeval.renderers.regulation import GRADIENT
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-HOMOTHETIC = OWN
+HOMOTHETIC = FIRST_OWN
 """Where in `params` of the homothetic projection the potential's numbers begin."""
 
-CUTS = 1024
+TABLE_RAYS = 1024
 """Rays of the table that a closed smooth curve, or the arcs of one, are cut by."""
 
 RAY_STEPS = 50
@@ -145,7 +145,7 @@ def ray_table(curve: Curve, centre: ArrayLike) -> Array:
     start, end = curve.u_range
     for piece in as_records(curve.pieces, PIECE):
         share = (piece.u1 - piece.u0) / (end - start)
-        count = 1 if piece.kind == LINE else max(8, math.ceil(CUTS * share))
+        count = 1 if piece.kind == LINE else max(8, math.ceil(TABLE_RAYS * share))
         parts.append(np.linspace(piece.u0, piece.u1, count, endpoint=False))
     parameters = np.concatenate(parts)
     if len(curve.samples):
@@ -322,19 +322,19 @@ def homothetic_on_mesh(
     return regulate(params, state, hip, velocity, _gradient_length(params, shortfall, h), dt, ihip, force)
 
 
-COMBESCURE = OWN + 1
+COMBESCURE = FIRST_OWN + 1
 """Where in `params` of the Combescure projection they begin: behind the `stray` of the outline."""
 
-NEWTON, ROUNDS = 12, 60
+MOST_CURVE_STEPS, MOST_NEAREST_POINTS = 12, 60
 """Most steps along the curve, and most nearest points that are asked for after that."""
 
-SETTLED, ROUNDING = 1e-14, 4e-16
+TANGENT_SETTLED, TANGENT_ROUNDING = 1e-14, 4e-16
 """Shares of H and of the coordinates by which the tangent's point may miss the hand along the tangent."""
 
 CLOSE = 4e-15
 """Share of H below which a change of the level is rounding."""
 
-EVEN = 1e-12
+SUPPORT_ROUNDING = 1e-12
 """Share of H below which a difference of support distances is rounding."""
 
 SAFE = 1.0 - 1e-6
@@ -349,7 +349,7 @@ def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = 
     model = scene.model
     boundary = model.boundary
     middle = kernel_centre_of(model, boundary, centre)
-    is_round = middle.largest - middle.smallest <= EVEN * middle.support
+    is_round = middle.largest - middle.smallest <= SUPPORT_ROUNDING * middle.support
     if is_round or isinstance(boundary, Mesh) or any(corner.convex for corner in boundary.corners):
         return homothetic(scene, representation, centre=centre)
     # m of the potential: neither curvature nor support distance may let level curves cross
@@ -405,9 +405,9 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
     support, cx, cy = potential.support, potential.centre[0], potential.centre[1]
     first_u, last_u = as_record(pieces, PIECE).u0, as_record(pieces, PIECE, pieces.shape[0] - 1).u1
     ex, ey = x - cx, y - cy
-    settled = SETTLED * support + ROUNDING * (abs(x) + abs(y) + abs(cx) + abs(cy))
+    settled = TANGENT_SETTLED * support + TANGENT_ROUNDING * (abs(x) + abs(y) + abs(cx) + abs(cy))
     t = -1.0
-    for _ in range(NEWTON):
+    for _ in range(MOST_CURVE_STEPS):
         px, py, dx, dy, ddx, ddy = evaluate(pieces[piece], u)
         speed = math.hypot(dx, dy)
         tx, ty, wx, wy = dx / speed, dy / speed, px - cx, py - cy
@@ -439,7 +439,7 @@ def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, flo
     support, reach, cx, cy = potential.support, potential.reach, potential.centre[0], potential.centre[1]
     low, high = PARALLEL * reach, support
     px, py, nx, ny, t = x, y, 0.0, 0.0, LAST * reach
-    for _ in range(ROUNDS):
+    for _ in range(MOST_NEAREST_POINTS):
         a, b, _, _ = level_values(potential, t)
         # the hand enlarged by 1 / A about the centre: at its level it lies b deep under its nearest point
         qx, qy = cx + (x - cx) / a, cy + (y - cy) / a
@@ -510,7 +510,7 @@ def combescure_in_space(
         t = level_at(potential, dot(normal, from_centre), dot(normal, plus(foot, -1.0, centre)))
         if not low < t < high:
             t = LAST * reach
-        for _ in range(ROUNDS):  # as `_search` in the plane
+        for _ in range(MOST_NEAREST_POINTS):  # as `_search` in the plane
             a, b, _, _ = level_values(potential, t)
             foot, normal, distance = closest_on_surface(row, plus(centre, 1.0 / a, from_centre))
             if -distance > b:

@@ -6,7 +6,7 @@ its nodes is read:
 
     FREE         outside: no contact anywhere in it
     HELD         contact everywhere in it
-    EDGE         the surface may pass: contact where the HIP is behind the plane of IHIP and normal
+    BORDER       the surface may pass: contact where the HIP is behind the plane of IHIP and normal
     + MARKED     the projection breaks in it: never interpolated
 
 Filling a table also finds the cells that must not be interpolated.
@@ -56,7 +56,7 @@ from hapticeval.renderers.projective import Projected, Projection, once
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, ByteArray
 
-FREE, HELD, EDGE, MARKED = 0, 1, 2, 4
+FREE, HELD, BORDER, MARKED = 0, 1, 2, 4
 
 BLOCK = 512
 """HIPs that are looked up together."""
@@ -85,7 +85,7 @@ def look_up(
         return OUT if kind == FREE else ASK, x, y, 0.0, 0.0
     px, py, nx, ny = _bilinear(nodes, i, j, a - np.int64(i), b - np.int64(j))
     # a cell that the surface may pass: contact behind the plane of IHIP and normal only
-    if kind == EDGE and not (x - px) * nx + (y - py) * ny < 0.0:
+    if kind == BORDER and not (x - px) * nx + (y - py) * ny < 0.0:
         return OUT, x, y, 0.0, 0.0
     return TOUCHES, px, py, nx, ny
 
@@ -172,7 +172,7 @@ def look_up_in_space(
         for axis in range(3):
             normal_squared += answer[3 + axis] * answer[3 + axis]
             behind += (hips[row, axis] - answer[axis]) * answer[3 + axis]
-        if kind == EDGE and not behind < 0.0:
+        if kind == BORDER and not behind < 0.0:
             continue
         status[row] = TOUCHES
         for axis in range(3):
@@ -193,7 +193,7 @@ def _bilinear(nodes: Array, i: np.uint64, j: np.uint64, a: float, b: float) -> t
     return px, py, nx * size, ny * size
 
 
-CELL = {2: 0.5e-3, 3: 2e-3}
+CELL_SIDES = {2: 0.5e-3, 3: 2e-3}
 """Side of a cell (m): in the plane that of the thesis's experiments (6.2), which in space makes 3 GB of 0.2 m cubed."""
 
 IN_MEMORY = 2 << 30
@@ -239,7 +239,7 @@ def grid_over(lower: Sequence[float], upper: Sequence[float], cell: float) -> Gr
         raise InputError(
             f"a look-up table with cells of {cell!r} m",
             why="the side of a cell must be positive",
-            todo=f"choose a cell such as {CELL[len(extents)]:g} m",
+            todo=f"choose a cell such as {CELL_SIDES[len(extents)]:g} m",
         )
     if cell > max(extents):
         raise RefusalError(
@@ -327,7 +327,7 @@ TURN = 0.5
 """The numbers of the rules above: lengths in sides of a cell, `TURN` the length of a difference of unit normals."""
 
 PROBES = 5
-MARGIN = 4.0 / 3.0
+PROBED_RAISE = 4.0 / 3.0
 """A probed maximum is raised by this much: where nodes lie on both faces of a corner the distance rises to a ridge in
 the cell as on a roof, and the next probe may be a quarter of the way down."""
 
@@ -378,10 +378,10 @@ def source_of(projection: Projection) -> Source:
 def grid_of(surface: Boundary, cell: float | None = None) -> Grid:
     """Return the grid of a table of a boundary: `grid_of(...).nbytes` is the memory that it takes.
 
-    `cell` (m) is `CELL` in the plane and in space where none is given. Raises as `grid_over` does.
+    `cell` (m) is `CELL_SIDES` in the plane and in space where none is given. Raises as `grid_over` does.
     """
     bounds, dimension = surface.bounds, surface.dimension
-    return grid_over(bounds[:dimension], bounds[dimension:], CELL[dimension] if cell is None else cell)
+    return grid_over(bounds[:dimension], bounds[dimension:], CELL_SIDES[dimension] if cell is None else cell)
 
 
 def tabulate(projection: Projection, *, cell: float | None = None, everywhere: bool = False) -> Table:
@@ -421,7 +421,7 @@ def _fill_box(table: Table, source: Source, low: tuple[int, ...], high: tuple[in
         distance = _distances(points, source, reach)
         near = _cells_with_a_corner(np.abs(distance) <= reach)
         kinds = np.where(
-            near, np.uint8(EDGE), np.where(_cells_with_a_corner(distance < 0.0), np.uint8(HELD), np.uint8(0))
+            near, np.uint8(BORDER), np.where(_cells_with_a_corner(distance < 0.0), np.uint8(HELD), np.uint8(0))
         )
         needed = _nodes_around(kinds != 0)
     answers = np.zeros((*counts, 2 * dimension))
@@ -525,7 +525,7 @@ def _cells_off_surface(
         ]
     ).reshape(len(probes), -1)
     # rule 4: TURN in a cell that the surface may pass, a right angle in others
-    standoff, too_far = 0.0, turn > np.where(kinds[candidates] == EDGE, TURN, 2.0**0.5)
+    standoff, too_far = 0.0, turn > np.where(kinds[candidates] == BORDER, TURN, 2.0**0.5)
     for start in range(0, estimate.size, 1000):
         chosen = order[start : start + 1000]
         # from the largest estimate on, until none can exceed what was measured
@@ -536,7 +536,7 @@ def _cells_off_surface(
         too_far[chosen] |= distance > limit
         standoff = max(standoff, float(np.max(distance, where=~too_far[chosen], initial=0.0)))
     off[candidates] = too_far
-    return MARGIN * standoff + source.stray * bool(standoff), off
+    return PROBED_RAISE * standoff + source.stray * bool(standoff), off
 
 
 def _side_ends(dimension: int, axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
@@ -632,8 +632,8 @@ def tabulated(
 ) -> Projection:
     """The projection `project(scene, representation, **settings)` through a table with cells of side `cell` (m).
 
-    Without one it is `CELL`. The table is made once for a model, and shared. The unbounded line has no finite table,
-    and is answered exactly.
+    Without one it is `CELL_SIDES`. The table is made once for a model, and shared. The unbounded line has no finite
+    table, and is answered exactly.
     Raises `InputError` for a cell that is not positive, or so small that the table would not fit in memory.
     """
     if not scene.model.boundary.closed:

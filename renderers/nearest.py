@@ -29,7 +29,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import nearest_kernel
 from hapticeval.geometry.representations import LevelSet, Polygon
 from hapticeval.geometry.surface import apply_matrix, closest_on_surface, dot, shape_operator
-from hapticeval.renderers.family import GRID, VERTICES
+from hapticeval.renderers.family import GRID_NODES, VERTICES
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
 from hapticeval.renderers.projective import GAINS, PAST, CompiledProjection, Projection, once, regulate, release
 from hapticeval.renderers.regulation import PP_PD_C
@@ -40,7 +40,7 @@ SEARCH = record_type("triangle", base=PAST)
 """The `state` on a mesh: with the closest triangle of the last tick, at which the search for the next begins."""
 
 
-def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID) -> Projection:
+def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID_NODES) -> Projection:
     """Return the projection on a representation of the scene's model; in space on the exact surface.
 
     A mesh is its own polygon.
@@ -130,7 +130,7 @@ def on_mesh(
     return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)
 
 
-CUTS = 8
+ARC_CHORDS = 8
 """Chords that an arc is cut into in the outline from which the nearest point is looked for."""
 
 
@@ -140,7 +140,7 @@ class Contour(NamedTuple):
     - `arcs` (n, 4): arc k runs from arcs[k, :2] to arcs[k + 1, :2] (m), in the cell at column arcs[k, 2] and row
       arcs[k, 3] of the grid.
     - `values` (ny, nx): the signed distances (m) at the grid's nodes, from (x0, y0) on in steps dx and dy, m.
-    - `vertices` (CUTS n, 2): the ends of equal shares of every arc's chord, m; `tree` is their polygon's.
+    - `vertices` (ARC_CHORDS n, 2): the ends of equal shares of every arc's chord, m; `tree` is their polygon's.
     """
 
     arcs: Array
@@ -204,8 +204,8 @@ def nearest_on_contour(c: Contour, x: float, y: float) -> tuple[float, float, fl
     """
     count = c.arcs.shape[0]
     edge, along, _ = nearest_kernel(c.vertices, c.tree, x, y)
-    arc = edge // CUTS
-    t = _foot_share(c, arc, (edge % CUTS + along) / CUTS, x, y)
+    arc = edge // ARC_CHORDS
+    t = _foot_share(c, arc, (edge % ARC_CHORDS + along) / ARC_CHORDS, x, y)
     px, py, nx, ny = _arc_point(c, arc, t)
     distance = math.hypot(x - px, y - py)
     if t == 0.0 or t == 1.0:  # at a joint: the nearest point may be inside of the next arc
@@ -268,14 +268,14 @@ def _onwards(c: Contour, arc: int, t: float, x: float, y: float) -> float:
 @compiled
 def _foot_share(c: Contour, arc: int, t: float, x: float, y: float) -> float:
     """The share at which the distance to an arc has the local minimum that is nearest to the share t."""
-    low, high = max(t - 1.0 / CUTS, 0.0), min(t + 1.0 / CUTS, 1.0)
+    low, high = max(t - 1.0 / ARC_CHORDS, 0.0), min(t + 1.0 / ARC_CHORDS, 1.0)
     # widen the bracket to where the distance falls towards the inside at both ends, or to the end of the arc
     at_low, at_high = _onwards(c, arc, low, x, y), _onwards(c, arc, high, x, y)
     while at_low <= 0.0 and low > 0.0:
-        low = max(low - 1.0 / CUTS, 0.0)
+        low = max(low - 1.0 / ARC_CHORDS, 0.0)
         at_low = _onwards(c, arc, low, x, y)
     while at_high >= 0.0 and high < 1.0:
-        high = min(high + 1.0 / CUTS, 1.0)
+        high = min(high + 1.0 / ARC_CHORDS, 1.0)
         at_high = _onwards(c, arc, high, x, y)
     if at_low <= 0.0:
         return low
@@ -299,10 +299,10 @@ def _foot_share(c: Contour, arc: int, t: float, x: float, y: float) -> float:
 @compiled
 def _cut_arcs(c: Contour) -> Array:
     count = c.arcs.shape[0]
-    out = np.empty((CUTS * count, 2))
+    out = np.empty((ARC_CHORDS * count, 2))
     for arc in range(count):
-        for k in range(CUTS):
-            out[CUTS * arc + k, 0], out[CUTS * arc + k, 1], _, _ = _arc_point(c, arc, k / CUTS)
+        for k in range(ARC_CHORDS):
+            out[ARC_CHORDS * arc + k, 0], out[ARC_CHORDS * arc + k, 1], _, _ = _arc_point(c, arc, k / ARC_CHORDS)
     return out
 
 

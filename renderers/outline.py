@@ -59,7 +59,7 @@ from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.projective import GAINS, once
 from hapticeval.types import Array
 
-MARGIN = 1.1
+SAMPLED_RAISE = 1.1
 """A sampled maximum is raised by this much."""
 
 
@@ -102,7 +102,7 @@ def _cassinian(scale: float, lobes: float, above: float) -> tuple[float, float]:
     w2 = lobes**2 * ratio * (sin / root**3 - 3.0 * sin * cos**2 / root**5)
     third_derivative = np.max(r * np.abs(w**3 + 3.0 * w * w1 + w2))
     mixed_product = np.max(3.0 * r * r * np.abs((np.conj(w) * (w * w + w1)).real))
-    return MARGIN * float(mixed_product), MARGIN * float(third_derivative)
+    return SAMPLED_RAISE * float(mixed_product), SAMPLED_RAISE * float(third_derivative)
 
 
 JOINT = record_type("turn", "bend", "bend_per_metre", "first_chord")

@@ -87,7 +87,7 @@ LEVELS, BETWEEN = 1000, 1e-3
 """Levels at which the stiffness is sampled, over all depths and once more over the blend, and the share by which it may
 be beyond between two: it changes by a factor of a few over either, and is smooth."""
 
-ROUNDING = 2e-16
+LEVEL_ROUNDING = 2e-16
 """Share of H below which a change of the level is rounding."""
 
 
@@ -139,7 +139,7 @@ def level_at(potential: Any, depth_coordinate: float, h: float) -> float:
         else:
             high = t
         next_t = step_within(low, high, t + excess / (a * db - da * (h - b)))
-        if abs(next_t - t) <= ROUNDING * support:
+        if abs(next_t - t) <= LEVEL_ROUNDING * support:
             return float(next_t)
         t = next_t
     return t

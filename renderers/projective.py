@@ -149,7 +149,7 @@ REFERENCE_RATE = 0.1
 GAINS = record_type("scheme", "bilateral", "stiffness", "damping", "mass", "spring", "damper")
 """What the `params` of a law begin with: N/m, N s/m, kg; `spring` and `damper` are those of the square root."""
 
-OWN = room_for(GAINS)
+FIRST_OWN = room_for(GAINS)
 """Where in `params` a projection's own numbers begin."""
 
 PAST = record_type("in_contact", error=3, normal=3)
@@ -336,7 +336,7 @@ class CompiledProjection:
         self.law, self.exact = law, exact
         self.surface, self.resolution, self.standoff = surface, resolution, standoff
         self.begin, self.rows, self.potential, self.support_range = begin, rows, potential, support_range
-        params = np.concatenate([np.zeros(OWN), np.asarray(own, dtype=np.float64)])
+        params = np.concatenate([np.zeros(FIRST_OWN), np.asarray(own, dtype=np.float64)])
         as_record(params, GAINS).bilateral = bilateral  # the other gains come with a scheme: see `data`
         self._data = law_data(params, state=room_for(state), **tables)
 
@@ -346,14 +346,14 @@ class CompiledProjection:
 
     def trace(self, hips: Array) -> Projected:
         """Project HIPs (n, N), m, a tick a row, from a free start."""
-        data, hips = self.data(self._data.params[:OWN]), as_rows(hips)  # without gains: no force is wanted
+        data, hips = self.data(self._data.params[:FIRST_OWN]), as_rows(hips)  # without gains: no force is wanted
         if self.begin is not None:
             self.begin(data, hips[0])
         return Projected(*_trace(first_class(self.law, LAW), data, hips))
 
     def data(self, gains: Array) -> LawData:
-        """Return what the law works on with `gains` (OWN,), of the units N/m, N s/m and kg, in a state of its own."""
-        params = np.concatenate([gains, self._data.params[OWN:]])
+        """Return what the law works on with `gains` (FIRST_OWN,), in N/m, N s/m and kg, in a state of its own."""
+        params = np.concatenate([gains, self._data.params[FIRST_OWN:]])
         return self._data._replace(params=params, state=np.zeros_like(self._data.state))
 
 
@@ -468,5 +468,5 @@ def _regulate_rows(
             past.normal[i] = normals[row, i]
         known = 0.0
         if as_record(params, GAINS).scheme == GRADIENT:
-            known = stretch_at(as_record(params, POTENTIAL, OWN), hips[row], ihips[row], normals[row])
+            known = stretch_at(as_record(params, POTENTIAL, FIRST_OWN), hips[row], ihips[row], normals[row])
         regulate(params, state, hips[row], velocities[row], known, dt[row], ihips[row], forces[row])

@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     from hapticeval.scene import Scene
 
 
-MARGIN = 3
+GRID_MARGIN_CELLS = 3
 """Cells between the model's bounds and the edge of the grid."""
 BATCH = 65_536
 """Nodes whose distance is asked for at once."""
@@ -90,8 +90,8 @@ class DistanceGrid:
                 f"model '{boundary.name}' is unbounded", why="a grid covers a bounded area", todo="use implicit@exact"
             )
         low, high = np.reshape(boundary.bounds, (2, boundary.dimension))
-        self.cell = float((high - low).max()) / (nodes - 1 - 2 * MARGIN)
-        counts = np.ceil((high - low) / self.cell).astype(np.int64) + 1 + 2 * MARGIN
+        self.cell = float((high - low).max()) / (nodes - 1 - 2 * GRID_MARGIN_CELLS)
+        counts = np.ceil((high - low) / self.cell).astype(np.int64) + 1 + 2 * GRID_MARGIN_CELLS
         # the middle of the grid is the model's, so that a mirrored model has a mirrored grid
         self.origin = 0.5 * (low + high) - 0.5 * self.cell * (counts - 1)
         axes = [start + self.cell * np.arange(count) for start, count in zip(self.origin, counts, strict=True)]
@@ -125,8 +125,8 @@ def _between(nodes: Any, shares: Sequence[float]) -> tuple[float, list[float]]:
 
 
 GRID = "grid"
-TRACKED, NORMAL, GRADIENT = "tracked", "normal", "gradient"
-TURNS, RETURNS, HALVINGS = 4, 4, 40
+TRACKED, GRADIENT_FORCE = "tracked", "gradient"
+TURNS, RETURNS, ENTRY_HALVINGS = 4, 4, 40
 """Tangent planes a tick, steps back to the surface on each, and halvings of the way in to the first contact."""
 
 
@@ -161,7 +161,7 @@ def implicit(scene: Scene, *, regulation: str, representation: str, grid: float)
         cell = surface.cell
     if regulation == TRACKED:
         return Tracked(scene, surface, cell)
-    return Field(scene, surface, cell, regulation == GRADIENT)
+    return Field(scene, surface, cell, regulation == GRADIENT_FORCE)
 
 
 class Tracked:
@@ -191,7 +191,7 @@ class Tracked:
     def _met(self, hip: Array) -> Array:
         """Return where S = 0 on the way of the hand from the last tick, which ends inside: by bisection."""
         outside, inside = self._hand, hip
-        for _ in range(HALVINGS):
+        for _ in range(ENTRY_HALVINGS):
             middle = 0.5 * (outside + inside)
             outside, inside = (outside, middle) if self.surface_function(middle)[0] <= 0.0 else (middle, inside)
         return outside

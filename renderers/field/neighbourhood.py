@@ -58,11 +58,11 @@ from hapticeval.types import Array, IntArray
 if TYPE_CHECKING:
     from hapticeval.scene import Scene
 
-GAINS = record_type("stiffness", "touch")
+SPRING_PARAMS = record_type("stiffness", "touch")
 """The law's numbers: K (N/m), and the distance (m) within which a point lies on a face."""
-TOOL = record_type("touches", "face", hand=3)
+FACE_TOOL = record_type("touches", "face", hand=3)
 """The law's state: whether there is contact, on which face, and the last hand (3,), m."""
-ROUNDING = 1e-9
+SAME_POINT_SHARE = 1e-9
 """Share of the model's size within which points are the same."""
 
 
@@ -72,13 +72,15 @@ class Neighbourhood(OnFacets):
     def __init__(self, scene: Scene) -> None:
         facets, _ = facets_of(scene)
         around = once(scene.model, "neighbourhood", lambda: neighbours(facets.cells))
-        super().__init__(follow, scene, own=[ROUNDING * scene.model.size], state=room_for(TOOL), lookup=around)
+        super().__init__(
+            follow, scene, own=[SAME_POINT_SHARE * scene.model.size], state=room_for(FACE_TOOL), lookup=around
+        )
 
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: inside it starts at the nearest face."""
         super().reset(hip)
         data = self.law.data
-        tool = as_record(data.state, TOOL)
+        tool = as_record(data.state, FACE_TOOL)
         tool.hand[: hip.size] = hip
         tool.touches = float(self.surface.signed_distance(hip[np.newaxis])[0] < 0.0)
         tool.face = nearest_face(data.segments, (tool.hand[0], tool.hand[1], tool.hand[2]))
@@ -157,7 +159,7 @@ def follow(
 
     `hip` (N,), m, is the hand's; `ihip` (N,), m, and `force` (N,), N, are written. Returns 0: it never refuses.
     """
-    facets, gains, tool = data.segments, as_record(data.params, GAINS), as_record(data.state, TOOL)
+    facets, gains, tool = data.segments, as_record(data.params, SPRING_PARAMS), as_record(data.state, FACE_TOOL)
     h = (hip[0], hip[1], hip[2] if hip.shape[0] == 3 else 0.0)
     if tool.touches == 0.0:
         face = entered(facets, gains.touch, triple_of(tool.hand), h)  # step 1

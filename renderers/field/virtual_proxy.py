@@ -58,25 +58,25 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from hapticeval.scene import Scene
 
-GAP = 1e-6
+BALL_GAP = 1e-6
 """Share of the radius that is left between ball and obstacle."""
-ALONG = -1e-9
+ALONG_FACET = -1e-9
 """Cosine of a direction to a normal above which the ball moves along the facet, but for rounding."""
-ROUNDS = 64
+MOST_STRETCHES = 64
 """Stretches of one tick at the most; each leads the ball closer to the hand."""
 CONTACTS = 32
 """Facets that are touched at once at the most."""
-ROUNDING, SAME = 1e-12, 1e-6
+BALL_ROUNDING, ON_FACET = 1e-12, 1e-6
 """Shares of the radius: what distances differ by for rounding, and how near to a facet a point lies on it."""
 ARRIVED = 1e-9
 """Share of the way to the hand that is none."""
 
-CONTACT = record_type("distance", "facet", "is_closest", base=record_type(normal=3, point=3))
+BALL_CONTACT = record_type("distance", "facet", "is_closest", base=record_type(normal=3, point=3))
 """A contact: unit normal, closest point (m), distance (m), facet, and 1 unless a nearer facet has that point too."""
 
-CONTACT_NUMBERS = room_for(CONTACT)
+CONTACT_NUMBERS = room_for(BALL_CONTACT)
 
-GAINS = record_type("stiffness", "radius")
+BALL_PARAMS = record_type("stiffness", "radius")
 """The law's numbers: K (N/m) and r (m). Its state is the centre (3,), m, at z = 0 in the plane."""
 
 
@@ -84,8 +84,8 @@ class VirtualProxy(OnFacets):
     """A ball of `radius` (m), its centre the IHIP."""
 
     def __init__(self, scene: Scene, *, radius: float) -> None:
-        super().__init__(follow, scene, own=[radius], state=3, standoff=radius * (1.0 + 2.0 * GAP))
-        self._reach = radius * (1.0 + GAP)
+        super().__init__(follow, scene, own=[radius], state=3, standoff=radius * (1.0 + 2.0 * BALL_GAP))
+        self._reach = radius * (1.0 + BALL_GAP)
 
     def reset(self, hip: Array) -> None:
         """Start a run with the ball at the hand `hip` (N,), m, or where that is too close, r off the nearest point."""
@@ -106,17 +106,17 @@ def first_touch(facets: Array, radius: float, p: Triple, d: Triple) -> float:
     for k in range(facets.shape[0]):
         facet = as_record(facets, FACET, k)
         apart = plus(triple_of(facet.middle), -1.0, p)
-        reach = facet.reach + radius * (1.0 + 2.0 * GAP) + first_share * length
+        reach = facet.reach + radius * (1.0 + 2.0 * BALL_GAP) + first_share * length
         if dot(apart, apart) > reach * reach:
             continue
         t = 0.0
-        for _ in range(ROUNDS):
+        for _ in range(MOST_STRETCHES):
             distance, n = way_off(facets, k, plus(p, t, d))
             slope = dot(n, d)
-            if slope >= ALONG * length or t >= first_share:
+            if slope >= ALONG_FACET * length or t >= first_share:
                 break
-            clearance = distance - radius * (1.0 + GAP)
-            if clearance <= 0.01 * radius * GAP:
+            clearance = distance - radius * (1.0 + BALL_GAP)
+            if clearance <= 0.01 * radius * BALL_GAP:
                 first_share = t
                 break
             t -= clearance / slope  # Newton: f(t) + f'(t) dt = r
@@ -125,7 +125,7 @@ def first_touch(facets: Array, radius: float, p: Triple, d: Triple) -> float:
 
 @compiled
 def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
-    """Write what a ball of a `radius` (m) touches at p (m) to `contacts` (k, CONTACT_NUMBERS), a `CONTACT` a row.
+    """Write what a ball of a `radius` (m) touches at p (m) to `contacts` (k, CONTACT_NUMBERS), a `BALL_CONTACT` a row.
 
     Returns k. `facets` (t, numbers of a `FACET`) are those of the mesh, in m.
 
@@ -136,27 +136,27 @@ def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
     for k in range(facets.shape[0]):
         facet = as_record(facets, FACET, k)
         apart = plus(triple_of(facet.middle), -1.0, p)
-        reach = facet.reach + radius * (1.0 + 2.0 * GAP)
+        reach = facet.reach + radius * (1.0 + 2.0 * BALL_GAP)
         if dot(apart, apart) > reach * reach:
             continue
         distance, n = way_off(facets, k, p)
-        if distance <= radius * (1.0 + 2.0 * GAP) and count < CONTACTS:
-            contact = as_record(contacts, CONTACT, count)
+        if distance <= radius * (1.0 + 2.0 * BALL_GAP) and count < CONTACTS:
+            contact = as_record(contacts, BALL_CONTACT, count)
             for axis in range(3):
                 contact.normal[axis], contact.point[axis] = n[axis], p[axis] - distance * n[axis]
             contact.distance, contact.facet = distance, k
             count += 1
     # a contact whose closest point lies on a facet that is nearer is felt as that one alone
     for i in range(count):
-        contact, is_closest = as_record(contacts, CONTACT, i), True
+        contact, is_closest = as_record(contacts, BALL_CONTACT, i), True
         for j in range(count):
-            other = as_record(contacts, CONTACT, j)
-            if other.distance < contact.distance - ROUNDING * radius:
+            other = as_record(contacts, BALL_CONTACT, j)
+            if other.distance < contact.distance - BALL_ROUNDING * radius:
                 off, _ = way_off(facets, int(other.facet), triple_of(contact.point))
-                is_closest = is_closest and off > SAME * radius
+                is_closest = is_closest and off > ON_FACET * radius
         contact.is_closest = 1.0 if is_closest else 0.0
     for i in range(count):
-        if as_record(contacts, CONTACT, i).is_closest == 1.0:
+        if as_record(contacts, BALL_CONTACT, i).is_closest == 1.0:
             contacts[kept_count] = contacts[i]
             kept_count += 1
     return kept_count
@@ -170,16 +170,16 @@ def follow(
 
     `hip` (N,), m, is the hand's; `ihip` (N,), m, and `force` (N,), N, are written. Returns 0: it never refuses.
     """
-    facets, gains, state = data.segments, as_record(data.params, GAINS), data.state
+    facets, gains, state = data.segments, as_record(data.params, BALL_PARAMS), data.state
     radius = gains.radius
     h = (hip[0], hip[1], hip[2] if hip.shape[0] == 3 else 0.0)
     p = (state[0], state[1], state[2])
     contacts = np.empty((CONTACTS, CONTACT_NUMBERS))
-    for _ in range(ROUNDS):
+    for _ in range(MOST_STRETCHES):
         count = touched(facets, radius, p, contacts)
         for i in range(count):  # keep 1.5 gaps, so that a stop at one gap is something new
-            contact = as_record(contacts, CONTACT, i)
-            lift = max(radius * (1.0 + 1.5 * GAP) - contact.distance, 0.0)
+            contact = as_record(contacts, BALL_CONTACT, i)
+            lift = max(radius * (1.0 + 1.5 * BALL_GAP) - contact.distance, 0.0)
             p = plus(p, lift, triple_of(contact.normal))
         wish = plus(h, -1.0, p)
         length = math.sqrt(dot(wish, wish))

@@ -59,13 +59,13 @@ from hapticeval.types import Array, IntArray
 NODES_IF_SMOOTH, NODES_PER_PIECE, MOST_NODES = 256, 16, 2560
 """Nodes of a smooth curve, or of one piece of several, to start from; and of a whole curve to stop at."""
 
-TOLERANCE = 0.05
+DENSITY_TOLERANCE = 0.05
 """Change of any density by the last doubling at which doubling stops: what is left is far less, about its square."""
 
 BLUR_SHARE = 0.01
 """Blur, as a share of the curve's extent, beyond which the map is refused."""
 
-OUTLINE_POINTS = 513
+CENTRE_OUTLINE_POINTS = 513
 """Points of the outline inside which the search for the centre starts."""
 
 DEEP_ENOUGH = 0.01
@@ -74,22 +74,22 @@ DEEP_ENOUGH = 0.01
 TABLE_STEPS = 8
 """Steps of the table of boundary angles from one node to the next."""
 
-ANGLE_ROUNDING = 4e-15
+ANGLE_ERROR = 4e-15
 """Error (rad) of a boundary angle in double precision; against the Cassinian's closed form it is about 2e-15."""
 
 EQUAL_ARCS = 1024
 """Equal arcs of the boundary over which densities are averaged: at a corner the density itself is zero or infinite."""
 
-ARC_ROUNDING = 100.0 * ANGLE_ROUNDING
+ARC_ROUNDING = 100.0 * ANGLE_ERROR
 """Change (rad) of an arc's share of the circle that may be rounding: the arc is at the end of many sums."""
 
-MOST_NEWTON_STEPS = 100
+MOST_CENTRE_STEPS = 100
 """Newton steps to the centre after which it is where it is: ten are common."""
 
 LONGEST_NEWTON_STEP = 0.8
 """Longest step to the centre, on the disk: there the formula of the way back still has all digits it needs."""
 
-MOVE_ROUNDING, STEP_ROUNDING = 1e-17, 1e-9
+MOVE_ROUNDING, DISK_ROUNDING = 1e-17, 1e-9
 """Step, as a share of the length, that is rounding; and that on the disk below which steps that do not halve are."""
 
 
@@ -106,7 +106,7 @@ class CrowdingError(RefusalError):
         super().__init__(
             f"the conformal map of '{name}' crowds by {crowding:.2g}: {blur * 1e3:.3g} mm of the boundary at "
             f"({place[0]:.4g}, {place[1]:.4g}) m fall together on the circle",
-            why=f"angles are known to {ANGLE_ROUNDING:g} rad in double precision; behind a long neck, in the ends of a "
+            why=f"angles are known to {ANGLE_ERROR:g} rad in double precision; behind a long neck, in the ends of a "
             "long body and in sharp tips the boundary takes less",
             todo="use minimum-distance or constraint; or shorten the body, widen the neck or blunt the tip",
         )
@@ -176,10 +176,10 @@ def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
         fine_map = balance_centre(fine, start)
         # both maps about the same centre, or they would differ by more than their errors
         best = _map_with_measures(curve, solve_correspondence(coarse, fine_map.centre), fine_map)
-        if best.error <= TOLERANCE:
+        if best.error <= DENSITY_TOLERANCE:
             break
         coarse = fine
-    resolved = best.error <= TOLERANCE
+    resolved = best.error <= DENSITY_TOLERANCE
     xmin, ymin, xmax, ymax = curve.bounds
     # crowding is told only of a map that is resolved, or that nobody asked for by number
     if best.blur > BLUR_SHARE * max(xmax - xmin, ymax - ymin) and (resolved or nodes is None):
@@ -216,15 +216,15 @@ def _map_with_measures(curve: Curve, coarse: Correspondence, fine: Correspondenc
     cuts = curve.length * np.arange(EQUAL_ARCS + 1) / EQUAL_ARCS
     # each arc's harmonic measure (rad): its share of the circle
     masses = np.diff(np.interp(cuts, along, turns))
-    # the boundary that angles of +- ANGLE_ROUNDING about each entry cover
-    blurs = np.interp(angles + ANGLE_ROUNDING, turns, along) - np.interp(angles - ANGLE_ROUNDING, turns, along)
+    # the boundary that angles of +- ANGLE_ERROR about each entry cover
+    blurs = np.interp(angles + ANGLE_ERROR, turns, along) - np.interp(angles - ANGLE_ERROR, turns, along)
     widest = int(np.argmax(blurs))
     return ConformalMap(
         curve=curve,
         centre=fine.centre,
         nodes=fine.z.size,
         error=density_change(coarse, fine),
-        crowding=float(np.max(masses) / max(np.min(masses), ANGLE_ROUNDING)),
+        crowding=float(np.max(masses) / max(np.min(masses), ANGLE_ERROR)),
         blur=float(blurs[widest]),
         blurred_at=curve.position(curve.parameter(lengths[widest])),
         _disk=disk,
@@ -240,7 +240,7 @@ def _search_start(curve: Curve) -> Array:
     from shapely.ops import polylabel
 
     # about a point of the outline: far from the origin the search would stop at the rounding of coordinates
-    outline = curve.outline(OUTLINE_POINTS)
+    outline = curve.outline(CENTRE_OUTLINE_POINTS)
     polygon = Polygon(outline - outline[0])
     xmin, ymin, xmax, ymax = curve.bounds
     # pole of inaccessibility, to 5 % of the smaller extent
@@ -250,7 +250,7 @@ def _search_start(curve: Curve) -> Array:
     if depths[1] <= 0.0:
         raise RefusalError(
             f"the conformal map of '{curve.name}' has no centre to start from",
-            why=f"the body is too thin for an outline of {OUTLINE_POINTS} points",
+            why=f"the body is too thin for an outline of {CENTRE_OUTLINE_POINTS} points",
             todo="simplify the outline, or use the minimum-distance or constraint renderer",
         )
     return np.asarray(candidates[0] if depths[0] > DEEP_ENOUGH * depths[1] else candidates[1])
@@ -407,7 +407,7 @@ def balance_centre(system: FactoredSystem, start: Array) -> Correspondence:
     weights = np.abs(system.nodes.steps) / np.sum(np.abs(system.nodes.steps))
     least_move = MOVE_ROUNDING * system.curve.length
     current, last = solve_correspondence(system, start), np.inf
-    for _ in range(MOST_NEWTON_STEPS):
+    for _ in range(MOST_CENTRE_STEPS):
         circle = np.exp(1j * current.angles[:-1:TABLE_STEPS])
         # first and second moment of the boundary's images: the first is zero at the barycentre
         first, second = np.sum(weights * circle), np.sum(weights * circle**2)
@@ -415,10 +415,10 @@ def balance_centre(system: FactoredSystem, start: Array) -> Correspondence:
         w = (first + np.conj(first) * second) / (1.0 - abs(second) ** 2)
         w *= min(1.0, LONGEST_NEWTON_STEP / max(abs(w), LONGEST_NEWTON_STEP))
         # the relative entropy must fall, or the step is too long
-        while abs(w) > STEP_ROUNDING and np.sum(weights * np.log(np.abs(circle - w) ** 2 / (1.0 - abs(w) ** 2))) > 0.0:
+        while abs(w) > DISK_ROUNDING and np.sum(weights * np.log(np.abs(circle - w) ** 2 / (1.0 - abs(w) ** 2))) > 0.0:
             w *= 0.5
         # small steps that do not halve: rounding
-        if abs(w) < STEP_ROUNDING and abs(w) >= 0.5 * last:
+        if abs(w) < DISK_ROUNDING and abs(w) >= 0.5 * last:
             break
         harmonic = np.maximum(current.density, 0.0)
         weighted = harmonic * circle / (circle - w)

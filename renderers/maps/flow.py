@@ -45,11 +45,16 @@ class FoldedGridError(FlowError):
 
 
 VELOCITIES = MappingProxyType(
-    {"curvature": kernels.CURVATURE, "unit": kernels.UNIT, "cap": kernels.CAP, "arc": kernels.ARC}
+    {
+        "curvature": kernels.CURVATURE_VELOCITY,
+        "unit": kernels.UNIT_VELOCITY,
+        "cap": kernels.CAPPED_VELOCITY,
+        "arc": kernels.ARCTAN_VELOCITY,
+    }
 )
 """Velocity functions by name: kappa; 1; (5.13); (5.14)."""
 
-MARGIN_CELLS = 4
+FLOW_MARGIN_CELLS = 4
 """Cells between the model and the edge of the grid."""
 
 SHARE_OF_BOUND = 0.9
@@ -165,8 +170,8 @@ class Front:
     def __init__(self, model: Model, settings: FlowSettings) -> None:
         xmin, ymin, xmax, ymax = model.curve.bounds
         self.model = model
-        self.h = h = model.size / (settings.cells - 2 * MARGIN_CELLS)
-        nx, ny = (2 * MARGIN_CELLS + 1 + math.ceil(side / h) for side in (xmax - xmin, ymax - ymin))
+        self.h = h = model.size / (settings.cells - 2 * FLOW_MARGIN_CELLS)
+        nx, ny = (2 * FLOW_MARGIN_CELLS + 1 + math.ceil(side / h) for side in (xmax - xmin, ymax - ymin))
         self.x0, self.y0 = 0.5 * (xmin + xmax - (nx - 1) * h), 0.5 * (ymin + ymax - (ny - 1) * h)
         x, y = self.x0 + h * np.arange(nx), self.y0 + h * np.arange(ny)
         nodes = np.column_stack([array.ravel() for array in np.meshgrid(x, y)])
@@ -182,13 +187,13 @@ class Front:
         self.time = 0.0
         self._cap = 2.0 * math.pi / model.curve.length
         # a first guess of the largest speed: curvature is at most 1 / h
-        self._speed = 1.0 / h if self.kind in (kernels.CURVATURE, kernels.CAP) else 1.0
+        self._speed = 1.0 / h if self.kind in (kernels.CURVATURE_VELOCITY, kernels.CAPPED_VELOCITY) else 1.0
         self._measure()
 
     @property
     def scale(self) -> float:
         """K_cap, or the average curvature 2 pi / L by (5.15)."""
-        return self._cap if self.kind == kernels.CAP else 2.0 * math.pi / self.length
+        return self._cap if self.kind == kernels.CAPPED_VELOCITY else 2.0 * math.pi / self.length
 
     def update(self) -> None:
         """Carry the level set by some steps, while the front moves a tenth of a cell, and the points with it."""
@@ -197,7 +202,7 @@ class Front:
         # an even number, as `advance_steps` asks, that takes the front about CELLS_PER_UPDATE
         steps = 2 * max(1, round(0.5 * CELLS_PER_UPDATE * self.h / (self._speed * dt)))
         # at speed 1 lengths (m) are times
-        if self.kind == kernels.UNIT:
+        if self.kind == kernels.UNIT_VELOCITY:
             dt, steps = 0.5 * CELLS_PER_UPDATE * self.h, 2
         self._speed = max(
             kernels.carry_points(self.values, self.h, self.x0, self.y0, self.kind, scale, steps * dt, self.points), 1e-3

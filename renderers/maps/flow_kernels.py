@@ -16,7 +16,7 @@ import numpy as np
 from hapticeval.compiled import compiled
 from hapticeval.types import Array, IntArray
 
-CURVATURE, UNIT, CAP, ARC = 0, 1, 2, 3
+CURVATURE_VELOCITY, UNIT_VELOCITY, CAPPED_VELOCITY, ARCTAN_VELOCITY = 0, 1, 2, 3
 """Velocity functions: kappa; 1; max(kappa, K_cap) (5.13); arctan(kappa / kappa_avg - 1) / pi + 1/2 (5.14)."""
 
 CELLS_BEHIND = 4.0
@@ -30,14 +30,14 @@ KINK_RATIO = 0.8
 def velocity(kind: int, scale: float, kappa: float) -> float:
     """Return the speed v_f of a front of curvature `kappa` (1/m) by one of the velocity functions.
 
-    `scale` is K_cap (1/m) for CAP and abs(kappa_avg) (1/m) for ARC.
+    `scale` is K_cap (1/m) for CAPPED_VELOCITY and abs(kappa_avg) (1/m) for ARCTAN_VELOCITY.
     """
-    if kind == CURVATURE:
+    if kind == CURVATURE_VELOCITY:
         return kappa
-    if kind == UNIT:
+    if kind == UNIT_VELOCITY:
         return 1.0
     # (5.13)
-    if kind == CAP:
+    if kind == CAPPED_VELOCITY:
         return max(kappa, scale)
     # (5.14)
     return math.atan(kappa / scale - 1.0) / math.pi + 0.5
@@ -49,12 +49,12 @@ def largest_step(kind: int, scale: float, h: float) -> float:
 
     These are h^2 / (4 max dv/dkappa) and h / (2 max v), with h (m) the side of a cell.
     """
-    if kind == UNIT:
+    if kind == UNIT_VELOCITY:
         # a front at speed 1: h / (2 v) on a square grid
         return 0.5 * h
-    if kind == CURVATURE:
+    if kind == CURVATURE_VELOCITY:
         return 0.25 * h * h
-    if kind == CAP:
+    if kind == CAPPED_VELOCITY:
         return min(0.25 * h * h, 0.5 * h / scale)
     # d v / d kappa of (5.14) is 1 / (pi kappa_avg) at the most, and v is below 1
     return min(0.25 * h * h * math.pi * scale, 0.5 * h)
@@ -123,8 +123,8 @@ def active_columns(values: Array, h: float) -> IntArray:
 def advance_step(values: Array, out: Array, active: IntArray, h: float, kind: int, scale: float, dt: float) -> None:
     """Carry `values` (ny, nx), m, by one explicit step of (5.4) into `out`, in the columns that `active` (ny, 2) gives.
 
-    The two agree elsewhere and stay so. The parts of constant speed (UNIT, and CAP where it is at K_cap) take Godunov's
-    slope.
+    The two agree elsewhere and stay so. The parts of constant speed (UNIT_VELOCITY, and CAPPED_VELOCITY where it is at
+    K_cap) take Godunov's slope.
 
     What depends on the curvature takes central differences, but for nodes on a kink (the medial axis of the model),
     which they would leave behind.
@@ -132,7 +132,7 @@ def advance_step(values: Array, out: Array, active: IntArray, h: float, kind: in
     ny, nx = values.shape
     for j in range(1, ny - 1):
         low, high = active[j, 0], active[j, 1]
-        if kind == ARC:
+        if kind == ARCTAN_VELOCITY:
             if low < high:
                 reach = slice(low - 1, high + 1)
                 _arc_row(values[j - 1, reach], values[j, reach], values[j + 1, reach], out[j, low:high], h, scale, dt)
@@ -144,7 +144,7 @@ def advance_step(values: Array, out: Array, active: IntArray, h: float, kind: in
                 gx, gy, kappa = derivatives(values, h, j, i)
                 slope, steep = math.sqrt(gx * gx + gy * gy), upwind_slope(values, h, j, i)
                 # constant speed, or central differences that see less than the upwind slope: a kink
-                if kind == UNIT or (kind == CAP and kappa <= scale) or slope < KINK_RATIO * steep:
+                if kind == UNIT_VELOCITY or (kind == CAPPED_VELOCITY and kappa <= scale) or slope < KINK_RATIO * steep:
                     slope = steep
                 # (5.11): forward Euler
                 out[j, i] = gamma + dt * velocity(kind, scale, kappa) * slope
@@ -159,7 +159,7 @@ def advance_step(values: Array, out: Array, active: IntArray, h: float, kind: in
 
 @compiled
 def _arc_row(south: Array, middle: Array, north: Array, out: Array, h: float, scale: float, dt: float) -> None:
-    """Carry one row by a step of `advance_step` for ARC, without branches, so that it becomes vector code."""
+    """Carry one row by an `advance_step` for ARCTAN_VELOCITY, without branches, so that it becomes vector code."""
     behind = CELLS_BEHIND * h
     half, inverse = 0.5 / h, 1.0 / (h * h)
     for i in range(out.shape[0]):

@@ -15,14 +15,14 @@ from hapticeval.renderers import conformal, constraint, minimum_distance
 from hapticeval.renderers.disk import by_conformal_map, by_flow_map
 from hapticeval.renderers.lut import (
     ASK,
-    EDGE,
+    BORDER,
     FREE,
     HELD,
     IN_MEMORY,
-    MARGIN,
     MARKED,
     OFF,
     OUT,
+    PROBED_RAISE,
     TOUCHES,
     Grid,
     Source,
@@ -67,7 +67,7 @@ def answers(table, hips):
     with np.errstate(invalid="ignore"):
         normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     behind = np.sum((hips - ihips) * normals, axis=1) < 0.0
-    contact = (kinds != FREE) & (behind | (kinds & EDGE == 0)) & ~np.isnan(hips).any(axis=1)
+    contact = (kinds != FREE) & (behind | (kinds & BORDER == 0)) & ~np.isnan(hips).any(axis=1)
     return np.where(contact[:, None], ihips, hips), np.where(contact[:, None], normals, 0.0), contact
 
 
@@ -98,7 +98,7 @@ def scattered(count=20_000, reach=0.12, seed=1):
 def test_no_ihip_is_further_off_the_surface_than_declared(projection, model):
     """With the exact projection where the table does not interpolate, and without."""
     made = table_of(projection, model)
-    assert 0.0 < made.standoff <= MARGIN * OFF * COARSE + 1e-6
+    assert 0.0 < made.standoff <= PROBED_RAISE * OFF * COARSE + 1e-6
     for ihips, normals, contact in (made.trace(scattered()), answers(made.table, scattered())):
         assert np.max(np.abs(MODELS[model].curve.signed_distance(ihips[contact]))) <= made.standoff
         np.testing.assert_allclose(np.hypot(*normals[contact].T), 1.0, atol=1e-12)
@@ -117,7 +117,7 @@ def test_on_any_polygon_too(vertices, hips):
 def test_a_naive_table_smears_between_the_sheets():
     made = table_of("minimum-distance", "cassinian")
     table = made.table
-    naive = Table(table.grid, table.nodes, table.cells & (HELD + EDGE), standoff=table.standoff)
+    naive = Table(table.grid, table.nodes, table.cells & (HELD + BORDER), standoff=table.standoff)
     ihips, _, contact = answers(naive, scattered(200_000, 0.1))
     off = np.abs(MODELS["cassinian"].curve.signed_distance(ihips[contact]))
     assert np.max(off) > 0.02
@@ -216,7 +216,7 @@ def test_in_space_between_eight_nodes():
     radius = np.linalg.norm(hips, axis=1)
     differs = contact != (radius < 0.1)
     assert np.all(np.abs(radius[differs] - 0.1) <= standoff)
-    assert np.max(np.abs(np.linalg.norm(ihips[contact], axis=1) - 0.1)) <= standoff <= MARGIN * OFF * 8e-3
+    assert np.max(np.abs(np.linalg.norm(ihips[contact], axis=1) - 0.1)) <= standoff <= PROBED_RAISE * OFF * 8e-3
     shallow = contact & (radius > 0.08)
     np.testing.assert_allclose(normals[shallow], hips[shallow] / radius[shallow, None], atol=2e-3)
     np.testing.assert_array_equal(ihips[~contact], hips[~contact])

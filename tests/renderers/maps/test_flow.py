@@ -45,11 +45,11 @@ def test_a_circle_shrinks_by_its_law(velocity):
     ("kind", "kappa", "expected"),
     [
         # (5.15), corrected by a factor of 2 pi: kappa / kappa_avg is 1 on a circle, and not 2 pi
-        (kernels.ARC, 10.0, 0.5),
-        (kernels.ARC, 0.0, 0.25),
-        (kernels.ARC, -10.0, 0.14758362),
-        (kernels.CAP, 4.0, 10.0),
-        (kernels.CAP, 14.0, 14.0),
+        (kernels.ARCTAN_VELOCITY, 10.0, 0.5),
+        (kernels.ARCTAN_VELOCITY, 0.0, 0.25),
+        (kernels.ARCTAN_VELOCITY, -10.0, 0.14758362),
+        (kernels.CAPPED_VELOCITY, 4.0, 10.0),
+        (kernels.CAPPED_VELOCITY, 14.0, 14.0),
     ],
 )
 def test_velocity_functions(kind, kappa, expected):
@@ -70,11 +70,11 @@ def roughness(share_of_bound, *, printed):
     values = np.hypot(*np.meshgrid(x, x)) - radius
     noise = np.random.default_rng(0).uniform(-1e-3, 1e-3, values.shape)
     values = np.ascontiguousarray(values + noise)
-    bound = kernels.largest_step(kernels.CURVATURE, 1.0, 1.0)
+    bound = kernels.largest_step(kernels.CURVATURE_VELOCITY, 1.0, 1.0)
     if printed:  # (5.12) divides by the largest speed, kappa = 1/20, instead of by dv/dkappa = 1
         bound *= 20.0
     steps = 2 * round(10.0 / (share_of_bound * bound))
-    kernels.advance_steps(values, values.copy(), 1.0, kernels.CURVATURE, 1.0, share_of_bound * bound, steps)
+    kernels.advance_steps(values, values.copy(), 1.0, kernels.CURVATURE_VELOCITY, 1.0, share_of_bound * bound, steps)
     expected = math.sqrt(radius**2 - 2.0 * steps * share_of_bound * bound)
     angles = np.linspace(0.0, 2.0 * math.pi, 200)
     at = [
@@ -99,7 +99,7 @@ def test_kinks_need_the_upwind_slope():
     values, inside = front.values.copy(), front.values < -0.15
     dt = 0.25 * front.h
     steps = 2 * round(0.15 / (2 * dt))
-    kernels.advance_steps(values, values.copy(), front.h, kernels.UNIT, 1.0, dt, steps)
+    kernels.advance_steps(values, values.copy(), front.h, kernels.UNIT_VELOCITY, 1.0, dt, steps)
     assert np.abs(values - (front.values + steps * dt))[inside].max() < 0.03
     second = np.abs(values[1:-1, 2:] - 2.0 * values[1:-1, 1:-1] + values[1:-1, :-2]) / front.h
     assert second[inside[1:-1, 1:-1]].max() < 1.5
@@ -110,7 +110,7 @@ def test_the_vector_code_is_the_velocity_function():
     values, h = front.values, front.h
     active = kernels.active_columns(values, h)
     fast, slow = values.copy(), values.copy()
-    kernels.advance_step(values, fast, active, h, kernels.ARC, 10.4, 1e-5)
+    kernels.advance_step(values, fast, active, h, kernels.ARCTAN_VELOCITY, 10.4, 1e-5)
     for j in range(1, values.shape[0] - 1):
         for i in range(*active[j]):
             if values[j, i] > kernels.CELLS_BEHIND * h:
@@ -118,7 +118,7 @@ def test_the_vector_code_is_the_velocity_function():
             gx, gy, kappa = kernels.derivatives(values, h, j, i)
             steep = kernels.upwind_slope(values, h, j, i)
             slope = steep if math.hypot(gx, gy) < kernels.KINK_RATIO * steep else math.hypot(gx, gy)
-            slow[j, i] = values[j, i] + 1e-5 * kernels.velocity(kernels.ARC, 10.4, kappa) * slope
+            slow[j, i] = values[j, i] + 1e-5 * kernels.velocity(kernels.ARCTAN_VELOCITY, 10.4, kappa) * slope
     inner = (slice(1, -1), slice(1, -1))
     assert np.abs(fast - values)[inner].max() > 1e-6
     assert np.abs(fast - slow)[inner].max() < 1e-12
