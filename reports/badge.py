@@ -11,7 +11,7 @@ from hapticeval.files import write_text
 from hapticeval.runner.results import ResultsDocument
 from hapticeval.runner.standing import Standing
 
-COLOURS = {"brightgreen": "#1a7f37", "yellow": "#9a6700", "red": "#cf222e", "lightgrey": "#57606a"}
+BADGE_COLOURS = {"brightgreen": "#1a7f37", "yellow": "#9a6700", "red": "#cf222e", "lightgrey": "#57606a"}
 """Names of shields.io, and what the SVG has for them: white text on each has a contrast of at least 4.5 to 1."""
 
 
@@ -60,7 +60,7 @@ def badge_svg(results: ResultsDocument) -> str:
         f"<title>{title}</title>",
         f'<clipPath id="r"><rect width="{left + right}" height="20" rx="3"/></clipPath>',
         f'<g clip-path="url(#r)"><rect width="{left}" height="20" fill="#24292f"/>',
-        f'<rect x="{left}" width="{right}" height="20" fill="{COLOURS[colour]}"/></g>',
+        f'<rect x="{left}" width="{right}" height="20" fill="{BADGE_COLOURS[colour]}"/></g>',
         '<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11" text-anchor="middle">',
         *(
             f'<text x="{place}" y="14" textLength="{width - 12}" lengthAdjust="spacingAndGlyphs">{escape(part)}</text>'

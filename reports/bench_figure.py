@@ -26,7 +26,7 @@ TIME_LIMITS = ((1000.0, "1 ms tick"), (10.0, "10 µs"))
 EXACT_ERROR = 1e-5
 """Error (mm) at which exact settings, and those closer to it than that, are drawn."""
 
-TITLES: Mapping[Kind, str] = {"step": "one step at a time, from Python", "batch": "a whole trajectory at once"}
+KIND_TITLES: Mapping[Kind, str] = {"step": "one step at a time, from Python", "batch": "a whole trajectory at once"}
 """What is timed, in words."""
 
 
@@ -40,7 +40,7 @@ def bench_plots(bench: BenchResults, looks: Mapping[str, Look]) -> list[tuple[st
     `looks` are those of the renderers on all pages.
     """
     plots = []
-    for kind, title in TITLES.items():
+    for kind, title in KIND_TITLES.items():
         placed = {model: plotted_settings(settings, kind) for model, settings in bench.by_model().items()}
         drawable = [(model, plotted) for model, plotted in placed.items() if plotted]
         for number, (model, plotted) in enumerate(drawable):
@@ -125,7 +125,7 @@ def _precision_svg(plotted: PlottedSettings, kind: Kind, looks: Mapping[str, Loo
         _draw_panel(axes, plotted, kind, looks)
         axes.set_ylabel("largest IHIP error (mm)")
         fig.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=2, handlelength=1.2, columnspacing=1.6)
-        title = f"Work-precision plot, {TITLES[kind]}: IHIP error against time a step"
+        title = f"Work-precision plot, {KIND_TITLES[kind]}: IHIP error against time a step"
         return page_svg(fig, prefix=prefix, title=title)
 
 

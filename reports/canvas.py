@@ -66,8 +66,11 @@ PALETTE: Mapping[str, str] = MappingProxyType(
 CURVES = ("ihip", "hip", "one", "two", "ink", "three", "mark")
 """Roles of what is drawn beside each other, in the order in which they are taken: those that look alike come late."""
 
-DASHES = ((), (6, 2), (2, 2), (6, 2, 2, 2))
+LINE_DASHES = ((), (6, 2), (2, 2), (6, 2, 2, 2))
 """Lengths of lines and gaps, in points."""
+
+DASHED, DOTTED = (0, (4, 1.2)), (0, (1.2, 1.2))
+"""matplotlib's line styles: the offset, and the lengths of line and gap in line widths."""
 
 MARKERS: Mapping[str, str] = MappingProxyType(
     {
@@ -104,7 +107,7 @@ def looks_of(names: Iterable[str]) -> dict[str, Look]:
     """
     count, shapes = len(CURVES), tuple(MARKERS)
     return {
-        name: Look(CURVES[k % count], DASHES[k % len(DASHES)], shapes[(k + k // count) % len(shapes)])
+        name: Look(CURVES[k % count], LINE_DASHES[k % len(LINE_DASHES)], shapes[(k + k // count) % len(shapes)])
         for k, name in enumerate(dict.fromkeys(names))
     }
 

@@ -26,10 +26,10 @@ from hapticeval.types import Array, BoolArray, IntArray
 if TYPE_CHECKING:
     from shapely import Geometry
 
-SAMPLES = 1000
+THINNED_SAMPLES = 1000
 """At most about so many samples of a run are kept beside those that are kept for certain."""
 
-LINE_TOLERANCE = 1.0 / 500.0
+CHANNEL_TOLERANCE = 1.0 / 500.0
 """Share of each channel's range that straight lines between the samples may be off: less than can be seen."""
 
 DEPARTURE_LIMIT = 0.02
@@ -38,7 +38,7 @@ DEPARTURE_LIMIT = 0.02
 INTERVALS = 12
 """The largest and smallest of force, depth and step in so many intervals are kept exactly."""
 
-MOST_EVENTS = 200
+MOST_MARKED_EVENTS = 200
 """At most so many gaps, so many jumps and so many changes of contact are kept for certain; the longest jumps."""
 
 JUMP_RATIO = 4.0
@@ -116,7 +116,7 @@ def sample_tracks(
     times: Mapping[str, Collection[float]],
     *,
     held_on: Model | None = None,
-    count: int = SAMPLES,
+    count: int = THINNED_SAMPLES,
 ) -> list[Track]:
     """Return what is drawn of each recording: samples thinned as `thinned_rows` does, and those that verdicts name.
 
@@ -165,7 +165,7 @@ class DrawnRows(NamedTuple):
 
 
 def drawn_rows(
-    runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES, extra_signals: Sequence[Array] = ()
+    runs: Sequence[Recording], ticks: Collection[int], count: int = THINNED_SAMPLES, extra_signals: Sequence[Array] = ()
 ) -> DrawnRows:
     """Return the rows to draw of runs along one hand path: `thinned_rows` where lines between them follow the path.
 
@@ -217,9 +217,9 @@ def _largest_departure(runs: Sequence[Recording], rows: IntArray) -> float:
 
 
 def thinned_rows(
-    runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES, extra_signals: Sequence[Array] = ()
+    runs: Sequence[Recording], ticks: Collection[int], count: int = THINNED_SAMPLES, extra_signals: Sequence[Array] = ()
 ) -> IntArray:
-    """Return few rows of runs along one hand path: straight lines between them miss the others by `LINE_TOLERANCE`.
+    """Return few rows of runs along one hand path: straight lines between them miss the others by `CHANNEL_TOLERANCE`.
 
     - For certain: ends, `ticks` and those beside them, gaps, contacts, jumps and extremes, with the row before each.
     - Then up to `count` more, always the row that is farthest from the lines.
@@ -252,7 +252,7 @@ def _channels_in_tolerances(run: Recording) -> Array:
 
 
 def _in_tolerances(values: Array) -> Array:
-    return values / max(LINE_TOLERANCE * float(np.ptp(values, axis=0).max()), 1e-300)
+    return values / max(CHANNEL_TOLERANCE * float(np.ptp(values, axis=0).max()), 1e-300)
 
 
 def _refined_rows(time: Array, values: Array, chosen: IntArray, count: int) -> IntArray:
@@ -317,7 +317,7 @@ def step_lengths(recording: Recording, points: Array) -> Array:
 
 
 def jump_rows(recording: Recording) -> IntArray:
-    """Return the rows at which the IHIP has just jumped, the longest `MOST_EVENTS` of them.
+    """Return the rows at which the IHIP has just jumped, the longest `MOST_MARKED_EVENTS` of them.
 
     A jump is a step `JUMP_RATIO` times as long as the HIP's and as the steps before and after it.
     """
@@ -334,7 +334,7 @@ def jump_rows(recording: Recording) -> IntArray:
         (step > JUMP_RATIO * np.maximum(hip, shorter_neighbour)) & (step > floor) & (step >= 0.5 * longer_neighbour)
     )
     # The longest ones, back in the order of time.
-    return np.sort(jumping[np.argsort(-step[jumping], kind="stable")[:MOST_EVENTS]]).astype(np.int64)
+    return np.sort(jumping[np.argsort(-step[jumping], kind="stable")[:MOST_MARKED_EVENTS]]).astype(np.int64)
 
 
 def _certain_rows(recording: Recording, ticks: Collection[int]) -> IntArray:
@@ -343,10 +343,10 @@ def _certain_rows(recording: Recording, ticks: Collection[int]) -> IntArray:
     # A verdict's tick and the one after it; the ones before are added below.
     row_groups = [np.array([0, n - 1, *(tick + 1 for tick in ticks)]), np.array([*ticks], dtype=np.int64)]
     if n > 1:
-        row_groups.append(np.flatnonzero(~continuing_steps(recording))[:MOST_EVENTS] + 1)
+        row_groups.append(np.flatnonzero(~continuing_steps(recording))[:MOST_MARKED_EVENTS] + 1)
     row_groups.append(jump_rows(recording))
     if {"ihip", "force"} & recording.channels.keys():
-        row_groups.append(np.flatnonzero(np.diff(recording.contact))[:MOST_EVENTS] + 1)
+        row_groups.append(np.flatnonzero(np.diff(recording.contact))[:MOST_MARKED_EVENTS] + 1)
     rows = np.concatenate(row_groups).astype(np.int64)
     # What happens from one row to the next needs both.
     with_previous = np.union1d(rows, rows - 1)

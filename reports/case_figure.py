@@ -20,7 +20,17 @@ import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording, runs_of
-from hapticeval.reports.canvas import DASHES, MM, Look, colour_of, draw_over_time, figure, legend_above, page_svg
+from hapticeval.reports.canvas import (
+    DASHED,
+    LINE_DASHES,
+    MM,
+    Look,
+    colour_of,
+    draw_over_time,
+    figure,
+    legend_above,
+    page_svg,
+)
 from hapticeval.reports.case_data import EYE_AXES, Track
 from hapticeval.reports.plane import (
     Box,
@@ -333,7 +343,7 @@ def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mappin
             if panel.powers:
                 # What lies below a logarithmic panel runs along its floor.
                 values = np.maximum(values, panel.powers[0])
-            colour, dash = (look.role, look.dash) if k == 0 else (("one", "two", "three")[k - 1], DASHES[k])
+            colour, dash = (look.role, look.dash) if k == 0 else (("one", "two", "three")[k - 1], LINE_DASHES[k])
             axes.plot(
                 *(_with_gaps(numbers, track.starts) for numbers in (track.time, values)), color=colour_of(colour),
                 dashes=dash or (None, None), linewidth=1.1,
@@ -352,17 +362,14 @@ def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mappin
     axes.set_ylim(low - (pad if low < 0.0 else 0.3 * pad), high + pad)
 
 
-JOINT = 1
+FIGURE_JOINT = 1
 """The joint of Figure 7.8: the second."""
 
-ROUNDING_SHARE = 1e-9
+TORQUE_ROUNDING = 1e-9
 """Torques this share of the largest apart are the same: rounding makes less."""
 
 CHART_CHANNELS = ("chart", "eta1", "eta2", "torque1", "torque2")
 """What set stabilisation by an atlas records: the active chart, and coordinates and torques by either chart."""
-
-DASHED = (0, (4, 1.2))
-"""matplotlib's line style: the offset, and the lengths of line and gap in line widths."""
 
 
 def has_charts(recording: Recording) -> bool:
@@ -377,7 +384,7 @@ def charts_words(recording: Recording) -> str:
     differences = np.max(np.abs(recording.channels["torque1"] - recording.channels["torque2"]), axis=1)
     largest = float(np.max(np.abs(recording.channels["joint_torque"])))
     # Negated <=, so that a torque that is not finite counts as disagreeing.
-    disagreeing = np.flatnonzero(~(differences <= ROUNDING_SHARE * largest))
+    disagreeing = np.flatnonzero(~(differences <= TORQUE_ROUNDING * largest))
     agreeing = np.delete(differences, disagreeing)
     turns = int(np.count_nonzero(np.diff(chart)))
     words = [f"The charts take turns {turns} time{'' if turns == 1 else 's'}."]
@@ -421,11 +428,11 @@ def atlas_svg(recording: Recording, model: Model, *, prefix: str, title: str) ->
             for begin, end in runs_of(chart != number):
                 axes.axvspan(time[begin], time[min(end, time.size - 1)], color=colour_of("model"), zorder=0)
         for number, role, style in ((1, "hip", "-"), (2, "ihip", DASHED)):
-            torque = recording.channels[f"torque{number}"][:, JOINT]
+            torque = recording.channels[f"torque{number}"][:, FIGURE_JOINT]
             draw_over_time(torques, recording, torque, role, label=f"by chart {number}", linestyle=style)
-        torques.set(ylabel=f"torque {JOINT + 1} (N m)", xlabel="time (s)", xlim=(time[0], time[-1]))
+        torques.set(ylabel=f"torque {FIGURE_JOINT + 1} (N m)", xlabel="time (s)", xlim=(time[0], time[-1]))
         # What the motors really gave and a margin: a chart that spikes beside its own singularity is cut off.
-        motor_torque = recording.channels["joint_torque"][:, JOINT]
+        motor_torque = recording.channels["joint_torque"][:, FIGURE_JOINT]
         pad = 0.25 * max(np.ptp(motor_torque), 1e-3)
         torques.set_ylim(motor_torque.min() - pad, motor_torque.max() + pad)
         legend_above(distance, rate_axes)

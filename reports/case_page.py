@@ -34,14 +34,21 @@ from hapticeval.reports.case_figure import (
 )
 from hapticeval.reports.grid import gravest_first
 from hapticeval.reports.plane import refusal_svg
-from hapticeval.reports.templates import ASSETS as ASSET_FOLDER
-from hapticeval.reports.templates import CHECK_PAGES, INDEX, ROOT, anchor, case_file, environment
+from hapticeval.reports.templates import (
+    ASSETS_FOLDER,
+    CHECK_PAGES,
+    INDEX,
+    PATH_TO_PAGES,
+    anchor,
+    case_file,
+    environment,
+)
 from hapticeval.runner.results import RunEntry, VerdictEntry
 
-ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.js")
+CASE_ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.js")
 """Style sheets and scripts of a case page, in the order in which it needs them."""
 
-PAGE_ASSETS = (*ASSETS, "filter.js")
+PAGE_ASSETS = (*CASE_ASSETS, "filter.js")
 """What all pages of a report need."""
 
 VIEW_MARK = '<meta name="generator" content="hapticeval view">'
@@ -193,9 +200,9 @@ def write_case_page(
 
     It needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be written.
     """
-    section = case_section(entries, recordings, verdicts=verdicts, order=order, check_pages=ROOT + CHECK_PAGES)
+    section = case_section(entries, recordings, verdicts=verdicts, order=order, check_pages=PATH_TO_PAGES + CHECK_PAGES)
     first = entries[0]
-    _write_page(folder / case_file(first.suite, first.case), section, first, neighbours or Neighbours(), ROOT)
+    _write_page(folder / case_file(first.suite, first.case), section, first, neighbours or Neighbours(), PATH_TO_PAGES)
 
 
 def write_view(
@@ -233,7 +240,7 @@ def _write_page(
 ) -> None:
     """Write the page round a case's section; `root` leads from it to the report's folder, a `mark` is for its head."""
     text = environment().get_template("case_page.html.j2").render(
-        section=section, neighbours=neighbours, first=first, files=ASSETS, root=root, mark=mark
+        section=section, neighbours=neighbours, first=first, files=CASE_ASSETS, root=root, mark=mark
     )  # fmt: skip
     write_text(path, text)
 
@@ -241,12 +248,12 @@ def _write_page(
 def write_assets(folder: Path) -> None:
     """Write scripts, their licences and the sheets into `folder`/assets, once."""
     for name in (*PAGE_ASSETS, *LICENCES):
-        with writing(folder / ASSET_FOLDER), replacing(folder / ASSET_FOLDER / name) as temporary:
+        with writing(folder / ASSETS_FOLDER), replacing(folder / ASSETS_FOLDER / name) as temporary:
             temporary.write_bytes(asset(name))
 
 
 def asset(name: str) -> bytes:
-    """Return the content of one of `ASSETS`: a page that stands alone holds them all."""
+    """Return the content of one of `CASE_ASSETS`: a page that stands alone holds them all."""
     files = resources.files("hapticeval.reports")
     return (files / name if name == "report.css" else files / "assets" / name).read_bytes()
 

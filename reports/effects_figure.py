@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 WELCH_SAMPLES = 256
 """Samples of a segment of Welch's spectra."""
 
-ROUNDING_SHARE = 1e-9
+WORK_ROUNDING = 1e-9
 """Share of the work to and fro below which what is left of it after a lap is rounding."""
 
 SECONDS_BEFORE, SECONDS_AFTER = 0.005, 0.12
 """Seconds before and after the start of a contact that are drawn of a transient."""
 
-WIDTH, HEIGHT = 4.2, 3.0
+PANEL_WIDTH, PANEL_HEIGHT = 4.2, 3.0
 """Inches of a panel."""
 
 PANEL_AREA = (0.18, 0.18, 0.79, 0.74)
@@ -101,7 +101,7 @@ def read_run(directory: Path, run: RunEntry) -> tuple[Recording, Model]:
 
 def effect_svg(effect: Effect, recording: Recording, model: Model, *, prefix: str, title: str) -> str:
     """Return the panel of an effect as an SVG element for a page."""
-    with figure(WIDTH, HEIGHT, page=True) as fig:
+    with figure(PANEL_WIDTH, PANEL_HEIGHT, page=True) as fig:
         draw_effect(fig.add_axes(PANEL_AREA), effect, recording, model)
         return page_svg(fig, prefix=prefix, title=title)
 
@@ -216,7 +216,7 @@ def _draw_work(axes: Axes, recording: Recording, model: Model, effect: Effect) -
     axes.plot(MM * travelled[::period], work[::period], "o", color=colour_of("mark"), markersize=4)
     # mJ: positive where the effect gives energy to the hand.
     a_lap = (work[-1] - work[0]) / number
-    words = f"{a_lap:+.3g} mJ a lap" if abs(a_lap) > ROUNDING_SHARE * np.ptp(work) else "nothing in a lap"
+    words = f"{a_lap:+.3g} mJ a lap" if abs(a_lap) > WORK_ROUNDING * np.ptp(work) else "nothing in a lap"
     axes.annotate(words, (1.0, 1.0), xycoords="axes fraction", ha="right", va="bottom")
     axes.set(xlabel="way of the hand (mm)", ylabel="work that the hand has got (mJ)")
 

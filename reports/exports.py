@@ -21,10 +21,10 @@ from hapticeval.runner.results import ResultsDocument, RunEntry, Table, VerdictE
 if TYPE_CHECKING:
     import pandas as pd
 
-FOLDER = "tables"
+TABLES_FOLDER = "tables"
 """The folder of the tables, beside the results."""
 
-PHENOMENA = (
+PHENOMENA_CAPTION = (
     "Phenomena by renderers: the gravest outcome, how many of the verdicts have it, and for the worst of them how much "
     "of its bound is left, or how many times its bound it is"
 )
@@ -75,7 +75,7 @@ def sheets(results: ResultsDocument) -> Iterator[Sheet]:
             [phenomenon, *(_tile_words(tiles[number]) for _, tiles in grid.rows)]
             for number, phenomenon in enumerate(grid.columns)
         ]
-        yield Sheet("phenomena", ["phenomenon", *(name for name, _ in grid.rows)], cells, PHENOMENA)
+        yield Sheet("phenomena", ["phenomenon", *(name for name, _ in grid.rows)], cells, PHENOMENA_CAPTION)
     names, digits = hard_cases(results)
     if digits:
         cells = [[row.case, *("--" if count is None else str(count) for count, _ in row.cells)] for row in digits]
@@ -137,7 +137,7 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
 
     Raises `HapticevalError` where they cannot be written.
     """
-    folder = directory / FOLDER
+    folder = directory / TABLES_FOLDER
     for sheet in sheets(results):
         frame = sheet.frame()
         # A cell that a spreadsheet would run as a formula is escaped.
@@ -239,7 +239,7 @@ def _latex_text_of(sheet: Sheet, results: ResultsDocument, line: float = 1.0) ->
 
 def _parts_that_fit(sheet: Sheet, line: float) -> Iterator[Sheet]:
     """Yield the table, or parts of it whose columns fit into a line by their longest words, each with the first one."""
-    width = line * LINE_CHARACTERS[SMALLEST_SIZE]
+    width = line * LINE_CHARACTERS[SMALLEST_LETTERS]
     words = [_longest_word(column) + COLUMN_GAP for column in sheet.columns]
     groups: list[list[int]] = [[]]
     for column in range(1, len(words)):
@@ -298,7 +298,7 @@ LINE_WIDTH = 0.1214
 LINE_CHARACTERS = {"": 66, r"\footnotesize": 78, r"\scriptsize": 88}
 """Characters that fit beside each other into such a line, by the size of the letters."""
 
-SMALLEST_SIZE = r"\scriptsize"
+SMALLEST_LETTERS = r"\scriptsize"
 """The smallest letters that are used: of 7 points where the text has 10."""
 
 COLUMN_GAP = 2
@@ -318,7 +318,7 @@ def _latex_columns(sheet: Sheet, line: float) -> tuple[str, str]:
             return "l" * len(columns), size
     words = [_longest_word(column) + COLUMN_GAP for column in columns]
     small = [size for size in LINE_CHARACTERS if size and sum(words) <= line * LINE_CHARACTERS[size]]
-    size = small[0] if small else SMALLEST_SIZE
+    size = small[0] if small else SMALLEST_LETTERS
     characters = line * LINE_CHARACTERS[size]
     room = [max(cell_width + COLUMN_GAP - word_width, 0) for cell_width, word_width in zip(longest, words, strict=True)]
     # What is left of the line, as a share of what the cells would still take.

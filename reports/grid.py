@@ -13,18 +13,8 @@ from hapticeval.quantity import format_number
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 from hapticeval.runner.standing import Standing
 
-OTHER, HELD, EFFECTS = "Other properties", "Held constraint", "Effects of the surface"
+OTHER_PROPERTIES, HELD_CONSTRAINT, SURFACE_EFFECTS = "Other properties", "Held constraint", "Effects of the surface"
 """Columns of checks that are about none of the six phenomena."""
-
-SIX_PHENOMENA = (
-    "Continuous Contact Point",
-    "Contact Normal Force",
-    "Broken Contact",
-    "Abrupt Switch",
-    "Impulsive Collision Force",
-    "Centripetal Force",
-)
-"""The phenomena of thesis section 3.2, as checks name them."""
 
 
 def bound_share(verdict: VerdictEntry) -> float | None:
@@ -148,13 +138,16 @@ class Grid:
 
 def phenomenon_grid(results: ResultsDocument) -> Grid:
     """Return the grid of renderers by phenomena: the six of thesis section 3.2 that were asked for, then the others."""
-    from hapticeval.phenomena.registry import CHECKS
+    from hapticeval.phenomena.registry import CHECKS, PHENOMENA
 
     groups = {
-        name: _column_of(CHECKS[name]) if name in CHECKS else OTHER for name in {v.check for v in results.verdicts}
+        name: _column_of(CHECKS[name]) if name in CHECKS else OTHER_PROPERTIES
+        for name in {v.check for v in results.verdicts}
     }
     # In the thesis's order; a phenomenon that no check was asked of has no column.
-    columns = [name for name in (*SIX_PHENOMENA, HELD, EFFECTS, OTHER) if name in groups.values()]
+    columns = [
+        name for name in (*PHENOMENA, HELD_CONSTRAINT, SURFACE_EFFECTS, OTHER_PROPERTIES) if name in groups.values()
+    ]
     verdicts_by_cell: dict[tuple[str, str], list[VerdictEntry]] = {}
     for verdict in results.verdicts:
         verdicts_by_cell.setdefault((verdict.renderer, groups[verdict.check]), []).append(verdict)
@@ -178,14 +171,15 @@ def phenomenon_grid(results: ResultsDocument) -> Grid:
 def _column_of(check: object) -> str:
     """Return the column of a check; those of other packages may name one of the six as well."""
     from hapticeval.phenomena.check import Check
+    from hapticeval.phenomena.registry import PHENOMENA
 
     assert isinstance(check, Check)
     # The six first: a check of an effect may be about one of them.
-    if check.phenomenon in SIX_PHENOMENA:
+    if check.phenomenon in PHENOMENA:
         return check.phenomenon
     if check.effects:
-        return EFFECTS
-    return HELD if check.holds or check.needs_closed_form else OTHER
+        return SURFACE_EFFECTS
+    return HELD_CONSTRAINT if check.holds or check.needs_closed_form else OTHER_PROPERTIES
 
 
 def case_grid(results: ResultsDocument, suite: str) -> Grid:

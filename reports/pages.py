@@ -18,7 +18,7 @@ from hapticeval.files import write_text
 from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.pages import CheckPage, read_page
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.reports.bench_figure import TITLES, bench_plots
+from hapticeval.reports.bench_figure import KIND_TITLES, bench_plots
 from hapticeval.reports.canvas import Look, looks_of, svg_element
 from hapticeval.reports.case_page import asset
 from hapticeval.reports.effects_figure import EffectPlot, cost_svg
@@ -30,7 +30,7 @@ from hapticeval.reports.grid import (
     worst_verdicts,
 )
 from hapticeval.reports.table import Summary, summaries
-from hapticeval.reports.templates import CHECK_PAGES, FOLDER, INDEX, anchor, case_file, environment, explain_terms
+from hapticeval.reports.templates import CHECK_PAGES, INDEX, PAGES_FOLDER, anchor, case_file, environment, explain_terms
 from hapticeval.runner.diff import Edition, History
 from hapticeval.runner.results import (
     Breakdown,
@@ -152,7 +152,7 @@ class ReportView:
     single: Single | None = None
 
     # What the pages on costs are drawn and told with.
-    bench_titles = TITLES
+    bench_titles = KIND_TITLES
     cost_svg = staticmethod(cost_svg)
 
     # What the run amounts to.
@@ -448,5 +448,5 @@ def write_history(path: Path, histories: Sequence[History]) -> Path:
 
 def _report_of(edition: Edition, page: Path) -> str:
     """Return the link from the page to the report of a run; "" where it has none."""
-    report = edition.folder / FOLDER / INDEX
+    report = edition.folder / PAGES_FOLDER / INDEX
     return Path(os.path.relpath(report, page.parent)).as_posix() if report.exists() else ""

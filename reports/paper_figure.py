@@ -40,10 +40,10 @@ if TYPE_CHECKING:
 INCH = 0.0254
 """Metres in an inch, in which matplotlib measures paper."""
 
-SMALLEST, LARGEST = 0.03, 1.2
+SMALLEST_SIDE, LARGEST_SIDE = 0.03, 1.2
 """Metres of a side of a figure: axes and labels need the least, a poster the most."""
 
-WIDTH, FONT_SIZE = "88mm", 8.0
+COLUMN_WIDTH, FONT_SIZE = "88mm", 8.0
 """Width, of a column of most journals, and points of all text of a figure, where none are asked for."""
 
 
@@ -65,12 +65,12 @@ def paper_page(
     `natural` gives the height (m) of a width (m), where none is asked for. Text is `font_size` points high. Raises
     `InputError` for a size that no figure can have, and as `parse_paper_length` does.
     """
-    across = parse_paper_length(WIDTH if width is None else width, option="width")
+    across = parse_paper_length(COLUMN_WIDTH if width is None else width, option="width")
     up = natural(across) if height is None else parse_paper_length(height, option="height")
     points = FONT_SIZE if font_size is None else font_size
     for name, size in (("width", across), ("height", up)):
-        if not SMALLEST <= size <= LARGEST:
-            limits = f"{MM * SMALLEST:g} to {MM * LARGEST:g} mm"
+        if not SMALLEST_SIDE <= size <= LARGEST_SIDE:
+            limits = f"{MM * SMALLEST_SIDE:g} to {MM * LARGEST_SIDE:g} mm"
             raise InputError(f"a figure of {MM * size:.4g} mm {name}", why=f"a side is {limits} long")
     if not 3.0 <= points <= 40.0:
         raise InputError(f"a font of {points:g} points", why="it is 3 to 40 points high")
@@ -101,10 +101,10 @@ def add_legend(fig: Figure, handles: list[Any], *, below: bool = False, grows: b
 TALLEST = 0.12
 """Metres of height that the axes of a figure have at most where no height is asked for."""
 
-DETAIL = 20_000.0
+PRINT_DETAIL = 20_000.0
 """Width of the view over what is left out of the model's outline: not to be seen in print."""
 
-DASHES = (0, (3.0, 1.5))
+HIP_DASHES = (0, (3.0, 1.5))
 """Line style of the HIP's path: the offset, and the lengths of line and gap in line widths."""
 
 RING = 9.0
@@ -180,7 +180,7 @@ def paper_figure(
             plane.set(xlim=view[::2], ylim=view[1::2])
         fig.set_layout_engine("none")
         if model is not None:
-            draw_body(plane, model, view, coordinates, detail=DETAIL)
+            draw_body(plane, model, view, coordinates, detail=PRINT_DETAIL)
         return fig
 
 
@@ -228,7 +228,7 @@ def _draw_paths(
         points += [hip, ihip]
         if not same or run is max(runs, key=lambda run: len(run.recording)):
             colour = colour_of("quiet" if same else looks[run.renderer].role)
-            axes.plot(*hip.T, color=colour, linewidth=0.9, linestyle=DASHES, zorder=2.5)
+            axes.plot(*hip.T, color=colour, linewidth=0.9, linestyle=HIP_DASHES, zorder=2.5)
         # NaN where nothing touches: the IHIP is the HIP there.
         touching = np.where(run.recording.contact[:, np.newaxis], ihip, np.nan)
         even = samples_along_path(run.recording, MARKS_OF_CURVE * len(runs))[number :: len(runs)]
@@ -282,7 +282,7 @@ def _draw_forces(axes: Axes, runs: Sequence[PaperRun], looks: Mapping[str, Look]
 def _legend_handles(runs: Sequence[PaperRun], looks: Mapping[str, Look], names: Mapping[str, str]) -> list[Any]:
     """Return the key of all that is drawn: a renderer by its name among `names`, with the outcome of its verdict."""
     words = "HIP" if _have_one_path(runs) else "HIP of each renderer"
-    handles = [Line2D([], [], color=colour_of("quiet"), linewidth=0.9, linestyle=DASHES, label=words)]
+    handles = [Line2D([], [], color=colour_of("quiet"), linewidth=0.9, linestyle=HIP_DASHES, label=words)]
     for number, run in enumerate(runs):
         look = looks[run.renderer]
         style = _curve_style(look, number, len(runs))
@@ -420,7 +420,7 @@ def paper_grid(
 
     # The headings stand upright: the longest takes about 0.45 of a column's width.
     with paper_page(
-        width, height, font_size, natural=lambda across: min(0.45 * across + ROW * len(rows), LARGEST)
+        width, height, font_size, natural=lambda across: min(0.45 * across + ROW * len(rows), LARGEST_SIDE)
     ) as fig:
         axes = fig.subplots()
         # Renderers down, phenomena across, a cell of 1 by 1 each.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from hapticeval.geometry.mesh import Mesh
 
-SAMPLES = 60
+DRAWN_SAMPLES = 60
 """About so many samples of a run are drawn, and the marked ones."""
 
 OVERVIEW_BELOW = 0.35
@@ -33,7 +33,7 @@ INSET_SIDE = 0.31
 FACET_SHARE = 1.0 / 400.0
 """Share of a solid's size that its triangles may lie off it: half a pixel of a picture of it."""
 
-DETAIL = 1500.0
+PAGE_DETAIL = 1500.0
 """Width of the view over what is left out of an outline: finer than a pixel of a figure as wide as a page."""
 
 SHARP_TURN = 0.5
@@ -61,7 +61,7 @@ def draw_plane(
     view = box_round(0.5 * (points.min(axis=0) + points.max(axis=0)), 1.24 * np.ptp(points, axis=0), aspect_of(axes))
     body = None if model is None else model_shadow(model, coordinates, view)
     draw_geometry(axes, body, view)
-    chosen = samples_along_path(recording, SAMPLES, keep=ticks.values())
+    chosen = samples_along_path(recording, DRAWN_SAMPLES, keep=ticks.values())
     _draw_samples(axes, recording, chosen)
     for number, tick in ticks.items():
         _draw_mark(axes, recording, tick, failed=number in failed)
@@ -150,7 +150,7 @@ def box_round(centre: Array, size: Array, aspect: float) -> Box:
     return float(xmin), float(ymin), float(xmax), float(ymax)
 
 
-def model_shadow(model: Model, coordinates: tuple[int, int], view: Box, *, detail: float = DETAIL) -> Geometry:
+def model_shadow(model: Model, coordinates: tuple[int, int], view: Box, *, detail: float = PAGE_DETAIL) -> Geometry:
     """Return what to draw of a model, mm: what it fills in the plane, or its shadow on the two coordinates."""
     if model.dimension == 2:
         return filled_part(model, view, detail=detail)
@@ -183,7 +183,7 @@ def solid_shadow(model: Model, frame: Array) -> Geometry:
     return shapely.GeometryCollection([*shapely.get_parts(shadow), edges])
 
 
-def filled_part(model: Model, view: Box, *, detail: float = DETAIL) -> Geometry:
+def filled_part(model: Model, view: Box, *, detail: float = PAGE_DETAIL) -> Geometry:
     """Return what the model fills of `view` and a bit around it, mm, to the width of the view over `detail`."""
     import shapely
 
@@ -236,7 +236,7 @@ def draw_geometry(axes: Axes, body: Geometry | None, view: Box, *, linewidth: fl
 
 
 def draw_body(
-    axes: Axes, model: Model, view: Box, coordinates: tuple[int, int] = (0, 1), *, detail: float = DETAIL
+    axes: Axes, model: Model, view: Box, coordinates: tuple[int, int] = (0, 1), *, detail: float = PAGE_DETAIL
 ) -> None:
     """Draw what the model fills of `view`, mm, in the two coordinates; see `filled_part` for `detail`."""
     draw_geometry(axes, model_shadow(model, coordinates, view, detail=detail), view)

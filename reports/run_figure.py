@@ -19,6 +19,8 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import continuing_steps
 from hapticeval.reports.canvas import (
+    DASHED,
+    DOTTED,
     MM,
     PAGE_STYLE,
     Look,
@@ -59,14 +61,11 @@ AREAS_STACKED: tuple[Area, Area, Area] = (
 LABEL_DISTANCE = 0.44
 """Inches from an axis to its label: numbers of five characters lie between."""
 
-HEIGHT, LINE_HEIGHT = 3.7, 0.16
+FIGURE_HEIGHT, LINE_HEIGHT = 3.7, 0.16
 """Inches of a figure under a title of one line, and of each further one."""
 
 TITLE_CHARACTERS = 100
 """Characters of a line of the title."""
-
-DASHED, DOTTED = (0, (4, 1.2)), (0, (1.2, 1.2))
-"""matplotlib's line styles: the offset, and the lengths of line and gap in line widths."""
 
 
 @dataclass(frozen=True)
@@ -127,11 +126,11 @@ def _page_figure() -> tuple[Figure, Frame]:
 def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), title: str = "") -> Figure:
     """Return the same as a figure of matplotlib, under a title, which takes as many lines as it needs."""
     lines = wrap(title, TITLE_CHARACTERS)
-    height = HEIGHT + LINE_HEIGHT * max(len(lines) - 1, 0)
+    height = FIGURE_HEIGHT + LINE_HEIGHT * max(len(lines) - 1, 0)
     with figure(8.0, height) as fig:
         left, bottom, width, high = np.array(AREAS_SIDE_BY_SIDE).T
         # The axes keep their size on paper; only the title takes more.
-        share = HEIGHT / height
+        share = FIGURE_HEIGHT / height
         places = np.column_stack([left, share * bottom, width, share * high]).tolist()
         _draw(_add_frame(fig, places), recording, model, marks)
         fig.suptitle("\n".join(lines), y=1.0 - 0.01 * share, fontsize="medium")

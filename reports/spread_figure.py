@@ -105,13 +105,13 @@ def _draw_issues(axes: Axes, issues: Sequence[Issue]) -> None:
             axes.axvspan(*issue.time, color=ISSUE_COLOURS[issue.severity], alpha=0.5, linewidth=1.2)
 
 
-COLOURS = ("#0067b1", "#c4501b", "#2f7d32", "#7b3f99", "#8a6d00", "#00757a")
+RENDERER_COLOURS = ("#0067b1", "#c4501b", "#2f7d32", "#7b3f99", "#8a6d00", "#00757a")
 """One colour for each renderer, in turns."""
 
 SHOWN_UNITS = {"rad": (180.0 / math.pi, "degrees"), "m": (1e3, "mm"), "N": (1.0, "N")}
 """SI unit -> how many of the unit that is shown make one of it, and the unit that is shown."""
 
-TITLES = {
+COLUMN_TITLES = {
     "direction": "direction of the force",
     "magnitude": "size of the force",
     "depth": "distance of IHIP and HIP",
@@ -136,7 +136,7 @@ def write_spread(
     Raises `HapticevalError` where a file cannot be written.
     """
     # In a fixed order; a signal that was not recorded has no panel.
-    columns = [name for name in TITLES if any(band.column == name for band in bands)]
+    columns = [name for name in COLUMN_TITLES if any(band.column == name for band in bands)]
     rows = (len(columns) + 1) // 2
     height = 0.9 + 2.6 * rows
     with figure(9.0, height, settings=SETTINGS) as fig:
@@ -162,7 +162,7 @@ def _draw_column(axes: Axes, aligned: Aligned, bands: Sequence[Band]) -> None:
     both_directions = len({band.direction for band in bands}) > 1
     for band in bands:
         order = names.index(band.renderer)
-        colour = COLOURS[order % len(COLOURS)]
+        colour = RENDERER_COLOURS[order % len(RENDERER_COLOURS)]
         width = 0.9 + 1.1 * (len(names) - 1 - order) / max(len(names) - 1, 1)  # curves that coincide are all seen
         direction = f", {DIRECTION_WORDS[band.direction]}" if both_directions else ""
         label = f"{band.renderer}{direction} ({int(band.count.max())} repeats)"
@@ -174,7 +174,7 @@ def _draw_column(axes: Axes, aligned: Aligned, bands: Sequence[Band]) -> None:
         axes.fill_between(across * aligned.grid, low, high, color=colour, alpha=0.18, linewidth=0.0)
         style = "-" if band.direction > 0 else "--"
         axes.plot(across * aligned.grid, median, color=colour, linewidth=width, label=label, linestyle=style)
-    axes.set(title=TITLES[column], xlabel=f"{ABSCISSA_WORDS.get(aligned.by, aligned.by)} ({along})", ylabel=unit)
+    axes.set(title=COLUMN_TITLES[column], xlabel=f"{ABSCISSA_WORDS.get(aligned.by, aligned.by)} ({along})", ylabel=unit)
     axes.grid(True)
 
 
@@ -254,7 +254,7 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
                 f"and these repeats cannot give a p below {comparison.smallest_p:.2g} ({tested}); "
                 f"{_repeats_needed(comparison)}"
             )
-        what = f"{DIRECTION_WORDS[comparison.direction]}, {TITLES[comparison.column]}"
+        what = f"{DIRECTION_WORDS[comparison.direction]}, {COLUMN_TITLES[comparison.column]}"
         yield f"- {comparison.first} and {comparison.second}, {what}: {finding}"
 
 

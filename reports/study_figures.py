@@ -28,7 +28,7 @@ MARGIN_SHARE = 0.03
 LEFT, PLOT, RIGHT, ABOVE = 0.65, 5.5, 0.15, 0.35
 """Inches: beside and above the axes, and their width."""
 
-LINE_TOLERANCE = 2e-5
+DRAWN_LINE_TOLERANCE = 2e-5
 """How far (m) a drawn line may be from the computed one."""
 
 
@@ -154,7 +154,7 @@ def _draw_rests(axes: Axes, field: Field, outline: Polygon) -> None:
 def _simplified_line(line: Any) -> Any:
     import shapely
 
-    return MM * shapely.get_coordinates(shapely.simplify(line, LINE_TOLERANCE))
+    return MM * shapely.get_coordinates(shapely.simplify(line, DRAWN_LINE_TOLERANCE))
 
 
 def write_plates(directory: Path, document: Mapping[str, Any]) -> list[Path]:

@@ -22,7 +22,7 @@ from hapticeval.runner.standing import Standing, count_standings, counts_in_word
 LIMIT = 60_000
 """Bytes of table.md: a comment on GitHub holds 65,536 characters."""
 
-MOST_LISTED = 50
+MOST_LISTED_VERDICTS = 50
 """Verdicts that are not as expected, and warnings, that are listed one by one."""
 
 PLACES_NAMED = 5
@@ -127,20 +127,20 @@ def short_commit(commit: str) -> str:
 def markdown(results: ResultsDocument) -> str:
     """Return the report as markdown, the summary first, at most `LIMIT` bytes: what is left out is said at the end."""
     # Bytes, with room for the last line and its number.
-    parts, size = [], len(LEFT_OUT.encode()) + 20
+    parts, size = [], len(SECTIONS_LEFT_OUT.encode()) + 20
     blocks = list(_report_blocks(results))
     for number, block in enumerate(blocks):
         # Two line feeds between blocks.
         size += len(block.encode()) + 2
         if size > LIMIT:
             # Whole blocks are left out: a table cut in two would not be one.
-            parts.append(LEFT_OUT.format(count=len(blocks) - number))
+            parts.append(SECTIONS_LEFT_OUT.format(count=len(blocks) - number))
             break
         parts.append(block)
     return "\n\n".join(parts) + "\n"
 
 
-LEFT_OUT = "{count} more sections are left out here, which results.json and the report have."
+SECTIONS_LEFT_OUT = "{count} more sections are left out here, which results.json and the report have."
 """The last line of a report that is longer than a comment may be."""
 
 
@@ -194,7 +194,7 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
     broken = results.breakdowns
     if broken:
         yield "## What broke"
-        yield "\n".join(_escape(f"- {_breakdown_words(breakdown)}") for breakdown in broken[:MOST_LISTED])
+        yield "\n".join(_escape(f"- {_breakdown_words(breakdown)}") for breakdown in broken[:MOST_LISTED_VERDICTS])
     # What broken runs took away is listed with what broke.
     grave = [
         breakdown
@@ -210,14 +210,14 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
     for title, verdicts in (("Not as expected, the worst first", grave), (warnings, warned)):
         if verdicts:
             lines = []
-            for verdict in verdicts[:MOST_LISTED]:
+            for verdict in verdicts[:MOST_LISTED_VERDICTS]:
                 published = f", published {verdict.published}" if verdict.published else ""
                 figures = verdict.measured
                 place = f"{verdict.renderer} on {verdict.suite}/{verdict.case}/{verdict.check}"
                 lines.append(
                     f"- {verdict.standing.symbol} {place}: {verdict.outcome}{published}; {figures or verdict.message}"
                 )
-            lines += [f"- and {len(verdicts) - MOST_LISTED} more"] * (len(verdicts) > MOST_LISTED)
+            lines += [f"- and {len(verdicts) - MOST_LISTED_VERDICTS} more"] * (len(verdicts) > MOST_LISTED_VERDICTS)
             yield f"## {title}"
             yield "\n".join(map(_escape, lines))
     reasons: dict[tuple[str, str], list[str]] = {}
@@ -229,12 +229,12 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
             yield f"## {title}"
             yield "\n".join(
                 _escape(f"- {renderer}: {reason}: {name_first(places, PLACES_NAMED)}")
-                for (renderer, reason), places in list(places_by_reason.items())[:MOST_LISTED]
+                for (renderer, reason), places in list(places_by_reason.items())[:MOST_LISTED_VERDICTS]
             )
     ended = [f"{run.renderer} on {run.suite}/{run.case} {run.ended_words}" for run in results.runs if run.ended]
     if ended:
         yield "## Ended early"
-        yield "\n".join(_escape(f"- {line}") for line in ended[:MOST_LISTED])
+        yield "\n".join(_escape(f"- {line}") for line in ended[:MOST_LISTED_VERDICTS])
 
 
 def _breakdown_words(broken: Breakdown) -> str:

@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 
-FOLDER = "report"
+PAGES_FOLDER = "report"
 """The folder of the pages, beside results.json."""
 
 INDEX = "index.html"
 CHECK_PAGES = "checks.html"
-ASSETS = "assets"
-"""The first page, the page of what checks ask, and the folder of what all pages share, below `FOLDER`."""
+ASSETS_FOLDER = "assets"
+"""The first page, the page of what checks ask, and the folder of what all pages share, below `PAGES_FOLDER`."""
 
-ROOT = "../../"
-"""From the page of a case to `FOLDER`."""
+PATH_TO_PAGES = "../../"
+"""From the page of a case to `PAGES_FOLDER`."""
 
 
 def anchor(*names: str) -> str:
@@ -44,7 +44,7 @@ def anchor(*names: str) -> str:
 
 
 def case_file(suite: str, case: str) -> str:
-    """Return the path of a case's page below `FOLDER`."""
+    """Return the path of a case's page below `PAGES_FOLDER`."""
     return f"cases/{file_stem(suite)}/{file_stem(case)}.html"
 
 
@@ -76,7 +76,7 @@ WHOLE = re.compile(
 )
 """What is no running text in a page: tags, and elements in which no word is explained."""
 
-WORD = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, GLOSSARY))})(?![\w-])")
+GLOSSARY_WORD = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, GLOSSARY))})(?![\w-])")
 
 
 def explain_terms(page: str) -> str:
@@ -93,9 +93,9 @@ def explain_terms(page: str) -> str:
     parts: list[str] = []
     end = 0
     for markup in WHOLE.finditer(page):
-        parts += [WORD.sub(explanation, page[end : markup.start()]), markup[0]]
+        parts += [GLOSSARY_WORD.sub(explanation, page[end : markup.start()]), markup[0]]
         end = markup.end()
-    return "".join([*parts, WORD.sub(explanation, page[end:])])
+    return "".join([*parts, GLOSSARY_WORD.sub(explanation, page[end:])])
 
 
 MOST_CHARACTERS = 120
@@ -149,10 +149,10 @@ def environment() -> Environment:
         "ran_words": ran_words,
         "renderers_by_commit": renderers_by_commit,
         "robot_words": robot_words,
-        "root": ROOT,
+        "root": PATH_TO_PAGES,
         "index": INDEX,
         "scene_words": scene_words,
-        "assets": ASSETS,
+        "assets": ASSETS_FOLDER,
     }
     return jinja
 
@@ -164,7 +164,7 @@ def model_words(run: RunEntry) -> str:
     return f"{kind} ({words})" if 0 < len(words) < MOST_CHARACTERS else kind
 
 
-GAINS = {"stiffness": "N/m", "damping": "N s/m", "mass": "kg", "restitution": ""}
+GAIN_UNITS = {"stiffness": "N/m", "damping": "N s/m", "mass": "kg", "restitution": ""}
 """A scene's gains and their units."""
 
 INNER_LOOPS = {
@@ -186,7 +186,9 @@ def scene_words(run: RunEntry) -> str:
     scene = run.scene
     # A gain of zero is not part of the scene.
     words = [
-        f"{name} {format_quantity(getattr(scene, name), unit)}" for name, unit in GAINS.items() if getattr(scene, name)
+        f"{name} {format_quantity(getattr(scene, name), unit)}"
+        for name, unit in GAIN_UNITS.items()
+        if getattr(scene, name)
     ]
     words += _effects(scene, of_surface=True)
     if scene.sampling_time:
@@ -228,7 +230,7 @@ def figures_cited(run: RunEntry) -> str:
     return f"Figure{'s' if several else ''} {' and '.join(cited)}"
 
 
-UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
+EVIDENCE_UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
     {
         "m_s2": ("m/s²", 1.0),
         "m_s": ("m/s", 1.0),
@@ -258,10 +260,10 @@ POINT_NAMES = re.compile("(to_)?i?hip(_before|_other_path)?")
 def _evidence_unit(name: str) -> tuple[str, str, float]:
     """Return how a name of evidence ends, the unit that this means, and how many of it make one; "", "", 1 if none."""
     if POINT_NAMES.fullmatch(name):
-        return "", *UNITS["m"]
-    # UNITS has compound endings first: a name in _m_s ends in _s as well.
-    end = next((suffix for suffix in UNITS if name.endswith(f"_{suffix}")), "")
-    return end, *UNITS.get(end, ("", 1.0))
+        return "", *EVIDENCE_UNITS["m"]
+    # EVIDENCE_UNITS has compound endings first: a name in _m_s ends in _s as well.
+    end = next((suffix for suffix in EVIDENCE_UNITS if name.endswith(f"_{suffix}")), "")
+    return end, *EVIDENCE_UNITS.get(end, ("", 1.0))
 
 
 def evidence_words(name: str) -> str:

@@ -24,7 +24,7 @@ from hapticeval.reports.junit import junit
 from hapticeval.reports.pages import MOST_FAILURES, Counterexample, Drawing, ReportView, Single, render_pages
 from hapticeval.reports.run_figure import figure_svg, marks_of
 from hapticeval.reports.table import markdown
-from hapticeval.reports.templates import FOLDER, INDEX, ROOT, case_file
+from hapticeval.reports.templates import INDEX, PAGES_FOLDER, PATH_TO_PAGES, case_file
 from hapticeval.runner.results import RESULTS_FILE, ResultsDocument, RunEntry, VerdictEntry, read_results
 from hapticeval.study.bench.document import BENCH_FILE, read_bench
 from hapticeval.study.effects_cost import EFFECTS_FILE, read_costs
@@ -36,7 +36,7 @@ REPLAY = "replay"
 SINGLE_FILE = "report.html"
 """The report as one file."""
 
-WAIT_SECONDS = 0.1
+DRAWING_LOOK_SECONDS = 0.1
 """Seconds between two looks at whether the drawing is to stop."""
 
 MOST_DRAWN = 200
@@ -157,10 +157,10 @@ def write_reports(
     costs = read_costs(directory) if (directory / EFFECTS_FILE).exists() else None
     replayed_results = read_results(directory / REPLAY) if (directory / REPLAY / RESULTS_FILE).exists() else None
     # An earlier report stays until the new one is complete.
-    with _replacing_folder(directory / FOLDER, single_file) as pages:
+    with _replacing_folder(directory / PAGES_FOLDER, single_file) as pages:
         orders: list[Page | Picture] = [*_case_pages(directory, results, None if single_file else pages)]
         orders += _failure_pictures(directory, results)
-        is_first = not (directory / (SINGLE_FILE if single_file else FOLDER)).exists()
+        is_first = not (directory / (SINGLE_FILE if single_file else PAGES_FOLDER)).exists()
         outcomes = _carry_out(orders, progress or (lambda *_: None), workers, stopped, without_figures=is_first)
         drawings = {
             (*order.run.key, order.verdict.check): drawing
@@ -190,7 +190,7 @@ def write_reports(
     for name, content in written.items():
         write_text(directory / name, content)
     tables = write_tables(directory, results)
-    index = [] if single_file else [directory / FOLDER / INDEX]
+    index = [] if single_file else [directory / PAGES_FOLDER / INDEX]
     return [*(directory / name for name in written), *index, tables]
 
 
@@ -233,10 +233,10 @@ def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -
     failing = dict.fromkeys(verdict.key[:2] for verdict in worst_verdicts(results, len(results.verdicts)))
     # Failing cases first, then the others in their order, as many as are drawn.
     drawn = set(islice(dict.fromkeys([*failing, *cases]), MOST_DRAWN))
-    links = [(runs[0].title, ROOT + case_file(*case)) for case, runs in cases.items()]
+    links = [(runs[0].title, PATH_TO_PAGES + case_file(*case)) for case, runs in cases.items()]
     for number, (case, runs) in enumerate(cases.items()):
         neighbours = Neighbours(
-            home=("All results", ROOT + INDEX),
+            home=("All results", PATH_TO_PAGES + INDEX),
             before=links[number - 1] if number else None,
             after=links[number + 1] if number + 1 < len(links) else None,
         )
@@ -293,7 +293,7 @@ def _carry_out(
             # Nothing is at work and nothing waits: results in the order of the orders.
             if not crew.busy:
                 return [outcome_by_number[number] for number in range(len(orders))]
-            for answer in crew.answers(WAIT_SECONDS):
+            for answer in crew.answers(DRAWING_LOOK_SECONDS):
                 outcome_by_number[answer.call] = _outcome_of(answer, orders[answer.call])
                 progress(len(outcome_by_number), len(orders))
     # Behind the processes: none of them still writes a page.

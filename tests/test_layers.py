@@ -1,4 +1,4 @@
-"""Who may import whom, read off the source (ARCHITECTURE.md, "Layers"), and what an import costs."""
+"""Who may import whom, read off the source (ARCHITECTURE.md, "Layers"), what that costs, and whose a constant is."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -265,6 +265,62 @@ def test_every_folder_of_the_package_is_installed() -> None:
         "hapticeval.suites",
     }
     assert {".".join(folder.parts) for folder in folders} | portions == set(listed)
+
+
+CONVENTIONS = {
+    "CHECK": "the check of a module, by which it is registered",
+    "CHECKS": "the checks of a family's module, likewise, and of the registry all of them",
+    "EXIT_CODES": "the end of a command's --help",
+    "FORMAT_VERSION": "the version of the file that a module writes and reads",
+    "T": "a type that a function is generic in",
+    "R": "likewise, of what it returns",
+}
+"""Names that many modules define, since whoever looks for them looks in every module."""
+
+
+def constants(source: str) -> set[str]:
+    """Return the names of the constants that a module defines, without those that it takes from another by its name."""
+    names = set()
+    for node in ast.parse(source).body:
+        targets = (
+            node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+        )
+        for target in targets:
+            for name in target.elts if isinstance(target, ast.Tuple) else [target]:
+                taken = isinstance(node.value, ast.Attribute) and node.value.attr == getattr(name, "id", None)
+                if isinstance(name, ast.Name) and name.id.isupper() and not taken:
+                    names.add(name.id)
+    return names
+
+
+def shared_constants(sources: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return the constants that several of the modules (name -> source) define, with the modules' names."""
+    modules: dict[str, list[str]] = {}
+    for module, source in sources.items():
+        for name in constants(source):
+            modules.setdefault(name, []).append(module)
+    return {name: places for name, places in modules.items() if len(places) > 1 and name not in CONVENTIONS}
+
+
+def test_a_constant_is_defined_in_one_module_of_the_package() -> None:
+    """One name has one meaning: what means the same is imported, what does not is called what it is."""
+    assert (
+        shared_constants({str(file.relative_to(ROOT)): file.read_text(encoding="utf-8") for file, _ in SOURCES}) == {}
+    )
+
+
+@pytest.mark.parametrize(
+    "second", ["ROUNDING = 1e-6", "ROUNDING: float = 1e-6", "FREE, ROUNDING = 0, 1", "ROUNDING = kernels.FREE"]
+)
+def test_a_constant_of_two_modules_is_seen(second: str) -> None:
+    assert shared_constants({"a": "ROUNDING = 1e-9", "b": second}) == {"ROUNDING": ["a", "b"]}
+
+
+@pytest.mark.parametrize(
+    "second", ["CHECK = 1", "ROUNDING = stretches.ROUNDING", "from a import ROUNDING", "rounding = 1"]
+)
+def test_a_convention_and_what_is_taken_from_another_module_may_stand_in_two(second: str) -> None:
+    assert shared_constants({"a": "ROUNDING = 1e-9\nCHECK = 2", "b": second}) == {}
 
 
 @pytest.mark.parametrize("module", ["hapticeval", "hapticeval.cli", "hapticeval.pytest_plugin"])

@@ -30,7 +30,7 @@ BASE_LIMIT = SHOULDER_LIMIT = 2.4
 """rad: |x₁| and |x₂| of (2.30)."""
 ELBOW_LOW, ELBOW_HIGH = -1.0, 2.3
 """rad: the bounds of x₃."""
-STOP_ANGLE = 1.0
+COLLAPSE_STOP = 1.0
 """rad: |x₂ - x₃| at the mechanical stop that keeps the parallelogram from collapsing."""
 DIAGONAL = math.sqrt(0.5)
 """Euclidean distance in joint space to a plane x₂ - x₃ = constant, a unit of x₂ - x₃ away."""
@@ -187,7 +187,7 @@ class Parallelogram(ABC):
             Limit.between(first, shoulder, -SHOULDER_LIMIT, SHOULDER_LIMIT),
             Limit.between(second, elbow, ELBOW_LOW, ELBOW_HIGH),
             # a plane x₂ - x₃ = constant: nearer in joint space than the difference of the angles
-            Limit.between(f"{first} - {second}", shoulder - elbow, -STOP_ANGLE, STOP_ANGLE, scale=DIAGONAL),
+            Limit.between(f"{first} - {second}", shoulder - elbow, -COLLAPSE_STOP, COLLAPSE_STOP, scale=DIAGONAL),
             Limit(
                 "the linkage stretched or folded",
                 (0.5 * math.pi - abs(shoulder - elbow)) * DIAGONAL,
@@ -374,7 +374,7 @@ def corner_angles() -> Array:
 
     In the order of `EDGES`.
     """
-    low, high, stop, end = ELBOW_LOW, ELBOW_HIGH, STOP_ANGLE, SHOULDER_LIMIT
+    low, high, stop, end = ELBOW_LOW, ELBOW_HIGH, COLLAPSE_STOP, SHOULDER_LIMIT
     return np.array([(low - stop, low), (low + stop, low), (end, end - stop), (end, high), (high - stop, high)])
 
 
@@ -532,7 +532,7 @@ def margin(parameters: Array, joints: Array) -> float:
         SHOULDER_LIMIT - abs(shoulder),
         elbow - ELBOW_LOW,
         ELBOW_HIGH - elbow,
-        (STOP_ANGLE - abs(shoulder - elbow)) * DIAGONAL,
+        (COLLAPSE_STOP - abs(shoulder - elbow)) * DIAGONAL,
     )
     if last == 2:  # the base: its own limit, and the singularity on its axis
         l1, l4 = parameters[L1], parameters[L4]

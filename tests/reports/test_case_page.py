@@ -37,7 +37,7 @@ from hapticeval.reports.case_data import (
 )
 from hapticeval.reports.case_figure import case_panels, panels_svg, plane_svg
 from hapticeval.reports.case_page import (
-    ASSETS,
+    CASE_ASSETS,
     CheckSection,
     case_section,
     differing_renderers,
@@ -104,7 +104,7 @@ def test_lines_between_the_samples_are_as_good_as_the_rest():
     for channel in ("hip", "force"):
         values = run.channels[channel]
         lines = np.column_stack([np.interp(time, time[rows], column[rows]) for column in values.T])
-        assert np.abs(lines - values).max() <= case_data.LINE_TOLERANCE * np.ptp(values, axis=0).max()
+        assert np.abs(lines - values).max() <= case_data.CHANNEL_TOLERANCE * np.ptp(values, axis=0).max()
 
 
 def test_of_laps_that_samples_cannot_follow_both_ends_are_drawn_and_no_line_leads_across():
@@ -130,7 +130,7 @@ def test_between_jumps_the_steps_are_as_small_as_they_were():
     step = step_lengths(recording, recording.ihip)
     rows = thinned_rows([recording], [], 300)
     lines = np.interp(recording.time, recording.time[rows], step[rows])
-    assert np.abs(lines - step).max() <= case_data.LINE_TOLERANCE * np.ptp(step)
+    assert np.abs(lines - step).max() <= case_data.CHANNEL_TOLERANCE * np.ptp(step)
 
 
 def test_runs_along_one_path_share_its_samples_and_their_place_in_the_data():
@@ -426,7 +426,7 @@ def test_pages_and_what_they_share_are_written_and_nothing_is_asked_of_a_network
     path = tmp_path / case_file("synthetic", "lobe")
     text = path.read_text(encoding="utf-8")
     links = re.findall(r'(?:src|href)="([^"#]+)"', text)
-    assert len(links) == len(ASSETS)
+    assert len(links) == len(CASE_ASSETS)
     for link in links:
         assert (path.parent / link).resolve().is_file()
     assert "http" not in text

@@ -21,7 +21,7 @@ from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.reports import ReportView, junit, markdown, render_pages, summaries
 from hapticeval.reports.exports import (
     LINE_CHARACTERS,
-    SMALLEST_SIZE,
+    SMALLEST_LETTERS,
     Sheet,
     _latex_table,
     _parts_that_fit,
@@ -313,5 +313,5 @@ def test_a_table_that_is_too_wide_is_cut_into_parts_that_fit(line):
     assert {part.header[0] for part in parts} == {"x"}
     assert [part.caption for part in parts] == [f"Title ({k + 1} of {len(parts)})" for k in range(len(parts))]
     for part in parts:
-        assert sum(map(len, part.header)) <= line * LINE_CHARACTERS[SMALLEST_SIZE]
+        assert sum(map(len, part.header)) <= line * LINE_CHARACTERS[SMALLEST_LETTERS]
     assert len(parts) == (3 if line == 1.0 else 9)
