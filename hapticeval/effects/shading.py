@@ -84,8 +84,8 @@ class Shading(Effect):
 def facets(boundary: Boundary, crease: float) -> Array | None:
     """Return the edges of a polygon with the normals that are interpolated over each, (n, 8), in order.
 
-    A row is a `shading_kernels.FACET`: lengths are in m, normals have no unit. None for a boundary that is not made of
-    straight edges. An edge of more than `crease` degrees stays sharp.
+    A row is a `shading_kernels.SHADED_FACET`: lengths are in m, normals have no unit. None for a boundary that is not
+    made of straight edges. An edge of more than `crease` degrees stays sharp.
     """
     curve = as_curve(boundary)
     if curve is None or not (curve.closed and curve.straight):

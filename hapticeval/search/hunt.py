@@ -72,7 +72,7 @@ class FailingCase:
 
 @dataclass
 class Search:
-    """A search for the checks that one renderer fails, on `models` or on those of `MODELS` in a `dimension`.
+    """A search for the checks that one renderer fails, on `models` or on `FIRST_MODELS` in a `dimension`.
 
     - `known`: cases of earlier searches, tried first, with the number of examples after which each was met.
     - `most_examples`: how many cases are drawn at most; None for no end.

@@ -24,7 +24,7 @@ from hapticeval.workers import Ended, LostError
 class Hunt(NamedTuple):
     """What to search for: failures of `checks` by a `renderer`, for so many `seconds` or, if given, `examples`.
 
-    `models` are tables as `make_model` takes them; if there are none, those of `drawing.MODELS` in a `dimension`.
+    `models` are tables as `make_model` takes them; if there are none, those of `drawing.FIRST_MODELS` in a `dimension`.
     `known` counterexamples of earlier searches are tried first.
     """
 
