@@ -73,6 +73,11 @@ asked with that lag: a tool that breaks away between two ticks is blurred by a l
 
 *Chosen*: doubled, every law is asked with some lag, and a force that chatters hides in what its kinks leave open."""
 
+LAW_RANK = 1e-9
+"""Singular values of the normal equations of a spring's two laws below this share of the largest count as zero.
+*Chosen*, far above rounding: at one depth both are one law. Doubled, depths that vary by 1.4 times as much count as
+one."""
+
 # reset_clears
 
 NOTABLE_FORCE_SHARE = 1e-6
@@ -117,6 +122,10 @@ START_DECAY = 100.0
 """Factor to which the assigned dynamics fade before a contact counts as under way. *Chosen*: doubled, 15 per cent more
 of a run's beginning are left out."""
 
+LONG_RUN_STARTS = 2.0
+"""Times that `START_DECAY` takes that a contact has to last, for its beginning to be left out. *Chosen*: half is left.
+Doubled, contacts of two to four such times are judged with their beginning."""
+
 # closed_form, output_invariance
 
 EXTRAPOLATION_ROUNDING = 1e-10
@@ -128,6 +137,10 @@ differ. *Chosen*, four hundred thousand roundings of a double: doubled, twice as
 FORM_TOLERANCE = 1e-3
 """Share of the path travelled above which a tolerance compares nothing. *Chosen*: doubled, a law whose motion is known
 to two thousandths is judged."""
+
+EXTRAPOLATED_HALVINGS = 3
+"""Times that the tick is halved to extrapolate a motion to a tick of no length. *Chosen*: errors of first to third
+order go, by runs of up to eight times the rate. Doubled, runs take eight times as long."""
 
 # comes_to_rest, constraint_stability
 
@@ -207,6 +220,10 @@ REFINEMENTS = (1, 2, 4, 8, 16, 32)
 """Sampling rates, times the recorded one, of a run that is refined as a whole. *Chosen*: the first three always, the
 rest while undecided. Doubled, runs take twice as long and fewer are undecided."""
 
+LEAST_REFINEMENT = 4
+"""The one of `REFINEMENTS` up to which every run is refined, for a slope over three jumps. *Chosen*: doubled, runs
+whose jump is small at once take twice as long."""
+
 MINI_JUMP_EDGES = 1.5
 """A jump up to this many edges or cells of the renderer's representation is a mini pop-through: between neighbours.
 
@@ -248,6 +265,13 @@ DETOUR_BOUNDS = 2.0
 
 Derived: a place that is off the line by a bound makes it longer by one there and one back. Doubled, steps may pass two
 bounds beside."""
+
+# flights
+
+FLIGHT_BOUNDS = 2.0 * DETOUR_BOUNDS
+"""Bounds beyond which a step may be a flight: both ends of a shorter one lie within `DETOUR_BOUNDS` of one place.
+
+Derived; doubled, flights of four to eight bounds fail as jumps."""
 
 # broken_contact
 
@@ -499,6 +523,10 @@ FEWEST_CHANGING_TICKS = 20
 """Ticks that call for another force without which no rate is told. *Chosen*: 20 ms at 1 kHz hold a renewal of a loop of
 60 Hz. Doubled, touches of 20 to 40 ms are undecided."""
 
+STALE_TICKS = 1.5
+"""Ticks for which a force stands at the most while another is called for: one, and half of one, to which a median of
+whole ticks is known. Derived; doubled, a loop at half of the rate passes."""
+
 # under_the_hand
 
 ASIDE_DEPTHS = 10.0
@@ -515,6 +543,19 @@ STRETCHED_STEPS = 2.0
 
 *Chosen*: beyond, the hand passes the medial axis, or comes close, and a god-object is right to stay where it was.
 Doubled, more is judged."""
+
+# friction: cone, break-away, sliding
+
+COORDINATE_ROUNDINGS = 8.0
+"""Roundings of the largest coordinate by which an IHIP at rest may seem to move, and a force that is made of it may be
+off. *Chosen*: differences of rounded points, and a few steps that follow. Doubled, twice as much is granted."""
+
+# friction: break-away
+
+BETWEEN_CONES = 0.5
+"""Share of what lies between the static and the kinetic cone to which a break-away is known where it is judged.
+
+*Chosen*: it is then nearer to one of them. Doubled, a tool that breaks away on the kinetic cone may pass."""
 
 # friction: sticking, break-away
 
@@ -612,6 +653,10 @@ missed. Doubled, recordings are judged in which that is after fifty."""
 TEXTURE_SETTLES = 0.25
 """Seconds that vibrations have to settle: sixteen time constants of a low-pass at 10 Hz. *Chosen*: doubled, steady
 stretches and rests of up to half a second are not judged, and of a hand at rest less is allowed."""
+
+STILL_ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+"""Share of the largest coordinate by which a hand at rest may seem to move in a tick: four roundings. *Chosen*;
+doubled, one that creeps by twice as much counts as at rest."""
 
 SLOWEST_LOW_PASS = 10.0
 """Slowest low-pass (Hz) of the speed that is granted: *chosen*, half of the texture's own 20 Hz. Doubled, nothing

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, distance_between
-from hapticeval.phenomena.decisions import DESCENT_SHARE, DETOUR_BOUNDS, LAG_TICKS
+from hapticeval.phenomena.decisions import DESCENT_SHARE, DETOUR_BOUNDS, FLIGHT_BOUNDS, LAG_TICKS
 from hapticeval.phenomena.jumps import contact_steps
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -39,7 +39,7 @@ def _is_flight(recording: Recording, boundary: Boundary, tick: int, bound: float
     before, now = recording.ihip[tick - 1], recording.ihip[tick]
     near = DETOUR_BOUNDS * bound
     # Of a shorter step both ends are near one place.
-    if distance_between(before, now) <= 2.0 * near:
+    if distance_between(before, now) <= FLIGHT_BOUNDS * bound:
         return False
     # Through the solid no tool flies, and most jumps lead there.
     if boundary.signed_distance(0.5 * (before + now)[np.newaxis])[0] < -bound:

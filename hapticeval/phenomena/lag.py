@@ -15,6 +15,7 @@ from hapticeval.phenomena.decisions import (
     LAG_ROWS,
     LAG_STEPS,
     LAG_TICKS,
+    LAW_RANK,
     LIKELY_SHARE,
     TELLING_SHARE,
     WHOLE_LAG,
@@ -248,7 +249,7 @@ def _spring_misfit(recording: Recording, rows: IntArray) -> Callable[[float, flo
         laws = np.column_stack([errors.ravel(), roots.ravel()])
         laws /= np.maximum(np.linalg.norm(laws, axis=0), np.finfo(float).tiny)
         # Normal equations of F = g1 e + g2 e / sqrt|e|, on columns of unit length.
-        gains = np.linalg.lstsq(laws.T @ laws, laws.T @ force.ravel(), rcond=1e-9)[0]
+        gains = np.linalg.lstsq(laws.T @ laws, laws.T @ force.ravel(), rcond=LAW_RANK)[0]
         return float(np.linalg.norm(force - (laws @ gains).reshape(force.shape), axis=1).mean())
 
     return misfit

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.decisions import LENGTH_ROUNDING, SETTLING_RATIO
+from hapticeval.phenomena.decisions import EXTRAPOLATED_HALVINGS, LENGTH_ROUNDING, SETTLING_RATIO
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
@@ -65,8 +65,8 @@ def _at_base(values: Array, count: int, factor: int) -> Array:
     return values[::factor][:count]
 
 
-def extrapolated(runs: Runs, measure: Callable[[Recording], Array], *, halvings: int = 3) -> tuple[Array, float] | None:
-    """Extrapolate what `measure` returns, (n, N), over `halvings` of the tick (s), and return the last correction too.
+def extrapolated(runs: Runs, measure: Callable[[Recording], Array]) -> tuple[Array, float] | None:
+    """Extrapolate what `measure` returns, (n, N), to a tick of zero length, and return the last correction too.
 
     Richardson's scheme, for errors in whole powers of the tick. The correction is the error of the last but one value,
     and bounds that of the one given. None without siblings, or where one of them has ended early.
@@ -75,11 +75,12 @@ def extrapolated(runs: Runs, measure: Callable[[Recording], Array], *, halvings:
         return None
     base = measure(runs.base)
     # The first column of Richardson's table: T, T/2, T/4, ...
-    row = [base] + [_at_base(measure(runs.refine(2**k)), base.shape[0], 2**k) for k in range(1, halvings + 1)]
+    finer = [2**halving for halving in range(1, EXTRAPOLATED_HALVINGS + 1)]
+    row = [base] + [_at_base(measure(runs.refine(factor)), base.shape[0], factor) for factor in finer]
     if any(values.shape != base.shape for values in row):
         return None
     correction = float("inf")
-    for order in range(1, halvings + 1):
+    for order in range(1, EXTRAPOLATED_HALVINGS + 1):
         # q + (q - q_coarse) / (2^p - 1) removes the order p; the column gets one shorter each time.
         better = [fine + (fine - coarse) / (2.0**order - 1.0) for coarse, fine in pairwise(row)]
         correction = float(np.max(np.abs(better[-1] - row[-1]), initial=0.0))

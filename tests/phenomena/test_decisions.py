@@ -133,6 +133,39 @@ def test_no_check_keeps_a_number_of_its_own():
     assert kept - shown == set()
 
 
+PLAIN_NUMBERS = {0, 0.5, 1, 2, 3}
+"""Numbers that count, halve or double, in the code of a check: none of them was chosen."""
+
+
+def deciding_numbers(source: str) -> list[str]:
+    """Return where a comparison, what is allowed, or the bound of a verdict has a number that is not plain."""
+    tree, deciding = ast.parse(source), []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare) or (
+            isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in ("allowed", "bound")
+        ):
+            deciding.append(node)
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "compared":
+            deciding.append(node.args[1])
+    return [
+        ast.unparse(node)
+        for node in deciding
+        for number in ast.walk(node)
+        if isinstance(number, ast.Constant) and type(number.value) in (int, float) and number.value not in PLAIN_NUMBERS
+    ]
+
+
+@pytest.mark.parametrize("file", sorted(CHECKS.rglob("*.py")), ids=lambda file: file.stem)
+def test_no_number_decides_in_the_code_of_a_check(file):
+    assert deciding_numbers(file.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("code", ["x <= 8.0 * y", "allowed = a + 4.0 * b", "compared(metric, 1.5 * dt, evidence)"])
+def test_a_number_that_decides_in_code_would_be_seen(code):
+    assert len(deciding_numbers(code)) == 1
+    assert deciding_numbers(code.replace("8.0", "2.0").replace("4.0", "2.0").replace("1.5", "0.5")) == []
+
+
 @pytest.mark.parametrize("file", sorted(CHECKS.rglob("*.py")), ids=lambda file: file.stem)
 def test_the_data_of_a_check_hold_no_number(file):
     """Nor does what the checks of a family share: a number there would decide beside the table."""

@@ -16,6 +16,7 @@ from hapticeval.phenomena.decisions import (
     HOLD_TICKS,
     LAG_TICKS,
     LEAST_CENTRIPETAL,
+    LONG_RUN_STARTS,
     PLACE_ROUNDING,
     REGRESSION_RANK,
     REGRESSION_SAMPLES,
@@ -230,12 +231,12 @@ def _assigned_response(force: Array, recording: Recording, scene: Scene) -> Arra
 def _under_way(recording: Recording, scene: Scene, bearing: BoolArray) -> BoolArray:
     """Return which rows (n,) come after the start of the contact, when the assigned dynamics have died out.
 
-    Before, the error has other causes. Of a run shorter than twice that, all of it.
+    Before, the error has other causes. Of a run shorter than `LONG_RUN_STARTS` times that, all of it.
     """
     since = recording.time - recording.time[int(np.argmax(bearing))]
     rate = decay_rate(scene)
     lasts = math.log(START_DECAY) / rate if rate > 0.0 else 0.0
-    return np.asarray(since >= lasts if 2.0 * lasts <= since[-1] else since >= 0.0)
+    return np.asarray(since >= lasts if LONG_RUN_STARTS * lasts <= since[-1] else since >= 0.0)
 
 
 def _normal_turning(frame: ClosestPoint, velocity: Array) -> tuple[Array, Array]:

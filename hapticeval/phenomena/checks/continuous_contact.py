@@ -22,6 +22,7 @@ from hapticeval.phenomena.decisions import (
     HALF_LAG_STEPS,
     JUMP_SLOPE,
     LAG_TICKS,
+    LEAST_REFINEMENT,
     MEDIAL_BENDING,
     MINI_JUMP_EDGES,
     POWER_LAW_SCATTER,
@@ -209,7 +210,7 @@ def _judge_refined(
         bound = float(bounds[worst])
         slope = _shrinking_slope(jumps)
         # h, h/2 and h/4 are always run; finer ones only while it is neither small nor seen to stay.
-        if factor >= 4 and (jumps[-1] <= bound or slope < JUMP_SLOPE):
+        if factor >= LEAST_REFINEMENT and (jumps[-1] <= bound or slope < JUMP_SLOPE):
             break
     evidence["slope"] = slope
     # A jump that stays is the finest one; of what shrinks only the limit is left.

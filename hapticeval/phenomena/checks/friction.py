@@ -16,8 +16,10 @@ from hapticeval.effects.effect import Alters, Stage
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
 from hapticeval.phenomena.closed_paths import contact_spans, later_laps
 from hapticeval.phenomena.decisions import (
+    BETWEEN_CONES,
     BRISTLE_PARTS,
     CONE_ROUNDING,
+    COORDINATE_ROUNDINGS,
     CREEP_SPEED,
     LAG_TICKS,
     LAP_WORK,
@@ -106,7 +108,7 @@ def surface_force_of(base: Recording, scene: Scene, between: Array | None = None
         size,
         moving,
         normals,
-        damping * np.linalg.norm(moving, axis=1) + 8.0 * ihip_precision(base) * reach,
+        damping * np.linalg.norm(moving, axis=1) + COORDINATE_ROUNDINGS * ihip_precision(base) * reach,
     )
     filled = []
     for part in parts:
@@ -137,7 +139,7 @@ def ihip_precision(base: Recording) -> float:
 
 def place_rounding(base: Recording) -> float:
     """Return the way, m, below which an IHIP has not moved: the rounding of its coordinates."""
-    return 8.0 * ihip_precision(base) * float(np.max(np.abs(base.hip)))
+    return COORDINATE_ROUNDINGS * ihip_precision(base) * float(np.max(np.abs(base.hip)))
 
 
 def _by_a_corner(base: Recording, scene: Scene, within: Array) -> BoolArray:
@@ -279,7 +281,7 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
         open_ = 2.0 * scene.stiffness * step[slips] + friction.mu_s * press[slips] + surface_force.other[slips - 1]
         allowed = np.where(holds > 0.0, open_ / holds, np.inf)
     # Known to a tenth, or to half of what lies between the static and the kinetic cone.
-    clear = allowed <= max(TELLING_SHARE, 0.5 * (1.0 - friction.mu_k / friction.mu_s))
+    clear = allowed <= max(TELLING_SHARE, BETWEEN_CONES * (1.0 - friction.mu_k / friction.mu_s))
     if not clear.any():
         return undecided(
             "the tool nowhere begins to slide, after it has stuck, while the hand moves and presses evenly"

@@ -18,6 +18,7 @@ from hapticeval.phenomena.decisions import (
     SINGLE_ROUNDINGS,
     SLOWEST_LOW_PASS,
     STEADY_SHARE,
+    STILL_ROUNDING,
     TELLING_SHARE,
     TEXTURE_SETTLES,
     WELCH_WINDOW,
@@ -318,7 +319,7 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     plain = required(runs.without)(STOCHASTIC_TEXTURE)
     added = np.linalg.norm(base.force - plain.force, axis=1)
     largest = float(np.max(np.abs(base.hip)))
-    still = np.concatenate([[False], hip_steps(base) <= 4.0 * np.finfo(float).eps * largest])
+    still = np.concatenate([[False], hip_steps(base) <= STILL_ROUNDING * largest])
     settles = math.ceil(TEXTURE_SETTLES / base.dt)
     rows = np.arange(len(base))
     # Ticks since the hand last moved, or was off the surface.

@@ -11,7 +11,7 @@ import numpy as np
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
 from hapticeval.phenomena.checks.texture_work import BUMP_MAP, HEIGHT_MAP
-from hapticeval.phenomena.decisions import LAG_TICKS, TELLING_SHARE, WHOLE_LAG
+from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE, WHOLE_LAG
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, resting_ticks
 from hapticeval.phenomena.sampling import (
     believed_standoff,
@@ -255,7 +255,7 @@ def _compare_channel(
     change = right - bare_answer
     rounded = SINGLE * (np.linalg.norm(right, axis=1) + (scene.stiffness if channel == "force" else 1.0)
                         * float(np.max(np.abs(base.hip))))  # fmt: skip
-    allowed = moves * doubt + late + 4.0 * rounded
+    allowed = moves * doubt + late + SINGLE_ROUNDINGS * rounded
     # Ticks in which a tenth of the relief's largest effect can be told.
     clear = allowed <= TELLING_SHARE * float(np.max(np.linalg.norm(change, axis=1)))
     if not clear.any():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import FEWEST_CHANGING_TICKS
+from hapticeval.phenomena.decisions import FEWEST_CHANGING_TICKS, STALE_TICKS
 from hapticeval.phenomena.sampling import evidence_at, log_step, rounding, touching
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.recordings.recording import Recording, runs_of
@@ -54,7 +54,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return compared(
         metric,
         # Half a tick is none: a median of whole ticks is known to that.
-        1.5 * base.dt,
+        STALE_TICKS * base.dt,
         evidence,
         passes=f"the force is renewed at {rate:.3g} Hz, the scene's own rate",
         fails=f"stale: the force is renewed at {rate:.3g} Hz, and the scene's loop runs at {scene_rate:.4g} Hz; in "
